@@ -151,12 +151,12 @@ pub(crate) const FUZZ: Tool = Tool {
 };
 
 pub(crate) const WEB: Tool = Tool {
-    name: "a Rust that builds for wasm32 (rustup's target, or Debian's rustc-web)",
+    name: "a Rust that builds for wasm32, its library included (rustup's, or Debian's rustc-web)",
     is_there: wasm::is_there,
     install: &[&[
         "sh",
         "-c",
-        "timeout 300 rustup target add wasm32-unknown-unknown || { apt-get update --quiet && \
+        "timeout 300 rustup component add rust-src || { apt-get update --quiet && \
          apt-get install --quiet --yes rustc-web cargo-web rust-web-src lld; }",
     ]],
 };

@@ -1,21 +1,27 @@
-//! What builds for the browser: the installed target, or Debian's own compiler with the library's sources.
+//! What builds for the browser: a compiler with the sources of its standard library, rustup's or Debian's own, so that the
+//! library is built as small as the page wants it; or the library that rustup has built.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::workspace::root;
+
 pub(crate) const WASM: &str = "wasm32-unknown-unknown";
 
-/// Whether there is a compiler for wasm32.
+/// Whether there is a compiler for wasm32 that builds its library, too.
 pub(crate) fn is_there() -> bool {
-    has_target() || debian_rustc().is_some()
+    has_sources() || debian_rustc().is_some()
 }
 
-pub(crate) fn has_target() -> bool {
-    let libraries = Command::new("rustc").args(["--print", "target-libdir", "--target", WASM]).output();
-    libraries.is_ok_and(|output| {
-        let path = String::from_utf8_lossy(&output.stdout);
-        output.status.success() && Path::new(path.trim()).exists()
-    })
+/// Whether the compiler has the sources of the standard library.
+pub(crate) fn has_sources() -> bool {
+    printed(&["sysroot"]).is_some_and(|root| Path::new(&root).join("lib/rustlib/src/rust/library").exists())
+}
+
+/// What the compiler answers where it is asked to print.
+pub(crate) fn printed(what: &[&str]) -> Option<String> {
+    let output = Command::new("rustc").arg("--print").args(what).current_dir(root()).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
 /// Debian's own compiler, which comes with the sources of the standard library.
