@@ -71,7 +71,7 @@ impl BundleProblem<'_> {
             by[Covariance::FOCAL] = prior.sigma.recip();
             let residual = (self.camera(state, view).focal.ln() - prior.value) / prior.sigma;
             let mut add = |residual: f64, jacobian: &[JacobianBlock], _: ResidualKind| {
-                self.blocks.add(&mut of_priors, residual, jacobian)
+                self.blocks.add(&mut of_priors, residual, jacobian);
             };
             self.sink_view(view, residual, &by, &[], ResidualKind::CameraPrior, &mut add);
         }

@@ -96,7 +96,8 @@ impl ViewLaplacian {
 /// h; 0 where it is no small turn or scale.
 fn beyond_tangent(tangent: Complex<f64>) -> Complex<f64> {
     let Complex { re: s, im: theta } = tangent;
-    if !(tangent.norm_sqr() < 1.0) {
+    let is_small = tangent.norm_sqr() < 1.0;
+    if !is_small {
         return Complex::default();
     }
     let [(sin, _), (half, _)] = [theta, 0.5 * theta].map(sin_cos);

@@ -170,38 +170,40 @@ impl Refinement<'_> {
         let has_weak_prior = self.has_weak_prior();
         let none = vec![false; self.views.len()];
         let from = from.map(|found| (&found.problem, found.state()));
-        let Some(without_prior) = converged(self.problem(rejected, &none, from)) else {
-            return has_weak_prior
-                .contains(&true)
-                .then(|| converged(self.problem(rejected, &has_weak_prior, from)))?;
+        let Some(mut without_prior) = converged(self.problem(rejected, &none, from)) else {
+            let again = || converged(self.problem(rejected, &has_weak_prior, from));
+            return if has_weak_prior.contains(&true) { again() } else { None };
         };
-        match self.open_focals(without_prior) {
-            Ok(found) => Some(found),
-            Err((_, is_open)) => converged(self.problem(rejected, &is_open, from)),
+        match self.open_focals(&mut without_prior) {
+            Some(is_open) => converged(self.problem(rejected, &is_open, from)),
+            None => Some(without_prior),
         }
     }
 
-    /// The same from what few steps with the weak priors led to.
+    /// The same from what a few steps with the weak priors led to.
     fn further<'a>(&'a self, rejected: &[OutlierCandidate], found: Converged<'a>) -> Option<Converged<'a>> {
         let start = found.state().to_vec();
-        match self.open_focals(found.without_weak_priors()?) {
-            Ok(found) => Some(found),
-            Err((found, is_open)) => {
-                converged(self.problem(rejected, &is_open, Some((&found.problem, &start))))
+        let Some(mut without_prior) = found.without_weak_priors() else {
+            return self.solve_without(rejected, None);
+        };
+        match self.open_focals(&mut without_prior) {
+            Some(is_open) => {
+                converged(self.problem(rejected, &is_open, Some((&without_prior.problem, &start))))
             }
+            None => Some(without_prior),
         }
     }
 
-    /// A minimum without weak priors, where none of them would tell anything; else of which views they would.
-    fn open_focals<'a>(&self, mut found: Converged<'a>) -> Result<Converged<'a>, (Converged<'a>, Vec<bool>)> {
+    /// Of which views a weak prior would tell something, at a minimum without any; `None` where of none.
+    fn open_focals(&self, without_prior: &mut Converged) -> Option<Vec<bool>> {
         let has_weak_prior = self.has_weak_prior();
         if !has_weak_prior.contains(&true) {
-            return Ok(found);
+            return None;
         }
-        found.covariance = found.covariance();
-        let is_open = |view: usize| has_weak_prior[view] && found.prior_tells(view);
+        without_prior.covariance = without_prior.covariance();
+        let is_open = |view: usize| has_weak_prior[view] && without_prior.prior_tells(view);
         let is_open: Vec<bool> = (0..self.views.len()).map(is_open).collect();
-        if is_open.contains(&true) { Err((found, is_open)) } else { Ok(found) }
+        is_open.contains(&true).then_some(is_open)
     }
 
     /// The problem without what is rejected, with the weak priors of the flagged views, at the start or where
