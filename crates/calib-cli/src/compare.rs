@@ -270,7 +270,7 @@ fn text(compared: &[Compared]) -> String {
     let width = names.max().unwrap_or(0).max(6);
     let _ = writeln!(
         out,
-        "{:width$}  {:11} {:>18} {:>20} {:>8} {:>8} {:>8} {:>6}",
+        "{:width$}  {:11} {:>23} {:>22} {:>8} {:>8} {:>8} {:>6}",
         "camera", "verdict", "turned deg", "zoom", "yaw", "pitch", "roll", "found"
     );
     for of in compared {
@@ -284,11 +284,19 @@ fn text(compared: &[Compared]) -> String {
     out
 }
 
+/// A value and its standard deviation, to two digits of that.
+fn with_sigma(value: f64, sigma: f64) -> String {
+    const MOST: f64 = 7.0;
+    let decimals = if sigma > 0.0 { (1.0 - sigma.log10().floor()).clamp(0.0, MOST) } else { MOST };
+    let decimals = decimals as usize;
+    format!("{value:.decimals$} \u{b1} {sigma:.decimals$}")
+}
+
 fn row(of: &Compared, comparison: &Comparison) -> String {
     let became = comparison.became;
     if !became.is_aligned() {
         return format!(
-            "{:11} {:>18} {:>20} {:>8} {:>8} {:>8} {:>5.0}%",
+            "{:11} {:>23} {:>22} {:>8} {:>8} {:>8} {:>5.0}%",
             became.name(),
             "-",
             "-",
@@ -303,10 +311,24 @@ fn row(of: &Compared, comparison: &Comparison) -> String {
     let movement = comparison.movement(&of.camera);
     let [yaw, pitch, roll] = [0, 1, 2].map(|index| movement[index].0.to_degrees());
     format!(
-        "{:11} {:>18} {:>20} {yaw:>+8.3} {pitch:>+8.3} {roll:>+8.3} {:>5.0}%",
+        "{:11} {:>23} {:>22} {yaw:>+8.3} {pitch:>+8.3} {roll:>+8.3} {:>5.0}%",
         became.name(),
-        format!("{:.3} \u{b1} {:.3}", turned.to_degrees(), turned_sigma.to_degrees()),
-        format!("{zoom:.5} \u{b1} {zoom_sigma:.5}"),
+        with_sigma(turned.to_degrees(), turned_sigma.to_degrees()),
+        with_sigma(zoom, zoom_sigma),
         100.0 * comparison.found,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sigma_has_two_digits_and_its_value_as_many_decimals() {
+        assert_eq!(with_sigma(0.999_991_3, 0.000_003_24), "0.9999913 \u{b1} 0.0000032");
+        assert_eq!(with_sigma(2.014_9, 0.031), "2.015 \u{b1} 0.031");
+        assert_eq!(with_sigma(12.34, 25.0), "12 \u{b1} 25");
+        assert_eq!(with_sigma(1.0, 0.0), "1.0000000 \u{b1} 0.0000000");
+        assert_eq!(with_sigma(1.0, f64::NAN), "1.0000000 \u{b1} NaN");
+    }
 }

@@ -308,9 +308,7 @@ fn is_oversized<'a>(landmarks: impl Iterator<Item = &'a Landmark>) -> bool {
         if views.len() * views.len() > 2 * MAX_PAIRS {
             return true;
         }
-        for (i, &a) in views.iter().enumerate() {
-            pairs.extend(views[i + 1..].iter().map(|&b| [a, b]));
-        }
+        pairs.extend(landmark.pairs_of_views());
         if pairs.len() > MAX_PAIRS {
             return true;
         }

@@ -64,18 +64,16 @@ impl BundleProblem<'_> {
 
     /// Drops the weak priors on focals, from the normal equations at a state, too.
     pub(crate) fn drop_weak_priors(&mut self, state: &[f64], normal: &mut NormalEquations) {
-        let mut of_priors = self.blocks.normal();
         for view in 0..self.views.len() {
             let Some(prior) = self.views[view].stage_1.priors.weak_log_focal.take() else { continue };
             let mut by = [0.0; CAMERA_PARAMS];
             by[Covariance::FOCAL] = prior.sigma.recip();
             let residual = (self.camera(state, view).focal.ln() - prior.value) / prior.sigma;
-            let mut add = |residual: f64, jacobian: &[JacobianBlock], _: ResidualKind| {
-                self.blocks.add(&mut of_priors, residual, jacobian);
+            let mut remove = |residual: f64, jacobian: &[JacobianBlock], _: ResidualKind| {
+                self.blocks.remove(normal, residual, jacobian);
             };
-            self.sink_view(view, residual, &by, &[], ResidualKind::CameraPrior, &mut add);
+            self.sink_view(view, residual, &by, &[], ResidualKind::CameraPrior, &mut remove);
         }
-        normal.subtract(&of_priors);
     }
 
     /// The residuals of stage 1 and, of a lens that is estimated, their derivatives by its parameters.

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use nalgebra::DMatrix;
 
-use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
+use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel};
 use crate::bundle::marginals::{are_few, camera_blocks, of_landmark};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
@@ -28,9 +28,11 @@ pub enum OutlierCandidate {
     Distance(usize),
 }
 
-/// Parameters of a landmark with their covariance, zeros for those that are not free.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A landmark, its parameters with their covariance, zeros for those that are not free.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LandmarkEstimate {
+    /// A line with the origin that its parameters are of.
+    pub(crate) model: LandmarkModel,
     pub(crate) place: [f64; LANDMARK_PARAMS],
     pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
 }
@@ -66,7 +68,7 @@ pub(crate) fn largest_of(count: usize) -> f64 {
     (LEVEL * LEVEL + 2.0 * (count.max(1) as f64).ln()).sqrt()
 }
 
-/// A problem at its minimum.
+/// A problem at its minimum, or on the way there.
 pub(crate) struct Converged<'a> {
     pub(crate) problem: BundleProblem<'a>,
     /// What led there.
@@ -87,12 +89,17 @@ fn wrapped(angle: f64) -> f64 {
 
 /// A problem so near its minimum that its residuals tell gross errors, if not more.
 pub(crate) fn nearly_converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
-    /// Relative decrease of the cost by a step after which it is.
+    /// Relative decrease of the cost by a step after which it is, if the step was not a short one.
     const NEAR: f64 = 0.02;
     let mut run = LevenbergMarquardt::new(&problem, problem.start())?;
     for _ in 0..MAX_STEPS {
         let before = run.cost;
-        if run.advance(&problem).is_some() || before - run.cost <= NEAR * before {
+        if run.advance(&problem).is_some() {
+            // From here it may go on: where a last step was believed it is looked at.
+            run = LevenbergMarquardt::new(&problem, run.state)?;
+            break;
+        }
+        if before - run.cost <= NEAR * before && run.is_undamped() {
             break;
         }
     }
@@ -109,15 +116,16 @@ impl<'a> Converged<'a> {
     fn new(problem: BundleProblem<'a>, run: LevenbergMarquardt<BundleProblem<'a>>) -> Option<Self> {
         let mut residuals = Vec::with_capacity(run.normal.residuals);
         problem.each_residual(&run.state, |residual, _, kind| residuals.push((kind, residual)))?;
-        let (chi2, dof) = (run.cost, problem.dof(run.normal.residuals));
+        let chi2 = residuals.iter().map(|(_, residual)| residual * residual).sum();
+        let dof = problem.dof(residuals.len());
         Some(Self { problem, run, chi2, dof, residuals, covariance: None })
     }
 
     /// The minimum without weak priors on focals, from where few steps with them led.
     pub(crate) fn without_weak_priors(self) -> Option<Self> {
-        let Self { mut problem, mut run, .. } = self;
-        problem.drop_weak_priors(&run.state, &mut run.normal);
-        run.cost = run.normal.cost;
+        let Self { mut problem, run: LevenbergMarquardt { state, mut normal, .. }, .. } = self;
+        problem.drop_weak_priors(&state, &mut normal);
+        let mut run = LevenbergMarquardt::at(&problem, state, normal.cost, normal);
         run.run(&problem, MAX_STEPS);
         Self::new(problem, run)
     }
@@ -161,7 +169,8 @@ impl<'a> Converged<'a> {
             let unknown = [[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS];
             let covariance = covariance
                 .map_or(unknown, |covariance| of_landmark(problem, covariance, landmark, inflation));
-            LandmarkEstimate { place: problem.place(self.state(), landmark), covariance }
+            let model = problem.landmarks[landmark].model.clone();
+            LandmarkEstimate { model, place: problem.place(self.state(), landmark), covariance }
         };
         let count = problem.landmarks.len();
         (0..count).map(|index| (!problem.landmarks[index].off).then(|| estimate(index))).collect()

@@ -338,6 +338,13 @@ impl Landmark {
         self.model.point(&self.place, point, &self.ground).0
     }
 
+    /// Every two of the cameras that see it, the lower first.
+    pub(crate) fn pairs_of_views(&self) -> Vec<[usize; 2]> {
+        let views = self.views();
+        let with_later = |(k, &a): (usize, &usize)| views[k + 1..].iter().map(move |&b| [a, b]);
+        views.iter().enumerate().flat_map(with_later).collect()
+    }
+
     /// Indices of the cameras that see it, each once, ascending.
     pub(crate) fn views(&self) -> Vec<usize> {
         let mut views: Vec<usize> = self.observations.iter().map(|seen| seen.view).collect();

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 use nalgebra::DMatrix;
 
 use crate::bundle::camera::CAMERA_PARAMS;
-use crate::bundle::landmark::LANDMARK_PARAMS;
+use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark};
 use crate::bundle::problem::BundleProblem;
 use crate::camera::{Camera, Covariance};
 use crate::optimize::BlockCovariance;
@@ -86,14 +86,12 @@ impl Marginals<'_> {
 
     /// Pairs of cameras that observe a landmark in common.
     fn observing_in_common(&self) -> BTreeSet<[usize; 2]> {
-        let mut pairs: BTreeSet<[usize; 2]> = BTreeSet::new();
-        for landmark in self.problem.landmarks.iter().filter(|landmark| !landmark.off) {
-            let views = landmark.views();
-            for (i, &a) in views.iter().enumerate() {
-                pairs.extend(views[i + 1..].iter().map(|&b| [a, b]));
-            }
-        }
-        pairs
+        self.problem
+            .landmarks
+            .iter()
+            .filter(|landmark| !landmark.off)
+            .flat_map(Landmark::pairs_of_views)
+            .collect()
     }
 }
 

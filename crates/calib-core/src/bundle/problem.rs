@@ -5,7 +5,7 @@ use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::common_tilt::{CommonTilt, in_view};
 use crate::bundle::copies::Copies;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
-use crate::bundle::local_similarity::ViewLaplacian;
+use crate::bundle::local_similarity::LocalSimilarities;
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
 use crate::bundle::plane_parameters::parameters_of_plane;
 use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, listed, of_free};
@@ -33,10 +33,8 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) plane_blocks: Vec<Option<usize>>,
     /// The tilt of the floor that views share.
     pub(crate) tilt: Option<CommonTilt>,
-    /// Of views that see something in common.
-    pub(crate) laplacian: Option<ViewLaplacian>,
-    /// Whether it starts where the same without some of its candidates, or with others, was left.
-    pub(crate) is_resumed: bool,
+    /// Of what sees something in common.
+    pub(crate) similarities: Option<LocalSimilarities>,
     /// Observed pixels, undistorted, where the lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
@@ -67,8 +65,7 @@ impl<'a> BundleProblem<'a> {
             planes,
             plane_blocks,
             tilt,
-            laplacian: None,
-            is_resumed: false,
+            similarities: None,
             observed: Vec::new(),
         };
         let undistort = |landmark: &Landmark| -> Vec<Option<ObservedPixel>> {
@@ -77,7 +74,7 @@ impl<'a> BundleProblem<'a> {
                 .collect()
         };
         problem.observed = problem.landmarks.iter().map(undistort).collect();
-        problem.laplacian = problem.view_laplacian();
+        problem.similarities = problem.local_similarities();
         problem
     }
 
@@ -378,9 +375,8 @@ impl LeastSquares for BundleProblem<'_> {
     type Normal = NormalEquations;
 
     fn first_damping(&self) -> f64 {
-        // Next to nothing: what holds a hall of cameras to one scale and straight is a millionth of the diagonal, and where
-        // another run ended less.
-        if self.is_resumed { 1e-9 } else { 1e-8 }
+        // Next to nothing: what holds a hall of cameras to one scale and straight is a millionth of the diagonal.
+        1e-9
     }
 
     fn linearize(&self, state: &Vec<f64>) -> Option<(f64, NormalEquations)> {

@@ -119,7 +119,7 @@ impl Refinement<'_> {
         rejected.retain(|&candidate| !found.agrees_with(candidate, &cameras, factor));
         let is_same = rejected.len() == count;
         let converged = if is_same {
-            self.further(&rejected, found)?
+            self.continued(&rejected, found)?
         } else {
             self.solve_without(&rejected, Some(&found))?
         };
@@ -171,8 +171,8 @@ impl Refinement<'_> {
         let none = vec![false; self.views.len()];
         let from = from.map(|found| (&found.problem, found.state()));
         let Some(mut without_prior) = converged(self.problem(rejected, &none, from)) else {
-            let again = || converged(self.problem(rejected, &has_weak_prior, from));
-            return if has_weak_prior.contains(&true) { again() } else { None };
+            let with_priors = || converged(self.problem(rejected, &has_weak_prior, from));
+            return has_weak_prior.contains(&true).then(with_priors).flatten();
         };
         match self.open_focals(&mut without_prior) {
             Some(is_open) => converged(self.problem(rejected, &is_open, from)),
@@ -181,7 +181,7 @@ impl Refinement<'_> {
     }
 
     /// The same from what a few steps with the weak priors led to.
-    fn further<'a>(&'a self, rejected: &[OutlierCandidate], found: Converged<'a>) -> Option<Converged<'a>> {
+    fn continued<'a>(&'a self, rejected: &[OutlierCandidate], found: Converged<'a>) -> Option<Converged<'a>> {
         let start = found.state().to_vec();
         let Some(mut without_prior) = found.without_weak_priors() else {
             return self.solve_without(rejected, None);
@@ -222,6 +222,7 @@ impl Refinement<'_> {
             }
             let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
             for (index, landmark) in landmarks.iter_mut().enumerate() {
+                landmark.model.clone_from(&problem.landmarks[index].model);
                 landmark.place = problem.place(state, index);
                 let is_back = problem.landmarks[index].off && !landmark.off;
                 if let Some(found) = is_back.then(|| triangulate(landmark, &cameras, &|_| true)).flatten() {
@@ -234,9 +235,7 @@ impl Refinement<'_> {
             view.stage_1.priors.weak_log_focal = weak;
         }
         let shared = (landmarks, distances, self.copies.clone());
-        let mut problem = BundleProblem::new(views, shared, self.planes.clone());
-        problem.is_resumed = from.is_some();
-        problem
+        BundleProblem::new(views, shared, self.planes.clone())
     }
 
     /// The candidate without which the rest has the least chi-square score, with the minimum there.
@@ -261,6 +260,7 @@ impl Refinement<'_> {
 
     fn finish(&self, mut converged: Converged, rejected: Vec<OutlierCandidate>) -> Refined {
         let covariance = converged.covariance.take().or_else(|| converged.covariance());
+        let residuals = std::mem::take(&mut converged.residuals);
         let (problem, state) = (&converged.problem, converged.state());
         let Converged { chi2, dof, .. } = &converged;
         let inflation = if self.all_noise_is_known() { 1.0 } else { inflation(*chi2, *dof) };
@@ -289,7 +289,7 @@ impl Refinement<'_> {
             inflation,
             rejected,
             is_misfit: is_misfit(*chi2, *dof),
-            residuals: converged.residuals.clone(),
+            residuals,
             planes: converged.planes(covariance.as_ref(), spread * spread),
             pairs,
         }

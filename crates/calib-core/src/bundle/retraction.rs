@@ -1,76 +1,211 @@
 //! Where a step leads: places follow the similarities of their neighbours (`local_similarity.rs`).
 //!
 //! It is a retraction (Absil, Mahony and Sepulchre 2008, "Optimization Algorithms on Matrix Manifolds", section 4.1): of the
-//! first order it changes nothing, and what stays where it is stays there. Offsets of lines and slopes of planes are left
-//! to the next step.
+//! first order it changes nothing. Cameras that are held, and landmarks that were measured, are where the step says, and
+//! what is corrected is corrected against them. Offsets of lines and slopes of planes are left to the next step.
 
 use nalgebra::Complex;
 
-use crate::bundle::landmark::LandmarkModel;
-use crate::bundle::local_similarity::ViewLaplacian;
+use crate::bundle::landmark::{Landmark, LandmarkModel};
+use crate::bundle::local_similarity::{Correction, LocalSimilarities, Move};
 use crate::bundle::problem::BundleProblem;
 use crate::camera::Covariance;
 
+/// Where x and y are in the state, where they are free.
+type Axes = [Option<usize>; 2];
+
 impl BundleProblem<'_> {
-    /// The views that see something in common.
-    pub(crate) fn view_laplacian(&self) -> Option<ViewLaplacian> {
-        let mut pairs: Vec<[usize; 2]> = Vec::new();
-        for landmark in self.landmarks.iter().filter(|landmark| !landmark.off) {
-            let views = landmark.views();
-            for (k, &a) in views.iter().enumerate() {
-                pairs.extend(views[k + 1..].iter().map(|&b| [a, b]));
-            }
-        }
+    /// Of views that see something in common, and after them of measured landmarks.
+    pub(crate) fn local_similarities(&self) -> Option<LocalSimilarities> {
+        let is_free = (0..self.views.len()).map(|view| is_free(self.camera_axes(view)));
+        let is_free = is_free.chain(self.measured().map(|_| false)).collect::<Vec<_>>();
+        let taking_part = self.landmarks.iter().filter(|landmark| !landmark.off);
+        let with_measured = |(k, landmark): (usize, usize)| {
+            let views = self.landmarks[landmark].views();
+            views.into_iter().map(move |view| [view, self.views.len() + k])
+        };
+        let mut pairs: Vec<[usize; 2]> = taking_part.flat_map(Landmark::pairs_of_views).collect();
+        pairs.extend(self.measured().enumerate().flat_map(with_measured));
         pairs.sort_unstable();
         pairs.dedup();
-        let is_free = |view: usize| self.camera_place(view).is_some();
-        ViewLaplacian::new(&(0..self.views.len()).map(is_free).collect::<Vec<_>>(), pairs)
+        LocalSimilarities::new(&is_free, pairs)
     }
 
     /// The state that a step leads to.
     pub(crate) fn retract(&self, state: &[f64], step: &[f64]) -> Vec<f64> {
         let mut next: Vec<f64> = state.iter().zip(step).map(|(value, step)| value + step).collect();
-        let Some(laplacian) = &self.laplacian else { return next };
-        let at = |values: &[f64], [x, y]: [usize; 2]| Complex::new(values[x], values[y]);
-        let moved = |view: usize| match self.camera_place(view) {
-            Some(place) => (at(state, place), at(step, place)),
-            None => {
-                let held = self.views[view].camera.position;
-                (Complex::new(held.x, held.y), Complex::default())
+        let Some(similarities) = &self.similarities else { return next };
+        let moved = |axes: Axes, held: [f64; 2]| -> Move {
+            let place = [0, 1].map(|k| axes[k].map_or(held[k], |at| state[at]));
+            let step = axes.map(|at| at.map_or(0.0, |at| step[at]));
+            (Complex::new(place[0], place[1]), Complex::new(step[0], step[1]))
+        };
+        let of_view = |view: usize| {
+            let held = self.views[view].camera.position;
+            moved(self.camera_axes(view), [held.x, held.y])
+        };
+        let of_landmark = |landmark: usize| {
+            let [x, y, _] = self.landmarks[landmark].place;
+            moved(self.landmark_axes(landmark), [x, y])
+        };
+        let moves: Vec<Move> =
+            (0..self.views.len()).map(of_view).chain(self.measured().map(of_landmark)).collect();
+        let corrections = similarities.corrections(&moves);
+        let mut correct = |axes: Axes, more: Complex<f64>| {
+            if let [Some(x), Some(y)] = axes {
+                next[x] += more.re;
+                next[y] += more.im;
             }
         };
-        let moves: Vec<_> = (0..self.views.len()).map(moved).collect();
-        let missing = laplacian.missing(&moves);
-        let mut add = |[x, y]: [usize; 2], more: Complex<f64>| {
-            next[x] += more.re;
-            next[y] += more.im;
-        };
-        for (view, missing) in missing.iter().enumerate() {
-            self.camera_place(view).iter().for_each(|&place| add(place, missing.shift));
-        }
-        for (index, landmark) in self.landmarks.iter().enumerate() {
-            let Some(place) = self.landmark_place(index) else { continue };
-            let from =
-                |view: usize| missing[view].shift + missing[view].slope * (at(state, place) - moves[view].0);
-            let sum: Complex<f64> = landmark.observations.iter().map(|seen| from(seen.view)).sum();
-            add(place, sum / landmark.observations.len().max(1) as f64);
+        (0..self.views.len()).for_each(|view| correct(self.camera_axes(view), corrections[view].shift));
+        for landmark in (0..self.landmarks.len()).filter(|&landmark| !is_measured(&self.landmarks[landmark]))
+        {
+            let seen = &self.landmarks[landmark].observations;
+            let place = of_landmark(landmark).0;
+            let beside = |view: usize| {
+                let Correction { shift, similarity } = corrections[view];
+                shift + similarity * (place - moves[view].0)
+            };
+            let sum: Complex<f64> = seen.iter().map(|seen| beside(seen.view)).sum();
+            correct(self.landmark_axes(landmark), sum / seen.len().max(1) as f64);
         }
         next
     }
 
-    /// Where in the state x and y of a camera are; `None` where they are not free.
-    fn camera_place(&self, view: usize) -> Option<[usize; 2]> {
-        let of = |axis: usize| {
-            self.camera_layout(view)[axis].map(|(block, place)| self.blocks.offsets[block] + place)
-        };
-        Some([of(Covariance::X)?, of(Covariance::Y)?])
+    /// Landmarks that take part and were measured.
+    fn measured(&self) -> impl Iterator<Item = usize> + '_ {
+        let landmarks = self.landmarks.iter().enumerate();
+        landmarks.filter(|(_, landmark)| !landmark.off && is_measured(landmark)).map(|(index, _)| index)
     }
 
-    /// The same of a landmark that is a point or has one.
-    fn landmark_place(&self, landmark: usize) -> Option<[usize; 2]> {
-        let is_line = matches!(self.landmarks[landmark].model, LandmarkModel::Line { .. });
-        let is_free = self.landmarks[landmark].free[..2] == [true; 2];
-        let at = self.blocks.offsets[self.landmark_block(landmark)?];
-        (is_free && !is_line).then_some([at, at + 1])
+    fn camera_axes(&self, view: usize) -> Axes {
+        let layout = self.camera_layout(view);
+        [Covariance::X, Covariance::Y]
+            .map(|axis| layout[axis].map(|(block, place)| self.blocks.offsets[block] + place))
+    }
+
+    /// Of a landmark that is a point or has one; none of a line.
+    fn landmark_axes(&self, landmark: usize) -> Axes {
+        let Landmark { model, free: [x, y, _], .. } = &self.landmarks[landmark];
+        let block = self.landmark_block(landmark);
+        let Some(block) = block.filter(|_| !matches!(model, LandmarkModel::Line { .. })) else {
+            return [None; 2];
+        };
+        let first = self.blocks.offsets[block];
+        [x.then_some(first), y.then_some(first + usize::from(*x))]
+    }
+}
+
+fn is_free(axes: Axes) -> bool {
+    axes.iter().all(Option::is_some)
+}
+
+/// Whether x and y of a landmark are held or have priors.
+fn is_measured(landmark: &Landmark) -> bool {
+    let is_known = |k: usize| !landmark.free[k] || landmark.priors.iter().any(|(prior, _)| *prior == k);
+    !matches!(landmark.model, LandmarkModel::Line { .. }) && is_known(0) && is_known(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bundle::camera::{CAMERA_PARAMS, View};
+    use crate::bundle::copies::Copies;
+    use crate::bundle::landmark::Observation;
+    use crate::camera::{Camera, Lens, Pixel, WorldPoint};
+    use crate::single::{Constraints, FixedParameters, Priors, Problem};
+
+    static NONE: Constraints = Constraints::EMPTY;
+
+    /// Six cameras in a row that share points with their neighbours; the first two see what was measured at the origin.
+    fn row(free: [bool; CAMERA_PARAMS], sigma: Option<f64>) -> BundleProblem<'static> {
+        let camera = |index: usize| Camera {
+            position: WorldPoint::new(5.0 * index as f64, 1.0, 3.0),
+            yaw: 0.0,
+            pitch: 0.6,
+            roll: 0.0,
+            focal: 1100.0,
+            lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+            covariance: Covariance::EXACT,
+        };
+        let view = |index: usize| {
+            let stage_1 = Problem::new(&NONE, FixedParameters::default(), Priors::default(), 1.0, 1920.0);
+            View {
+                outermost: None,
+                camera: camera(index),
+                free,
+                lens: index,
+                annotations: &[],
+                nuisance: vec![0.0; stage_1.nuisances().count()],
+                stage_1,
+                shares_floor: true,
+                edges: Vec::new(),
+                edge_times: Vec::new(),
+                size: [1920.0, 1080.0],
+                circle: None,
+                has_one_focal: false,
+            }
+        };
+        let seen =
+            |views: [usize; 2]| views.map(|view| Observation::new(view, Pixel::new(960.0, 700.0))).to_vec();
+        let point = |index: usize| Landmark {
+            place: [5.0 * index as f64 + 2.0, 4.0, 0.0],
+            ..Landmark::new(LandmarkModel::Point { height: 0.0 }, seen([index, index + 1]))
+        };
+        let measured = Landmark::measured(WorldPoint::new(0.0, 0.0, 0.0), sigma, seen([0, 1]));
+        let landmarks = std::iter::once(measured).chain((0..5).map(point)).collect();
+        let views = (0..6).map(view).collect();
+        BundleProblem::new(views, (landmarks, Vec::new(), Copies::default()), Vec::new())
+    }
+
+    /// The step by which every place moves so.
+    fn step(problem: &BundleProblem, moved: impl Fn(Complex<f64>) -> Complex<f64>) -> Vec<f64> {
+        let state = problem.start();
+        let mut step = vec![0.0; state.len()];
+        for axes in all_axes(problem) {
+            if let [Some(x), Some(y)] = axes {
+                let Complex { re, im } = moved(Complex::new(state[x], state[y]));
+                (step[x], step[y]) = (re, im);
+            }
+        }
+        step
+    }
+
+    fn all_axes(problem: &BundleProblem) -> Vec<Axes> {
+        let landmarks = (0..problem.landmarks.len()).map(|landmark| problem.landmark_axes(landmark));
+        (0..problem.views.len()).map(|view| problem.camera_axes(view)).chain(landmarks).collect()
+    }
+
+    #[test]
+    fn a_row_that_turns_about_a_measured_point_ends_turned_about_it() {
+        for sigma in [None, Some(0.01)] {
+            let problem = row([true; CAMERA_PARAMS], sigma);
+            let state = problem.start();
+            let tangent = Complex::new(0.1, 0.4);
+            let next = problem.retract(&state, &step(&problem, |place| tangent * place));
+            let turned = 1.1 * Complex::from_polar(1.0, 0.4);
+            for axes in all_axes(&problem) {
+                if let [Some(x), Some(y)] = axes {
+                    let exact: Complex<f64> = turned * Complex::new(state[x], state[y]);
+                    assert!((Complex::new(next[x], next[y]) - exact).norm() < 1e-6, "{exact}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn cameras_that_are_held_along_one_axis_move_along_the_other_as_the_step_says() {
+        let mut free = [true; CAMERA_PARAMS];
+        free[Covariance::X] = false;
+        let problem = row(free, None);
+        let state = problem.start();
+        let mut step = step(&problem, |_| Complex::new(0.0, 1.0));
+        (0..6).for_each(|view| step[problem.camera_axes(view)[1].unwrap()] = 1.0);
+        let next = problem.retract(&state, &step);
+        let [_, y] = problem.camera_axes(5);
+        assert!((next[y.unwrap()] - state[y.unwrap()] - 1.0).abs() < 1e-12);
+        // What was measured stays, and turns what the first two see a little; the others see only what moves as they do.
+        let [Some(x), Some(y)] = problem.landmark_axes(5) else { panic!("a point is free") };
+        assert!((next[x] - state[x]).abs() < 1e-12 && (next[y] - state[y] - 1.0).abs() < 1e-12);
     }
 }

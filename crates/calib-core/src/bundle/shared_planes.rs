@@ -291,7 +291,7 @@ mod tests {
             dropped.drop_weak_priors(&state, &mut normal);
             let without = dropped.normal(&state).unwrap();
             prop_assert_eq!([normal.residuals, without.residuals], [rows.len() - 2; 2]);
-            let values = |normal: &NormalEquations| [&[normal.cost], &normal.gradient[..], &normal.kept].concat();
+            let values = |normal: &NormalEquations| [&[normal.cost], &normal.gradient[..], &normal.kept, &normal.own, &normal.cross].concat();
             for (value, exact) in values(&normal).iter().zip(values(&without)) {
                 prop_assert!((value - exact).abs() <= 1e-11 * normal.cost.max(exact.abs()), "{value} {exact}");
             }

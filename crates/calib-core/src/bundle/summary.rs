@@ -114,8 +114,8 @@ impl BundleSummary {
         }
         for (estimate, &landmark) in refined.landmarks.iter().zip(landmarks) {
             if let Some(estimate) = estimate {
-                let Landmark { place, plane, ground, .. } = &mut self.landmarks[landmark];
-                *place = estimate.place;
+                let Landmark { model, place, plane, ground, .. } = &mut self.landmarks[landmark];
+                (*model, *place) = (estimate.model.clone(), estimate.place);
                 let found = plane.and_then(|plane| refined.planes[plane]);
                 *ground = found.map_or(*ground, |found| found.plane);
                 self.landmark_covariances[landmark] = Some(estimate.covariance);

@@ -82,18 +82,6 @@ pub(crate) struct NormalEquations {
     pub(crate) cross: Vec<f64>,
 }
 
-impl NormalEquations {
-    /// Takes back the residuals of other equations of the same structure.
-    pub(crate) fn subtract(&mut self, other: &Self) {
-        self.cost -= other.cost;
-        self.residuals -= other.residuals;
-        let from = [&mut self.gradient, &mut self.kept, &mut self.own, &mut self.cross];
-        for (from, values) in from.into_iter().zip([&other.gradient, &other.kept, &other.own, &other.cross]) {
-            from.iter_mut().zip(values).for_each(|(from, value)| *from -= value);
-        }
-    }
-}
-
 impl BlockStructure {
     /// Blocks of these sizes, the flagged ones kept; `coupled` lists groups of blocks that have residuals
     /// in common. No two eliminated blocks may be in one group.
@@ -154,52 +142,70 @@ impl BlockStructure {
 
     /// Adds one residual.
     pub(crate) fn add(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
+        normal.residuals += 1;
         dispatch(
             #[inline(always)]
-            || self.add_each(normal, residual, jacobian),
+            || self.add_weighted(normal, 1.0, residual, jacobian),
         );
     }
 
+    /// Takes a residual out again that was added.
+    pub(crate) fn remove(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
+        normal.residuals -= 1;
+        self.add_weighted(normal, -1.0, residual, jacobian);
+    }
+
     #[inline(always)]
-    fn add_each(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
-        normal.cost += residual * residual;
-        normal.residuals += 1;
+    fn add_weighted(
+        &self,
+        normal: &mut NormalEquations,
+        weight: f64,
+        residual: f64,
+        jacobian: &[JacobianBlock],
+    ) {
+        normal.cost += weight * residual * residual;
         for (k, a) in jacobian.iter().enumerate() {
             let offset = self.offsets[a.block];
             for (gradient, jacobian) in normal.gradient[offset..].iter_mut().zip(a.by) {
-                *gradient += jacobian * residual;
+                *gradient += jacobian * (weight * residual);
             }
             for b in &jacobian[k..] {
-                self.add_product(normal, a, b);
+                self.add_product(normal, weight, a, b);
             }
         }
     }
 
     /// Adds the product of the derivatives by two blocks, or by one with itself.
     #[inline(always)]
-    fn add_product(&self, normal: &mut NormalEquations, a: &JacobianBlock, b: &JacobianBlock) {
+    fn add_product(&self, normal: &mut NormalEquations, weight: f64, a: &JacobianBlock, b: &JacobianBlock) {
         match (self.roles[a.block], self.roles[b.block]) {
             (Role::Kept(i), Role::Kept(j)) => {
                 let [(i, rows), (j, columns)] =
                     if i > j { [(j, b.by), (i, a.by)] } else { [(i, a.by), (j, b.by)] };
                 let known = if i == j { Some(i) } else { self.coupling.get(&[i, j]).copied() };
                 if let Some(coupled) = known {
-                    add_outer(&mut normal.kept[self.coupled[coupled].at.clone()], rows, columns);
+                    add_outer(&mut normal.kept[self.coupled[coupled].at.clone()], weight, rows, columns);
                 }
             }
             (Role::Eliminated(e), Role::Eliminated(_)) => {
-                add_outer(&mut normal.own[self.own(&self.eliminated[e])], a.by, b.by);
+                add_outer(&mut normal.own[self.own(&self.eliminated[e])], weight, a.by, b.by);
             }
-            (Role::Eliminated(e), Role::Kept(i)) => self.add_cross(normal, [e, i], a.by, b.by),
-            (Role::Kept(i), Role::Eliminated(e)) => self.add_cross(normal, [e, i], b.by, a.by),
+            (Role::Eliminated(e), Role::Kept(i)) => self.add_cross(normal, [e, i], weight, [a.by, b.by]),
+            (Role::Kept(i), Role::Eliminated(e)) => self.add_cross(normal, [e, i], weight, [b.by, a.by]),
         }
     }
 
     #[inline(always)]
-    fn add_cross(&self, normal: &mut NormalEquations, [e, i]: [usize; 2], rows: &[f64], columns: &[f64]) {
+    fn add_cross(
+        &self,
+        normal: &mut NormalEquations,
+        [e, i]: [usize; 2],
+        weight: f64,
+        [rows, columns]: [&[f64]; 2],
+    ) {
         let out = &self.eliminated[e];
         if let Some(at) = out.neighbours.iter().position(|&neighbour| neighbour == i) {
-            add_outer(&mut normal.cross[out.cross(at)], rows, columns);
+            add_outer(&mut normal.cross[out.cross(at)], weight, rows, columns);
         }
     }
 

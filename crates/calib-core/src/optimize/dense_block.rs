@@ -1,10 +1,11 @@
 //! Arithmetic of small dense blocks, row by row in slices: a few rows each, where a matrix type with its
 //! allocations costs more than the products.
 
-/// Adds `rows columns'`.
+/// Adds `rows columns'` times a weight.
 #[inline]
-pub(crate) fn add_outer(matrix: &mut [f64], rows: &[f64], columns: &[f64]) {
+pub(crate) fn add_outer(matrix: &mut [f64], weight: f64, rows: &[f64], columns: &[f64]) {
     for (row, a) in matrix.chunks_exact_mut(columns.len()).zip(rows) {
+        let a = weight * a;
         for (value, b) in row.iter_mut().zip(columns) {
             *value += a * b;
         }

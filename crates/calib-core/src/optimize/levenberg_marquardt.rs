@@ -6,7 +6,8 @@
 //!
 //! between Gauss-Newton's step (`lambda = 0`) and a short one downhill; with the diagonal as metric it does
 //! not depend on the units of the unknowns (Marquardt 1963, "An Algorithm for Least-Squares Estimation of
-//! Nonlinear Parameters"). A step is accepted when the cost `F = r'r` falls. The damping follows Nielsen
+//! Nonlinear Parameters"). A step is accepted when the cost `F = r'r` falls; one that is next to nothing is the last, and
+//! is believed. The damping follows Nielsen
 //! (1999, "Damping Parameter in Marquardt's Method", report IMM-REP-1999-05): with the gain ratio
 //!
 //! `rho = (F(x) - F(x + d)) / (L(0) - L(d))`, `L(0) - L(d) = d'(lambda D d - J'r)`,
@@ -63,20 +64,34 @@ pub(crate) struct LevenbergMarquardt<P: LeastSquares> {
     pub(crate) normal: P::Normal,
     damping: f64,
     growth: f64,
-    /// Least damping after a rejection.
-    least_rejected: f64,
+    /// Until a step is accepted, what damping is not below after a rejection.
+    least_after_rejection: f64,
 }
 
 /// Damping of a first step from a start that may be anywhere near: a small share of the diagonal leaves it almost
 /// Gauss-Newton's.
 const FIRST_DAMPING: f64 = 1e-4;
+/// Factor of the damping at the first rejection after an accepted step.
+const GROWTH: f64 = 2.0;
 
 impl<P: LeastSquares> LevenbergMarquardt<P> {
     /// `None` when the start is impossible.
     pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
         let (cost, normal) = problem.linearize(&start)?;
+        Some(Self::at(problem, start, cost, normal))
+    }
+
+    /// From a state of which the normal equations are known.
+    pub(crate) fn at(problem: &P, state: P::State, cost: f64, normal: P::Normal) -> Self {
         let damping = problem.first_damping();
-        Some(Self { state: start, cost, normal, damping, growth: 2.0, least_rejected: FIRST_DAMPING })
+        Self { state, cost, normal, damping, growth: GROWTH, least_after_rejection: FIRST_DAMPING }
+    }
+
+    /// Whether the next step is nearly Gauss-Newton's, and none was rejected after the last.
+    pub(crate) fn is_undamped(&self) -> bool {
+        /// A tenth of what holds the softest to the rest.
+        const UNDAMPED: f64 = 1e-7;
+        self.damping <= UNDAMPED && self.growth <= GROWTH
     }
 
     /// Makes one accepted step; how the run ended, where it did.
@@ -89,8 +104,8 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
         const MAX_DAMPING: f64 = 1e12;
         /// Least factor of the damping after a step.
         const FLOOR: f64 = 1e-2;
-        /// Relative decrease of the cost, and step, from which on the linear model is believed without looking where the
-        /// step ends: what is left after it is of the order of their squares.
+        /// Relative decrease of the cost, and step, up to which an undamped step is believed without looking where it ends:
+        /// what is left after it is a small share of them.
         const LAST: [f64; 2] = [1e-9, 1e-4];
         while self.damping < MAX_DAMPING {
             if let Some((next, predicted, size)) = problem.step(&self.state, &self.normal, self.damping) {
@@ -98,7 +113,8 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                 if size < STEP_TOLERANCE || promises_nothing {
                     return Some(Termination::Converged);
                 }
-                if size < LAST[1] && (0.0..=LAST[0] * self.cost).contains(&predicted) {
+                let is_last = size < LAST[1] && (0.0..=LAST[0] * self.cost).contains(&predicted);
+                if is_last && self.is_undamped() {
                     (self.state, self.cost) = (next, self.cost - predicted);
                     return Some(Termination::Converged);
                 }
@@ -107,12 +123,16 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                     let done = self.cost - cost <= COST_TOLERANCE * self.cost;
                     self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(FLOOR);
                     (self.state, self.cost, self.normal) = (next, cost, normal);
-                    (self.growth, self.least_rejected) = (2.0, 0.0);
+                    (self.growth, self.least_after_rejection) = (GROWTH, 0.0);
                     return done.then_some(Termination::Converged);
                 }
             }
-            self.damping = (self.damping * self.growth).max(self.least_rejected);
-            self.growth *= 2.0;
+            if self.damping < self.least_after_rejection {
+                self.damping = self.least_after_rejection;
+            } else {
+                self.damping *= self.growth;
+                self.growth *= 2.0;
+            }
         }
         Some(Termination::NoDecrease)
     }
@@ -125,10 +145,10 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
 
 /// The end of a run.
 pub(crate) struct Summary<P: LeastSquares> {
-    /// The lowest state.
+    /// The lowest state, or a last step from there.
     pub(crate) state: P::State,
     pub(crate) cost: f64,
-    /// The normal equations there.
+    /// The normal equations there, or before a last step.
     pub(crate) normal: P::Normal,
     #[cfg_attr(not(test), expect(dead_code, reason = "tests ask whether it converged"))]
     pub(crate) ending: Termination,
@@ -192,5 +212,70 @@ where
 
     fn terminate(&mut self, state: &IterState<P::State, (), (), (), (), f64>) -> TerminationStatus {
         state.get_termination_status().clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::cell::Cell;
+
+    /// One unknown, of which the arc tangent should be nothing, and so should a share of it that disagrees by 1: beyond 1.39
+    /// Gauss-Newton's steps lead away from the minimum.
+    struct ArcTangent {
+        first_damping: f64,
+        share: f64,
+        evaluations: Cell<usize>,
+    }
+
+    impl LeastSquares for ArcTangent {
+        type State = f64;
+        type Normal = [f64; 2];
+
+        fn first_damping(&self) -> f64 {
+            self.first_damping
+        }
+
+        fn linearize(&self, x: &f64) -> Option<(f64, [f64; 2])> {
+            self.evaluations.set(self.evaluations.get() + 1);
+            let (residual, by) = (x.atan(), (1.0 + x * x).recip());
+            let (other, by_other) = (self.share * x - 1.0, self.share);
+            let cost = residual * residual + other * other;
+            Some((cost, [by * by + by_other * by_other, by * residual + by_other * other]))
+        }
+
+        fn step(&self, x: &f64, [square, gradient]: &[f64; 2], damping: f64) -> Option<(f64, f64, f64)> {
+            let step = -gradient / (square * (1.0 + damping));
+            let predicted = step * (damping * square * step - gradient);
+            Some((x + step, predicted, step.abs()))
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_run_ends_where_no_step_is_left_and_its_cost_is_that_there(
+            start in -30.0..30.0_f64, first_damping in -12.0..0.0_f64, share in 0.0..0.2_f64,
+        ) {
+            let first_damping = 10.0_f64.powf(first_damping);
+            let problem = ArcTangent { first_damping, share, evaluations: Cell::new(0) };
+            let Summary { state, cost, ending, .. } = least_squares(&problem, start, 200).unwrap();
+            prop_assert_eq!(ending, Termination::Converged);
+            let (exact, normal) = problem.linearize(&state).unwrap();
+            prop_assert!((cost - exact).abs() <= 1e-9 * exact.max(1e-9), "{cost} {exact}");
+            let (_, left, _) = problem.step(&state, &normal, 0.0).unwrap();
+            prop_assert!(left <= 1e-9 * exact.max(1e-9), "{left} of {exact} at {state}");
+        }
+    }
+
+    #[test]
+    fn where_hardly_damped_steps_lead_away_it_is_no_slower_than_from_the_usual_damping() {
+        let evaluations = |first_damping: f64| {
+            let problem = ArcTangent { first_damping, share: 0.0, evaluations: Cell::new(0) };
+            least_squares(&problem, 5.0, 200).unwrap();
+            problem.evaluations.get()
+        };
+        let [hardly, usually] = [1e-12, FIRST_DAMPING].map(evaluations);
+        assert_eq!(hardly, usually + 1, "{hardly} {usually}");
     }
 }

@@ -328,8 +328,14 @@ mod tests {
             let count = kept.len();
             let sizes: Vec<usize> = kept.iter().copied().chain(rest.iter().map(|r| r.0)).collect();
             let keep: Vec<bool> = (0..sizes.len()).map(|i| i < count).collect();
-            let mut common: Vec<Vec<usize>> = rest.iter().enumerate().map(|(i, r)| {
-                BTreeSet::from([r.1 % count, r.2 % count, count + i]).into_iter().collect()
+            // Together, or coupled by elimination only.
+            let mut common: Vec<Vec<usize>> = rest.iter().enumerate().flat_map(|(i, r)| {
+                let (near, out) = (BTreeSet::from([r.1 % count, r.2 % count]), count + i);
+                if i % 2 == 0 {
+                    vec![near.into_iter().rev().chain([out]).collect()]
+                } else {
+                    near.into_iter().map(|near| vec![out, near]).collect()
+                }
             }).collect();
             common.extend((0..count).map(|i| vec![i]));
             let blocks = BlockStructure::new(sizes.clone(), &keep, &common);
