@@ -13,9 +13,11 @@ pub(crate) fn is_there() -> bool {
     has_sources() || debian_rustc().is_some()
 }
 
-/// Whether the compiler has the sources of the standard library.
+/// Whether rustup's compiler has the sources of the standard library.
 pub(crate) fn has_sources() -> bool {
-    printed(&["sysroot"]).is_some_and(|root| Path::new(&root).join("lib/rustlib/src/rust/library").exists())
+    // Debian's own, which wants its own linker, has them, too.
+    let of_rustup = printed(&["sysroot"]).filter(|root| root != "/usr");
+    of_rustup.is_some_and(|root| Path::new(&root).join("lib/rustlib/src/rust/library").exists())
 }
 
 /// What the compiler answers where it is asked to print.
