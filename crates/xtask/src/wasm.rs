@@ -6,8 +6,6 @@ use std::process::Command;
 
 use crate::workspace::root;
 
-pub(crate) const WASM: &str = "wasm32-unknown-unknown";
-
 /// Whether there is a compiler for wasm32 that builds its library, too.
 pub(crate) fn is_there() -> bool {
     has_sources() || debian_rustc().is_some()

@@ -5,8 +5,10 @@ use std::process::Command;
 
 use anyhow::ensure;
 
-use crate::wasm::{WASM, debian_rustc, has_sources, printed};
+use crate::wasm::{debian_rustc, has_sources, printed};
 use crate::workspace::root;
+
+const WASM: &str = "wasm32-unknown-unknown";
 
 /// Whether the standard library is built, too, so that it is one that is small to fetch.
 pub(crate) fn builds_library() -> bool {
