@@ -1,5 +1,5 @@
 //! What builds for the browser: a compiler with the sources of its standard library, rustup's or Debian's own, so that the
-//! library is built as small as the page wants it; or the library that rustup has built.
+//! library is built as small as the page wants it.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use crate::bundle::camera::{BundleCamera, View};
 use crate::bundle::copies::Copies;
 use crate::bundle::initialization::{Initialization, initialize};
-use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel};
+use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, pairs_among};
 use crate::bundle::refinement::Refinement;
 use crate::bundle::summary::BundleSummary;
 use crate::bundle::view_graph::clusters;
@@ -308,7 +308,7 @@ fn is_oversized<'a>(landmarks: impl Iterator<Item = &'a Landmark>) -> bool {
         if views.len() * views.len() > 2 * MAX_PAIRS {
             return true;
         }
-        pairs.extend(landmark.pairs_of_views());
+        pairs.extend(pairs_among(&views));
         if pairs.len() > MAX_PAIRS {
             return true;
         }

@@ -339,10 +339,8 @@ impl Landmark {
     }
 
     /// Every two of the cameras that see it, the lower first.
-    pub(crate) fn pairs_of_views(&self) -> Vec<[usize; 2]> {
-        let views = self.views();
-        let with_later = |(k, &a): (usize, &usize)| views[k + 1..].iter().map(move |&b| [a, b]);
-        views.iter().enumerate().flat_map(with_later).collect()
+    fn pairs_of_views(&self) -> Vec<[usize; 2]> {
+        pairs_among(&self.views()).collect()
     }
 
     /// Indices of the cameras that see it, each once, ascending.
@@ -352,4 +350,19 @@ impl Landmark {
         views.dedup();
         views
     }
+}
+
+/// Every two views that observe a landmark in common which takes part, in their order.
+pub(crate) fn observing_in_common(landmarks: &[Landmark]) -> Vec<[usize; 2]> {
+    let taking_part = landmarks.iter().filter(|landmark| !landmark.off);
+    let mut pairs: Vec<[usize; 2]> = taking_part.flat_map(Landmark::pairs_of_views).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+/// Every two of ascending indices, the lower first.
+pub(crate) fn pairs_among(views: &[usize]) -> impl Iterator<Item = [usize; 2]> + '_ {
+    let with_later = |(k, &a): (usize, &usize)| views[k + 1..].iter().map(move |&b| [a, b]);
+    views.iter().enumerate().flat_map(with_later)
 }

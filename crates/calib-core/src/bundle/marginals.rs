@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 use nalgebra::DMatrix;
 
 use crate::bundle::camera::CAMERA_PARAMS;
-use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark};
+use crate::bundle::landmark::{LANDMARK_PARAMS, observing_in_common};
 use crate::bundle::problem::BundleProblem;
 use crate::camera::{Camera, Covariance};
 use crate::optimize::BlockCovariance;
@@ -78,20 +78,10 @@ impl Marginals<'_> {
         let views = self.cameras.len();
         let pairs = match self.between {
             Some(_) => (0..views).flat_map(|a| (a + 1..views).map(move |b| [a, b])).collect(),
-            None => self.observing_in_common(),
+            None => observing_in_common(&self.problem.landmarks),
         };
         let with_covariance = pairs.into_iter().map(|pair| (pair, self.of_cameras(pair)));
         with_covariance.filter(|(_, found)| found.iter().flatten().any(|&value| value != 0.0)).collect()
-    }
-
-    /// Pairs of cameras that observe a landmark in common.
-    fn observing_in_common(&self) -> BTreeSet<[usize; 2]> {
-        self.problem
-            .landmarks
-            .iter()
-            .filter(|landmark| !landmark.off)
-            .flat_map(Landmark::pairs_of_views)
-            .collect()
     }
 }
 

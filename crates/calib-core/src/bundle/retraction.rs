@@ -6,7 +6,7 @@
 
 use nalgebra::Complex;
 
-use crate::bundle::landmark::{Landmark, LandmarkModel};
+use crate::bundle::landmark::{Landmark, LandmarkModel, observing_in_common};
 use crate::bundle::local_similarity::{Correction, LocalSimilarities, Move};
 use crate::bundle::problem::BundleProblem;
 use crate::camera::Covariance;
@@ -19,15 +19,12 @@ impl BundleProblem<'_> {
     pub(crate) fn local_similarities(&self) -> Option<LocalSimilarities> {
         let is_free = (0..self.views.len()).map(|view| is_free(self.camera_axes(view)));
         let is_free = is_free.chain(self.measured().map(|_| false)).collect::<Vec<_>>();
-        let taking_part = self.landmarks.iter().filter(|landmark| !landmark.off);
         let with_measured = |(k, landmark): (usize, usize)| {
             let views = self.landmarks[landmark].views();
             views.into_iter().map(move |view| [view, self.views.len() + k])
         };
-        let mut pairs: Vec<[usize; 2]> = taking_part.flat_map(Landmark::pairs_of_views).collect();
+        let mut pairs = observing_in_common(&self.landmarks);
         pairs.extend(self.measured().enumerate().flat_map(with_measured));
-        pairs.sort_unstable();
-        pairs.dedup();
         LocalSimilarities::new(&is_free, pairs)
     }
 

@@ -67,8 +67,10 @@ impl Entry {
 
     /// Adds a matrix of so many columns, row by row.
     pub(crate) fn add(self, values: &mut [f64], matrix: &[f64], width: usize) {
-        for (k, value) in matrix.iter().enumerate() {
-            values[self.at(k / width, k % width)] += value;
+        for (i, row) in matrix.chunks_exact(width).enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                values[self.at(i, j)] += value;
+            }
         }
     }
 
@@ -296,6 +298,7 @@ fn order(neighbours: &[BTreeSet<usize>]) -> Vec<usize> {
 }
 
 impl CholeskyFactor {
+    /// Number of unknowns.
     pub(crate) fn unknowns(&self) -> usize {
         self.sparse.columns.iter().map(|column| column.width).sum()
     }
