@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::camera::dispatch;
 use crate::optimize::dense_block::add_outer;
-use crate::optimize::sparse_cholesky::{Entry, SparseStructure};
+use crate::optimize::sparse_structure::{Entry, SparseStructure};
 
 /// Parameter blocks, which of them are eliminated, and which have residuals in common.
 #[derive(Clone, Debug)]

@@ -4,13 +4,16 @@
 //!
 //! - `nelder_mead` for the paper's criterion, which has no derivatives; `levenberg_marquardt` for every sum of
 //!   squares ([`LeastSquares`], [`least_squares`]);
-//! - `sparse_cholesky`, `selected_inverse`, `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
+//! - `sparse_structure`, `packed_product`, `sparse_cholesky`, `selected_inverse` sparse systems in blocks: order, factor,
+//!   solution, inverse; `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
 //!   adjustment in parameter blocks: elimination of landmarks, step, covariance;
 //! - `dual` dual numbers, for the Jacobians of stage 1; `arrow` its normal equations, four core parameters and
 //!   nuisance parameters in blocks.
 
 mod nelder_mead;
 mod levenberg_marquardt;
+mod sparse_structure;
+mod packed_product;
 mod sparse_cholesky;
 mod selected_inverse;
 mod dense_block;
@@ -30,4 +33,5 @@ pub(crate) use levenberg_marquardt::{
 };
 pub(crate) use nelder_mead::nelder_mead;
 pub(crate) use schur_complement::BlockCovariance;
-pub(crate) use sparse_cholesky::{CholeskyFactor, SparseStructure};
+pub(crate) use sparse_cholesky::CholeskyFactor;
+pub(crate) use sparse_structure::SparseStructure;

@@ -16,7 +16,9 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use crate::camera::dispatch;
-use crate::optimize::sparse_cholesky::{BlockColumn, CholeskyFactor, SparseStructure, add_scaled, dot};
+use crate::optimize::packed_product::{Packed, Part, Product};
+use crate::optimize::sparse_cholesky::{CholeskyFactor, add_scaled, dot};
+use crate::optimize::sparse_structure::{SparseStructure, Supernode};
 
 /// The inverse where the factor has entries.
 #[derive(Debug)]
@@ -38,44 +40,38 @@ impl CholeskyFactor {
 
     #[inline(always)]
     fn invert(&self, values: &mut [f64]) {
-        let mut sums = Vec::new();
-        for column in self.sparse.columns.iter().rev() {
-            let (width, height) = (column.width, column.height());
-            let factor = self.panel(column);
-            sums.clear();
-            sums.resize(width * height, 0.0);
-            for k in 1..column.rows.len() {
-                let other = &self.sparse.columns[column.rows[k]];
-                let inverse = &values[other.offset..][..other.width * other.height()];
-                column.add_inverse_products(factor, k, other, inverse, &mut sums);
-            }
-            let panel = &mut values[column.offset..][..width * height];
-            invert_panel(panel, factor, &sums, width);
+        let (mut inverse, mut packed, mut product) =
+            (Packed::default(), Packed::default(), Product::default());
+        for supernode in self.sparse.supernodes.iter().rev() {
+            let (width, height) = (supernode.width, supernode.height());
+            let factor = self.panel(supernode);
+            self.sparse.gather(supernode, values, &mut inverse);
+            packed.pack_transposed(factor, height, width);
+            product.multiply([&inverse, &packed], [0..height - width, 0..width], Part::All);
+            invert_panel(&mut values[supernode.offset..supernode.end()], factor, &product, width);
         }
     }
 }
 
-impl BlockColumn {
-    /// Adds the part of `Z_RR L_Rj` that the panel `k` of the inverse has, and its transpose.
+impl SparseStructure {
+    /// `Z_RR` of the rows R below a supernode.
     #[inline(always)]
-    fn add_inverse_products(
-        &self,
-        factor: &[f64],
-        k: usize,
-        other: &Self,
-        inverse: &[f64],
-        sums: &mut [f64],
-    ) {
-        let height = self.height();
-        let top = self.tops[k];
-        for [here, there, length] in self.runs_in(k, other) {
-            for (q, column) in inverse.chunks_exact(other.height()).enumerate() {
-                let run = &column[there..there + length];
-                // The block of the diagonal is whole: its transpose is itself.
-                let beyond = if here == top { other.width } else { 0 };
-                for (sums, factor) in sums.chunks_exact_mut(height).zip(factor.chunks_exact(height)) {
-                    add_scaled(&mut sums[here..], factor[top + q], run);
-                    sums[top + q] += dot(&factor[here + beyond..], &run[beyond..]);
+    fn gather(&self, supernode: &Supernode, values: &[f64], inverse: &mut Packed) {
+        let width = supernode.width;
+        inverse.clear(supernode.height() - width, supernode.height() - width);
+        for (target, [k, end]) in self.targets(supernode) {
+            let height = target.height();
+            for row in k..end {
+                let columns = target.columns(supernode.rows[row]);
+                let panel = &values[target.offset..][columns.start * height..columns.end * height];
+                let first = supernode.tops[row] - width;
+                for [here, there, length] in supernode.runs_in(row, target) {
+                    for (q, column) in panel.chunks_exact(height).enumerate() {
+                        for (i, value) in column[there..there + length].iter().enumerate() {
+                            inverse.set(here - width + i, first + q, *value);
+                            inverse.set(first + q, here - width + i, *value);
+                        }
+                    }
                 }
             }
         }
@@ -84,13 +80,15 @@ impl BlockColumn {
 
 /// `[Z_jj; Z_Rj]` from `[L_jj; L_Rj]` and `Z_RR L_Rj`.
 #[inline(always)]
-fn invert_panel(panel: &mut [f64], factor: &[f64], sums: &[f64], width: usize) {
+fn invert_panel(panel: &mut [f64], factor: &[f64], products: &Product, width: usize) {
     let height = panel.len() / width;
     for c in (0..width).rev() {
         let (own, behind) = panel[c * height..].split_at_mut(height);
         let diagonal = factor[c * height + c];
-        for (value, sum) in own[width..].iter_mut().zip(&sums[c * height + width..]) {
-            *value = -sum;
+        if height > width {
+            for (value, sum) in own[width..].iter_mut().zip(products.column(c, 0)) {
+                *value = -sum;
+            }
         }
         for (d, later) in behind.chunks_exact(height).enumerate() {
             let weight = -factor[c * height + c + 1 + d];
@@ -102,7 +100,8 @@ fn invert_panel(panel: &mut [f64], factor: &[f64], sums: &[f64], width: usize) {
         let diagonal = factor[c * height + c];
         for i in (c..width).rev() {
             let below = dot(&panel[i * height + width..(i + 1) * height], &factor[c * height + width..]);
-            let beside: f64 = (c + 1..width).map(|d| panel[d * height + i] * factor[c * height + d]).sum();
+            // What was found of column i, which is its row, too.
+            let beside = dot(&panel[i * height + c + 1..i * height + width], &factor[c * height + c + 1..]);
             let right = if i == c { diagonal.recip() } else { 0.0 };
             let value = (right - below - beside) / diagonal;
             panel[c * height + i] = value;
@@ -114,8 +113,9 @@ fn invert_panel(panel: &mut [f64], factor: &[f64], sums: &[f64], width: usize) {
 impl SelectedInverse {
     /// A block, row by row; zeros for two blocks that nothing couples.
     pub(crate) fn block(&self, a: usize, b: usize) -> DMatrix<f64> {
-        let size = |block: usize| self.sparse.columns[self.sparse.places[block]].width;
         let entry = self.sparse.entry([a, b]);
-        DMatrix::from_fn(size(a), size(b), |i, j| entry.map_or(0.0, |entry| self.values[entry.at(i, j)]))
+        DMatrix::from_fn(self.sparse.size(a), self.sparse.size(b), |i, j| {
+            entry.map_or(0.0, |entry| self.values[entry.at(i, j)])
+        })
     }
 }

@@ -1,0 +1,125 @@
+//! Products of dense matrices with a common inner dimension, in tiles that stay in registers.
+//!
+//! Both factors are packed in slabs of eight rows, column by column, so that what a tile of the product needs next
+//! lies together (Goto and van de Geijn 2008, "Anatomy of High-Performance Matrix Multiplication", section 4).
+
+use std::ops::Range;
+
+/// Rows of a slab; a tile of a product has as many rows and columns.
+const SIDE: usize = 8;
+/// Columns of a tile that are summed at a time: as many rows of registers are left for on every processor.
+const AT_ONCE: usize = 4;
+
+/// A matrix in slabs of rows, the last filled up with zeros.
+#[derive(Debug, Default)]
+pub(super) struct Packed {
+    slabs: Vec<[f64; SIDE]>,
+    columns: usize,
+}
+
+/// A product, column by column.
+#[derive(Debug, Default)]
+pub(super) struct Product {
+    values: Vec<f64>,
+    height: usize,
+    /// Row and column of the first value.
+    first: [usize; 2],
+}
+
+/// What of a product is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Part {
+    All,
+    /// From the diagonal down.
+    Lower,
+}
+
+impl Packed {
+    /// Zeros of this size, in place of what was here.
+    #[inline(always)]
+    pub(super) fn clear(&mut self, rows: usize, columns: usize) {
+        self.columns = columns;
+        self.slabs.clear();
+        self.slabs.resize(rows.div_ceil(SIDE) * columns, [0.0; SIDE]);
+    }
+
+    /// Packs the rows from `top` on of a matrix that is stored column by column.
+    #[inline(always)]
+    pub(super) fn pack(&mut self, matrix: &[f64], height: usize, top: usize) {
+        self.clear(height - top, matrix.len() / height);
+        for (j, column) in matrix.chunks_exact(height).enumerate() {
+            let (whole, rest) = column[top..].as_chunks::<SIDE>();
+            for (slab, rows) in self.slabs.chunks_exact_mut(self.columns).zip(whole) {
+                slab[j] = *rows;
+            }
+            if let Some(slab) = self.slabs.chunks_exact_mut(self.columns).nth(whole.len()) {
+                slab[j][..rest.len()].copy_from_slice(rest);
+            }
+        }
+    }
+
+    /// Packs the transpose of the rows from `top` on.
+    #[inline(always)]
+    pub(super) fn pack_transposed(&mut self, matrix: &[f64], height: usize, top: usize) {
+        self.clear(matrix.len() / height, height - top);
+        for (i, column) in matrix.chunks_exact(height).enumerate() {
+            let slab = &mut self.slabs[i / SIDE * self.columns..][..self.columns];
+            for (values, value) in slab.iter_mut().zip(&column[top..]) {
+                values[i % SIDE] = *value;
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, row: usize, column: usize, value: f64) {
+        self.slabs[row / SIDE * self.columns + column][row % SIDE] = value;
+    }
+
+    #[inline(always)]
+    fn slab(&self, index: usize) -> &[[f64; SIDE]] {
+        &self.slabs[index * self.columns..][..self.columns]
+    }
+}
+
+impl Product {
+    /// Of `A B'` these rows, of A, and columns, which are rows of B, in place of what was here. Of one that is symmetric
+    /// what is above the diagonal may be left out.
+    #[inline(always)]
+    pub(super) fn multiply(&mut self, [a, b]: [&Packed; 2], [rows, columns]: [Range<usize>; 2], part: Part) {
+        let slabs = |of: Range<usize>| of.start / SIDE..of.end.div_ceil(SIDE);
+        let (rows, columns) = (slabs(rows), slabs(columns));
+        self.first = [rows.start * SIDE, columns.start * SIDE];
+        self.height = rows.len() * SIDE;
+        self.values.resize(self.height * columns.len() * SIDE, 0.0);
+        for (j, slab) in columns.enumerate().map(|(j, slab)| (j * SIDE, slab)) {
+            let top = if part == Part::Lower { rows.start.max(slab) } else { rows.start };
+            for i in top..rows.end {
+                for first in (0..SIDE).step_by(AT_ONCE) {
+                    let sums = tile(a.slab(i), b.slab(slab), first);
+                    for (column, sums) in (j + first..).zip(&sums) {
+                        let at = column * self.height + (i - rows.start) * SIDE;
+                        self.values[at..at + SIDE].copy_from_slice(sums);
+                    }
+                }
+            }
+        }
+    }
+
+    /// What of a column is from row `row` on, and zeros behind its last.
+    #[inline(always)]
+    pub(super) fn column(&self, column: usize, row: usize) -> &[f64] {
+        &self.values[(column - self.first[1]) * self.height..][row - self.first[0]..self.height]
+    }
+}
+
+/// Columns `first` and following of the product of a slab with another one.
+#[inline(always)]
+fn tile(a: &[[f64; SIDE]], b: &[[f64; SIDE]], first: usize) -> [[f64; SIDE]; AT_ONCE] {
+    let mut sums = [[0.0; SIDE]; AT_ONCE];
+    for (a, b) in a.iter().zip(b) {
+        for (sums, b) in sums.iter_mut().zip(&b[first..first + AT_ONCE]) {
+            sums.iter_mut().zip(a).for_each(|(sum, a)| *sum += a * b);
+        }
+    }
+    sums
+}
