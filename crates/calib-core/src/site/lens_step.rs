@@ -10,6 +10,7 @@ use crate::single::{
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
+use crate::site::shared_drawings::SharedDrawings;
 use crate::site::solution::DistortionEntry;
 
 /// The lens of a camera, and what its straight edges said.
@@ -92,10 +93,15 @@ fn reaches_rim(entry: &SiteCamera) -> bool {
 
 impl Site {
     /// The lens of a camera: its own, or that of the camera it is like.
-    pub(crate) fn lens_estimate(&self, entry: &SiteCamera, lenses: &LensCache) -> LensEstimate {
+    pub(crate) fn lens_estimate(
+        &self,
+        entry: &SiteCamera,
+        known: &LensCache,
+        shared: &SharedDrawings,
+    ) -> LensEstimate {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_of(id));
         let owner = like.unwrap_or(entry);
-        let mut lens_estimate = self.own_lens_estimate(owner, lenses);
+        let mut lens_estimate = self.own_lens_estimate(owner, known, shared);
         lens_estimate.lens.principal_point = lens_estimate.centre_on(owner, entry);
         if like.is_some() {
             // What is to be said of them is said of the owner.
@@ -106,15 +112,20 @@ impl Site {
         lens_estimate
     }
 
-    fn own_lens_estimate(&self, entry: &SiteCamera, lenses: &LensCache) -> LensEstimate {
+    fn own_lens_estimate(
+        &self,
+        entry: &SiteCamera,
+        known: &LensCache,
+        shared: &SharedDrawings,
+    ) -> LensEstimate {
         if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             let (fit, bent_one_way) = (None, None);
             return LensEstimate { lens: solution.lens(), fit, bent_one_way, straightness: Vec::new() };
         }
-        let problem = self.lens_problem(entry);
-        let fit = problem.as_ref().and_then(|(edges, options)| lenses.fit(edges, options));
+        let problem = self.lens_problem(entry, shared);
+        let fit = problem.as_ref().and_then(|(edges, options)| known.fit(edges, options));
         let (mut own, mut bent_one_way) = (fit, None);
-        if let Some((edges, options)) = problem.filter(|_| !self.is_lens_asked_for(entry)) {
+        if let Some((edges, options)) = problem.filter(|_| !self.is_lens_asked_for(entry, shared)) {
             // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
             // A road that curves bends all that is parallel to it.
             let straightened = own.as_ref().map_or_else(Vec::new, |fit| {
@@ -130,7 +141,7 @@ impl Site {
     }
 
     /// The edges from which the lens of a camera is fitted, and the options; `None` where the lens is given.
-    fn lens_problem(&self, entry: &SiteCamera) -> Option<(Vec<Edge>, LensOptions)> {
+    fn lens_problem(&self, entry: &SiteCamera, shared: &SharedDrawings) -> Option<(Vec<Edge>, LensOptions)> {
         let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let fitted = distortion.map(fitted_coefficients);
         if fitted == Some(None) || entry.is_given() {
@@ -150,35 +161,42 @@ impl Site {
             fitted,
             sigma: entry.sigma_px.unwrap_or(1.0),
         };
-        Some((self.edges_of(entry), options))
+        Some((self.edges_of(entry, shared), options))
     }
 
     /// Whether edges are drawn for the lens alone, on the camera or on one that is like it, or a lens is to be fitted.
-    fn is_lens_asked_for(&self, owner: &SiteCamera) -> bool {
+    fn is_lens_asked_for(&self, owner: &SiteCamera, shared: &SharedDrawings) -> bool {
         let is_entered = owner.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
         let has_edge = |camera: &SiteCamera| {
             camera.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
         };
-        is_entered || has_edge(owner) || self.sharing_edges(owner).any(has_edge)
+        is_entered || has_edge(owner) || self.sharing_edges(owner, shared).any(has_edge)
     }
 
     /// The cameras that are like one and have the same image, so that their edges are its edges.
-    fn sharing_edges<'a>(&'a self, owner: &'a SiteCamera) -> impl Iterator<Item = &'a SiteCamera> {
-        let is_like = |other: &&SiteCamera| {
-            other.lens.as_ref().is_some_and(|lens| lens.like.as_ref() == Some(&owner.id))
-                && other.size_px == owner.size_px
-                && given_centre(other) == given_centre(owner)
+    fn sharing_edges<'a>(
+        &'a self,
+        owner: &'a SiteCamera,
+        shared: &SharedDrawings,
+    ) -> impl Iterator<Item = &'a SiteCamera> {
+        let has_its_image = |other: &&SiteCamera| {
+            other.size_px == owner.size_px && given_centre(other) == given_centre(owner)
         };
-        self.cameras.iter().filter(is_like)
+        shared.alike(self, &owner.id).filter(has_its_image)
     }
 
     /// The fits of the lenses of some cameras, those that `before` knows taken from there: for whoever
     /// calibrates again and again while an operator draws.
-    pub(crate) fn lenses(&self, cameras: &[&SiteCamera], before: &LensCache) -> LensCache {
+    pub(crate) fn lenses(
+        &self,
+        cameras: &[&SiteCamera],
+        shared: &SharedDrawings,
+        before: &LensCache,
+    ) -> LensCache {
         let mut lenses = LensCache::default();
         // A shared lens is fitted with its owner.
         let is_own = |entry: &&&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
-        let problems = cameras.iter().filter(is_own).filter_map(|entry| self.lens_problem(entry));
+        let problems = cameras.iter().filter(is_own).filter_map(|entry| self.lens_problem(entry, shared));
         for (edges, options) in problems {
             lenses.keep(edges, options, before);
         }
@@ -186,7 +204,7 @@ impl Site {
     }
 
     /// The edges of a camera and of those that are like it and have the same image.
-    fn edges_of(&self, owner: &SiteCamera) -> Vec<Edge> {
+    fn edges_of(&self, owner: &SiteCamera, shared: &SharedDrawings) -> Vec<Edge> {
         // Image circles of one lens lie a little apart in the images of two cameras.
         let shifted = |other: &SiteCamera| {
             let [own, its] = [owner, other].map(SiteCamera::principal_point);
@@ -197,7 +215,7 @@ impl Site {
         };
         // Edges of other cameras belong to no annotation of the owner: their index is out of range.
         let beyond = Source { annotation: usize::MAX, segment: 0 };
-        let shared = self.sharing_edges(owner).flat_map(shifted);
+        let shared = self.sharing_edges(owner, shared).flat_map(shifted);
         edges(&owner.annotations)
             .into_iter()
             .chain(shared.map(|edge| Edge { source: beyond, ..edge }))

@@ -100,7 +100,7 @@ impl Site {
         let mut lens_estimate = match (better, owner.zip(owned)) {
             (Some((lens_estimate, _)), _) => lens_estimate.clone(),
             (None, Some((Ok(owner), owned))) => owner.lens_estimate.shared_by(owned, entry),
-            _ => self.lens_estimate(entry, others.known),
+            _ => self.lens_estimate(entry, others.known, others.shared),
         };
         let lens = better.map(|(_, lens)| lens);
         let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
