@@ -1,13 +1,13 @@
 //! Normal equations in parameter blocks: which blocks there are, which of them residuals couple, and the
 //! sums of products of Jacobians.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
 use crate::camera::dispatch;
 use crate::optimize::dense_block::add_outer;
-use crate::optimize::sparse_structure::{Entry, SparseStructure};
+use crate::optimize::sparse_structure::{Entry, SparseStructure, make_set};
 
 /// Parameter blocks, which of them are eliminated, and which have residuals in common.
 #[derive(Clone, Debug)]
@@ -93,7 +93,7 @@ impl BlockStructure {
         let (roles, kept, rest) = roles(keep);
         let (neighbours, pairs) = couplings(&roles, rest.len(), coupled);
         let kept_sizes: Vec<usize> = kept.iter().map(|&block| sizes[block]).collect();
-        let by_elimination = neighbours.iter().flat_map(pairs_among);
+        let by_elimination = neighbours.iter().flat_map(|near| pairs_among(near));
         let sparse = SparseStructure::new(&kept_sizes, pairs.iter().copied().chain(by_elimination));
         let alone = (0..kept.len()).map(|i| [i, i]);
         let coupling = pairs.iter().enumerate().map(|(k, &pair)| (pair, kept.len() + k)).collect();
@@ -105,16 +105,15 @@ impl BlockStructure {
         });
         let coupled = coupled.collect();
         let (mut own, mut cross) = (0, 0);
-        let eliminated = rest.iter().zip(&neighbours).map(|(&block, near)| {
+        let eliminated = rest.iter().zip(neighbours).map(|(&block, neighbours)| {
             let height = sizes[block];
-            let neighbours: Vec<usize> = near.iter().copied().collect();
             let mut crosses = vec![cross];
             crosses.extend(neighbours.iter().map(|&neighbour| {
                 cross += height * kept_sizes[neighbour];
                 cross
             }));
             own += height * height;
-            let entries = pairs_among(near).filter_map(|pair| sparse.entry(pair)).collect();
+            let entries = pairs_among(&neighbours).filter_map(|pair| sparse.entry(pair)).collect();
             Eliminated { block, neighbours, entries, own: own - height * height, cross: crosses }
         });
         let eliminated = eliminated.collect();
@@ -240,17 +239,15 @@ fn roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
     (roles, kept, rest)
 }
 
-/// The kept neighbours of every eliminated block, and all pairs of different kept blocks that residuals couple.
-fn couplings(
-    roles: &[Role],
-    rest: usize,
-    coupled: &[Vec<usize>],
-) -> (Vec<BTreeSet<usize>>, BTreeSet<[usize; 2]>) {
-    let mut neighbours: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); rest];
-    let mut pairs: BTreeSet<[usize; 2]> = BTreeSet::new();
+/// The kept neighbours of every eliminated block, and all pairs of different kept blocks that residuals couple, each
+/// ascending.
+fn couplings(roles: &[Role], rest: usize, coupled: &[Vec<usize>]) -> (Vec<Vec<usize>>, Vec<[usize; 2]>) {
+    let mut neighbours: Vec<Vec<usize>> = vec![Vec::new(); rest];
+    let mut pairs: Vec<[usize; 2]> = Vec::new();
     for group in coupled {
         let of_kept = |&block: &usize| if let Role::Kept(i) = roles[block] { Some(i) } else { None };
-        let among: BTreeSet<usize> = group.iter().filter_map(of_kept).collect();
+        let mut among: Vec<usize> = group.iter().filter_map(of_kept).collect();
+        make_set(&mut among);
         pairs.extend(pairs_among(&among).filter(|[a, b]| a != b));
         for &block in group {
             if let Role::Eliminated(e) = roles[block] {
@@ -258,10 +255,12 @@ fn couplings(
             }
         }
     }
+    neighbours.iter_mut().for_each(make_set);
+    make_set(&mut pairs);
     (neighbours, pairs)
 }
 
-/// Every two of a set, and every one with itself, the first not behind the second.
-fn pairs_among(set: &BTreeSet<usize>) -> impl Iterator<Item = [usize; 2]> + '_ {
-    set.iter().flat_map(|&a| set.range(a..).map(move |&b| [a, b]))
+/// Every two of a list, and every one with itself, the first not behind the second.
+fn pairs_among(list: &[usize]) -> impl Iterator<Item = [usize; 2]> + '_ {
+    list.iter().enumerate().flat_map(|(i, &a)| list[i..].iter().map(move |&b| [a, b]))
 }

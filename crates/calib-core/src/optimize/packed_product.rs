@@ -5,6 +5,8 @@
 
 use std::ops::Range;
 
+use crate::camera::dispatch;
+
 /// Rows of a slab; a tile of a product has as many rows and columns.
 const SIDE: usize = 8;
 /// Columns of a tile that are summed at a time: as many rows of registers are left for on every processor.
@@ -36,7 +38,6 @@ pub(super) enum Part {
 
 impl Packed {
     /// Zeros of this size, in place of what was here.
-    #[inline(always)]
     pub(super) fn clear(&mut self, rows: usize, columns: usize) {
         self.columns = columns;
         self.slabs.clear();
@@ -44,7 +45,6 @@ impl Packed {
     }
 
     /// Packs the rows from `top` on of a matrix that is stored column by column.
-    #[inline(always)]
     pub(super) fn pack(&mut self, matrix: &[f64], height: usize, top: usize) {
         self.clear(height - top, matrix.len() / height);
         for (j, column) in matrix.chunks_exact(height).enumerate() {
@@ -59,7 +59,6 @@ impl Packed {
     }
 
     /// Packs the transpose of the rows from `top` on.
-    #[inline(always)]
     pub(super) fn pack_transposed(&mut self, matrix: &[f64], height: usize, top: usize) {
         self.clear(matrix.len() / height, height - top);
         for (i, column) in matrix.chunks_exact(height).enumerate() {
@@ -70,7 +69,7 @@ impl Packed {
         }
     }
 
-    #[inline(always)]
+    #[inline]
     pub(super) fn set(&mut self, row: usize, column: usize, value: f64) {
         self.slabs[row / SIDE * self.columns + column][row % SIDE] = value;
     }
@@ -84,13 +83,20 @@ impl Packed {
 impl Product {
     /// Of `A B'` these rows, of A, and columns, which are rows of B, in place of what was here. Of one that is symmetric
     /// what is above the diagonal may be left out.
-    #[inline(always)]
-    pub(super) fn multiply(&mut self, [a, b]: [&Packed; 2], [rows, columns]: [Range<usize>; 2], part: Part) {
+    pub(super) fn multiply(&mut self, factors: [&Packed; 2], [rows, columns]: [Range<usize>; 2], part: Part) {
         let slabs = |of: Range<usize>| of.start / SIDE..of.end.div_ceil(SIDE);
         let (rows, columns) = (slabs(rows), slabs(columns));
         self.first = [rows.start * SIDE, columns.start * SIDE];
         self.height = rows.len() * SIDE;
         self.values.resize(self.height * columns.len() * SIDE, 0.0);
+        dispatch(
+            #[inline(always)]
+            || self.multiply_tiles(factors, [rows, columns], part),
+        );
+    }
+
+    #[inline(always)]
+    fn multiply_tiles(&mut self, [a, b]: [&Packed; 2], [rows, columns]: [Range<usize>; 2], part: Part) {
         for (j, slab) in columns.enumerate().map(|(j, slab)| (j * SIDE, slab)) {
             let top = if part == Part::Lower { rows.start.max(slab) } else { rows.start };
             for i in top..rows.end {
@@ -106,7 +112,7 @@ impl Product {
     }
 
     /// What of a column is from row `row` on, and zeros behind its last.
-    #[inline(always)]
+    #[inline]
     pub(super) fn column(&self, column: usize, row: usize) -> &[f64] {
         &self.values[(column - self.first[1]) * self.height..][row - self.first[0]..self.height]
     }

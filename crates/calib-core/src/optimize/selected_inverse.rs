@@ -31,14 +31,10 @@ impl CholeskyFactor {
     /// The inverse, where the factor has entries.
     pub(crate) fn inverse(self) -> SelectedInverse {
         let mut values = vec![0.0; self.values.len()];
-        dispatch(
-            #[inline(always)]
-            || self.invert(&mut values),
-        );
+        self.invert(&mut values);
         SelectedInverse { sparse: self.sparse, values }
     }
 
-    #[inline(always)]
     fn invert(&self, values: &mut [f64]) {
         let (mut inverse, mut packed, mut product) =
             (Packed::default(), Packed::default(), Product::default());
@@ -48,14 +44,17 @@ impl CholeskyFactor {
             self.sparse.gather(supernode, values, &mut inverse);
             packed.pack_transposed(factor, height, width);
             product.multiply([&inverse, &packed], [0..height - width, 0..width], Part::All);
-            invert_panel(&mut values[supernode.offset..supernode.end()], factor, &product, width);
+            let panel = &mut values[supernode.offset..supernode.end()];
+            dispatch(
+                #[inline(always)]
+                || invert_panel(panel, factor, &product, width),
+            );
         }
     }
 }
 
 impl SparseStructure {
     /// `Z_RR` of the rows R below a supernode.
-    #[inline(always)]
     fn gather(&self, supernode: &Supernode, values: &[f64], inverse: &mut Packed) {
         let width = supernode.width;
         inverse.clear(supernode.height() - width, supernode.height() - width);

@@ -21,20 +21,19 @@ pub(crate) struct CholeskyFactor {
 impl SparseStructure {
     /// `None` when the matrix is not positive definite. Of the blocks of the diagonal the lower triangle counts.
     pub(crate) fn factor(self: &Arc<Self>, mut values: Vec<f64>) -> Option<CholeskyFactor> {
-        dispatch(
-            #[inline(always)]
-            || self.factor_in_place(&mut values),
-        )?;
+        self.factor_in_place(&mut values)?;
         Some(CholeskyFactor { sparse: Arc::clone(self), values })
     }
 
-    #[inline(always)]
     fn factor_in_place(&self, values: &mut [f64]) -> Option<()> {
         let (mut packed, mut product) = (Packed::default(), Product::default());
         for supernode in &self.supernodes {
             let (before, behind) = values.split_at_mut(supernode.end());
             let panel = &mut before[supernode.offset..];
-            factor_panel(panel, supernode.height())?;
+            dispatch(
+                #[inline(always)]
+                || factor_panel(panel, supernode.height()),
+            )?;
             packed.pack(panel, supernode.height(), supernode.width);
             for (target, [k, end]) in self.targets(supernode) {
                 let below = |row: usize| supernode.tops[row] - supernode.width;
@@ -50,7 +49,6 @@ impl SparseStructure {
 
 impl Supernode {
     /// Subtracts `L_Rj L_kj'`, of the rows R from those between `k` and `end` on, from the panel of these.
-    #[inline(always)]
     fn subtract(&self, product: &Product, [k, end]: [usize; 2], target: &Self, values: &mut [f64]) {
         let height = target.height();
         for row in k..end {

@@ -9,7 +9,6 @@
 //! Matrix, factor and inverse have one layout: for every supernode a panel of its rows, column by column, its own
 //! blocks first.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -84,12 +83,12 @@ impl Entry {
 impl SparseStructure {
     /// The structure of a matrix of blocks of these sizes that couples these pairs of blocks.
     pub(crate) fn new(sizes: &[usize], pairs: impl Iterator<Item = [usize; 2]>) -> Arc<Self> {
-        let mut neighbours: Vec<BTreeSet<usize>> =
-            (0..sizes.len()).map(|block| BTreeSet::from([block])).collect();
+        let mut neighbours: Vec<Vec<usize>> = (0..sizes.len()).map(|block| vec![block]).collect();
         for [a, b] in pairs {
-            neighbours[a].insert(b);
-            neighbours[b].insert(a);
+            neighbours[a].push(b);
+            neighbours[b].push(a);
         }
+        neighbours.iter_mut().for_each(make_set);
         let order = order(&neighbours);
         let mut places = vec![0; sizes.len()];
         order.iter().enumerate().for_each(|(place, &block)| places[block] = place);
@@ -203,18 +202,24 @@ impl Supernode {
 }
 
 /// Of every place the places of the rows that the factor has in its columns, ascending, itself first.
-fn factor_rows(neighbours: &[BTreeSet<usize>], order: &[usize], places: &[usize]) -> Vec<Vec<usize>> {
-    let mut below: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); order.len()];
-    let rows = order.iter().enumerate().map(|(place, &block)| {
-        let mut own = std::mem::take(&mut below[place]);
-        own.extend(neighbours[block].iter().map(|&other| places[other]).filter(|&other| other > place));
-        let rows = std::iter::once(place).chain(own.iter().copied()).collect();
-        if let Some(parent) = own.pop_first() {
-            below[parent].append(&mut own);
+fn factor_rows(neighbours: &[Vec<usize>], order: &[usize], places: &[usize]) -> Vec<Vec<usize>> {
+    let mut rows: Vec<Vec<usize>> = vec![Vec::new(); order.len()];
+    for (place, &block) in order.iter().enumerate() {
+        let mut own = std::mem::take(&mut rows[place]);
+        own.extend(neighbours[block].iter().map(|&other| places[other]).filter(|&other| other >= place));
+        make_set(&mut own);
+        if let [_, parent, others @ ..] = &own[..] {
+            rows[*parent].extend(others);
         }
-        rows
-    });
-    rows.collect()
+        rows[place] = own;
+    }
+    rows
+}
+
+/// Sorts a list, each once.
+pub(super) fn make_set<T: Ord>(list: &mut Vec<T>) {
+    list.sort_unstable();
+    list.dedup();
 }
 
 /// Places that make a supernode: each the first row below the one before it, and with all its others.
@@ -249,7 +254,7 @@ fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
 }
 
 /// An order of the blocks with little fill.
-fn order(neighbours: &[BTreeSet<usize>]) -> Vec<usize> {
+fn order(neighbours: &[Vec<usize>]) -> Vec<usize> {
     let mut offsets = vec![0];
     let mut rows = Vec::new();
     for others in neighbours {
