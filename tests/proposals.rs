@@ -551,6 +551,7 @@ fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
         ["propose", "stills", "-o", "site.json", "--accept", "all", "--format", "json", "--render", "seen"];
     let run = scratch.calib(&args).expect_code(4);
     assert!(run.stderr.contains("noise") && run.stderr.contains("1 of 2"), "{}", run.stderr);
+    assert!(!run.stderr.contains("outside"), "{}", run.stderr);
     let cameras = run.json()["cameras"].clone();
     assert_eq!(cameras[0]["id"], "noise");
     assert_eq!(cameras[0]["verdict"], "none");
@@ -569,4 +570,8 @@ fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
     scratch.calib(&["propose", "stills", "-o", "site.json"]).expect_code(1);
     scratch.calib(&["propose", "nowhere.png"]).expect_code(3);
     scratch.calib(&["propose", "stills/noise.png", "--accept", "sure"]).expect_code(4);
+    std::fs::create_dir(scratch.path("elsewhere")).unwrap();
+    let run = scratch.calib(&["propose", "stills/noise.png", "-o", "elsewhere/site.json"]).expect_code(4);
+    let told = "stills outside the folder of elsewhere/site.json: 1 of 1";
+    assert!(run.stderr.contains(told) && run.stderr.contains("--allow-outside"), "{}", run.stderr);
 }

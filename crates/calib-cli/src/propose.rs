@@ -94,12 +94,27 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let site = solved(Site { cameras, ..Site::new() }, &proposed);
     if let Some(output) = &args.output {
         files::write(output, site.to_json().as_bytes(), args.force)?;
+        tell_what_is_outside(&site, output);
     }
     if let Some(folder) = &args.render {
         draw(&site, &proposed, folder, args.force)?;
     }
     report(args, &site, &proposed)?;
     unaccepted(&site, &proposed)
+}
+
+/// Tells of stills that other commands will not read from this site without being told to.
+fn tell_what_is_outside(site: &Site, output: &str) {
+    let is_outside = |image: &str| Path::new(image).is_absolute() || Path::new(image).starts_with("..");
+    let outside =
+        site.cameras.iter().filter(|camera| camera.image.as_deref().is_some_and(is_outside)).count();
+    if outside > 0 && output != "-" {
+        say(format_args!(
+            "calib: stills outside the folder of {output}: {outside} of {}; other commands read them with \
+             --allow-outside, and without it where the site is written beside them",
+            site.cameras.len()
+        ));
+    }
 }
 
 /// What one still proposes.

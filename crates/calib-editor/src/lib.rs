@@ -68,7 +68,7 @@ pub use images::{FileResult, Images, Make, ReadFile, Source, data_uri, image_nam
 pub use import::{plan_told_by, recognise, world_endings};
 pub use input::{Key, Modifiers, Shortcut};
 pub use newer::{Newer, OnNewer, held_since};
-pub use number::{digits, number};
+pub use number::number;
 pub use period::Period;
 pub use preview::Preview;
 pub use proposed::{Hypothesis, OnProposed, Proposed, ProposedGroup};

@@ -29,4 +29,4 @@ pub use site_words::{WarningKind, kinds, together, worst_first};
 pub use svg::{Anchor, Stroke, Svg};
 pub use walk_page::{WalkPage, direction, zone_name};
 pub use watch_page::{WatchedCamera, watch_page, watch_text};
-pub use words::{centimetres, distance, few, scene_errors, straight_down};
+pub use words::{centimetres, decimals, distance, few, scene_errors, straight_down};

@@ -17,6 +17,18 @@ pub fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     format!("{} and {} more", names[..SHOWN].join(", "), names.len() - SHOWN)
 }
 
+/// Decimals that a standard deviation supports: two digits of its own.
+#[must_use]
+pub fn decimals(sigma: f64) -> usize {
+    /// Where there is none to go by.
+    const USUAL: usize = 2;
+    const MOST: f64 = 7.0;
+    if !(sigma.is_finite() && sigma > 0.0) {
+        return USUAL;
+    }
+    (1.0 - sigma.log10().floor()).clamp(0.0, MOST) as usize
+}
+
 /// Metres as centimetres, with a decimal as long as it says something.
 #[must_use]
 pub fn centimetres(metres: f64) -> String {

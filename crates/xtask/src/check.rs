@@ -40,8 +40,8 @@ pub(crate) const IS_BUILT: &str = "CALIB_IS_BUILT";
 /// Where all targets are built, so that what they have in common is built once.
 const FUZZ_TARGET: &str = "target/fuzz";
 
-/// Without instrumentation of memory: our code is safe, which the compiler checks, and twice as much is tried in less than half the
-/// time.
+/// Without instrumentation of memory: that our code is safe the compiler checks, that libraries are is left to them, and
+/// twice as much is tried in half the time. What is asked for of memory the targets limit.
 const FUZZ_SANITIZER: &str = "--sanitizer=none";
 
 const PLAIN: Check = Check {

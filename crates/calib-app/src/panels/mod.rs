@@ -39,7 +39,8 @@ pub mod warnings;
 use calib_editor::Units;
 use egui::{CentralPanel, DragValue, Frame, Margin, Panel, RichText, ScrollArea, Stroke, Ui};
 
-pub use calib_editor::{digits, number};
+pub use calib_editor::number;
+pub use calib_report::decimals;
 
 use crate::state::{App, Mode};
 use crate::theme;

@@ -6,7 +6,7 @@ use egui::{Color32, RichText, Slider, TextEdit, Ui};
 
 use crate::command::Command;
 use crate::icons::{self, Icon};
-use crate::panels::{digits, heading, number, section};
+use crate::panels::{decimals, heading, number, section};
 use crate::state::{App, Mode, Showing};
 use crate::theme::{self, Palette};
 
@@ -78,8 +78,8 @@ fn sentence(became: Became) -> String {
 
 /// An angle and its sigma in degrees, with the digits that the sigma supports.
 fn degrees(angle: f64, sigma: f64) -> [String; 2] {
-    let digits = digits(sigma.to_degrees());
-    [angle, sigma].map(|value| number(value.to_degrees(), digits))
+    let decimals = decimals(sigma.to_degrees());
+    [angle, sigma].map(|value| number(value.to_degrees(), decimals))
 }
 
 /// How it moved, each with its sigma, and of how much that is told.
@@ -99,7 +99,7 @@ fn numbers(newer: &Newer) -> Vec<String> {
         format!("{name} {sign}{size}\u{b0} \u{b1} {sigma}")
     };
     let [turned, turned_sigma] = degrees(angle, angle_sigma);
-    let [zoom, zoom_sigma] = [zoom, zoom_sigma].map(|value| number(value, digits(zoom_sigma)));
+    let [zoom, zoom_sigma] = [zoom, zoom_sigma].map(|value| number(value, decimals(zoom_sigma)));
     vec![
         format!("turned {turned}\u{b0} \u{b1} {turned_sigma}"),
         format!("zoom {zoom} \u{b1} {zoom_sigma}"),

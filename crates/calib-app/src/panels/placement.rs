@@ -6,7 +6,7 @@ use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::command::Command;
 use crate::panels::result::{Number, TOP, cells, held_at, lock, orientation_row};
-use crate::panels::{digits, heading, length_field, number};
+use crate::panels::{decimals, heading, length_field, number};
 use crate::state::App;
 use crate::theme;
 
@@ -134,7 +134,7 @@ fn field(
             let clicked =
                 (title != TOP || is_held.is_some()) && lock(ui, &title.to_lowercase(), is_held, tip);
             let (sure, why) = match sigma {
-                Some(sigma) => (number(sigma, digits(sigma)), "One sigma"),
+                Some(sigma) => (number(sigma, decimals(sigma)), "One sigma"),
                 None if is_held == Some(true) => ("0".into(), "Held: as it was given"),
                 // A hand says nothing of how sure it is, and unknown is not nothing.
                 None => ("?".into(), "Not known: links or control points tell how sure it is"),
@@ -209,7 +209,7 @@ fn pose_rows(app: &App, ui: &mut Ui) {
     ];
     for (title, value, sigma, one, unit) in rows {
         let (value, sigma) = (value / one, sigma.map(|sigma| sigma / one));
-        let shown = sigma.map_or(2, digits).min(3);
+        let shown = sigma.map_or(2, decimals).min(3);
         ui.horizontal(|ui| {
             cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
         });

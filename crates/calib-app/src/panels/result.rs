@@ -5,7 +5,7 @@ use calib_editor::{Action, Units};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
-use crate::panels::{digits, heading, number};
+use crate::panels::{decimals, heading, number};
 use crate::state::App;
 use crate::theme;
 
@@ -129,7 +129,7 @@ pub(crate) const TOP: &str = "Image top";
 
 fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
     let sigma = sigma.map(f64::to_degrees);
-    let shown = sigma.map_or(2, digits).min(3);
+    let shown = sigma.map_or(2, decimals).min(3);
     ui.horizontal(|ui| {
         cells(ui, title, &number(angle.to_degrees(), shown), sigma.map(|s| number(s, shown)), "\u{b0}");
     });
@@ -180,7 +180,7 @@ fn row(
     unit: &str,
     known: Option<Known>,
 ) -> Option<Option<Known>> {
-    let shown = sigma.map_or(2, digits).min(3);
+    let shown = sigma.map_or(2, decimals).min(3);
     let mut change = None;
     ui.horizontal(|ui| {
         cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
@@ -264,7 +264,7 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let is_wide = lens.distortion.is_wide();
     let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px).filter(|_| !is_wide);
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
-    let shown = spread.map_or(1, digits).min(2);
+    let shown = spread.map_or(1, decimals).min(2);
     ui.horizontal(|ui| {
         // In a narrow panel the number comes first.
         let title = if ui.available_width() < 230.0 { "View" } else { "Horizontal view" };

@@ -6,7 +6,7 @@ use calib_image::Verdict;
 use egui::{Align, Layout, RichText, Ui};
 
 use crate::icons::{self, Icon, Look};
-use crate::panels::{digits, number};
+use crate::panels::{decimals, number};
 use crate::state::App;
 use crate::theme;
 
@@ -181,7 +181,7 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     };
     let covariance = SurfaceProjector::new(pose, 0.0, &surfaces).covariance(at, 1.0, surface);
     let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
-    let shown = sigma.map_or(2, |sigma| digits(sigma).min(3));
+    let shown = sigma.map_or(2, |sigma| decimals(sigma).min(3));
     if let Some(sigma) = sigma {
         let sigma = app.editor.session().units.number(sigma, shown);
         ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));

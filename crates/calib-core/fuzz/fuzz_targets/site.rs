@@ -3,8 +3,12 @@
 
 use calib_core::{Method, Options, Site};
 use libfuzzer_sys::fuzz_target;
+use rlimit::{Resource, setrlimit};
 
-fuzz_target!(|text: &str| {
+/// Bytes of memory that may be asked for, whether they are used or not: what a file promises is no reason to.
+const MEMORY: u64 = 2 << 30;
+
+fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("a limit of memory"), |text: &str| {
     let Ok(site) = Site::from_json(text) else { return };
     let again = Site::from_json(&site.to_json()).expect("what is written is valid");
     assert_eq!(again, site, "writing and reading change nothing");

@@ -126,7 +126,7 @@ impl BundleProblem<'_> {
         self.nuisance_places[view].get(at).copied().flatten().filter(|place| place.0 == block)?;
         let offset = self.blocks.offsets[block];
         let yaw = match self.camera_layout[view][Covariance::YAW] {
-            Some((block, place)) => state[self.blocks.offsets[block] + place],
+            Some(at) => state[self.blocks.at(at)],
             None => self.views[view].camera.yaw,
         };
         Some((at, [state[offset], state[offset + 1]], yaw))

@@ -91,7 +91,7 @@ impl<'a> BundleProblem<'a> {
     pub(crate) fn start(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.blocks.unknowns()];
         let mut set = |block: usize, place: usize, value: f64| {
-            state[self.blocks.offsets[block] + place] = value;
+            state[self.blocks.at((block, place))] = value;
         };
         for (view, layout) in self.views.iter().zip(&self.camera_layout) {
             for (parameter, value) in layout.iter().zip(parameters_of(&view.camera)) {
@@ -123,8 +123,8 @@ impl<'a> BundleProblem<'a> {
         let camera = self.views[view].camera;
         let mut values = parameters_of(&camera);
         for (value, parameter) in values.iter_mut().zip(&self.camera_layout[view]) {
-            if let Some((block, place)) = parameter {
-                *value = state[self.blocks.offsets[*block] + place];
+            if let Some(at) = parameter {
+                *value = state[self.blocks.at(*at)];
             }
         }
         let [x, y, z, yaw, pitch, roll, log_focal, a, b, c, d, e, u, v] = values;
@@ -146,7 +146,7 @@ impl<'a> BundleProblem<'a> {
         let free = (0..LANDMARK_PARAMS).filter(|&k| self.landmarks[landmark].free[k]);
         for (i, k) in free.enumerate() {
             if let Some(block) = self.landmark_blocks[landmark] {
-                place[k] = state[self.blocks.offsets[block] + i];
+                place[k] = state[self.blocks.at((block, i))];
             }
         }
         place
@@ -155,7 +155,7 @@ impl<'a> BundleProblem<'a> {
     /// Nuisance parameters of stage 1 of a view at a state.
     pub(crate) fn nuisance(&self, state: &[f64], view: usize) -> Vec<f64> {
         let values = self.views[view].nuisance.iter().zip(&self.nuisance_places[view]);
-        let value = |at: (usize, usize)| state[self.blocks.offsets[at.0] + at.1];
+        let value = |at: (usize, usize)| state[self.blocks.at(at)];
         let mut values: Vec<f64> = values.map(|(&start, place)| place.map_or(start, value)).collect();
         if let Some((at, lean, yaw)) = self.common_tilt(state, view) {
             values[at..at + 2].copy_from_slice(&in_view(lean, yaw));

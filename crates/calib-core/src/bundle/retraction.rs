@@ -77,8 +77,7 @@ impl BundleProblem<'_> {
 
     fn camera_axes(&self, view: usize) -> Axes {
         let layout = self.camera_layout(view);
-        [Covariance::X, Covariance::Y]
-            .map(|axis| layout[axis].map(|(block, place)| self.blocks.offsets[block] + place))
+        [Covariance::X, Covariance::Y].map(|axis| layout[axis].map(|at| self.blocks.at(at)))
     }
 
     /// Of a landmark that is a point or has one; none of a line.

@@ -213,6 +213,11 @@ impl BlockStructure {
         out.own..out.own + self.sizes[out.block].pow(2)
     }
 
+    /// Where a place of a block is in a vector over all parameters.
+    pub(crate) fn at(&self, (block, place): (usize, usize)) -> usize {
+        self.offsets[block] + place
+    }
+
     /// The values of a block in a vector over all parameters.
     pub(crate) fn of<'a>(&self, values: &'a [f64], block: usize) -> &'a [f64] {
         &values[self.offsets[block]..][..self.sizes[block]]

@@ -4,8 +4,8 @@
 //!
 //! - `nelder_mead` for the paper's criterion, which has no derivatives; `levenberg_marquardt` for every sum of
 //!   squares ([`LeastSquares`], [`least_squares`]);
-//! - `sparse_structure`, `packed_product`, `sparse_cholesky`, `selected_inverse` sparse systems in blocks: order, factor,
-//!   solution, inverse; `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
+//! - `sparse_structure`, `packed_product`, `sparse_cholesky`, `selected_inverse` sparse systems in blocks: order,
+//!   factor, solution, inverse; `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
 //!   adjustment in parameter blocks: elimination of landmarks, step, covariance;
 //! - `dual` dual numbers, for the Jacobians of stage 1; `arrow` its normal equations, four core parameters and
 //!   nuisance parameters in blocks.

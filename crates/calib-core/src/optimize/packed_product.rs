@@ -9,7 +9,7 @@ use crate::camera::dispatch;
 
 /// Rows of a slab; a tile of a product has as many rows and columns.
 const SIDE: usize = 8;
-/// Columns of a tile that are summed at a time: as many rows of registers are left for on every processor.
+/// Columns of a tile that are summed at a time: most processors have registers for their sums and what is added.
 const AT_ONCE: usize = 4;
 
 /// A matrix in slabs of rows, the last filled up with zeros.
@@ -28,11 +28,11 @@ pub(super) struct Product {
     first: [usize; 2],
 }
 
-/// What of a product is wanted.
+/// What of a product is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Part {
     All,
-    /// From the diagonal down.
+    /// Of one that is symmetric, from the diagonal down: what is above is left as it was.
     Lower,
 }
 
@@ -81,8 +81,7 @@ impl Packed {
 }
 
 impl Product {
-    /// Of `A B'` these rows, of A, and columns, which are rows of B, in place of what was here. Of one that is symmetric
-    /// what is above the diagonal may be left out.
+    /// Of `A B'` these rows, which are rows of A, and columns, which are rows of B.
     pub(super) fn multiply(&mut self, factors: [&Packed; 2], [rows, columns]: [Range<usize>; 2], part: Part) {
         let slabs = |of: Range<usize>| of.start / SIDE..of.end.div_ceil(SIDE);
         let (rows, columns) = (slabs(rows), slabs(columns));

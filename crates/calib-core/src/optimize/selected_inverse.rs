@@ -54,7 +54,7 @@ impl CholeskyFactor {
 }
 
 impl SparseStructure {
-    /// `Z_RR` of the rows R below a supernode.
+    /// `Z_RR` of the rows R below a supernode: where everything is coupled, twice as large as the factor.
     fn gather(&self, supernode: &Supernode, values: &[f64], inverse: &mut Packed) {
         let width = supernode.width;
         inverse.clear(supernode.height() - width, supernode.height() - width);
@@ -84,10 +84,8 @@ fn invert_panel(panel: &mut [f64], factor: &[f64], products: &Product, width: us
     for c in (0..width).rev() {
         let (own, behind) = panel[c * height..].split_at_mut(height);
         let diagonal = factor[c * height + c];
-        if height > width {
-            for (value, sum) in own[width..].iter_mut().zip(products.column(c, 0)) {
-                *value = -sum;
-            }
+        for (value, sum) in own[width..].iter_mut().zip(products.column(c, 0)) {
+            *value = -sum;
         }
         for (d, later) in behind.chunks_exact(height).enumerate() {
             let weight = -factor[c * height + c + 1 + d];

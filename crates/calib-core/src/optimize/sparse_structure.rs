@@ -20,7 +20,7 @@ pub(crate) struct SparseStructure {
     /// First unknown of every place, in the order of the factor, and their number.
     pub(super) starts: Vec<usize>,
     /// Of every place, its supernode.
-    pub(super) owners: Vec<usize>,
+    owners: Vec<usize>,
     /// In the order of the factor.
     pub(super) supernodes: Vec<Supernode>,
 }
@@ -81,7 +81,7 @@ impl Entry {
 }
 
 impl SparseStructure {
-    /// The structure of a matrix of blocks of these sizes that couples these pairs of blocks.
+    /// The structure of a matrix of blocks of these sizes, one unknown at least, that couples these pairs of blocks.
     pub(crate) fn new(sizes: &[usize], pairs: impl Iterator<Item = [usize; 2]>) -> Arc<Self> {
         let mut neighbours: Vec<Vec<usize>> = (0..sizes.len()).map(|block| vec![block]).collect();
         for [a, b] in pairs {
@@ -96,7 +96,7 @@ impl SparseStructure {
         let rows = factor_rows(&neighbours, &order, &places);
         let mut owners = Vec::with_capacity(sizes.len());
         let mut supernodes: Vec<Supernode> = Vec::new();
-        for places in fundamental(&rows, &starts) {
+        for places in supernode_places(&rows, &starts) {
             owners.resize(places.end, supernodes.len());
             let offset = supernodes.last().map_or(0, Supernode::end);
             supernodes.push(Supernode::new(places.len(), &rows[places.start], &starts, offset));
@@ -222,8 +222,8 @@ pub(super) fn make_set<T: Ord>(list: &mut Vec<T>) {
     list.dedup();
 }
 
-/// Places that make a supernode: each the first row below the one before it, and with all its others.
-fn fundamental(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize>> {
+/// Runs of places that make a supernode: each place the first row below the one before it, and with all its others.
+fn supernode_places(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize>> {
     /// Unknowns of a supernode: what is done within a panel stays little beside what is subtracted from others.
     const WIDEST: usize = 56;
     let mut found: Vec<Range<usize>> = Vec::new();

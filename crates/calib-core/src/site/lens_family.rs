@@ -35,8 +35,8 @@ impl Site {
     pub fn calibrate_family(&self, family: &[usize], before: &LensCache) -> (Report, LensCache) {
         let options = Options { refine: false, ..Options::default() };
         let entries: Vec<&SiteCamera> = family.iter().filter_map(|&index| self.cameras.get(index)).collect();
+        let lenses = self.lenses(&entries, before);
         let shared = SharedDrawings::of(self, &entries);
-        let lenses = self.lenses(&entries, &shared, before);
         let single_fits = self.single_fits(&entries, &lenses, &shared, &options);
         let refined = refine_lenses(&entries, &single_fits, self.plane_priors()).cameras;
         let mut report = Report::default();

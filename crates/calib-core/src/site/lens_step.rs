@@ -10,7 +10,7 @@ use crate::single::{
 };
 use crate::site::document::{Site, SiteCamera};
 use crate::site::lens_cache::LensCache;
-use crate::site::shared_drawings::SharedDrawings;
+use crate::site::shared_lenses::SharedLenses;
 use crate::site::solution::DistortionEntry;
 
 /// The lens of a camera, and what its straight edges said.
@@ -97,7 +97,7 @@ impl Site {
         &self,
         entry: &SiteCamera,
         known: &LensCache,
-        shared: &SharedDrawings,
+        shared: &SharedLenses,
     ) -> LensEstimate {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_of(id));
         let owner = like.unwrap_or(entry);
@@ -116,16 +116,16 @@ impl Site {
         &self,
         entry: &SiteCamera,
         known: &LensCache,
-        shared: &SharedDrawings,
+        shared: &SharedLenses,
     ) -> LensEstimate {
         if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             let (fit, bent_one_way) = (None, None);
             return LensEstimate { lens: solution.lens(), fit, bent_one_way, straightness: Vec::new() };
         }
-        let problem = self.lens_problem(entry, shared);
+        let problem = lens_problem(entry, shared);
         let fit = problem.as_ref().and_then(|(edges, options)| known.fit(edges, options));
         let (mut own, mut bent_one_way) = (fit, None);
-        if let Some((edges, options)) = problem.filter(|_| !self.is_lens_asked_for(entry, shared)) {
+        if let Some((edges, options)) = problem.filter(|_| !is_lens_asked_for(entry, shared)) {
             // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
             // A road that curves bends all that is parallel to it.
             let straightened = own.as_ref().map_or_else(Vec::new, |fit| {
@@ -140,87 +140,78 @@ impl Site {
         LensEstimate { lens, fit: own, bent_one_way, straightness: Vec::new() }
     }
 
-    /// The edges from which the lens of a camera is fitted, and the options; `None` where the lens is given.
-    fn lens_problem(&self, entry: &SiteCamera, shared: &SharedDrawings) -> Option<(Vec<Edge>, LensOptions)> {
-        let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
-        let fitted = distortion.map(fitted_coefficients);
-        if fitted == Some(None) || entry.is_given() {
-            return None;
-        }
-        let fitted = fitted.flatten();
-        // A focal that is only believed is estimated with the lens.
-        let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
-        let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
-        let options = LensOptions {
-            principal_point: entry.principal_point(),
-            centre_is_held: given_centre(entry).is_some(),
-            size: entry.size(),
-            circle: entry.image_circle(),
-            // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
-            focal: focal.filter(|_| fitted.as_ref().is_none_or(Fitted::has_own_focal)),
-            fitted,
-            sigma: entry.sigma_px.unwrap_or(1.0),
-        };
-        Some((self.edges_of(entry, shared), options))
-    }
-
-    /// Whether edges are drawn for the lens alone, on the camera or on one that is like it, or a lens is to be fitted.
-    fn is_lens_asked_for(&self, owner: &SiteCamera, shared: &SharedDrawings) -> bool {
-        let is_entered = owner.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
-        let has_edge = |camera: &SiteCamera| {
-            camera.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
-        };
-        is_entered || has_edge(owner) || self.sharing_edges(owner, shared).any(has_edge)
-    }
-
-    /// The cameras that are like one and have the same image, so that their edges are its edges.
-    fn sharing_edges<'a>(
-        &'a self,
-        owner: &'a SiteCamera,
-        shared: &SharedDrawings,
-    ) -> impl Iterator<Item = &'a SiteCamera> {
-        let has_its_image = |other: &&SiteCamera| {
-            other.size_px == owner.size_px && given_centre(other) == given_centre(owner)
-        };
-        shared.alike(self, &owner.id).filter(has_its_image)
-    }
-
     /// The fits of the lenses of some cameras, those that `before` knows taken from there: for whoever
     /// calibrates again and again while an operator draws.
-    pub(crate) fn lenses(
-        &self,
-        cameras: &[&SiteCamera],
-        shared: &SharedDrawings,
-        before: &LensCache,
-    ) -> LensCache {
+    pub(crate) fn lenses(&self, cameras: &[&SiteCamera], before: &LensCache) -> LensCache {
         let mut lenses = LensCache::default();
         // A shared lens is fitted with its owner.
         let is_own = |entry: &&&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
-        let problems = cameras.iter().filter(is_own).filter_map(|entry| self.lens_problem(entry, shared));
+        let shared = SharedLenses::of(self);
+        let problems = cameras.iter().filter(is_own).filter_map(|entry| lens_problem(entry, &shared));
         for (edges, options) in problems {
             lenses.keep(edges, options, before);
         }
         lenses
     }
+}
 
-    /// The edges of a camera and of those that are like it and have the same image.
-    fn edges_of(&self, owner: &SiteCamera, shared: &SharedDrawings) -> Vec<Edge> {
-        // Image circles of one lens lie a little apart in the images of two cameras.
-        let shifted = |other: &SiteCamera| {
-            let [own, its] = [owner, other].map(SiteCamera::principal_point);
-            let by = [own.u - its.u, own.v - its.v];
-            let shift = move |at: Pixel| Pixel::new(at.u + by[0], at.v + by[1]);
-            let edges = edges(&other.annotations).into_iter();
-            edges.map(move |edge| Edge { points: edge.points.into_iter().map(shift).collect(), ..edge })
-        };
-        // Edges of other cameras belong to no annotation of the owner: their index is out of range.
-        let beyond = Source { annotation: usize::MAX, segment: 0 };
-        let shared = self.sharing_edges(owner, shared).flat_map(shifted);
-        edges(&owner.annotations)
-            .into_iter()
-            .chain(shared.map(|edge| Edge { source: beyond, ..edge }))
-            .collect()
+/// The edges from which the lens of a camera is fitted, and the options; `None` where the lens is given.
+fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>, LensOptions)> {
+    let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
+    let fitted = distortion.map(fitted_coefficients);
+    if fitted == Some(None) || entry.is_given() {
+        return None;
     }
+    let fitted = fitted.flatten();
+    // A focal that is only believed is estimated with the lens.
+    let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
+    let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
+    let options = LensOptions {
+        principal_point: entry.principal_point(),
+        centre_is_held: given_centre(entry).is_some(),
+        size: entry.size(),
+        circle: entry.image_circle(),
+        // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
+        focal: focal.filter(|_| fitted.as_ref().is_none_or(Fitted::has_own_focal)),
+        fitted,
+        sigma: entry.sigma_px.unwrap_or(1.0),
+    };
+    Some((edges_of(entry, shared), options))
+}
+
+/// Whether edges are drawn for the lens alone, on the camera or on one that is like it, or a lens is to be fitted.
+fn is_lens_asked_for(owner: &SiteCamera, shared: &SharedLenses) -> bool {
+    let is_entered = owner.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
+    let has_edge = |camera: &SiteCamera| {
+        camera.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
+    };
+    is_entered || has_edge(owner) || sharing_edges(owner, shared).any(has_edge)
+}
+
+/// The cameras that are like one and have the same image, so that their edges are its edges.
+fn sharing_edges<'a>(
+    owner: &'a SiteCamera,
+    shared: &SharedLenses<'a>,
+) -> impl Iterator<Item = &'a SiteCamera> {
+    let has_its_image =
+        |other: &&SiteCamera| other.size_px == owner.size_px && given_centre(other) == given_centre(owner);
+    shared.sharing(&owner.id).filter(has_its_image)
+}
+
+/// The edges of a camera and of those that are like it and have the same image.
+fn edges_of(owner: &SiteCamera, shared: &SharedLenses) -> Vec<Edge> {
+    // Image circles of one lens lie a little apart in the images of two cameras.
+    let shifted = |other: &SiteCamera| {
+        let [own, its] = [owner, other].map(SiteCamera::principal_point);
+        let by = [own.u - its.u, own.v - its.v];
+        let shift = move |at: Pixel| Pixel::new(at.u + by[0], at.v + by[1]);
+        let edges = edges(&other.annotations).into_iter();
+        edges.map(move |edge| Edge { points: edge.points.into_iter().map(shift).collect(), ..edge })
+    };
+    // Edges of other cameras belong to no annotation of the owner: their index is out of range.
+    let beyond = Source { annotation: usize::MAX, segment: 0 };
+    let others = sharing_edges(owner, shared).flat_map(shifted);
+    edges(&owner.annotations).into_iter().chain(others.map(|edge| Edge { source: beyond, ..edge })).collect()
 }
 
 impl LensEstimate {

@@ -5,8 +5,8 @@
 //! - `document`, `elements`, `scene`, `planes`, `surfaces`, `solution`, `site_solution`, `conversions`, `efov` the document, and its
 //!   entries as the types of the geometry;
 //! - `english` findings and failures as sentences; `points_outside` whether a drawing is of its image, with what
-//!   others share with it in `shared_drawings`; `camera_result`
-//!   a result before it is put into words;
+//!   others share with it in `shared_drawings`, and its lens in `shared_lenses`; `camera_result` a result before it is
+//!   put into words;
 //! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
 //! - `view` a calibrated camera by its id, and `finding_entry` all findings in one list, as other languages ask for them;
 //! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
@@ -40,6 +40,7 @@ mod finding_entry;
 mod check;
 mod options;
 mod lens_cache;
+mod shared_lenses;
 mod lens_step;
 mod placement_step;
 mod single_step;

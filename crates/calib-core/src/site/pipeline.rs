@@ -18,6 +18,7 @@ use crate::site::placement_step::placed_uncertainty;
 use crate::site::planes::PlaneSolution;
 use crate::site::pose_findings::is_found_anew;
 use crate::site::shared_drawings::SharedDrawings;
+use crate::site::shared_lenses::SharedLenses;
 use crate::site::single_step::{LensOwners, Others, SingleFit, residual_entries, residuals_when_off, rms};
 use crate::site::site_solution::{ElementSolution, SiteSolution};
 use crate::site::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
@@ -127,8 +128,8 @@ impl Site {
     ) -> Vec<Result<SingleFit, Failure>> {
         let like = |camera: &&SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Lenses that others share are fitted once.
-        let none = LensOwners::new();
-        let alone = Others { owners: &none, known, shared };
+        let (none, lenses) = (LensOwners::new(), SharedLenses::of(self));
+        let alone = Others { owners: &none, known, lenses: &lenses, shared };
         let owners: LensOwners = entries
             .iter()
             .filter_map(like)
@@ -139,7 +140,7 @@ impl Site {
                 Some((id, first))
             })
             .collect();
-        let others = Others { owners: &owners, known, shared };
+        let others = Others { owners: &owners, ..alone };
         let first = |&camera: &&SiteCamera| match owners.get(&camera.id) {
             Some(first) if self.first_of(&camera.id) == Some(camera) => first.clone(),
             _ => self.fit_single(camera, options, None, others),

@@ -15,6 +15,7 @@ use crate::site::lens_cache::LensCache;
 use crate::site::lens_step::LensEstimate;
 use crate::site::options::Options;
 use crate::site::shared_drawings::SharedDrawings;
+use crate::site::shared_lenses::SharedLenses;
 use crate::site::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
 /// Stage 1 of the cameras whose lens others share, by their ids.
@@ -27,6 +28,8 @@ pub(crate) struct Others<'a> {
     pub(crate) owners: &'a LensOwners,
     /// Lenses of an earlier calibration.
     pub(crate) known: &'a LensCache,
+    /// Which cameras have the lens of another.
+    pub(crate) lenses: &'a SharedLenses<'a>,
     /// What is drawn on several cameras.
     pub(crate) shared: &'a SharedDrawings<'a>,
 }
@@ -100,7 +103,7 @@ impl Site {
         let mut lens_estimate = match (better, owner.zip(owned)) {
             (Some((lens_estimate, _)), _) => lens_estimate.clone(),
             (None, Some((Ok(owner), owned))) => owner.lens_estimate.shared_by(owned, entry),
-            _ => self.lens_estimate(entry, others.known, others.shared),
+            _ => self.lens_estimate(entry, others.known, others.lenses),
         };
         let lens = better.map(|(_, lens)| lens);
         let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());

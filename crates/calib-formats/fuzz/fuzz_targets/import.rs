@@ -8,6 +8,7 @@ use std::sync::LazyLock;
 use calib_core::Site;
 use calib_formats::{File, import};
 use libfuzzer_sys::fuzz_target;
+use rlimit::{Resource, setrlimit};
 
 /// How bytes become files.
 enum Names {
@@ -40,7 +41,10 @@ static FORMAT: LazyLock<&(&str, Names)> = LazyLock::new(|| {
     FORMATS.iter().find(|(name, _)| *name == asked).expect("CALIB_FORMAT is a format of the list")
 });
 
-fuzz_target!(|bytes: &[u8]| {
+/// Bytes of memory that may be asked for, whether they are used or not: what a file promises is no reason to.
+const MEMORY: u64 = 2 << 30;
+
+fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("a limit of memory"), |bytes: &[u8]| {
     let (name, names) = &**FORMAT;
     let file = |name: &str, bytes: &[u8]| File { name: name.into(), bytes: bytes.into() };
     let files: Vec<File> = match names {
