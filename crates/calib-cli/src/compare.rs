@@ -286,7 +286,9 @@ fn text(compared: &[Compared]) -> String {
 
 /// A value and its standard deviation, to two digits of that.
 fn with_sigma(value: f64, sigma: f64) -> String {
-    let decimals = decimals(sigma);
+    /// Of a value that has none.
+    const MOST: usize = 7;
+    let decimals = if sigma > 0.0 { decimals(sigma) } else { MOST };
     format!("{value:.decimals$} \u{b1} {sigma:.decimals$}")
 }
 
@@ -326,7 +328,7 @@ mod tests {
         assert_eq!(with_sigma(0.999_991_3, 0.000_003_24), "0.9999913 \u{b1} 0.0000032");
         assert_eq!(with_sigma(2.014_9, 0.031), "2.015 \u{b1} 0.031");
         assert_eq!(with_sigma(12.34, 25.0), "12 \u{b1} 25");
-        assert_eq!(with_sigma(1.0, 0.0), "1.00 \u{b1} 0.00");
-        assert_eq!(with_sigma(1.0, f64::NAN), "1.00 \u{b1} NaN");
+        assert_eq!(with_sigma(1.0, 0.0), "1.0000000 \u{b1} 0.0000000");
+        assert_eq!(with_sigma(1.0, f64::NAN), "1.0000000 \u{b1} NaN");
     }
 }

@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use crate::camera::dispatch;
 use crate::optimize::dense_block::add_outer;
-use crate::optimize::sparse_structure::{Entry, SparseStructure, make_set};
+use crate::optimize::sparse_structure::{Entry, SparseStructure, make_set, running_sums};
 
 /// Parameter blocks, which of them are eliminated, and which have residuals in common.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockStructure {
     pub(crate) sizes: Vec<usize>,
-    /// First parameter of every block in the state.
+    /// First parameter of every block in the state, and how many there are.
     pub(crate) offsets: Vec<usize>,
     pub(crate) roles: Vec<Role>,
     /// Kept blocks in the order of the reduced system.
@@ -86,10 +86,7 @@ impl BlockStructure {
     /// Blocks of these sizes, the flagged ones kept; `coupled` lists groups of blocks that have residuals
     /// in common. No two eliminated blocks may be in one group.
     pub(crate) fn new(sizes: Vec<usize>, keep: &[bool], coupled: &[Vec<usize>]) -> Self {
-        let mut offsets = vec![0; sizes.len()];
-        for block in 1..sizes.len() {
-            offsets[block] = offsets[block - 1] + sizes[block - 1];
-        }
+        let offsets = running_sums(sizes.iter().copied());
         let (roles, kept, rest) = roles(keep);
         let (neighbours, pairs) = couplings(&roles, rest.len(), coupled);
         let kept_sizes: Vec<usize> = kept.iter().map(|&block| sizes[block]).collect();
@@ -122,7 +119,7 @@ impl BlockStructure {
 
     /// Number of parameters.
     pub(crate) fn unknowns(&self) -> usize {
-        self.sizes.iter().sum()
+        self.offsets[self.sizes.len()]
     }
 
     /// Normal equations of no residuals.

@@ -40,6 +40,7 @@ use crate::camera::dispatch;
 use crate::optimize::block_structure::{BlockStructure, Eliminated, NormalEquations, Role};
 use crate::optimize::dense_block::{damp_diagonal, product, pseudo_invert};
 use crate::optimize::selected_inverse::SelectedInverse;
+use crate::optimize::sparse_structure::running_sums;
 
 /// The system of the kept blocks.
 struct Reduced {
@@ -223,13 +224,9 @@ impl BlockStructure {
         (values, inverses)
     }
 
-    /// First row of every kept block in the reduced system.
+    /// First row of every kept block in the reduced system, and how many there are.
     fn starts(&self) -> Vec<usize> {
-        let mut starts = vec![0; self.kept.len()];
-        for i in 1..self.kept.len() {
-            starts[i] = starts[i - 1] + self.sizes[self.kept[i - 1]];
-        }
-        starts
+        running_sums(self.kept.iter().map(|&block| self.sizes[block]))
     }
 }
 

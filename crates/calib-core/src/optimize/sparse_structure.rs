@@ -111,7 +111,7 @@ impl SparseStructure {
 
     /// Number of unknowns.
     pub(super) fn unknowns(&self) -> usize {
-        self.starts.last().copied().unwrap_or(0)
+        self.starts[self.blocks()]
     }
 
     /// Unknowns of a block.
@@ -243,7 +243,7 @@ fn supernode_places(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize>> 
 }
 
 /// From 0, where each of these sizes starts, and where the last ends.
-fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
+pub(super) fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
     let mut sums = vec![0];
     let mut end = 0;
     sums.extend(sizes.map(|size| {
