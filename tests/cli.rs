@@ -3,11 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Covariance, Distortion, DistortionEntry, Kind, Lens, Method, Pixel,
-    Site, SiteCamera, Solution, Stage, UndistortedPixel, WorldPoint,
+    Annotation, BrownConrady, Camera, Covariance, Distortion, Kind, Lens, Pixel, UndistortedPixel, WorldPoint,
 };
+
 use calib_demo::layout::Layout;
 use calib_demo::random::{Drawn, RandomScene};
+use calib_site::{DistortionEntry, Method, Site, SiteCamera, Solution, Stage};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -475,9 +476,9 @@ fn shared_site() -> (Scratch, Site) {
     };
     let mut site = layout.site.clone();
     let between = [0, 1].map(|i| site.links[i].id.clone().unwrap());
-    let length_m = calib_core::Known::prior(at(0).distance(at(1)), 0.05);
+    let length_m = calib_core::single::Known::prior(at(0).distance(at(1)), 0.05);
     let (id, name) = (None, None);
-    site.distances.push(calib_core::Distance { id, name, off: false, keep: false, between, length_m });
+    site.distances.push(calib_site::Distance { id, name, off: false, keep: false, between, length_m });
     site.cameras[1].image = Some("c1.png".into());
     let [w, h] = site.cameras[1].size_px;
     let scratch = Scratch::new();

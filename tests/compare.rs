@@ -9,11 +9,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, Turn, WorldPoint,
-    angles_from_rotation, ray_in_camera,
-};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
+
+use calib_core::camera::{Turn, angles_from_rotation, ray_in_camera};
+
 use calib_image::{Became, Comparison};
+use calib_site::{Method, Site};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
 use nalgebra::{Matrix4, Vector4};

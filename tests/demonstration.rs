@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{Camera, Code, Covariance, Options, Site, Stage};
+use calib_core::{Camera, Code, Covariance};
+
+use calib_site::{Options, Site, Stage};
 use calib_tests::Scratch;
 
 #[test]

@@ -8,9 +8,8 @@ use std::process::Command;
 use arrow_array::cast::AsArray as _;
 use arrow_array::{Array as _, RecordBatch};
 use arrow_schema::DataType;
-use calib_core::{
-    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Pixel, Site, SiteCamera, WorldPoint,
-};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, Pixel, WorldPoint};
+use calib_site::{CovarianceEntry, Site, SiteCamera};
 use calib_tests::{Scratch, entry, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -242,7 +241,7 @@ fn pixels_of_a_stream_of_another_size_are_those_of_the_still() {
 fn every_point_says_how_sure_it_is() {
     let scratch = Scratch::new();
     let demo = calib_demo::demo_site();
-    let solved = demo.site.calibrate(&calib_core::Options::default()).write_into(&demo.site);
+    let solved = demo.site.calibrate(&calib_site::Options::default()).write_into(&demo.site);
     let entry = solved.cameras.iter().find(|entry| entry.camera().is_some()).unwrap();
     scratch.write(
         "site.json",

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
-use calib_core::Site;
+use calib_site::Site;
 use calib_tests::{LENSES, Scratch, camera, engines_python, entry, program, root};
 use parquet::arrow::ArrowWriter;
 use parquet::file::properties::WriterProperties;

@@ -3,11 +3,16 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, Camera, Code, Constraints, Drawing, Fit, FitOptions, FixedParameters, Kind, Known, Lens,
-    LensEntry, Method, Options, Pixel, PlacementEntry, Priors, SceneEntry, SceneErrors, Site, SiteCamera,
-    Solution, WorldPoint, paper_minimum,
+    Annotation, Camera, Code, Constraints, Fit, FitOptions, Kind, Lens, Pixel, Priors, SceneErrors,
+    WorldPoint,
 };
+
+use calib_core::outcome::Drawing;
+
+use calib_core::single::{FixedParameters, Known, paper_minimum};
+
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
+use calib_site::{LensEntry, Method, Options, PlacementEntry, SceneEntry, Site, SiteCamera, Solution};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -138,7 +143,8 @@ fn one_wrong_line_is_named_and_good_ones_are_not() {
         ends[1] = Pixel { u: ends[1].u - off * dv, v: ends[1].v + off * du };
         let found = fit(&annotations, &scene, Some(1.0));
         trials += 1;
-        let is_it = |source: &calib_core::Source| source.annotation == wrong && source.segment == segment;
+        let is_it =
+            |source: &calib_core::outcome::Source| source.annotation == wrong && source.segment == segment;
         named += usize::from(found.outliers.iter().any(is_it));
         accused += found.outliers.iter().filter(|source| !is_it(source)).count();
         good += found.residuals.len() - 1;
@@ -219,7 +225,7 @@ impl Studio {
     }
 }
 
-fn solve_with(camera: SiteCamera, options: &Options) -> Result<Solution, calib_core::FailureEntry> {
+fn solve_with(camera: SiteCamera, options: &Options) -> Result<Solution, calib_site::FailureEntry> {
     let site = Site { cameras: vec![camera], ..Site::new() };
     site.check().unwrap();
     site.calibrate(options).cameras.remove(0).1
@@ -554,7 +560,7 @@ fn the_operators_move_turn_and_scale_place_the_camera() {
         turn_deg: 33.0,
         scale: Some(1.5),
         fixed: false,
-        held: calib_core::HeldEntry::default(),
+        held: calib_site::HeldEntry::default(),
     });
     let solution = solve(camera);
     assert_eq!(solution.position_m, Some(WorldPoint::new(4.0, -2.0, 4.5)));

@@ -13,9 +13,8 @@ use std::time::{Duration, Instant};
 use arrow_array::builder::{Int32Builder, ListBuilder};
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
 use arrow_schema::{DataType, Field, Schema};
-use calib_core::{
-    Camera, Covariance, Lens, Method, Pixel, Plan, Site, SiteCamera, Solution, Stage, WorldPoint,
-};
+use calib_core::{Camera, Covariance, Lens, Pixel, WorldPoint};
+use calib_site::{Method, Plan, Site, SiteCamera, Solution, Stage};
 use calib_tests::{Ended, Scratch, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions};

@@ -5,12 +5,17 @@
 use std::process::Command;
 
 use calib_core::{
-    Annotation, Camera, Constraints, Covariance, Distortion, DistortionEntry, DistortionModel, Edge, Fit,
-    FitOptions, ImageCircle, Kind, Lens, LensEntry, LensFit, LensOptions, Options, Pixel, SceneEntry,
-    SceneErrors, Site, SiteCamera, Source, WorldPoint,
+    Annotation, Camera, Constraints, Covariance, Distortion, DistortionModel, Fit, FitOptions, ImageCircle,
+    Kind, Lens, LensFit, LensOptions, Pixel, SceneErrors, WorldPoint,
 };
+
+use calib_core::outcome::Source;
+
+use calib_core::single::Edge;
+
 use calib_demo::random::normal;
 use calib_image::image_circle;
+use calib_site::{DistortionEntry, LensEntry, Options, SceneEntry, Site, SiteCamera};
 use calib_tests::{peers_python, root, shared};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

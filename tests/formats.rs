@@ -2,11 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Extent, Lens, Method, Pixel, Site, SiteCamera, Solution,
-    Stage, WorldPoint,
-};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, Extent, Lens, Pixel, WorldPoint};
+
 use calib_formats::{Export, ExportOptions, FORMATS, File, OfPlanes, export, format, import};
+use calib_site::{Method, Site, SiteCamera, Solution, Stage};
 use calib_tests::{Scratch, peers_python};
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -725,7 +724,7 @@ fn nvidia_finds_a_camera_by_its_id_or_there_is_no_export() {
 #[test]
 fn a_drawing_is_one_file_if_that_is_what_is_named() {
     let mut site = site(&straight());
-    site.plan = Some(calib_core::Plan {
+    site.plan = Some(calib_site::Plan {
         image: Some("plan.png".into()),
         metres_per_px: 0.1,
         origin_px: Default::default(),
@@ -750,7 +749,7 @@ fn geojson_says_what_its_numbers_are() {
     let said = document["fields"]["heading_deg"].as_str().unwrap();
     assert!(said.contains("counter-clockwise from +x"), "{said}");
     site.georeference =
-        Some(calib_core::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
+        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
     let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
     assert!(document["fields"]["azimuth_deg"].as_str().unwrap().contains("clockwise from north"));
 }
@@ -1061,7 +1060,7 @@ fn geojson_has_the_regions_with_height_and_fall() {
     assert!(document["fields"]["toward_deg"].as_str().unwrap().contains("counter-clockwise"));
     // +x to the east: 30 degrees counter-clockwise from it is at an azimuth of 60.
     site.georeference =
-        Some(calib_core::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
+        Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
     let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
     assert!((number(&region(&document), "toward_azimuth_deg") - 60.0).abs() < 1e-9);
 }

@@ -2,11 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{
-    Annotation, Code, HeldEntry, Kind, Known, Options, Pixel, PlacementEntry, SceneEntry, Site, SiteCamera,
-    Solution,
-};
+use calib_core::{Annotation, Code, Kind, Pixel};
+
+use calib_core::single::Known;
+
 use calib_demo::random::{Drawn, RandomScene};
+use calib_site::{HeldEntry, Options, PlacementEntry, SceneEntry, Site, SiteCamera, Solution};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

@@ -3,13 +3,22 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Code, Coefficient, Covariance, Distance, Distortion, DistortionEntry,
-    DistortionModel, FloorPoint, Kind, Known, Lens, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkKind,
-    MarkSeen, MarkShape, Options, Pixel, PlacementEntry, Report, STAGE_1_HEIGHT, Scale, SceneEntry, Site,
-    SiteCamera, Stage, UndistortedPixel, WorldPoint,
+    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, FloorPoint, Kind, Lens,
+    MarkKind, MarkShape, Pixel, UndistortedPixel, WorldPoint,
 };
+
+use calib_core::camera::Coefficient;
+
+use calib_core::floor::STAGE_1_HEIGHT;
+
+use calib_core::single::Known;
+
 use calib_demo::layout::Layout;
 use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
+use calib_site::{
+    Distance, DistortionEntry, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen, Options, PlacementEntry,
+    Report, Scale, SceneEntry, Site, SiteCamera, Stage,
+};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
@@ -423,7 +432,7 @@ fn pieces_of_floor_lines_tie_cameras() {
                 turn_deg: truth.yaw.to_degrees() + 3.0,
                 scale: Some(truth.position.z / STAGE_1_HEIGHT),
                 fixed: false,
-                held: calib_core::HeldEntry::default(),
+                held: calib_site::HeldEntry::default(),
             });
         }
         lines.place_first();

@@ -3,12 +3,17 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, Edge, Fitted, Kind,
-    Lens, LensCache, LensFit, LensOptions, Options, Pixel, SceneEntry, Site, SiteCamera, Source,
-    UndistortedPixel, WorldPoint,
+    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, Fitted, Kind, Lens,
+    LensFit, LensOptions, Pixel, UndistortedPixel, WorldPoint,
 };
+
+use calib_core::outcome::Source;
+
+use calib_core::single::Edge;
+
 use calib_demo::random::normal;
 use calib_demo::{KnownLens, demo_site_with};
+use calib_site::{LensCache, Options, SceneEntry, Site, SiteCamera};
 use calib_tests::{map_distance, shared};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

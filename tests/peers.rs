@@ -6,9 +6,11 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Constraints, Covariance, Distortion, FixedParameters, Kind, Lens,
-    Pixel, SceneErrors, WorldPoint, paper_minimum,
+    Annotation, BrownConrady, Camera, Constraints, Covariance, Distortion, Kind, Lens, Pixel, SceneErrors,
+    WorldPoint,
 };
+
+use calib_core::single::{FixedParameters, paper_minimum};
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use calib_tests::{peers_python, root, shared};
 use rand::SeedableRng as _;

@@ -2,11 +2,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{
-    Annotation, Camera, Covariance, FloorPoint, Kind, Known, Lens, Link, LinkKind, LinkSeen, Options, Pixel,
-    PlacementEntry, Plane, PlaneEntry, PlaneNumber, SceneEntry, Site, SiteCamera, TiltEntry, WorldPoint,
-};
+use calib_core::{Annotation, Camera, Covariance, FloorPoint, Kind, Lens, Pixel, Plane, WorldPoint};
+
+use calib_core::single::Known;
+
 use calib_demo::random::normal;
+use calib_site::{
+    Link, LinkKind, LinkSeen, Options, PlacementEntry, PlaneEntry, PlaneNumber, SceneEntry, Site, SiteCamera,
+    TiltEntry,
+};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -133,7 +137,7 @@ fn placed(entry: SiteCamera, camera: &Camera, fixed: bool) -> SiteCamera {
         turn_deg: camera.yaw.to_degrees(),
         scale: Some(camera.position.z / 3.0),
         fixed,
-        held: calib_core::HeldEntry::default(),
+        held: calib_site::HeldEntry::default(),
     };
     SiteCamera { placement: Some(placement), ..entry }
 }

@@ -8,9 +8,13 @@
 use std::collections::BTreeMap;
 use std::io::Read as _;
 
-use calib_core::{Camera, Distortion, Known, Lens, Options, Orientation, Pixel, Site, Solution, WorldPoint};
+use calib_core::{Camera, Distortion, Lens, Orientation, Pixel, WorldPoint};
+
+use calib_core::single::Known;
+
 use calib_demo::random::normal;
 use calib_image::{Lies, LineSegment, Proposal, Reason, Still, Verdict, line_segments};
+use calib_site::{Options, Site, Solution};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
 use rand::{Rng as _, SeedableRng as _};
@@ -291,7 +295,7 @@ fn gross_among_sure(name: &str, offs: &[(String, Option<Off>)]) -> usize {
 #[test]
 fn the_demonstration_is_not_told_wrong() {
     let demo = calib_demo::demo_site();
-    let of = |(camera, (id, truth)): (&calib_core::SiteCamera, &(String, Camera))| {
+    let of = |(camera, (id, truth)): (&calib_site::SiteCamera, &(String, Camera))| {
         let at = Orientation { roll: truth.roll, pitch: truth.pitch, focal: truth.focal };
         (id.clone(), of_image(&calib_demo::render(truth, camera.size_px), &at))
     };

@@ -5,9 +5,17 @@
 use std::collections::BTreeMap;
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, ControlPointEntry, Distance, Distortion, DistortionEntry,
-    DistortionModel, Edge, Kind, Known, Lens, LensEntry, LensFit, LensOptions, Link, LinkKind, LinkSeen,
-    Options, Pixel, Site, SiteCamera, Source, Stage, WorldPoint, straightness_rms,
+    Annotation, BrownConrady, Camera, Distortion, DistortionModel, Kind, Lens, LensFit, LensOptions, Pixel,
+    WorldPoint,
+};
+
+use calib_core::outcome::Source;
+
+use calib_core::single::{Edge, Known, straightness_rms};
+
+use calib_site::{
+    ControlPointEntry, Distance, DistortionEntry, LensEntry, Link, LinkKind, LinkSeen, Options, Site,
+    SiteCamera, Stage,
 };
 use calib_tests::{Scratch, map_distance, shared};
 use serde_json::Value;
@@ -196,7 +204,7 @@ fn with_all_intrinsics_held_pitch_and_roll_are_found() {
 
 #[test]
 fn the_papers_method_finds_the_cameras_too() {
-    let options = Options { method: calib_core::Method::Paper, ..Options::default() };
+    let options = Options { method: calib_site::Method::Paper, ..Options::default() };
     solve(false, &options, |id, _, found, truth| {
         let focal = found.focal / truth.focal - 1.0;
         let pitch = found.pitch.to_degrees() - truth.pitch;

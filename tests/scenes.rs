@@ -4,10 +4,13 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, Camera, Constraints, Covariance, Fit, FitOptions, Kind, Known, Lens, Pixel, SceneErrors,
-    Site, USUAL_SIZES, WorldPoint,
+    Annotation, Camera, Constraints, Covariance, Fit, FitOptions, Kind, Lens, Pixel, SceneErrors, WorldPoint,
 };
+
+use calib_core::single::{Known, USUAL_SIZES};
+
 use calib_demo::random::normal;
+use calib_site::Site;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::Site;
+use calib_site::Site;
 use serde_json::{Value, json};
 
 /// A site with every part that the format has.
@@ -88,7 +88,7 @@ fn a_site_with_every_part_is_read_kept_and_written_back() {
 #[test]
 fn solving_writes_what_the_schema_allows() {
     let site = Site::from_json(&whole().to_string()).unwrap();
-    let solved = site.calibrate(&calib_core::Options::default()).write_into(&site);
+    let solved = site.calibrate(&calib_site::Options::default()).write_into(&site);
     let written: Value = serde_json::from_str(&solved.to_json()).unwrap();
     let errors: Vec<String> =
         validator().iter_errors(&written).map(|e| format!("{}: {e}", e.instance_path())).collect();
@@ -219,7 +219,7 @@ fn the_site_of_the_readme_is_read_and_solved() {
     let readme = std::fs::read_to_string(calib_tests::root().join("README.md")).unwrap();
     let text = readme.split("```json\n").nth(1).unwrap().split("```").next().unwrap();
     let site = Site::from_json(text).unwrap_or_else(|error| panic!("{error}"));
-    let report = site.calibrate(&calib_core::Options::default());
+    let report = site.calibrate(&calib_site::Options::default());
     let (_, result) = &report.cameras[0];
     let solution = result.as_ref().unwrap();
     assert_eq!(solution.warnings, [], "an example is without fault");
@@ -229,7 +229,7 @@ fn the_site_of_the_readme_is_read_and_solved() {
 fn things_of_usual_sizes_are_listed_with_spread_and_source() {
     let schema = Site::json_schema();
     let rows = schema.pointer("/$defs/Annotation/properties/like/oneOf").unwrap().as_array().unwrap();
-    assert_eq!(rows.len(), calib_core::USUAL_SIZES.len());
+    assert_eq!(rows.len(), calib_core::single::USUAL_SIZES.len());
     let door = rows.iter().find(|row| row["const"] == "door").unwrap();
     assert_eq!(door["description"], "2.03 +- 0.04 m: 1.985 m (DIN 18101) to 2.134 m (7 ft)");
 }

@@ -12,10 +12,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, SiteCamera, Solution, Stage,
-    UndistortedPixel, WorldPoint,
-};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, UndistortedPixel, WorldPoint};
+
+use calib_site::{Method, SiteCamera, Solution, Stage};
 use serde_json::Value;
 use tempfile::TempDir;
 

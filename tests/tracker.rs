@@ -3,16 +3,18 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 #[expect(dead_code, reason = "the example's own main and reading of files run as a program below")]
-#[path = "../crates/calib-core/examples/fuse_tracks.rs"]
+#[path = "../crates/calib-site/examples/fuse_tracks.rs"]
 mod fuse_tracks;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::process::Command;
 
-use calib_core::{Camera, Covariance, Distortion, Options};
+use calib_core::{Camera, Covariance, Distortion};
+
 use calib_demo::random::normal;
 use calib_demo::{DemoSite, Seen, Walk, demo_site, walk};
+use calib_site::Options;
 use calib_tests::{Scratch, root};
 use fuse_tracks::{Detection, Track, Tracker};
 use nalgebra::{Matrix2, SMatrix, Vector2};

@@ -4,8 +4,12 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Camera, Covariance, Options, Sighting, Walk, WalkResult};
+use calib_core::{Camera, Covariance};
+
+use calib_health::{Sighting, Walk, WalkResult};
+
 use calib_demo::{SECOND, demo_site, walk};
+use calib_site::Options;
 use calib_tests::Scratch;
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng as _, SeedableRng as _};

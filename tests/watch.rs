@@ -4,8 +4,14 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Camera, CameraHealth, Method, Movement, Sighting, Site, Solution, Stage, Verdict, Watch};
+use calib_core::Camera;
+
+use calib_core::camera::Movement;
+
+use calib_health::{CameraHealth, Sighting, Verdict, Watch};
+
 use calib_demo::{Crowd, Moved, SECOND, demo_site};
+use calib_site::{Method, Site, Solution, Stage};
 use calib_tests::Scratch;
 
 const DAY: i64 = 86_400 * SECOND;

@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{Camera, Options, Pixel, Site, WorldPoint};
+use calib_core::{Camera, Pixel, WorldPoint};
+
+use calib_site::{Options, Site};
 use calib_tests::Scratch;
 use serde_json::Value;
 

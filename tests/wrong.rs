@@ -6,12 +6,11 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use calib_core::{
-    Annotation, Camera, Code, Covariance, Kind, Lens, Options, Pixel, Report, SceneEntry, Site, SiteCamera,
-    Stage, Warning, WorldPoint,
-};
+use calib_core::{Annotation, Camera, Code, Covariance, Kind, Lens, Pixel, WorldPoint};
+
 use calib_demo::layout::Layout;
 use calib_demo::random::{SIZE, normal};
+use calib_site::{Options, Report, SceneEntry, Site, SiteCamera, Stage, Warning};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

@@ -10,10 +10,11 @@ use std::io::Write as _;
 use std::time::Instant;
 
 use calib_app::files::Images;
-use calib_core::{Kind, Site};
+use calib_core::Kind;
 use calib_editor::Pane;
 use calib_editor::Part;
 use calib_editor::Session;
+use calib_site::Site;
 use desk::{Desk, demo};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2};
 
@@ -138,7 +139,7 @@ fn wheels() -> Vec<f64> {
     let mut site = demo();
     let all = site.cameras.clone();
     site.cameras = (0..40)
-        .map(|i| calib_core::SiteCamera { id: format!("c{i}"), lens: None, ..all[i % all.len()].clone() })
+        .map(|i| calib_site::SiteCamera { id: format!("c{i}"), lens: None, ..all[i % all.len()].clone() })
         .collect();
     (site.links, site.marks, site.distances) = Default::default();
     let mut desk = Desk::new(site);

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use calib_core::Site;
 use calib_editor::{FileResult, Images};
+use calib_site::Site;
 
 use crate::platform::{Here, Platform};
 
@@ -150,7 +150,7 @@ impl Slots {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib_core::SiteCamera;
+    use calib_site::SiteCamera;
 
     #[test]
     fn an_autosave_is_found_again_with_its_images() {

@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn a_window_maps_both_ways_and_shows_great_circles_straight() {
         let lens = fisheye();
-        for window in Window::quadrants(calib_core::Mount::Ceiling, [1280, 800]).unwrap() {
+        for window in Window::quadrants(calib_core::floor::Mount::Ceiling, [1280, 800]).unwrap() {
             let bend = Bend::Window { lens, focal: lens.focal, window };
             let view = View { centre: [640.0, 400.0], zoom: 0.6, y_up: false };
             let mapping = Mapping { bend: Some(bend), view, ..mapping(false) };
@@ -293,7 +293,7 @@ mod tests {
                     "{there:?} {at:?}"
                 );
             }
-            let path = mapping.path(&calib_core::drawn_line(&lens, &ends.map(Pixel::from)));
+            let path = mapping.path(&calib_core::floor::drawn_line(&lens, &ends.map(Pixel::from)));
             let (a, b) = (path[0], path[path.len() - 1]);
             let along = (b - a).normalized();
             let off = |at: &Pos2| ((*at - a).x * along.y - (*at - a).y * along.x).abs();
@@ -309,7 +309,7 @@ mod tests {
     #[test]
     fn a_line_across_the_seam_of_a_panorama_does_not_cross_it() {
         let lens = fisheye();
-        let window = Window::panorama(calib_core::Mount::Ceiling, 1.6, [2400, 800]).unwrap();
+        let window = Window::panorama(calib_core::floor::Mount::Ceiling, 1.6, [2400, 800]).unwrap();
         let bend = Bend::Window { lens, focal: lens.focal, window };
         let view = View { centre: [1200.0, 400.0], zoom: 0.3, y_up: false };
         let mapping = Mapping { bend: Some(bend), view, ..mapping(false) };

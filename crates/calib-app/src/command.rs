@@ -57,7 +57,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
 fn on_files(app: &mut App, ctx: &Context, command: Files) {
     app.act(Action::Drop);
     match command {
-        Files::NewSite => app.open_site(calib_core::Site::new(), calib_editor::Images::default(), None),
+        Files::NewSite => app.open_site(calib_site::Site::new(), calib_editor::Images::default(), None),
         Files::Demo => open_demonstration(app, false),
         Files::Tour => open_demonstration(app, true),
         Files::Save if app.editor.session().path.is_some() => app.save(),

@@ -3,8 +3,10 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use calib_core::{Camera, Site};
+use calib_core::Camera;
+
 use calib_editor::Images;
+use calib_site::Site;
 
 use crate::platform::{Here, Platform as _};
 

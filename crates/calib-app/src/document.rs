@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::{Site, counted};
 use calib_editor::{Action, Images, Opened};
+use calib_site::{Site, counted};
 
 use crate::autosave::{Autosave, Found};
 use crate::files;

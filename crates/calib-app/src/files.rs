@@ -3,8 +3,8 @@
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 
-use calib_core::Site;
 pub use calib_editor::{FileResult, Images};
+use calib_site::Site;
 
 use crate::platform::{Here, Platform as _};
 

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use calib_core::{Distortion, Pixel, drawn_line};
+use calib_core::{Distortion, Pixel};
+
+use calib_core::floor::drawn_line;
 use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use calib_core::Plan;
 use calib_editor::file_name::{has_ending, is_image};
 use calib_editor::{Action, plan_told_by, world_endings};
 use calib_formats::File;
+use calib_site::Plan;
 use egui::Context;
 
 use crate::choice::Chosen;

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use calib_core::SiteCamera;
 use calib_editor::Period;
 use calib_image::{LineSegment, Proposal};
+use calib_site::SiteCamera;
 use egui::Context;
 use image::RgbImage;
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::Site;
+use calib_site::Site;
 use serde::{Deserialize, Serialize};
 
 use crate::platform::{Here, Platform as _};

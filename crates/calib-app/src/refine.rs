@@ -1,6 +1,6 @@
 //! The joint solve of a whole site, off the frame's path.
 
-use calib_core::Site;
+use calib_site::Site;
 use egui::Context;
 
 use crate::platform::{Here, Platform as _, Task};

@@ -1,7 +1,11 @@
 //! The site in space: frusta, prisms, plan, marks, uncertainty; orbit, pan, zoom. Painted with egui's painter.
 
-use calib_core::{Camera, ImageCircle, Pixel, SiteCamera, WorldPoint, in_front, position_ellipse, prism};
+use calib_core::{Camera, ImageCircle, Pixel, WorldPoint};
+
+use calib_core::floor::{in_front, position_ellipse, prism};
+
 use calib_editor::Session;
+use calib_site::SiteCamera;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
 use crate::floor::{MAGNIFIED, SIGMAS};

@@ -3,8 +3,8 @@
 use std::fmt::Debug;
 use std::path::PathBuf;
 
-use calib_core::Site;
 use calib_editor::Images;
+use calib_site::Site;
 
 use crate::autosave::Found;
 

@@ -2,8 +2,8 @@
 
 use std::io::Cursor;
 
-use calib_core::Site;
 use calib_editor::data_uri;
+use calib_site::Site;
 use image::RgbImage;
 
 use crate::picture::Pictures;

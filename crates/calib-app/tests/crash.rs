@@ -18,7 +18,7 @@ use egui::{Context, Key, Modifiers};
 const FOLDER: &str = "CALIB_CRASH_FOLDER";
 
 /// How far the first point of the first line is to the right of where it was, in steps.
-fn progress(site: &calib_core::Site) -> f64 {
+fn progress(site: &calib_site::Site) -> f64 {
     let start = desk::demo().cameras[0].annotations[0].polylines().next().unwrap()[0];
     let now: Pixel = site.cameras[0].annotations[0].polylines().next().unwrap()[0];
     now.u - start.u

@@ -6,9 +6,11 @@ mod desk;
 
 use calib_app::keys;
 use calib_app::state::Place;
-use calib_core::{FloorPoint, Kind, Pixel, Shape, Site, Stage, WorldPoint};
+use calib_core::single::Shape;
+use calib_core::{FloorPoint, Kind, Pixel, WorldPoint};
 use calib_editor::command::Gesture;
 use calib_editor::{Action, Pane, Part, TOOLS, plan_scale};
+use calib_site::{Site, Stage};
 use calib_tests::Scratch;
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
@@ -201,7 +203,7 @@ fn a_mark_pinned_twice_brings_a_misplaced_camera_back() {
 }
 
 /// The shop without its plan, in the frame of its first camera, the others put roughly by hand.
-fn without_plan() -> (Site, Vec<calib_core::Link>) {
+fn without_plan() -> (Site, Vec<calib_site::Link>) {
     let mut site = demo();
     let truth = calib_demo::demo_site().truth;
     site.plan = None;
@@ -240,7 +242,7 @@ fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
     let truth = calib_demo::demo_site().truth;
     let mut desk = Desk::new(site);
     let camera_of = |id: &str| truth.iter().position(|(known, _)| known == id).unwrap();
-    for link in links.iter().filter(|link| link.kind == calib_core::LinkKind::Point) {
+    for link in links.iter().filter(|link| link.kind == calib_site::LinkKind::Point) {
         for (i, seen) in link.seen.iter().enumerate() {
             let camera = camera_of(&seen.camera);
             desk.app().act(Action::Choose(camera));
@@ -366,7 +368,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
         desk.harness.run_steps(30);
         if camera == 0 {
             // A drag is a floor line until the operator says that it stands.
-            assert_eq!(desk.site().links[0].kind, calib_core::LinkKind::Line);
+            assert_eq!(desk.site().links[0].kind, calib_site::LinkKind::Line);
             desk.app().act(Action::Select(Part::Link { link: 0, seen: 0, point: 0 }));
             desk.harness.run_steps(2);
             desk.harness.get_by_label("It is a post").click();
@@ -374,7 +376,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
         }
     }
     let links = &desk.site().links;
-    assert_eq!((links.len(), links[0].kind), (1, calib_core::LinkKind::Post));
+    assert_eq!((links.len(), links[0].kind), (1, calib_site::LinkKind::Post));
     let heads: Vec<_> = links[0].seen.iter().map(|seen| (seen.foot.is_some(), seen.head.is_some())).collect();
     assert_eq!(heads, [(true, true); 2]);
     desk.undo();

@@ -43,7 +43,7 @@ fn what_comes_in_waits_until_the_hand_is_empty() {
 fn a_site_that_no_file_can_hold_is_put_back() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
-    let known = Some(calib_core::Known::fixed(0.0));
+    let known = Some(calib_core::single::Known::fixed(0.0));
     desk.app().act(Action::Height { known, name: "hold a height of nothing".into() });
     assert_eq!(*desk.site(), before);
     assert!(desk.harness.state().editor.session().note.as_ref().unwrap().starts_with("Not possible"));
@@ -61,7 +61,7 @@ fn unsaved_work_is_put_aside_when_another_site_is_opened() {
     harness.run_steps(2);
     desk::change(harness.state_mut(), "name the site", |site| site.name = Some("Mine".into()));
     harness.run_steps(2);
-    harness.state_mut().open_site(calib_core::Site::new(), calib_app::files::Images::default(), None);
+    harness.state_mut().open_site(calib_site::Site::new(), calib_app::files::Images::default(), None);
     desk::change(harness.state_mut(), "name the site", |site| site.name = Some("Another".into()));
     harness.run_steps(2);
     assert_eq!(harness.state().found.len(), 1, "it is offered");

@@ -5,8 +5,9 @@
 mod desk;
 
 use calib_app::files::Images;
-use calib_core::{Kind, Site};
+use calib_core::Kind;
 use calib_editor::Pane;
+use calib_site::Site;
 use desk::{Desk, demo};
 use egui::{Event, Key, Role};
 use egui_kittest::kittest::Queryable as _;
@@ -147,7 +148,7 @@ fn a_known_length_says_nothing_before_it_is_entered() {
 fn a_drawing_says_how_sure_it_is_and_a_camera_what_its_place_is_like() {
     let mut desk = Desk::new(demo());
     let index = desk.site().cameras[0].annotations.iter().position(|a| a.kind == Kind::Parallel).unwrap();
-    let name = calib_core::line_name(&desk.site().cameras[0].annotations, index, 0);
+    let name = calib_core::single::line_name(&desk.site().cameras[0].annotations, index, 0);
     let drawn = |desk: &Desk| desk.site().cameras[0].annotations[index].clone();
     assert!(desk.harness.query_by_label("Exact").is_none());
     desk.harness.get_by_label(&format!("Line {name}")).click_accesskit();

@@ -4,9 +4,11 @@
 
 mod desk;
 
-use calib_core::{Kind, PlaneNumber};
+use calib_core::Kind;
+
 use calib_editor::planes::Planes;
 use calib_editor::{Action, Pane, Part};
+use calib_site::PlaneNumber;
 use desk::{Desk, demo};
 use egui::Key;
 use egui_kittest::kittest::Queryable as _;

@@ -5,9 +5,10 @@
 mod desk;
 
 use calib_app::demo;
-use calib_core::{Annotation, Camera, Kind, Options, Orientation, Site, SiteCamera, Solution};
+use calib_core::{Annotation, Camera, Kind, Orientation};
 use calib_editor::{Action, Hypothesis, Images, Pane, Period};
 use calib_image::{Lies, LineSegment, Proposal, Still, Verdict};
+use calib_site::{Options, Site, SiteCamera, Solution};
 use desk::Desk;
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;

@@ -6,8 +6,9 @@ mod desk;
 
 use calib_app::App;
 use calib_app::files::Images;
-use calib_core::{Kind, Pixel, Site, Stage};
+use calib_core::{Kind, Pixel};
 use calib_editor::{Action, Pane, PlanHandle, TOOLS, plan_handles};
+use calib_site::{Site, Stage};
 use desk::{Desk, demo};
 use egui::{Context, Event, Key, Modifiers, PointerButton, Vec2};
 use egui_kittest::kittest::Queryable as _;

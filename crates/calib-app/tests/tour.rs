@@ -19,7 +19,7 @@ struct Newcomer {
 
 impl Newcomer {
     fn begin() -> Self {
-        let mut desk = Desk::new(calib_core::Site::new());
+        let mut desk = Desk::new(calib_site::Site::new());
         desk.tell(Command::Tour);
         Self { desk, eye: calib_demo::demo_site().truth[0].1 }
     }

@@ -65,14 +65,14 @@ fn a_height_typed_in_feet_is_metres_in_the_site() {
     desk.harness.event(Event::Text("10".into()));
     desk.harness.run_steps(2);
     desk.key(Key::Enter);
-    let height = desk.app().editor.session().placement(0).unwrap().scale * calib_core::STAGE_1_HEIGHT;
+    let height = desk.app().editor.session().placement(0).unwrap().scale * calib_core::floor::STAGE_1_HEIGHT;
     assert!((height - 3.048).abs() < 1e-6, "{height} m");
 }
 
 #[test]
 fn a_line_drawn_on_a_straightened_image_lies_on_the_pixels_under_the_cursor() {
     let site = demo();
-    let bent = |camera: &calib_core::SiteCamera| {
+    let bent = |camera: &calib_site::SiteCamera| {
         camera.lens.as_ref().is_some_and(|lens| lens.distortion.is_some())
             || camera.annotations.iter().any(|a| a.kind == Kind::Straight)
     };
@@ -176,7 +176,7 @@ fn warnings_name_lines_as_the_list_does() {
     let name = desk.site().cameras[0].annotations.iter().rposition(|a| a.kind == Kind::Vertical).unwrap();
     let annotations = &desk.site().cameras[0].annotations;
     let last = annotations[name].segments.as_ref().unwrap().len() - 1;
-    let name = calib_core::line_name(annotations, name, last);
+    let name = calib_core::single::line_name(annotations, name, last);
     assert!(words.contains(&format!("{name} contradicts the others")), "{name}: {words}");
     assert!(!words.contains("(annotation"), "{words}");
 }
@@ -376,7 +376,7 @@ fn a_saved_version_is_compared_camera_by_camera() {
         camera.control_points.clear();
     }
     let solved =
-        site.calibrate(&calib_core::Options { refine: false, ..Default::default() }).write_into(&site);
+        site.calibrate(&calib_site::Options { refine: false, ..Default::default() }).write_into(&site);
     scratch.write("saved.json", solved.to_json());
     site.cameras[1].placement.as_mut().unwrap().move_m.x += 0.5;
     let mut desk = Desk::new(site);
@@ -516,7 +516,7 @@ fn a_still_whose_rim_is_a_circle_brings_it_and_it_is_removed_and_found_again() {
     let mut png = std::io::Cursor::new(Vec::new());
     picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
     scratch.write("ceiling.png", png.get_ref());
-    let mut desk = Desk::new(calib_core::Site::new());
+    let mut desk = Desk::new(calib_site::Site::new());
     desk.answer(Some(scratch.path("ceiling.png")));
     desk.tell(Command::AddImages);
     desk.wait(|app| !app.editor.site().cameras.is_empty() && !app.is_working());

@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn models_have_the_names_of_the_core() {
-        for row in calib_core::MODELS {
+        for row in calib_core::camera::MODELS {
             assert_eq!(name_of(row.model).to_str(), Ok(row.name));
         }
     }

@@ -2,7 +2,9 @@
 
 use std::ffi::c_char;
 
-use calib_core::{CameraView, PixelOrigin, Stream, StreamFit};
+use calib_core::CameraView;
+
+use calib_core::floor::{PixelOrigin, Stream, StreamFit};
 
 use crate::raw::{CalibResult, Fault, free, handle, text, told};
 use crate::site::{CalibSite, give_handle};

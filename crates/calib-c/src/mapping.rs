@@ -1,6 +1,8 @@
 //! What a camera maps: arrays of pixels and points.
 
-use calib_core::{BoxForm, Covariance};
+use calib_core::Covariance;
+
+use calib_core::floor::BoxForm;
 
 use crate::camera::CalibCamera;
 use crate::raw::{CalibResult, Fault, apart, bytes, guarded, handle, places, values};

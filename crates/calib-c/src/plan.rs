@@ -1,6 +1,8 @@
 //! The plan of a site: points of the floor as pixels of its picture, and back.
 
-use calib_core::{FloorPoint, Plan, PlanScale, Site};
+use calib_core::{FloorPoint, PlanScale};
+
+use calib_site::{Plan, Site};
 
 use crate::raw::{CalibResult, Fault, apart, bytes, give, guarded, handle, places, values};
 use crate::site::CalibSite;

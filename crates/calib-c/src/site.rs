@@ -2,7 +2,7 @@
 
 use std::ffi::c_char;
 
-use calib_core::{Options, Site};
+use calib_site::{Options, Site};
 
 use crate::raw::{CalibResult, Fault, boxed, free, give, give_text, guarded, handle, told, values};
 

@@ -1,6 +1,8 @@
 //! `calib check`: the quality gate.
 
-use calib_core::{Code, Names, Site, SiteCamera, SiteSolution, Solution, Warning};
+use calib_core::Code;
+
+use calib_site::{Names, Site, SiteCamera, SiteSolution, Solution, Warning};
 
 use crate::args::SiteArgs;
 use crate::files::{self, SiteFile};

@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use calib_core::{Camera, SiteCamera};
+use calib_core::Camera;
 use calib_image::{Became, Comparison, OtherSize, drawn_edges};
 use calib_report::{decimals, few};
+use calib_site::SiteCamera;
 use image::RgbImage;
 use jiff::Timestamp;
 

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Context as _;
-use calib_core::{Camera, Covariance, Options, Pixel, Sigmas, Site, SiteCamera, Stage, StraightDown};
+use calib_core::camera::StraightDown;
+use calib_core::{Camera, Covariance, Pixel};
 use calib_demo::{DemoSite, Walk};
+use calib_site::{Options, Sigmas, Site, SiteCamera, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::{self, SiteFile, say};

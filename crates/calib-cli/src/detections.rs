@@ -1,7 +1,7 @@
 //! Archives of detections as people that cameras saw, for commands that watch.
 
 use arrow_array::RecordBatch;
-use calib_core::Sighting;
+use calib_health::Sighting;
 use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Rows, SightingColumns, Wanted,
     Wording, usual_at_column, usual_camera_column,
@@ -137,7 +137,7 @@ impl TableArgs {
         let at = at.unwrap_or_default();
         let at = Some(AtColumn::new(at, self.at_unit, Wording::Flags));
         let (origin, fit) = (self.pixel_origin.into(), self.stream_fit.map(Into::into));
-        let stream = calib_core::Stream { origin, size: self.stream_size, fit, crop: None };
+        let stream = calib_core::floor::Stream { origin, size: self.stream_size, fit, crop: None };
         let wanted = Wanted { camera, at, height: 0.0, stream, wording: Wording::Flags };
         let found = Calibrations::of(&file.site, file.sha256.clone(), wanted).map_err(Stop::of_table)?;
         found.notes().iter().for_each(|note| say(format_args!("calib: {note}")));

@@ -150,7 +150,7 @@ fn main() -> ExitCode {
 }
 
 fn schema() -> Result<(), Stop> {
-    let mut text = serde_json::to_string_pretty(&calib_core::Site::json_schema())?;
+    let mut text = serde_json::to_string_pretty(&calib_site::Site::json_schema())?;
     text.push('\n');
     files::print(&text)
 }

@@ -1,6 +1,6 @@
 //! Cameras of another program in a site that is there: its lines, links and marks stay.
 
-use calib_core::{Plan, Site, SiteCamera};
+use calib_site::{Plan, Site, SiteCamera};
 
 use crate::files::{SiteFile, say};
 use crate::stop::Stop;
@@ -71,7 +71,7 @@ fn take(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Result<(), St
     entry.solution = camera.solution.or(entry.solution.take());
     entry.error = None;
     entry.image = entry.image.take().or(camera.image);
-    let is_new = |point: &calib_core::ControlPointEntry| !entry.control_points.contains(point);
+    let is_new = |point: &calib_site::ControlPointEntry| !entry.control_points.contains(point);
     let new: Vec<_> = camera.control_points.into_iter().filter(is_new).collect();
     entry.control_points.extend(new);
     Ok(())

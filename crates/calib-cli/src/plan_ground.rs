@@ -1,7 +1,7 @@
 //! The ground of a site seen from above, as pixels.
 
-use calib_core::Site;
 use calib_report::{GROUND, Ground, PLAN_SHARE, Svg};
+use calib_site::Site;
 use image::{Rgb, RgbImage, imageops};
 
 /// The ground with the plan's picture, if there is one, and the drawing of a site seen from above.

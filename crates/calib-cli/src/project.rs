@@ -3,7 +3,7 @@
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use calib_core::Stream;
+use calib_core::floor::Stream;
 use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Rows, To, Wanted, Wording,
 };

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use calib_core::{Annotation, ImageCircle, Options, Site, SiteCamera};
+use calib_core::{Annotation, ImageCircle};
 use calib_image::{Group, Proposal, Still, Verdict, image_circle, line_segments};
 use calib_report::{few, is_fitted, overlay, straight_down};
+use calib_site::{Options, Site, SiteCamera};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 

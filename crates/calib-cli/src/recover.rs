@@ -1,8 +1,8 @@
 //! Cameras that moved, calibrated anew from what was drawn on their old stills.
 
-use calib_core::{NewStill, Site};
 use calib_image::{Became, recovered};
 use calib_report::few;
+use calib_site::{NewStill, Site};
 use jiff::Timestamp;
 
 use crate::compare::{Compared, still};

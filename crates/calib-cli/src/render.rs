@@ -1,7 +1,7 @@
 //! `calib render`: overlays on an image, or all cameras on the plan.
 
-use calib_core::SiteCamera;
 use calib_report::{Svg, is_fitted, overlay};
+use calib_site::SiteCamera;
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};

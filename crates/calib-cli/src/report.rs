@@ -1,8 +1,8 @@
 //! `calib report`: one self-contained page to hand over.
 
 use base64::Engine as _;
-use calib_core::SiteCamera;
 use calib_report::{Picture, Shown, WalkPage};
+use calib_site::SiteCamera;
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};

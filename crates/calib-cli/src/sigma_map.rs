@@ -1,8 +1,10 @@
 //! The floor shaded by its predicted error, with a legend.
 
-use calib_core::{Camera, Pixel, SiteCamera};
+use calib_core::{Camera, Pixel};
+
 use calib_draw::Rgb;
 use calib_report::{Anchor, Svg};
+use calib_site::SiteCamera;
 use image::RgbImage;
 
 /// Pixels per side of a shaded cell.

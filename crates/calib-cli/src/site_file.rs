@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use base64::Engine as _;
-use calib_core::{Code, MAX_BYTES, Names, Options, Site, SiteCamera, Warning};
+use calib_core::Code;
 use calib_input::{FileError, decode, size_of};
+use calib_site::{MAX_BYTES, Names, Options, Site, SiteCamera, Warning};
 use image::RgbImage;
 use sha2::{Digest as _, Sha256};
 

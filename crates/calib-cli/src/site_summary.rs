@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Overlap, Site, Warning};
+use calib_site::{Overlap, Site, Warning};
 
 use calib_draw::{Element, View, elements};
 use calib_report::{centimetres, kinds, together, worst_first};

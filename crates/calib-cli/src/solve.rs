@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{
-    FailureEntry, Finding, Method, Options, Residual, ResidualOf, Site, SiteCamera, Solution, Stage,
-};
+use calib_core::{Finding, Residual, ResidualOf};
+
+use calib_site::{FailureEntry, Method, Options, Site, SiteCamera, Solution, Stage};
 use clap::ValueEnum;
 
 use crate::args::ImageArgs;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use calib_core::MAX_BYTES;
+use calib_site::MAX_BYTES;
 use image::RgbImage;
 use jiff::Timestamp;
 

@@ -20,7 +20,7 @@ pub(crate) enum Fit {
     Letterbox,
 }
 
-impl From<PixelOrigin> for calib_core::PixelOrigin {
+impl From<PixelOrigin> for calib_core::floor::PixelOrigin {
     fn from(origin: PixelOrigin) -> Self {
         match origin {
             PixelOrigin::Corner => Self::Corner,
@@ -29,7 +29,7 @@ impl From<PixelOrigin> for calib_core::PixelOrigin {
     }
 }
 
-impl From<Fit> for calib_core::StreamFit {
+impl From<Fit> for calib_core::floor::StreamFit {
     fn from(fit: Fit) -> Self {
         match fit {
             Fit::Stretch => Self::Stretch,

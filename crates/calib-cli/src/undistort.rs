@@ -1,6 +1,8 @@
 //! `calib undistort`: a camera's image without lens distortion, whole or in windows.
 
-use calib_core::{Crop, Distortion, Undistortion};
+use calib_core::{Distortion, Undistortion};
+
+use calib_core::floor::Crop;
 use clap::ValueEnum;
 use image::RgbImage;
 

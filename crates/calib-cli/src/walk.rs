@@ -1,6 +1,8 @@
 //! `calib walk`: acceptance by a walker whom several cameras see.
 
-use calib_core::{Disagreement, FloorPoint, Walk, WalkResult, Zones};
+use calib_core::FloorPoint;
+
+use calib_health::{Disagreement, Walk, WalkResult, Zones};
 use calib_report::{WalkPage, direction, zone_name};
 
 use crate::args::SiteArgs;
@@ -212,7 +214,7 @@ fn as_json(page: &WalkPage<'_>) -> serde_json::Value {
         }
         value
     };
-    let zone = |zone: &calib_core::Zone| {
+    let zone = |zone: &calib_health::Zone| {
         let covered_by: Vec<&String> = zone.covered_by.iter().map(|&camera| &names[camera]).collect();
         serde_json::json!({
             "zone": zone_name(zone), "corner_m": [zone.corner.x, zone.corner.y], "moments": zone.moments,

@@ -3,7 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use calib_core::{Camera, CameraHealth, Change, Memory, Movement, Verdict, Watch};
+use calib_core::Camera;
+
+use calib_core::camera::Movement;
+
+use calib_health::{CameraHealth, Change, Memory, Verdict, Watch};
 use calib_report::WatchedCamera;
 use serde::{Deserialize, Serialize};
 

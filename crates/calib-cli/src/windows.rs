@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use calib_core::{
-    Camera, Distortion, Lens, Look, Mount, Pixel, Plane, SiteCamera, Stage, Window, lens_reach,
-};
+use calib_core::{Camera, Distortion, Lens, Pixel, Plane, Window};
+
+use calib_core::floor::{Look, Mount, lens_reach};
+
 use calib_formats::remap_npy;
 use calib_report::lens_of;
+use calib_site::{SiteCamera, Stage};
 use clap::ValueEnum;
 use image::RgbImage;
 use serde_json::json;

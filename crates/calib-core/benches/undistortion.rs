@@ -4,7 +4,9 @@ mod measure;
 
 use std::hint::black_box;
 
-use calib_core::{BrownConrady, Crop, Distortion, Lens, Pixel, Undistortion};
+use calib_core::{BrownConrady, Distortion, Lens, Pixel, Undistortion};
+
+use calib_core::floor::Crop;
 use measure::{median, report};
 use rand::{Rng as _, SeedableRng as _};
 

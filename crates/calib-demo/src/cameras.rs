@@ -1,6 +1,8 @@
 //! The cameras as they truly are: what calibration should find.
 
-use calib_core::{BrownConrady, Camera, Covariance, Distortion, ImageCircle, Lens, Pixel, Turn, WorldPoint};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, ImageCircle, Lens, Pixel, WorldPoint};
+
+use calib_core::camera::Turn;
 
 /// Id, camera and image size in pixels of every camera.
 pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {

@@ -1,8 +1,10 @@
 //! The site held against the truth: what is drawn is there, and says what it claims to say.
 
-use calib_core::{
-    Annotation, Camera, Distortion, Kind, LinkSeen, MarkShape, Pixel, STAGE_1_HEIGHT, Site, SiteCamera,
-};
+use calib_core::{Annotation, Camera, Distortion, Kind, MarkShape, Pixel};
+
+use calib_core::floor::STAGE_1_HEIGHT;
+
+use calib_site::{LinkSeen, Site, SiteCamera};
 
 use crate::cameras::cameras;
 use crate::element::marks;

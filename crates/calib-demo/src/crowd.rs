@@ -1,7 +1,11 @@
 //! The public of the demonstration site, day after day, and the boxes that a detector draws around it: feet hidden by
 //! shelves, children, seasons, and noise that grows with the box.
 
-use calib_core::{Camera, FloorPoint, Movement, Pixel, Sighting, WorldPoint};
+use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
+
+use calib_core::camera::Movement;
+
+use calib_health::Sighting;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

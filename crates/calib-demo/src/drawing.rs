@@ -1,6 +1,8 @@
 //! What the operator draws on every image.
 
-use calib_core::{Annotation, Distortion, Kind, Known, Pixel, WorldPoint};
+use calib_core::{Annotation, Distortion, Kind, Pixel, WorldPoint};
+
+use calib_core::single::Known;
 
 use crate::building::TILE;
 use crate::edge::{Axis, Edge, barn_floor, exact, shop_floor, store_floor, straight, verticals};

@@ -1,6 +1,8 @@
 //! Virtual elements that coincide with things of the scene.
 
-use calib_core::{Mark, MarkKind, WorldPoint};
+use calib_core::{MarkKind, WorldPoint};
+
+use calib_site::Mark;
 
 use crate::building::{CEILING, COLUMN, COLUMNS};
 use crate::edge::exact;

@@ -1,6 +1,8 @@
 //! Points of the scene that can be told from a picture: for control points and for links.
 
-use calib_core::{ControlPointEntry, Link, LinkKind, LinkSeen, Pixel, WorldPoint};
+use calib_core::{Pixel, WorldPoint};
+
+use calib_site::{ControlPointEntry, Link, LinkKind, LinkSeen};
 
 use crate::building::{COLUMN, COLUMNS};
 use crate::edge::exact;

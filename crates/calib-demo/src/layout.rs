@@ -2,9 +2,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use calib_core::{
-    Camera, FloorPoint, Link, LinkKind, LinkSeen, Pixel, SceneEntry, Site, SiteCamera, WorldPoint,
-};
+use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
+
+use calib_site::{Link, LinkKind, LinkSeen, SceneEntry, Site, SiteCamera};
 use rand::Rng;
 
 use crate::random::{Drawn, RandomScene, SIZE, normal};
@@ -163,12 +163,12 @@ impl Layout {
     /// Puts the first camera where it stands in truth: the gauge of a site without plan.
     pub fn place_first(&mut self) {
         let camera = &self.truth[0];
-        self.site.cameras[0].placement = Some(calib_core::PlacementEntry {
+        self.site.cameras[0].placement = Some(calib_site::PlacementEntry {
             move_m: camera.position.on_floor(),
             turn_deg: (camera.yaw + PI).rem_euclid(TAU).to_degrees() - 180.0,
-            scale: Some(camera.position.z / calib_core::STAGE_1_HEIGHT),
+            scale: Some(camera.position.z / calib_core::floor::STAGE_1_HEIGHT),
             fixed: false,
-            held: calib_core::HeldEntry::default(),
+            held: calib_site::HeldEntry::default(),
         });
     }
 }

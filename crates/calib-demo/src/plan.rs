@@ -1,6 +1,8 @@
 //! The floor plan, drawn from the same lists as the scene.
 
-use calib_core::{Plan, PlanPixel};
+use calib_core::PlanPixel;
+
+use calib_site::Plan;
 use image::{Rgb, RgbImage};
 
 use crate::building::{COLUMN, COLUMNS, Filling, Opening, WALLS, Wall};

@@ -1,9 +1,14 @@
 //! The site: what the operator entered, and the truth.
 
-use calib_core::{
-    BrownConrady, Camera, Coefficient, Distance, Distortion, DistortionEntry, FloorPoint, Format, Known,
-    LensEntry, Pixel, Placement, PlacementEntry, STAGE_1_HEIGHT, Site, SiteCamera, WorldPoint,
-};
+use calib_core::{BrownConrady, Camera, Distortion, FloorPoint, Pixel, Placement, WorldPoint};
+
+use calib_core::camera::Coefficient;
+
+use calib_core::floor::STAGE_1_HEIGHT;
+
+use calib_core::single::Known;
+
+use calib_site::{Distance, DistortionEntry, Format, LensEntry, PlacementEntry, Site, SiteCamera};
 use image::RgbImage;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -198,12 +203,12 @@ fn placed(hand: &mut Hand) -> PlacementEntry {
         turn_deg: off(TURN, 1e2, truth.turn.to_degrees()),
         scale: Some(off(SCALE, 1e4, hand.camera.position.z / STAGE_1_HEIGHT)),
         fixed: false,
-        held: calib_core::HeldEntry::default(),
+        held: calib_site::HeldEntry::default(),
     }
 }
 
 /// A distance across the shop, measured with a tape: between the two links that are farthest apart.
-fn taped(links: &[calib_core::Link]) -> Option<Distance> {
+fn taped(links: &[calib_site::Link]) -> Option<Distance> {
     const TAPE: f64 = 0.01;
     let points = of_the_shop();
     let known: Vec<&(String, WorldPoint)> =

@@ -1,7 +1,9 @@
 //! The same site for an operator who has no plan: the cameras of the shop are tied by links and by
 //! virtual elements put on real things; store and barn share nothing with them.
 
-use calib_core::{Mark, MarkKind, MarkSeen, Placement, Site, WorldPoint};
+use calib_core::{MarkKind, Placement, WorldPoint};
+
+use calib_site::{Mark, MarkSeen, Site};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 

@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use calib_core::{
-    Camera, ElementSolution, FloorLine, FloorPoint, Link, LinkKind, Mark, Pixel, Plane, Site, SiteCamera,
-    WorldPoint,
-};
+use calib_core::{Camera, FloorPoint, Pixel, Plane, WorldPoint};
+
+use calib_core::floor::FloorLine;
+
+use calib_site::{ElementSolution, Link, LinkKind, Mark, Site, SiteCamera};
 
 /// A link or a mark that has a place, and what the cameras make of it.
 #[derive(Clone, Debug)]
@@ -157,7 +158,7 @@ fn views<'a>(
 fn points_of_link(
     link: &Link,
     found: &ElementSolution,
-    seen: &calib_core::LinkSeen,
+    seen: &calib_site::LinkSeen,
     camera: &Camera,
     plane: &Plane,
 ) -> Vec<Sighting> {

@@ -20,8 +20,8 @@ pub struct KindLook {
     pub sign: Sign,
 }
 
-/// The look of every kind, in the order of `calib_core::KINDS`.
-pub const KIND_LOOKS: [KindLook; calib_core::KINDS.len()] = {
+/// The look of every kind, in the order of `calib_core::single::KINDS`.
+pub const KIND_LOOKS: [KindLook; calib_core::single::KINDS.len()] = {
     const fn row(kind: Kind, [colour, on_light]: [u32; 2], sign: Sign) -> KindLook {
         KindLook { kind, colour: Rgb::hex(colour), on_light: Rgb::hex(on_light), dash: &[], sign }
     }
@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn every_kind_has_its_row_and_a_colour_of_its_own() {
         let mut colours = std::collections::HashSet::new();
-        for row in &calib_core::KINDS {
+        for row in &calib_core::single::KINDS {
             let look = KindLook::of(row.kind);
             assert_eq!(look.kind, row.kind);
             assert!(colours.insert(look.colour), "{} looks like another kind", row.name);

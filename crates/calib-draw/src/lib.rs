@@ -9,7 +9,7 @@
 //! ```
 //! use calib_draw::{Geometry, ImageLayer, ImageView, Look, Signs, on_image};
 //!
-//! let site = calib_core::Site::from_json(
+//! let site = calib_site::Site::from_json(
 //!     r#"{"format": "calib-site", "version": 1, "cameras": [{"id": "door", "size_px": [1920, 1080],
 //!         "annotations": [{"kind": "vertical", "segments": [[[300, 200], [310, 700]]]}]}]}"#,
 //! )?;
@@ -17,7 +17,7 @@
 //! let items = on_image(&view, &[ImageLayer::Annotations(Signs::OfKinds)]);
 //! let lines = items.iter().filter(|item| matches!(item.geometry, Geometry::Polyline(_)));
 //! assert_eq!(lines.map(|line| Look::of(line.meaning).colour.to_string()).collect::<Vec<_>>(), ["#5BB8F5"]);
-//! # Ok::<(), calib_core::SiteError>(())
+//! # Ok::<(), calib_site::SiteError>(())
 //! ```
 
 mod colour;

@@ -138,7 +138,7 @@ fn of_line(line: &Line) -> Look {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::KINDS;
+    use calib_core::single::KINDS;
 
     use super::*;
 

@@ -1,6 +1,8 @@
 //! What is drawn on the floor seen from above, in metres.
 
-use calib_core::{Camera, FloorPoint, floor_grid, position_ellipse, view_angle};
+use calib_core::{Camera, FloorPoint, floor_grid};
+
+use calib_core::floor::{position_ellipse, view_angle};
 
 use crate::agreement::{Element, elements};
 use crate::item::{Geometry, Item};

@@ -1,6 +1,8 @@
 //! Where a painter's site and its results are kept: in a file, or in solves that go on.
 
-use calib_core::{Camera, Plane, Site, Solution, Stage};
+use calib_core::{Camera, Plane};
+
+use calib_site::{Site, Solution, Stage};
 
 /// A site and what is known of its cameras.
 pub trait Scene: std::fmt::Debug {

@@ -4,11 +4,17 @@
 
 use std::sync::OnceLock;
 
-use calib_core::{FloorPoint, KINDS, MarkKind, Options, Pixel, Shape, Site, WorldPoint, drawn_line};
+use calib_core::{FloorPoint, MarkKind, Pixel, WorldPoint};
+
+use calib_core::floor::drawn_line;
+
+use calib_core::single::{KINDS, Shape};
+
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Meaning, PlanLayer, PlanView, Scene as _, Signs, cone_corners,
     extension, on_image, on_plan,
 };
+use calib_site::{Options, Site};
 
 /// The demonstration, solved.
 fn solved() -> &'static Site {
@@ -214,8 +220,8 @@ fn what_stands_behind_a_camera_is_not_on_its_image() {
     assert!(on_plan(&PlanView::new(&site), &[PlanLayer::Marks]).is_empty());
 }
 
-fn any_mark(kind: MarkKind) -> calib_core::Mark {
-    calib_core::Mark {
+fn any_mark(kind: MarkKind) -> calib_site::Mark {
+    calib_site::Mark {
         id: None,
         name: None,
         off: false,
@@ -316,7 +322,7 @@ fn a_plan_shows_cameras_that_stand_and_the_one_in_hand_over_the_others() {
     let all: Vec<usize> = (0..site.cameras.len()).collect();
     assert_eq!(of(&site, PlanView::new(&site)), all);
     assert_eq!(of(&site, PlanView::new(&site).with_uppermost(1)).last(), Some(&1));
-    site.cameras[0].solution.as_mut().unwrap().stage = calib_core::Stage::Partial;
+    site.cameras[0].solution.as_mut().unwrap().stage = calib_site::Stage::Partial;
     assert_eq!(of(&site, PlanView::new(&site).of_placed()), all[1..]);
     site.cameras[1].solution = None;
     assert_eq!(of(&site, PlanView::new(&site)).len(), all.len() - 1);
@@ -326,7 +332,7 @@ fn a_plan_shows_cameras_that_stand_and_the_one_in_hand_over_the_others() {
 fn what_a_camera_saw_before_it_was_recalibrated_is_on_the_plan_when_it_is_in_hand() {
     let mut site = solved().clone();
     let bump = Some("2026-06-01T09:00:00Z".to_owned());
-    site.cameras.push(calib_core::SiteCamera { valid_to: bump.clone(), ..site.cameras[0].clone() });
+    site.cameras.push(calib_site::SiteCamera { valid_to: bump.clone(), ..site.cameras[0].clone() });
     site.cameras[0].valid_from = bump;
     let old = site.cameras.len() - 1;
     let fields = |view: PlanView| -> Vec<usize> {

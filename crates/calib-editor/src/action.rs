@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use calib_core::{
-    Annotation, ControlPointEntry, Distance, ImageCircle, Known, LensEntry, Link, Mark, MarkKind, Placement,
-    Plan, Site,
-};
+use calib_core::{Annotation, ImageCircle, MarkKind, Placement};
+
+use calib_core::single::Known;
+
 use calib_image::Proposal;
+use calib_site::{ControlPointEntry, Distance, LensEntry, Link, Mark, Plan, Site};
 use image::RgbImage;
 
 use crate::command::{Cameras, Gesture, Lines, Nudge, Proposing, Selection};

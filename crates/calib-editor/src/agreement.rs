@@ -126,12 +126,12 @@ mod tests {
         let mut site = session.site.clone();
         site.cameras[camera].control_points.clear();
         site.cameras[camera].placement =
-            session.solved.placed(camera).map(|pose| calib_core::PlacementEntry {
+            session.solved.placed(camera).map(|pose| calib_site::PlacementEntry {
                 move_m: FloorPoint { x: pose.position.x + 0.5, y: pose.position.y },
                 turn_deg: pose.yaw.to_degrees(),
-                scale: Some(pose.position.z / calib_core::STAGE_1_HEIGHT),
+                scale: Some(pose.position.z / calib_core::floor::STAGE_1_HEIGHT),
                 fixed: false,
-                held: calib_core::HeldEntry::default(),
+                held: calib_site::HeldEntry::default(),
             });
         let moved = Session::new(site, Images::default(), None);
         let after = agreements(&moved, camera, &poses);

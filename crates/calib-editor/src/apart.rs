@@ -1,6 +1,10 @@
 //! How far two views put one link from each other, and how far they may by their own uncertainty.
 
-use calib_core::{Camera, FloorLine, FloorPoint, Link, LinkKind, LinkSeen, Plane};
+use calib_core::{Camera, FloorPoint, Plane};
+
+use calib_core::floor::FloorLine;
+
+use calib_site::{Link, LinkKind, LinkSeen};
 
 use crate::session::Session;
 

@@ -1,6 +1,6 @@
 //! In what two versions of a site differ, in words: for an operator who has to choose one.
 
-use calib_core::{Site, SiteCamera};
+use calib_site::{Site, SiteCamera};
 
 /// What is in `to` and was otherwise in `from`; what was solved is not looked at, for it follows.
 #[must_use]

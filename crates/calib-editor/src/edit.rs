@@ -2,7 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{Annotation, Kind, Known, Pixel, Shape, Site, SiteCamera};
+use calib_core::{Annotation, Kind, Pixel};
+
+use calib_core::single::{Known, Shape};
+
+use calib_site::{Site, SiteCamera};
 
 use crate::hit::Part;
 

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use calib_core::{Annotation, Camera, Code, Kind, Site, SiteCamera};
+use calib_core::{Annotation, Camera, Code, Kind};
+
+use calib_site::{Site, SiteCamera};
 
 use crate::command::{self, Command, Needs};
 use crate::family::Family;

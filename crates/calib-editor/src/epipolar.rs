@@ -1,6 +1,8 @@
 //! Where another view must show what one view shows of a link.
 
-use calib_core::{Camera, Link, LinkKind, LinkSeen, Pixel, Plane, Ray, WorldPoint};
+use calib_core::{Camera, Pixel, Plane, Ray, WorldPoint};
+
+use calib_site::{Link, LinkKind, LinkSeen};
 
 /// What another view is to look for.
 #[derive(Clone, Debug, PartialEq)]

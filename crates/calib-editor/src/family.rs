@@ -1,6 +1,10 @@
 //! Cameras that fit what was drawn as well as the solution does: a second one, or a whole family.
 
-use calib_core::{Camera, Code, Known, LensCache, RULED_OUT, Site, SiteCamera, Solution};
+use calib_core::{Camera, Code};
+
+use calib_core::single::{Known, RULED_OUT};
+
+use calib_site::{LensCache, Site, SiteCamera, Solution};
 
 /// A camera with a horizontal field of view that was asked for, and how it fits.
 #[derive(Clone, Debug)]
@@ -108,7 +112,8 @@ impl Family {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib_core::{Annotation, Kind, Options};
+    use calib_core::{Annotation, Kind};
+    use calib_site::Options;
 
     #[test]
     fn verticals_alone_leave_a_family_and_all_of_it_fits() {

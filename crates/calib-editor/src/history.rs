@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use calib_core::{Site, SiteCamera};
+use calib_site::{Site, SiteCamera};
 
 use crate::proposed::Proposed;
 
@@ -309,7 +309,7 @@ mod tests {
             |site| site.cameras.push(SiteCamera::new("new", [9, 9])),
             |site| drop(site.cameras.remove(0)),
             |site| site.name = Some("hall".into()),
-            |site| site.links.push(calib_core::Link::new(None, calib_core::LinkKind::Point, Vec::new())),
+            |site| site.links.push(calib_site::Link::new(None, calib_site::LinkKind::Point, Vec::new())),
         ];
         for gesture in gestures {
             let mut changed = known.clone();

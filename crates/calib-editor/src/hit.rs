@@ -2,8 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, Lens, Pixel, Site, SiteCamera, drawn_line, on_image};
+use calib_core::{Camera, Lens, Pixel, on_image};
+
+use calib_core::floor::drawn_line;
+
 pub use calib_image::to_segment;
+use calib_site::{Site, SiteCamera};
 
 /// Something of one camera's image that can be picked, moved and deleted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -207,16 +211,16 @@ mod tests {
         let mut site = site();
         let entry = &mut site.cameras[0];
         let k = Some(0.0);
-        entry.lens = Some(calib_core::LensEntry {
-            distortion: Some(calib_core::DistortionEntry {
+        entry.lens = Some(calib_site::LensEntry {
+            distortion: Some(calib_site::DistortionEntry {
                 focal_px: Some(150.0),
                 k1: k,
                 k2: k,
                 k3: k,
                 k4: k,
-                ..calib_core::DistortionEntry::new(calib_core::DistortionModel::KannalaBrandt)
+                ..calib_site::DistortionEntry::new(calib_core::DistortionModel::KannalaBrandt)
             }),
-            ..calib_core::LensEntry::default()
+            ..calib_site::LensEntry::default()
         });
         let ends = [Pixel::new(120.0, 60.0), Pixel::new(520.0, 60.0)];
         entry.annotations[0] = Annotation::of_segments(Kind::Parallel, vec![ends.to_vec()]);

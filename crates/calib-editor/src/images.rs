@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use base64::Engine as _;
-use calib_core::Site;
 use calib_input::relative;
+use calib_site::Site;
 
 use crate::reach::Reach;
 
@@ -287,7 +287,7 @@ pub fn parse(text: &str, folder: Option<PathBuf>) -> FileResult<(Site, Images)> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib_core::SiteCamera;
+    use calib_site::SiteCamera;
 
     fn site() -> Site {
         let mut camera = SiteCamera::new("a", [4, 3]);

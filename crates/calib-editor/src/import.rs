@@ -1,7 +1,9 @@
 //! Files of other programs: what format they are, and their lenses brought to the size of our images.
 
-use calib_core::{LensEntry, Pixel, Plan, SiteCamera};
+use calib_core::Pixel;
+
 use calib_formats::{FORMATS, File, Format, Imported};
+use calib_site::{LensEntry, Plan, SiteCamera};
 
 /// Shapes of images that differ by less than this are the same.
 const SHAPE: f64 = 2e-3;

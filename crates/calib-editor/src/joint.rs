@@ -1,8 +1,10 @@
 //! The results of a joint solve: they stay until what they follow from differs, and say when it does.
 
-use calib_core::{
-    Camera, ElementSolution, Link, Mark, Plane, PlaneEntry, PlaneSolution, Report, Site, SiteCamera,
-    SiteSolution, Solution, Stage,
+use calib_core::{Camera, Plane};
+
+use calib_site::{
+    ElementSolution, Link, Mark, PlaneEntry, PlaneSolution, Report, Site, SiteCamera, SiteSolution, Solution,
+    Stage,
 };
 
 /// The camera as drawn and entered; a given result is entered.
@@ -114,8 +116,8 @@ impl Joint {
     pub(crate) fn holds_for(&self, site: &Site) -> bool {
         !self.was_out_of_date
             && self.took_part().all(|known| self.has_same(site, known))
-            && self.site.plan.as_ref().map(calib_core::Plan::scale)
-                == site.plan.as_ref().map(calib_core::Plan::scale)
+            && self.site.plan.as_ref().map(calib_site::Plan::scale)
+                == site.plan.as_ref().map(calib_site::Plan::scale)
             && self.site.scene == site.scene
             && same_planes(&self.site.planes, &site.planes)
             && ties(&self.site) == ties(site)
@@ -220,12 +222,12 @@ fn same_mark(a: &Mark, b: &Mark) -> bool {
 struct Ties<'a> {
     links: Vec<&'a Link>,
     marks: Vec<&'a Mark>,
-    distances: Vec<&'a calib_core::Distance>,
+    distances: Vec<&'a calib_site::Distance>,
 }
 
 impl PartialEq for Ties<'_> {
     fn eq(&self, other: &Self) -> bool {
-        let same = |a: &calib_core::Distance, b: &calib_core::Distance| {
+        let same = |a: &calib_site::Distance, b: &calib_site::Distance| {
             a.between == b.between && a.length_m == b.length_m && a.keep == b.keep
         };
         self.links.len() == other.links.len()

@@ -6,9 +6,11 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use calib_core::{Camera, Recovered, Site, SiteCamera};
+use calib_core::Camera;
+
 use calib_image::{Became, Comparison};
 use calib_input::time_in_name;
+use calib_site::{Recovered, Site, SiteCamera};
 
 use crate::file_name::camera_name;
 use crate::session::Session;

@@ -15,7 +15,7 @@ impl Session {
         };
         match part {
             Part::Vertex { annotation, segment, .. } | Part::Line { annotation, segment } => {
-                calib_core::line_name(&entry.annotations, annotation, segment)
+                calib_core::single::line_name(&entry.annotations, annotation, segment)
             }
             Part::Corner(corner) => format!("corner {} of the field", corner + 1),
             Part::Field => "the field".into(),

@@ -1,6 +1,6 @@
 //! Which period of which camera something is of, whatever is done to the list of cameras meanwhile.
 
-use calib_core::{Site, SiteCamera};
+use calib_site::{Site, SiteCamera};
 
 /// A period of a camera: an id may repeat, with another time from which it holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

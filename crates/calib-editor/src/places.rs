@@ -1,6 +1,8 @@
 //! Where links and marks are by what is known today: hints for whoever measures, never measurements.
 
-use calib_core::{Link, LinkKind, Pixel, WorldPoint};
+use calib_core::{Pixel, WorldPoint};
+
+use calib_site::{Link, LinkKind};
 
 use crate::epipolar::post_length;
 use crate::session::Session;

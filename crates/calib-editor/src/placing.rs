@@ -1,6 +1,8 @@
 //! Stage 2 by hand: where the operator puts a camera.
 
-use calib_core::{Placement, PlacementEntry};
+use calib_core::Placement;
+
+use calib_site::PlacementEntry;
 
 use crate::refine::rounded;
 use crate::session::Session;
@@ -33,7 +35,7 @@ impl Session {
     #[must_use]
     pub fn is_held_by_points(&self, index: usize) -> bool {
         self.site.cameras.get(index).is_some_and(|camera| {
-            let is_usable = |p: &&calib_core::ControlPointEntry| {
+            let is_usable = |p: &&calib_site::ControlPointEntry| {
                 !p.off && p.control_point(self.site.plan.as_ref()).is_some()
             };
             let fixed = camera.placement.as_ref().is_some_and(|placement| placement.fixed);

@@ -2,7 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{Annotation, ConstraintKind, FloorPoint, PlaneEntry, Site};
+use calib_core::{Annotation, FloorPoint};
+
+use calib_core::single::ConstraintKind;
+
+use calib_site::{PlaneEntry, Site};
 
 use crate::edit::lines_of;
 use crate::hit::Part;
@@ -123,7 +127,8 @@ fn has_field(parts: &BTreeSet<Part>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::{Kind, Link, LinkKind, LinkSeen, Pixel, SiteCamera};
+    use calib_core::{Kind, Pixel};
+    use calib_site::{Link, LinkKind, LinkSeen, SiteCamera};
 
     use super::*;
     use crate::edit::add_line;

@@ -3,7 +3,9 @@
 //! That is the group with which the solve predicts the least relative error of floor lengths: the covariance decides,
 //! as it does for what is to be drawn next.
 
-use calib_core::{Camera, DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
+use calib_core::Camera;
+
+use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
 
 use crate::proposed::Proposed;
 

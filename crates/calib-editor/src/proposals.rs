@@ -1,6 +1,6 @@
 //! What would help a camera most, and what of it the operator does not want to be asked for again.
 
-use calib_core::DrawNext;
+use calib_site::DrawNext;
 
 use crate::session::Session;
 

@@ -4,8 +4,10 @@
 //! their direction, which becomes the id of the annotation: what is taken later of a direction joins what was taken
 //! of it, and directions at right angles are tied once both are drawn.
 
-use calib_core::{Annotation, DistortionEntry, Kind, Lens, Orientation, Pixel, SiteCamera, Solution};
+use calib_core::{Annotation, Kind, Lens, Orientation, Pixel};
+
 use calib_image::{Group, Lies, Proposal, Reason, Verdict};
+use calib_site::{DistortionEntry, SiteCamera, Solution};
 
 use crate::period::Period;
 use crate::{hit, suggest};

@@ -1,6 +1,8 @@
 //! The joint solve of a whole site, written back as placements.
 
-use calib_core::{Options, Placement, PlacementEntry, Site, Solution, Stage};
+use calib_core::Placement;
+
+use calib_site::{Options, PlacementEntry, Site, Solution, Stage};
 
 /// The site with cameras and marks where all evidence together puts them, and with its results.
 #[must_use]

@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use calib_core::{
-    Camera, Drawing, MarkKind, Method, Names, Pixel, PlacementEntry, PlanPixel, Plane, Site, SiteCamera,
-    Solution, Warning, WorldPoint,
-};
+use calib_core::{Camera, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
+
+use calib_core::outcome::Drawing;
+
+use calib_site::{Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warning};
 
 use crate::history::History;
 use crate::hit::Part;
@@ -373,7 +374,8 @@ impl Session {
         let of = |camera: &SiteCamera| self.solved.efov_plane(&self.site, camera);
         let plane = self.site.cameras.get(index).map_or(Plane::FLOOR, of);
         let feet = drawn.iter().filter_map(|&corner| pose.pixel_to_plane(corner, &plane));
-        feet.map(|foot| vec![foot, WorldPoint { z: foot.z + calib_core::PRISM_HEIGHT, ..foot }]).collect()
+        feet.map(|foot| vec![foot, WorldPoint { z: foot.z + calib_core::floor::PRISM_HEIGHT, ..foot }])
+            .collect()
     }
 
     /// Looks for images beside another folder from now on; the history goes with it.

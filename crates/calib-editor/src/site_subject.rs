@@ -1,6 +1,10 @@
 //! What a warning of the site as a whole is about, so that it can be shown.
 
-use calib_core::{Finding, Names, Report, Site, Subject, Warning, WhyNotConnected};
+use calib_core::{Finding, Subject};
+
+use calib_core::outcome::WhyNotConnected;
+
+use calib_site::{Names, Report, Site, Warning};
 
 /// What a warning that a joint solve gave the site is about. The results of one come as a document, which has the
 /// words alone: of the findings that its numbers allow, it is the one that is told in these words.

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use calib_core::{Lens, Pixel, Site};
+use calib_core::{Lens, Pixel};
+
 use calib_image::{pull_drawn, pull_line};
+use calib_site::Site;
 use image::RgbImage;
 
 use crate::edit;

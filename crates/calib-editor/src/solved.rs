@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
-use calib_core::{
-    Camera, ElementSolution, Failure, FailureCode, FailureEntry, Finding, LensCache, Names, Pixel, Placement,
-    Plan, Plane, PlaneEntry, Report, SceneEntry, Site, SiteCamera, Solution, Stage, Surface, Warning,
+use calib_core::{Camera, Failure, FailureCode, Finding, Pixel, Placement, Plane, Surface};
+
+use calib_site::{
+    ElementSolution, FailureEntry, LensCache, Names, Plan, PlaneEntry, Report, SceneEntry, Site, SiteCamera,
+    Solution, Stage, Warning,
 };
 use web_time::Instant;
 
@@ -375,7 +377,7 @@ pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -
         .iter()
         .filter_map(|&pixel| {
             let (a, b) = (unplaced.pixel_to_floor(pixel, 0.0)?, before.pixel_to_floor(pixel, 0.0)?);
-            (a.x.hypot(a.y) < REACH * calib_core::STAGE_1_HEIGHT).then(|| (a.into(), b.into()))
+            (a.x.hypot(a.y) < REACH * calib_core::floor::STAGE_1_HEIGHT).then(|| (a.into(), b.into()))
         })
         .collect();
     if pairs.len() < 2 {
@@ -401,7 +403,8 @@ pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use calib_core::{Annotation, Covariance, Distortion, Kind, Lens, LensEntry, Options, WorldPoint};
+    use calib_core::{Annotation, Covariance, Distortion, Kind, Lens, WorldPoint};
+    use calib_site::{LensEntry, Options};
 
     /// The demonstration's cameras, the first three with one lens that is fitted to the edges of all three.
     fn sharing() -> Site {

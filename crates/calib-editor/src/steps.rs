@@ -1,6 +1,10 @@
 //! The steps of one camera, and what each still needs.
 
-use calib_core::{Code, Kind, Parameter, Severity, Stage, Subject, counted, straightness_rms};
+use calib_core::{Code, Kind, Parameter, Severity, Subject};
+
+use calib_core::single::straightness_rms;
+
+use calib_site::{Stage, counted};
 
 use crate::session::Session;
 
@@ -41,7 +45,7 @@ fn doubted(session: &Session, camera: usize) -> Vec<&'static str> {
         Some(row) if row.is_level() => vec![FLOOR_LINES],
         _ => vec![LENS],
     };
-    let of = |warning: &calib_core::Warning| match session.solved.finding(&session.site, camera, warning) {
+    let of = |warning: &calib_site::Warning| match session.solved.finding(&session.site, camera, warning) {
         Some(finding) => match finding.subject() {
             Subject::Line(line) if warning.code == Code::Outlier => of_annotation(line.annotation),
             Subject::Lens => vec![LENS],
@@ -107,7 +111,7 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
     let edges = drawn(session, camera, Kind::Straight).0;
     let solution = session.solved.solution(camera);
     let is_fitted = solution.is_some_and(|solution| solution.distortion.is_some());
-    let says_little = |warnings: &[calib_core::Warning]| {
+    let says_little = |warnings: &[calib_site::Warning]| {
         warnings.iter().any(|warning| warning.code == Code::UninformativePolyline)
     };
     let is_vague = like.is_none() && solution.is_some_and(|solution| says_little(&solution.warnings));

@@ -3,8 +3,10 @@
 //! What the solution proposes is an example, placed where the estimate has floor and no one has looked. Only an
 //! edge of the image is evidence, and only once the operator has taken it.
 
-use calib_core::{Camera, Covariance, DrawNext, FloorPoint, Kind, Pixel, SiteCamera, WorldPoint};
+use calib_core::{Camera, Covariance, FloorPoint, Kind, Pixel, WorldPoint};
+
 use calib_image::Edge;
+use calib_site::{DrawNext, SiteCamera};
 
 use crate::hit;
 

@@ -1,6 +1,6 @@
 //! What was solved together, as the document changes under it: solved again on the way, or left as it is.
 
-use calib_core::{Site, SiteCamera};
+use calib_site::{Site, SiteCamera};
 
 use crate::joint::{Joint, report_of};
 use crate::refine::refined;

@@ -1,6 +1,8 @@
 //! One verdict a camera: what is wrong comes before what is open, and that before what is done.
 
-use calib_core::{Code, Severity, Warning};
+use calib_core::{Code, Severity};
+
+use calib_site::Warning;
 
 use crate::session::Session;
 use crate::steps::{FIELD, LENS, PLACE, Step, bent_px, is_grave, steps};
@@ -111,7 +113,8 @@ pub fn summary(session: &Session, camera: usize) -> String {
 mod tests {
     use super::*;
     use crate::images::Images;
-    use calib_core::{Annotation, DistortionEntry, DistortionModel, Kind, LensEntry, Pixel, Site};
+    use calib_core::{Annotation, DistortionModel, Kind, Pixel};
+    use calib_site::{DistortionEntry, LensEntry, Site};
 
     fn session(change: impl FnOnce(&mut Site)) -> Session {
         let mut site = calib_demo::demo_site().site;

@@ -3,12 +3,16 @@
 
 use std::path::PathBuf;
 
-use calib_core::{Camera, FloorPoint, HeldEntry, Kind, Known, Pixel, Placement, PlacementEntry, Site, Stage};
+use calib_core::{Camera, FloorPoint, Kind, Pixel, Placement};
+
+use calib_core::single::Known;
+
 use calib_editor::command::{Cameras, Gesture, Group, Lines, Nudge, Selection};
 use calib_editor::{
     Action, Command, Editor, Images, Modifiers, NewStill, Opened, Pane, Part, Phase, PlaceNumber, PlanHandle,
     Pointer, TOOLS, command, parse, plan_handles, refined, steps,
 };
+use calib_site::{HeldEntry, PlacementEntry, Site, Stage};
 
 /// The operator: what the hands do.
 struct Operator(Editor);

@@ -2,9 +2,11 @@
 //! out of date.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use calib_core::{Mark, Pixel, Site, Stage};
+use calib_core::Pixel;
+
 use calib_editor::command::{Cameras, Gesture};
 use calib_editor::{Action, Editor, Images, NewStill, Opened, parse, refined};
+use calib_site::{Mark, Site, Stage};
 
 /// One camera of the demonstration shares nothing with the others.
 const TOGETHER: [Stage; 6] =

@@ -4,13 +4,15 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::{LinkKind, Pixel, Site, SiteCamera};
+use calib_core::Pixel;
+
 use calib_editor::command::Gesture;
 use calib_editor::{
     Action, Editor, Images, Modifiers, NewStill, Newer, OnNewer, Opened, Pane, Period, Phase, Pointer, TOOLS,
     far_links, pair_apart,
 };
 use calib_image::{Became, Comparison};
+use calib_site::{LinkKind, Site, SiteCamera};
 
 const BUMP: &str = "2026-06-01T09:00:00Z";
 
@@ -76,7 +78,7 @@ fn a_link_is_refused_on_a_period_that_has_ended_and_made_on_the_newest() {
 fn a_mark_is_not_pinned_on_a_period_that_has_ended() {
     let mut editor = opened(site(), None);
     let pose = *editor.session().solved.pose(OLD).unwrap();
-    let is_shown = |mark: &calib_core::Mark| {
+    let is_shown = |mark: &calib_site::Mark| {
         let px = pose.world_to_pixel(mark.at_m)?;
         let inside = (0.0..1920.0).contains(&px.u) && (0.0..1080.0).contains(&px.v);
         (inside && !mark.off).then_some(px)
@@ -125,7 +127,7 @@ fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<Newer>
     let entry = &editor.site().cameras[camera];
     let comparison = Comparison {
         became: Became::Moved,
-        turn: calib_core::Turn::default(),
+        turn: calib_core::camera::Turn::default(),
         covariance: [[0.0; 4]; 4],
         bound: [[0.0; 4]; 4],
         clear: 9.0,

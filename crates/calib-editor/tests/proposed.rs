@@ -2,11 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use calib_core::{Kind, Orientation, Pixel, Site, SiteCamera};
+use calib_core::{Kind, Orientation, Pixel};
+
 use calib_editor::{
     Action, Editor, Images, NewStill, OnProposed, Opened, Pane, Period, Phase, Pointer, command,
 };
 use calib_image::{Alternative, Group, Lies, Proposal, Reason, Still, Verdict};
+use calib_site::{Site, SiteCamera};
 
 /// The first camera of the demonstration with nothing drawn, beside another.
 fn blank() -> Site {

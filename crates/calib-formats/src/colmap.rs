@@ -132,7 +132,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let mut imported = site_of(given, &file.name)?;
     imported.notes.extend(notes);
     if with_points > 0 {
-        let images = calib_core::counted(with_points, "image", "images");
+        let images = calib_site::counted(with_points, "image", "images");
         imported.notes.push(format!("{}: not taken: the points of {images}", file.name));
     }
     let points = files.iter().filter(|file| file.base() == "points3D.txt");
@@ -145,7 +145,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
 
 fn lens(line: &Line, notes: &mut Vec<String>) -> Result<Given, FormatError> {
     let [width, height] = line.numbers(2)?;
-    let most = f64::from(calib_core::MAX_SIDE);
+    let most = f64::from(calib_site::MAX_SIDE);
     if [width, height].iter().any(|side| side.fract() != 0.0 || !(1.0..=most).contains(side)) {
         let found = format!("{} x {}", digits(width), digits(height));
         return Err(FormatError::expected(line.place(), found, "a size in whole pixels"));

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use calib_core::SiteError;
+use calib_site::SiteError;
 
 /// Why a file could not be read or written.
 #[derive(Clone, Debug, PartialEq)]

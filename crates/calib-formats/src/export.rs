@@ -1,6 +1,8 @@
 //! What an export gives: files, and what the format could not hold.
 
-use calib_core::{DistortionModel, Site};
+use calib_core::DistortionModel;
+
+use calib_site::Site;
 
 use crate::file::File;
 use crate::view::{ExportOptions, Terms, View};

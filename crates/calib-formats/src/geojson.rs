@@ -3,7 +3,9 @@
 //! With a georeference in WGS84 as RFC 7946 wants it; without one the same in metres of the site, under
 //! a name that says so. Members that the standard does not know, units and fields, say what the numbers are.
 
-use calib_core::{FloorPoint, Georeference, Plane, PlaneEntry};
+use calib_core::{FloorPoint, Plane};
+
+use calib_site::{Georeference, PlaneEntry};
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};

@@ -1,9 +1,12 @@
 //! A camera as a file gives it, turned into an entry of a site, with everything checked on the way.
 
-use calib_core::{
-    Camera, ControlPointEntry, Covariance, Distortion, DistortionEntry, Known, Lens, LensEntry, Method,
-    Pixel, Site, SiteCamera, Solution, Stage, WorldPoint, angles_from_rotation,
-};
+use calib_core::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
+
+use calib_core::camera::angles_from_rotation;
+
+use calib_core::single::Known;
+
+use calib_site::{ControlPointEntry, DistortionEntry, LensEntry, Method, Site, SiteCamera, Solution, Stage};
 
 use crate::error::{FormatError, Problem, quoted};
 use crate::rotation::{Rotation, is_rotation, transposed, turned};
@@ -81,7 +84,7 @@ impl Given {
         if let Some(size) = self.size {
             return Ok(size);
         }
-        let most = f64::from(calib_core::MAX_SIDE);
+        let most = f64::from(calib_site::MAX_SIDE);
         let size = self.centre.map(|c| (2.0 * c).round());
         if !size.iter().all(|&side| (1.0..=most).contains(&side)) {
             return Err(self.wrong(Problem::NoSize));
@@ -160,9 +163,9 @@ pub(crate) fn site_and_rest(
 
 /// All of what was given as a site.
 pub(crate) fn site_of(given: Vec<Given>, place: &str) -> Result<Imported, FormatError> {
-    if given.len() > calib_core::MAX_CAMERAS {
+    if given.len() > calib_site::MAX_CAMERAS {
         let found = format!("{} cameras", given.len());
-        return Err(FormatError::expected(place, found, format!("at most {}", calib_core::MAX_CAMERAS)));
+        return Err(FormatError::expected(place, found, format!("at most {}", calib_site::MAX_CAMERAS)));
     }
     let mut notes = Vec::new();
     let cameras: Result<Vec<SiteCamera>, FormatError> =

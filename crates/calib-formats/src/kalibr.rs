@@ -6,7 +6,9 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Coefficient, Distortion};
+use calib_core::Distortion;
+
+use calib_core::camera::Coefficient;
 
 use crate::error::{FormatError, quoted};
 use crate::export::{Export, Scene};

@@ -42,7 +42,7 @@ mod registry;
 
 use std::collections::HashSet;
 
-use calib_core::Site;
+use calib_site::Site;
 
 use crate::export::Scene;
 

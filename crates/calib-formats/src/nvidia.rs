@@ -186,8 +186,8 @@ fn calibration(file: &File) -> Result<Imported, FormatError> {
     let root = Node::root(file, &tree);
     let (mut notes, mut cameras) = (Vec::new(), Vec::new());
     let sensors = root.need(&["sensors"])?.items()?;
-    if sensors.len() > calib_core::MAX_CAMERAS {
-        return Err(root.wrong(&format!("at most {} sensors", calib_core::MAX_CAMERAS)));
+    if sensors.len() > calib_site::MAX_CAMERAS {
+        return Err(root.wrong(&format!("at most {} sensors", calib_site::MAX_CAMERAS)));
     }
     for sensor in sensors {
         if sensor.get("type").is_some_and(|kind| kind.text().is_ok_and(|kind| kind != "camera")) {
@@ -228,7 +228,7 @@ fn frame_size(sensor: &Node) -> Result<Option<[u32; 2]>, FormatError> {
         size[index] = match value.text() {
             Ok("") => None,
             Ok(text) => {
-                let most = calib_core::MAX_SIDE;
+                let most = calib_site::MAX_SIDE;
                 let side = text.parse().ok().filter(|side| (1..=most).contains(side));
                 Some(side.ok_or_else(|| value.wrong("a whole number of pixels"))?)
             }

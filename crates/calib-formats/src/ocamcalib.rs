@@ -29,7 +29,7 @@ impl Line {
     fn wrong(&self, expected: &str) -> FormatError {
         FormatError::expected(
             &self.place,
-            calib_core::counted(self.numbers.len(), "number", "numbers"),
+            calib_site::counted(self.numbers.len(), "number", "numbers"),
             expected,
         )
     }
@@ -86,7 +86,7 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<Given, FormatError> {
     inverse.terms()?;
     let [row, column] = centre.exactly("the row and the column of the centre")?;
     let [height, width] = size.exactly("the height and the width of the image")?;
-    let most = f64::from(calib_core::MAX_SIDE);
+    let most = f64::from(calib_site::MAX_SIDE);
     if [width, height].iter().any(|side| side.fract() != 0.0 || !(1.0..=most).contains(side)) {
         let found = format!("{} x {}", digits(width), digits(height));
         return Err(FormatError::expected(&size.place, found, "a size in whole pixels"));

@@ -1,6 +1,8 @@
 //! Planes besides the floor that cover a part of the plan: what becomes of them in a format.
 
-use calib_core::{Plane, PlaneEntry, Site};
+use calib_core::Plane;
+
+use calib_site::{PlaneEntry, Site};
 
 use crate::export::{Export, Loss};
 

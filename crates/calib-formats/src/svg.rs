@@ -19,7 +19,7 @@ const CENTIMETRE: f64 = 0.01;
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let scale = scene.site.plan.as_ref().map_or(
         PlanScale { metres_per_px: CENTIMETRE, origin: PlanPixel::default(), x_axis: 0.0 },
-        calib_core::Plan::scale,
+        calib_site::Plan::scale,
     );
     let at = |point: FloorPoint| <[f64; 2]>::from(scale.plan_from_floor(point));
     let mut corners: Vec<[f64; 2]> = Vec::new();

@@ -8,7 +8,11 @@
 //! `planes.csv`: `plane_from_undistorted_px` gives x and y of a point, `plane_z_m + plane_slope . (x, y)` its
 //! height, and it holds where `region_m` has (x, y).
 
-use calib_core::{Coefficient, FloorPoint, Pixel, Plane, PlaneEntry};
+use calib_core::{FloorPoint, Pixel, Plane};
+
+use calib_core::camera::Coefficient;
+
+use calib_site::PlaneEntry;
 use serde_json::{Map, Value, json};
 
 use crate::export::{Export, Scene};

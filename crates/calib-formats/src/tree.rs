@@ -245,7 +245,7 @@ impl<'a> Node<'a> {
     /// A length in whole pixels.
     pub(crate) fn side(&self) -> Result<u32, FormatError> {
         let value = self.number()?;
-        let most = f64::from(calib_core::MAX_SIDE);
+        let most = f64::from(calib_site::MAX_SIDE);
         if value.fract() == 0.0 && (1.0..=most).contains(&value) {
             return Ok(value as u32);
         }
@@ -295,7 +295,7 @@ impl<'a> Node<'a> {
         let count = numbers.len();
         numbers.try_into().map_err(|_| {
             let place = self.place.trim_end_matches([' ', ':']);
-            FormatError::expected(place, calib_core::counted(count, "number", "numbers"), N)
+            FormatError::expected(place, calib_site::counted(count, "number", "numbers"), N)
         })
     }
 

@@ -3,9 +3,11 @@
 use std::collections::HashSet;
 
 use calib_core::{
-    BrownConrady, Camera, Distortion, DistortionModel, FloorPoint, Lens, Pixel, Plane, Site, SiteCamera,
-    UndistortedPixel, WorldPoint,
+    BrownConrady, Camera, Distortion, DistortionModel, FloorPoint, Lens, Pixel, Plane, UndistortedPixel,
+    WorldPoint,
 };
+
+use calib_site::{Site, SiteCamera};
 
 use crate::file::file_name;
 

@@ -4,7 +4,9 @@
 //! In their order A, D, B, E, C, F: x = A i + B j + C and y = D i + E j + F, where i and j count pixels to
 //! the right and down from the centre of the first one.
 
-use calib_core::{Plan, PlanPixel, Site};
+use calib_core::PlanPixel;
+
+use calib_site::{Plan, Site};
 
 use crate::error::{FormatError, Problem, quoted};
 use crate::file::File;
@@ -60,7 +62,7 @@ fn numbers(file: &File) -> Result<[f64; 6], FormatError> {
     found.try_into().map_err(|found: Vec<f64>| {
         FormatError::expected(
             &file.name,
-            calib_core::counted(found.len(), "number", "numbers"),
+            calib_site::counted(found.len(), "number", "numbers"),
             "the six of a world file",
         )
     })

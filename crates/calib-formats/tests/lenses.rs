@@ -2,11 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{
-    BrownConrady, Camera, Covariance, Distortion, Lens, Method, Pixel, Site, SiteCamera, Solution, Stage,
-    WorldPoint,
-};
+use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
+
 use calib_formats::{ExportOptions, FORMATS, File, Imported, export, format, import};
+use calib_site::{Method, Site, SiteCamera, Solution, Stage};
 use proptest::prelude::*;
 use saphyr::{LoadableYamlNode as _, Yaml};
 use serde_json::json;

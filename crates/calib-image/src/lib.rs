@@ -24,7 +24,10 @@ mod image_circle;
 mod proposal;
 mod compare;
 
-pub use compare::{Became, Comparison, OtherSize, Refusal, Uncompared, drawn_edges, recovered};
+pub use compare::{
+    Became, Comparison, EdgeOffset, Estimated, OtherSize, Refusal, STEP, TONE, TurnFit, Uncompared,
+    drawn_edges, recovered,
+};
 pub use edges::Edge;
 pub use image_circle::image_circle;
 pub use line_segment::LineSegment;

@@ -1,6 +1,8 @@
 //! Pulls a line that was drawn by its ends onto the curved edge that a fisheye makes of a straight one.
 
-use calib_core::{Lens, Pixel, drawn_line};
+use calib_core::{Lens, Pixel};
+
+use calib_core::floor::drawn_line;
 use image::RgbImage;
 
 use crate::pull::{ONE_EDGE, SAMPLES, SHARE, brightness, pull, strongest};

@@ -1,6 +1,8 @@
 //! What a camera maps: whole columns at once, in typed arrays.
 
-use calib_core::{BoxForm, Covariance, Status};
+use calib_core::{Covariance, Status};
+
+use calib_core::floor::BoxForm;
 use js_sys::{Float64Array, Uint8Array};
 use wasm_bindgen::prelude::*;
 

@@ -1,6 +1,8 @@
 //! What calls are told, as plain objects of JavaScript.
 
-use calib_core::{Method, Options, PixelOrigin, Stream, StreamFit};
+use calib_core::floor::{PixelOrigin, Stream, StreamFit};
+
+use calib_site::{Method, Options};
 use js_sys::Array;
 use wasm_bindgen::prelude::*;
 

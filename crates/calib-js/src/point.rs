@@ -1,6 +1,8 @@
 //! Points and findings as plain objects of JavaScript, and what they are called there.
 
-use calib_core::{FindingEntry, Status};
+use calib_core::Status;
+
+use calib_site::FindingEntry;
 use wasm_bindgen::prelude::*;
 
 use crate::object::{object, set};

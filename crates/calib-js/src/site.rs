@@ -1,6 +1,10 @@
 //! A site: its cameras, its findings, and its calibration.
 
-use calib_core::{CameraView, FloorPoint as Point, Pixel as At, Plan, PlanScale, Status, SurfacePoint};
+use calib_core::{CameraView, FloorPoint as Point, Pixel as At, PlanScale, Status};
+
+use calib_core::floor::SurfacePoint;
+
+use calib_site::Plan;
 use js_sys::Float64Array;
 use wasm_bindgen::prelude::*;
 
@@ -13,7 +17,7 @@ use crate::point::{Finding, FloorPoint, Pixel};
 /// A site of cameras, as its file has it: what was drawn, and what was solved.
 #[wasm_bindgen]
 #[derive(Debug)]
-pub struct Site(calib_core::Site);
+pub struct Site(calib_site::Site);
 
 #[wasm_bindgen]
 impl Site {
@@ -23,7 +27,7 @@ impl Site {
     /// Throws an `Error` that says what is wrong with it, and where.
     #[wasm_bindgen(constructor)]
     pub fn new(#[wasm_bindgen(js_name = siteJson)] site_json: &str) -> Result<Self, JsError> {
-        Ok(Self(calib_core::Site::from_json(site_json)?))
+        Ok(Self(calib_site::Site::from_json(site_json)?))
     }
 
     /// The ids of the calibrated cameras, in the order of the file; an id of several periods once.
@@ -57,7 +61,7 @@ impl Site {
     /// # Errors
     /// Throws for options that there are not, and for ids that the site has not.
     pub fn calibrate(&self, options: Option<CalibrateOptions>) -> Result<Self, JsError> {
-        let options = options.map_or_else(|| Ok(calib_core::Options::default()), |options| options.read())?;
+        let options = options.map_or_else(|| Ok(calib_site::Options::default()), |options| options.read())?;
         for id in options.cameras.iter().flatten() {
             if self.0.cameras.iter().all(|entry| entry.id != *id) {
                 return Err(JsError::new(&format!("camera {id:?}: the site has no camera of this id")));

@@ -1,6 +1,8 @@
 //! Images without the bend of their lens.
 
-use calib_core::{CameraView, Crop, StraightView};
+use calib_core::CameraView;
+
+use calib_core::floor::{Crop, StraightView};
 use js_sys::Uint8Array;
 use wasm_bindgen::prelude::*;
 

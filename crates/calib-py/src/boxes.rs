@@ -1,6 +1,6 @@
 //! Boxes of detectors, as a camera maps them.
 
-use calib_core::BoxForm;
+use calib_core::floor::BoxForm;
 use numpy::PyUntypedArrayMethods as _;
 use pyo3::prelude::*;
 

@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 
-use calib_core::{CameraView, Code, Pixel, Site, SiteCamera, SiteSolution, Solution};
+use calib_core::{CameraView, Code, Pixel};
+
+use calib_site::{Site, SiteCamera, SiteSolution, Solution};
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -153,7 +155,7 @@ impl Camera {
     /// "stretch" or "letterbox", or None where nobody said.
     #[getter]
     fn fit(&self) -> Option<&'static str> {
-        self.view.stream().fit.map(calib_core::StreamFit::name)
+        self.view.stream().fit.map(calib_core::floor::StreamFit::name)
     }
 
     /// (left, top, width, height) of what the stream shows, in pixels of the still, or None for all of it.

@@ -33,7 +33,7 @@ pub(crate) fn refused(
 }
 
 /// What is wrong with a site file, after the name of the file.
-pub(crate) fn of_site(py: Python<'_>, file: &str, error: &calib_core::SiteError) -> PyErr {
+pub(crate) fn of_site(py: Python<'_>, file: &str, error: &calib_site::SiteError) -> PyErr {
     let camera = error.about.as_ref().map(|about| about.camera.as_str());
     about(py, CalibError::new_err(format!("{file}{error}")), camera, Some(&error.pointer))
 }

@@ -1,6 +1,6 @@
 //! What is to be said of a calibration, as objects.
 
-use calib_core::FindingEntry;
+use calib_site::FindingEntry;
 use pyo3::prelude::*;
 
 /// Something that an operator should know about a calibration.

@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_core::{Fault, FloorPoint, MAX_BYTES, Method, NoCamera, Options, PlanScale};
+use calib_core::{FloorPoint, PlanScale};
+
 use calib_input::FileError;
+use calib_site::{Fault, MAX_BYTES, Method, NoCamera, Options};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -22,7 +24,7 @@ use crate::finding::Finding;
 ///     CalibError: names the camera and the value that is wrong.
 #[pyclass(frozen, eq, module = "calib")]
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Site(pub(crate) calib_core::Site);
+pub(crate) struct Site(pub(crate) calib_site::Site);
 
 #[pymethods]
 impl Site {
@@ -187,7 +189,7 @@ impl Site {
 
 impl Site {
     fn plan(&self, py: Python<'_>) -> PyResult<PlanScale> {
-        let plan = self.0.plan.as_ref().map(calib_core::Plan::scale);
+        let plan = self.0.plan.as_ref().map(calib_site::Plan::scale);
         plan.ok_or_else(|| {
             refused(py, None, "plan", "the site has none: give it \"plan\" with \"metres_per_px\"")
         })
@@ -195,7 +197,7 @@ impl Site {
 
     /// A document from its text; where nobody wrote the text, no message says where in it something is.
     fn parse(py: Python<'_>, text: &str, file: &str, is_written: bool) -> PyResult<Self> {
-        py.detach(|| calib_core::Site::from_json(text)).map(Self).map_err(|mut error| {
+        py.detach(|| calib_site::Site::from_json(text)).map(Self).map_err(|mut error| {
             if let Fault::Unreadable { at, .. } = &mut error.fault {
                 *at = at.filter(|_| is_written);
             }

@@ -2,7 +2,9 @@
 
 use std::borrow::Cow;
 
-use calib_core::{CameraView, PixelOrigin, Stream, StreamFit};
+use calib_core::CameraView;
+
+use calib_core::floor::{PixelOrigin, Stream, StreamFit};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

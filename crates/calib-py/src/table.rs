@@ -3,7 +3,7 @@
 use std::ffi::CString;
 
 use arrow_array::{RecordBatch, RecordBatchReader};
-use calib_core::Stream;
+use calib_core::floor::Stream;
 use calib_table::{
     AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Place, Rows, TableError,
     To, Wanted, Wording,
@@ -110,7 +110,12 @@ impl Asked {
             sigma: None,
             replaces: false,
             bad_rows: BadRows::Fail,
-            stream: Stream { origin: calib_core::PixelOrigin::Corner, size: None, fit: None, crop: None },
+            stream: Stream {
+                origin: calib_core::floor::PixelOrigin::Corner,
+                size: None,
+                fit: None,
+                crop: None,
+            },
         }
     }
 
@@ -140,12 +145,12 @@ impl Asked {
     }
 
     /// The calibrations that hold, of the cameras that are asked for.
-    fn calibrations(&self, py: Python<'_>, site: &calib_core::Site) -> PyResult<Calibrations> {
+    fn calibrations(&self, py: Python<'_>, site: &calib_site::Site) -> PyResult<Calibrations> {
         let mut site = site.clone();
         let text = site.to_json();
         if let Some(id) = self.camera.as_ref().filter(|id| site.cameras.iter().all(|entry| entry.id != **id))
         {
-            return Err(crate::error::of_camera(py, id, calib_core::NoCamera::Unknown));
+            return Err(crate::error::of_camera(py, id, calib_site::NoCamera::Unknown));
         }
         if let Some(at) = &self.at {
             for entry in std::mem::take(&mut site.cameras) {

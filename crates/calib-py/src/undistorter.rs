@@ -1,6 +1,6 @@
 //! Images without the bend of their lens.
 
-use calib_core::{Crop, NoStraightView, StraightView};
+use calib_core::floor::{Crop, NoStraightView, StraightView};
 use numpy::{PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 

@@ -1,6 +1,8 @@
 //! What is known of a lens, and whether it was found here.
 
-use calib_core::{Distortion, Lens, Method, SiteCamera, Solution};
+use calib_core::{Distortion, Lens};
+
+use calib_site::{Method, SiteCamera, Solution};
 
 /// The lens of a camera, which may be known where its pose is not.
 #[must_use]

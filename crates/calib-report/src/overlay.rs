@@ -1,10 +1,14 @@
 //! What is drawn on a camera's image.
 
-use calib_core::{Code, FloorPoint, Pixel, ResidualOf, Site, SiteCamera, view_angle};
+use calib_core::{Code, FloorPoint, Pixel, ResidualOf};
+
+use calib_core::floor::view_angle;
+
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, KindLook, Laid, Look, Meaning, Rgb, Sign, Signs, lay, on_image,
     reach,
 };
+use calib_site::{Site, SiteCamera};
 
 use crate::labels::{Labels, Place, placed};
 use crate::style;
@@ -197,8 +201,10 @@ fn summary(entry: &SiteCamera) -> String {
 fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[Item<Pixel>]) -> Vec<Tag> {
     let [_, h] = entry.size();
     let step = 22.0 * svg.scale;
-    let used: Vec<_> =
-        calib_core::KINDS.iter().filter(|row| entry.annotations.iter().any(|a| a.kind == row.kind)).collect();
+    let used: Vec<_> = calib_core::single::KINDS
+        .iter()
+        .filter(|row| entry.annotations.iter().any(|a| a.kind == row.kind))
+        .collect();
     let outliers = entry
         .solution
         .iter()

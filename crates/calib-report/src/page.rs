@@ -2,7 +2,11 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Residual, ResidualOf, Site, SiteCamera, Solution, Stage, line_name};
+use calib_core::{Residual, ResidualOf};
+
+use calib_core::single::line_name;
+
+use calib_site::{Site, SiteCamera, Solution, Stage};
 
 use crate::frame::{CLOSED, opened};
 use crate::lens::is_fitted;

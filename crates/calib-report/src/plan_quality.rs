@@ -1,8 +1,10 @@
 //! What the plan shows of how well a site is known: where each camera may stand, and how far cameras
 //! put links and marks from where they are.
 
-use calib_core::{FloorPoint, Site};
+use calib_core::FloorPoint;
+
 use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, Scene as _, Sighted, on_plan};
+use calib_site::Site;
 
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};

@@ -1,9 +1,11 @@
 //! A site seen from above: every camera with its EFOV on the floor plan.
 
-use calib_core::{FloorPoint, PlanPixel, PlanScale, Site, SiteCamera};
+use calib_core::{FloorPoint, PlanPixel, PlanScale};
+
 use calib_draw::{
     Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, metres, on_plan as items_on_plan,
 };
+use calib_site::{Site, SiteCamera};
 
 use crate::overlay::grid_step;
 use crate::plan_quality::{PlanQuality, Sample};

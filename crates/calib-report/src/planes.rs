@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Site, Surface};
+use calib_core::Surface;
+
+use calib_site::Site;
 
 use crate::svg::escape;
 

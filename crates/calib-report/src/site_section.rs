@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Overlap, Site};
+use calib_site::{Overlap, Site};
 
 use crate::site_words::{kinds, together, worst_first};
 use crate::svg::escape;

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Code, Overlap, Scale, SiteSolution, Warning};
+use calib_core::Code;
+
+use calib_site::{Overlap, Scale, SiteSolution, Warning};
 
 use crate::words::{distance, few};
 

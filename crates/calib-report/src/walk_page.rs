@@ -2,8 +2,12 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Disagreement, FloorPoint, WalkResult, Zone, Zones, counted};
+use calib_core::FloorPoint;
+
+use calib_health::{Disagreement, WalkResult, Zone, Zones};
+
 use calib_draw::Rgb;
+use calib_site::counted;
 
 use crate::frame::{CLOSED, opened};
 use crate::svg::{Anchor, Stroke, Svg, escape};

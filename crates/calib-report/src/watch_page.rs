@@ -2,8 +2,12 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{CameraHealth, Change, Movement, Verdict, Watch, counted};
+use calib_core::camera::Movement;
+
+use calib_health::{CameraHealth, Change, Verdict, Watch};
+
 use calib_draw::Rgb;
+use calib_site::counted;
 
 use crate::frame::{CLOSED, opened};
 use crate::svg::{Anchor, Stroke, Svg, escape};

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{SceneErrors, Solution, Stage};
+use calib_core::SceneErrors;
+
+use calib_site::{Solution, Stage};
 
 /// Names in a row, cut short: "a, b, c and 997 more".
 #[must_use]

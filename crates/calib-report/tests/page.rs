@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_core::{Options, Site};
 use calib_report::{Picture, Shown, page};
+use calib_site::{Options, Site};
 
 fn solved() -> Site {
     let site = calib_demo::demo_site().site;

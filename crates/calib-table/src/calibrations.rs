@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, HashMap};
 
 use arrow_array::{Array as _, RecordBatch, StringArray};
 use arrow_schema::Schema;
-use calib_core::{
-    Extent, FloorPoint, FloorProjector, Site, SiteCamera, Stream, StreamError, StreamMap, Surface,
-};
+use calib_core::floor::{Stream, StreamError, StreamMap};
+use calib_core::{Extent, FloorPoint, FloorProjector, Surface};
+use calib_site::{Site, SiteCamera};
 use serde_json::json;
 
 use crate::cast::texts;

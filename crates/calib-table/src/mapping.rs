@@ -5,7 +5,8 @@ use std::sync::Arc;
 use arrow_array::builder::StringBuilder;
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions};
 use arrow_schema::{Field, Schema};
-use calib_core::{BoxForm, Pixel, Status, StreamMap, WorldPoint};
+use calib_core::floor::{BoxForm, StreamMap};
+use calib_core::{Pixel, Status, WorldPoint};
 
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
 use crate::columns::{BadCells, Place, names, numbers};

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use arrow_array::builder::StringBuilder;
 use arrow_array::{ArrayRef, Float64Array};
-use calib_core::{SurfacePoint, SurfaceProjector};
+use calib_core::SurfaceProjector;
+use calib_core::floor::SurfacePoint;
 
 use crate::calibrations::{Calibration, Planes};
 use crate::mapping::Mapped;

@@ -2,7 +2,9 @@
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
-use calib_core::{BoxForm, Camera, Pixel, Sighting};
+use calib_core::floor::BoxForm;
+use calib_core::{Camera, Pixel};
+use calib_health::Sighting;
 
 use crate::calibrations::{Calibrations, Choice};
 use crate::cast::texts;

@@ -4,7 +4,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use calib_core::Options;
+use calib_site::Options;
 use egui::accesskit::{Action, ActionRequest, NodeId, TreeId};
 use egui::{Context, RawInput, Ui};
 use js_sys::{Array, Reflect};

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::rc::Rc;
 
-use calib_core::Site;
 use calib_editor::Images;
+use calib_site::Site;
 use egui::Context;
 use js_sys::{Array, Reflect, Uint8Array};
 use serde::{Deserialize, Serialize};

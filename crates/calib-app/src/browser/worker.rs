@@ -1,8 +1,8 @@
 //! The same program in a worker: it decodes, renders, looks for edges, proposes, compares and refines while the page goes on.
 
-use calib_core::{Site, SiteCamera};
 use calib_editor::edges;
 use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
+use calib_site::{Site, SiteCamera};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;

@@ -1,7 +1,9 @@
 //! What a newer still shows of the old one: places of edges that are found again and those that are not, and what was drawn
 //! where it is now.
 
-use calib_core::{Pixel, Turned};
+use calib_core::Pixel;
+
+use calib_core::camera::Turned;
 use calib_editor::Newer;
 use egui::{Painter, Pos2, Rect, Stroke};
 

@@ -1,7 +1,9 @@
 //! The horizon on an image; where several cameras fit, those of two of them and all that lies between.
 
-use calib_core::{Camera, Covariance, Pixel, SiteCamera};
+use calib_core::{Camera, Covariance, Pixel};
+
 use calib_draw::{Geometry, Look, Meaning, horizon};
+use calib_site::SiteCamera;
 use egui::{Align2, Painter, Pos2, Stroke, Vec2};
 
 use crate::overlay::Overlay;

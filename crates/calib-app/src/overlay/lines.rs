@@ -1,6 +1,8 @@
 //! Drawn lines on an image: in the colour of their kind or residual, with a second sign, extended.
 
-use calib_core::{Pixel, line_name};
+use calib_core::Pixel;
+
+use calib_core::single::line_name;
 use calib_draw::{Laid, Line, Look, Meaning, Sign, extension, lay};
 use calib_editor::Part;
 use egui::{Align2, Color32, Painter, Pos2, Shape, Stroke, Vec2};

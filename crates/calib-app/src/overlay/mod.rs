@@ -8,12 +8,16 @@ mod proposed;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
-use calib_core::{Camera, DrawNext, Kind, Pixel, Plane, Site, SiteCamera, Solution, drawn_line};
+use calib_core::{Camera, Kind, Pixel, Plane};
+
+use calib_core::floor::drawn_line;
+
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
 };
 use calib_editor::{Edge, Family, Part, Session, Trace, Units, hit};
+use calib_site::{DrawNext, Site, SiteCamera, Solution};
 use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, Vec2};
 
 use crate::canvas::Mapping;
@@ -297,7 +301,7 @@ impl Overlay<'_> {
     }
 
     /// Where this view must show the link that another view shows.
-    fn paint_trace(&self, painter: &Painter, camera: &Camera, link: &calib_core::Link) {
+    fn paint_trace(&self, painter: &Painter, camera: &Camera, link: &calib_site::Link) {
         let may_show = self.session.site.has_shared(self.camera);
         if !may_show || self.session.solved.placed(self.camera).is_none() {
             return;

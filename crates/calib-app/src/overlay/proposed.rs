@@ -1,9 +1,11 @@
 //! What the still proposes, faint over the image: its lines by their kinds, with horizon and grid of the camera that
 //! they would make.
 
-use calib_core::{Camera, Kind, Pixel, Plane, Site, Solution};
+use calib_core::{Camera, Kind, Pixel, Plane};
+
 use calib_draw::{ImageLayer, ImageView, Look, Meaning, Scene, on_image as items_on_image};
 use calib_editor::{Preview, ProposedGroup, hit};
+use calib_site::{Site, Solution};
 use egui::{Align2, Painter, Pos2, Vec2};
 
 use crate::overlay::{Overlay, Shown, grid_step};

@@ -1,7 +1,11 @@
 //! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
 
-use calib_core::{Camera, FloorPoint, Plane, SiteCamera, ellipse};
+use calib_core::{Camera, FloorPoint, Plane};
+
+use calib_core::floor::ellipse;
+
 use calib_editor::{Units, corners_of};
+use calib_site::SiteCamera;
 use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::canvas::{Mapping, View};

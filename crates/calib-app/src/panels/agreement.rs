@@ -1,7 +1,7 @@
 //! How the camera in hand agrees with the others about the floor, pair by pair.
 
-use calib_core::{LinkKind, counted};
 use calib_editor::{Action, Agreement, Part, TOOLS, agreements, lines_off};
+use calib_site::{LinkKind, counted};
 use egui::{Align2, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::command::Command;
@@ -141,7 +141,7 @@ fn warn(app: &mut App, ui: &mut Ui, worst: &Agreement) {
 fn show_farthest(app: &mut App, with: usize) {
     let session = app.editor.session();
     let ids = [session.camera, with].map(|camera| &session.site.cameras[camera].id);
-    let is_shared = |link: &calib_core::Link| {
+    let is_shared = |link: &calib_site::Link| {
         !link.off
             && link.kind == LinkKind::Point
             && ids.iter().all(|id| link.seen.iter().any(|seen| seen.camera == **id))

@@ -1,6 +1,8 @@
 //! The table of annotations: what was drawn, how well it fits, switches.
 
-use calib_core::{Annotation, ConstraintKind, KINDS, Pixel, line_name, straightness};
+use calib_core::{Annotation, Pixel};
+
+use calib_core::single::{ConstraintKind, KINDS, line_name, straightness};
 use calib_editor::{Action, Part, TOOLS, Units, places};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 

@@ -1,6 +1,6 @@
 //! What has to be decided first: over whose work a file is written, and where; which files are read.
 
-use calib_core::counted;
+use calib_site::counted;
 use egui::{Align2, Context, Key, RichText, TextEdit, Ui, Vec2, Window};
 
 use crate::choice::Purpose;

@@ -1,7 +1,9 @@
 //! Distances that were measured: they give the scale where no plan does.
 
-use calib_core::{Distance, Known};
+use calib_core::single::Known;
+
 use calib_editor::{Action, places};
+use calib_site::Distance;
 use egui::{ComboBox, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};

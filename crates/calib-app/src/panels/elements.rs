@@ -15,7 +15,7 @@ pub fn compared(app: &mut App, ui: &mut Ui) {
     let Some(saved) = app.editor.compared() else { return };
     heading(ui, "Against the saved version", "position, turn");
     for (index, camera) in app.editor.session().site.cameras.iter().enumerate() {
-        let old = saved.camera(&camera.id).and_then(calib_core::SiteCamera::camera);
+        let old = saved.camera(&camera.id).and_then(calib_site::SiteCamera::camera);
         let text = match (old, app.editor.session().solved.pose(index)) {
             (Some(old), Some(new)) => {
                 let turned = turned(&old, new);

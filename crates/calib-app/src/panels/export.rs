@@ -142,7 +142,7 @@ fn outcome(app: &mut App, ui: &mut Ui) {
         ui.checkbox(&mut sheet.agreed, "Write it all the same: what is lost is not needed");
     }
     let count = export.files.len();
-    let text = format!("Write {}\u{2026}", calib_core::counted(count, "file", "files"));
+    let text = format!("Write {}\u{2026}", calib_site::counted(count, "file", "files"));
     let text = RichText::new(text).font(theme::medium(12.0)).color(palette.bg);
     let is_free = app.export.files().is_some();
     if ui.add_enabled(is_free, egui::Button::new(text).fill(palette.accent)).clicked() {

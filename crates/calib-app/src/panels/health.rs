@@ -1,7 +1,7 @@
 //! Every camera with the age of its calibration and what its newest still shows.
 
-use calib_core::SiteCamera;
 use calib_editor::{Action, held_since};
+use calib_site::SiteCamera;
 use egui::{RichText, Ui};
 
 use crate::panels::heading;

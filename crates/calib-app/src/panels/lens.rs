@@ -1,7 +1,11 @@
 //! What is known of the camera in hand: its names, its still, its lens.
 
-use calib_core::{Coefficient, DistortionEntry, DistortionModel};
+use calib_core::DistortionModel;
+
+use calib_core::camera::Coefficient;
+
 use calib_editor::{Action, OldStill};
+use calib_site::DistortionEntry;
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
 use crate::panels::{circle, heading, scene};
@@ -74,7 +78,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
     let mut choices = vec![From::Edges, usual];
     choices.extend(own_fit);
     choices.extend([From::Fisheye, From::Given]);
-    let free = |camera: &&calib_core::SiteCamera| {
+    let free = |camera: &&calib_site::SiteCamera| {
         // A lens is shared with a camera that has one of its own.
         camera.id != id && camera.lens.as_ref().is_none_or(|lens| lens.like.is_none())
     };

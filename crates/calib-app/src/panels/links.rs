@@ -1,7 +1,9 @@
 //! Links, a table: a row for each, a column for every camera that shows any.
 
-use calib_core::{Known, Link, LinkKind, counted};
+use calib_core::single::Known;
+
 use calib_editor::{Action, Apart, Part, apart, far_links, places};
+use calib_site::{Link, LinkKind, counted};
 use egui::{RichText, ScrollArea, Ui, Vec2};
 
 use crate::command::Command;

@@ -1,7 +1,9 @@
 //! Virtual elements: the kind of the next one, and those there are.
 
-use calib_core::{Mark, MarkKind, WorldPoint};
+use calib_core::{MarkKind, WorldPoint};
+
 use calib_editor::{Action, Part};
+use calib_site::Mark;
 use egui::{DragValue, RichText, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};

@@ -1,6 +1,6 @@
 //! A length that was measured: an empty field with today's estimate as a hint, and nothing until it is entered.
 
-use calib_core::Known;
+use calib_core::single::Known;
 use calib_editor::Units;
 use egui::{RichText, TextEdit, Ui};
 

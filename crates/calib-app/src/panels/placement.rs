@@ -1,7 +1,13 @@
 //! Stage 2: numbers of the place, and the scale of the plan.
 
-use calib_core::{Known, Placement, STAGE_1_HEIGHT, Sigmas, Solution};
+use calib_core::Placement;
+
+use calib_core::floor::STAGE_1_HEIGHT;
+
+use calib_core::single::Known;
+
 use calib_editor::{Action, PlaceNumber, Units};
+use calib_site::{Sigmas, Solution};
 use egui::{Align, DragValue, Layout, RichText, Ui};
 
 use crate::command::Command;

@@ -1,8 +1,10 @@
 //! Planes besides the floor: what is known of each, and where it holds.
 
-use calib_core::{Known, PlaneEntry, PlaneNumber, TiltEntry};
+use calib_core::single::Known;
+
 use calib_editor::planes::Planes;
 use calib_editor::{Action, TOOLS, Units};
+use calib_site::{PlaneEntry, PlaneNumber, TiltEntry};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};

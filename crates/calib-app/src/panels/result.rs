@@ -1,7 +1,15 @@
 //! The result with its uncertainty, and a lock for every number that can be held or given.
 
-use calib_core::{Code, Coefficient, Known, LensEntry, Solution, Stage, view_angle};
+use calib_core::Code;
+
+use calib_core::camera::Coefficient;
+
+use calib_core::floor::view_angle;
+
+use calib_core::single::Known;
+
 use calib_editor::{Action, Units};
+use calib_site::{LensEntry, Solution, Stage};
 use egui::{Align2, DragValue, Rect, RichText, Sense, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -93,7 +101,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         }
         return;
     };
-    let lines = calib_core::counted(solution.residuals.len(), "line", "lines");
+    let lines = calib_site::counted(solution.residuals.len(), "line", "lines");
     let rms = solution.rms_px.map_or_else(String::new, |rms| format!("rms {rms:.1} px, {lines}"));
     heading(ui, "Result", &rms);
     for which in NUMBERS {

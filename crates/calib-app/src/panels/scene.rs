@@ -1,8 +1,10 @@
 //! How far the scene may be from what is drawn: what kind of place it is.
 
-use calib_core::{SceneEntry, SceneErrors, SceneSigmas};
+use calib_core::SceneErrors;
+
 use calib_editor::Action;
 use calib_report::scene_errors;
+use calib_site::{SceneEntry, SceneSigmas};
 use egui::{ComboBox, RichText, Ui};
 
 use crate::state::App;

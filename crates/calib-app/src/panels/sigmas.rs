@@ -1,6 +1,8 @@
 //! How sure one drawing is, where it is not as sure as any other: its clicks, its angle, its lengths.
 
-use calib_core::{Annotation, ConstraintKind, SceneErrors};
+use calib_core::{Annotation, SceneErrors};
+
+use calib_core::single::ConstraintKind;
 use egui::{DragValue, RichText, Ui};
 
 use crate::theme;

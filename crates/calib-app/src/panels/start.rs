@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use calib_core::counted;
 use calib_editor::{Images, Source};
+use calib_site::counted;
 use egui::{
     Align, Button, Color32, Layout, Rect, RichText, Role, ScrollArea, Sense, Stroke, StrokeKind, Ui, Vec2,
     WidgetInfo,

@@ -1,8 +1,12 @@
 //! The line below: what the next click does, where the cursor is, how the solve went.
 
-use calib_core::{Pixel, SurfacePoint, SurfaceProjector, counted};
+use calib_core::{Pixel, SurfaceProjector};
+
+use calib_core::floor::SurfacePoint;
+
 use calib_editor::{Pane, plan_scale};
 use calib_image::Verdict;
+use calib_site::counted;
 use egui::{Align, Layout, RichText, Ui};
 
 use crate::icons::{self, Icon, Look};

@@ -1,6 +1,8 @@
 //! Things of a usual size, for who has measured nothing.
 
-use calib_core::{Annotation, Known, USUAL_SIZES, UsualSize};
+use calib_core::Annotation;
+
+use calib_core::single::{Known, USUAL_SIZES, UsualSize};
 use calib_editor::Units;
 use egui::{RichText, Ui};
 

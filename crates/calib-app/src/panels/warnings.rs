@@ -1,7 +1,9 @@
 //! What an operator should know of a result, with what to do about it as a button.
 
-use calib_core::{Code, Finding, Severity, Subject, Warning};
+use calib_core::{Code, Finding, Severity, Subject};
+
 use calib_editor::{Action, Part, site_subject};
+use calib_site::Warning;
 use egui::{RichText, Ui};
 
 use crate::command::Command;

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 
-use calib_core::{NewStill, Recovered, Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Reach, Source};
 use calib_image::{Comparison, LineSegment, Proposal};
+use calib_site::{NewStill, Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 

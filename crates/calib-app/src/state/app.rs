@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use calib_core::{LensEntry, Site};
 use calib_editor::{Action, Command, Edge, Editor, Pane, Part, Period, TOOLS, edges, edit, hit};
+use calib_site::{LensEntry, Site};
 use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
@@ -329,8 +329,10 @@ impl App {
         at: calib_core::Pixel,
         radius: f64,
     ) -> Option<Edge> {
-        let draws =
-            self.editor.tool_kind().is_some_and(|kind| kind.row().shape != calib_core::Shape::Polyline);
+        let draws = self
+            .editor
+            .tool_kind()
+            .is_some_and(|kind| kind.row().shape != calib_core::single::Shape::Polyline);
         if !draws || !self.layers.edges {
             return None;
         }

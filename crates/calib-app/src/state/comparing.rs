@@ -1,8 +1,10 @@
 //! Newer stills that are being compared, and a camera that is being recovered.
 
-use calib_core::{Camera, Recovered, Site, SiteCamera};
+use calib_core::Camera;
+
 use calib_editor::{NewStill, Period};
 use calib_image::Comparison;
+use calib_site::{Recovered, Site, SiteCamera};
 
 use super::Read;
 use crate::platform::Task;

@@ -1,6 +1,8 @@
 //! How the image of a fisheye is looked at: whole, or through a window.
 
-use calib_core::{Look, Mount, Window};
+use calib_core::Window;
+
+use calib_core::floor::{Look, Mount};
 
 /// Which window the image of a fisheye is looked at through.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

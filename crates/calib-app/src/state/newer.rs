@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use calib_core::NewStill as RecoveredStill;
 use calib_editor::{Action, Newer, OnNewer, Period};
 use calib_image::{OtherSize, Uncompared};
+use calib_site::NewStill as RecoveredStill;
 use egui::Context;
 
 use super::{App, Comparing, OfCamera, ReadPicture, Recovering, Step};

@@ -1,7 +1,7 @@
 //! Pictures that are being read.
 
-use calib_core::Plan;
 use calib_editor::NewStill;
+use calib_site::Plan;
 
 use crate::platform::Task;
 

@@ -1,7 +1,11 @@
 //! The lines that would help most, where the image has edges for them.
 
-use calib_core::{DrawNext, Drawing, Pixel};
+use calib_core::Pixel;
+
+use calib_core::outcome::Drawing;
+
 use calib_editor::{Edge, hit, suggest};
+use calib_site::DrawNext;
 use egui::Context;
 
 use super::App;

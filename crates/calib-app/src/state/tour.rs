@@ -1,7 +1,9 @@
 //! The step of the tour that a newcomer has come to, and what is true of the camera that is theirs to do.
 
-use calib_core::{Camera, Kind, Mark, Pixel, Stage};
+use calib_core::{Camera, Kind, Pixel};
+
 use calib_editor::{Command, Session, Standing, TOOLS, verdict};
+use calib_site::{Mark, Stage};
 
 use super::Mode;
 

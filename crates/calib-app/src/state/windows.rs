@@ -1,6 +1,8 @@
 //! Windows onto the images of fisheyes.
 
-use calib_core::{Lens, Mount, Pixel, lens_reach};
+use calib_core::{Lens, Pixel};
+
+use calib_core::floor::{Mount, lens_reach};
 use calib_editor::{Pane, hit};
 
 use super::{App, Looking, Place};

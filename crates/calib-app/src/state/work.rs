@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use calib_core::SiteCamera;
 use calib_editor::Action;
+use calib_site::SiteCamera;
 use egui::Context;
 
 use super::App;
@@ -63,7 +63,7 @@ impl App {
         self.act(Action::Note(match count {
             0 => "Cancelled. \u{201c}Read images again\u{201d} goes on with it.".into(),
             count => {
-                let images = calib_core::counted(count, "image", "images");
+                let images = calib_site::counted(count, "image", "images");
                 format!("Cancelled before {images} could be taken. Add again what is wanted.")
             }
         }));

@@ -269,7 +269,7 @@ impl Sink for CsvSink<'_> {
 
     fn finish(mut self: Box<Self>) -> Result<(), Stop> {
         if self.quoted > 0 {
-            let cells = calib_core::counted(self.quoted, "cell", "cells");
+            let cells = calib_site::counted(self.quoted, "cell", "cells");
             say(format_args!(
                 "calib: an apostrophe was put before {cells} that a spreadsheet would take for a formula; --verbatim \
                  leaves it out"

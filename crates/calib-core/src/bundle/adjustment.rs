@@ -159,7 +159,7 @@ impl BundleAdjustment<'_> {
     }
 
     /// As [`Self::solve`], for indices and standard deviations that are right by construction.
-    pub(crate) fn solve_checked(&self) -> BundleSummary {
+    pub fn solve_checked(&self) -> BundleSummary {
         let initial = initialize(&self.cameras, &self.landmarks, &self.distances);
         let Initialization { poses, landmarks, distances, components, unreached, unobservable, loop_closure } =
             initial;

@@ -8,7 +8,7 @@ use crate::camera::{
 use crate::single::Prior;
 
 /// The most parameters that a landmark has.
-pub(crate) const LANDMARK_PARAMS: usize = 3;
+pub const LANDMARK_PARAMS: usize = 3;
 
 /// Two points nearer to each other than this, in metres, are the same place.
 pub(crate) const SAME_PLACE: f64 = 1e-3;
@@ -186,7 +186,7 @@ impl LandmarkModel {
 
     /// The point that distances are measured to and that is reported as the landmark's position, with its
     /// derivatives by the parameters.
-    pub(crate) fn anchor(&self, place: &[f64; LANDMARK_PARAMS], ground: &Plane) -> PointJacobian {
+    pub fn anchor(&self, place: &[f64; LANDMARK_PARAMS], ground: &Plane) -> PointJacobian {
         let level = match self {
             // Its foot, whichever of its points was seen.
             Self::Mark { z, .. } => {
@@ -315,7 +315,7 @@ fn point_errors(
 
 impl Landmark {
     /// Number of residuals minus number of free parameters.
-    pub(crate) fn redundancy(&self) -> i64 {
+    pub fn redundancy(&self) -> i64 {
         let unknowns = self.free.iter().filter(|&&free| free).count();
         let residuals = self.observations.len() * self.model.residuals() + self.priors.len();
         residuals as i64 - unknowns as i64
@@ -334,7 +334,7 @@ impl Landmark {
     }
 
     /// A point of it where it is.
-    pub(crate) fn point(&self, point: usize) -> WorldPoint {
+    pub fn point(&self, point: usize) -> WorldPoint {
         self.model.point(&self.place, point, &self.ground).0
     }
 
@@ -344,7 +344,7 @@ impl Landmark {
     }
 
     /// Indices of the cameras that see it, each once, ascending.
-    pub(crate) fn views(&self) -> Vec<usize> {
+    pub fn views(&self) -> Vec<usize> {
         let mut views: Vec<usize> = self.observations.iter().map(|seen| seen.view).collect();
         views.sort_unstable();
         views.dedup();

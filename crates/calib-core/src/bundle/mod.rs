@@ -52,5 +52,5 @@ pub use marginals::CrossCovariance;
 pub use summary::{BundleSummary, CameraEstimate};
 pub use view_graph::Component;
 
-pub(crate) use landmark::LANDMARK_PARAMS;
-pub(crate) use triangulation::{floor_disagreements, triangulate};
+pub use landmark::LANDMARK_PARAMS;
+pub use triangulation::{floor_disagreements, triangulate};

@@ -22,7 +22,7 @@ pub(crate) fn is_known(landmark: &Landmark) -> bool {
 
 /// The model (a line with its origin) and parameters of a landmark, triangulated from the cameras that `by`
 /// picks; fixed parameters keep their values. `None` where none of them shows enough of it.
-pub(crate) fn triangulate(
+pub fn triangulate(
     landmark: &Landmark,
     cameras: &[Camera],
     by: &dyn Fn(usize) -> bool,
@@ -168,7 +168,7 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
 
 /// Squared distances on the floor, in square metres, between the places of one point of a landmark by two
 /// cameras, for every pair that observes it, the lower index first.
-pub(crate) fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Vec<([usize; 2], f64)> {
+pub fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Vec<([usize; 2], f64)> {
     if matches!(landmark.model, LandmarkModel::Line { .. }) {
         return Vec::new();
     }

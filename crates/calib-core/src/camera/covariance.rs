@@ -55,7 +55,7 @@ impl Covariance {
 
     /// The same where nothing is known of the errors of some unknowns, by their indices.
     #[cfg(feature = "serde")]
-    pub(crate) fn without(mut self, unknown: &[usize]) -> Self {
+    pub fn without(mut self, unknown: &[usize]) -> Self {
         for &index in unknown {
             self.0[index] = [0.0; Self::SIZE];
             self.0.iter_mut().for_each(|row| row[index] = 0.0);
@@ -71,7 +71,7 @@ impl Covariance {
     }
 
     /// Covariance of `scale * unknown + by_focal * focal` in place of the unknowns.
-    pub(crate) fn sheared(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
+    pub fn sheared(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
         if !self.is_known() {
             return Self::UNKNOWN;
         }

@@ -108,7 +108,7 @@ impl Camera {
     /// Derivatives of the floor point of a pixel by all that it depends on, estimated or not.
     ///
     /// `None` where there is no floor point.
-    pub(crate) fn floor_slopes(&self, pixel: Pixel) -> Option<FloorSlopes> {
+    pub fn floor_slopes(&self, pixel: Pixel) -> Option<FloorSlopes> {
         let on_floor = PlaneJacobian::new(self, pixel, Plane::FLOOR)?;
         Some(FloorSlopes { by_pixel: on_floor.by_pixel(), by_camera: on_floor.by_unknowns() })
     }
@@ -116,11 +116,11 @@ impl Camera {
 
 /// Derivatives of a floor point, x and y.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FloorSlopes {
+pub struct FloorSlopes {
     /// By u and v of the raw pixel.
-    pub(crate) by_pixel: [[f64; 2]; 2],
+    pub by_pixel: [[f64; 2]; 2],
     /// By every parameter of [`Covariance`].
-    pub(crate) by_camera: [[f64; 2]; Covariance::SIZE],
+    pub by_camera: [[f64; 2]; Covariance::SIZE],
 }
 
 /// The ray of a pixel to a plane, with what its derivatives need.

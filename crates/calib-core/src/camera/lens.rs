@@ -27,7 +27,7 @@ impl Lens {
     /// one before the principal point, which no model has as a coefficient, is the log of its own focal.
     pub const PARAMETERS: usize = Distortion::MOST + 2;
     /// Index of the log of the own focal of a wide lens.
-    pub(crate) const OWN_FOCAL: usize = Distortion::MOST - 1;
+    pub const OWN_FOCAL: usize = Distortion::MOST - 1;
     /// Index of the principal point's u; v follows.
     pub const CENTRE: usize = Distortion::MOST;
 
@@ -192,7 +192,7 @@ impl Lens {
     /// Whether every corner of an image of this width and height shows a ray: then all of it does. The corners of a wide
     /// lens are beyond its image circle, and not asked.
     #[must_use]
-    pub(crate) fn shows_image(&self, [w, h]: [f64; 2]) -> bool {
+    pub fn shows_image(&self, [w, h]: [f64; 2]) -> bool {
         if self.distortion.is_wide() {
             return true;
         }

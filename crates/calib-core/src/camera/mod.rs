@@ -26,6 +26,8 @@ mod chart;
 mod plane;
 mod floor_covariance;
 mod reprojection;
+mod movement;
+mod turn;
 #[cfg(feature = "mint")]
 mod as_mint;
 #[cfg(feature = "nalgebra")]
@@ -39,10 +41,12 @@ pub use distortion::{BrownConrady, Coefficient, Distortion, DistortionModel, MOD
 pub use floor_covariance::FloorCovariance;
 pub(crate) use lens::ByParameters;
 pub use lens::Lens;
+pub use movement::Movement;
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
 pub use space::{FloorPoint, ImageCircle, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 pub use straight_down::StraightDown;
+pub use turn::{Turn, Turned, floor_nearness, ray_in_camera};
 
 pub(crate) use chart::ChartPoint;
 #[cfg(test)]
@@ -53,7 +57,6 @@ pub(crate) use floor_covariance::FloorSlopes;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
 pub(crate) use pinhole::{NEAREST, dot};
-pub(crate) use reprojection::{
-    LineDistance, ObservedPixel, POSE_PARAMS, PosedCamera, ReprojectedLine, Reprojection,
-};
+pub(crate) use reprojection::{LineDistance, POSE_PARAMS, ReprojectedLine, Reprojection};
+pub use reprojection::{ObservedPixel, PosedCamera};
 pub(crate) use simd::dispatch;

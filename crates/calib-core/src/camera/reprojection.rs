@@ -15,7 +15,7 @@ pub(crate) const POSE_PARAMS: usize = 7;
 
 /// A camera with its axes.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PosedCamera {
+pub struct PosedCamera {
     pub(crate) camera: Camera,
     rotation: [[f64; 3]; 3],
     roll: (f64, f64),
@@ -32,7 +32,7 @@ pub(crate) struct Reprojection {
 
 /// An observed pixel, undistorted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ObservedPixel {
+pub struct ObservedPixel {
     /// That of a wide lens.
     pub(crate) chart: Option<Chart>,
     pub(crate) at: [f64; 2],
@@ -44,7 +44,7 @@ pub(crate) struct ObservedPixel {
 
 /// A homogeneous image line with derivatives by the camera and by the offset and angle of the floor line.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ReprojectedLine {
+pub struct ReprojectedLine {
     line: [f64; 3],
     d_camera: [[f64; 3]; POSE_PARAMS],
     d_line: [[f64; 3]; 2],
@@ -54,7 +54,7 @@ pub(crate) struct ReprojectedLine {
 
 impl ObservedPixel {
     /// `None` outside the lens.
-    pub(crate) fn new(pixel: Pixel, lens: &Lens) -> Option<Self> {
+    pub fn new(pixel: Pixel, lens: &Lens) -> Option<Self> {
         Self::in_chart_of(lens, pixel, lens, [false; Lens::PARAMETERS])
     }
 
@@ -87,7 +87,9 @@ impl ObservedPixel {
 }
 
 impl PosedCamera {
-    pub(crate) fn new(camera: Camera) -> Self {
+    /// Computes the rotation of `camera` once for all of its observations.
+    #[must_use]
+    pub fn new(camera: Camera) -> Self {
         Self { rotation: camera.rotation(), roll: sin_cos(camera.roll), camera }
     }
 
@@ -166,7 +168,7 @@ impl PosedCamera {
     /// The image of the line on a plane at `offset` to the left of `origin` that leads along `angle`, both as
     /// seen from above: `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin)`, lifted
     /// onto the plane.
-    pub(crate) fn reproject_line(
+    pub fn reproject_line(
         &self,
         plane: &Plane,
         origin: [f64; 2],
@@ -209,8 +211,8 @@ impl PosedCamera {
 
 /// The signed distance in raw pixels of a drawn point from a line, with its derivatives.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LineDistance {
-    pub(crate) pixels: f64,
+pub struct LineDistance {
+    pub pixels: f64,
     pub(crate) d_camera: [f64; POSE_PARAMS],
     pub(crate) d_lens: [f64; Lens::PARAMETERS],
     /// By offset and angle of the line.
@@ -221,7 +223,7 @@ pub(crate) struct LineDistance {
 
 impl ReprojectedLine {
     /// The signed distance of a drawn point: `n . (at, 1) / |J' n_xy|`.
-    pub(crate) fn distance(&self, observed: &ObservedPixel) -> LineDistance {
+    pub fn distance(&self, observed: &ObservedPixel) -> LineDistance {
         if let Some(chart) = &observed.chart {
             // A line of bearings is one of the chart by the transpose of the map back to them.
             let carried = |line: [f64; 3]| -> [f64; 3] {

@@ -142,7 +142,7 @@ from_array! {
 impl ImageCircle {
     /// The circle of an image, of this width and height in pixels, whose own is not known: about its middle, as wide as its
     /// longer side.
-    pub(crate) fn around([w, h]: [f64; 2]) -> Self {
+    pub fn around([w, h]: [f64; 2]) -> Self {
         Self { u: 0.5 * w, v: 0.5 * h, radius: 0.5 * w.max(h) }
     }
 

@@ -52,7 +52,7 @@ impl CameraView {
     }
 
     /// The same camera, of which it is said whether something gives its scale.
-    pub(crate) fn with_scale(self, scale_is_known: bool) -> Self {
+    pub fn with_scale(self, scale_is_known: bool) -> Self {
         Self { scale_is_known, ..self }
     }
 

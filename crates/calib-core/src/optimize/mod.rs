@@ -10,6 +10,7 @@
 //! - `dual` dual numbers, for the Jacobians of stage 1; `arrow` its normal equations, four core parameters and
 //!   nuisance parameters in blocks.
 
+mod statistics;
 mod nelder_mead;
 mod levenberg_marquardt;
 mod sparse_structure;
@@ -35,3 +36,4 @@ pub(crate) use nelder_mead::nelder_mead;
 pub(crate) use schur_complement::BlockCovariance;
 pub(crate) use sparse_cholesky::CholeskyFactor;
 pub(crate) use sparse_structure::SparseStructure;
+pub use statistics::{exceeded, sigmas, two_sided_quantile};

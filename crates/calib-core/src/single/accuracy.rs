@@ -16,7 +16,7 @@ const SIDE: usize = 5;
 /// The grid in the EFOV between whose points lengths are predicted, as bearings (undistorted pixels relative to the
 /// principal point, homogeneous): bilinear between four corners.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Grid(Vec<[f64; 3]>);
+pub struct Grid(Vec<[f64; 3]>);
 
 impl Grid {
     /// Between the corners of the drawn polygon; of more than four, those farthest along the diagonals.
@@ -116,12 +116,12 @@ fn length_rel<const N: usize>(
 
 /// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included; `None`, too,
 /// where nothing is known of its errors.
-pub(crate) fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
+pub fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     placed_length_rel(camera, grid, camera.covariance.sigma(Covariance::Z).is_some())
 }
 
 /// As [`placed_floor_length_rel`], of the ratios of lengths: without the scale that all have in common.
-pub(crate) fn placed_floor_shape_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
+pub fn placed_floor_shape_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     placed_length_rel(camera, grid, false)
 }
 

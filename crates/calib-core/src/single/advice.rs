@@ -86,7 +86,7 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
 }
 
 /// The finding about the error of lengths on the floor, if it is large; `shape_rel` is that of their ratios.
-pub(crate) fn floor_finding(
+pub fn floor_finding(
     floor_length_rel: f64,
     shape_rel: Option<f64>,
     next: Option<Suggestion>,

@@ -84,7 +84,7 @@ pub enum ConstraintKind {
 
 /// Whether annotations of a kind have a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Belongs {
+pub enum Belongs {
     /// It has no such field.
     Never,
     /// It may be left out.
@@ -324,7 +324,7 @@ impl Annotation {
     }
 
     /// Its fields that not every kind has: the name in files, whether it is there, and whether it belongs.
-    pub(crate) fn fields(&self) -> [(&'static str, bool, Belongs); 11] {
+    pub fn fields(&self) -> [(&'static str, bool, Belongs); 11] {
         let row = self.kind.row();
         let of_shape = |shape| Belongs::always_if(row.shape == shape);
         let (segments, points) = (of_shape(Shape::Segments), of_shape(Shape::Polyline));

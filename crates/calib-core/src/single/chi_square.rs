@@ -18,6 +18,6 @@ pub(crate) fn chi2_score(chi2: f64, dof: i64) -> f64 {
 }
 
 /// Whether a chi-square is too large to come from drawing noise.
-pub(crate) fn is_misfit(chi2: f64, dof: i64) -> bool {
+pub fn is_misfit(chi2: f64, dof: i64) -> bool {
     chi2_score(chi2, dof) > LEVEL
 }

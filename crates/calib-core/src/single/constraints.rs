@@ -6,7 +6,7 @@
 //! (`residual.rs`). They depend on the lens, and are made anew when it changes.
 
 use crate::camera::Chart;
-pub(crate) use crate::outcome::Source;
+pub use crate::outcome::Source;
 use crate::single::annotation::Known;
 pub use crate::single::endpoint::Endpoint;
 use crate::single::plane_prior::PlanePrior;

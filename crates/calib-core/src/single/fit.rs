@@ -275,7 +275,7 @@ fn nearest(minima: &[Minimum], to: &Minimum) -> Option<usize> {
 }
 
 /// The grid of the EFOV that was drawn, or of the default EFOV.
-pub(crate) fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
+pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     if efov.is_empty() {
         Grid::of_floor(camera, &default_efov(camera, size).polygon)
     } else {

@@ -28,7 +28,7 @@ impl Fitted {
     }
 
     /// Whether the coefficients refer to a focal that must be known beforehand.
-    pub(crate) fn has_own_focal(&self) -> bool {
+    pub fn has_own_focal(&self) -> bool {
         self.model.row().powers.is_none()
     }
 

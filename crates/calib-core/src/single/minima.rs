@@ -17,7 +17,7 @@ const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
 /// The focal of usual cameras in widths of their image.
 pub(crate) const USUAL_FOCAL: f64 = 0.8;
 /// Standard deviation of the log focal above which the constraints leave the focal open.
-pub(crate) const OPEN_FOCAL: f64 = 0.2;
+pub const OPEN_FOCAL: f64 = 0.2;
 /// Standard deviation of the log focal above which the weak prior enters: where it tells a twelfth of what the constraints
 /// do, and more.
 pub(crate) const PRIOR_TELLS: f64 = 0.1;

@@ -62,7 +62,7 @@ pub(crate) fn student_factor(dof: i64) -> f64 {
 /// Whether residuals are so large that what was drawn is no drawing of a scene of this kind: over five times
 /// the noise that was assumed. Hands and bent edges err by a few pixels; beyond that, lines are not what they
 /// are said to be, their errors are not noise, and no factor makes a standard deviation of them.
-pub(crate) fn is_inconsistent(chi2: f64, dof: i64) -> bool {
+pub fn is_inconsistent(chi2: f64, dof: i64) -> bool {
     const MOST_SIGMAS: f64 = 5.0;
     is_misfit(chi2, dof) && chi2 > MOST_SIGMAS * MOST_SIGMAS * dof as f64
 }

@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 
 /// How far a segment may lie beside another, in pixels, to be on the same edge.
-pub(crate) const BESIDE: f64 = 3.0;
+pub const BESIDE: f64 = 3.0;
 /// Of what length, relative to a segment's own, a segment is that counts against it.
 const AS_LONG: f64 = 0.8;
 /// From which length on a piece has an angle that tells what may lie on it, in pixels.

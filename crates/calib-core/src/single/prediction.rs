@@ -13,7 +13,7 @@ use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals}
 
 /// The residuals in pixels of all constraints at a fixed orientation and height, with the nuisance parameters
 /// in closed form; constraints without a prediction there are left out.
-pub(crate) fn residuals_at(
+pub fn residuals_at(
     constraints: &Constraints,
     at: Orientation,
     height: f64,
@@ -33,25 +33,26 @@ pub(crate) fn residuals_at(
 
 /// A camera whose drawings are looked at again.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Held<'a> {
-    pub(crate) orientation: Orientation,
+pub struct Held<'a> {
+    /// Roll, pitch and focal of the stored solution.
+    pub orientation: Orientation,
     /// In metres.
-    pub(crate) height: f64,
+    pub height: f64,
     /// Whether the height is estimated from the drawings, as that of a camera is that somebody placed by hand.
-    pub(crate) height_is_free: bool,
+    pub height_is_free: bool,
     /// What is known of the height.
-    pub(crate) height_prior: Option<Prior>,
+    pub height_prior: Option<Prior>,
     /// Standard deviation of a drawn coordinate, in pixels.
-    pub(crate) sigma: f64,
+    pub sigma: f64,
     /// What was rejected.
-    pub(crate) rejected: &'a [Source],
+    pub rejected: &'a [Source],
     /// Of the image, in pixels.
-    pub(crate) width: f64,
+    pub width: f64,
 }
 
 /// The residuals in pixels of all constraints that have a prediction at a camera, with the nuisance parameters
 /// where they are likeliest there.
-pub(crate) fn residuals_held(constraints: &Constraints, held: &Held) -> Vec<(Source, f64)> {
+pub fn residuals_held(constraints: &Constraints, held: &Held) -> Vec<(Source, f64)> {
     /// What is left to estimate is next to linear.
     const MAX_STEPS: usize = 20;
     let Held { orientation: at, height, .. } = *held;

@@ -22,7 +22,7 @@ pub struct Edge {
 
 /// The straight edges of a camera: lines of three points and more, of any kind but uprights, that are not
 /// switched off.
-pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
+pub fn edges(annotations: &[Annotation]) -> Vec<Edge> {
     let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
     used.flat_map(|(annotation, drawn)| {
         let lines = drawn.polylines().enumerate().filter(|(_, points)| points.len() > 2);
@@ -34,7 +34,7 @@ pub(crate) fn edges(annotations: &[Annotation]) -> Vec<Edge> {
 }
 
 /// The drawn point that is farthest from the middle of the lens.
-pub(crate) fn outermost<'a>(points: impl Iterator<Item = &'a Pixel>, centre: Pixel) -> Option<Pixel> {
+pub fn outermost<'a>(points: impl Iterator<Item = &'a Pixel>, centre: Pixel) -> Option<Pixel> {
     points.copied().max_by(|a, b| a.distance(centre).total_cmp(&b.distance(centre)))
 }
 

@@ -11,7 +11,7 @@ use crate::single::constraints::Source;
 
 /// The uprights by which a camera is lowest and highest, each with that height in metres, where these contradict each
 /// other.
-pub(crate) fn heights_apart(camera: &Camera, annotations: &[Annotation]) -> Option<[(Source, f64); 2]> {
+pub fn heights_apart(camera: &Camera, annotations: &[Annotation]) -> Option<[(Source, f64); 2]> {
     /// Ratio of heights that a foot and a head drawn with the usual noise do not reach.
     const APART: f64 = 1.04;
     let on = annotations.iter().enumerate().filter(|(_, annotation)| !annotation.off);

@@ -1,8 +1,10 @@
 //! Drawn lines: what they are, what the solution says of them, where they lead, which should come next.
 
-use calib_core::{
-    Annotation, Camera, Kind, Pixel, Residual, Shape, UndistortedPixel, line_beyond, line_name,
-};
+use calib_core::{Annotation, Camera, Kind, Pixel, Residual, UndistortedPixel};
+
+use calib_core::floor::line_beyond;
+
+use calib_core::single::{Shape, line_name};
 
 use crate::image::ImageView;
 use crate::item::{Geometry, Item};

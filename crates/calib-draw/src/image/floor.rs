@@ -1,6 +1,8 @@
 //! On the floor, or on the plane of a field of view: the metre grid, the fields, the prism over the camera's own.
 
-use calib_core::{Camera, FloorPoint, PRISM_HEIGHT, Pixel, WorldPoint, floor_grid, prism, vertical};
+use calib_core::{Camera, FloorPoint, Pixel, WorldPoint, floor_grid};
+
+use calib_core::floor::{PRISM_HEIGHT, prism, vertical};
 
 use crate::image::plane::{laid, outline};
 use crate::image::{ImageView, seen};
@@ -13,7 +15,7 @@ pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
     for line in floor_grid(&solution.efov_m, step) {
         let line = laid(&line, &plane);
         items.extend(seen(&camera, Meaning::Grid, &line));
-        let size = view.entry().map(calib_core::SiteCamera::size);
+        let size = view.entry().map(calib_site::SiteCamera::size);
         if let (Some(scale), Some(size)) = (view.letters, size) {
             items.extend(number(&camera, &line, size, scale));
         }

@@ -1,6 +1,8 @@
 //! The undistorted grid bent over the raw image: every line of it is straight in the scene.
 
-use calib_core::{Lens, Pixel, UndistortedPixel, lens_reach};
+use calib_core::{Lens, Pixel, UndistortedPixel};
+
+use calib_core::floor::lens_reach;
 
 use crate::image::ImageView;
 use crate::item::Item;

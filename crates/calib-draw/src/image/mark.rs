@@ -1,6 +1,8 @@
 //! Virtual elements: marks of the site, and a figure to compare with.
 
-use calib_core::{Camera, Mark, MarkKind, MarkShape, Pixel, WorldPoint};
+use calib_core::{Camera, MarkKind, MarkShape, Pixel, WorldPoint};
+
+use calib_site::Mark;
 
 use crate::image::{ImageView, seen};
 use crate::item::Item;

@@ -12,7 +12,11 @@ mod annotation;
 mod control_point;
 mod link;
 
-use calib_core::{Camera, Lens, Pixel, Plane, Site, SiteCamera, Solution, WorldPoint, drawn_line};
+use calib_core::{Camera, Lens, Pixel, Plane, WorldPoint};
+
+use calib_core::floor::drawn_line;
+
+use calib_site::{Site, SiteCamera, Solution};
 
 pub use annotation::{Signs, extension};
 pub use floor::{metres, reach};

@@ -1,6 +1,6 @@
 //! The list of cameras and their stills: chosen, added, replaced, renamed, removed.
 
-use calib_core::{LensEntry, SiteCamera};
+use calib_site::{LensEntry, SiteCamera};
 
 use crate::action::NewStill;
 use crate::command::Cameras;

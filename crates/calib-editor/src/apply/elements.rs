@@ -1,6 +1,6 @@
 //! What cameras share, and control points: changed in their tables.
 
-use calib_core::{ControlPointEntry, Distance, Link, Mark};
+use calib_site::{ControlPointEntry, Distance, Link, Mark};
 
 use crate::editor::Editor;
 

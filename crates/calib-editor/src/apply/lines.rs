@@ -1,6 +1,10 @@
 //! What is drawn on the image in hand, and what is known of its lens.
 
-use calib_core::{Annotation, Kind, Known, LensEntry};
+use calib_core::{Annotation, Kind};
+
+use calib_core::single::Known;
+
+use calib_site::LensEntry;
 
 use crate::command::Lines;
 use crate::edit;

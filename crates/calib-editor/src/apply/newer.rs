@@ -1,6 +1,6 @@
 //! What newer stills show: kept beside the site, and cameras recovered from them.
 
-use calib_core::{Recovered, Site};
+use calib_site::{Recovered, Site};
 
 use crate::editor::Editor;
 use crate::joint::forget_results;

@@ -1,6 +1,12 @@
 //! Where cameras and the plan lie on the floor.
 
-use calib_core::{HeldEntry, Known, Placement, Plan, PlanPixel, STAGE_1_HEIGHT};
+use calib_core::{Placement, PlanPixel};
+
+use calib_core::floor::STAGE_1_HEIGHT;
+
+use calib_core::single::Known;
+
+use calib_site::{HeldEntry, Plan};
 
 use crate::action::{NewStill, PlaceNumber};
 use crate::editor::Editor;

@@ -1,6 +1,8 @@
 //! Planes besides the floor: added, named, known, drawn, and laid under what is selected.
 
-use calib_core::{PlaneEntry, WorldPoint};
+use calib_core::WorldPoint;
+
+use calib_site::PlaneEntry;
 
 use crate::editor::Editor;
 use crate::planes::{Planes, add_plane, delete_plane, lay, rename_plane, set_region};

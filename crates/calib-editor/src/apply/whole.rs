@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use calib_core::{Site, SiteCamera, counted};
+use calib_site::{Site, SiteCamera, counted};
 
 use crate::action::Opened;
 use crate::editor::Editor;

@@ -1,6 +1,8 @@
 //! Links from view to view: one thing of the scene, clicked in every view that shows it.
 
-use calib_core::{Link, LinkKind, LinkSeen, Pixel};
+use calib_core::Pixel;
+
+use calib_site::{Link, LinkKind, LinkSeen};
 
 use crate::edit;
 use crate::hit::Part;

@@ -1,6 +1,8 @@
 //! Virtual elements: made on the floor, dragged in any view, pinned with Alt.
 
-use calib_core::{ControlPoint, Mark, MarkKind, MarkSeen, Pixel, Placement, Site, WorldPoint};
+use calib_core::{ControlPoint, MarkKind, Pixel, Placement, WorldPoint};
+
+use calib_site::{Mark, MarkSeen, Site};
 
 use crate::edit;
 use crate::hit::Part;

@@ -12,8 +12,10 @@ mod region;
 
 use std::sync::Arc;
 
-use calib_core::{FloorPoint, Kind, Pixel, PlanScale, Site};
+use calib_core::{FloorPoint, Kind, Pixel, PlanScale};
+
 use calib_image::Edge;
+use calib_site::Site;
 use image::RgbImage;
 
 use crate::input::{Key, Modifiers};
@@ -259,7 +261,7 @@ pub const TOOLS: &[ToolRow] = &[
 ];
 
 const fn line(kind: Kind, key: Key, icon: Icon, make: fn() -> Box<dyn Tool>) -> ToolRow {
-    ToolRow { title: calib_core::KINDS[kind as usize].title, key, icon, kind: Some(kind), make }
+    ToolRow { title: calib_core::single::KINDS[kind as usize].title, key, icon, kind: Some(kind), make }
 }
 
 /// The index of the tool of this title.
@@ -271,5 +273,5 @@ pub(crate) fn tool_called(title: &str) -> usize {
 #[must_use]
 pub fn plan_scale(site: &Site) -> PlanScale {
     let bare = PlanScale { metres_per_px: 0.01, origin: calib_core::PlanPixel::new(0.0, 0.0), x_axis: 0.0 };
-    site.plan.as_ref().map_or(bare, calib_core::Plan::scale)
+    site.plan.as_ref().map_or(bare, calib_site::Plan::scale)
 }

@@ -1,6 +1,8 @@
 //! Stage 2 by hand: a polygon on the floor is moved, turned and scaled by its handles.
 
-use calib_core::{FloorPoint, Pixel, Placement, STAGE_1_HEIGHT, WorldPoint};
+use calib_core::{FloorPoint, Pixel, Placement, WorldPoint};
+
+use calib_core::floor::STAGE_1_HEIGHT;
 
 use crate::session::{Session, corners_of};
 use crate::tools::Pointer;

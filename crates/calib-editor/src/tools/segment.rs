@@ -1,7 +1,11 @@
 //! Draws a line of one kind: drag, or click and click.
 
-use calib_core::{Kind, Pixel, Shape, SiteCamera};
+use calib_core::{Kind, Pixel};
+
+use calib_core::single::Shape;
+
 use calib_image::pull_drawn;
+use calib_site::SiteCamera;
 
 use crate::edit;
 use crate::hit::{self, Part};

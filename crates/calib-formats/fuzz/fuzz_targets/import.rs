@@ -5,7 +5,7 @@
 
 use std::sync::LazyLock;
 
-use calib_core::Site;
+use calib_site::Site;
 use calib_formats::{File, import};
 use libfuzzer_sys::fuzz_target;
 use rlimit::{Resource, setrlimit};

@@ -1,6 +1,10 @@
 //! Two stills laid on each other: passes from far to near, and how much of the old one is found again.
 
-use calib_core::{Camera, EdgeOffset, Estimated, Turn, TurnFit};
+use calib_core::Camera;
+
+use calib_core::camera::Turn;
+
+use crate::{EdgeOffset, Estimated, TurnFit};
 
 use crate::compare::luma::Luma;
 use crate::compare::motion::Motion;

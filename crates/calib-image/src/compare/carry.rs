@@ -1,6 +1,10 @@
 //! What was drawn on the old still, on the new one: carried by the turn, and held against what the new still shows there.
 
-use calib_core::{Camera, Carrier, Pixel, Turn, Turned};
+use calib_core::{Camera, Pixel};
+
+use calib_core::camera::{Turn, Turned};
+
+use calib_site::Carrier;
 use image::RgbImage;
 
 use crate::compare::comparison::SMOOTH;

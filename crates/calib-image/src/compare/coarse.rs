@@ -10,7 +10,11 @@
 //! (Brown, Hartley, Nister 2007). Of many pairs the one is taken that most others agree with (Fischler and Bolles 1981),
 //! counted by parts of the image: a pallet full of corners has one voice.
 
-use calib_core::{Camera, EdgeOffset, Estimated, Pixel, STEP, TONE, Turn, TurnFit, Turned, UndistortedPixel};
+use calib_core::{Camera, Pixel, UndistortedPixel};
+
+use calib_core::camera::{Turn, Turned};
+
+use crate::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
 
 use crate::compare::feature::{LEAN, Match, features, matches};
 use crate::compare::luma::Luma;

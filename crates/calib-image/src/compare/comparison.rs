@@ -3,7 +3,13 @@
 use std::cell::OnceCell;
 use std::fmt;
 
-use calib_core::{Camera, Covariance, Estimated, Movement, Pixel, SiteCamera, Turn};
+use calib_core::{Camera, Covariance, Pixel};
+
+use calib_core::camera::{Movement, Turn};
+
+use calib_site::SiteCamera;
+
+use crate::Estimated;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 

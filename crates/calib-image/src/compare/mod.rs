@@ -7,9 +7,12 @@
 //!   parts of the image agree on;
 //! - `place` places along the edges of the old still; `search` such a place in the new one; `alignment` all of them, pass
 //!   by pass; `motion` what it is told by; `stepped` whether the camera stands elsewhere; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still; `recovery` the camera
-//!   solved from it: [`recovered`]. What edges say together is `TurnFit` of the core.
+//!   solved from it: [`recovered`]. `edge_offset`, `turn_equations`, `turn_fit` fit one rotation and zoom to all edge offsets.
 
 mod luma;
+mod edge_offset;
+mod turn_equations;
+mod turn_fit;
 mod motion;
 mod feature;
 mod coarse;
@@ -22,4 +25,6 @@ mod carry;
 mod recovery;
 
 pub use comparison::{Became, Comparison, OtherSize, Uncompared, drawn_edges};
+pub use edge_offset::{EdgeOffset, STEP, TONE};
 pub use recovery::{Refusal, recovered};
+pub use turn_fit::{Estimated, TurnFit};

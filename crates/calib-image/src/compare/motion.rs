@@ -1,6 +1,10 @@
 //! What a camera did between two stills, were all that it sees on the floor: a turn, a zoom, and a step.
 
-use calib_core::{Camera, Pixel, STEP, Turn, TurnFit, Turned, floor_nearness, ray_in_camera};
+use calib_core::{Camera, Pixel};
+
+use calib_core::camera::{Turn, Turned, floor_nearness, ray_in_camera};
+
+use crate::{STEP, TurnFit};
 
 /// Of a pixel's ray, in radians, and of a step, in metres of a thing a metre away: what derivatives are differences of.
 const ASIDE: f64 = 1e-5;

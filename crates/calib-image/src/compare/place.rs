@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use calib_core::{Camera, Pixel, TONE};
+use calib_core::{Camera, Pixel};
+
+use crate::TONE;
 
 use crate::compare::luma::{Luma, cubic};
 use crate::compare::motion::Sight;

@@ -2,7 +2,9 @@
 
 use std::fmt;
 
-use calib_core::{Camera, Covariance, NewStill, Options, Recovered, Site, SiteCamera};
+use calib_core::{Camera, Covariance};
+
+use calib_site::{NewStill, Options, Recovered, Site, SiteCamera};
 use image::RgbImage;
 
 use crate::compare::carry::Carry;

@@ -1,6 +1,8 @@
 //! An edge of the old still looked for in the new one, across itself, to a fraction of a pixel.
 
-use calib_core::{Camera, EdgeOffset};
+use calib_core::Camera;
+
+use crate::EdgeOffset;
 
 use crate::compare::luma::Luma;
 use crate::compare::motion::{Motion, Moved};

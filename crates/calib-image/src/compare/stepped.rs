@@ -5,7 +5,11 @@
 //! do not are outliers, as things are that moved by themselves. Where the floor moved farther than edges are looked for,
 //! corners tell the step first.
 
-use calib_core::{Camera, EdgeOffset, Estimated, STEP, TONE, Turn, TurnFit};
+use calib_core::Camera;
+
+use calib_core::camera::Turn;
+
+use crate::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
 use nalgebra::{DMatrix, DVector};
 
 use crate::compare::alignment::Alignment;

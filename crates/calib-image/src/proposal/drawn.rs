@@ -1,9 +1,8 @@
 //! Edges as annotations, as an operator would draw them, and what the solve makes of them.
 
-use calib_core::{
-    Annotation, DistortionEntry, Kind, Lens, LensEntry, Options, Pixel, Site, SiteCamera, Solution,
-    UndistortedPixel,
-};
+use calib_core::{Annotation, Kind, Lens, Pixel, UndistortedPixel};
+
+use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
 
 use super::lies::Lies;
 use super::line::Line;

@@ -6,7 +6,9 @@
 //! 3. The sigma of the focal is that of the solve and, beside it, how far the other mixtures are from this one, by
 //!    their evidence; the verdict follows from it.
 
-use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel, SiteCamera, Solution};
+use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
+
+use calib_site::{SiteCamera, Solution};
 
 use crate::line_segment::LineSegment;
 

@@ -3,9 +3,10 @@
 use std::process::Command;
 
 use calib_core::{
-    Annotation, Camera, Constraints, Covariance, Fit, FitOptions, FixedParameters, Lens, Orientation, Pixel,
-    SceneErrors, paper_minimum,
+    Annotation, Camera, Constraints, Covariance, Fit, FitOptions, Lens, Orientation, Pixel, SceneErrors,
 };
+
+use calib_core::single::{FixedParameters, paper_minimum};
 use calib_demo::random::{Drawn, RandomScene, SIZE};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -171,6 +172,6 @@ pub(crate) fn paper(annotations: &[Annotation], scene: &RandomScene, _: f64) -> 
 /// Two vanishing points: `f^2 = -v . h` of the nadir and the first parallel group.
 fn closed_form(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
     let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
-    let at = calib_core::closed_form(&evidence)?;
+    let at = calib_core::single::closed_form(&evidence)?;
     Some(camera_at(at, scene))
 }

@@ -6,10 +6,8 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context as _, ensure};
-use calib_core::{
-    Camera, Covariance, Distortion, Extent, FloorProjector, Lens, Method, Pixel, Site, SiteCamera, Solution,
-    Stage, Status, WorldPoint,
-};
+use calib_core::{Camera, Covariance, Distortion, Extent, FloorProjector, Lens, Pixel, Status, WorldPoint};
+use calib_site::{Method, Site, SiteCamera, Solution, Stage};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;

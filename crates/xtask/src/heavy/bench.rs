@@ -26,7 +26,7 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
     ("calib-core", "undistortion", &["undistort_1080p_ms", "undistort_1080p_cached_ms"]),
     ("calib-core", "single_fit", &["solve_option1_us", "solve_option2_us"]),
     (
-        "calib-core",
+        "calib-site",
         "bundle_adjustment",
         &["refine_100_cameras_ms", "refine_1000_cameras_ms", "refine_10000_cameras_s"],
     ),

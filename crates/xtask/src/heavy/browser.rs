@@ -62,7 +62,7 @@ fn native() -> f64 {
     const RUNS: usize = 200;
     let site = calib_demo::demo_site().site;
     let cameras = site.cameras.first().map(|camera| vec![camera.id.clone()]);
-    let options = calib_core::Options { refine: false, cameras, ..calib_core::Options::default() };
+    let options = calib_site::Options { refine: false, cameras, ..calib_site::Options::default() };
     1e3 * median::median(RUNS, || {
         std::hint::black_box(std::hint::black_box(&site).calibrate(&options));
     })

@@ -1,9 +1,8 @@
 //! Whether what is stated holds: errors on real data beside their sigmas, and the share inside intervals.
 
-use calib_core::{
-    Annotation, Camera, Code, Covariance, DistortionEntry, DistortionModel, Kind, LensEntry, Options, Pixel,
-    Site, SiteCamera, Solution,
-};
+use calib_core::{Annotation, Camera, Code, Covariance, DistortionModel, Kind, Pixel};
+
+use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
 use serde_json::Value;
 
 use crate::workspace;

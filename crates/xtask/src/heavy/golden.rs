@@ -10,11 +10,12 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::Context as _;
+use calib_core::floor::{PixelOrigin, Stream, StreamFit, StreamMap};
 use calib_core::{
-    BrownConrady, Camera, Covariance, CovarianceEntry, Distortion, Extent, FloorProjector, Lens, Method,
-    Pixel, PixelOrigin, PointProjector, Site, SiteCamera, Solution, Stage, Status, Stream, StreamFit,
-    StreamMap, WorldPoint,
+    BrownConrady, Camera, Covariance, Distortion, Extent, FloorProjector, Lens, Pixel, PointProjector,
+    Status, WorldPoint,
 };
+use calib_site::{CovarianceEntry, Method, Site, SiteCamera, Solution, Stage};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 

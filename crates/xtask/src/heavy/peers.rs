@@ -44,7 +44,7 @@ fn joint() -> anyhow::Result<()> {
         ("a hundred cameras", "refine_100_cameras_ms", ["10", "10"], &["scipy", "colmap"][..]),
         ("a thousand cameras", "refine_1000_cameras_ms", ["40", "25"], &["colmap"]),
     ] {
-        let ours = bench::measure("calib-core", "bundle_adjustment", key, None)?;
+        let ours = bench::measure("calib-site", "bundle_adjustment", key, None)?;
         let ours = ours.get(key).and_then(Value::as_f64).context(key)?;
         let mut arguments = sides.to_vec();
         arguments.extend(packages);

@@ -89,7 +89,7 @@ fn demonstration(golden: &Path) -> anyhow::Result<()> {
     let demo = golden.join("demo");
     let calib = Command::new(calib()?).arg("demo").arg(&demo).output()?;
     ensure!(calib.status.success(), "{}", String::from_utf8_lossy(&calib.stderr));
-    let examples = build(&["--package", "calib-core", "--example", "fuse_tracks"])?.join("examples");
+    let examples = build(&["--package", "calib-site", "--example", "fuse_tracks"])?.join("examples");
     let mut tracker = Command::new(program(&examples, "fuse_tracks"));
     done(tracker.args(["solved.json", "detections.csv", "tracks.csv"].map(|name| demo.join(name))))
 }

@@ -29,8 +29,8 @@ const REST: [&str; 47] = [
     "calib_input",
     "calib_image::compare",
     "calib_image::proposal",
-    "calib_core::health",
-    "calib_core::site::recovered",
+    "calib_health",
+    "calib_site::recovered",
     "image",
     "zune_jpeg",
     "zune_core",
@@ -64,7 +64,7 @@ const REST: [&str; 47] = [
 ];
 
 /// Reading of types, and types of ours: what has both in its name reads a site.
-const READS: [&str; 2] = ["serde_core::de", "calib_core"];
+const READS: [&str; 2] = ["serde_core::de", "calib_site"];
 
 /// What is shorter stays, in bytes: what a call to the other part needs is as long.
 const SHORT: usize = 150;
@@ -198,7 +198,7 @@ mod tests {
             ("calib_formats::opencv::read", true),
             ("<&mut png::decoder::Reader<R> as std::io::Read>::read", true),
             ("core::iter::adapters::map::Map::<toml::Value>::next", true),
-            ("<calib_core::Site as serde_core::de::Deserialize>::deserialize", true),
+            ("<calib_site::Site as serde_core::de::Deserialize>::deserialize", true),
             ("<serde_json::Value as serde_core::de::Deserialize>::deserialize", false),
             ("<alloc::raw_vec::RawVec<calib_formats::file::File>>::grow_one", false),
             ("core::ptr::drop_in_place::<image::dynamic::DynamicImage>", false),

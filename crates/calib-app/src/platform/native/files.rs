@@ -3,10 +3,10 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use calib_core::MAX_BYTES;
 use calib_editor::file_name::is_image;
 use calib_editor::{FileResult, Reach};
 use calib_input::Part;
+use calib_site::MAX_BYTES;
 
 /// Reads a file of any size a site or image may have.
 ///

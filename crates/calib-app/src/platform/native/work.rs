@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use calib_core::{Recovered, Site, SiteCamera};
 use calib_editor::{Edge, Source, decode, edges, refined};
 use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
+use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 

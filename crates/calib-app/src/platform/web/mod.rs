@@ -9,9 +9,9 @@ mod worker;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use calib_core::{Recovered, Site, SiteCamera};
 use calib_editor::{Edge, FileResult, Reach, Source};
 use calib_image::{Comparison, LineSegment, Proposal};
+use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 use js_sys::{Reflect, Uint8Array};

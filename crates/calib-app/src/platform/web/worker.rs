@@ -1,8 +1,8 @@
 //! What the page has its workers do, and what they answer.
 
-use calib_core::{Recovered, Site, SiteCamera};
 use calib_editor::{Edge, Source, edges};
 use calib_image::{Comparison, LineSegment, Proposal};
+use calib_site::{Recovered, Site, SiteCamera};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Uint8Array};
 use wasm_bindgen_futures::JsFuture;

@@ -339,7 +339,7 @@ impl Distortion {
     }
 
     /// With which power of the focal every coefficient grows when the map of pixels stays what it is.
-    pub(crate) fn powers(&self) -> [i32; Self::MOST] {
+    pub fn powers(&self) -> [i32; Self::MOST] {
         self.model().and_then(|model| model.row().powers).unwrap_or_default()
     }
 

@@ -1,0 +1,496 @@
+//! How a camera turned, by edges that are beside where they were: robust, and with a sigma that the edges themselves, for
+//! the most part, bear out.
+//!
+//! At a place of an edge the offset across it is `d`, and a small turn `x` would make it `a' x`. The estimate minimises
+//!
+//! ```text
+//! sum over places of rho((d - a' x) / s),   s^2 = sigma^2 + tau^2
+//! ```
+//!
+//! with Tukey's `rho` (Beaton and Tukey 1974), from a start of least absolute deviations: things that moved by themselves
+//! are a minority that agrees with itself and must not pull. `tau`, how much places scatter beyond their own noise, is
+//! that of the median.
+//!
+//! All places of one edge are moved alike by what light, codecs and the detector's own error do to it: an edge is off by an
+//! amount in common, of the variance `e^2` ([`Scatter::edge`]), and its places are no more independent than that allows.
+//! With W the precisions of its places about their edge (`p` is [`Scatter::place`])
+//!
+//! ```text
+//! W = diag(w / (sigma^2 + p^2)),    (W^-1 + e^2 1 1')^-1 = W - W 1 1' W e^2 / (1 + e^2 1' W 1)
+//! ```
+//!
+//! (Woodbury 1950), w being Tukey's weights, so that an edge of twenty places counts little more than one of five. p and e
+//! are those of the median of places about their edge, and of edges about what the turn tells. Where a step is estimated,
+//! e is none: what edges of unknown depth are off by is what tells it.
+//!
+//! What is in one block of the image is moved alike in turn (one fault of the lens, one shelf): by a vector of the
+//! variance `b^2` either way ([`Scatter::block`]), eliminated as the offsets of edges are (`turn_equations.rs`).
+//!
+//! The covariance is the sum of two. What blocks are off by beyond that they bear out themselves: it is that of clusters
+//! with the correction of Bell and `McCaffrey` (2002), and with the mean slope of Tukey's psi in place of the mean weight
+//! (Huber 1981, section 7.6). What light, a codec and interpolation do to the whole image, as smooth as a turn is, no
+//! residual shows; how much that is was found on stills that were turned by known amounts ([`WHOLE`]).
+//!
+//! Other light, a clipped sky, another gamma move the middle of a blurred edge towards its dark or its bright side, by an
+//! amount that its contrast and its level decide. Where most edges of one direction are bright above and dark below, that
+//! is a tilt; so how it depends on contrast and level is estimated along with the turn, as [`EdgeOffset::tone`] has it.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::compare::edge_offset::{EdgeOffset, STEP, TONE};
+use crate::compare::turn_equations::{BlockSum, Sum};
+use calib_core::camera::Turn;
+use calib_core::optimize::sigmas;
+
+/// What is estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Estimated {
+    /// The turn alone, of what light does not move.
+    Turn,
+    /// The turn, and what light does.
+    TurnAndTone,
+    /// Besides, a step of the camera beside its turn.
+    Step,
+}
+
+/// What edges say together.
+#[derive(Clone, Debug)]
+pub struct TurnFit {
+    /// The turn, then what light does, then the step, as far as they are estimated.
+    pub estimate: DVector<f64>,
+    /// Its covariance: what blocks bear out, and what moves the whole image.
+    pub covariance: DMatrix<f64>,
+    /// What its covariance would be if nothing but their edge and their block moved places alike: about what no estimate
+    /// by these edges can be better than (Cramér 1946, Rao 1945).
+    pub bound: DMatrix<f64>,
+    /// Scatter of places beyond their own noise.
+    pub scatter: Scatter,
+    /// Weight of every place, 0 to 1: 0 where it is of something that moved by itself.
+    pub weights: Vec<f64>,
+    /// Blocks that tell anything.
+    pub blocks: usize,
+}
+
+/// How far places are off beyond their own noise: standard deviations, in pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scatter {
+    /// Of a place about its edge.
+    pub place: f64,
+    /// Of an edge, all its places alike.
+    pub edge: f64,
+    /// Of a block of the image, all its edges alike, along either axis.
+    pub block: f64,
+}
+
+/// Where Tukey's weights end, in scales: 95 % efficient where errors are normal.
+const TUKEY: f64 = 4.685;
+/// Of a normal number, the standard deviation over the median deviation.
+const MEDIAN: f64 = 1.4826;
+/// No offset is known better than this, in pixels.
+const FINEST: f64 = 0.01;
+/// What moves a block by more than this, in pixels, is not the lens, light or a codec but how far away it is, which a step
+/// tells and no turn.
+const BLOCK: f64 = 0.2;
+/// The variance of what moves the whole image as a turn does, over that of the bound: not derived, but chosen on half of the
+/// stills of `tests/compare.rs`, of 960 pixels and some thousand places.
+const WHOLE: f64 = 0.5;
+/// Rounds of weighing.
+const ROUNDS: usize = 12;
+
+impl Estimated {
+    const fn unknowns(self) -> usize {
+        match self {
+            Self::Turn => Turn::SIZE,
+            Self::TurnAndTone => Turn::SIZE + TONE,
+            Self::Step => Turn::SIZE + TONE + STEP,
+        }
+    }
+}
+
+impl TurnFit {
+    /// The fit; `None` where the edges do not determine it.
+    #[must_use]
+    pub fn new(offsets: &[EdgeOffset], of: Estimated) -> Option<Self> {
+        let rows = Rows { offsets, unknowns: of.unknowns() };
+        let mut estimate = rows.least_deviations()?;
+        let mut weights = vec![1.0; offsets.len()];
+        let (mut blocks, mut scatter) = (Vec::new(), Scatter::default());
+        for _ in 0..ROUNDS {
+            let residuals = rows.residuals(&estimate);
+            let together = excess(&residuals, offsets);
+            weights = rows.in_scales(&residuals, together).map(tukey).collect();
+            let of_edges = if of == Estimated::Step { None } else { rows.scatter(&residuals, &weights) };
+            scatter = of_edges.unwrap_or(Scatter { place: together, ..Scatter::default() });
+            let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter.place).max(FINEST).powi(2);
+            let precisions: Vec<f64> = (0..offsets.len()).map(precision).collect();
+            blocks = rows.blocks(&precisions, scatter.edge);
+            estimate = Sum::of(&blocks, scatter.block)?.solved()?;
+        }
+        let all = Sum::of(&blocks, scatter.block)?;
+        let slope = rows.slope(&estimate, &weights);
+        let (bound, borne_out) = (all.bound()?, all.borne_out(&blocks, scatter.block, &estimate, slope)?);
+        let (covariance, blocks) = (WHOLE * &bound + borne_out, blocks.len());
+        Some(Self { estimate, covariance, bound, scatter, weights, blocks })
+    }
+
+    /// The turn.
+    #[must_use]
+    pub fn turn(&self) -> Turn {
+        Turn::of(std::array::from_fn(|i| self.estimate[i]))
+    }
+
+    /// The step; none where it is not estimated.
+    #[must_use]
+    pub fn step(&self) -> [f64; STEP] {
+        const FROM: usize = Turn::SIZE + TONE;
+        std::array::from_fn(|k| self.estimate.get(FROM + k).copied().unwrap_or_default())
+    }
+
+    /// As how many sigmas of a normal number it is improbable that parameters from one to before another are 0.
+    ///
+    /// The covariance is itself estimated from m blocks, most of it: Hotelling's (1931) square is brought to a chi-square by
+    /// its expectation, `(m - k - 2) / (m - 1)`.
+    #[must_use]
+    pub fn clear(&self, from: usize, to: usize) -> f64 {
+        let (count, blocks) = (to - from, self.blocks as f64);
+        let part = self.covariance.view((from, from), (count, count)).into_owned();
+        let estimate = self.estimate.rows(from, count).into_owned();
+        let Some(inverse) = part.cholesky() else { return 0.0 };
+        let square = estimate.dot(&inverse.solve(&estimate));
+        let shrunk = square * ((blocks - count as f64 - 2.0) / (blocks - 1.0).max(1.0)).max(0.0);
+        sigmas(shrunk, count as f64)
+    }
+}
+
+/// The places as rows of a linear system.
+struct Rows<'a> {
+    offsets: &'a [EdgeOffset],
+    unknowns: usize,
+}
+
+impl Rows<'_> {
+    fn residuals(&self, estimate: &DVector<f64>) -> Vec<f64> {
+        self.offsets.iter().map(|row| row.offset - row.told(estimate)).collect()
+    }
+
+    /// Residuals over how far their places usually are off, with what they scatter beyond their own noise.
+    fn in_scales(&self, residuals: &[f64], together: f64) -> impl Iterator<Item = f64> {
+        let each = residuals.iter().zip(self.offsets);
+        each.map(move |(residual, row)| residual / row.sigma.hypot(together).max(FINEST))
+    }
+
+    /// Least absolute deviations by weighted least squares (Schlossmacher 1973).
+    fn least_deviations(&self) -> Option<DVector<f64>> {
+        /// Nearer than this to the estimate all deviations count the same, in pixels.
+        const NEAR: f64 = 0.05;
+        let mut estimate = DVector::zeros(self.unknowns);
+        for _ in 0..ROUNDS {
+            let residuals = self.residuals(&estimate);
+            let weights: Vec<f64> = residuals.iter().map(|r| r.abs().max(NEAR).recip()).collect();
+            estimate = Sum::of(&self.blocks(&weights, 0.0), 0.0)?.solved()?;
+        }
+        Some(estimate)
+    }
+
+    /// The mean slope of psi over the mean weight: 0.83 where errors are normal.
+    fn slope(&self, estimate: &DVector<f64>, weights: &[f64]) -> f64 {
+        const LEAST: f64 = 0.5;
+        let residuals = self.residuals(estimate);
+        let together = excess(&residuals, self.offsets);
+        let slopes: f64 = self.in_scales(&residuals, together).map(psi_slope).sum();
+        (slopes / weights.iter().sum::<f64>()).max(LEAST)
+    }
+
+    /// The places of every edge, as ranges of all.
+    fn edges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let edges = self.offsets.chunk_by(|a, b| a.edge.is_some() && a.edge == b.edge);
+        edges.scan(0, |end, edge| {
+            let start = std::mem::replace(end, *end + edge.len());
+            Some(start..*end)
+        })
+    }
+
+    /// Scatter of places about their edges, of edges, and of blocks; `None` where too few edges have several places.
+    fn scatter(&self, residuals: &[f64], weights: &[f64]) -> Option<Scatter> {
+        /// Fewer places tell no scatter of their own.
+        const PLACES: usize = 3;
+        const EDGES: usize = 12;
+        let (mut about, mut own, mut means, mut of_means) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for edge in self.edges() {
+            let used: Vec<usize> = edge.filter(|&i| weights[i] > 0.0).collect();
+            if used.len() < PLACES {
+                continue;
+            }
+            let count = used.len() as f64;
+            let mean = used.iter().map(|&i| residuals[i]).sum::<f64>() / count;
+            let freedom = (count / (count - 1.0)).sqrt();
+            about.extend(used.iter().map(|&i| freedom * (residuals[i] - mean)));
+            own.extend(used.iter().map(|&i| self.offsets[i].sigma));
+            means.push((mean, &self.offsets[used[used.len() / 2]]));
+            of_means.push(count);
+        }
+        if means.len() < EDGES {
+            return None;
+        }
+        let deviation = |values: Vec<f64>| MEDIAN * median(values.iter().map(|value| value.abs()).collect());
+        let place = deviation(about);
+        let all = deviation(means.iter().map(|(mean, _)| *mean).collect());
+        let by_places = place * place / median(of_means);
+        let by_blocks = motion_variance(&means, all).min(BLOCK * BLOCK);
+        Some(Scatter {
+            place: (place * place - median(own).powi(2)).max(0.0).sqrt(),
+            edge: (all * all - by_places - by_blocks).max(0.0).sqrt(),
+            block: by_blocks.sqrt(),
+        })
+    }
+
+    /// The normal equations of every block; those of an edge are of the block that its middle is in.
+    fn blocks(&self, precisions: &[f64], edge: f64) -> Vec<BlockSum> {
+        let count = self.offsets.iter().map(|row| row.block + 1).max().unwrap_or(0);
+        let mut blocks: Vec<BlockSum> = (0..count).map(|_| BlockSum::nothing(self.unknowns)).collect();
+        for places in self.edges() {
+            let block = self.offsets[places.start + places.len() / 2].block;
+            blocks[block].add(&self.offsets[places.clone()], &precisions[places], edge);
+        }
+        blocks.retain(|block| block.precision > 0.0);
+        blocks
+    }
+}
+
+/// The variance, along either axis, of what moves all edges of a block: what the products of two of them have in common,
+/// `E r r' = b^2 n n'` with the directions n that they count along. Edges are off by no more than `usual` thrice.
+fn motion_variance(edges: &[(f64, &EdgeOffset)], usual: f64) -> f64 {
+    let mut sums: BTreeMap<usize, [f64; 5]> = BTreeMap::new();
+    let (mut products, mut squares) = (0.0, 0.0);
+    for (off, EdgeOffset { across: [x, y], block, .. }) in edges {
+        let off = off.clamp(-3.0 * usual, 3.0 * usual);
+        // Sums of r n and of n n' over the edges of the block so far.
+        let sum = sums.entry(*block).or_default();
+        products += off * (sum[0] * x + sum[1] * y);
+        squares += sum[2] * x * x + 2.0 * sum[3] * x * y + sum[4] * y * y;
+        for (sum, own) in sum.iter_mut().zip([off * x, off * y, x * x, x * y, y * y]) {
+            *sum += own;
+        }
+    }
+    if squares > 0.0 { (products / squares).max(0.0) } else { 0.0 }
+}
+
+/// The weight of a residual in scales.
+fn tukey(residual: f64) -> f64 {
+    let share = residual / TUKEY;
+    (1.0 - share * share).max(0.0).powi(2)
+}
+
+/// The slope of Tukey's psi, a residual times its weight.
+fn psi_slope(residual: f64) -> f64 {
+    let square = (residual / TUKEY).powi(2);
+    (1.0 - square).max(0.0) * (1.0 - 5.0 * square)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// What residuals scatter beyond the noise of their places, in pixels.
+fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
+    let all = MEDIAN * median(residuals.iter().map(|r| r.abs()).collect());
+    let own = median(offsets.iter().map(|row| row.sigma).collect());
+    (all * all - own * own).max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib_core::camera::ray_in_camera;
+    use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
+    use rand::{Rng as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
+    const COLUMNS: usize = 8;
+    const BLOCKS: usize = 48;
+
+    fn camera() -> Camera {
+        Camera {
+            position: WorldPoint::new(0.0, 0.0, 3.0),
+            yaw: 0.3,
+            pitch: 0.4,
+            roll: 0.05,
+            focal: 700.0,
+            lens: Lens::pinhole(Pixel::new(480.0, 270.0)),
+            covariance: Covariance::EXACT,
+        }
+    }
+
+    /// Where nothing moves the whole image alike.
+    fn borne_out(fit: &TurnFit) -> DMatrix<f64> {
+        &fit.covariance - WHOLE * &fit.bound
+    }
+
+    fn normal(random: &mut ChaCha8Rng) -> f64 {
+        (0..12).map(|_| random.random_range(-0.5..0.5_f64)).sum()
+    }
+
+    /// An edge somewhere in a block of the image, where it was.
+    fn edge(camera: &Camera, block: usize, random: &mut ChaCha8Rng) -> EdgeOffset {
+        let u = 120.0 * ((block % COLUMNS) as f64 + random.random_range(0.0..1.0));
+        let v = 90.0 * ((block / COLUMNS) as f64 + random.random_range(0.0..1.0));
+        let angle = random.random_range(0.0..std::f64::consts::TAU);
+        let contrast = if angle.sin() > 0.0 { 1.0 } else { random.random_range(-1.0..1.0) };
+        place(camera, block, [u, v], angle, contrast)
+    }
+
+    /// A place of an edge, across which offsets count in the direction of an angle.
+    fn place(camera: &Camera, block: usize, [u, v]: [f64; 2], angle: f64, contrast: f64) -> EdgeOffset {
+        const ASIDE: f64 = 1e-6;
+        let ray = ray_in_camera(camera, Pixel { u, v }).unwrap();
+        let (sin, cos) = angle.sin_cos();
+        let slope = |k: usize| {
+            let mut step = [0.0; Turn::SIZE];
+            step[k] = ASIDE;
+            let there = Turn::of(step).at(camera).shown(ray).unwrap();
+            ((there.u - u) * cos + (there.v - v) * sin) / ASIDE
+        };
+        EdgeOffset {
+            offset: 0.0,
+            across: [cos, sin],
+            sigma: 0.1,
+            turn: std::array::from_fn(slope),
+            tone: [contrast, 0.0, 0.0],
+            step: [0.0; STEP],
+            block,
+            edge: None,
+        }
+    }
+
+    /// Edges of three to twenty places, eight pixels apart, that share an offset of 0.08 px beside the noise of each, and
+    /// with their block a vector of `moved` pixels either way.
+    fn long_edges(camera: &Camera, truth: &[f64; 4], moved: f64, random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
+        let mut all = Vec::new();
+        let mut motion = [0.0; 2];
+        for index in 0..4 * BLOCKS {
+            let block = index / 4;
+            if index % 4 == 0 {
+                motion = [0, 1].map(|_| moved * normal(random));
+            }
+            let corner = [120.0 * (block % COLUMNS) as f64, 90.0 * (block / COLUMNS) as f64];
+            let start =
+                [corner[0] + random.random_range(0.0..120.0), corner[1] + random.random_range(0.0..90.0)];
+            let (angle, contrast) =
+                (random.random_range(0.0..std::f64::consts::TAU), random.random_range(-1.0..1.0));
+            let shared = 0.08 * normal(random);
+            for far in (0..random.random_range(3..=20)).map(|place| 8.0 * f64::from(place)) {
+                let at = [start[0] - far * angle.sin(), start[1] + far * angle.cos()];
+                let mut place = place(camera, block, at, angle, contrast);
+                let told: f64 = (0..4).map(|k| place.turn[k] * truth[k]).sum();
+                let of_block: f64 =
+                    motion.iter().zip(place.across).map(|(motion, across)| motion * across).sum();
+                place.offset = told + shared + of_block + 0.1 * normal(random);
+                place.edge = Some(index);
+                all.push(place);
+            }
+        }
+        all
+    }
+
+    /// Edges after a turn: with noise, noise that a block shares, light that moves them to the dark side, and a share
+    /// of the blocks where something moved by itself.
+    fn edges(truth: &[f64; 4], light: f64, moved: usize, random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
+        let camera = camera();
+        let mut all = Vec::new();
+        for block in 0..BLOCKS {
+            let shared = 0.05 * normal(random);
+            for _ in 0..30 {
+                let mut edge = edge(&camera, block, random);
+                let told: f64 = (0..4).map(|k| edge.turn[k] * truth[k]).sum();
+                let own = if block < moved { 3.0 } else { 0.0 };
+                edge.offset = told + light * edge.tone[0] + shared + 0.1 * normal(random) + own;
+                all.push(edge);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn what_blocks_bear_out_holds_though_they_share_noise_light_changed_and_things_moved() {
+        const TRIALS: usize = 150;
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut inside = 0;
+        for _ in 0..TRIALS {
+            let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
+            let fit = TurnFit::new(&edges(&truth, 0.1, 8, &mut random), Estimated::TurnAndTone).unwrap();
+            let is_inside =
+                |k: usize| (fit.estimate[k] - truth[k]).abs() < 1.96 * borne_out(&fit)[(k, k)].sqrt();
+            inside += (0..4).filter(|&k| is_inside(k)).count();
+        }
+        let share = inside as f64 / (4 * TRIALS) as f64;
+        assert!((0.9..0.995).contains(&share), "{share} inside 95 %");
+    }
+
+    #[test]
+    fn a_camera_that_stands_still_is_clearly_moved_in_few_trials() {
+        const TRIALS: usize = 150;
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        let clear = |_| {
+            let fit = TurnFit::new(&edges(&[0.0; 4], 0.2, 6, &mut random), Estimated::TurnAndTone).unwrap();
+            fit.clear(0, Turn::SIZE) > 3.0
+        };
+        let alarms = (0..TRIALS).map(clear).filter(|alarm| *alarm).count();
+        assert!(alarms <= 2, "{alarms} of {TRIALS}");
+    }
+
+    #[test]
+    fn errors_are_those_of_the_bound_where_edges_and_blocks_are_moved_alike() {
+        const TRIALS: usize = 200;
+        let (camera, mut random) = (camera(), ChaCha8Rng::seed_from_u64(6));
+        for moved in [0.0, 0.03, 0.1] {
+            let (mut squares, mut inside, mut edge, mut block) = (0.0, 0, 0.0, 0.0);
+            for _ in 0..TRIALS {
+                let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
+                let offsets = long_edges(&camera, &truth, moved, &mut random);
+                let fit = TurnFit::new(&offsets, Estimated::TurnAndTone).unwrap();
+                let bound = fit.bound.view((0, 0), (4, 4)).into_owned().cholesky().unwrap();
+                let error = DVector::from_fn(4, |k, _| fit.estimate[k] - truth[k]);
+                squares += error.dot(&bound.solve(&error)) / 4.0;
+                inside += (0..4).filter(|&k| error[k].abs() < 1.96 * borne_out(&fit)[(k, k)].sqrt()).count();
+                edge += fit.scatter.edge / TRIALS as f64;
+                block += fit.scatter.block / TRIALS as f64;
+            }
+            let over_bound = (squares / TRIALS as f64).sqrt();
+            let share = inside as f64 / (4 * TRIALS) as f64;
+            assert!((0.94..1.06).contains(&over_bound), "{over_bound} of the bound");
+            assert!((0.93..0.98).contains(&share), "{share} inside 95 %");
+            assert!((0.06..0.1).contains(&edge), "{edge} px of an edge, 0.08 in truth");
+            assert!((block - moved).abs() < 0.02, "{block} px of a block, {moved} in truth");
+        }
+    }
+
+    #[test]
+    fn one_block_that_tells_nearly_all_makes_nothing_surer_than_the_bound() {
+        let mut random = ChaCha8Rng::seed_from_u64(8);
+        let camera = camera();
+        let many = (0..800).map(|_| edge(&camera, 3, &mut random)).collect::<Vec<_>>();
+        let few = (0..12).map(|block| edge(&camera, 4 * block, &mut random)).collect::<Vec<_>>();
+        let mut all: Vec<EdgeOffset> = many.into_iter().chain(few).collect();
+        all.iter_mut().for_each(|edge| edge.offset = 0.1 * normal(&mut random));
+        let fit = TurnFit::new(&all, Estimated::Turn).unwrap();
+        // Of what the block tells: not of the roll about it.
+        for k in 0..2 {
+            let of_bound = fit.covariance[(k, k)] / fit.bound[(k, k)];
+            assert!(of_bound > 1.0, "{of_bound} of the bound");
+        }
+    }
+
+    #[test]
+    fn what_edges_do_not_tell_is_not_estimated() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let one = edge(&camera(), 3, &mut random);
+        assert!(TurnFit::new(&[one; 40], Estimated::Turn).is_none());
+        assert!(TurnFit::new(&[], Estimated::TurnAndTone).is_none());
+    }
+}

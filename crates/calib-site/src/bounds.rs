@@ -1,0 +1,148 @@
+//! Where in a document something is wrong, and the bounds of values.
+
+use std::fmt;
+
+use crate::bounded_list::MAX_ITEMS;
+use crate::site_error::{Fault, SiteError};
+use calib_core::single::Known;
+
+/// Longest id or name, in bytes.
+const MAX_NAME: usize = 256;
+/// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.
+const MAX_COORDINATE: f64 = 1e9;
+
+pub(crate) type Checked = Result<(), SiteError>;
+
+pub(crate) fn pointer_of(path: &serde_path_to_error::Path) -> String {
+    use serde_path_to_error::Segment;
+    path.iter().fold(String::new(), |pointer, segment| match segment {
+        Segment::Seq { index } => format!("{pointer}/{index}"),
+        Segment::Map { key } => format!("{pointer}/{}", escape(key)),
+        Segment::Enum { .. } | Segment::Unknown => pointer,
+    })
+}
+
+pub(crate) fn escape(key: &str) -> String {
+    key.replace('~', "~0").replace('/', "~1")
+}
+
+/// Where in the document a check is: a chain of keys, spelt out only when something is wrong.
+#[derive(Clone, Copy)]
+pub(crate) struct At<'a> {
+    parent: Option<&'a Self>,
+    step: Step<'a>,
+}
+
+#[derive(Clone, Copy)]
+pub(crate) enum Step<'a> {
+    Root,
+    Key(&'a str),
+    Index(usize),
+}
+
+impl<'a> At<'a> {
+    pub(crate) const fn root() -> Self {
+        Self { parent: None, step: Step::Root }
+    }
+
+    pub(crate) const fn key(&'a self, key: &'a str) -> Self {
+        Self { parent: Some(self), step: Step::Key(key) }
+    }
+
+    pub(crate) const fn index(&'a self, index: usize) -> Self {
+        Self { parent: Some(self), step: Step::Index(index) }
+    }
+
+    pub(crate) fn pointer(&self) -> String {
+        let parent = self.parent.map(At::pointer).unwrap_or_default();
+        match self.step {
+            Step::Root => parent,
+            Step::Key(key) => format!("{parent}/{}", escape(key)),
+            Step::Index(index) => format!("{parent}/{index}"),
+        }
+    }
+
+    pub(crate) fn expected(&self, found: impl fmt::Display, expected: impl fmt::Display) -> Checked {
+        let fault = Fault::Unexpected { found: found.to_string(), expected: expected.to_string() };
+        Err(SiteError { pointer: self.pointer(), fault, about: None })
+    }
+}
+
+/// The values that a number may have.
+#[derive(Clone, Copy)]
+pub(crate) struct Bounds {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) what: &'static str,
+}
+
+impl Bounds {
+    pub(crate) const COORDINATE: Self =
+        Self { low: -MAX_COORDINATE, high: MAX_COORDINATE, what: "a number between -1e9 and 1e9" };
+    pub(crate) const POSITIVE: Self =
+        Self { low: f64::MIN_POSITIVE, high: MAX_COORDINATE, what: "a number above 0 and up to 1e9" };
+    pub(crate) const DEGREES: Self = Self { low: -360.0, high: 360.0, what: "degrees between -360 and 360" };
+    pub(crate) const PITCH: Self = Self { low: -90.0, high: 90.0, what: "degrees between -90 and 90" };
+    pub(crate) const SCENE_DEGREES: Self = Self { low: 0.0, high: 45.0, what: "degrees between 0 and 45" };
+    pub(crate) const SHARE: Self = Self { low: 0.0, high: 1.0, what: "a share between 0 and 1" };
+
+    pub(crate) fn check(self, at: &At, value: f64) -> Checked {
+        if value >= self.low && value <= self.high { Ok(()) } else { at.expected(value, self.what) }
+    }
+
+    pub(crate) fn check_all(self, at: &At, values: &[f64]) -> Checked {
+        values.iter().enumerate().try_for_each(|(i, &value)| self.check(&at.index(i), value))
+    }
+}
+
+pub(crate) fn count(at: &At, found: usize, most: usize) -> Checked {
+    if found <= most { Ok(()) } else { at.expected(format!("{found} items"), format!("at most {most}")) }
+}
+
+pub(crate) fn name(at: &At, text: Option<&String>) -> Checked {
+    let Some(text) = text else { return Ok(()) };
+    if text.is_empty() {
+        return at.expected("an empty text", "at least one character");
+    }
+    if text.len() > MAX_NAME {
+        return at.expected(format!("{} bytes", text.len()), format!("at most {MAX_NAME}"));
+    }
+    Ok(())
+}
+
+/// A name by which something is referred to: it stands in tables, in names of files and on terminals.
+pub(crate) fn id(at: &At, text: Option<&String>) -> Checked {
+    name(at, text)?;
+    let Some(control) = text.into_iter().flat_map(|text| text.chars()).find(|c| c.is_control()) else {
+        return Ok(());
+    };
+    at.expected(format!("the control character {}", control.escape_unicode()), "an id of visible characters")
+}
+
+pub(crate) fn optional(at: &At, value: Option<f64>, bounds: Bounds) -> Checked {
+    value.map_or(Ok(()), |value| bounds.check(at, value))
+}
+
+pub(crate) fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
+    let Some(known) = known else { return Ok(()) };
+    bounds.check(&at.key("value"), known.value)?;
+    optional(&at.key("sigma"), known.sigma, Bounds::POSITIVE)?;
+    match (known.fixed, known.sigma) {
+        (true, Some(_)) => at.expected("both \"fixed\": true and a sigma", "one of them: held, or a prior"),
+        (false, None) => {
+            at.expected("a value alone", "\"fixed\": true to hold it, or a \"sigma\" for a prior")
+        }
+        _ => Ok(()),
+    }
+}
+
+pub(crate) fn pixels(at: &At, pixels: &[calib_core::camera::Pixel], least: usize) -> Checked {
+    if pixels.len() < least {
+        return at.expected(format!("{} points", pixels.len()), format!("at least {least}"));
+    }
+    count(at, pixels.len(), MAX_ITEMS)?;
+    for (i, &pixel) in pixels.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&at.index(i), &<[f64; 2]>::from(pixel))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,391 @@
+//! Reading a site file: limits before parsing, one error with a JSON pointer, references and values.
+
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
+
+use serde_json::value::RawValue;
+
+use crate::bounded_list::{MAX_CAMERAS, MAX_ITEMS};
+use crate::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels, pointer_of};
+use crate::check_elements::check_elements;
+use crate::check_planes::{check_planes, plane_of};
+use crate::check_solution::{check_circle, check_distortion, check_solution};
+use crate::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
+use crate::period::check_periods;
+use crate::scene::SceneEntry;
+use crate::site_error::{About, Fault, NamedAnnotation, SiteError, in_plain_words, quoted};
+use calib_core::single::{Annotation, Belongs, USUAL_SIZES};
+
+/// Longest text of a site that is read, in bytes; `data:` images included.
+pub const MAX_BYTES: usize = 1 << 30;
+/// Most values in a site: a hostile file cannot fill memory with empty lists.
+pub const MAX_VALUES: usize = 4_000_000;
+/// Most segments and polylines of one camera: far more than anybody draws, and solved within minutes even where
+/// every second one is wrong.
+const MAX_LINES: usize = 20_000;
+/// Most segments and polylines of all cameras of a site together: what takes minutes is not one camera alone.
+const MAX_LINES_OF_SITE: usize = 100_000;
+/// Longest side of an image, in pixels.
+pub const MAX_SIDE: u32 = 65_536;
+
+impl Site {
+    /// Reads and checks a site file.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its JSON pointer.
+    pub fn from_json(text: &str) -> Result<Self, SiteError> {
+        if text.len() > MAX_BYTES {
+            let fault = Fault::TooLong { bytes: text.len(), most: MAX_BYTES };
+            return Err(SiteError::of_document(fault));
+        }
+        let values = count_values(text);
+        if values > MAX_VALUES {
+            return Err(SiteError::of_document(Fault::TooManyValues { values, most: MAX_VALUES }));
+        }
+        let mut reader = serde_json::Deserializer::from_str(text);
+        let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+            let pointer = pointer_of(error.path());
+            let fault = in_plain_words(&error.into_inner());
+            named(text, SiteError { pointer, fault, about: None })
+        })?;
+        reader.end().map_err(|error| SiteError::of_document(in_plain_words(&error)))?;
+        match site.check() {
+            Ok(()) => Ok(site),
+            Err(error) => {
+                // The text is looked into again.
+                drop(site);
+                Err(named(text, error))
+            }
+        }
+    }
+
+    /// Whether every value is possible and every reference leads somewhere.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its JSON pointer.
+    pub fn check(&self) -> Checked {
+        let root = At::root();
+        if self.version != 1 {
+            return root.key("version").expected(self.version, "1, the only version there is");
+        }
+        name(&root.key("name"), self.name.as_ref())?;
+        if let Some(plan) = &self.plan {
+            check_plan(&root.key("plan"), plan)?;
+        }
+        if let Some(georeference) = &self.georeference {
+            check_georeference(&root.key("georeference"), georeference)?;
+        }
+        check_scene(&root.key("scene"), self.scene.as_ref())?;
+        check_planes(&root.key("planes"), &self.planes)?;
+        let cameras = root.key("cameras");
+        count(&cameras, self.cameras.len(), MAX_CAMERAS)?;
+        for (i, camera) in self.cameras.iter().enumerate() {
+            check_camera(&cameras.index(i), camera, self)?;
+        }
+        check_lines_of_site(&cameras, &self.cameras)?;
+        check_periods(&cameras, &self.cameras)?;
+        check_elements(&root, self)
+    }
+}
+
+/// The error with the camera and the annotation it is about, by the names the operator gave them.
+fn named(text: &str, error: SiteError) -> SiteError {
+    let about = about(text, &error.pointer);
+    SiteError { about, ..error }
+}
+
+fn about(text: &str, pointer: &str) -> Option<Box<About>> {
+    let mut parts = pointer.split('/').skip(1);
+    let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return None };
+    let camera = item(field(text, "cameras")?, index)?;
+    let annotation = parts.next().filter(|&list| list == "annotations").and(parts.next()).map(|place| {
+        let entry = field(camera, "annotations").and_then(|list| item(list, place)).unwrap_or_default();
+        NamedAnnotation {
+            kind: text_of(entry, "kind").unwrap_or_default(),
+            name: text_of(entry, "name").or_else(|| text_of(entry, "id")),
+            place: place.to_owned(),
+        }
+    });
+    Some(Box::new(About { camera: text_of(camera, "id")?, annotation }))
+}
+
+/// A field of a JSON object, as it is written: nothing else of the document is built again.
+fn field<'a>(object: &'a str, key: &str) -> Option<&'a str> {
+    let fields: HashMap<Cow<'_, str>, &RawValue> = serde_json::from_str(object).ok()?;
+    fields.get(key).map(|value| value.get())
+}
+
+/// An item of a JSON list, as it is written.
+fn item<'a>(list: &'a str, index: &str) -> Option<&'a str> {
+    let items: Vec<&RawValue> = serde_json::from_str(list).ok()?;
+    items.get(index.parse::<usize>().ok()?).map(|value| value.get())
+}
+
+fn text_of(object: &str, key: &str) -> Option<String> {
+    serde_json::from_str(field(object, key)?).ok()
+}
+
+/// About how many values a JSON text holds: one for every bracket and comma outside strings.
+fn count_values(text: &str) -> usize {
+    let (mut values, mut in_string, mut escaped) = (0, false, false);
+    for byte in text.bytes() {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if in_string => escaped = true,
+            b'"' => in_string = !in_string,
+            b'[' | b'{' | b',' if !in_string => values += 1,
+            _ => {}
+        }
+    }
+    values
+}
+
+fn check_plan(at: &At, plan: &Plan) -> Checked {
+    Bounds::POSITIVE.check(&at.key("metres_per_px"), plan.metres_per_px)?;
+    Bounds::COORDINATE.check_all(&at.key("origin_px"), &<[f64; 2]>::from(plan.origin_px))?;
+    Bounds::DEGREES.check(&at.key("x_axis_deg"), plan.x_axis_deg)?;
+    plan.georeference.as_ref().map_or(Ok(()), |g| check_georeference(&at.key("georeference"), g))
+}
+
+fn check_georeference(at: &At, georeference: &Georeference) -> Checked {
+    Bounds::PITCH.check(&at.key("lat_deg"), georeference.lat_deg)?;
+    Bounds::DEGREES.check(&at.key("lon_deg"), georeference.lon_deg)?;
+    Bounds::DEGREES.check(&at.key("x_axis_azimuth_deg"), georeference.x_axis_azimuth_deg)
+}
+
+fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
+    id(&at.key("id"), Some(&camera.id))?;
+    name(&at.key("name"), camera.name.as_ref())?;
+    for (i, &side) in camera.size_px.iter().enumerate() {
+        if side == 0 || side > MAX_SIDE {
+            return at.key("size_px").index(i).expected(side, format!("1 to {MAX_SIDE} pixels"));
+        }
+    }
+    check_lens(&at.key("lens"), camera, site)?;
+    known(&at.key("height_m"), camera.height_m.as_ref(), Bounds::POSITIVE)?;
+    optional(&at.key("sigma_px"), camera.sigma_px, Bounds::POSITIVE)?;
+    check_scene(&at.key("scene"), camera.scene.as_ref())?;
+    let annotations = at.key("annotations");
+    count(&annotations, camera.annotations.len(), MAX_ITEMS)?;
+    check_annotations(&annotations, &camera.annotations)?;
+    for (i, annotation) in camera.annotations.iter().enumerate() {
+        plane_of(&annotations.index(i).key("plane"), annotation.plane.as_ref(), site)?;
+    }
+    plane_of(&at.key("efov_plane"), camera.efov_plane.as_ref(), site)?;
+    check_lines(&annotations, &camera.annotations)?;
+    if let Some(corners) = &camera.efov_px {
+        let efov = at.key("efov_px");
+        pixels(&efov, corners, 3)?;
+        // Enough for any outline, and the floor's accuracy is worked out corner by corner.
+        count(&efov, corners.len(), 1000)?;
+    }
+    if let Some(placement) = &camera.placement {
+        let at = at.key("placement");
+        Bounds::COORDINATE.check_all(&at.key("move_m"), &<[f64; 2]>::from(placement.move_m))?;
+        Bounds::DEGREES.check(&at.key("turn_deg"), placement.turn_deg)?;
+        if let Some(scale) = placement.scale {
+            Bounds { high: 1e6, ..Bounds::POSITIVE }.check(&at.key("scale"), scale)?;
+        }
+    }
+    let points = at.key("control_points");
+    count(&points, camera.control_points.len(), MAX_ITEMS)?;
+    let mut ids = HashSet::new();
+    for (i, point) in camera.control_points.iter().enumerate() {
+        check_control_point(&points.index(i), point, site)?;
+        if let Some(id) = point.id.as_ref().filter(|id| !ids.insert(id.as_str())) {
+            let at = points.index(i);
+            return at.key("id").expected(quoted(id), "an id that no other control point of this camera has");
+        }
+    }
+    camera.solution.as_ref().map_or(Ok(()), |solution| check_solution(&at.key("solution"), solution))
+}
+
+fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
+    let Some(lens) = &camera.lens else { return Ok(()) };
+    known(&at.key("focal_px"), lens.focal_px.as_ref(), Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    known(&at.key("roll_deg"), lens.roll_deg.as_ref(), Bounds::DEGREES)?;
+    known(&at.key("pitch_deg"), lens.pitch_deg.as_ref(), Bounds::PITCH)?;
+    if let Some(point) = lens.principal_point_px {
+        Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &<[f64; 2]>::from(point))?;
+    }
+    if let Some(circle) = lens.image_circle_px {
+        check_circle(&at.key("image_circle_px"), circle)?;
+    }
+    if let Some(distortion) = &lens.distortion {
+        check_distortion(&at.key("distortion"), distortion, lens.focal_px.map(|focal| focal.value))?;
+    }
+    let Some(like) = &lens.like else { return Ok(()) };
+    let at = at.key("like");
+    match site.cameras.iter().find(|other| &other.id == like) {
+        None => at.expected(quoted(like), "the id of a camera of this site"),
+        Some(other) if other.id == camera.id => at.expected("the camera itself", "another camera"),
+        Some(other) if other.lens.as_ref().is_some_and(|lens| lens.like.is_some()) => {
+            at.expected(format!("{}, which is like another one itself", quoted(like)), "the first of them")
+        }
+        Some(_) => Ok(()),
+    }
+}
+
+fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
+    let mut ids = HashSet::new();
+    for (i, annotation) in annotations.iter().enumerate() {
+        let at = at.index(i);
+        check_annotation(&at, annotation)?;
+        if let Some(id) = annotation.id.as_ref().filter(|id| !ids.insert(id.as_str())) {
+            return at.key("id").expected(quoted(id), "an id that no other annotation of this camera has");
+        }
+    }
+    check_ties(at, annotations)
+}
+
+/// Segments and polylines.
+fn lines(annotations: &[Annotation]) -> usize {
+    annotations.iter().map(|annotation| annotation.segments.as_ref().map_or(1, Vec::len)).sum()
+}
+
+fn check_lines_of_site(at: &At, cameras: &[SiteCamera]) -> Checked {
+    let found: usize = cameras.iter().map(|camera| lines(&camera.annotations)).sum();
+    if found <= MAX_LINES_OF_SITE {
+        return Ok(());
+    }
+    at.expected(
+        format!("{found} segments and polylines in all cameras together"),
+        format!("at most {MAX_LINES_OF_SITE} in one site; a few dozen calibrate a camera"),
+    )
+}
+
+fn check_lines(at: &At, annotations: &[Annotation]) -> Checked {
+    let found = lines(annotations);
+    if found <= MAX_LINES {
+        return Ok(());
+    }
+    at.expected(
+        format!("{found} segments and polylines"),
+        format!("at most {MAX_LINES} in one camera; a few dozen calibrate it"),
+    )
+}
+
+fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
+    id(&at.key("id"), annotation.id.as_ref())?;
+    name(&at.key("name"), annotation.name.as_ref())?;
+    let row = annotation.kind.row();
+    for (key, is_there, belongs) in annotation.fields() {
+        if is_there && belongs == Belongs::Never {
+            return at.key(key).expected(format!("{key:?}"), format!("fields that {} has", row.name));
+        }
+        if !is_there && belongs == Belongs::Always {
+            return at.expected(format!("{} without {key:?}", row.name), format!("{key:?}"));
+        }
+    }
+    for (i, segment) in annotation.segments.iter().flatten().enumerate() {
+        pixels(&at.key("segments").index(i), segment, 2)?;
+    }
+    if let Some(points) = &annotation.points {
+        pixels(&at.key("points"), points, 3)?;
+    }
+    for (key, pixel) in [("foot", annotation.foot), ("head", annotation.head)] {
+        if let Some(pixel) = pixel {
+            Bounds::COORDINATE.check_all(&at.key(key), &<[f64; 2]>::from(pixel))?;
+        }
+    }
+    optional(&at.key("length_m"), annotation.length_m, Bounds::POSITIVE)?;
+    check_like(&at.key("like"), annotation)?;
+    optional(&at.key("sigma_px"), annotation.sigma_px, Bounds::POSITIVE)?;
+    optional(&at.key("angle_sigma_deg"), annotation.angle_sigma_deg, Bounds::SCENE_DEGREES)?;
+    optional(&at.key("length_sigma_rel"), annotation.length_sigma_rel, Bounds::SHARE)?;
+    known(&at.key("height_m"), annotation.height_m.as_ref(), Bounds::POSITIVE)
+}
+
+/// What an annotation is like has a usual size, of what the annotation measures.
+fn check_like(at: &At, annotation: &Annotation) -> Checked {
+    let Some(like) = &annotation.like else { return Ok(()) };
+    let constraint = annotation.kind.row().constraint;
+    let names = || -> Vec<&str> {
+        USUAL_SIZES.iter().filter(|usual| usual.constraint == constraint).map(|usual| usual.id).collect()
+    };
+    match annotation.usual().filter(|usual| usual.constraint == constraint) {
+        Some(_) => Ok(()),
+        None => at.expected(quoted(like), format!("one of {}", names().join(", "))),
+    }
+}
+
+fn check_scene(at: &At, scene: Option<&SceneEntry>) -> Checked {
+    let Some(SceneEntry::Sigmas(sigmas)) = scene else { return Ok(()) };
+    optional(&at.key("floor_tilt_sigma_deg"), sigmas.floor_tilt_sigma_deg, Bounds::SCENE_DEGREES)?;
+    let crossfall = at.key("crossfall_sigma_deg");
+    optional(&crossfall, sigmas.crossfall_sigma_deg, Bounds::SCENE_DEGREES)?;
+    let falls = sigmas.crossfall_sigma_deg.is_some_and(|sigma| sigma > 0.0);
+    if falls && sigmas.floor_tilt_sigma_deg == Some(0.0) {
+        return crossfall.expected(
+            sigmas.crossfall_sigma_deg.unwrap_or_default(),
+            "0 where floor_tilt_sigma_deg is 0: a floor that is known to be level has none",
+        );
+    }
+    optional(&at.key("angle_sigma_deg"), sigmas.angle_sigma_deg, Bounds::SCENE_DEGREES)?;
+    optional(&at.key("length_sigma_rel"), sigmas.length_sigma_rel, Bounds::SHARE)
+}
+
+/// Ties lead to parallel annotations and not in a circle.
+fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
+    let by_id: HashMap<&str, usize> = annotations
+        .iter()
+        .enumerate()
+        .filter(|(_, a)| a.may_be_tied())
+        .filter_map(|(i, a)| Some((a.id.as_deref()?, i)))
+        .collect();
+    let tie = |i: usize| annotations[i].at_right_angles_to.as_deref();
+    // Of every annotation: not looked at, on the chain that is followed, or known to end.
+    let (mut on_chain, mut ends) = (vec![false; annotations.len()], vec![false; annotations.len()]);
+    for start in 0..annotations.len() {
+        let mut chain = Vec::new();
+        let mut here = start;
+        while !ends[here] {
+            on_chain[here] = true;
+            chain.push(here);
+            let Some(id) = tie(here) else { break };
+            let index = at.index(here);
+            let field = index.key("at_right_angles_to");
+            match by_id.get(id) {
+                None => return field.expected(quoted(id), "the id of a parallel annotation of this camera"),
+                Some(&next) if on_chain[next] => {
+                    return field.expected("ties that run in a circle", "a chain that ends");
+                }
+                Some(&next) => here = next,
+            }
+        }
+        for link in chain {
+            on_chain[link] = false;
+            ends[link] = true;
+        }
+    }
+    Ok(())
+}
+
+fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
+    id(&at.key("id"), point.id.as_ref())?;
+    name(&at.key("name"), point.name.as_ref())?;
+    Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(point.px))?;
+    match (point.world_m, point.plan_px) {
+        (Some(world), None) => {
+            Bounds::COORDINATE.check_all(&at.key("world_m"), &<[f64; 3]>::from(world))?;
+            if point.height_m.is_some() {
+                return at.key("height_m").expected("\"height_m\"", "it only beside \"plan_px\"");
+            }
+        }
+        (None, Some(plan)) => {
+            Bounds::COORDINATE.check_all(&at.key("plan_px"), &<[f64; 2]>::from(plan))?;
+            if site.plan.is_none() {
+                return at
+                    .key("plan_px")
+                    .expected("\"plan_px\" in a site without a plan", "\"world_m\", or a plan");
+            }
+        }
+        (Some(_), Some(_)) => return at.expected("both \"world_m\" and \"plan_px\"", "one of them"),
+        (None, None) => {
+            return at.expected("no coordinates", "\"world_m\", or \"plan_px\" with \"height_m\"");
+        }
+    }
+    optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
+    optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;
+    optional(&at.key("sigma_m"), point.sigma_m, Bounds::POSITIVE)
+}

@@ -1,0 +1,301 @@
+//! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
+
+use std::collections::BTreeMap;
+
+use crate::document::{Site, SiteCamera};
+use crate::lens_cache::LensCache;
+use crate::shared_lenses::SharedLenses;
+use crate::solution::DistortionEntry;
+use calib_core::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
+use calib_core::outcome::Finding;
+use calib_core::single::{
+    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, is_misfit, outermost,
+    straightness_rms,
+};
+
+/// The lens of a camera, and what its straight edges said.
+#[derive(Clone, Debug)]
+pub(crate) struct LensEstimate {
+    pub(crate) lens: Lens,
+    /// Where it was fitted.
+    pub(crate) fit: Option<LensFit>,
+    /// How far lines of one direction alone are off straight, in pixels, where that may be a lens and is not taken for
+    /// one.
+    pub(crate) bent_one_way: Option<f64>,
+    /// Root mean square distance of every polyline from straight, in raw pixels.
+    pub(crate) straightness: Vec<(Source, f64)>,
+}
+
+/// What a distortion entry asks to be fitted; `None` when its coefficients are given.
+fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
+    if entry.distortion().is_some() {
+        return None;
+    }
+    let row = entry.model.row();
+    let wanted = |index: usize, named: &Coefficient| match &entry.fit {
+        Some(list) => list.contains(named),
+        None => index < row.usual,
+    };
+    let mut which = [false; Distortion::MOST];
+    for (index, named) in row.coefficients.iter().enumerate() {
+        which[index] = wanted(index, named);
+    }
+    if row.in_order {
+        let last = which.iter().rposition(|&is| is).unwrap_or(0);
+        which[..=last].fill(true);
+    }
+    Some(Fitted { model: entry.model, which })
+}
+
+/// The principal point that is given.
+fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
+    entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
+}
+
+/// How far those drawings are off straight, root mean square in pixels, that a lens makes very much straighter (Kass and
+/// Raftery 1995); the lines of a direction are one.
+fn drawings_straightened(
+    fit: &LensFit,
+    annotations: &[Annotation],
+    edges: &[Edge],
+    options: &LensOptions,
+) -> Vec<f64> {
+    const STRONG: f64 = 10.0;
+    let pinhole = Lens::pinhole(options.principal_point);
+    let mut drawings: BTreeMap<(usize, usize), [f64; 3]> = BTreeMap::new();
+    for (index, Edge { points, source }) in edges.iter().enumerate().filter(|(_, edge)| edge.points.len() > 2)
+    {
+        let drawn = annotations.get(source.annotation);
+        let is_one_direction =
+            drawn.is_some_and(|drawn| matches!(drawn.kind, Kind::Parallel | Kind::Vertical));
+        let square =
+            |lens: &Lens| straightness_rms(lens, points).unwrap_or(0.0).powi(2) * points.len() as f64;
+        let key = (source.annotation, if is_one_direction { 0 } else { index });
+        let sums = drawings.entry(key).or_default();
+        for (sum, own) in sums.iter_mut().zip([square(&pinhole), square(&fit.lens), points.len() as f64]) {
+            *sum += own;
+        }
+    }
+    let is_straighter = |[without, with, _]: &[f64; 3]| without - with > STRONG * options.sigma.powi(2);
+    let sums = drawings.into_values().filter(is_straighter);
+    sums.map(|[without, _, points]| (without / points).sqrt()).collect()
+}
+
+/// Whether straight edges are drawn as far out as the image of a fisheye shows anything.
+fn reaches_rim(entry: &SiteCamera) -> bool {
+    /// Of the radius of the image circle.
+    const FAR: f64 = 0.9;
+    let circle = entry.image_circle().unwrap_or_else(|| ImageCircle::around(entry.size()));
+    let drawn = edges(&entry.annotations);
+    let farthest = outermost(drawn.iter().flat_map(|edge| &edge.points), circle.centre());
+    farthest.is_some_and(|point| point.distance(circle.centre()) > FAR * circle.radius)
+}
+
+impl Site {
+    /// The lens of a camera: its own, or that of the camera it is like.
+    pub(crate) fn lens_estimate(
+        &self,
+        entry: &SiteCamera,
+        known: &LensCache,
+        shared: &SharedLenses,
+    ) -> LensEstimate {
+        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_of(id));
+        let owner = like.unwrap_or(entry);
+        let mut lens_estimate = self.own_lens_estimate(owner, known, shared);
+        lens_estimate.lens.principal_point = lens_estimate.centre_on(owner, entry);
+        if like.is_some() {
+            // What is to be said of them is said of the owner.
+            (lens_estimate.fit, lens_estimate.bent_one_way) = (None, None);
+        }
+        lens_estimate.straightness =
+            lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations);
+        lens_estimate
+    }
+
+    fn own_lens_estimate(
+        &self,
+        entry: &SiteCamera,
+        known: &LensCache,
+        shared: &SharedLenses,
+    ) -> LensEstimate {
+        if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
+            let (fit, bent_one_way) = (None, None);
+            return LensEstimate { lens: solution.lens(), fit, bent_one_way, straightness: Vec::new() };
+        }
+        let problem = lens_problem(entry, shared);
+        let fit = problem.as_ref().and_then(|(edges, options)| known.fit(edges, options));
+        let (mut own, mut bent_one_way) = (fit, None);
+        if let Some((edges, options)) = problem.filter(|_| !is_lens_asked_for(entry, shared)) {
+            // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
+            // A road that curves bends all that is parallel to it.
+            let straightened = own.as_ref().map_or_else(Vec::new, |fit| {
+                drawings_straightened(fit, &entry.annotations, &edges, &options)
+            });
+            own = own.filter(|_| straightened.len() > 1);
+            if let [px] = straightened[..] {
+                bent_one_way = Some(px);
+            }
+        }
+        let lens = own.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
+        LensEstimate { lens, fit: own, bent_one_way, straightness: Vec::new() }
+    }
+
+    /// The fits of the lenses of some cameras, those that `before` knows taken from there: for whoever
+    /// calibrates again and again while an operator draws.
+    pub(crate) fn lenses(&self, cameras: &[&SiteCamera], before: &LensCache) -> LensCache {
+        let mut lenses = LensCache::default();
+        // A shared lens is fitted with its owner.
+        let is_own = |entry: &&&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
+        let shared = SharedLenses::of(self);
+        let problems = cameras.iter().filter(is_own).filter_map(|entry| lens_problem(entry, &shared));
+        for (edges, options) in problems {
+            lenses.keep(edges, options, before);
+        }
+        lenses
+    }
+}
+
+/// The edges from which the lens of a camera is fitted, and the options; `None` where the lens is given.
+fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>, LensOptions)> {
+    let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
+    let fitted = distortion.map(fitted_coefficients);
+    if fitted == Some(None) || entry.is_given() {
+        return None;
+    }
+    let fitted = fitted.flatten();
+    // A focal that is only believed is estimated with the lens.
+    let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
+    let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
+    let options = LensOptions {
+        principal_point: entry.principal_point(),
+        centre_is_held: given_centre(entry).is_some(),
+        size: entry.size(),
+        circle: entry.image_circle(),
+        // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
+        focal: focal.filter(|_| fitted.as_ref().is_none_or(Fitted::has_own_focal)),
+        fitted,
+        sigma: entry.sigma_px.unwrap_or(1.0),
+    };
+    Some((edges_of(entry, shared), options))
+}
+
+/// Whether edges are drawn for the lens alone, on the camera or on one that is like it, or a lens is to be fitted.
+fn is_lens_asked_for(owner: &SiteCamera, shared: &SharedLenses) -> bool {
+    let is_entered = owner.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
+    let has_edge = |camera: &SiteCamera| {
+        camera.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
+    };
+    is_entered || has_edge(owner) || sharing_edges(owner, shared).any(has_edge)
+}
+
+/// The cameras that are like one and have the same image, so that their edges are its edges.
+fn sharing_edges<'a>(
+    owner: &'a SiteCamera,
+    shared: &SharedLenses<'a>,
+) -> impl Iterator<Item = &'a SiteCamera> {
+    let has_its_image =
+        |other: &&SiteCamera| other.size_px == owner.size_px && given_centre(other) == given_centre(owner);
+    shared.sharing(&owner.id).filter(has_its_image)
+}
+
+/// The edges of a camera and of those that are like it and have the same image.
+fn edges_of(owner: &SiteCamera, shared: &SharedLenses) -> Vec<Edge> {
+    // Image circles of one lens lie a little apart in the images of two cameras.
+    let shifted = |other: &SiteCamera| {
+        let [own, its] = [owner, other].map(SiteCamera::principal_point);
+        let by = [own.u - its.u, own.v - its.v];
+        let shift = move |at: Pixel| Pixel::new(at.u + by[0], at.v + by[1]);
+        let edges = edges(&other.annotations).into_iter();
+        edges.map(move |edge| Edge { points: edge.points.into_iter().map(shift).collect(), ..edge })
+    };
+    // Edges of other cameras belong to no annotation of the owner: their index is out of range.
+    let beyond = Source { annotation: usize::MAX, segment: 0 };
+    let others = sharing_edges(owner, shared).flat_map(shifted);
+    edges(&owner.annotations).into_iter().chain(others.map(|edge| Edge { source: beyond, ..edge })).collect()
+}
+
+impl LensEstimate {
+    /// Whether the principal point was fitted with the lens of a camera.
+    fn has_own_centre(&self, entry: &SiteCamera) -> bool {
+        self.lens.distortion.is_wide() && self.fit.is_some() && given_centre(entry).is_none()
+    }
+
+    /// The principal point of a camera that has the lens of `owner`, or is it: where its entry has it, and as far from
+    /// there as the fit found it.
+    fn centre_on(&self, owner: &SiteCamera, entry: &SiteCamera) -> Pixel {
+        let [own, its] = [owner, entry].map(SiteCamera::principal_point);
+        if !self.has_own_centre(owner) {
+            return its;
+        }
+        let Pixel { u, v } = self.lens.principal_point;
+        Pixel::new(u + (its.u - own.u), v + (its.v - own.v))
+    }
+
+    /// The lens of `owner` on another camera.
+    pub(crate) fn shared_by(&self, owner: &SiteCamera, entry: &SiteCamera) -> Self {
+        let lens = Lens { principal_point: self.centre_on(owner, entry), ..self.lens };
+        let mut lens_estimate = Self { lens, fit: None, bent_one_way: None, straightness: Vec::new() };
+        lens_estimate.straightness = lens_estimate.straightness_under(&lens, &entry.annotations);
+        lens_estimate
+    }
+
+    /// Root mean square distance of every straight edge from straight under a lens, in raw pixels.
+    pub(crate) fn straightness_under(&self, lens: &Lens, annotations: &[Annotation]) -> Vec<(Source, f64)> {
+        edges(annotations)
+            .iter()
+            .filter(|edge| annotations[edge.source.annotation].is_straight_edge())
+            .filter_map(|edge| Some((edge.source, straightness_rms(lens, &edge.points)?)))
+            .collect()
+    }
+
+    /// What the operator should know of the lens.
+    pub(crate) fn findings(&self, entry: &SiteCamera) -> Vec<Finding> {
+        /// Pixels by which the undistorted corner may be uncertain.
+        const MOST: f64 = 10.0;
+        /// Least number of edges, each uninformative by itself, that may determine a lens together.
+        const ENOUGH: usize = 5;
+        let Some(fit) = &self.fit else {
+            let bent = self.bent_one_way.map(|px| Finding::BentOneWay { px });
+            return self.unfitted().into_iter().chain(bent).collect();
+        };
+        let is_round = fit.lens.distortion.is_wide() || entry.image_circle().is_some();
+        let is_own = |source: &Source| {
+            entry.annotations.get(source.annotation).is_some_and(Annotation::is_straight_edge)
+        };
+        let uninformative: Vec<(Source, f64)> =
+            fit.uninformative.iter().filter(|(source, _)| is_own(source)).copied().collect();
+        let [_, _, corner] = fit.map_error;
+        let mut findings = Vec::new();
+        // Where many edges determine the corners together, none of them is reported as uninformative.
+        let is_determined = fit.fitted.is_some() && corner <= MOST && uninformative.len() >= ENOUGH;
+        if !uninformative.is_empty() && !is_determined {
+            findings.push(Finding::UninformativeEdges {
+                edges: uninformative.iter().map(|(source, _)| *source).collect(),
+                drawn: self.straightness.len(),
+                bend_px: uninformative.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max),
+            });
+        }
+        if corner > MOST {
+            let is_reached = is_round && reaches_rim(entry);
+            findings.push(Finding::UncertainCorners { px: corner, is_round, is_reached });
+        }
+        if is_misfit(fit.chi2, fit.dof) {
+            let [px_without_lens, px] = fit.straightness;
+            findings.push(Finding::BentEdges { px, px_without_lens });
+        }
+        findings
+    }
+
+    /// The finding about straight edges under a fixed lens: they estimate nothing, their residuals are
+    /// reported.
+    fn unfitted(&self) -> Option<Finding> {
+        let (first, _) = self.straightness.first()?;
+        let count = self.straightness.len();
+        Some(Finding::UnusedEdges {
+            first: first.annotation,
+            count,
+            is_undistorted: self.lens.distortion == Distortion::None,
+            px: self.straightness.iter().map(|(_, px)| px).sum::<f64>() / count as f64,
+        })
+    }
+}

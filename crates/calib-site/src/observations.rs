@@ -1,0 +1,270 @@
+//! What cameras of a site observe in common, as landmarks of the bundle adjustment: control points, links,
+//! marks and the distances between them.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use crate::document::{ControlPointEntry, Site};
+use crate::elements::{Link, LinkKind, Mark};
+use crate::single_step::SingleFit;
+use calib_core::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
+use calib_core::camera::{Pixel, Plane, WorldPoint};
+use calib_core::floor::MarkShape;
+use calib_core::outcome::Failure;
+use calib_core::single::{Known, PlanePrior, Prior};
+
+/// What a landmark is in the site file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LandmarkSource {
+    /// A control point of a camera.
+    ControlPoint {
+        /// Index of the camera.
+        camera: usize,
+        /// Index of the point in its camera.
+        point: usize,
+    },
+    /// A link, by its index.
+    Link(usize),
+    /// A mark, by its index.
+    Mark(usize),
+}
+
+/// Everything that cameras share.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Shared {
+    pub(crate) landmarks: Vec<(LandmarkSource, Landmark)>,
+    /// With the index of the distance in the site.
+    pub(crate) measurements: Vec<(usize, DistanceMeasurement)>,
+    pub(crate) unused: Unused,
+}
+
+/// What is there and carries no information.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Unused {
+    /// Landmarks that one camera alone observes, and that have no known place, size or distance.
+    pub(crate) landmarks: Vec<usize>,
+    /// Distances, by their index in the site, with an end that is no landmark, or of no known length.
+    pub(crate) distances: Vec<usize>,
+}
+
+/// Standard deviation of a length that is exact, in metres: that of a steel tape.
+const EXACT: f64 = 1e-4;
+
+/// The prior that a known length is; none without a standard deviation.
+fn prior(known: Known) -> Option<Prior> {
+    let sigma = if known.fixed { Some(EXACT) } else { known.sigma };
+    sigma.map(|sigma| Prior { value: known.value, sigma: sigma.max(EXACT) })
+}
+
+impl Site {
+    /// All that is there, switched off or not, as far as cameras that take part observe it.
+    pub(crate) fn shared(
+        &self,
+        single_fits: &[Result<SingleFit, Failure>],
+        planes: &[PlanePrior],
+        is_there: &dyn Fn(usize) -> bool,
+    ) -> Shared {
+        let mut index: HashMap<&str, usize> = HashMap::new();
+        for (i, camera) in self.cameras.iter().enumerate() {
+            index.entry(&camera.id).or_insert(i);
+        }
+        let camera = |id: &str| index.get(id).copied().filter(|&camera| is_there(camera));
+        let noise: Vec<f64> = single_fits.iter().map(noise).collect();
+        let mut landmarks = Vec::new();
+        for (i, entry) in self.cameras.iter().enumerate().filter(|(i, _)| is_there(*i)) {
+            for (k, point) in entry.control_points.iter().enumerate() {
+                let of = LandmarkSource::ControlPoint { camera: i, point: k };
+                landmarks.extend(self.measured(point, i, noise[i]).map(|landmark| (of, landmark)));
+            }
+        }
+        self.drop_single_points(&mut landmarks);
+        let links = self.links.iter().enumerate();
+        landmarks
+            .extend(links.map(|(i, link)| (LandmarkSource::Link(i), linked(link, planes, &camera, &noise))));
+        let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
+        landmarks.extend(marks.map(|(i, mark)| (LandmarkSource::Mark(i), marked(mark, &camera, &noise))));
+        let measurements = self.distances_between(&landmarks);
+        let is_used = |index: &usize| measurements.iter().any(|(measurement, _)| measurement == index);
+        let distances =
+            (0..self.distances.len()).filter(|i| !self.distances[*i].off && !is_used(i)).collect();
+        let unused = Unused { landmarks: Vec::new(), distances };
+        let mut shared = Shared { landmarks, measurements, unused };
+        shared.switch_off_uninformative();
+        shared
+    }
+
+    fn measured(&self, point: &ControlPointEntry, camera: usize, noise: f64) -> Option<Landmark> {
+        let at = point.control_point(self.plan.as_ref())?.world;
+        let sigma = point.sigma_m.filter(|sigma| *sigma > 0.0);
+        let pixel_sigma = point.sigma_px.unwrap_or(noise);
+        let seen = Observation { sigma: pixel_sigma, ..Observation::new(camera, point.px) };
+        Some(Landmark { keep: point.keep, off: point.off, ..Landmark::measured(at, sigma, vec![seen]) })
+    }
+
+    /// Drops the control point of a camera that has one only: it does not determine the yaw, unless the
+    /// camera is placed or linked.
+    fn drop_single_points(&self, landmarks: &mut Vec<(LandmarkSource, Landmark)>) {
+        let linked: HashSet<&str> = self
+            .links
+            .iter()
+            .filter(|link| !link.off)
+            .flat_map(|link| link.seen.iter().map(|seen| seen.camera.as_str()))
+            .chain(
+                self.marks
+                    .iter()
+                    .filter(|m| !m.off)
+                    .flat_map(|m| m.seen.iter().map(|seen| seen.camera.as_str())),
+            )
+            .collect();
+        let mut points: HashMap<usize, usize> = HashMap::new();
+        for (of, landmark) in landmarks.iter().filter(|(_, landmark)| !landmark.off) {
+            if let LandmarkSource::ControlPoint { camera, .. } = of {
+                *points.entry(*camera).or_default() += landmark.observations.len();
+            }
+        }
+        landmarks.retain(|(of, landmark)| {
+            let LandmarkSource::ControlPoint { camera, .. } = of else { return true };
+            let entry = &self.cameras[*camera];
+            landmark.off
+                || points[camera] > 1
+                || entry.placement.is_some()
+                || linked.contains(entry.id.as_str())
+        });
+    }
+
+    fn distances_between(
+        &self,
+        landmarks: &[(LandmarkSource, Landmark)],
+    ) -> Vec<(usize, DistanceMeasurement)> {
+        let mut by_id: BTreeMap<&str, usize> = BTreeMap::new();
+        for (index, (of, landmark)) in landmarks.iter().enumerate() {
+            let id = match of {
+                LandmarkSource::Link(link) => self.links[*link].id.as_deref(),
+                LandmarkSource::Mark(mark) => self.marks[*mark].id.as_deref(),
+                LandmarkSource::ControlPoint { .. } => None,
+            };
+            if let Some(id) = id.filter(|_| !matches!(landmark.model, LandmarkModel::Line { .. })) {
+                by_id.insert(id, index);
+            }
+        }
+        let measurement = |(index, entry): (usize, &crate::elements::Distance)| {
+            let [a, b] = [&entry.between[0], &entry.between[1]].map(|id| by_id.get(id.as_str()).copied());
+            let measurement = DistanceMeasurement {
+                between: [a?, b?],
+                length: prior(entry.length_m)?,
+                keep: entry.keep,
+                off: entry.off,
+            };
+            Some((index, measurement))
+        };
+        self.distances.iter().enumerate().filter_map(measurement).collect()
+    }
+}
+
+impl Shared {
+    /// Switches off what carries no information: observed by one camera alone, and of no known place, size
+    /// or distance.
+    fn switch_off_uninformative(&mut self) {
+        let measured: HashSet<usize> = self
+            .measurements
+            .iter()
+            .filter(|(_, measurement)| !measurement.off)
+            .flat_map(|(_, measurement)| measurement.between)
+            .collect();
+        for (index, (_, landmark)) in self.landmarks.iter_mut().enumerate() {
+            let is_informative = match landmark.model {
+                LandmarkModel::Measured => true,
+                LandmarkModel::Mark { .. } => landmark.redundancy() > 0,
+                LandmarkModel::Post => landmark.views().len() > 1 || landmark.redundancy() > 0,
+                LandmarkModel::Point { .. } | LandmarkModel::Line { .. } => landmark.views().len() > 1,
+            };
+            let is_useless =
+                landmark.observations.is_empty() || !(is_informative || measured.contains(&index));
+            if is_useless && !landmark.off {
+                landmark.off = true;
+                self.unused.landmarks.push(index);
+            }
+        }
+    }
+}
+
+/// Standard deviation of what is drawn on a camera, in pixels.
+fn noise(single: &Result<SingleFit, Failure>) -> f64 {
+    single.as_ref().ok().and_then(|single| single.fit.as_ref()).map_or(1.0, |fit| fit.sigma)
+}
+
+fn linked(
+    link: &Link,
+    planes: &[PlanePrior],
+    camera: &dyn Fn(&str) -> Option<usize>,
+    noise: &[f64],
+) -> Landmark {
+    let mut observations = Vec::new();
+    for seen in &link.seen {
+        let Some(view) = camera(&seen.camera) else { continue };
+        let sigma = seen.sigma_px.unwrap_or(noise[view]);
+        let mut add = |point: usize, pixel: Option<Pixel>| {
+            observations.extend(pixel.map(|pixel| Observation { view, point, pixel, sigma }));
+        };
+        match link.kind {
+            LinkKind::Point => add(0, seen.px),
+            LinkKind::Post => {
+                add(0, seen.foot);
+                add(1, seen.head);
+            }
+            LinkKind::Line => {
+                seen.segment.iter().flatten().enumerate().for_each(|(point, &pixel)| add(point, Some(pixel)));
+            }
+        }
+    }
+    let length = link.length_m.and_then(|known| Some((known, prior(known)?)));
+    let model = match link.kind {
+        LinkKind::Point => LandmarkModel::Point { height: link.height_m.unwrap_or(0.0) },
+        LinkKind::Post => LandmarkModel::Post,
+        LinkKind::Line => LandmarkModel::Line { origin: [0.0; 2] },
+    };
+    let named = |id: &String| planes.iter().position(|plane| plane.id == *id);
+    let plane = link.plane.as_ref().and_then(named);
+    let is_fixed = link.length_m.is_some_and(|known| known.fixed);
+    Landmark {
+        model,
+        plane,
+        ground: plane.map_or(Plane::FLOOR, |plane| planes[plane].plane),
+        place: [0.0, 0.0, length.map_or(0.0, |(known, _)| known.value)],
+        free: [true, true, link.kind == LinkKind::Post && !is_fixed],
+        priors: length.filter(|_| !is_fixed).map(|(_, prior)| (2, prior)).into_iter().collect(),
+        observations,
+        keep: link.keep,
+        off: link.off,
+    }
+}
+
+fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
+    let unturned =
+        MarkShape { kind: mark.kind, at: WorldPoint::default(), turn: 0.0, size: mark.size_m.clone() };
+    let mut names: Vec<&str> = Vec::new();
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    let mut observations = Vec::new();
+    for seen in &mark.seen {
+        let (Some(view), Some(point)) = (camera(&seen.camera), unturned.point(&seen.point)) else { continue };
+        let index = names.iter().position(|name| *name == seen.point).unwrap_or_else(|| {
+            names.push(&seen.point);
+            points.push(point.into());
+            names.len() - 1
+        });
+        observations.push(Observation { view, point: index, pixel: seen.px, sigma: noise[view] });
+    }
+    // Points on the axis do not determine the turn.
+    let has_turn = points.iter().any(|[x, y, _]| x.hypot(*y) > 1e-9);
+    let WorldPoint { x, y, z } = mark.at_m;
+    Landmark {
+        model: LandmarkModel::Mark { z, points },
+        plane: None,
+        ground: Plane::FLOOR,
+        place: [x, y, mark.turn_deg.to_radians()],
+        free: [!mark.fixed, !mark.fixed, !mark.fixed && has_turn],
+        priors: Vec::new(),
+        observations,
+        keep: mark.keep,
+        off: mark.off,
+    }
+}

@@ -1,0 +1,343 @@
+//! The whole calibration of a site: every camera by itself, then placed.
+
+use std::collections::BTreeSet;
+
+use crate::bounds::At;
+use crate::bundle_step::{BundleResult, refine_lenses};
+use crate::camera_result::CameraResult;
+use crate::check_solution::check_solution;
+use crate::document::{Site, SiteCamera};
+use crate::lens_cache::LensCache;
+use crate::options::Options;
+use crate::placement_step::placed_uncertainty;
+use crate::planes::PlaneSolution;
+use crate::pose_findings::is_found_anew;
+use crate::shared_drawings::SharedDrawings;
+use crate::shared_lenses::SharedLenses;
+use crate::single_step::{LensOwners, Others, SingleFit, residual_entries, residuals_when_off, rms};
+use crate::site_solution::{ElementSolution, SiteSolution};
+use crate::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
+use calib_core::bundle::{CameraEstimate, PlaneEstimate};
+use calib_core::camera::{Camera, Covariance, Distortion, FloorPoint, Lens, Plane};
+use calib_core::floor::{default_efov, efov_on_plane};
+use calib_core::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
+use calib_core::single::{
+    Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, heights_apart, is_inconsistent,
+};
+
+/// What calibrating a site found out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// For every camera that was asked for: its index in the site, and the result.
+    pub cameras: Vec<(usize, Result<Solution, FailureEntry>)>,
+    /// For each of these cameras, in their order: what is to be said of the result, or why there is none,
+    /// as values.
+    pub findings: Vec<Result<Vec<Finding>, Failure>>,
+    /// For every link of the site: where it is, if it took part.
+    pub links: Vec<Option<ElementSolution>>,
+    /// For every mark of the site: where it is, if it took part.
+    pub marks: Vec<Option<ElementSolution>>,
+    /// For every plane of the site: where it is, if it was estimated.
+    pub planes: Vec<Option<PlaneSolution>>,
+    /// What was found out about the site as a whole.
+    pub site: SiteSolution,
+    /// What is to be said of the site as a whole, as values.
+    pub site_findings: Vec<Finding>,
+}
+
+impl Report {
+    /// The site with these results written into it; what was drawn and entered stays as it is.
+    #[must_use]
+    pub fn write_into(&self, site: &Site) -> Site {
+        let mut solved = site.clone();
+        solved.solution = (!self.site.is_empty()).then(|| self.site.clone());
+        for (link, found) in solved.links.iter_mut().zip(&self.links) {
+            link.solution.clone_from(found);
+        }
+        for (mark, found) in solved.marks.iter_mut().zip(&self.marks) {
+            mark.solution.clone_from(found);
+        }
+        for (index, plane) in solved.planes.iter_mut().enumerate() {
+            plane.solution = self.planes.get(index).copied().flatten();
+        }
+        for (index, result) in &self.cameras {
+            let camera = &mut solved.cameras[*index];
+            (camera.solution, camera.error) = match result {
+                Ok(solution) => (Some(solution.clone()), None),
+                Err(failure) => (None, Some(failure.clone())),
+            };
+        }
+        solved
+    }
+
+    /// Whether every camera has a result.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.cameras.iter().all(|(_, result)| result.is_ok())
+    }
+}
+
+impl Site {
+    /// Calibrates every camera that `options` asks for. A camera that cannot be solved does not keep
+    /// the others from it.
+    #[must_use]
+    pub fn calibrate(&self, options: &Options) -> Report {
+        let entries: Vec<&SiteCamera> = self.cameras.iter().collect();
+        let shared = SharedDrawings::of(self, &entries);
+        let single_fits = self.single_fits(&entries, &LensCache::default(), &shared, options);
+        let is_joint = options.refine && options.method != Method::Paper;
+        let bundle = match options.method {
+            Method::Paper => BundleResult::default(),
+            _ if is_joint => self.join(&single_fits),
+            _ => refine_lenses(&entries, &single_fits, self.plane_priors()),
+        };
+        let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
+        let mut results: Vec<(usize, Result<CameraResult, Failure>)> = (0..self.cameras.len())
+            .filter(|&index| asked(&self.cameras[index]))
+            .map(|index| {
+                let joined = bundle.cameras.get(index).and_then(Option::as_ref);
+                (index, self.finish(entries[index], &single_fits[index], joined, options.method, &shared))
+            })
+            .collect();
+        let triangulated = bundle.triangulated();
+        self.add_shared_residuals(&bundle, &triangulated, &mut results);
+        let [links, marks] = self.elements(&bundle, &triangulated);
+        let (mut site, mut site_findings) = self.quality(&bundle, &triangulated, &results);
+        if !is_joint {
+            site_findings.extend(self.unused_evidence());
+        }
+        site.warnings = self.words(None, &site_findings);
+        let entry = |(index, result)| {
+            let (entry, findings) = self.to_document(index, result);
+            ((index, entry), findings)
+        };
+        let (cameras, findings) = results.into_iter().map(entry).unzip();
+        let found = |found: &Option<PlaneEstimate>| {
+            found.map(|PlaneEstimate { plane, covariance }| PlaneSolution::of(&plane, &covariance))
+        };
+        let planes = bundle.planes.iter().map(found).collect();
+        Report { cameras, findings, links, marks, planes, site, site_findings }
+    }
+
+    /// Stage 1 of cameras among which are those whose lens others share; where the lens is fitted, once more
+    /// under the lens that it gives itself.
+    pub(crate) fn single_fits(
+        &self,
+        entries: &[&SiteCamera],
+        known: &LensCache,
+        shared: &SharedDrawings,
+        options: &Options,
+    ) -> Vec<Result<SingleFit, Failure>> {
+        let like = |camera: &&SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
+        // Lenses that others share are fitted once.
+        let (none, lenses) = (LensOwners::new(), SharedLenses::of(self));
+        let alone = Others { owners: &none, known, lenses: &lenses, shared };
+        let owners: LensOwners = entries
+            .iter()
+            .filter_map(like)
+            .collect::<BTreeSet<String>>()
+            .into_iter()
+            .filter_map(|id| {
+                let first = self.fit_single(self.first_of(&id)?, options, None, alone);
+                Some((id, first))
+            })
+            .collect();
+        let others = Others { owners: &owners, ..alone };
+        let first = |&camera: &&SiteCamera| match owners.get(&camera.id) {
+            Some(first) if self.first_of(&camera.id) == Some(camera) => first.clone(),
+            _ => self.fit_single(camera, options, None, others),
+        };
+        let mut single_fits: Vec<Result<SingleFit, Failure>> = entries.iter().map(first).collect();
+        let has_draft = single_fits.iter().flatten().any(|first| first.is_fitted());
+        if !has_draft || options.method == Method::Paper {
+            return single_fits;
+        }
+        let drafts = refine_lenses(entries, &single_fits, self.plane_priors());
+        for (index, draft) in drafts.cameras.iter().enumerate() {
+            let own = single_fits[index].as_ref().ok().filter(|first| first.is_fitted());
+            if let (Some(draft), Some(own)) = (draft, own) {
+                let better = (&own.lens_estimate, draft.camera.lens);
+                single_fits[index] = self.fit_single(entries[index], options, Some(better), others);
+            }
+        }
+        single_fits
+    }
+
+    /// Evidence that cameras share is not used while every camera is solved by itself.
+    fn unused_evidence(&self) -> impl Iterator<Item = Finding> {
+        let links = self.links.iter().filter(|link| !link.off && !link.seen.is_empty()).count();
+        let marks = self.marks.iter().filter(|mark| !mark.off && !mark.seen.is_empty()).count();
+        let distances = self.distances.iter().filter(|distance| !distance.off).count();
+        [
+            (SharedEvidence::Links, links),
+            (SharedEvidence::Marks, marks),
+            (SharedEvidence::Distances, distances),
+        ]
+        .into_iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(evidence, count)| Finding::UnusedEvidence { evidence, count })
+    }
+
+    /// What is written of a camera: stage 1, improved with the others or placed by itself.
+    pub(crate) fn finish(
+        &self,
+        entry: &SiteCamera,
+        first: &Result<SingleFit, Failure>,
+        joined: Option<&CameraEstimate>,
+        method: Method,
+        shared: &SharedDrawings,
+    ) -> Result<CameraResult, Failure> {
+        let first = first.as_ref().map_err(Clone::clone)?;
+        let mut result = first.result.clone();
+        if entry.is_given() {
+            // Residuals of shared elements are computed again.
+            result.solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
+            result.solution.warnings.retain(|warning| !is_found_anew(warning.code));
+            result.findings = entry.pose_findings();
+            result.findings.extend(self.shared_points_outside(entry, shared));
+            return check_finite(result);
+        }
+        let Some(own) = result.solution.camera() else { return check_finite(result) };
+        let own = joined.map_or(own, |joined| joined.camera);
+        let (camera, stage) = match joined {
+            Some(joined) if joined.is_connected => {
+                // A height in conflict with the placement is reported for connected cameras, too.
+                let mut conflicts = Vec::new();
+                let _ = self.place(entry, first.result.solution.camera().unwrap_or(own), &mut conflicts);
+                conflicts.retain(|finding: &Finding| finding.code() == Code::ScaleConflict);
+                result.findings.extend(conflicts);
+                (joined.camera, Stage::Refined)
+            }
+            _ => self.place(entry, own, &mut result.findings),
+        };
+        let camera = if is_inconsistent_with(first, joined) {
+            Camera { covariance: Covariance::UNKNOWN, ..camera }
+        } else {
+            camera
+        };
+        if let Some(joined) = joined {
+            rewrite(entry, &camera, (first, &self.plane_priors()), joined, &mut result);
+        }
+        result.solution.position_m = Some(camera.position);
+        result.solution.yaw_deg = Some(camera.yaw.to_degrees());
+        result.solution.image_circle_px = entry.image_circle();
+        result.solution.stage = stage;
+        // What is beyond the image circle is no floor.
+        let shown = Camera { lens: Lens { image_circle: entry.image_circle(), ..camera.lens }, ..camera };
+        if method != Method::Paper && (stage > Stage::Partial || joined.is_some()) {
+            placed_uncertainty(entry, &shown, &mut result);
+        }
+        let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
+        result.solution.residuals.extend(residual_entries(straightness.into_iter(), &[]));
+        result.solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
+        result.findings.extend(first.lens_estimate.findings(entry));
+        result.findings.extend(invalid_segments(&first.constraints));
+        result.findings.extend(check_lens(entry, &camera));
+        result.findings.extend(height_findings(entry, &camera, &result.findings));
+        let camera = shown;
+        result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
+        result.findings.retain(|finding| !is_found_anew(finding.code()));
+        result.findings.extend(entry.findings_at(&camera));
+        result.findings.extend(self.shared_points_outside(entry, shared));
+        if self.is_placed_by_hand(entry, &camera, stage) {
+            result.findings.push(Finding::PlacedByHand);
+        }
+        self.add_control_residuals(entry, &camera, &mut result);
+        check_finite(result)
+    }
+}
+
+/// Whether what was drawn on a camera, or what it shares with others, contradicts itself beyond any noise.
+fn is_inconsistent_with(first: &SingleFit, joined: Option<&CameraEstimate>) -> bool {
+    first.fit.as_ref().is_some_and(|fit| fit.inconsistent)
+        || joined.is_some_and(|joined| is_inconsistent(joined.chi2, joined.dof))
+}
+
+/// The numbers of the joint fit in place of those of stage 1.
+fn rewrite(
+    entry: &SiteCamera,
+    camera: &Camera,
+    (first, planes): (&SingleFit, &[PlanePrior]),
+    joined: &CameraEstimate,
+    result: &mut CameraResult,
+) {
+    let CameraResult { solution, findings, .. } = result;
+    solution.pitch_deg = Some(camera.pitch.to_degrees());
+    solution.roll_deg = Some(camera.roll.to_degrees());
+    solution.focal_px = camera.focal;
+    solution.principal_point_px = camera.lens.principal_point;
+    solution.distortion = DistortionEntry::of(&camera.lens, camera.focal);
+    solution.chi2 = Some(joined.chi2);
+    solution.dof = usize::try_from(joined.dof).ok();
+    solution.sigma_px = Some(joined.sigma);
+    let outliers = first.fit.as_ref().map_or(&[][..], |fit| &fit.outliers[..]);
+    let off = residuals_when_off(entry, camera, planes);
+    solution.residuals = residual_entries(joined.residuals.iter().copied().chain(off), outliers);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    // The other cameras may determine a focal that stage 1 does not, and so may the straight edges of a fisheye.
+    let focal_is_determined =
+        camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
+    if (joined.is_connected || camera.lens.distortion.is_wide()) && focal_is_determined {
+        findings.retain(|finding| !matches!(finding.code(), Code::FocalUnobservable | Code::PriorDominates));
+    }
+    if joined.is_connected && joined.is_misfit {
+        findings.retain(|finding| finding.code() != Code::Misfit);
+        findings.push(Finding::JointMisfit { chi2: joined.chi2, dof: joined.dof });
+    }
+}
+
+fn efov(
+    entry: &SiteCamera,
+    camera: &Camera,
+    planes: &[PlanePrior],
+    findings: &mut Vec<Finding>,
+) -> Vec<FloorPoint> {
+    let Some(corners) = &entry.efov_px else { return default_efov(camera, entry.size()).polygon };
+    let named = entry.efov_plane.as_ref().and_then(|id| planes.iter().find(|plane| plane.id == *id));
+    let efov = efov_on_plane(camera, corners, named.map_or(&Plane::FLOOR, |prior| &prior.plane));
+    if efov.clipped {
+        findings.push(Finding::EfovAboveHorizon { is_whole: efov.polygon.is_empty() });
+    }
+    efov.polygon
+}
+
+/// Where residuals are too large, the uprights that contradict each other: what is drawn wrong moves heights together
+/// with the orientation, so that its own residual need not be the largest.
+fn height_findings(entry: &SiteCamera, camera: &Camera, findings: &[Finding]) -> Option<Finding> {
+    let is_misfit = findings.iter().any(|finding| finding.code() == Code::Misfit);
+    let [lowest, highest] = heights_apart(camera, &entry.annotations).filter(|_| is_misfit)?;
+    Some(Finding::HeightsApart { lowest, highest })
+}
+
+/// Whether the lens folds back on itself inside the image.
+fn check_lens(entry: &SiteCamera, camera: &Camera) -> Option<Finding> {
+    let is_distorted = camera.lens.distortion != Distortion::None;
+    (is_distorted && !camera.lens.shows_image(entry.size())).then_some(Finding::DistortionNotInvertible)
+}
+
+/// Findings about the segments that give no constraint.
+fn invalid_segments(constraints: &Constraints) -> impl Iterator<Item = Finding> {
+    constraints.invalid.iter().map(|(source, why)| match why {
+        InvalidSegment::OutsideLens => Finding::OutsideLens { line: *source },
+        InvalidSegment::NoLength => Finding::NoLength { line: *source },
+    })
+}
+
+/// `Err` for a result with a number that is not finite.
+fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
+    let solution = &result.solution;
+    let pose = solution.camera().is_none_or(|camera| {
+        let angles = [camera.roll, camera.pitch, camera.yaw, camera.focal];
+        let covariance = camera.covariance;
+        let known = !covariance.is_known() || covariance.0.iter().flatten().all(|value| value.is_finite());
+        known && camera.position.is_finite() && angles.iter().all(|value| value.is_finite())
+    });
+    let quality =
+        [solution.rms_px, solution.chi2, solution.sigma_px].iter().flatten().all(|value| value.is_finite());
+    let others = solution.alternatives.iter().all(|other| {
+        [other.focal_px, other.pitch_deg, other.roll_deg, other.chi2].iter().all(|value| value.is_finite())
+    });
+    // A document that could not be read again must not be written.
+    let readable = check_solution(&At::root(), solution).is_ok();
+    if pose && quality && others && readable { Ok(result) } else { Err(Failure::TooExtreme) }
+}

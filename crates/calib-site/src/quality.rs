@@ -1,0 +1,329 @@
+//! The quality of the site as a whole: places of links and marks, disagreement between cameras, components of
+//! the view graph, scale.
+
+use std::collections::BTreeMap;
+
+use crate::bundle_step::BundleResult;
+use crate::camera_result::CameraResult;
+use crate::document::Site;
+use crate::observations::LandmarkSource;
+use crate::site_solution::{ElementSolution, Scale, SeenResidual, SiteSolution};
+use crate::solution::{Sigmas, Stage};
+use calib_core::bundle::{
+    LANDMARK_PARAMS, Landmark, LandmarkModel, Observation, OutlierCandidate, triangulate,
+};
+use calib_core::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
+use calib_core::outcome::{Failure, Finding, Residual, ResidualOf, Subject, WhyNotConnected, WhyUnused};
+
+/// The place of a landmark and the residual of every observation of it, in pixels.
+#[derive(Clone, Debug)]
+pub(crate) struct Triangulated {
+    landmark: Landmark,
+    seen: Vec<(Observation, f64)>,
+}
+
+impl BundleResult {
+    /// Every landmark that a camera of the joint fit shows.
+    pub(crate) fn triangulated(&self) -> Vec<Option<Triangulated>> {
+        let cameras = self.tied_cameras();
+        let is_tied = |view: usize| self.cameras[view].as_ref().is_some_and(|joined| joined.is_connected);
+        self.landmarks
+            .iter()
+            .map(|(_, landmark)| {
+                let seen: Vec<Observation> =
+                    landmark.observations.iter().filter(|seen| is_tied(seen.view)).copied().collect();
+                if seen.is_empty() {
+                    return None;
+                }
+                // A landmark that is switched off is not in the fit: it is triangulated.
+                let (model, place) = if landmark.off {
+                    triangulate(
+                        &Landmark { observations: seen.clone(), ..landmark.clone() },
+                        &cameras,
+                        &|_| true,
+                    )?
+                } else {
+                    (landmark.model.clone(), landmark.place)
+                };
+                let landmark = Landmark { model, place, ..landmark.clone() };
+                let off = |seen: Observation| Some((seen, off(&landmark, &seen, &cameras[seen.view])?));
+                let seen = seen.into_iter().filter_map(off).collect();
+                Some(Triangulated { seen, landmark })
+            })
+            .collect()
+    }
+
+    fn is_aside(&self, landmark: usize) -> bool {
+        self.rejected.contains(&OutlierCandidate::Landmark(landmark))
+    }
+}
+
+/// Distance of an observation from where its camera shows the landmark, in raw pixels.
+fn off(landmark: &Landmark, seen: &Observation, camera: &Camera) -> Option<f64> {
+    let (place, ground) = (&landmark.place, &landmark.ground);
+    let px = match landmark.model {
+        LandmarkModel::Line { origin } => {
+            let observed = ObservedPixel::new(seen.pixel, &camera.lens)?;
+            PosedCamera::new(*camera)
+                .reproject_line(ground, origin, place[0], place[1])
+                .distance(&observed)
+                .pixels
+                .abs()
+        }
+        _ => camera.world_to_pixel(landmark.point(seen.point))?.distance(seen.pixel),
+    };
+    px.is_finite().then_some(px)
+}
+
+/// The id that the operator gave, or else its number in the list.
+fn name(id: Option<&String>, index: usize) -> String {
+    id.cloned().unwrap_or_else(|| index.to_string())
+}
+
+impl From<LandmarkSource> for Subject {
+    fn from(source: LandmarkSource) -> Self {
+        match source {
+            LandmarkSource::Link(i) => Self::Link(i),
+            LandmarkSource::Mark(i) => Self::Mark(i),
+            LandmarkSource::ControlPoint { camera, point } => Self::ControlPoint { camera, point },
+        }
+    }
+}
+
+impl Site {
+    fn landmark_name(&self, of: LandmarkSource) -> (ResidualOf, String) {
+        match of {
+            LandmarkSource::Link(i) => (ResidualOf::Link, name(self.links[i].id.as_ref(), i)),
+            LandmarkSource::Mark(i) => (ResidualOf::Mark, name(self.marks[i].id.as_ref(), i)),
+            LandmarkSource::ControlPoint { camera, point } => {
+                let entry = &self.cameras[camera].control_points[point];
+                (ResidualOf::ControlPoint, name(entry.id.as_ref(), point))
+            }
+        }
+    }
+
+    /// Writes into every camera the residuals of links and marks, and which of its control points were
+    /// rejected.
+    pub(crate) fn add_shared_residuals(
+        &self,
+        bundle: &BundleResult,
+        triangulated: &[Option<Triangulated>],
+        solutions: &mut [(usize, Result<CameraResult, Failure>)],
+    ) {
+        let mut by_camera: BTreeMap<usize, &mut CameraResult> =
+            solutions.iter_mut().filter_map(|(index, s)| Some((*index, s.as_mut().ok()?))).collect();
+        for (index, ((of, _), triangulated)) in bundle.landmarks.iter().zip(triangulated).enumerate() {
+            let (what, id) = self.landmark_name(*of);
+            let outlier = bundle.is_aside(index);
+            if let LandmarkSource::ControlPoint { camera, point } = *of {
+                let Some(result) = by_camera.get_mut(&camera).filter(|_| outlier) else { continue };
+                let own = result.solution.residuals.iter_mut().filter(|r| r.of == what);
+                own.filter(|r| r.id.as_ref() == Some(&id)).for_each(|r| r.outlier = true);
+                result.findings.push(Finding::ControlPointOutlier { camera, point });
+                continue;
+            }
+            let mut squares: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+            for (seen, px) in triangulated.iter().flat_map(|triangulated| &triangulated.seen) {
+                let sum = squares.entry(seen.view).or_default();
+                *sum = (sum.0 + px * px, sum.1 + 1.0);
+            }
+            for (view, (sum, count)) in squares {
+                let Some(result) = by_camera.get_mut(&view) else { continue };
+                let (annotation, segment, px) = (None, None, f64::sqrt(sum / count));
+                let id = Some(id.clone());
+                result.solution.residuals.push(Residual { of: what, annotation, segment, id, px, outlier });
+            }
+        }
+    }
+
+    /// Where links and marks are that took part, or would have.
+    pub(crate) fn elements(
+        &self,
+        bundle: &BundleResult,
+        triangulated: &[Option<Triangulated>],
+    ) -> [Vec<Option<ElementSolution>>; 2] {
+        let mut links = vec![None; self.links.len()];
+        let mut marks = vec![None; self.marks.len()];
+        for (index, (of, _)) in bundle.landmarks.iter().enumerate() {
+            let Some(Triangulated { landmark, seen }) = &triangulated[index] else { continue };
+            let mut found = element(landmark, bundle.covariances[index]);
+            found.residuals = seen
+                .iter()
+                .map(|(seen, px)| SeenResidual {
+                    camera: self.cameras[seen.view].id.clone(),
+                    px: *px,
+                    outlier: bundle.is_aside(index),
+                })
+                .collect();
+            match of {
+                LandmarkSource::Link(i) => links[*i] = Some(found),
+                LandmarkSource::Mark(i) => marks[*i] = Some(found),
+                LandmarkSource::ControlPoint { .. } => {}
+            }
+        }
+        [links, marks]
+    }
+
+    /// Components, scale, and disagreement between cameras.
+    pub(crate) fn quality(
+        &self,
+        bundle: &BundleResult,
+        triangulated: &[Option<Triangulated>],
+        solutions: &[(usize, Result<CameraResult, Failure>)],
+    ) -> (SiteSolution, Vec<Finding>) {
+        let id = |&view: &usize| self.cameras[view].id.clone();
+        let solved: Vec<usize> =
+            solutions.iter().filter(|(_, s)| s.is_ok()).map(|(index, _)| *index).collect();
+        let mut components: Vec<Vec<usize>> = bundle
+            .components
+            .iter()
+            .map(|c| {
+                let is_fitted =
+                    |view: &usize| !bundle.unreached.contains(view) && bundle.cameras[*view].is_some();
+                c.views.iter().copied().filter(is_fitted).collect()
+            })
+            .filter(|views: &Vec<usize>| !views.is_empty())
+            .collect();
+        let mut findings = Vec::new();
+        let is_shared =
+            bundle.landmarks.iter().any(|(of, _)| !matches!(of, LandmarkSource::ControlPoint { .. }));
+        if is_shared {
+            let alone: Vec<usize> =
+                solved.iter().copied().filter(|view| !components.iter().any(|c| c.contains(view))).collect();
+            components.extend(alone.iter().map(|&view| vec![view]));
+            findings.extend(self.not_connected(&components, bundle, solutions));
+        }
+        let unscaled = bundle.components.iter().filter(|c| !c.is_scaled);
+        findings.extend(unscaled.clone().map(|component| Finding::ScaleUnknown {
+            cameras: component.views.clone(),
+            root: component.root,
+        }));
+        if let Some(&first) = bundle.too_many.first() {
+            findings.push(Finding::TooManyCameras { count: bundle.too_many.len(), first });
+        }
+        findings.extend(unused_landmarks(bundle));
+        let scale = (!bundle.components.is_empty())
+            .then(|| if unscaled.count() == 0 { Scale::Known } else { Scale::Unknown });
+        findings.extend(rejected_elements(bundle, triangulated));
+        let solution = SiteSolution {
+            components: components.iter().map(|views| views.iter().map(id).collect()).collect(),
+            scale,
+            loop_closure_m: bundle.loop_closure,
+            overlaps: self.overlaps(bundle, solutions),
+            cross_covariances: self.cross_covariances(bundle, solutions),
+            warnings: Vec::new(),
+        };
+        (solution, findings)
+    }
+
+    fn not_connected(
+        &self,
+        components: &[Vec<usize>],
+        bundle: &BundleResult,
+        solutions: &[(usize, Result<CameraResult, Failure>)],
+    ) -> Vec<Finding> {
+        let largest = components.iter().max_by_key(|views| views.len());
+        let apart = components.iter().filter(|views| Some(*views) != largest);
+        let mut findings: Vec<Finding> = apart
+            .map(|views| {
+                let unreached = views.iter().all(|view| bundle.unreached.contains(view));
+                let by_hand = views.iter().any(|&view| self.cameras[view].placement.is_some());
+                let why = match (unreached, by_hand) {
+                    (true, _) => WhyNotConnected::TooLittle,
+                    (false, true) => WhyNotConnected::Placed,
+                    (false, false) => WhyNotConnected::Alone,
+                };
+                Finding::NotConnected { cameras: views.clone(), why }
+            })
+            .collect();
+        // Connected, but its position is not determined: a line along its view, a point behind another.
+        let slides = |result: &CameraResult| {
+            let camera = Some(&result.solution).filter(|s| s.stage == Stage::Refined)?.camera()?;
+            let wide =
+                |unknown: usize, limit: f64| camera.covariance.sigma(unknown).is_some_and(|s| s > limit);
+            Some(wide(Covariance::X, 100.0) || wide(Covariance::Y, 100.0) || wide(Covariance::YAW, 1.0))
+        };
+        let sliding = solutions
+            .iter()
+            .filter(|(_, result)| result.as_ref().ok().and_then(slides) == Some(true))
+            .map(|&(camera, _)| Finding::Sliding { camera });
+        findings.extend(sliding);
+        findings
+    }
+}
+
+/// What is there and was not used, with the reason.
+fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
+    let landmarks = |list: &[usize]| -> Vec<Subject> {
+        list.iter().map(|&landmark| bundle.landmarks[landmark].0.into()).collect()
+    };
+    let list = [
+        (landmarks(&bundle.lost), WhyUnused::OutOfSight),
+        (landmarks(&bundle.unused.landmarks), WhyUnused::SeenOnce),
+        (bundle.unused.distances.iter().copied().map(Subject::Distance).collect(), WhyUnused::Unmeasured),
+        (bundle.unfitted.iter().copied().map(Subject::Camera).collect(), WhyUnused::Unfitted),
+    ];
+    list.into_iter().filter(|(what, _)| !what.is_empty()).map(|(what, why)| Finding::Unused { what, why })
+}
+
+fn rejected_elements(
+    bundle: &BundleResult,
+    triangulated: &[Option<Triangulated>],
+) -> impl Iterator<Item = Finding> {
+    let finding = |candidate: &OutlierCandidate| match *candidate {
+        OutlierCandidate::Landmark(landmark) => {
+            let element = Subject::from(bundle.landmarks[landmark].0);
+            let worst = triangulated[landmark]
+                .as_ref()
+                .and_then(|triangulated| triangulated.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
+            let worst = worst.map(|(seen, px)| (seen.view, *px));
+            // Control points are reported with their cameras.
+            let is_element = matches!(element, Subject::Link(_) | Subject::Mark(_));
+            is_element.then_some(Finding::ElementOutlier { element, worst })
+        }
+        OutlierCandidate::Distance(measurement) => {
+            Some(Finding::DistanceOutlier { distance: bundle.measurements[measurement].0 })
+        }
+    };
+    bundle.rejected.iter().filter_map(finding)
+}
+
+fn element(
+    landmark: &Landmark,
+    covariance: Option<[[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS]>,
+) -> ElementSolution {
+    let Landmark { model, place, ground, .. } = landmark;
+    let (at, jacobian) = model.anchor(place, ground);
+    let turn = match model {
+        LandmarkModel::Mark { .. } => Some(place[2]),
+        LandmarkModel::Line { .. } => Some(place[1]),
+        LandmarkModel::Point { .. } | LandmarkModel::Post | LandmarkModel::Measured => None,
+    };
+    let sigma = |jacobian: &[f64; LANDMARK_PARAMS]| {
+        let covariance = covariance?;
+        let variance: f64 = (0..LANDMARK_PARAMS)
+            .flat_map(|i| (0..LANDMARK_PARAMS).map(move |j| (i, j)))
+            .map(|(i, j)| jacobian[i] * covariance[i][j] * jacobian[j])
+            .sum();
+        (variance > 0.0).then(|| variance.sqrt())
+    };
+    let turn_index = if matches!(model, LandmarkModel::Line { .. }) { 1 } else { 2 };
+    let mut by_turn = [0.0; LANDMARK_PARAMS];
+    by_turn[turn_index] = 1.0;
+    let sigmas = Sigmas {
+        x_m: sigma(&jacobian[0]),
+        y_m: sigma(&jacobian[1]),
+        yaw_deg: turn
+            .filter(|_| landmark.free[turn_index])
+            .and_then(|_| sigma(&by_turn))
+            .map(f64::to_degrees),
+        ..Sigmas::default()
+    };
+    ElementSolution {
+        at_m: at,
+        turn_deg: turn.map(f64::to_degrees),
+        length_m: (*model == LandmarkModel::Post).then_some(place[2]),
+        sigma: (sigmas != Sigmas::default()).then_some(sigmas),
+        residuals: Vec::new(),
+    }
+}

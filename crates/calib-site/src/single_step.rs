@@ -1,0 +1,376 @@
+//! Stage 1 of one camera by itself: its lens, its lines, by either method.
+
+use std::collections::BTreeMap;
+
+use crate::camera_result::CameraResult;
+use crate::document::{Site, SiteCamera};
+use crate::lens_cache::LensCache;
+use crate::lens_step::LensEstimate;
+use crate::options::Options;
+use crate::shared_drawings::SharedDrawings;
+use crate::shared_lenses::SharedLenses;
+use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
+use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
+use calib_core::floor::{STAGE_1_HEIGHT, view_angle};
+use calib_core::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
+use calib_core::single::{
+    Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
+    PlanePrior, Priors, Shape, Source, draw_next, findings, paper_minimum, residuals_at,
+};
+
+/// Stage 1 of the cameras whose lens others share, by their ids.
+pub(crate) type LensOwners = BTreeMap<String, Result<SingleFit, Failure>>;
+
+/// What a camera has from others.
+#[derive(Clone, Copy)]
+pub(crate) struct Others<'a> {
+    /// Lenses that cameras share, estimated already.
+    pub(crate) owners: &'a LensOwners,
+    /// Lenses of an earlier calibration.
+    pub(crate) known: &'a LensCache,
+    /// Which cameras have the lens of another.
+    pub(crate) lenses: &'a SharedLenses<'a>,
+    /// What is drawn on several cameras.
+    pub(crate) shared: &'a SharedDrawings<'a>,
+}
+
+/// The fixed parameters of a camera; a shared lens fixes the focal at that of its owner.
+fn fixed_parameters(
+    entry: &SiteCamera,
+    owner: Option<&Result<SingleFit, Failure>>,
+) -> Result<FixedParameters, Failure> {
+    let own = entry.fixed_parameters();
+    match owner {
+        None => Ok(own),
+        // Straight edges do not determine the focal: each camera's own lines do.
+        Some(Ok(owner)) if owner.result.solution.stage == Stage::Lens && owner.fixed.focal.is_none() => {
+            Ok(own)
+        }
+        Some(Ok(owner)) => {
+            Ok(FixedParameters { focal: owner.fixed.focal.or(Some(owner.result.solution.focal_px)), ..own })
+        }
+        Some(Err(failure)) => {
+            let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
+            Err(Failure::NoLens { camera: like.to_owned(), because: Box::new(failure.clone()) })
+        }
+    }
+}
+
+/// What there is beside the lines of a camera: it decides what may be suggested.
+#[derive(Clone, Copy)]
+struct Beside {
+    /// Other cameras, and few links yet to them.
+    has_neighbours: bool,
+    /// Neither a plan, points of known place, nor links, which give the scale.
+    is_scale_open: bool,
+}
+
+/// Stage 1 of one camera.
+#[derive(Clone, Debug)]
+pub(crate) struct SingleFit {
+    pub(crate) result: CameraResult,
+    pub(crate) lens_estimate: LensEstimate,
+    /// The constraints under the lens.
+    pub(crate) constraints: Constraints,
+    /// The parameters that were not estimated.
+    pub(crate) fixed: FixedParameters,
+    /// The maximum-likelihood fit.
+    pub(crate) fit: Option<Fit>,
+}
+
+impl SingleFit {
+    /// Whether both the lens and the orientation were fitted to drawings of this camera.
+    pub(crate) fn is_fitted(&self) -> bool {
+        self.fit.is_some() && self.lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
+    }
+}
+
+impl Site {
+    /// Stage 1 of a camera; a solution that was typed or imported is kept.
+    ///
+    /// A fitted lens is estimated better together with the other constraints: `better` is the estimate of the
+    /// bundle adjustment of the first fit. Until then no line is rejected, for the lens may be wrong.
+    pub(crate) fn fit_single(
+        &self,
+        entry: &SiteCamera,
+        options: &Options,
+        better: Option<(&LensEstimate, Lens)>,
+        others: Others,
+    ) -> Result<SingleFit, Failure> {
+        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
+        let owner = like.and_then(|id| others.owners.get(id));
+        let owned = like.and_then(|id| self.first_of(id));
+        let mut lens_estimate = match (better, owner.zip(owned)) {
+            (Some((lens_estimate, _)), _) => lens_estimate.clone(),
+            (None, Some((Ok(owner), owned))) => owner.lens_estimate.shared_by(owned, entry),
+            _ => self.lens_estimate(entry, others.known, others.lenses),
+        };
+        let lens = better.map(|(_, lens)| lens);
+        let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
+        lens_estimate.lens = lens.unwrap_or(lens_estimate.lens);
+        let lens = lens_estimate.lens;
+        let single_fit = |result, lens_estimate, constraints, fixed, fit| SingleFit {
+            result,
+            lens_estimate,
+            constraints,
+            fixed,
+            fit,
+        };
+        if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
+            return Ok(single_fit(
+                CameraResult::new(given.clone()),
+                lens_estimate,
+                Constraints::default(),
+                FixedParameters::default(),
+                None,
+            ));
+        }
+        let fixed = fixed_parameters(entry, owner)?;
+        let planes = self.plane_priors();
+        let constraints =
+            Constraints::on_planes(&entry.annotations, &lens, self.scene_errors(entry), &planes);
+        let is_open = fixed.roll.is_none() || fixed.pitch.is_none() || fixed.focal.is_none();
+        if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
+            return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, fixed, None));
+        }
+        let (result, fit) = match options.method {
+            Method::Paper => (paper(entry, &constraints, &planes, lens, fixed)?, None),
+            Method::MaximumLikelihood | Method::Given | Method::Kept => {
+                let weak_prior_used = options.prior;
+                let (result, fit) = likelihood(
+                    entry,
+                    &constraints,
+                    &planes,
+                    lens,
+                    fixed,
+                    [weak_prior_used, is_draft],
+                    self.beside(entry, others.shared),
+                )?;
+                (result, Some(fit))
+            }
+        };
+        Ok(single_fit(result, lens_estimate, constraints, fixed, fit))
+    }
+}
+
+impl Site {
+    /// What there is beside the lines of a camera.
+    fn beside(&self, entry: &SiteCamera, shared: &SharedDrawings) -> Beside {
+        /// With so many links what more would tell is little.
+        const ENOUGH: usize = 4;
+        let links = shared.links(&entry.id).len();
+        let is_placed = entry.placement.as_ref().is_some_and(|placement| placement.scale.is_some());
+        Beside {
+            has_neighbours: links < ENOUGH && self.cameras.iter().any(|other| other.id != entry.id),
+            is_scale_open: links == 0 && self.plan.is_none() && entry.control_points.is_empty() && !is_placed,
+        }
+    }
+}
+
+/// Stage 1 by maximum likelihood.
+fn likelihood(
+    entry: &SiteCamera,
+    constraints: &Constraints,
+    planes: &[PlanePrior],
+    lens: Lens,
+    fixed: FixedParameters,
+    [prior, keeps_all]: [bool; 2],
+    Beside { has_neighbours, is_scale_open }: Beside,
+) -> Result<(CameraResult, Fit), Failure> {
+    let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
+    let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
+    let options = FitOptions {
+        lens,
+        size: entry.size(),
+        efov: entry.efov_px.as_deref().unwrap_or_default(),
+        fixed,
+        // A fixed focal needs no prior.
+        priors: Priors { focal: entry.priors().focal.filter(|_| fixed.focal.is_none()), ..entry.priors() },
+        sigma: entry.sigma_px,
+        weak_prior: prior,
+        keep: &keep,
+        has_neighbours,
+        is_scale_open,
+    };
+    let fit = Fit::new(constraints, &options)?;
+    let sketches = draw_next(&fit, constraints, &options);
+    let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
+    solution.set_uncertainty(&fit.camera, fit.floor_length_rel);
+    solution.sigma_px = Some(fit.sigma);
+    solution.chi2 = Some(fit.chi2);
+    solution.dof = usize::try_from(fit.dof.max(0)).ok();
+    solution.alternatives =
+        fit.alternatives.iter().map(|other| alternative(other, entry, &fit.camera.lens)).collect();
+    let mut findings = findings(&fit, sketches.first().map(|sketch| sketch.suggestion));
+    findings.extend(unused(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
+    let off = residuals_when_off(entry, &fit.camera, planes);
+    solution.residuals = residual_entries(fit.residuals.iter().copied().chain(off), &fit.outliers);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    Ok((CameraResult { solution, findings, sketches }, fit))
+}
+
+/// Residuals of the annotations that are switched off, in pixels.
+pub(crate) fn residuals_when_off(
+    entry: &SiteCamera,
+    camera: &Camera,
+    planes: &[PlanePrior],
+) -> Vec<(Source, f64)> {
+    let off = Constraints::switched_off(&entry.annotations, &camera.lens, planes);
+    let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
+    residuals_at(&off, at, camera.position.z, entry.size()[0])
+}
+
+fn alternative(other: &LocalMinimum, entry: &SiteCamera, lens: &Lens) -> Alternative {
+    let focal = other.orientation.focal;
+    Alternative {
+        focal_px: focal,
+        hfov_deg: view_angle(lens, focal, entry.size()).to_degrees(),
+        pitch_deg: other.orientation.pitch.to_degrees(),
+        roll_deg: other.orientation.roll.to_degrees(),
+        chi2: other.chi2,
+    }
+}
+
+/// Stage 1 as the paper has it.
+fn paper(
+    entry: &SiteCamera,
+    constraints: &Constraints,
+    planes: &[PlanePrior],
+    lens: Lens,
+    fixed: FixedParameters,
+) -> Result<CameraResult, Failure> {
+    let width = entry.size()[0];
+    let (at, _) = paper_minimum(constraints, fixed, width)?;
+    let height = fixed.height.unwrap_or(STAGE_1_HEIGHT);
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, height),
+        yaw: 0.0,
+        pitch: at.pitch,
+        roll: at.roll,
+        focal: at.focal,
+        lens,
+        covariance: Covariance::EXACT,
+    };
+    let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
+    let off = Constraints::switched_off(&entry.annotations, &lens, planes);
+    let both =
+        [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
+    solution.residuals = residual_entries(both, &[]);
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    let unknown = |kind: Kind| !kind.row().in_paper;
+    let mut findings: Vec<Finding> = unused(&entry.annotations, Estimator::Paper, unknown).collect();
+    findings.extend(priors_unused(entry));
+    Ok(CameraResult { findings, ..CameraResult::new(solution) })
+}
+
+/// Residuals of annotations as the document has them, sorted, with outliers marked.
+pub(crate) fn residual_entries(
+    residuals: impl Iterator<Item = (Source, f64)>,
+    outliers: &[Source],
+) -> Vec<Residual> {
+    let mut list: Vec<Residual> = residuals
+        .filter(|(_, px)| px.is_finite())
+        .map(|(source, px)| Residual {
+            of: ResidualOf::Annotation,
+            annotation: Some(source.annotation),
+            segment: Some(source.segment),
+            id: None,
+            px,
+            outlier: outliers.contains(&source),
+        })
+        .collect();
+    list.sort_by_key(|residual| (residual.annotation, residual.segment));
+    list
+}
+
+/// Covariance of a camera of which only the lens was fitted.
+fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
+    let mut covariance = Covariance::EXACT;
+    if let Some(fit) = lens_estimate.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
+        // The focal of a fisheye, as its log, is that of the camera.
+        let focal = lens_estimate.lens.focal;
+        let place = |k: usize| match k {
+            Lens::OWN_FOCAL if lens_estimate.lens.distortion.is_wide() => (Covariance::FOCAL, focal),
+            _ => (Covariance::LENS + k, 1.0),
+        };
+        for (i, row) in fit.covariance.iter().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                let ((a, by_a), (b, by_b)) = (place(i), place(j));
+                covariance.0[a][b] = value * by_a * by_b;
+            }
+        }
+    }
+    covariance
+}
+
+/// The solution of a camera whose straight edges are all that was drawn: its lens.
+fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
+    // Without a focal the width of the image is the unit of the coefficients; a fisheye has a focal of its own.
+    let lens = &lens_estimate.lens;
+    let unit = if lens.distortion.is_wide() { lens.focal } else { entry.size()[0] };
+    let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(unit, |focal| focal.value);
+    let camera = Camera {
+        position: WorldPoint::default(),
+        yaw: 0.0,
+        pitch: 0.0,
+        roll: 0.0,
+        focal,
+        lens: lens_estimate.lens,
+        covariance: lens_covariance(lens_estimate),
+    };
+    let mut solution = Solution {
+        image_circle_px: entry.image_circle(),
+        distortion: DistortionEntry::of(&camera.lens, focal),
+        sigma: Some(Sigmas::of(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
+        covariance: CovarianceEntry::of(&camera),
+        ..Solution::new(Method::MaximumLikelihood, Stage::Lens, focal, camera.lens.principal_point)
+    };
+    solution.residuals = residual_entries(
+        lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations).into_iter(),
+        &[],
+    );
+    solution.rms_px = rms(&entry.annotations, &solution.residuals);
+    let findings = lens_estimate.findings(entry);
+    CameraResult { findings, ..CameraResult::new(solution) }
+}
+
+/// Root mean square of the residuals of what was used.
+pub(crate) fn rms(annotations: &[Annotation], residuals: &[Residual]) -> Option<f64> {
+    let is_used = |r: &&Residual| !r.outlier && r.annotation.is_some_and(|index| !annotations[index].off);
+    let squares: Vec<f64> = residuals.iter().filter(is_used).map(|r| r.px * r.px).collect();
+    (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+}
+
+/// Findings about the annotations that a method cannot use.
+fn unused(
+    annotations: &[Annotation],
+    by: Estimator,
+    unknown: impl Fn(Kind) -> bool,
+) -> impl Iterator<Item = Finding> {
+    annotations.iter().enumerate().filter(|(_, a)| !a.off).filter_map(move |(index, annotation)| {
+        let row = annotation.kind.row();
+        let drawn = annotation.segments.as_ref().map_or(0, Vec::len);
+        let tied = annotation.at_right_angles_to.is_some()
+            || annotation.id.is_some() && annotations.iter().any(|a| a.at_right_angles_to == annotation.id);
+        if unknown(annotation.kind) {
+            return Some(Finding::UnusedKind { annotation: index, by });
+        }
+        let is_short = row.shape == Shape::Segments && drawn < row.least && !(tied && drawn > 0);
+        is_short.then_some(Finding::TooFewSegments { annotation: index, by, drawn, least: row.least })
+    })
+}
+
+fn priors_unused(entry: &SiteCamera) -> impl Iterator<Item = Finding> {
+    let lens = entry.lens.as_ref();
+    let priors = [
+        (Parameter::Focal, lens.and_then(|l| l.focal_px)),
+        (Parameter::Pitch, lens.and_then(|l| l.pitch_deg)),
+        (Parameter::Roll, lens.and_then(|l| l.roll_deg)),
+        (Parameter::Height, entry.height_m),
+    ];
+    let is_prior = |known: Option<Known>| known.is_some_and(|known| !known.fixed);
+    priors
+        .into_iter()
+        .filter(move |(_, known)| is_prior(*known))
+        .map(|(parameter, _)| Finding::UnusedPrior { parameter })
+}
