@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_editor::file_name::{base, has_ending, is_image, mime};
+use calib_editor::images::{base, has_ending, is_image, mime};
 use calib_editor::{Action, image_names, parse};
 use egui::Context;
 

@@ -1,10 +1,16 @@
 //! What a crash must not take: every finished gesture is kept, and offered when the app is started again.
+//!
+//! The sites that were opened or saved last, to be gone on with from the start page.
+//!
+//! Where a browser keeps sites between visits, behind a trait: the app asks, and hears of it in a later frame.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
 use calib_editor::{FileResult, Images};
 use calib_site::Site;
+use serde::{Deserialize, Serialize};
 
 use crate::platform::{Here, Platform};
 
@@ -147,10 +153,149 @@ impl Slots {
     }
 }
 
+/// A site that was opened or saved.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recent {
+    /// Its file.
+    pub path: PathBuf,
+    /// What its operator calls it.
+    pub name: String,
+    /// How many cameras it has.
+    pub cameras: usize,
+    /// The still of its first camera, if that is a file.
+    pub image: Option<PathBuf>,
+    /// When, in seconds since 1970.
+    pub at: u64,
+}
+
+/// So many are remembered.
+const MOST: usize = 8;
+
+impl Recent {
+    /// A site as it is remembered; its images are looked for beside `path`.
+    #[must_use]
+    pub fn of(path: &Path, site: &Site, at: u64) -> Self {
+        let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let image = site.cameras.iter().find_map(|camera| camera.image.as_deref());
+        let is_file = |image: &&str| !image.starts_with("data:") && !image.starts_with("stored:");
+        let folder = path.parent().unwrap_or(Path::new("."));
+        Self {
+            path: path.to_path_buf(),
+            name: site.name.clone().unwrap_or(stem),
+            cameras: site.cameras.len(),
+            image: image.filter(is_file).map(|image| folder.join(image)),
+            at,
+        }
+    }
+}
+
+fn file(folder: &Path) -> PathBuf {
+    folder.join("recent.json")
+}
+
+/// What is remembered in a folder, the newest first; files that are gone are left out.
+#[must_use]
+pub(crate) fn list(folder: &Path) -> Vec<Recent> {
+    let known = Here::read(&file(folder)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let known: Vec<Recent> = known.unwrap_or_default();
+    known.into_iter().filter(|recent| recent.path.is_file()).collect()
+}
+
+/// The list with one more in front, as it is kept in a folder from now on.
+#[must_use]
+pub(crate) fn remember(folder: &Path, recent: Recent) -> Vec<Recent> {
+    let others = list(folder).into_iter().filter(|known| known.path != recent.path);
+    let all: Vec<Recent> = std::iter::once(recent.clone()).chain(others).take(MOST).collect();
+    // What cannot be remembered is opened by its name.
+    let _ = serde_json::to_vec(&all).map(|bytes| Here::write_quickly(&file(folder), &bytes));
+    all
+}
+
+/// How long ago something was, in words.
+#[must_use]
+pub(crate) fn ago(at: u64, now: u64) -> String {
+    let minutes = now.saturating_sub(at) / 60;
+    let count = |number: u64, one: &str| {
+        if number == 1 { format!("1 {one} ago") } else { format!("{number} {one}s ago") }
+    };
+    match minutes {
+        0 => "just now".into(),
+        1..60 => count(minutes, "minute"),
+        60..1440 => count(minutes / 60, "hour"),
+        _ => count(minutes / 1440, "day"),
+    }
+}
+
+/// A site that is kept.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Entry {
+    /// By which it is asked for.
+    pub id: String,
+    /// What the operator calls it.
+    pub name: String,
+    /// How many cameras it has.
+    pub cameras: usize,
+    /// How large it is with its images, in bytes.
+    pub bytes: u64,
+    /// When it was kept last, in words.
+    pub when: String,
+    /// The last finished gesture.
+    pub last: String,
+    /// Its first still, small, as a `data:` URI.
+    pub thumbnail: Option<String>,
+}
+
+/// What is to be kept after a finished gesture.
+#[derive(Debug)]
+pub struct Work<'a> {
+    /// The site.
+    pub site: &'a Site,
+    /// Its images.
+    pub images: &'a Images,
+    /// The file it was opened from or saved to.
+    pub path: Option<PathBuf>,
+    /// The gesture.
+    pub last: &'a str,
+    /// Its first still, small, as a `data:` URI, once it was decoded.
+    pub thumbnail: Option<&'a str>,
+}
+
+/// What a shelf tells.
+#[derive(Debug)]
+pub enum News {
+    /// The site that was asked for.
+    Opened(Box<Found>),
+    /// What went wrong, and what to do.
+    Trouble(String),
+    /// Something that went right in a way one should know of.
+    Note(String),
+    /// What is open is to be kept once more, whole.
+    Again,
+}
+
+/// A place that keeps sites.
+pub trait Shelf: Debug {
+    /// What is kept, newest first.
+    fn entries(&self) -> Vec<Entry>;
+    /// Keeps the site that is open.
+    fn keep(&mut self, work: Work<'_>);
+    /// From now on another site is open: it is kept beside the others.
+    fn begin(&mut self);
+    /// Asks for a site.
+    fn open(&mut self, id: &str);
+    /// Forgets a site.
+    fn remove(&mut self, id: &str);
+    /// What happened since the last frame.
+    fn news(&mut self) -> Option<News>;
+    /// Whether something that was to be kept is not kept yet.
+    fn is_behind(&self) -> bool;
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use calib_site::SiteCamera;
+
+    use super::*;
 
     #[test]
     fn an_autosave_is_found_again_with_its_images() {
@@ -166,5 +311,30 @@ mod tests {
         assert_eq!((found.path.as_deref(), found.held), (Some(Path::new("/x/site.json")), Some(7)));
         autosave.forget();
         assert!(autosave.find().is_none());
+    }
+
+    #[test]
+    fn the_newest_is_first_each_is_there_once_and_what_is_gone_is_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let site = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "{}").unwrap();
+            Recent::of(&path, &Site::new(), 100)
+        };
+        let (a, b) = (site("a.json"), site("b.json"));
+        for recent in [&a, &b, &a] {
+            let _ = remember(folder.path(), recent.clone());
+        }
+        assert_eq!(list(folder.path()), [a.clone(), b.clone()]);
+        std::fs::remove_file(&a.path).unwrap();
+        assert_eq!(list(folder.path()), [b]);
+    }
+
+    #[test]
+    fn time_is_told_as_one_says_it() {
+        assert_eq!(ago(1000, 1030), "just now");
+        assert_eq!(ago(0, 65), "1 minute ago");
+        assert_eq!(ago(0, 3 * 3600), "3 hours ago");
+        assert_eq!(ago(0, 50 * 3600), "2 days ago");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use calib_editor::file_name::has_ending;
+use calib_editor::images::has_ending;
 
 /// What the chosen files are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,11 +1,19 @@
 //! A name for everything that can be held, for screen readers, the Tab key and tests.
+//!
+//! Commands of a menu, with their keys.
+//!
+//! What a right click or a long press on a canvas offers: first what can be done to what is under it.
 
-use calib_editor::{Action, Part, PlanHandle, hit, plan_handles};
-use egui::{EventFilter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+use calib_editor::{Action, Pane, Part, PlanHandle, hit, plan_handles};
+use egui::{
+    Button, EventFilter, Key, KeyboardShortcut, Popup, Rect, Response, RichText, Role, Sense, Ui, Vec2,
+    WidgetInfo,
+};
 
 use crate::canvas::Mapping;
-use crate::state::App;
-use crate::theme;
+use crate::command::{COMMANDS, Command};
+use crate::state::{App, Place};
+use crate::{keys, theme};
 
 /// A name for every handle, for screen readers, the Tab key and tests.
 pub(crate) fn on_image(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping) {
@@ -64,4 +72,119 @@ pub(crate) fn on_plan(app: &App, ui: &Ui, mapping: &Mapping) {
         };
         response.widget_info(|| WidgetInfo::labeled(Role::Button, true, &name));
     }
+}
+
+/// Commands of a menu, a row each.
+pub(crate) fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
+    ui.set_min_width(260.0);
+    let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
+    for row in rows {
+        let keys =
+            row.keys.map_or_else(String::new, |keys| shortcut_text(ui, keys::shortcut(row.command, keys)));
+        let button = Button::new(row.text).shortcut_text(keys).min_size(Vec2::new(250.0, 22.0));
+        if ui.add_enabled(app.is_enabled(row.command), button).clicked() {
+            *chosen = Some(row.command);
+            ui.close();
+        }
+    }
+}
+
+/// Keys in the words of this platform.
+#[must_use]
+pub(crate) fn shortcut_text(ui: &Ui, keys: KeyboardShortcut) -> String {
+    match keys.logical_key {
+        Key::Questionmark => "?".into(),
+        Key::OpenBracket => {
+            if keys.modifiers.shift {
+                "{".into()
+            } else {
+                "[".into()
+            }
+        }
+        Key::CloseBracket => {
+            if keys.modifiers.shift {
+                "}".into()
+            } else {
+                "]".into()
+            }
+        }
+        _ => ui.ctx().format_shortcut(&keys),
+    }
+}
+
+const ON_PLAN: [&[Command]; 3] = [
+    &[Command::FixPlacement, Command::ResetPlacement, Command::Refine],
+    &[Command::Coverage, Command::Blend, Command::Snap, Command::Beside],
+    &[Command::Fit, Command::SavePicture],
+];
+const ON_IMAGE: [&[Command]; 5] = [
+    &[Command::Accept, Command::StepBack, Command::Cancel],
+    &[Command::UseAnyway, Command::OnOff, Command::PullOntoEdge, Command::Duplicate, Command::Delete],
+    &[Command::AcceptGroup, Command::FlipGroup, Command::DeleteGroup, Command::AcceptProposed],
+    &[Command::Propose, Command::TakeSuggestion, Command::NewGroup, Command::PasteLines, Command::SelectAll],
+    &[Command::Fit, Command::SavePicture],
+];
+
+/// The menu of a canvas, while it is open.
+pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
+    if response.long_touched() && app.panes.was_idle {
+        // The finger that is held draws nothing.
+        app.send(Action::Drop);
+        app.panes.forget_pointer();
+    }
+    if response.secondary_clicked() {
+        app.panes.active = Some(key);
+    }
+    if response.secondary_clicked() && app.editor.tool().is_idle() {
+        let at = response.interact_pointer_pos().map(|at| mapping.document(at));
+        if let (Pane::Image(camera), Some(at)) = (key.1, at) {
+            app.send(Action::SelectAt { camera, at, near: mapping.units(theme::HIT) });
+        }
+    }
+    let mut chosen = None;
+    let on_plan = key.1 == Pane::Plan;
+    Popup::context_menu(response).show(|ui| {
+        let title = match (on_plan, app.editor.session().entry()) {
+            (true, entry) => entry.map(|entry| entry.id.clone()),
+            (false, _) => Some(app.editor.session().selection_name())
+                .filter(|_| !app.editor.session().selection.is_empty()),
+        };
+        if let Some(title) = title {
+            ui.label(RichText::new(title).font(theme::medium(12.0)));
+        }
+        let mut is_first = true;
+        for group in if on_plan { &ON_PLAN[..] } else { &ON_IMAGE[..] } {
+            let offered: Vec<Command> =
+                group.iter().copied().filter(|&command| is_offered(app, command)).collect();
+            if offered.is_empty() {
+                continue;
+            }
+            if !std::mem::take(&mut is_first) {
+                ui.separator();
+            }
+            rows(app, ui, &offered, &mut chosen);
+        }
+    });
+    if let Some(command) = chosen {
+        app.tell(command);
+    }
+}
+
+fn is_offered(app: &App, command: Command) -> bool {
+    let makes_sense = match command {
+        Command::Accept | Command::StepBack | Command::Cancel => !app.editor.tool().is_idle(),
+        Command::UseAnyway => is_suspected(app),
+        _ => true,
+    };
+    makes_sense && app.is_enabled(command)
+}
+
+/// Whether a selected line was set aside.
+fn is_suspected(app: &App) -> bool {
+    let residuals = app.editor.session().solution().map_or(&[][..], |solution| &solution.residuals);
+    let lines = calib_editor::edit::lines_of(&app.editor.session().selection);
+    residuals
+        .iter()
+        .filter(|residual| residual.outlier)
+        .any(|residual| residual.annotation.zip(residual.segment).is_some_and(|line| lines.contains(&line)))
 }

@@ -9,7 +9,6 @@ use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::canvas::{Bend, Mapping, View};
-use crate::context;
 use crate::floor::Floor;
 use crate::handles;
 use crate::keys;
@@ -173,7 +172,7 @@ fn canvas(
     app.panes.bends.extend(mapping.bend.map(|bend| (key, bend)));
     pan_and_zoom(app, ui, key, &mut mapping);
     pointer_events(app, ui, key, &mapping);
-    context::show(app, &response, key, &mapping);
+    handles::show(app, &response, key, &mapping);
     let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
     painter.rect_filled(rect, 0.0, theme::palette(ui.ctx()).canvas);
     (mapping, painter)

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use calib_editor::file_name::{has_ending, is_image};
+use calib_editor::images::{has_ending, is_image};
 use calib_editor::{Action, plan_told_by, world_endings};
 use calib_formats::File;
 use calib_site::Plan;

@@ -6,9 +6,9 @@ use calib_core::CameraView;
 
 use calib_core::floor::{PixelOrigin, Stream, StreamFit};
 
+use crate::raw;
 use crate::raw::{CalibResult, Fault, free, handle, text, told};
 use crate::site::{CalibSite, give_handle};
-use crate::words;
 
 /// A calibrated camera. Any number of threads may use it at once.
 #[derive(Debug)]
@@ -43,16 +43,16 @@ impl CalibCamera {
 impl CalibStream {
     fn read(&self) -> Result<Stream, Fault> {
         let origin = match self.origin {
-            words::CALIB_ORIGIN_CORNER => PixelOrigin::Corner,
-            words::CALIB_ORIGIN_CENTRE => PixelOrigin::Centre,
+            raw::CALIB_ORIGIN_CORNER => PixelOrigin::Corner,
+            raw::CALIB_ORIGIN_CENTRE => PixelOrigin::Centre,
             other => {
                 return Err(Fault::refused(format_args!("origin: found {other}, expected a CALIB_ORIGIN")));
             }
         };
         let fit = match self.fit {
-            words::CALIB_FIT_UNSAID => None,
-            words::CALIB_FIT_STRETCH => Some(StreamFit::Stretch),
-            words::CALIB_FIT_LETTERBOX => Some(StreamFit::Letterbox),
+            raw::CALIB_FIT_UNSAID => None,
+            raw::CALIB_FIT_STRETCH => Some(StreamFit::Stretch),
+            raw::CALIB_FIT_LETTERBOX => Some(StreamFit::Letterbox),
             other => return Err(Fault::refused(format_args!("fit: found {other}, expected a CALIB_FIT"))),
         };
         let size = (self.width != 0 || self.height != 0).then_some([self.width, self.height]);

@@ -5,9 +5,7 @@
 //! sources.
 
 mod raw;
-mod words;
 mod site;
-mod plan;
 mod camera;
 mod about;
 mod mapping;
@@ -15,7 +13,8 @@ mod mapping;
 pub use about::{
     CALIB_UNKNOWNS, calib_camera_angles, calib_camera_covariance, calib_camera_distortion,
     calib_camera_focal, calib_camera_id, calib_camera_matrix, calib_camera_position,
-    calib_camera_scale_known, calib_camera_size,
+    calib_camera_scale_known, calib_camera_size, calib_site_floor_to_plan, calib_site_plan_metres_per_px,
+    calib_site_plan_to_floor,
 };
 pub use camera::{CalibCamera, CalibStream, calib_camera_free, calib_site_camera};
 pub use mapping::{
@@ -23,16 +22,14 @@ pub use mapping::{
     calib_camera_floor_jacobian, calib_camera_rays, calib_camera_to_floor, calib_camera_to_pixel,
     calib_camera_undistort,
 };
-pub use plan::{calib_site_floor_to_plan, calib_site_plan_metres_per_px, calib_site_plan_to_floor};
-pub use raw::CalibResult;
-pub use site::{
-    CalibSite, calib_site_calibrate, calib_site_camera_count, calib_site_camera_id, calib_site_free,
-    calib_site_json, calib_site_parse,
-};
-pub use words::{
+pub use raw::{
     CALIB_BOX_CENTRE_SIZE, CALIB_BOX_CORNER_SIZE, CALIB_BOX_CORNERS, CALIB_FIT_LETTERBOX, CALIB_FIT_STRETCH,
     CALIB_FIT_UNSAID, CALIB_ORIGIN_CENTRE, CALIB_ORIGIN_CORNER, CALIB_STATUS_ABOVE_HORIZON,
     CALIB_STATUS_BEHIND_CAMERA, CALIB_STATUS_MISSING, CALIB_STATUS_NO_CALIBRATION, CALIB_STATUS_OK,
     CALIB_STATUS_ON_WALL, CALIB_STATUS_OUTSIDE_EFOV, CALIB_STATUS_OUTSIDE_IMAGE, CALIB_STATUS_OUTSIDE_LENS,
-    calib_result_text, calib_status_name, calib_version,
+    CalibResult, calib_result_text, calib_status_name, calib_version,
+};
+pub use site::{
+    CalibSite, calib_site_calibrate, calib_site_camera_count, calib_site_camera_id, calib_site_free,
+    calib_site_json, calib_site_parse,
 };

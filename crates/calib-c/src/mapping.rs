@@ -5,8 +5,8 @@ use calib_core::Covariance;
 use calib_core::floor::BoxForm;
 
 use crate::camera::CalibCamera;
+use crate::raw;
 use crate::raw::{CalibResult, Fault, apart, bytes, guarded, handle, places, values};
-use crate::words;
 
 /// Pixels to points of the plane `height_m` metres above the floor.
 ///
@@ -81,9 +81,9 @@ pub unsafe extern "C" fn calib_camera_boxes_to_floor(
 
 fn box_form(form: u32) -> Result<BoxForm, Fault> {
     match form {
-        words::CALIB_BOX_CORNER_SIZE => Ok(BoxForm::CornerSize),
-        words::CALIB_BOX_CORNERS => Ok(BoxForm::Corners),
-        words::CALIB_BOX_CENTRE_SIZE => Ok(BoxForm::CentreSize),
+        raw::CALIB_BOX_CORNER_SIZE => Ok(BoxForm::CornerSize),
+        raw::CALIB_BOX_CORNERS => Ok(BoxForm::Corners),
+        raw::CALIB_BOX_CENTRE_SIZE => Ok(BoxForm::CentreSize),
         _ => Err(CalibResult::Refused.into()),
     }
 }

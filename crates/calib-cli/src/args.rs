@@ -1,12 +1,15 @@
 //! Arguments that several subcommands have in common.
+//!
+//! Which pixels detections are of, as the command line says it.
 
 use std::path::Path;
 
+use clap::ValueEnum;
 use image::RgbImage;
 
-use crate::files::{self, SiteFile};
-use crate::picture;
+use crate::site_file::SiteFile;
 use crate::stop::Stop;
+use crate::{files, picture};
 
 /// Longest side of a stream that is asked for, in pixels.
 const MAX_SIDE: u32 = 16_384;
@@ -112,5 +115,41 @@ impl OutputArgs {
     /// Writes an image in the format that the file's name asks for.
     pub(crate) fn write_image(&self, image: &RgbImage) -> Result<(), Stop> {
         self.write(&picture::encoded(image, &self.output)?)
+    }
+}
+
+/// Where pixels are counted from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PixelOrigin {
+    /// From the corner of the image: the centre of the first pixel is (0.5, 0.5)
+    Corner,
+    /// From the centre of the first pixel, which is (0, 0)
+    Centre,
+}
+
+/// How the image was brought to the size of the stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Fit {
+    /// Each side by itself: the stream shows the whole image and nothing else
+    Stretch,
+    /// Both sides alike, with equal bars on two sides, as detectors do
+    Letterbox,
+}
+
+impl From<PixelOrigin> for calib_core::floor::PixelOrigin {
+    fn from(origin: PixelOrigin) -> Self {
+        match origin {
+            PixelOrigin::Corner => Self::Corner,
+            PixelOrigin::Centre => Self::Centre,
+        }
+    }
+}
+
+impl From<Fit> for calib_core::floor::StreamFit {
+    fn from(fit: Fit) -> Self {
+        match fit {
+            Fit::Stretch => Self::Stretch,
+            Fit::Letterbox => Self::Letterbox,
+        }
     }
 }

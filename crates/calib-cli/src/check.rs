@@ -5,10 +5,11 @@ use calib_core::Code;
 use calib_site::{Names, Site, SiteCamera, SiteSolution, Solution, Warning};
 
 use crate::args::SiteArgs;
-use crate::files::{self, SiteFile};
+use crate::files;
+use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::Stop;
-use crate::words::visible;
+use crate::stop::visible;
 use calib_report::{centimetres, few, planes_text, together, worst_first};
 
 /// Arguments of `calib check`.

@@ -1,27 +1,29 @@
 //! `calib compare`: what became of cameras, by a newer still of each.
+//!
+//! Cameras that moved, calibrated anew from what was drawn on their old stills.
+//!
+//! A newer still with the places of the old one: where they are found again, and where they are not.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use calib_core::Camera;
-use calib_image::{Became, Comparison, OtherSize, drawn_edges};
+use calib_core::{Camera, Pixel};
+use calib_image::{Became, Comparison, OtherSize, drawn_edges, recovered};
 use calib_report::{decimals, few};
-use calib_site::SiteCamera;
-use image::RgbImage;
+use calib_site::{NewStill, Site, SiteCamera};
+use image::{Rgb, RgbImage};
 use jiff::Timestamp;
 
 use crate::args::SiteArgs;
-use crate::files::{self, SiteFile};
-use crate::found_picture;
-use crate::picture;
-use crate::pulse::Pulse;
-use crate::recover;
+use crate::files::ThreadsArgs;
+use crate::files::say;
+use crate::progress::Pulse;
+use crate::site_file::{SiteFile, beside};
 use crate::solve::Format;
-use crate::stills;
 use crate::stop::Stop;
-use crate::threads::ThreadsArgs;
-use crate::words::visible;
+use crate::stop::visible;
+use crate::{files, picture, site_file};
 
 /// Arguments of `calib compare`.
 #[derive(Debug, clap::Args)]
@@ -104,7 +106,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         draw(&file, &compared, folder, args.force)?;
     }
     if let Some(output) = args.output.as_deref().filter(|_| args.recover) {
-        recover::write(&file, &compared, args.since, output, args.force)?;
+        write_recovered(&file, &compared, args.since, output, args.force)?;
     }
     let changed: Vec<&str> = compared.iter().filter(|of| has_changed(of)).map(|of| of.id.as_str()).collect();
     if changed.is_empty() {
@@ -123,12 +125,12 @@ type Taken = (Option<Timestamp>, PathBuf);
 /// The stills of every camera that has some, in order of time, by its entry.
 fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Taken>)>, Stop> {
     let mut of: Vec<(usize, Vec<Taken>)> = Vec::new();
-    for path in stills::listed(&args.stills)? {
+    for path in site_file::listed(&args.stills)? {
         let id = match &args.camera {
             Some(id) => id.clone(),
             None => named(file, &path)?,
         };
-        let time = stills::time(&path)?;
+        let time = site_file::time(&path)?;
         let index = entry(file, &id, time)?;
         match of.iter_mut().find(|(other, _)| *other == index) {
             Some((_, taken)) => taken.push((time, path)),
@@ -142,7 +144,7 @@ fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Taken>)>, 
 
 /// The camera whose id the name of a still is, or begins with.
 fn named(file: &SiteFile, path: &Path) -> Result<String, Stop> {
-    let found = file.site.camera_of_name(&stills::stem(path));
+    let found = file.site.camera_of_name(&site_file::stem(path));
     found.map(str::to_owned).ok_or_else(|| {
         let what = format!(
             "{}: of which camera is this? Give --camera, or begin its name with one of {}",
@@ -183,7 +185,7 @@ fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>, threads: ThreadsArg
 fn draw(file: &SiteFile, compared: &[Compared], folder: &Path, force: bool) -> Result<(), Stop> {
     std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     for (of, seen) in compared.iter().filter_map(|of| Some((of, of.last()?))) {
-        let image = found_picture::drawn(of, seen, still(&file.site.cameras[of.index], &seen.path)?);
+        let image = drawn(of, seen, still(&file.site.cameras[of.index], &seen.path)?);
         let name = folder.join(format!("{}.png", of.id)).to_string_lossy().into_owned();
         files::write(&name, &picture::encoded(&image, &name)?, force)?;
     }
@@ -192,7 +194,7 @@ fn draw(file: &SiteFile, compared: &[Compared], folder: &Path, force: bool) -> R
 
 /// A newer still of a camera; one of another size is refused before it is decoded.
 pub(crate) fn still(entry: &SiteCamera, path: &Path) -> Result<RgbImage, Stop> {
-    let bytes = stills::bytes(path)?;
+    let bytes = site_file::bytes(path)?;
     let wrong = |error| Stop::invalid(path.display(), error);
     let new = calib_input::size_of(&bytes).map_err(wrong)?;
     if new != entry.size_px {
@@ -209,7 +211,7 @@ fn report(args: &Args, compared: &[Compared]) -> Result<(), Stop> {
     // stdout is the site where it is asked for there.
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
-        Format::Text if to_stdout => files::say(text(compared)),
+        Format::Text if to_stdout => say(text(compared)),
         Format::Text => files::print(&visible(&text(compared)))?,
         Format::Json if to_stdout => {}
         Format::Json => files::print(&format!("{:#}\n", json(args, compared)))?,
@@ -318,6 +320,89 @@ fn row(of: &Compared, comparison: &Comparison) -> String {
         with_sigma(zoom, zoom_sigma),
         100.0 * comparison.found,
     )
+}
+
+/// An edge that is where it is told.
+const FOUND: Rgb<u8> = Rgb([40, 220, 90]);
+/// One that is not: something stands before it, or it moved by itself.
+const LOST: Rgb<u8> = Rgb([255, 90, 40]);
+
+/// The newer still with a dot at every place of an edge.
+pub(crate) fn drawn(of: &Compared, seen: &Seen, mut still: RgbImage) -> RgbImage {
+    let turned = seen.comparison.turn.at(&of.camera);
+    for (place, found) in &seen.comparison.seen {
+        if let (Some(found), Some(at)) = (found, turned.pixel(*place)) {
+            dot(&mut still, at, if *found { FOUND } else { LOST });
+        }
+    }
+    still
+}
+
+fn dot(image: &mut RgbImage, at: Pixel, colour: Rgb<u8>) {
+    const HALF: i64 = 1;
+    for (x, y) in (-HALF..=HALF).flat_map(|x| (-HALF..=HALF).map(move |y| (x, y))) {
+        let (x, y) = (at.u as i64 + x, at.v as i64 + y);
+        let pixel = u32::try_from(x).ok().zip(u32::try_from(y).ok());
+        if let Some(pixel) = pixel.and_then(|(x, y)| image.get_pixel_mut_checked(x, y)) {
+            *pixel = colour;
+        }
+    }
+}
+
+/// Writes the site with every camera that moved recovered; one that cannot be stays as it is, and is named.
+pub(crate) fn write_recovered(
+    file: &SiteFile,
+    compared: &[Compared],
+    since: Option<Timestamp>,
+    output: &str,
+    force: bool,
+) -> Result<(), Stop> {
+    // Paths are those of the file that is written.
+    let mut site = file.seen_from(&file.site, output);
+    let mut count = 0;
+    let has_changed =
+        |of: &&Compared| of.last().is_some_and(|seen| seen.comparison.became != Became::Unchanged);
+    for of in compared.iter().filter(has_changed) {
+        match of_camera(file, &site, of, since, output)? {
+            Ok(with) => {
+                site = with;
+                count += 1;
+            }
+            Err(why) => say(format_args!("calib: camera \"{}\" is not recovered: {why}", of.id)),
+        }
+    }
+    if count == 0 {
+        say(format_args!("calib: no camera was recovered; {output} is not written"));
+        return Ok(());
+    }
+    files::write(output, site.to_json().as_bytes(), force)
+}
+
+/// The site with one camera recovered, or why that would be a guess; an error where its stills cannot be read.
+fn of_camera(
+    file: &SiteFile,
+    site: &Site,
+    of: &Compared,
+    since: Option<Timestamp>,
+    output: &str,
+) -> Result<Result<Site, String>, Stop> {
+    let Some(seen) = of.last() else { return Ok(Err("it has no newer still".into())) };
+    let Some(since) = since.or_else(|| of.since().and_then(|seen| seen.time)) else {
+        return Ok(Err("the name of its still says no time; give --since TIME".into()));
+    };
+    let entry = &file.site.cameras[of.index];
+    let (old, new) = (file.camera_image(entry)?, still(entry, &seen.path)?);
+    let newer = NewStill { image: beside(&seen.path, output), since: since.to_string() };
+    let pulse = Pulse::new("solving");
+    let found = recovered(site, of.index, &seen.comparison, [&old, &new], &newer);
+    drop(pulse);
+    Ok(found.map_err(|refusal| refusal.to_string()).map(|found| {
+        if !found.left_out.is_empty() {
+            let names = few(found.left_out.iter().map(String::as_str));
+            say(format_args!("calib: camera \"{}\": not on the new still, left out: {names}", of.id));
+        }
+        found.site
+    }))
 }
 
 #[cfg(test)]

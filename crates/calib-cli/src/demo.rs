@@ -10,12 +10,13 @@ use calib_demo::{DemoSite, Walk};
 use calib_site::{Options, Sigmas, Site, SiteCamera, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::files::{self, SiteFile, say};
+use crate::files::{self, say};
 use crate::painting::draw_on;
 use crate::picture;
 use crate::plan_ground::plan_view;
-use crate::pulse::Pulse;
+use crate::progress::Pulse;
 use crate::render::{Extras, camera_view};
+use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::Stop;
 

@@ -10,10 +10,11 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use crate::archive::{FORMATS, Format, Input, Purpose, Source};
 use crate::args::size;
-use crate::files::{SiteFile, say};
+use crate::args::{Fit, PixelOrigin};
+use crate::files::say;
 use crate::progress::Progress;
+use crate::site_file::SiteFile;
 use crate::stop::Stop;
-use crate::stream::{Fit, PixelOrigin};
 
 /// The table of detections that a command reads.
 #[derive(Debug, clap::Args)]

@@ -7,8 +7,9 @@ use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use crate::args::{SiteArgs, size};
-use crate::files::{self, SiteFile};
+use crate::files;
 use crate::picture;
+use crate::site_file::SiteFile;
 use crate::stop::Stop;
 
 /// A type of the table that the formats leave to this program: it has what writes it.
@@ -94,7 +95,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
 }
 
 #[cfg(feature = "archives")]
-use crate::table_parquet::encode as as_parquet;
+use crate::project::encode as as_parquet;
 
 #[cfg(not(feature = "archives"))]
 fn as_parquet(_: &[u8]) -> Result<Vec<u8>, Stop> {

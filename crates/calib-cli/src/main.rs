@@ -5,49 +5,39 @@
 
 #![cfg_attr(not(feature = "archives"), allow(dead_code, reason = "what reads archives uses it"))]
 
+mod stop;
+mod files;
 #[cfg(feature = "archives")]
 mod archive;
-mod args;
-mod check;
-mod compare;
-mod demo;
-#[cfg(feature = "archives")]
-mod detections;
-mod export;
-mod files;
-mod found_picture;
-mod import;
-mod merge;
-mod painting;
 mod picture;
-mod plan_ground;
 #[cfg(feature = "archives")]
 mod progress;
+mod site_file;
+mod args;
+mod solve;
+mod check;
+mod compare;
+mod painting;
+mod plan_ground;
+mod sigma_map;
+mod render;
+mod demo;
+#[cfg(feature = "archives")]
+#[cfg(feature = "archives")]
+mod detections;
 #[cfg(feature = "archives")]
 mod project;
+#[cfg(feature = "archives")]
+mod export;
+mod import;
 mod propose;
-mod pulse;
-mod recover;
-mod render;
-mod report;
-mod sigma_map;
-mod site_file;
-mod site_summary;
-mod solve;
-mod stills;
-mod stop;
-#[cfg(feature = "archives")]
-mod stream;
-#[cfg(feature = "archives")]
-mod table_parquet;
-mod threads;
-mod undistort;
 #[cfg(feature = "archives")]
 mod walk;
+mod report;
+mod windows;
+mod undistort;
 #[cfg(feature = "archives")]
 mod watch;
-mod windows;
-mod words;
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -142,7 +132,7 @@ fn main() -> ExitCode {
         Err(stop) => {
             if let Some(message) = stop.message() {
                 // A closed stderr leaves nobody to tell.
-                let _ = writeln!(std::io::stderr(), "calib: {}", words::visible(&message));
+                let _ = writeln!(std::io::stderr(), "calib: {}", stop::visible(&message));
             }
             ExitCode::from(stop.code())
         }

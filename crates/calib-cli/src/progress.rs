@@ -1,14 +1,16 @@
 //! A bar for work over a second on a terminal, a line now and then elsewhere.
+//!
+//! A line now and then while work goes on that says nothing by itself.
 
 use std::cell::Cell;
 use std::io::IsTerminal as _;
 use std::rc::Rc;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::say;
-use crate::pulse::LINES;
 
 /// How long nothing is shown: most work is done by then.
 const QUIET: Duration = Duration::from_secs(1);
@@ -84,5 +86,33 @@ impl Drop for Progress {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+/// Between two lines of a log.
+pub(crate) const LINES: Duration = Duration::from_secs(10);
+
+/// Says every ten seconds that work goes on of which nobody knows how much is left, until it is dropped.
+pub(crate) struct Pulse {
+    /// Dropped with the pulse, which ends the thread that listens.
+    _end: Sender<()>,
+}
+
+impl Pulse {
+    /// Of this work.
+    pub(crate) fn new(work: &'static str) -> Self {
+        let (end, ends) = channel::<()>();
+        let start = Instant::now();
+        std::thread::spawn(move || {
+            while ends.recv_timeout(LINES) == Err(RecvTimeoutError::Timeout) {
+                say(format_args!("calib: {work}, {} s", start.elapsed().as_secs()));
+            }
+        });
+        Self { _end: end }
+    }
+
+    /// As [`Self::new`], where no bar on a terminal says it.
+    pub(crate) fn beside_a_bar(work: &'static str) -> Option<Self> {
+        (!std::io::stderr().is_terminal()).then(|| Self::new(work))
     }
 }

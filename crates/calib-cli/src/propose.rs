@@ -13,15 +13,15 @@ use calib_site::{Options, Site, SiteCamera};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::files::ThreadsArgs;
 use crate::files::{self, say};
 use crate::painting::draw_on;
 use crate::picture;
+use crate::site_file;
 use crate::site_file::beside;
 use crate::solve::Format;
-use crate::stills;
 use crate::stop::Stop;
-use crate::threads::ThreadsArgs;
-use crate::words::visible;
+use crate::stop::visible;
 
 /// Which proposals are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -84,7 +84,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
-    let stills = stills::listed(&args.stills)?;
+    let stills = site_file::listed(&args.stills)?;
     let ids = ids(&stills);
     let mut progress = Steps::new(stills.len());
     let proposed =
@@ -120,7 +120,7 @@ fn tell_what_is_outside(site: &Site, output: &str) {
 
 /// What one still proposes.
 fn of_still(path: PathBuf, accept: Accept) -> Result<Proposed, Stop> {
-    let image = stills::read(&path)?;
+    let image = site_file::read(&path)?;
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
     let principal_point = image_circle.map(ImageCircle::centre);
@@ -183,7 +183,7 @@ fn draw(site: &Site, proposed: &[Proposed], folder: &Path, force: bool) -> Resul
         };
         let alone = Site { cameras: vec![shown], ..Site::new() };
         let shown = &alone.cameras[0];
-        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &stills::read(path)?)?;
+        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &site_file::read(path)?)?;
         let name = folder.join(format!("{}.png", camera.id)).to_string_lossy().into_owned();
         files::write(&name, &picture::encoded(&picture, &name)?, force)?;
     }

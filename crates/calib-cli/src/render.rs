@@ -5,11 +5,11 @@ use calib_site::SiteCamera;
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
-use crate::files::SiteFile;
 use crate::painting::draw_on;
 use crate::plan_ground::plan_view;
-use crate::pulse::Pulse;
+use crate::progress::Pulse;
 use crate::sigma_map;
+use crate::site_file::SiteFile;
 use crate::stop::Stop;
 
 /// Arguments of `calib render`.

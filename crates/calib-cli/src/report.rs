@@ -6,9 +6,10 @@ use calib_site::SiteCamera;
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
-use crate::files::{SiteFile, say};
+use crate::files::say;
 use crate::picture;
-use crate::pulse::Pulse;
+use crate::progress::Pulse;
+use crate::site_file::SiteFile;
 use crate::stop::Stop;
 #[cfg(feature = "archives")]
 use crate::walk::{Judged, WalkedArgs};

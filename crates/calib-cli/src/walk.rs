@@ -7,7 +7,8 @@ use calib_report::{WalkPage, direction, zone_name};
 
 use crate::args::SiteArgs;
 use crate::detections::{DetectionArgs, Detections, TableArgs};
-use crate::files::{self, SiteFile};
+use crate::files;
+use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::Stop;
 
@@ -102,7 +103,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     match args.format {
         _ if args.output.as_deref() == Some("-") => {}
         Format::Json => files::print(&format!("{:#}\n", as_json(&page)))?,
-        Format::Text => files::print(&crate::words::visible(&page.text()))?,
+        Format::Text => files::print(&crate::stop::visible(&page.text()))?,
     }
     judged.verdict()
 }

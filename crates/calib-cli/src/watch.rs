@@ -167,7 +167,7 @@ fn report(
     }
     for ((id, _), health) in cameras() {
         let text = calib_report::watch_text(health, &instant);
-        files::print(&crate::words::visible(&format!("{id}: {text}\n")))?;
+        files::print(&crate::stop::visible(&format!("{id}: {text}\n")))?;
     }
     Ok(())
 }

@@ -6,10 +6,10 @@ use calib_core::floor::STAGE_1_HEIGHT;
 
 use calib_site::{LinkSeen, Site, SiteCamera};
 
-use crate::cameras::cameras;
 use crate::element::marks;
 use crate::hand::TREMOR;
 use crate::shape::Line;
+use crate::site::cameras;
 use crate::site::{KnownLens, site};
 use crate::vector::{Vec3, vec3};
 use crate::world::{is_inside, world};

@@ -1,10 +1,15 @@
 //! The operator's hand: finds what can be seen, chooses lines that are long and far apart, and draws
 //! them with a small tremor.
+//!
+//! What the operator draws on every image.
 
-use calib_core::{Camera, Distortion, Pixel, WorldPoint};
+use calib_core::single::Known;
+use calib_core::{Annotation, Camera, Distortion, Kind, Pixel, WorldPoint};
 use rand_chacha::ChaCha8Rng;
 
-use crate::edge::Edge;
+use crate::building::TILE;
+use crate::edge::{Axis, Edge, barn_floor, exact, shop_floor, store_floor, straight, verticals};
+use crate::figure::PEOPLE;
 use crate::random::normal;
 use crate::world::{is_shown, visible};
 
@@ -151,4 +156,203 @@ pub(crate) fn spread<T: Copy>(
         }
     }
     chosen
+}
+
+/// Which lines a camera gets, besides verticals and two directions of the floor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Extra {
+    /// Tile edges of one length.
+    EqualLength,
+    /// The width of the shutter.
+    KnownLength,
+    /// A person, by index.
+    Upright(usize),
+}
+
+/// What is drawn on the image of one camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plot {
+    pub(crate) floor: fn(Axis) -> Vec<Edge>,
+    /// Number of lines along x and along y.
+    pub(crate) lines: [usize; 2],
+    pub(crate) verticals: usize,
+    /// Where the lines of the right angle cross.
+    pub(crate) corner: Corner,
+    pub(crate) extras: &'static [Extra],
+    /// Polylines along straight edges.
+    pub(crate) polylines: usize,
+}
+
+/// How a right angle is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Corner {
+    /// Along two tile joints.
+    Tiles,
+    /// Along a line of each direction of the floor.
+    Lines,
+}
+
+/// What is drawn on the image of the camera with this id.
+pub(crate) fn plot(id: &str) -> Plot {
+    let shop = Plot {
+        floor: shop_floor,
+        lines: [4, 4],
+        verticals: 6,
+        corner: Corner::Tiles,
+        extras: &[],
+        polylines: 0,
+    };
+    match id {
+        "shop-1" => Plot { extras: &[Extra::EqualLength, Extra::Upright(0)], ..shop },
+        "shop-2" => Plot { lines: [4, 3], verticals: 5, polylines: 8, ..shop },
+        "shop-3" => Plot { lines: [3, 4], extras: &[Extra::EqualLength], ..shop },
+        "checkouts" => Plot { polylines: 8, ..shop },
+        "store" => Plot {
+            floor: store_floor,
+            lines: [4, 3],
+            verticals: 5,
+            corner: Corner::Lines,
+            extras: &[Extra::KnownLength],
+            ..shop
+        },
+        _ => Plot {
+            floor: barn_floor,
+            lines: [4, 3],
+            verticals: 6,
+            corner: Corner::Lines,
+            polylines: 7,
+            ..shop
+        },
+    }
+}
+
+impl Plot {
+    /// The annotations, in the order a person would draw them.
+    pub(crate) fn draw(&self, hand: &mut Hand) -> Vec<Annotation> {
+        let mut annotations = Vec::new();
+        if self.polylines > 0 && hand.camera.lens.distortion != Distortion::None {
+            annotations.extend(polylines(hand, self.polylines));
+        }
+        annotations.push(segments(hand, Kind::Vertical, &verticals(), self.verticals, 60.0));
+        let [x, y] = self.lines;
+        let along = segments(hand, Kind::Parallel, &(self.floor)(Axis::X), x, 90.0);
+        let across = segments(hand, Kind::Parallel, &(self.floor)(Axis::Y), y, 90.0);
+        annotations.push(Annotation { id: Some("along".into()), ..along });
+        let tie = Some("along".into());
+        annotations.push(Annotation { id: Some("across".into()), at_right_angles_to: tie, ..across });
+        annotations.extend(right_angle(hand, self));
+        for extra in self.extras {
+            annotations.extend(match extra {
+                Extra::EqualLength => equal_length(hand),
+                Extra::KnownLength => known_length(hand),
+                Extra::Upright(index) => upright(hand, *index),
+            });
+        }
+        annotations
+    }
+}
+
+/// Up to `count` of the edges, drawn where they can be seen over `least` pixels.
+fn segments(hand: &mut Hand, kind: Kind, edges: &[Edge], count: usize, least: f64) -> Annotation {
+    /// Longer does not make a line worth more than this many pixels.
+    const LONG: f64 = 500.0;
+    let runs = hand.runs(edges, least);
+    let chosen = spread(&runs, count, Run::middle, |run| run.length().min(LONG));
+    Annotation::of_segments(kind, chosen.iter().map(|run| hand.stroke(run)).collect())
+}
+
+/// Polylines along long straight edges, near the border of the image rather than in its middle.
+fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
+    const STEP: f64 = 110.0;
+    let centre = hand.camera.lens.principal_point;
+    let half = centre.u.hypot(centre.v);
+    let runs = hand.runs(&straight(), 420.0);
+    let is_wide = hand.camera.lens.distortion.is_wide();
+    let worth = |run: &Run| {
+        let out = 0.15 + run.middle().distance(centre) / half;
+        // What runs through the middle of a fisheye is straight whatever its lens.
+        run.length().min(1400.0) * if is_wide { bow(hand, run) * out } else { out }
+    };
+    let chosen = spread(&runs, count, Run::middle, worth);
+    chosen
+        .iter()
+        .map(|run| {
+            let count = ((run.length() / STEP) as usize).clamp(6, 10);
+            Annotation { points: Some(hand.polyline(run, count)), ..Annotation::new(Kind::Straight) }
+        })
+        .collect()
+}
+
+/// How far the image of a run is from its chord, in pixels.
+fn bow(hand: &Hand, run: &Run) -> f64 {
+    let [a, b] = run.ends;
+    let off = |p: Pixel| ((b.u - a.u) * (p.v - a.v) - (b.v - a.v) * (p.u - a.u)).abs() / a.distance(b);
+    let inner = (1..8).filter_map(|i| hand.pixel(run.edge.at(f64::from(i) / 8.0)));
+    inner.map(off).fold(0.0, f64::max)
+}
+
+/// A stretch of the floor, if all of it can be seen.
+fn whole(hand: &Hand, edge: &Edge) -> Option<Run> {
+    let run = hand.run(edge)?;
+    (run.edge == *edge).then_some(run)
+}
+
+/// Stretches of `tiles` tiles along the joints, from crossing to crossing.
+fn stretches(hand: &Hand, axis: Axis, tiles: i32) -> Vec<Run> {
+    let tile = exact(TILE);
+    let length = tile * f64::from(tiles);
+    let [dx, dy] = if axis == Axis::X { [length, 0.0] } else { [0.0, length] };
+    (2..38)
+        .step_by(2)
+        .flat_map(|i| (2..22).step_by(2).map(move |j| [f64::from(i) * tile, f64::from(j) * tile]))
+        .map(|[x, y]| Edge::new([x, y, 0.0], [x + dx, y + dy, 0.0]))
+        .filter_map(|edge| whole(hand, &edge))
+        .collect()
+}
+
+/// Two floor lines at right angles, with ends close together and both long on the image.
+fn right_angle(hand: &mut Hand, plot: &Plot) -> Option<Annotation> {
+    let (xs, ys) = match plot.corner {
+        Corner::Tiles => (stretches(hand, Axis::X, 4), stretches(hand, Axis::Y, 4)),
+        Corner::Lines => (hand.runs(&(plot.floor)(Axis::X), 150.0), hand.runs(&(plot.floor)(Axis::Y), 90.0)),
+    };
+    let pairs = xs.iter().flat_map(|a| ys.iter().map(move |b| [*a, *b]));
+    let worth = |pair: &[Run; 2]| {
+        pair[0].length().min(pair[1].length()) - 0.5 * pair[0].middle().distance(pair[1].middle())
+    };
+    let best = pairs.max_by(|p, q| worth(p).total_cmp(&worth(q)))?;
+    Some(Annotation::of_segments(Kind::Perpendicular, best.iter().map(|run| hand.polyline(run, 2)).collect()))
+}
+
+/// Edges of three tiles each, near and far, in both directions.
+fn equal_length(hand: &mut Hand) -> Option<Annotation> {
+    let mut chosen = Vec::new();
+    for axis in [Axis::X, Axis::Y] {
+        let long: Vec<Run> = stretches(hand, axis, 3).into_iter().filter(|run| run.length() > 60.0).collect();
+        chosen.extend(spread(&long, 3, Run::middle, |run| run.length().sqrt()));
+    }
+    let strokes = chosen.iter().map(|run| hand.polyline(run, 2)).collect();
+    Some(Annotation {
+        name: Some("Three tiles".into()),
+        ..Annotation::of_segments(Kind::EqualLength, strokes)
+    })
+}
+
+/// The lane of the store, from the outer edge of one line to that of the other.
+fn known_length(hand: &mut Hand) -> Option<Annotation> {
+    let [x0, y0, _, y1] = crate::store::LANE.map(exact);
+    let edge = Edge::new([x0 - 0.04, y0 - 0.04, 0.002], [x0 - 0.04, y1 + 0.04, 0.002]);
+    let strokes = vec![[edge.from, edge.to].into_iter().filter_map(|point| hand.touch(point)).collect()];
+    let annotation = Annotation::of_segments(Kind::KnownLength, strokes);
+    Some(Annotation { name: Some("Lane".into()), length_m: Some(edge.length()), ..annotation })
+}
+
+/// A person whose height is known roughly.
+fn upright(hand: &mut Hand, index: usize) -> Option<Annotation> {
+    let person = PEOPLE.get(index)?;
+    let [x, y] = person.at.map(exact);
+    let mut touch = |z: f64| hand.touch(WorldPoint { x, y, z });
+    let (foot, head): (Pixel, Pixel) = (touch(0.0)?, touch(exact(person.height))?);
+    let height_m = Some(Known::prior(1.75, 0.05));
+    Some(Annotation { foot: Some(foot), head: Some(head), height_m, ..Annotation::new(Kind::Upright) })
 }

@@ -3,7 +3,6 @@
 use std::f64::consts::{PI, TAU};
 
 use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
-
 use calib_site::{Link, LinkKind, LinkSeen, SceneEntry, Site, SiteCamera};
 use rand::Rng;
 

@@ -2,20 +2,99 @@
 //!
 //! Soft light is worked out at every fourth pixel of every fourth row and shared by the pixels of
 //! the same surface; textures, sunlight and edges are each pixel's own.
+//!
+//! From light to the bytes of an image: tone curve, falling off to the corners, the sensor's noise.
+//!
+//! Work on the rows of a picture, on as many threads as there are, and in the browser on one.
 
 use calib_core::Camera;
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 
-use crate::develop;
 use crate::light::{Light, Place, gather, sky, sunlight};
 use crate::material::Surface;
-use crate::rays::Rays;
 use crate::shape::Line;
-use crate::texture::{cell, mix};
-use crate::threads::rows_of;
+use crate::shape::Rays;
+use crate::texture::{cell, chance, mix};
 use crate::tree::Hit;
 use crate::vector::{Vec3, vec3};
 use crate::world::{World, later, world};
+
+/// A picture of `width x height` whose rows `fill` makes, each by itself: so the number of threads
+/// does not show in the result.
+#[cfg(not(target_arch = "wasm32"))]
+pub(crate) fn rows_of<T, F>(width: usize, height: usize, fill: F) -> Vec<T>
+where
+    T: Clone + Default + Send,
+    F: Fn(usize, &mut [T]) + Sync,
+{
+    use std::sync::Mutex;
+
+    let mut all = vec![T::default(); width * height];
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    // Rows differ in what they cost: a thread takes the next one when it has done its own.
+    let rows = Mutex::new(all.chunks_mut(width.max(1)).enumerate());
+    let next = || rows.lock().ok().and_then(|mut rows| rows.next());
+    let work = || {
+        while let Some((y, row)) = next() {
+            fill(y, row);
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(work);
+        }
+        work();
+    });
+    all
+}
+
+/// A picture of `width x height` whose rows `fill` makes.
+#[cfg(target_arch = "wasm32")]
+pub(crate) fn rows_of<T, F>(width: usize, height: usize, fill: F) -> Vec<T>
+where
+    T: Clone + Default + Send,
+    F: Fn(usize, &mut [T]) + Sync,
+{
+    let mut all = vec![T::default(); width * height];
+    for (y, row) in all.chunks_mut(width.max(1)).enumerate() {
+        fill(y, row);
+    }
+    all
+}
+
+/// The curve of film: dark tones as they are, lights that roll off. Linear in, what the screen shows out.
+pub(crate) fn tone(light: Vec3) -> Vec3 {
+    const EXPOSURE: f32 = 1.28;
+    // Narkowicz's fit to the reference curve of the Academy.
+    let curve = |x: f32| {
+        let x = x * EXPOSURE;
+        ((x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)).clamp(0.0, 1.0).sqrt()
+    };
+    let shown = light.map(curve);
+    // A camera's colours are paler than paints: a part of every pixel is grey.
+    Vec3::grey(shown.luminance()).towards(shown, 0.82)
+}
+
+/// The finished image.
+pub(crate) fn develop(picture: &[Vec3], [width, height]: [u32; 2]) -> RgbImage {
+    RgbImage::from_fn(width, height, |x, y| {
+        let colour = picture[(y * width + x) as usize];
+        let (dx, dy) = ((x as f32 + 0.5) / width as f32 - 0.5, (y as f32 + 0.5) / height as f32 - 0.5);
+        let corner = 1.0 - 0.22 * (dx * dx + dy * dy);
+        let seed = mix(x ^ mix(y));
+        let shown = colour * corner + noise(seed, colour.luminance());
+        let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+        Rgb([byte(shown.x), byte(shown.y), byte(shown.z)])
+    })
+}
+
+/// Noise of the sensor: mostly in brightness, more of it in the shadows.
+fn noise(seed: u32, brightness: f32) -> Vec3 {
+    let amount = 0.012 - 0.007 * brightness.clamp(0.0, 1.0);
+    // The sum of three even chances is as good as a bell here.
+    let bell = |s: u32| chance(seed ^ s) + chance(seed ^ (s << 8)) + chance(seed ^ (s << 16)) - 1.5;
+    (Vec3::grey(bell(0x11)) + vec3(bell(0x23), bell(0x35), bell(0x47)) * 0.4) * (2.0 * amount)
+}
 
 /// Pixels between the places where soft light is worked out.
 const PITCH: usize = 4;
@@ -50,7 +129,7 @@ fn rendered(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage 
         for (x, colour) in row.iter_mut().enumerate() {
             let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
             if let Some(line) = view.line(u, v) {
-                *colour = develop::tone(view.shade(&line, hits[y * view.width + x], [u, v], &probes));
+                *colour = tone(view.shade(&line, hits[y * view.width + x], [u, v], &probes));
             }
         }
     });
@@ -62,7 +141,7 @@ fn rendered(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage 
             }
         }
     });
-    develop::develop(&smooth, size)
+    develop(&smooth, size)
 }
 
 /// Soft light at a place, and which surface it holds for.
@@ -209,7 +288,7 @@ impl View {
             let (u, v) = (x as f32 + dx, y as f32 + dy);
             self.line(u, v).map_or(Vec3::ZERO, |line| {
                 let hit = self.world.tree.nearest(&line, FAR);
-                develop::tone(self.shade(&line, hit, [u, v], probes))
+                tone(self.shade(&line, hit, [u, v], probes))
             })
         });
         more.into_iter().fold(middle, |sum, colour| sum + colour) * 0.25
@@ -237,9 +316,9 @@ mod tests {
 
     #[test]
     fn every_camera_sees_light_and_shade_and_the_same_twice() {
-        for (id, camera, size) in crate::cameras::cameras() {
+        for (id, camera, size) in crate::site::cameras() {
             let small = 96.0 / f64::from(size[0]);
-            let camera = crate::cameras::resized(&camera, small);
+            let camera = crate::site::resized(&camera, small);
             let size = [96, (f64::from(size[1]) * small) as u32];
             let picture = render(&camera, size);
             assert_eq!(picture, render(&camera, size), "{id}");

@@ -1,12 +1,11 @@
 //! The floor plan, drawn from the same lists as the scene.
 
 use calib_core::PlanPixel;
-
 use calib_site::Plan;
 use image::{Rgb, RgbImage};
 
 use crate::building::{COLUMN, COLUMNS, Filling, Opening, WALLS, Wall};
-use crate::threads::rows_of;
+use crate::picture::rows_of;
 use crate::world::world;
 
 /// Plan pixels in a metre.
@@ -143,8 +142,9 @@ fn door_ink(opening: &Opening, along: f32, out: f32) -> Option<f32> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use calib_core::FloorPoint;
+
+    use super::*;
 
     #[test]
     fn the_plan_shows_walls_and_columns_where_they_are() {

@@ -1,28 +1,167 @@
 //! The site: what the operator entered, and the truth.
+//!
+//! The same site for an operator who has no plan: the cameras of the shop are tied by links and by
+//! virtual elements put on real things; store and barn share nothing with them.
+//!
+//! The cameras as they truly are: what calibration should find.
 
-use calib_core::{BrownConrady, Camera, Distortion, FloorPoint, Pixel, Placement, WorldPoint};
-
-use calib_core::camera::Coefficient;
-
+use calib_core::camera::{Coefficient, Turn};
 use calib_core::floor::STAGE_1_HEIGHT;
-
 use calib_core::single::Known;
-
-use calib_site::{Distance, DistortionEntry, Format, LensEntry, PlacementEntry, Site, SiteCamera};
+use calib_core::{
+    BrownConrady, Camera, Covariance, Distortion, FloorPoint, ImageCircle, Lens, MarkKind, Pixel, Placement,
+    WorldPoint,
+};
+use calib_site::{
+    Distance, DistortionEntry, Format, LensEntry, Mark, MarkSeen, PlacementEntry, Site, SiteCamera,
+};
 use image::RgbImage;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::cameras::{cameras, is_in_shop};
-use crate::drawing::plot;
 use crate::edge::Edge;
-use crate::element::marks;
+use crate::element::{control_points, links, marks, of_the_barn, of_the_shop};
+use crate::hand::plot;
 use crate::hand::{Hand, TREMOR};
-use crate::landmark::{control_points, links, of_the_barn, of_the_shop};
 use crate::plan::{plan, plan_entry};
 use crate::random::normal;
-use crate::unplanned::without_plan;
-use crate::world::is_shown;
+use crate::world::{is_shown, visible};
+
+/// Id, camera and image size in pixels of every camera.
+pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
+    const HD: [u32; 2] = [1920, 1080];
+    const SQUARE: [u32; 2] = [1440, 1440];
+    let barrel = BrownConrady { k1: -0.25, k2: 0.06, ..BrownConrady::default() };
+    let mild = BrownConrady { k1: -0.09, k2: 0.015, ..BrownConrady::default() };
+    vec![
+        ("shop-1", camera([23.6, 14.0, 3.9], [129.0, 27.0, 1.6], 1180.0, None, HD), HD),
+        ("shop-2", camera([0.4, 0.4, 4.2], [-50.0, 27.0, -0.8], 1165.0, Some(barrel), HD), HD),
+        ("shop-3", camera([23.6, 0.4, 3.5], [46.0, 24.0, -2.4], 1270.0, None, HD), HD),
+        ("store", camera([24.5, 8.1, 3.4], [-148.0, 29.0, 1.1], 780.0, None, [1280, 960]), [1280, 960]),
+        ("barn", camera([0.6, -5.9, 3.6], [-91.5, 17.0, 0.9], 1420.0, Some(mild), HD), HD),
+        ("checkouts", ceiling([8.1, 10.3, 4.45], [14.0, 86.5, 1.2], SQUARE), SQUARE),
+    ]
+}
+
+/// How far from its axis the fisheye sees, in degrees: 185 across its image circle.
+const HALF_FIELD: f64 = 92.5;
+
+/// A fisheye under the ceiling, with yaw, pitch and roll in degrees; its image circle has a little room to the border.
+fn ceiling(at: [f64; 3], degrees: [f64; 3], size: [u32; 2]) -> Camera {
+    let mut camera = camera(at, degrees, 454.0, None, size);
+    let distortion = Distortion::KannalaBrandt { k: [-0.02, 0.001, 0.0, 0.0] };
+    camera.lens = Lens { focal: camera.focal, distortion, ..camera.lens };
+    let (sin, cos) = HALF_FIELD.to_radians().sin_cos();
+    let Pixel { u, v } = camera.lens.principal_point;
+    let rim = camera.lens.shown([camera.focal * sin, 0.0, cos]);
+    camera.lens.image_circle = rim.map(|rim| ImageCircle { u, v, radius: rim.u - u });
+    camera
+}
+
+/// Whether a camera with this id looks into the shop.
+pub(crate) fn is_in_shop(id: &str) -> bool {
+    id.starts_with("shop") || id == "checkouts"
+}
+
+/// Id and turn of the cameras that are not a month later what they were: one was bumped, one zoomed.
+#[must_use]
+pub fn moved() -> [(&'static str, Turn); 2] {
+    /// In degrees.
+    const BUMP: f64 = 1.3;
+    let bump = [0.6, 0.7483, -0.2828].map(|part| part * BUMP.to_radians());
+    [("shop-1", Turn { vector: bump, zoom: 0.0 }), ("store", Turn { vector: [0.0; 3], zoom: 1.03_f64.ln() })]
+}
+
+/// A camera at a place, with yaw, pitch and roll in degrees; `lens` refers to its focal.
+fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady>, size: [u32; 2]) -> Camera {
+    let [yaw, pitch, roll] = degrees.map(f64::to_radians);
+    let principal_point = Pixel::new(f64::from(size[0]) / 2.0, f64::from(size[1]) / 2.0);
+    let lens = lens.map_or(Lens::pinhole(principal_point), |brown| Lens {
+        principal_point,
+        focal,
+        distortion: Distortion::BrownConrady(brown),
+        image_circle: None,
+    });
+    Camera { position: WorldPoint::from(at), yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
+}
+
+/// The same camera with an image `factor` times as large.
+#[cfg(test)]
+pub(crate) fn resized(camera: &Camera, factor: f64) -> Camera {
+    let Pixel { u, v } = camera.lens.principal_point;
+    let principal_point = Pixel::new(u * factor, v * factor);
+    let circle = |circle: ImageCircle| <[f64; 3]>::from(circle).map(|side| factor * side).into();
+    let image_circle = camera.lens.image_circle.map(circle);
+    let lens = Lens { principal_point, focal: camera.lens.focal * factor, image_circle, ..camera.lens };
+    Camera { focal: camera.focal * factor, lens, ..*camera }
+}
+
+/// What may hide the last stretch of the way to a point of a mark, in metres: the thing it stands in.
+const SLACK: f64 = 0.35;
+
+/// Takes plan, placements and control points away, and has the marks seen instead.
+///
+/// The first camera keeps its place, exactly: it is the base system that everything else is told in.
+pub(crate) fn without_plan(mut site: Site) -> Site {
+    site.plan = None;
+    site.georeference = None;
+    for (index, (camera, (_, truth, _))) in site.cameras.iter_mut().zip(cameras()).enumerate() {
+        camera.control_points.clear();
+        camera.placement = (index == 0).then(|| Placement::of(&truth).into());
+    }
+    let mut hands: Vec<(&str, Hand)> = cameras()
+        .into_iter()
+        .enumerate()
+        .filter(|(_, (id, ..))| is_in_shop(id))
+        .map(|(i, (id, camera, size))| {
+            let random = ChaCha8Rng::seed_from_u64(3000 + i as u64);
+            (id, Hand { camera, size, tremor: TREMOR, random })
+        })
+        .collect();
+    let mut random = ChaCha8Rng::seed_from_u64(4000);
+    for mark in &mut site.marks {
+        mark.seen = seen(mark, &mut hands);
+        // Dropped about where the thing stands; the fit moves it there.
+        let WorldPoint { x, y, z } = mark.at_m;
+        let mut off =
+            |sigma: f64, value: f64| ((value + sigma * normal(&mut random)) * 100.0).round() / 100.0;
+        mark.at_m = WorldPoint { x: off(0.15, x), y: off(0.15, y), z };
+        mark.turn_deg = off(3.0, mark.turn_deg);
+    }
+    site
+}
+
+/// Named points of a mark that stand for something that can be seen.
+fn names(kind: MarkKind) -> &'static [&'static str] {
+    match kind {
+        MarkKind::Cross => &["centre"],
+        MarkKind::Post => &["base"],
+        MarkKind::Box => &["b0", "b1", "b2", "b3", "t0", "t1", "t2", "t3"],
+        MarkKind::Cylinder => &["top"],
+        MarkKind::Circle => &["centre"],
+        MarkKind::Person => &["foot", "head"],
+        MarkKind::Grid => &["0,0", "6,0", "0,3", "6,3"],
+    }
+}
+
+fn seen(mark: &Mark, hands: &mut [(&str, Hand)]) -> Vec<MarkSeen> {
+    let shape = mark.shape();
+    let mut seen = Vec::new();
+    for name in names(mark.kind) {
+        let Some(point) = shape.point(name) else { continue };
+        for (id, hand) in hands.iter_mut() {
+            // The middle of a thing is seen through its own side.
+            let slack = if matches!(mark.kind, MarkKind::Box | MarkKind::Grid) { 0.03 } else { SLACK };
+            if !visible(&hand.camera, hand.size, point, slack) {
+                continue;
+            }
+            if let Some(px) = hand.touch(point) {
+                seen.push(MarkSeen { camera: (*id).into(), point: (*name).into(), px });
+            }
+        }
+    }
+    seen
+}
 
 /// The demonstration site and what is true of it.
 #[derive(Clone, Debug)]

@@ -1,9 +1,102 @@
 //! How lines of every kind look. A new kind has its row here; no painter changes.
+//!
+//! Small signs on lines, so that colour never tells a kind alone. They have the size of the screen, not of
+//! the scene: a painter lays them on the line where it has drawn it.
 
 use calib_core::Kind;
 
 use crate::colour::Rgb;
-use crate::sign::{self, SQUARE, Sign};
+
+/// What a sign is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Form {
+    /// A line from point to point.
+    Stroke(&'static [[f64; 2]]),
+    /// A convex area.
+    Fill(&'static [[f64; 2]]),
+    /// A ring of this radius.
+    Ring(f64),
+    /// A disc of this radius.
+    Disc(f64),
+}
+
+/// Where on its line a part of a sign stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stand {
+    /// At its first point.
+    First,
+    /// In its middle.
+    Middle,
+    /// In its middle, turned about where needed so that it points down the image.
+    MiddleDown,
+    /// At its last point.
+    Last,
+}
+
+/// A sign: its parts, in points along the line and across it, to the right of its direction.
+pub type Sign = &'static [(Stand, Form)];
+
+pub(crate) const NONE: Sign = &[];
+pub(crate) const ARROW: Sign = &[(Stand::MiddleDown, Form::Fill(&[[4.0, 0.0], [-4.0, 4.0], [-4.0, -4.0]]))];
+pub(crate) const CHEVRONS: Sign = &[
+    (Stand::Middle, Form::Stroke(&[[-7.0, 4.0], [-3.0, 0.0], [-7.0, -4.0]])),
+    (Stand::Middle, Form::Stroke(&[[-2.0, 4.0], [2.0, 0.0], [-2.0, -4.0]])),
+];
+pub(crate) const SQUARE: Sign =
+    &[(Stand::Middle, Form::Stroke(&[[0.0, 0.0], [0.0, -10.0], [10.0, -10.0], [10.0, 0.0]]))];
+/// Beside the chevrons of a direction that is at right angles to another one.
+pub(crate) const SQUARE_BESIDE: Sign =
+    &[(Stand::Middle, Form::Stroke(&[[6.0, 0.0], [6.0, -8.0], [14.0, -8.0], [14.0, 0.0]]))];
+pub(crate) const TICKS: Sign = &[
+    (Stand::Middle, Form::Stroke(&[[-2.0, 5.0], [-2.0, -5.0]])),
+    (Stand::Middle, Form::Stroke(&[[2.0, 5.0], [2.0, -5.0]])),
+];
+pub(crate) const ENDS: Sign = &[
+    (Stand::First, Form::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
+    (Stand::Last, Form::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
+];
+pub(crate) const FOOT_AND_HEAD: Sign = &[(Stand::First, Form::Ring(7.0)), (Stand::Last, Form::Disc(5.0))];
+
+/// A part of a sign laid on a line, in the units of the drawing.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Laid {
+    /// A line.
+    Stroke(Vec<[f64; 2]>),
+    /// A convex area.
+    Fill(Vec<[f64; 2]>),
+    /// A ring: centre and radius.
+    Ring([f64; 2], f64),
+    /// A disc: centre and radius.
+    Disc([f64; 2], f64),
+}
+
+/// Lays a sign on the line from `a` to `b` of a drawing in which a point of the screen is `scale` long.
+#[must_use]
+pub fn lay(sign: Sign, [a, b]: [[f64; 2]; 2], scale: f64) -> Vec<Laid> {
+    let by = [b[0] - a[0], b[1] - a[1]];
+    let size = scale / by[0].hypot(by[1]).max(1.0);
+    sign.iter().map(|&(stand, form)| lay_part(stand, form, [a, b], size, scale)).collect()
+}
+
+fn lay_part(stand: Stand, form: Form, [a, b]: [[f64; 2]; 2], size: f64, scale: f64) -> Laid {
+    let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+    let turn = if stand == Stand::MiddleDown && dy < 0.0 { -1.0 } else { 1.0 };
+    let about = match stand {
+        Stand::First => a,
+        Stand::Middle | Stand::MiddleDown => [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])],
+        Stand::Last => b,
+    };
+    let at = |[along, across]: [f64; 2]| {
+        let (along, across) = (turn * along, turn * across);
+        [about[0] + size * (along * dx - across * dy), about[1] + size * (along * dy + across * dx)]
+    };
+    match form {
+        Form::Stroke(points) => Laid::Stroke(points.iter().map(|&point| at(point)).collect()),
+        Form::Fill(points) => Laid::Fill(points.iter().map(|&point| at(point)).collect()),
+        Form::Ring(radius) => Laid::Ring(about, scale * radius),
+        Form::Disc(radius) => Laid::Disc(about, scale * radius),
+    }
+}
 
 /// A row of the table.
 #[derive(Clone, Copy, Debug)]
@@ -26,13 +119,13 @@ pub const KIND_LOOKS: [KindLook; calib_core::single::KINDS.len()] = {
         KindLook { kind, colour: Rgb::hex(colour), on_light: Rgb::hex(on_light), dash: &[], sign }
     }
     [
-        row(Kind::Vertical, [0x5BB8F5, 0x0B76B8], sign::ARROW),
-        row(Kind::Parallel, [0xFFB020, 0xA86B00], sign::CHEVRONS),
+        row(Kind::Vertical, [0x5BB8F5, 0x0B76B8], ARROW),
+        row(Kind::Parallel, [0xFFB020, 0xA86B00], CHEVRONS),
         row(Kind::Perpendicular, [0x38D391, 0x0B8A55], SQUARE),
-        row(Kind::EqualLength, [0xF48FC3, 0xB83A80], sign::TICKS),
-        row(Kind::KnownLength, [0xF2DF4A, 0x857300], sign::ENDS),
-        row(Kind::Straight, [0xEEF1F4, 0x3C444C], sign::NONE),
-        row(Kind::Upright, [0xFF7F57, 0xC4401B], sign::FOOT_AND_HEAD),
+        row(Kind::EqualLength, [0xF48FC3, 0xB83A80], TICKS),
+        row(Kind::KnownLength, [0xF2DF4A, 0x857300], ENDS),
+        row(Kind::Straight, [0xEEF1F4, 0x3C444C], NONE),
+        row(Kind::Upright, [0xFF7F57, 0xC4401B], FOOT_AND_HEAD),
     ]
 };
 
@@ -47,6 +140,32 @@ impl KindLook {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sign_stays_by_its_line_and_grows_with_the_drawing() {
+        let (a, b) = ([100.0, 50.0], [160.0, 130.0]);
+        for look in &KIND_LOOKS {
+            for scale in [1.0, 3.0] {
+                for part in lay(look.sign, [a, b], scale) {
+                    let (Laid::Stroke(points) | Laid::Fill(points)) = part else { continue };
+                    for [x, y] in points {
+                        let beside = [a, b, [130.0, 90.0]].map(|[u, v]| (x - u).hypot(y - v));
+                        assert!(beside.iter().any(|&far| far < 15.0 * scale), "{:?}", look.kind);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_arrow_of_a_vertical_points_down_however_it_was_drawn() {
+        let ends = [[10.0, 90.0], [12.0, 10.0]];
+        for [a, b] in [ends, [ends[1], ends[0]]] {
+            let [Laid::Fill(points)] = &lay(ARROW, [a, b], 1.0)[..] else { panic!("one area") };
+            let tip = points[0];
+            assert!(points.iter().all(|point| point[1] <= tip[1]));
+        }
+    }
 
     #[test]
     fn every_kind_has_its_row_and_a_colour_of_its_own() {

@@ -21,11 +21,9 @@
 //! ```
 
 mod colour;
-mod sign;
 mod kind;
-mod meaning;
-mod look;
 mod item;
+mod look;
 mod scene;
 mod agreement;
 mod image;
@@ -34,10 +32,8 @@ mod plan;
 pub use agreement::{Element, Sighting, View, elements};
 pub use colour::Rgb;
 pub use image::{ImageLayer, ImageView, Signs, extension, guide, horizon, metres, on_image, reach, seen};
-pub use item::{Geometry, Item};
-pub use kind::{KIND_LOOKS, KindLook};
+pub use item::{Geometry, Item, Line, Meaning, Sighted};
+pub use kind::{Form, KIND_LOOKS, KindLook, Laid, Sign, Stand, lay};
 pub use look::{LINE, Look, Outline};
-pub use meaning::{Line, Meaning, Sighted};
 pub use plan::{PlanLayer, PlanView, cone_corners, on_plan};
 pub use scene::Scene;
-pub use sign::{Form, Laid, Sign, Stand, lay};

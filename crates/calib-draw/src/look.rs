@@ -1,8 +1,8 @@
 //! How every meaning looks: colour, width, dash. Painters turn it into theirs.
 
 use crate::colour::Rgb;
+use crate::item::{Line, Meaning, Sighted};
 use crate::kind::KindLook;
-use crate::meaning::{Line, Meaning, Sighted};
 
 /// What lies under a line, so that it is legible on any ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use calib_core::floor::{position_ellipse, view_angle};
 
 use crate::agreement::{Element, elements};
 use crate::item::{Geometry, Item};
-use crate::meaning::{Meaning, Sighted};
+use crate::item::{Meaning, Sighted};
 use crate::scene::Scene;
 
 /// What can be drawn on a plan.

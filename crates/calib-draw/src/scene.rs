@@ -1,7 +1,6 @@
 //! Where a painter's site and its results are kept: in a file, or in solves that go on.
 
 use calib_core::{Camera, Plane};
-
 use calib_site::{Site, Solution, Stage};
 
 /// A site and what is known of its cameras.

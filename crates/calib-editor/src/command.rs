@@ -3,7 +3,7 @@
 //! The groups of the table are enums of their own, so that whoever acts on a group names every command in it:
 //! a command is added by its row here and its arm where its group is acted on.
 
-use crate::input::{Key, Modifiers, Shortcut};
+use crate::keys::{Key, Modifiers, Shortcut};
 use crate::tools::TOOLS;
 
 /// A row of the list.

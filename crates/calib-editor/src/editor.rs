@@ -12,7 +12,7 @@ use crate::family::Family;
 use crate::images::Images;
 use crate::newer::Newer;
 use crate::period::Period;
-use crate::preview::Preview;
+use crate::proposed::Preview;
 use crate::session::Session;
 use crate::tools::{TOOLS, Tool};
 

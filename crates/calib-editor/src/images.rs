@@ -1,4 +1,10 @@
 //! The images of a site: files beside it, or bytes in a store by id.
+//!
+//! Stills as plain pixels.
+//!
+//! From where images of a site are read without asking.
+//!
+//! What the name of a file tells of what is in it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -7,8 +13,68 @@ use std::sync::{Arc, Mutex, PoisonError};
 use base64::Engine as _;
 use calib_input::relative;
 use calib_site::Site;
+use image::RgbImage;
 
-use crate::reach::Reach;
+/// Whether a name has this ending, in capitals or not.
+#[must_use]
+pub fn has_ending(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
+}
+
+/// Whether a name ends like an image that can be read.
+#[must_use]
+pub fn is_image(path: &Path) -> bool {
+    ["png", "jpg", "jpeg"].iter().any(|ending| has_ending(path, ending))
+}
+
+/// The part of a path after its last separator, whichever system wrote it.
+#[must_use]
+pub fn base(name: &str) -> &str {
+    name.rsplit(['/', '\\']).next().unwrap_or(name)
+}
+
+/// What a camera is called whose still is this file: the file's stem, unless that is but a number, as programs
+/// that cut videos give; then the folder tells more.
+#[must_use]
+pub fn camera_name(path: &Path) -> String {
+    let text = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
+    let stem = text(path.file_stem()).unwrap_or_default();
+    let words = ["frame", "image", "img", "still", "snapshot", "snap", "shot", "pic", "picture"];
+    let rest = stem.trim_matches(|c: char| c.is_ascii_digit() || "_- .()".contains(c)).to_lowercase();
+    let says_nothing = rest.is_empty() || words.contains(&rest.as_str());
+    let folder = text(path.parent().and_then(Path::file_name));
+    folder.filter(|folder| says_nothing && !folder.is_empty()).unwrap_or(stem)
+}
+
+/// The type of an image of this name.
+#[must_use]
+pub fn mime(name: &str) -> &'static str {
+    if name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" }
+}
+
+/// The folder of a site, and the files elsewhere that its operator chose or allowed. Whoever made a site file may
+/// name any picture of this machine in it, and would see that in what is handed back.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Reach {
+    /// The folder of the site; of a site that has no file yet, none.
+    pub folder: Option<PathBuf>,
+    /// Files elsewhere, without links in their paths.
+    pub allowed: BTreeSet<PathBuf>,
+}
+
+impl Reach {
+    /// Whether a file is within it. `real` tells where a path leads once every link is followed; none where it
+    /// leads nowhere.
+    #[must_use]
+    pub fn holds(&self, file: &Path, real: impl Fn(&Path) -> Option<PathBuf>) -> bool {
+        let Some(file) = real(file) else { return false };
+        // The folder of a file that is named without one is the current one.
+        let of_site = self.folder.as_deref();
+        let folder =
+            of_site.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
+        self.allowed.contains(&file) || folder.and_then(real).is_some_and(|folder| file.starts_with(folder))
+    }
+}
 
 const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::STANDARD;
 /// Prefix of the ids of stored images in the site as the app holds it.
@@ -284,10 +350,50 @@ pub fn parse(text: &str, folder: Option<PathBuf>) -> FileResult<(Site, Images)> 
     Ok((site, images))
 }
 
+/// Turns bytes into an image, upright as its EXIF data says.
+///
+/// # Errors
+/// When the bytes are no image, or one too large.
+pub fn decode(bytes: &[u8]) -> Result<RgbImage, String> {
+    calib_input::decode(bytes).map_err(|error| error.to_string())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use calib_site::SiteCamera;
+
+    use super::*;
+
+    #[test]
+    fn a_camera_is_called_by_what_tells_it_from_the_others() {
+        let called = |path: &str| camera_name(Path::new(path));
+        assert_eq!(called("/site/yard-north/0000.png"), "yard-north");
+        assert_eq!(called("/site/yard-south/frame_0001.jpg"), "yard-south");
+        assert_eq!(called("/site/yard-north.png"), "yard-north");
+        assert_eq!(called("0000.png"), "0000");
+    }
+
+    /// A disk on which `/site/link.png` leads elsewhere.
+    fn real(path: &Path) -> Option<PathBuf> {
+        match path.to_str()? {
+            "/site/link.png" | "/site/../private.png" => Some("/private.png".into()),
+            "/site/gone.png" => None,
+            other => Some(other.into()),
+        }
+    }
+
+    #[test]
+    fn what_leads_out_of_the_folder_is_out_of_reach_until_it_is_allowed() {
+        let mut reach = Reach { folder: Some("/site".into()), ..Reach::default() };
+        let holds = |reach: &Reach, path: &str| reach.holds(Path::new(path), real);
+        assert!(holds(&reach, "/site/a.png") && holds(&reach, "/site/stills/a.png"));
+        for out in ["/site/link.png", "/site/../private.png", "/siteless/a.png", "/site/gone.png"] {
+            assert!(!holds(&reach, out), "{out}");
+        }
+        reach.allowed.insert("/private.png".into());
+        assert!(holds(&reach, "/site/link.png") && holds(&reach, "/private.png"));
+        assert!(!holds(&Reach::default(), "/a.png"), "what has no folder reaches what was chosen alone");
+    }
 
     fn site() -> Site {
         let mut camera = SiteCamera::new("a", [4, 3]);
@@ -312,5 +418,10 @@ mod tests {
         assert_eq!(images.reader("a.png").made_by_name(), None);
         let sent = images.put_into(&site, None);
         assert_eq!(sent.cameras[0].image.as_deref(), Some("data:image/jpeg;base64,/9j/"));
+    }
+
+    #[test]
+    fn what_is_no_image_is_an_error() {
+        assert!(decode(b"not an image").is_err());
     }
 }

@@ -12,7 +12,7 @@ use calib_image::{Became, Comparison};
 use calib_input::time_in_name;
 use calib_site::{Recovered, Site, SiteCamera};
 
-use crate::file_name::camera_name;
+use crate::images::camera_name;
 use crate::session::Session;
 
 /// A newer still of a camera.

@@ -1,20 +1,20 @@
 //! The open site with its verbs: begin and end gestures, undo, select, solve.
+//!
+//! How often is solved: once in a frame where it takes long, so that there is always a frame.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use calib_core::{Camera, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
-
 use calib_core::outcome::Drawing;
-
+use calib_core::{Camera, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
 use calib_site::{Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warning};
 
 use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
 use crate::joint::{Joint, forget_results, same_input};
-use crate::preview;
+use crate::proposed;
 use crate::proposed::Proposed;
 use crate::refine::rounded;
 use crate::solved::{Solved, keep_polygon};
@@ -156,7 +156,7 @@ impl Session {
     /// The camera in hand as a proposal begins: nothing drawn, and its lens given where it is known by now.
     #[must_use]
     pub fn undrawn(&self) -> Option<SiteCamera> {
-        Some(preview::undrawn(self.entry()?, self.pose()))
+        Some(proposed::undrawn(self.entry()?, self.pose()))
     }
 
     /// What was proposed for a camera that is gone, or for another still, is gone too.
@@ -396,4 +396,38 @@ pub fn corners_of(camera: &SiteCamera) -> Vec<Pixel> {
     drawn.unwrap_or_else(|| {
         [[0.1, 0.98], [0.9, 0.98], [0.8, 0.7], [0.2, 0.7]].map(|[x, y]| Pixel::new(x * w, y * h)).to_vec()
     })
+}
+
+/// So many milliseconds are nothing, even many times in a frame.
+const NOTHING: f64 = 2.0;
+
+impl Session {
+    /// A frame begins: from now on what takes long is solved once in every frame, whatever comes in.
+    pub(crate) fn begin_frame(&mut self) {
+        self.solves_left = Some(1);
+    }
+
+    /// Solves, unless that took long and was done in this frame already. Whether it was not put off.
+    pub(crate) fn solve_in_frame(&mut self) -> bool {
+        if self.solves_left == Some(0) && self.solved.milliseconds > NOTHING {
+            return false;
+        }
+        if self.solve() {
+            self.solves_left = self.solves_left.map(|left| left.saturating_sub(1));
+        }
+        true
+    }
+
+    /// Solves what was put off when a gesture ended; what follows from it becomes a part of that gesture.
+    pub(crate) fn catch_up(&mut self) {
+        // While the next gesture is under way, its end catches up with both.
+        if !self.is_put_off || !self.history.is_at(&self.site) {
+            return;
+        }
+        self.is_put_off = false;
+        self.solve();
+        self.refine_on_the_way();
+        self.history.amend(&self.site);
+        self.settle();
+    }
 }

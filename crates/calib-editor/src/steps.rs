@@ -1,12 +1,48 @@
 //! The steps of one camera, and what each still needs.
+//!
+//! What a warning of the site as a whole is about, so that it can be shown.
 
-use calib_core::{Code, Kind, Parameter, Severity, Subject};
-
+use calib_core::outcome::WhyNotConnected;
 use calib_core::single::straightness_rms;
-
-use calib_site::{Stage, counted};
+use calib_core::{Code, Finding, Kind, Parameter, Severity, Subject};
+use calib_site::{Names, Report, Site, Stage, Warning, counted};
 
 use crate::session::Session;
+
+/// What a warning that a joint solve gave the site is about. The results of one come as a document, which has the
+/// words alone: of the findings that its numbers allow, it is the one that is told in these words.
+#[must_use]
+pub fn site_subject(site: &Site, report: &Report, warning: &Warning) -> Option<Subject> {
+    let told = |finding: &Finding| {
+        finding.code() == warning.code && site.in_english(None, finding, Names::InFile) == *warning
+    };
+    possible(site, report).find(told).map(|finding| finding.subject())
+}
+
+/// The findings that a report of this site may have told.
+fn possible<'a>(site: &'a Site, report: &'a Report) -> impl Iterator<Item = Finding> + 'a {
+    let index = |id: &String| site.cameras.iter().position(|camera| camera.id == *id);
+    let links = report.links.iter().enumerate().map(|(i, found)| (Subject::Link(i), found));
+    let marks = report.marks.iter().enumerate().map(|(i, found)| (Subject::Mark(i), found));
+    let elements = links.chain(marks).filter_map(move |(element, found)| {
+        let seen = found.as_ref()?.residuals.iter().filter(|seen| seen.outlier);
+        let worst = seen.max_by(|a, b| a.px.total_cmp(&b.px))?;
+        Some(Finding::ElementOutlier { element, worst: Some((index(&worst.camera)?, worst.px)) })
+    });
+    let distances = (0..site.distances.len()).map(|distance| Finding::DistanceOutlier { distance });
+    let sliding = (0..site.cameras.len()).map(|camera| Finding::Sliding { camera });
+    let components = report.site.components.iter().map(move |ids| ids.iter().filter_map(index).collect());
+    let of_components = components.flat_map(|cameras: Vec<usize>| {
+        let why = [WhyNotConnected::TooLittle, WhyNotConnected::Placed, WhyNotConnected::Alone];
+        let apart = why.map(|why| Finding::NotConnected { cameras: cameras.clone(), why });
+        let unscaled = cameras
+            .clone()
+            .into_iter()
+            .map(move |root| Finding::ScaleUnknown { cameras: cameras.clone(), root });
+        apart.into_iter().chain(unscaled).collect::<Vec<_>>()
+    });
+    elements.chain(distances).chain(sliding).chain(of_components)
+}
 
 /// A step.
 #[derive(Clone, Debug)]
@@ -45,7 +81,7 @@ fn doubted(session: &Session, camera: usize) -> Vec<&'static str> {
         Some(row) if row.is_level() => vec![FLOOR_LINES],
         _ => vec![LENS],
     };
-    let of = |warning: &calib_site::Warning| match session.solved.finding(&session.site, camera, warning) {
+    let of = |warning: &Warning| match session.solved.finding(&session.site, camera, warning) {
         Some(finding) => match finding.subject() {
             Subject::Line(line) if warning.code == Code::Outlier => of_annotation(line.annotation),
             Subject::Lens => vec![LENS],
@@ -111,9 +147,8 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
     let edges = drawn(session, camera, Kind::Straight).0;
     let solution = session.solved.solution(camera);
     let is_fitted = solution.is_some_and(|solution| solution.distortion.is_some());
-    let says_little = |warnings: &[calib_site::Warning]| {
-        warnings.iter().any(|warning| warning.code == Code::UninformativePolyline)
-    };
+    let says_little =
+        |warnings: &[Warning]| warnings.iter().any(|warning| warning.code == Code::UninformativePolyline);
     let is_vague = like.is_none() && solution.is_some_and(|solution| says_little(&solution.warnings));
     let drawn = counted(edges, "straight edge", "straight edges");
     if let Some(px) = bent_px(session, camera) {

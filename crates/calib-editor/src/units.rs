@@ -1,6 +1,14 @@
 //! Lengths on screen: metres, or feet. In the site they are metres.
+//!
+//! Numbers as the screen writes them.
 
-use crate::number::number;
+/// A number with so many digits and a real minus.
+#[must_use]
+pub fn number(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let is_zero = text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.');
+    if is_zero { text.replace('-', "") } else { text.replace('-', "\u{2212}") }
+}
 
 /// What lengths are shown and typed in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

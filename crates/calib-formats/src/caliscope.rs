@@ -3,8 +3,8 @@
 //!
 //! Pixels count from the centre of the first one, as in OpenCV.
 
-use crate::error::FormatError;
 use crate::file::File;
+use crate::file::FormatError;
 use crate::given::{Given, Imported, site_and_rest, unskewed};
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax};

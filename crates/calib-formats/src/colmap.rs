@@ -7,12 +7,12 @@ use std::fmt::Write as _;
 
 use calib_core::{BrownConrady, Distortion};
 
-use crate::error::{FormatError, Problem, quoted};
 use crate::export::{Export, Scene, UNSEEN, rounded_up};
 use crate::file::File;
+use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
+use crate::fisheye::{from_quaternion, quaternion};
 use crate::given::{Given, Imported, site_of};
-use crate::rotation::{from_quaternion, quaternion};
 use crate::tree::{digits, joined};
 use crate::view::{Terms, View};
 

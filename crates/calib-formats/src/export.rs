@@ -1,7 +1,6 @@
 //! What an export gives: files, and what the format could not hold.
 
 use calib_core::DistortionModel;
-
 use calib_site::Site;
 
 use crate::file::File;

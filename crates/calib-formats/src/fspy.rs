@@ -4,8 +4,8 @@
 //! Camera to world, a camera's axes right, up, back. Its principal point is relative: x and y up from
 //! the middle of the image, the longer side from -1 to 1.
 
-use crate::error::{FormatError, Problem};
 use crate::file::File;
+use crate::file::{FormatError, Problem};
 use crate::given::{Given, Imported, site_and_rest};
 use crate::tree::{Node, Syntax};
 

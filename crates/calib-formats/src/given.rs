@@ -1,15 +1,12 @@
 //! A camera as a file gives it, turned into an entry of a site, with everything checked on the way.
 
-use calib_core::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
-
 use calib_core::camera::angles_from_rotation;
-
 use calib_core::single::Known;
-
+use calib_core::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use calib_site::{ControlPointEntry, DistortionEntry, LensEntry, Method, Site, SiteCamera, Solution, Stage};
 
-use crate::error::{FormatError, Problem, quoted};
-use crate::rotation::{Rotation, is_rotation, transposed, turned};
+use crate::file::{FormatError, Problem, quoted};
+use crate::fisheye::{Rotation, is_rotation, transposed, turned};
 
 /// What was read.
 #[derive(Clone, Debug)]

@@ -10,12 +10,12 @@ use calib_core::Distortion;
 
 use calib_core::camera::Coefficient;
 
-use crate::error::{FormatError, quoted};
 use crate::export::{Export, Scene};
 use crate::file::File;
+use crate::file::{FormatError, quoted};
+use crate::fisheye::turned;
 use crate::given::{Given, Imported, site_and_rest};
 use crate::opencv::distortion;
-use crate::rotation::turned;
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
 

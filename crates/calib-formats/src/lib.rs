@@ -9,16 +9,14 @@
 //! counted from the corner of the image. Every format converts at its own border, and says there what
 //! its readers count from.
 
-mod error;
 mod file;
-mod rotation;
+mod fisheye;
 mod tree;
 mod view;
 mod export;
 mod planes;
 mod given;
 mod remap;
-mod fisheye;
 mod opencv;
 mod ros;
 mod colmap;
@@ -46,9 +44,8 @@ use calib_site::Site;
 
 use crate::export::Scene;
 
-pub use error::{FormatError, Problem};
 pub use export::{Export, Loss};
-pub use file::{File, MAX_BYTES, MAX_FILES};
+pub use file::{File, FormatError, MAX_BYTES, MAX_FILES, Problem};
 pub use given::Imported;
 pub use planes::OfPlanes;
 pub use registry::{FORMATS, Format, format};
@@ -65,7 +62,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     let first = format.extensions.first().copied().unwrap_or_default();
     let asked = options.extension.as_deref().unwrap_or(first);
     let extension = format.extensions.iter().find(|known| **known == asked).ok_or_else(|| {
-        FormatError::expected(format.name, error::quoted(asked), format.extensions.join(", "))
+        FormatError::expected(format.name, file::quoted(asked), format.extensions.join(", "))
     })?;
     let (views, unsolved) = view::views(site, options);
     if views.is_empty() {

@@ -6,11 +6,11 @@
 use calib_core::{BrownConrady, Distortion};
 use serde_json::{Value, json};
 
-use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
+use crate::file::FormatError;
+use crate::fisheye::turned;
 use crate::given::{Given, Imported, Pose, site_and_rest};
-use crate::rotation::turned;
 use crate::tree::{Node, Syntax, pretty};
 use crate::view::{Terms, View};
 

@@ -7,9 +7,9 @@
 use calib_core::{FloorPoint, Pixel, WorldPoint};
 use serde_json::{Value, json};
 
-use crate::error::{FormatError, Problem};
 use crate::export::{Export, Scene};
 use crate::file::File;
+use crate::file::{FormatError, Problem};
 use crate::given::{Given, Imported, control_point, decomposed, imported, site_and_rest, unskewed};
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;

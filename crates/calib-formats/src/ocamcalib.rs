@@ -6,9 +6,9 @@
 //! on which a0 is, as a rule below 0. Rows and columns count from the centre
 //! of the first pixel. It becomes the Kannala-Brandt lens nearest to it, which may be off by a pixel at most.
 
-use crate::error::{FormatError, Problem};
 use crate::export::rounded_up;
 use crate::file::File;
+use crate::file::{FormatError, Problem};
 use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
 use crate::given::{Given, Imported, site_and_rest};
 use crate::tree::digits;
@@ -68,7 +68,7 @@ fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
         let number = |word: &str| word.parse::<f64>().ok().filter(|value| value.abs() <= 1e12);
         let numbers: Option<Vec<f64>> = text.split_whitespace().take(MOST_TERMS + 2).map(number).collect();
         let numbers = numbers.ok_or_else(|| {
-            FormatError::expected(&place, crate::error::quoted(text), "numbers between -1e12 and 1e12")
+            FormatError::expected(&place, crate::file::quoted(text), "numbers between -1e12 and 1e12")
         })?;
         Ok(Line { place, numbers })
     };

@@ -6,11 +6,11 @@
 use calib_core::{BrownConrady, Distortion};
 use serde_json::{Map, Value, json};
 
-use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
+use crate::file::FormatError;
+use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Given, Imported, site_and_rest, unskewed};
-use crate::rotation::{from_rodrigues, rodrigues};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
 

@@ -2,9 +2,9 @@
 
 use calib_core::DistortionModel;
 
-use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
+use crate::file::FormatError;
 use crate::given::Imported;
 use crate::planes::OfPlanes;
 use crate::{

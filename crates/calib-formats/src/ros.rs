@@ -2,9 +2,9 @@
 //!
 //! Pixels count from the centre of the first one, as in OpenCV.
 
-use crate::error::FormatError;
 use crate::export::{Export, Scene};
 use crate::file::File;
+use crate::file::FormatError;
 use crate::given::{Given, Imported, site_and_rest, unskewed};
 use crate::opencv::{distortion, is_fisheye};
 use crate::tree::{Node, Syntax, joined, quote};

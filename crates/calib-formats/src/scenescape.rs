@@ -6,7 +6,7 @@
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
-use crate::rotation::{quaternion, transposed};
+use crate::fisheye::{quaternion, transposed};
 use crate::tree::pretty;
 use crate::view::{Terms, View};
 

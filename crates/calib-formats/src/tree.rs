@@ -7,8 +7,8 @@ use std::rc::Rc;
 use saphyr::{LoadableYamlNode as _, Scalar, Yaml};
 use serde_json::{Map, Number, Value};
 
-use crate::error::{FormatError, Problem, quoted};
 use crate::file::File;
+use crate::file::{FormatError, Problem, quoted};
 
 /// Largest text that becomes a tree, in bytes: a value takes many times the room of its text.
 const MAX_TREE_BYTES: usize = 16 << 20;

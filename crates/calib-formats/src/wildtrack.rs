@@ -3,12 +3,12 @@
 //! Undistorted images, world to camera, Rodrigues, centimetres; `OpenCV`'s pixels: the principal point
 //! is ours minus 0.5.
 
-use crate::error::{FormatError, Problem};
 use crate::export::{Export, Scene};
 use crate::file::File;
+use crate::file::{FormatError, Problem};
+use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Given, Imported, Pose, site_and_rest, unskewed};
 use crate::opencv::{distortion, matrix_xml};
-use crate::rotation::{from_rodrigues, rodrigues};
 use crate::tree::{Node, Syntax, joined};
 
 /// Centimetres in a metre.

@@ -8,8 +8,8 @@ use calib_core::PlanPixel;
 
 use calib_site::{Plan, Site};
 
-use crate::error::{FormatError, Problem, quoted};
 use crate::file::File;
+use crate::file::{FormatError, Problem, quoted};
 use crate::given::Imported;
 
 /// Pixels of ordinary pictures, by the extension of the world file.

@@ -13,25 +13,20 @@
 //!   of the floor;
 //! - `turn` where a camera that turned and zoomed shows its old pixels; `edge_offset`, `turn_equations`, `turn_fit` the turn that edges say together.
 
-mod sighting;
-mod stature;
 mod normal_equations;
-mod heights;
+mod stature;
 mod tracks;
 mod moments;
 mod windows;
 mod pairs;
-mod series;
-mod change;
 mod watch;
 mod views;
 mod walk;
 mod zones;
+#[cfg(test)]
+mod tests;
 
-pub use sighting::Sighting;
+pub use stature::Sighting;
 pub use walk::{Disagreement, Walk, WalkMoment, WalkResult};
 pub use watch::{CameraHealth, Change, HeightThen, Memory, Verdict, Watch};
 pub use zones::{Zone, Zones};
-
-#[cfg(test)]
-mod tests;

@@ -9,7 +9,7 @@
 //! H = (sum w f f' - k (sum w f) (sum w f)') / WITHIN^2,   g = (sum w f y - k (sum w f) (sum w y)) / WITHIN^2
 //! ```
 
-use crate::heights::{FEATURES, Heights, PACKED, packed};
+use crate::stature::{FEATURES, Heights, PACKED, packed};
 
 /// Spread of the logarithm of adults' heights, as a standard deviation.
 const BETWEEN: f64 = 0.06;

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, SMatrix, Vector2};
 
-use crate::sighting::Sighting;
+use crate::stature::Sighting;
 use calib_core::camera::{Camera, Covariance, Pixel};
 
 /// Errors of a camera: place, angles and focal.

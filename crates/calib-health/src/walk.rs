@@ -11,7 +11,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
-use crate::sighting::Sighting;
+use crate::stature::Sighting;
 use crate::views::{ERRORS, Errors, View, interpolated, of_one, place_of, view};
 use calib_core::camera::{Camera, FloorPoint};
 use calib_core::optimize::two_sided_quantile;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::heights::Heights;
 use crate::moments::Moments;
+use crate::stature::Heights;
 
 /// Most windows; where there would be more, every two become one.
 pub(crate) const MOST: usize = 192;

@@ -14,12 +14,9 @@
 //! ```
 
 // A file uses only those above it.
-mod segment;
 mod line_segment;
 pub mod edges;
 mod pull;
-mod pull_curve;
-mod measure;
 mod image_circle;
 mod proposal;
 mod compare;
@@ -28,11 +25,8 @@ pub use compare::{
     Became, Comparison, EdgeOffset, Estimated, OtherSize, Refusal, STEP, TONE, TurnFit, Uncompared,
     drawn_edges, recovered,
 };
-pub use edges::Edge;
+pub use edges::{Edge, line_segments};
 pub use image_circle::image_circle;
-pub use line_segment::LineSegment;
-pub use measure::line_segments;
+pub use line_segment::{LineSegment, to_segment};
 pub use proposal::{Alternative, Group, Lies, Proposal, Reason, Still, Verdict, joined};
-pub use pull::{RADIUS, pull, pull_line};
-pub use pull_curve::pull_drawn;
-pub use segment::to_segment;
+pub use pull::{RADIUS, pull, pull_drawn, pull_line};

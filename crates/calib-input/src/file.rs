@@ -1,11 +1,71 @@
 //! A file that is read whole, if it is one and not too long.
+//!
+//! Memory that is asked for before it is taken.
+//!
+//! A document of JSON, told from the other files that are handed over in its place.
 
 use std::fmt;
 use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::Path;
 
-use crate::memory::{OutOfMemory, reserved};
+/// A file that is no document, by what it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotADocument(&'static str);
+
+impl fmt::Display for NotADocument {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "is {}, expected a site file: JSON text that begins with {{", self.0)
+    }
+}
+
+impl std::error::Error for NotADocument {}
+
+/// What files of other kinds begin with.
+const BEGINNINGS: [(&[u8], &str); 9] = [
+    (b"\x89PNG", "a PNG image"),
+    (b"\xff\xd8\xff", "a JPEG image"),
+    (b"RIFF", "a WebP image or a video"),
+    (b"PAR1", "a Parquet table"),
+    (b"ARROW1", "an Arrow table"),
+    (b"SQLite format 3", "an SQLite database"),
+    (b"PK\x03\x04", "a ZIP archive"),
+    (b"\x1f\x8b", "a gzip archive"),
+    (b"%PDF", "a PDF document"),
+];
+
+/// The text of a file that holds an object of JSON, as far as its first character tells; without the mark of byte order
+/// that some editors write.
+///
+/// # Errors
+/// What the file is in its place.
+pub fn document(bytes: Vec<u8>) -> Result<String, NotADocument> {
+    if let Some((_, what)) = BEGINNINGS.iter().find(|(beginning, _)| bytes.starts_with(beginning)) {
+        return Err(NotADocument(what));
+    }
+    let mut text = String::from_utf8(bytes).map_err(|_| NotADocument("no text"))?;
+    if text.starts_with('\u{feff}') {
+        text.drain(..'\u{feff}'.len_utf8());
+    }
+    match of_text(&text) {
+        Some(what) => Err(NotADocument(what)),
+        None => Ok(text),
+    }
+}
+
+/// What a text is that is no object of JSON.
+fn of_text(text: &str) -> Option<&'static str> {
+    let begin = text.trim_start();
+    let first = begin.lines().next().unwrap_or_default();
+    match begin.chars().next() {
+        Some('{') => None,
+        None => Some("empty"),
+        Some('[') => Some("a JSON list"),
+        Some('<') => Some("XML or HTML"),
+        _ if [',', ';', '\t'].iter().any(|&separator| first.contains(separator)) => Some("a table (CSV)"),
+        _ => Some("other text"),
+    }
+}
 
 /// Why a file is not read.
 #[derive(Debug)]
@@ -92,9 +152,61 @@ fn kind(about: &Metadata) -> &'static str {
     "neither a file nor a folder"
 }
 
+/// There is not as much memory as is needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutOfMemory {
+    /// What was asked for, in bytes.
+    pub bytes: u64,
+}
+
+impl fmt::Display for OutOfMemory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "needs {} MiB of memory, more than there is", self.bytes >> 20)
+    }
+}
+
+impl std::error::Error for OutOfMemory {}
+
+/// Whether so many bytes are there to be taken: a library that takes them without asking would end the
+/// whole program. Where the system promises more than it has, this is its promise.
+///
+/// # Errors
+/// When they are not.
+pub fn room_for(bytes: u64) -> Result<(), OutOfMemory> {
+    reserved(bytes).map(drop)
+}
+
+/// An empty buffer with room for so many bytes.
+pub(crate) fn reserved(bytes: u64) -> Result<Vec<u8>, OutOfMemory> {
+    let mut buffer = Vec::new();
+    let count = usize::try_from(bytes).map_err(|_| OutOfMemory { bytes })?;
+    buffer.try_reserve_exact(count).map_err(|_| OutOfMemory { bytes })?;
+    Ok(buffer)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_object_is_a_document_and_anything_else_is_called_by_its_kind() {
+        assert_eq!(document(b"\xef\xbb\xbf \n{}".to_vec()).as_deref(), Ok(" \n{}"));
+        let others: [(&[u8], &str); 9] = [
+            (b"\x89PNG\r\n\x1a\n", "a PNG image"),
+            (b"PAR1\x15\x04", "a Parquet table"),
+            (b"\xff\xd8\xff\xe0", "a JPEG image"),
+            (b"u,v\n1,2\n", "a table (CSV)"),
+            (b"u\tv\n", "a table (CSV)"),
+            (b"[{}]", "a JSON list"),
+            (b"", "empty"),
+            (b"\xc3\x28", "no text"),
+            (b"hello", "other text"),
+        ];
+        for (bytes, what) in others {
+            let said = document(bytes.to_vec()).unwrap_err().to_string();
+            assert!(said.starts_with(&format!("is {what}, expected a site file")), "{said}");
+        }
+    }
 
     #[test]
     fn a_file_is_read_up_to_its_limit() {
@@ -114,5 +226,11 @@ mod tests {
             let device = read(Path::new("/dev/zero"), 10);
             assert!(matches!(device, Err(FileError::NotAFile("a device"))), "{device:?}");
         }
+    }
+
+    #[test]
+    fn what_no_machine_has_is_an_error() {
+        assert_eq!(room_for(u64::MAX), Err(OutOfMemory { bytes: u64::MAX }));
+        assert_eq!(room_for(1 << 20), Ok(()));
     }
 }

@@ -5,21 +5,14 @@
 //! end, and six hundred bytes can promise a picture of four thousand million pixels.
 
 mod clock;
-mod document;
 mod file;
-mod jpeg;
-mod memory;
-mod named;
+mod still;
 #[cfg(feature = "write")]
 mod part;
-mod relative;
-mod still;
 
-pub use document::{NotADocument, document};
-pub use file::{FileError, read, read_from};
-pub use memory::{OutOfMemory, room_for};
-pub use named::time_in_name;
+pub use clock::time_in_name;
+pub use file::{FileError, NotADocument, OutOfMemory, document, read, read_from, room_for};
+pub use part::relative;
 #[cfg(feature = "write")]
 pub use part::{NoPlace, Part, place};
-pub use relative::relative;
 pub use still::{StillError, decode, room_to_decode, size_of, taken};

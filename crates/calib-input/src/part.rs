@@ -1,9 +1,10 @@
 //! A file while it is written: nobody sees it before it is whole.
+//!
+//! Paths as they are seen from a folder.
 
-use std::fmt;
 use std::fs::File;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fmt, io};
 
 use tempfile::NamedTempFile;
 
@@ -141,10 +142,29 @@ fn open_to_others(path: &Path) {
     let _ = path;
 }
 
+/// `path` as seen from `folder`, with `/` between its parts; as it is where they share no root.
+#[must_use]
+pub fn relative(path: &Path, folder: &Path) -> String {
+    let parts = |path: &Path| -> Vec<String> {
+        path.components().map(|part| part.as_os_str().to_string_lossy().into_owned()).collect()
+    };
+    if path.is_absolute() != folder.is_absolute() {
+        return path.to_string_lossy().into_owned();
+    }
+    let (path_parts, folder_parts) = (parts(path), parts(folder));
+    let shared = path_parts.iter().zip(&folder_parts).take_while(|(a, b)| a == b).count();
+    if shared == 0 && path.is_absolute() {
+        return path.to_string_lossy().into_owned();
+    }
+    let up = std::iter::repeat_n("..".to_owned(), folder_parts.len() - shared);
+    up.chain(path_parts.into_iter().skip(shared)).collect::<Vec<_>>().join("/")
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::io::Write as _;
+
+    use super::*;
 
     fn write(path: &Path, text: &str) -> Result<(), Box<dyn std::error::Error>> {
         let place = place(path, true)?;
@@ -170,5 +190,11 @@ mod tests {
         assert_eq!(place(&dead, true), Err(NoPlace::DeadLink(dead.clone())));
         assert_eq!(place(&file, false), Err(NoPlace::Taken(file)));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn paths_are_relative_to_the_file() {
+        assert_eq!(relative(Path::new("/a/b/c.png"), Path::new("/a/d")), "../b/c.png");
+        assert_eq!(relative(Path::new("/a/d/c.png"), Path::new("/a/d")), "c.png");
     }
 }

@@ -4,8 +4,8 @@ use calib_core::{CameraView, Pixel};
 use js_sys::{Array, Float64Array};
 use wasm_bindgen::prelude::*;
 
+use crate::object::StreamOptions;
 use crate::object::{doubles, object, tuple};
-use crate::options::StreamOptions;
 use crate::undistorter::{Two, Undistorter, View};
 
 #[wasm_bindgen(typescript_custom_section)]

@@ -5,7 +5,6 @@
 
 mod object;
 mod point;
-mod options;
 mod undistorter;
 mod camera;
 mod mapping;
@@ -18,7 +17,7 @@ pub use undistorter::Undistorter;
 
 use wasm_bindgen::prelude::*;
 
-use crate::options::CalibrateOptions;
+use crate::object::CalibrateOptions;
 
 /// Calibrates a site file, and returns it with the solutions written into it.
 ///

@@ -11,7 +11,7 @@ use wasm_bindgen::prelude::*;
 use crate::camera::Camera;
 use crate::mapping::finite;
 use crate::object::doubles;
-use crate::options::{CalibrateOptions, CameraOptions, TimeOrOptions, Which, refused};
+use crate::object::{CalibrateOptions, CameraOptions, TimeOrOptions, Which, refused};
 use crate::point::{Finding, FloorPoint, Pixel};
 
 /// A site of cameras, as its file has it: what was drawn, and what was solved.

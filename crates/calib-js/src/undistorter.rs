@@ -6,8 +6,8 @@ use calib_core::floor::{Crop, StraightView};
 use js_sys::Uint8Array;
 use wasm_bindgen::prelude::*;
 
+use crate::object::refused;
 use crate::object::tuple;
-use crate::options::refused;
 
 #[wasm_bindgen]
 extern "C" {

@@ -8,8 +8,6 @@
 mod error;
 mod array;
 mod stream;
-mod finding;
-mod undistorter;
 mod camera;
 mod mapping;
 mod boxes;
@@ -26,15 +24,15 @@ mod _calib {
     #[pymodule_export]
     use super::camera::Camera;
     #[pymodule_export]
+    use super::camera::Undistorter;
+    #[pymodule_export]
     use super::error::CalibError;
     #[pymodule_export]
-    use super::finding::Finding;
+    use super::error::Finding;
     #[pymodule_export]
     use super::site::Site;
     #[pymodule_export]
     use super::stream::to_still;
-    #[pymodule_export]
-    use super::undistorter::Undistorter;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -12,8 +12,8 @@ use pyo3::types::{PyDict, PyString};
 
 use crate::array::{self, Pair};
 use crate::camera::Camera;
+use crate::error::Finding;
 use crate::error::{of_camera, of_site, refused};
-use crate::finding::Finding;
 
 /// A site of cameras, as its file has it: what was drawn, and what was solved.
 ///

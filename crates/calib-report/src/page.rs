@@ -9,13 +9,13 @@ use calib_core::single::line_name;
 use calib_site::{Site, SiteCamera, Solution, Stage};
 
 use crate::frame::{CLOSED, opened};
-use crate::lens::is_fitted;
 use crate::overlay::overlay;
 use crate::plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
 use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
 use crate::walk_page::WalkPage;
+use crate::words::is_fitted;
 use crate::words::{scene_errors, straight_down};
 
 /// A picture that the page shows.

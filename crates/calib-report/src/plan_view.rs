@@ -1,7 +1,6 @@
 //! A site seen from above: every camera with its EFOV on the floor plan.
 
 use calib_core::{FloorPoint, PlanPixel, PlanScale};
-
 use calib_draw::{
     Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, metres, on_plan as items_on_plan,
 };

@@ -1,10 +1,11 @@
 //! Words and numbers as the operator reads them.
+//!
+//! What is known of a lens, and whether it was found here.
 
 use std::fmt::Write as _;
 
-use calib_core::SceneErrors;
-
-use calib_site::{Solution, Stage};
+use calib_core::{Distortion, Lens, SceneErrors};
+use calib_site::{Method, SiteCamera, Solution, Stage};
 
 /// Names in a row, cut short: "a, b, c and 997 more".
 #[must_use]
@@ -79,6 +80,19 @@ pub fn straight_down(solution: &Solution) -> Option<String> {
         let _ = write!(text, "; the top of its image heads {heading} degrees, counted as yaw is");
     }
     Some(text)
+}
+
+/// The lens of a camera, which may be known where its pose is not.
+#[must_use]
+pub fn lens_of(entry: &SiteCamera) -> Lens {
+    entry.solution.as_ref().map_or_else(|| entry.lens(), Solution::lens)
+}
+
+/// Whether the lens of a camera was found from what is drawn on its image, or on that of its like.
+#[must_use]
+pub fn is_fitted(entry: &SiteCamera) -> bool {
+    let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);
+    solved && lens_of(entry).distortion != Distortion::None && entry.lens().distortion == Distortion::None
 }
 
 #[cfg(test)]

@@ -5,11 +5,11 @@ use std::collections::{HashMap, HashSet};
 
 use serde_json::value::RawValue;
 
-use crate::bounded_list::{MAX_CAMERAS, MAX_ITEMS};
 use crate::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixels, pointer_of};
-use crate::check_elements::check_elements;
-use crate::check_planes::{check_planes, plane_of};
-use crate::check_solution::{check_circle, check_distortion, check_solution};
+use crate::bounds::{MAX_CAMERAS, MAX_ITEMS};
+use crate::check_entries::check_elements;
+use crate::check_entries::{check_circle, check_distortion, check_solution};
+use crate::check_entries::{check_planes, plane_of};
 use crate::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
 use crate::period::check_periods;
 use crate::scene::SceneEntry;

@@ -5,7 +5,7 @@ use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::options::Options;
 use crate::pipeline::Report;
-use crate::shared_drawings::SharedDrawings;
+use crate::points_outside::SharedDrawings;
 
 /// The id of the camera whose lens a camera has.
 fn owner(camera: &SiteCamera) -> &str {

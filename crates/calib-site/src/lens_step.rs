@@ -7,10 +7,10 @@ use crate::lens_cache::LensCache;
 use crate::shared_lenses::SharedLenses;
 use crate::solution::DistortionEntry;
 use calib_core::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
+use calib_core::optimize::is_misfit;
 use calib_core::outcome::Finding;
 use calib_core::single::{
-    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, is_misfit, outermost,
-    straightness_rms,
+    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, outermost, straightness_rms,
 };
 
 /// The lens of a camera, and what its straight edges said.

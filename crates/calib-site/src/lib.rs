@@ -63,66 +63,53 @@
 //!
 //! `schema`: the JSON Schema of the site document.
 
-mod bounded_list;
-mod solution;
-mod site_solution;
-mod elements;
-mod scene;
-mod planes;
-mod document;
-mod surfaces;
-mod covariance_entry;
-mod conversions;
-mod efov;
-mod english;
-mod shared_drawings;
-mod points_outside;
-mod camera_result;
 mod site_error;
 mod bounds;
-mod check_planes;
-mod check_elements;
-mod check_solution;
-mod period;
-mod view;
-mod finding_entry;
-mod check;
+mod solution;
+mod site_solution;
+mod scene;
+mod document;
+mod conversions;
 mod options;
+mod english;
+mod camera_result;
+mod points_outside;
 mod lens_cache;
 mod shared_lenses;
 mod lens_step;
-mod placement_step;
 mod single_step;
 mod observations;
 mod bundle_step;
+mod covariance_entry;
+mod check_entries;
+mod period;
+mod view;
+mod check;
+mod placement_step;
 mod overlap;
-mod cross_covariance;
 mod quality;
-mod pose_findings;
 mod pipeline;
 mod out_of_date;
 mod lens_family;
 mod recovered;
 
-pub use bounded_list::{MAX_CAMERAS, MAX_ITEMS};
+pub use bounds::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
 pub use document::{
-    ControlPointEntry, Format, Georeference, HeldEntry, LensEntry, PlacementEntry, Plan, Site, SiteCamera,
+    ControlPointEntry, Distance, Format, Georeference, HeldEntry, LensEntry, Link, LinkKind, LinkSeen, Mark,
+    MarkSeen, PlacementEntry, Plan, Site, SiteCamera,
 };
-pub use elements::{Distance, Link, LinkKind, LinkSeen, Mark, MarkSeen};
 pub use english::{Names, counted};
-pub use finding_entry::FindingEntry;
 pub use lens_cache::LensCache;
 pub use options::Options;
 pub use period::NoCamera;
 pub use pipeline::Report;
-pub use planes::{PlaneEntry, PlaneNumber, PlaneSolution, TiltEntry};
 pub use recovered::{Carrier, NewStill, Recovered};
-pub use scene::{ExactScene, SceneEntry, SceneSigmas};
+pub use scene::{ExactScene, PlaneEntry, PlaneNumber, PlaneSolution, SceneEntry, SceneSigmas, TiltEntry};
 pub use site_error::{About, Fault, NamedAnnotation, SiteError};
 pub use site_solution::{CrossCovarianceEntry, ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
 pub use solution::{
     Alternative, CovarianceEntry, DistortionEntry, DrawNext, FailureEntry, Method, Sigmas, Solution, Stage,
     Warning,
 };
-pub use view::NoView;
+pub use view::{FindingEntry, NoView};

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::document::{ControlPointEntry, Site};
-use crate::elements::{Link, LinkKind, Mark};
+use crate::document::{Link, LinkKind, Mark};
 use crate::single_step::SingleFit;
 use calib_core::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 use calib_core::camera::{Pixel, Plane, WorldPoint};
@@ -146,7 +146,7 @@ impl Site {
                 by_id.insert(id, index);
             }
         }
-        let measurement = |(index, entry): (usize, &crate::elements::Distance)| {
+        let measurement = |(index, entry): (usize, &crate::document::Distance)| {
             let [a, b] = [&entry.between[0], &entry.between[1]].map(|id| by_id.get(id.as_str()).copied());
             let measurement = DistanceMeasurement {
                 between: [a?, b?],

@@ -7,8 +7,8 @@
 
 use std::collections::HashMap;
 
+use crate::document::{Link, LinkKind};
 use crate::document::{Site, SiteCamera};
-use crate::elements::{Link, LinkKind};
 use crate::site_solution::ElementSolution;
 use crate::solution::{Method, Solution, Stage};
 use calib_core::camera::{Camera, Lens, Pixel, WorldPoint};

@@ -1,19 +1,25 @@
 //! The quality of the site as a whole: places of links and marks, disagreement between cameras, components of
 //! the view graph, scale.
+//!
+//! What is wrong with the pose of a camera, whatever it was made of.
 
 use std::collections::BTreeMap;
 
-use crate::bundle_step::BundleResult;
-use crate::camera_result::CameraResult;
-use crate::document::Site;
-use crate::observations::LandmarkSource;
-use crate::site_solution::{ElementSolution, Scale, SeenResidual, SiteSolution};
-use crate::solution::{Sigmas, Stage};
 use calib_core::bundle::{
     LANDMARK_PARAMS, Landmark, LandmarkModel, Observation, OutlierCandidate, triangulate,
 };
-use calib_core::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
-use calib_core::outcome::{Failure, Finding, Residual, ResidualOf, Subject, WhyNotConnected, WhyUnused};
+use calib_core::camera::{Camera, Covariance, ObservedPixel, Pixel, PosedCamera};
+use calib_core::floor::{default_efov, efov_on_floor};
+use calib_core::outcome::{
+    Code, Failure, Finding, Residual, ResidualOf, Subject, WhyNotConnected, WhyUnused,
+};
+
+use crate::bundle_step::BundleResult;
+use crate::camera_result::CameraResult;
+use crate::document::{Site, SiteCamera};
+use crate::observations::LandmarkSource;
+use crate::site_solution::{ElementSolution, Scale, SeenResidual, SiteSolution};
+use crate::solution::{Sigmas, Stage};
 
 /// The place of a landmark and the residual of every observation of it, in pixels.
 #[derive(Clone, Debug)]
@@ -326,4 +332,50 @@ fn element(
         sigma: (sigmas != Sigmas::default()).then_some(sigmas),
         residuals: Vec::new(),
     }
+}
+
+impl SiteCamera {
+    /// What keeps the camera, as it is now, from being relied on, before any line is looked at: it stands below
+    /// the floor, shows none of it, or nothing is known of its errors.
+    #[must_use]
+    pub fn pose_findings(&self) -> Vec<Finding> {
+        self.camera().map_or_else(Vec::new, |camera| self.findings_at(&camera))
+    }
+
+    /// [`Self::pose_findings`] of a camera that it is to become.
+    pub(crate) fn findings_at(&self, camera: &Camera) -> Vec<Finding> {
+        let height = camera.position.z;
+        let mut findings = Vec::new();
+        if height < 0.0 {
+            findings.push(Finding::BelowFloor { height });
+        }
+        if !shows_floor(camera, self.efov_px.as_deref(), self.size()) {
+            findings.push(Finding::NoFloor);
+        }
+        if !camera.covariance.is_known() {
+            findings.push(Finding::UncertaintyUnknown);
+        }
+        findings
+    }
+}
+
+/// Whether a code is one of [`SiteCamera::pose_findings`], or of where the drawing lies: these are found anew
+/// whatever a solution says.
+pub(crate) const fn is_found_anew(code: Code) -> bool {
+    matches!(
+        code,
+        Code::BelowFloor
+            | Code::NoFloor
+            | Code::UncertaintyUnknown
+            | Code::PointsOutside
+            | Code::NotThisImage
+    )
+}
+
+fn shows_floor(camera: &Camera, efov: Option<&[Pixel]>, size: [f64; 2]) -> bool {
+    let polygon = match efov {
+        Some(corners) => efov_on_floor(camera, corners).polygon,
+        None => default_efov(camera, size).polygon,
+    };
+    !polygon.is_empty()
 }

@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
-use crate::elements::{Link, LinkSeen, Mark};
+use crate::document::{Link, LinkSeen, Mark};
 use crate::solution::{DistortionEntry, Method, Solution, Stage};
 use calib_core::camera::Turn;
 use calib_core::camera::{Camera, Covariance, Pixel};

@@ -7,7 +7,7 @@ use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::lens_step::LensEstimate;
 use crate::options::Options;
-use crate::shared_drawings::SharedDrawings;
+use crate::points_outside::SharedDrawings;
 use crate::shared_lenses::SharedLenses;
 use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};

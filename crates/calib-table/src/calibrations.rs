@@ -5,15 +5,27 @@ use std::collections::{BTreeMap, HashMap};
 use arrow_array::{Array as _, RecordBatch, StringArray};
 use arrow_schema::Schema;
 use calib_core::floor::{Stream, StreamError, StreamMap};
-use calib_core::{Extent, FloorPoint, FloorProjector, Surface};
+use calib_core::{Camera, Extent, FloorPoint, FloorProjector, Surface};
 use calib_site::{Site, SiteCamera};
 use serde_json::json;
 
 use crate::cast::texts;
 use crate::columns::{AtColumn, BadCells, Place, column, names};
-use crate::sightings::TableCamera;
 use crate::table_error::TableError;
 use crate::wording::Wording;
+
+/// A calibrated camera of a table.
+#[derive(Clone, Debug)]
+pub struct TableCamera<'a> {
+    /// In the site.
+    pub id: &'a str,
+    /// From when its calibration holds, where that is said.
+    pub valid_from: Option<&'a str>,
+    /// The camera.
+    pub camera: Camera,
+    /// Width and height of its still, in pixels.
+    pub size: [f64; 2],
+}
 
 /// One calibrated camera, for the time that it holds.
 #[derive(Debug)]

@@ -10,15 +10,13 @@ mod json_text;
 mod cast;
 mod columns;
 mod calibrations;
-mod sigmas;
-mod on_planes;
 mod mapping;
 mod sightings;
 
-pub use calibrations::{ByCamera, Calibrations, Wanted};
+pub use calibrations::{ByCamera, Calibrations, TableCamera, Wanted};
 pub use columns::{AtColumn, AtUnit, BadCells, BadRows, Place};
 pub use json_text::{is_json, json_field, plain};
 pub use mapping::{Columns, Mapping, Rows, To};
-pub use sightings::{SightingColumns, TableCamera, usual_at_column, usual_camera_column};
+pub use sightings::{SightingColumns, usual_at_column, usual_camera_column};
 pub use table_error::TableError;
 pub use wording::Wording;

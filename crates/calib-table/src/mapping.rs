@@ -1,18 +1,125 @@
 //! How a table is mapped, and the columns that it gets.
+//!
+//! The columns of a site with planes besides the floor: on which plane a point is, and how high.
+//!
+//! The columns of standard deviations: the pixel's part, and the calibration's, which is common to all detections
+//! of a camera and must not be averaged away.
 
 use std::sync::Arc;
 
 use arrow_array::builder::StringBuilder;
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, RecordBatchOptions};
 use arrow_schema::{Field, Schema};
-use calib_core::floor::{BoxForm, StreamMap};
-use calib_core::{Pixel, Status, WorldPoint};
+use calib_core::floor::{BoxForm, StreamMap, SurfacePoint};
+use calib_core::{FloorCovariance, Pixel, Status, SurfaceProjector, WorldPoint};
 
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
 use crate::columns::{BadCells, Place, names, numbers};
-use crate::on_planes::OnPlanes;
-use crate::sigmas::Sigmas;
 use crate::table_error::TableError;
+
+/// Standard deviations and correlation of x and y.
+const SIGMA_COLUMNS: [&str; 6] =
+    ["sigma_x_m", "sigma_y_m", "rho", "calibration_sigma_x_m", "calibration_sigma_y_m", "calibration_rho"];
+
+/// As many columns; NaN where there is no point, or nobody knows.
+pub(crate) struct Sigmas([Vec<f64>; SIGMA_COLUMNS.len()]);
+
+impl Sigmas {
+    pub(crate) fn unknown(rows: usize) -> Self {
+        Self(std::array::from_fn(|_| vec![f64::NAN; rows]))
+    }
+
+    /// Of the points that pixels of the still show, each known to so many pixels of the stream; `covariance` is
+    /// that of the point of a row, for a pixel known to so many pixels of the still.
+    pub(crate) fn of(
+        calibration: &Calibration,
+        [u, v]: [&[f64]; 2],
+        sigma: f64,
+        covariance: impl Fn(usize, Pixel, f64) -> Option<FloorCovariance>,
+    ) -> Self {
+        let sigma = sigma * calibration.stream.still_pixels();
+        let mut sigmas = Self::unknown(u.len());
+        for (row, (&u, &v)) in u.iter().zip(v).enumerate() {
+            let Some(found) = covariance(row, Pixel { u, v }, sigma) else { continue };
+            let known = found.calibration.map(ellipse);
+            let parts = ellipse(found.pixel).into_iter().chain(known.unwrap_or([f64::NAN; 3]));
+            put(&mut sigmas.0, row, parts);
+        }
+        sigmas
+    }
+
+    pub(crate) fn put(&mut self, rows: &[usize], some: &Self) {
+        for (all, some) in self.0.iter_mut().zip(&some.0) {
+            rows.iter().zip(some).for_each(|(&row, &value)| all[row] = value);
+        }
+    }
+
+    pub(crate) fn columns(self) -> impl Iterator<Item = (&'static str, Vec<f64>)> {
+        SIGMA_COLUMNS.into_iter().zip(self.0)
+    }
+}
+
+fn put(columns: &mut [Vec<f64>], row: usize, values: impl Iterator<Item = f64>) {
+    columns.iter_mut().zip(values).for_each(|(column, value)| column[row] = value);
+}
+
+/// Standard deviations and correlation; no correlation of what is certain.
+fn ellipse([[xx, xy], [_, yy]]: [[f64; 2]; 2]) -> [f64; 3] {
+    let [x, y] = [xx, yy].map(|variance| variance.max(0.0).sqrt());
+    [x, y, if x > 0.0 && y > 0.0 { (xy / (x * y)).clamp(-1.0, 1.0) } else { 0.0 }]
+}
+
+/// What the height of a point is called, and the plane that it is on.
+const PLANE_COLUMNS: [&str; 2] = ["z_m", "plane"];
+
+/// Where points are, row by row; nowhere where a pixel shows nothing.
+pub(crate) struct OnPlanes(Vec<Option<SurfacePoint>>);
+
+impl OnPlanes {
+    pub(crate) fn nowhere(rows: usize) -> Self {
+        Self(vec![None; rows])
+    }
+
+    /// Maps pixels of the still to whichever of the floor and the planes each shows, `height` metres above it.
+    pub(crate) fn map(
+        calibration: &Calibration,
+        planes: &Planes,
+        [u, v]: [&[f64]; 2],
+        height: f64,
+        sigma: Option<f64>,
+    ) -> Mapped {
+        let mut mapped = Mapped::nowhere(u.len(), false, true);
+        let projector = SurfaceProjector::new(calibration.projector.camera(), height, &planes.surfaces);
+        let mut points: Vec<Option<SurfacePoint>> = vec![None; u.len()];
+        projector.pixels_to_surfaces(&calibration.extent(), [u, v], &mut points, &mut mapped.status);
+        for ((point, x), y) in points.iter().zip(&mut mapped.x).zip(&mut mapped.y) {
+            (*x, *y) = point.map_or((f64::NAN, f64::NAN), |SurfacePoint { at, .. }| (at.x, at.y));
+        }
+        mapped.sigmas = sigma.map(|sigma| {
+            Sigmas::of(calibration, [u, v], sigma, |row, pixel, sigma| {
+                points[row].and_then(|point| projector.covariance(pixel, sigma, point.surface))
+            })
+        });
+        mapped.on_planes = Some(Self(points));
+        mapped
+    }
+
+    pub(crate) fn put(&mut self, rows: &[usize], some: &Self) {
+        rows.iter().zip(&some.0).for_each(|(&row, &point)| self.0[row] = point);
+    }
+
+    /// The plane of a point of the floor is empty, as both are where there is no point.
+    pub(crate) fn columns(self, planes: &Planes) -> [(&'static str, ArrayRef); 2] {
+        let heights: Float64Array = self.0.iter().map(|point| point.map(|point| point.at.z)).collect();
+        let mut ids = StringBuilder::new();
+        for point in &self.0 {
+            let surface = point.and_then(|point| point.surface);
+            ids.append_option(surface.and_then(|surface| planes.ids.get(surface)));
+        }
+        let [height, plane] = PLANE_COLUMNS;
+        [(height, Arc::new(heights)), (plane, Arc::new(ids.finish()))]
+    }
+}
 
 /// Which way to map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

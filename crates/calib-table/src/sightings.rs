@@ -2,8 +2,8 @@
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
+use calib_core::Pixel;
 use calib_core::floor::BoxForm;
-use calib_core::{Camera, Pixel};
 use calib_health::Sighting;
 
 use crate::calibrations::{Calibrations, Choice};
@@ -148,17 +148,4 @@ impl Boxes {
             Self::Feet([u, v]) => Seen { foot: [u[row], v[row]], head: [f64::NAN; 2], width: 0.0 },
         }
     }
-}
-
-/// A calibrated camera of a table.
-#[derive(Clone, Debug)]
-pub struct TableCamera<'a> {
-    /// In the site.
-    pub id: &'a str,
-    /// From when its calibration holds, where that is said.
-    pub valid_from: Option<&'a str>,
-    /// The camera.
-    pub camera: Camera,
-    /// Width and height of its still, in pixels.
-    pub size: [f64; 2],
 }

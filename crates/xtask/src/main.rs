@@ -3,11 +3,10 @@
 
 // A module uses only those above it.
 mod workspace;
-mod wasm;
+mod serve;
 mod tools;
 mod check;
 mod notices;
-mod serve;
 #[cfg(feature = "all")]
 mod heavy;
 

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::wasm;
+use crate::serve;
 use crate::workspace::root;
 
 /// What a check needs beside Rust, and how to get it.
@@ -152,7 +152,7 @@ pub(crate) const FUZZ: Tool = Tool {
 
 pub(crate) const WEB: Tool = Tool {
     name: "a Rust that builds for wasm32, its library included (rustup's, or Debian's rustc-web)",
-    is_there: wasm::is_there,
+    is_there: serve::is_there,
     install: &[&[
         "sh",
         "-c",

@@ -2,7 +2,6 @@
 //! worker beside it.
 
 mod mirror;
-mod preference;
 mod shelf;
 mod worker;
 mod runner;

@@ -3,13 +3,13 @@
 use calib_core::{Annotation, Pixel};
 
 use calib_core::single::{ConstraintKind, KINDS, line_name, straightness};
-use calib_editor::{Action, Part, TOOLS, Units, places};
+use calib_editor::{Action, Part, TOOLS, Units, planes};
 use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
 
 use crate::icons::{self, Icon};
-use crate::panels::measured::empty_field;
+use crate::panels::asked::{self, Chosen};
+use crate::panels::result::empty_field;
 use crate::panels::sigmas::{self, Usual};
-use crate::panels::usual::{self, Chosen};
 use crate::panels::{heading, length_field, number};
 use crate::state::App;
 use crate::theme;
@@ -53,7 +53,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         for indices in headings.filter(|indices| !indices.is_empty()) {
             let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
             let (first, units) = (indices[0], app.editor.session().units);
-            let guess = |line: &[Pixel]| places::estimated_line(app.editor.session(), line);
+            let guess = |line: &[Pixel]| planes::estimated_line(app.editor.session(), line);
             group(ui, units, &annotations[first], first, (letter, count), guess, &mut wishes);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
             for index in indices {
@@ -104,7 +104,7 @@ fn group(
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if row.has_length || row.constraint == ConstraintKind::Upright {
-                wishes.extend(usual::menu(ui, units, annotation).map(|chosen| Wish::Usual(index, chosen)));
+                wishes.extend(asked::menu(ui, units, annotation).map(|chosen| Wish::Usual(index, chosen)));
             }
             if annotation.like.is_some() {
                 return;

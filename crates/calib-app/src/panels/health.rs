@@ -4,9 +4,9 @@ use calib_editor::{Action, held_since};
 use calib_site::SiteCamera;
 use egui::{RichText, Ui};
 
+use crate::autosave::ago;
 use crate::panels::heading;
 use crate::panels::newer::verdict;
-use crate::recent::ago;
 use crate::state::{App, Mode};
 use crate::theme;
 

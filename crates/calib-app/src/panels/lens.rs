@@ -8,7 +8,7 @@ use calib_editor::{Action, OldStill};
 use calib_site::DistortionEntry;
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
-use crate::panels::{circle, heading, scene};
+use crate::panels::{circle, heading, sigmas};
 use crate::state::App;
 use crate::theme;
 
@@ -105,7 +105,7 @@ pub fn show(app: &mut App, ui: &mut Ui) {
         coefficients(app, ui);
     }
     circle::show(app, ui);
-    scene::show(app, ui);
+    sigmas::show(app, ui);
 }
 
 fn names(app: &mut App, ui: &mut Ui) {

@@ -2,12 +2,12 @@
 
 use calib_core::single::Known;
 
-use calib_editor::{Action, Apart, Part, apart, far_links, places};
+use calib_editor::{Action, Apart, Part, apart, far_links, planes};
 use calib_site::{Link, LinkKind, counted};
 use egui::{RichText, ScrollArea, Ui, Vec2};
 
 use crate::command::Command;
-use crate::panels::measured::{TAPE, empty_field, known_fields};
+use crate::panels::result::{TAPE, empty_field, known_fields};
 use crate::panels::{heading, length_field};
 use crate::state::App;
 use crate::theme;
@@ -193,7 +193,7 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     let session = app.editor.session();
     let label = ui.label("long");
     let Some(known) = &mut new.length_m else {
-        let estimate = places::estimated_post(session, link);
+        let estimate = planes::estimated_post(session, link);
         let metres = empty_field(ui, ("post", &link.id), label.id, session.units, estimate);
         new.length_m = metres.map(|metres| Known::prior(metres, TAPE));
         return;

@@ -1,31 +1,27 @@
 //! The panels about the canvas, one a file.
 
 mod out_of_date;
-mod scene;
-mod usual;
 mod sigmas;
+mod asked;
 mod circle;
 pub mod lens;
-pub mod tour;
+mod tour;
 pub mod above;
-mod measured;
+mod result;
 pub mod annotations;
-pub mod asked;
 pub mod newer;
 pub mod cameras;
 pub mod dock;
 pub mod lies_on;
 pub mod links;
 pub mod agreement;
-pub mod elements;
-pub mod distances;
+mod distances;
 pub mod export;
 pub mod marks;
 pub mod health;
 pub mod palette;
 pub mod proposed;
 pub mod planes;
-pub mod result;
 pub mod placement;
 mod step_pictures;
 pub mod start;
@@ -138,7 +134,7 @@ fn right(app: &mut App, ui: &mut Ui) {
         section(ui, |ui| steps::show(app, ui));
         lens::old_still(app, ui);
         if app.editor.compared().is_some() {
-            section(ui, |ui| elements::compared(app, ui));
+            section(ui, |ui| distances::compared(app, ui));
         }
         match app.mode {
             Mode::Image => {
@@ -161,7 +157,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                 section(ui, |ui| warnings::show(app, ui));
                 section(ui, |ui| placement::plan(app, ui));
                 section(ui, |ui| planes::show(app, ui));
-                section(ui, |ui| elements::controls(app, ui));
+                section(ui, |ui| distances::controls(app, ui));
             }
             Mode::All | Mode::Scene => {
                 section(ui, |ui| health::show(app, ui));
@@ -171,7 +167,7 @@ fn right(app: &mut App, ui: &mut Ui) {
                     lies_on::show(app, ui);
                 });
                 section(ui, |ui| distances::show(app, ui));
-                section(ui, |ui| elements::agreement(app, ui));
+                section(ui, |ui| distances::agreement(app, ui));
                 section(ui, |ui| warnings::site(app, ui));
             }
         }

@@ -4,8 +4,8 @@ use calib_editor::command::Group;
 use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Ui, Vec2, Window};
 
 use crate::command::{self, Command};
+use crate::handles::shortcut_text;
 use crate::keys;
-use crate::menu::shortcut_text;
 use crate::state::App;
 use crate::theme;
 

@@ -10,12 +10,12 @@ use egui::{
 };
 
 use crate::autosave::Found;
+use crate::autosave::{Entry, Shelf};
+use crate::autosave::{Recent, ago};
 use crate::command::Command;
 use crate::panels::step_pictures::{CHECK, DRAW, PLACE, Picture, SIZE, paint};
 use crate::picture::cropped;
 use crate::platform::{Here, Platform as _};
-use crate::recent::{Recent, ago};
-use crate::shelf::{Entry, Shelf};
 use crate::state::App;
 use crate::theme;
 

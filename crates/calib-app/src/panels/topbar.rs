@@ -3,8 +3,8 @@
 use egui::{Align, Button, Layout, RichText, Ui, Vec2};
 
 use crate::command::Command;
+use crate::handles::rows;
 use crate::icons::{self, Icon, Look};
-use crate::menu::rows;
 use crate::state::{App, Mode};
 use crate::theme;
 

@@ -7,7 +7,7 @@ use crate::state::{App, STEPS};
 use crate::theme;
 
 /// The strip of the step one is at; after the last one, what to do with one's own images.
-pub fn show(app: &mut App, ui: &mut Ui) {
+pub(super) fn show(app: &mut App, ui: &mut Ui) {
     let Some(index) = app.tour.step else { return };
     let open = app.tour.open(app.editor.session(), app.mode);
     if open.is_none() && index < STEPS.len() && app.editor.tool().is_idle() {

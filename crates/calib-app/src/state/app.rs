@@ -1,10 +1,21 @@
 //! The app's state, and what is done with it without a view.
+//!
+//! Windows onto the images of fisheyes.
+//!
+//! The lines that would help most, where the image has edges for them.
+//!
+//! What the still in hand proposes, as the view shows it.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use calib_editor::{Action, Command, Edge, Editor, Pane, Part, Period, TOOLS, edges, edit, hit};
-use calib_site::{LensEntry, Site};
+use calib_core::floor::{Mount, lens_reach};
+use calib_core::outcome::Drawing;
+use calib_core::{Lens, Pixel};
+use calib_editor::{
+    Action, Command, Edge, Editor, Pane, Part, Period, Proposed, TOOLS, edges, edit, hit, suggest,
+};
+use calib_site::{DrawNext, LensEntry, Site};
 use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
@@ -12,17 +23,17 @@ use super::{
     Comparing, Conflict, Decision, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette, Panes,
     PathField, Place, Planning, Read, Recovering, Sent, Sheet, Tour,
 };
+use crate::autosave::Shelf;
+use crate::autosave::{self, Recent};
 use crate::autosave::{Autosave, Found, Slots};
-use crate::canvas::View;
+use crate::canvas::{Bend, View};
 use crate::choice::{Chosen, Purpose};
 use crate::dialog::Dialog;
 use crate::edges::Edges;
+use crate::edges::Proposing;
+use crate::edges::Refining;
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
-use crate::propose::Proposing;
-use crate::recent::{self, Recent};
-use crate::refine::Refining;
-use crate::shelf::Shelf;
 use crate::theme;
 use crate::thumbnail::Thumbnail;
 
@@ -165,7 +176,7 @@ impl App {
             pair: Default::default(),
             list: List::default(),
             found,
-            recent: folder.as_deref().map(recent::list).unwrap_or_default(),
+            recent: folder.as_deref().map(autosave::list).unwrap_or_default(),
             chooser: Dialog::open,
             thumbnail: Thumbnail::default(),
             shelf: None,
@@ -322,13 +333,7 @@ impl App {
     }
 
     /// The edge of a camera's image under a pixel, while a tool that draws lines is in the hand.
-    pub fn offer(
-        &mut self,
-        ctx: &Context,
-        camera: usize,
-        at: calib_core::Pixel,
-        radius: f64,
-    ) -> Option<Edge> {
+    pub fn offer(&mut self, ctx: &Context, camera: usize, at: Pixel, radius: f64) -> Option<Edge> {
         let draws = self
             .editor
             .tool_kind()
@@ -348,5 +353,102 @@ impl App {
         let edge = edges::under(self.edges.of(ctx, name, &picture.image), at, radius)?;
         let [a, b] = edge;
         (!plumb || (a.v - b.v).abs() > (a.u - b.u).abs()).then_some(edge)
+    }
+}
+
+impl App {
+    /// The lens and focal of a camera, if it is a fisheye, with how it hangs: under a ceiling, while nothing tells.
+    fn fisheye(&self, camera: usize) -> Option<(Lens, f64, Mount)> {
+        let session = self.editor.session();
+        let pose = session.solved.pose(camera);
+        let lens = hit::lens_of(&session.site, camera, pose).filter(|lens| lens.distortion.is_wide())?;
+        let mount = pose.map_or(Mount::Ceiling, |pose| Mount::of_pitch(pose.pitch));
+        Some((lens, pose.map_or(lens.focal, |pose| pose.focal), mount))
+    }
+
+    /// Whether a camera is a fisheye, which windows are for.
+    #[must_use]
+    pub fn is_fisheye(&self, camera: usize) -> bool {
+        self.fisheye(camera).is_some()
+    }
+
+    /// The window that a fisheye is looked at through.
+    pub(crate) fn window(&self, camera: usize) -> Option<Bend> {
+        let (lens, focal, mount) = self.fisheye(camera)?;
+        let size = self.editor.session().site.cameras.get(camera)?.size();
+        let ahead = Looking::Toward([0.0, 0.0, 1.0]);
+        let looking =
+            if self.looking == Looking::Whole && self.layers.straight { ahead } else { self.looking };
+        let window = looking.window(mount, lens_reach(&lens, focal, size))?;
+        Some(Bend::Window { lens, focal, window })
+    }
+
+    /// Looks at the image in hand through another window: shown whole at first.
+    pub(crate) fn look(&mut self, looking: Looking) {
+        self.looking = looking;
+        let own = Pane::Image(self.editor.session().camera);
+        self.panes.views.remove(&(Place::Main, own));
+    }
+
+    /// Turns the window towards what a pixel of the image in hand shows.
+    pub(crate) fn look_at(&mut self, pixel: Pixel) {
+        let camera = self.editor.session().camera;
+        let Some((lens, focal, _)) = self.fisheye(camera) else { return };
+        if let Some([x, y, z]) = lens.bearing(pixel) {
+            self.look(Looking::Toward([x / focal, y / focal, z]));
+        }
+    }
+}
+
+impl App {
+    /// What the camera in hand proposes to draw, while its floor is not known well enough without.
+    #[must_use]
+    pub fn proposal(&self) -> Option<&DrawNext> {
+        /// Floors known better than this need no more lines.
+        const GOOD: f64 = 0.015;
+        let solution = self.editor.session().solution()?;
+        let next = self.editor.session().proposal();
+        let rel = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
+        let is_needed =
+            |next: &&DrawNext| rel.is_none_or(|rel| rel >= GOOD) || next.drawing == Some(Drawing::KnownSize);
+        next.filter(|next| self.layers.suggestion && is_needed(next))
+    }
+
+    /// Edges of the image in hand on which the proposed lines can be drawn; none while something is in the hand.
+    #[must_use]
+    pub fn suggested(&mut self, ctx: &Context) -> Vec<Edge> {
+        let Some(next) = self.proposal().cloned() else { return Vec::new() };
+        let session = self.editor.session();
+        let (Some(entry), Some(&pose)) = (session.entry(), session.pose()) else { return Vec::new() };
+        let (entry, name) = (entry.clone(), entry.image.clone().unwrap_or_default());
+        let Some(picture) = self.pictures.ready(&name).filter(|_| self.editor.tool().is_idle()) else {
+            return Vec::new();
+        };
+        suggest::on_edges(&next, &pose, &entry, self.edges.of(ctx, &name, &picture.image))
+    }
+
+    /// The suggested edge under a pixel, while the tool that draws it is in the hand.
+    pub(crate) fn suggested_under(&mut self, ctx: &Context, at: Pixel, radius: f64) -> Option<Edge> {
+        let kind = self.proposal()?.kind;
+        if kind.is_none() || self.editor.tool_kind() != kind {
+            return None;
+        }
+        let edges = self.suggested(ctx);
+        edges.into_iter().find(|&[a, b]| hit::to_segment(a, b, at) <= radius)
+    }
+}
+
+impl App {
+    /// What the still of the camera in hand proposes, where its image is what is looked at.
+    #[must_use]
+    pub fn shown_proposal(&self) -> Option<&Proposed> {
+        self.editor.session().proposed().filter(|_| self.mode == Mode::Image)
+    }
+
+    /// Whether Enter and Escape mean the proposal: nothing is in the hand, and no button has the focus.
+    pub(crate) fn decides_proposal(&self, ctx: &Context) -> bool {
+        self.shown_proposal().is_some()
+            && self.editor.tool().is_idle()
+            && ctx.memory(|memory| memory.focused().is_none())
     }
 }

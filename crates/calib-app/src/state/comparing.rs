@@ -1,13 +1,17 @@
 //! Newer stills that are being compared, and a camera that is being recovered.
+//!
+//! Newer stills: compared one after the other beside the frame, and cameras recovered from them.
+
+use std::sync::Arc;
 
 use calib_core::Camera;
+use calib_editor::{Action, NewStill, Newer, OnNewer, Period};
+use calib_image::{Comparison, OtherSize, Uncompared};
+use calib_site::{NewStill as RecoveredStill, Recovered, Site, SiteCamera};
+use egui::Context;
 
-use calib_editor::{NewStill, Period};
-use calib_image::Comparison;
-use calib_site::{Recovered, Site, SiteCamera};
-
-use super::Read;
-use crate::platform::Task;
+use super::{App, Read, ReadPicture};
+use crate::platform::{Here, Lost, Platform as _, Recovery, Stills, Task};
 
 /// A newer still of which it is known whose it is.
 #[derive(Debug)]
@@ -59,4 +63,172 @@ pub(crate) struct Recovering {
     /// The site when it was asked for.
     pub(crate) from: Site,
     pub(crate) task: Task<Result<Recovered, String>>,
+}
+
+impl App {
+    /// Whether newer stills are compared, or a camera is recovered.
+    #[must_use]
+    pub fn is_comparing(&self) -> bool {
+        !self.comparing.is_empty() || self.recovering.is_some()
+    }
+
+    /// Whether the camera in hand is being recovered: what that was asked with is not to change meanwhile.
+    pub(crate) fn is_recovering_in_hand(&self) -> bool {
+        let entry = self.editor.session().entry();
+        self.recovering.as_ref().zip(entry).is_some_and(|(own, entry)| own.of.is_of(entry))
+    }
+
+    /// What is being done, in words.
+    pub(crate) fn doing_newer(&self) -> Option<String> {
+        if let Some(recovering) = &self.recovering {
+            return Some(format!("recovering {}", recovering.of.camera));
+        }
+        let first = self.comparing.front()?;
+        let others = match self.comparing.len() {
+            1 => String::new(),
+            count => format!(", {} more wait", count - 1),
+        };
+        Some(format!("comparing a newer still of {}{others}", first.camera))
+    }
+
+    /// Waits for nothing of it any more.
+    pub(crate) fn stop_comparing(&mut self) {
+        self.comparing.clear();
+        self.recovering = None;
+        Here::stop_comparing();
+    }
+
+    /// Goes on with the first of them: each takes the memory of two images.
+    pub(crate) fn poll_comparing(&mut self, ctx: &Context) {
+        let Some(Comparing { camera, step }) = self.comparing.pop_front() else { return };
+        match self.advance(ctx, &camera, step) {
+            Ok(Some(step)) => self.comparing.push_front(Comparing { camera, step }),
+            // The next one begins with the next frame.
+            Ok(None) => ctx.request_repaint(),
+            Err(error) => self.act(Action::Complain(format!("{camera}: {error}"))),
+        }
+    }
+
+    /// The step that follows; none where it is done.
+    fn advance(&mut self, ctx: &Context, camera: &str, step: Step) -> Result<Option<Step>, String> {
+        match step {
+            Step::Opening(task) => match task.outcome() {
+                None => Ok(Some(Step::Opening(task))),
+                Some(read) => {
+                    let read =
+                        read.map_err(|Lost| "the newer still could not be read".to_owned()).flatten()?;
+                    self.of_whom(camera, read).map(|asked| Some(Step::Reading(Box::new(asked))))
+                }
+            },
+            Step::Reading(asked) => Ok(Some(match self.both(ctx, &asked)? {
+                Some(stills) => {
+                    let task = Here::compare(ctx, asked.entry.clone(), stills);
+                    Step::Comparing(asked, task)
+                }
+                None => Step::Reading(asked),
+            })),
+            Step::Comparing(asked, task) => {
+                let Some(found) = task.outcome() else { return Ok(Some(Step::Comparing(asked, task))) };
+                let comparison =
+                    found.map_err(|Lost| "comparing ended without a result".to_owned()).flatten()?;
+                let OfCamera { entry, pose, still, taken } = *asked;
+                self.act(Action::Newer(OnNewer::Compared(Box::new(Newer {
+                    ids: [entry.id].into(),
+                    period: [entry.valid_from, entry.valid_to],
+                    old: entry.image,
+                    image: still.image,
+                    title: still.title,
+                    since: taken.unwrap_or_default(),
+                    pose,
+                    comparison,
+                }))));
+                Ok(None)
+            }
+        }
+    }
+
+    /// The camera of a still, in the period in which it was taken.
+    fn of_whom(&self, camera: &str, read: ReadPicture) -> Result<OfCamera, String> {
+        let session = self.editor.session();
+        let ReadPicture { still, taken, .. } = read;
+        let none = || "no calibration of it holds when this still was taken".to_owned();
+        let index = session.site.entry_at(camera, taken.as_deref()).ok_or_else(none)?;
+        let pose = session.solved.pose(index).copied();
+        let pose = pose.ok_or_else(|| Uncompared::NotCalibrated.to_string())?;
+        let entry = session.solved.write_into(&session.site).cameras.swap_remove(index);
+        if entry.image.is_none() {
+            return Err("it has no still to compare with".into());
+        }
+        if entry.size_px != still.size {
+            return Err(OtherSize { old: entry.size_px, new: still.size }.to_string());
+        }
+        Ok(OfCamera { entry, pose, still, taken })
+    }
+
+    /// Both stills, once they are decoded.
+    fn both(&mut self, ctx: &Context, asked: &OfCamera) -> Result<Option<Stills>, String> {
+        let names = [asked.entry.image.as_deref().unwrap_or_default(), &asked.still.image];
+        let images = &self.editor.session().images;
+        let found = names.map(|name| {
+            let picture = self.pictures.get(ctx, name, || images.reader(name));
+            picture.map(|picture| Arc::clone(&picture.image))
+        });
+        if let Some(error) = names.into_iter().find_map(|name| self.pictures.error(name)) {
+            return Err(format!("not compared without both stills: {error}"));
+        }
+        let [old, new] = found;
+        Ok(old.zip(new).map(|(old, new)| [old, new]))
+    }
+
+    /// Begins to recover the camera in hand from its newer still.
+    pub(crate) fn recover_newer(&mut self, ctx: &Context) {
+        let session = self.editor.session();
+        let newer = self.editor.newer_in_hand().filter(|newer| newer.has_moved());
+        let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.recovering) else {
+            return;
+        };
+        let of = Period::of(entry);
+        let why_not = match entry.is_valid_at(newer.since.trim()) {
+            Err(_) => Some("enter since when it stands so, such as 2026-05-01T08:00:00Z"),
+            Ok(false) => Some("its calibration does not hold at this time; enter one within its period"),
+            // What was measured is of the camera as it was then.
+            Ok(true) if session.solved.pose(session.camera) != Some(&newer.pose) => {
+                Some("it was solved anew since its newer still was compared; compare it again")
+            }
+            Ok(true) => None,
+        };
+        if let Some(why) = why_not {
+            return self.act(Action::Note(format!("{}: {why}.", of.camera)));
+        }
+        let name = entry.image.clone().unwrap_or_default();
+        let stills =
+            [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
+        let [Some(old), Some(new)] = stills else {
+            return self.act(Action::Note("Its stills are being read: recover again in a moment.".into()));
+        };
+        self.act(Action::Drop);
+        let session = self.editor.session();
+        let from = session.site.clone();
+        let asked = Recovery {
+            site: session.solved.write_into(&from),
+            index: session.camera,
+            comparison: newer.comparison,
+            still: RecoveredStill { image: newer.image, since: newer.since.trim().to_owned() },
+        };
+        self.recovering = Some(Recovering { of, from, task: Here::recover(ctx, asked, [old, new]) });
+    }
+
+    pub(crate) fn poll_recovering(&mut self) {
+        let Some(recovering) = self.recovering.take() else { return };
+        let Some(found) = recovering.task.outcome() else {
+            self.recovering = Some(recovering);
+            return;
+        };
+        let Recovering { of, from, .. } = recovering;
+        let camera = of.camera;
+        match found.map_err(|Lost| "it ended without a result".to_owned()).flatten() {
+            Ok(found) => self.act(Action::Newer(OnNewer::Recovered(camera, Box::new((from, found))))),
+            Err(why) => self.act(Action::Complain(format!("{camera} is not recovered: {why}."))),
+        }
+    }
 }

@@ -1,25 +1,27 @@
 //! CSV: every column is text, and stays as it is in CSV; for formats whose columns have types, the first rows
 //! tell them.
+//!
+//! What the cells of a column of text are, for formats whose columns have types.
 
 use std::cell::Cell;
 use std::io::{Read, Write as _};
 use std::rc::Rc;
+use std::str::FromStr;
 use std::sync::Arc;
 
 use ::csv::{ByteRecord, Reader, ReaderBuilder, Writer};
 use arrow_array::builder::StringBuilder;
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{Float32Type, Float64Type};
-use arrow_array::{Array, ArrayRef, RecordBatch};
+use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch};
 use arrow_cast::display::{ArrayFormatter, FormatOptions};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
-
 use calib_formats::runs_in_spreadsheets;
 
-use super::utc::in_utc;
+use super::arrow::in_utc;
 use super::{
     BATCH_ROWS, CELL_BYTES, FIRST_ROWS, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Purpose,
-    Sink, Source, text_types,
+    Sink, Source,
 };
 use crate::files::say;
 use crate::stop::Stop;
@@ -126,13 +128,13 @@ impl Csv {
         if std::mem::take(&mut self.is_untold) {
             let fields = self.schema.fields().iter().zip(&columns).map(|(field, column)| {
                 let stays = self.as_text.contains(field.name());
-                let kind = if stays { DataType::Utf8 } else { text_types::kind(column) };
+                let kind = if stays { DataType::Utf8 } else { kind(column) };
                 Field::new(field.name(), kind, true)
             });
             self.schema = Arc::new(Schema::new(fields.collect::<Vec<_>>()));
         }
         let typed = self.schema.fields().iter().zip(&columns).map(|(field, column)| {
-            text_types::parsed(column, field.data_type()).map_err(|(row, expected)| {
+            parsed(column, field.data_type()).map_err(|(row, expected)| {
                 let (name, text) = (field.name(), column.as_string::<i32>().value(row));
                 let what = format!(
                     "{}, column {name}: found \"{text}\", expected {expected} as in the first rows; --as-text {name} \
@@ -282,7 +284,7 @@ impl Sink for CsvSink<'_> {
 /// The cells of a column, in the shortest form that is read back as the same value.
 enum Cells<'a> {
     Text(&'a arrow_array::StringArray),
-    Double(&'a arrow_array::Float64Array),
+    Double(&'a Float64Array),
     Single(&'a arrow_array::Float32Array),
     Other(&'a ArrayRef, ArrayFormatter<'a>),
 }
@@ -310,5 +312,76 @@ impl<'a> Cells<'a> {
             _ => {}
         }
         Ok(())
+    }
+}
+
+/// What all cells are; text where they are not of one kind, or would be read back as another text: a zero that
+/// leads is part of an id.
+pub(super) fn kind(column: &ArrayRef) -> DataType {
+    let values = || column.as_string::<i32>().iter().flatten();
+    let is_whole = |value: &str| value.parse::<i64>().is_ok_and(|number| number.to_string() == value);
+    let has_zeros = |value: &str| {
+        let digits = value.trim_start_matches('-');
+        digits.starts_with('0') && digits[1..].starts_with(|c: char| c.is_ascii_digit())
+    };
+    let begins = |value: &str| value.starts_with(|c: char| matches!(c, '-' | '.') || c.is_ascii_digit());
+    // A whole number that does not fit would lose its last digits as a double.
+    let is_huge = |value: &str| value.parse::<i64>().is_err() && value.bytes().all(|b| b.is_ascii_digit());
+    let is_number =
+        |value: &str| begins(value) && value.parse::<f64>().is_ok() && !has_zeros(value) && !is_huge(value);
+    if values().next().is_none() {
+        DataType::Utf8
+    } else if values().all(is_whole) {
+        DataType::Int64
+    } else if values().all(is_number) {
+        DataType::Float64
+    } else if values().all(|value| matches!(value, "true" | "false")) {
+        DataType::Boolean
+    } else {
+        DataType::Utf8
+    }
+}
+
+/// The cells as a type; else the first row that is not, and what it should be.
+pub(super) fn parsed(column: &ArrayRef, kind: &DataType) -> Result<ArrayRef, (usize, &'static str)> {
+    match kind {
+        DataType::Int64 => all::<i64, Int64Array>(column, "a whole number"),
+        DataType::Float64 => all::<f64, Float64Array>(column, "a number"),
+        DataType::Boolean => all::<bool, BooleanArray>(column, "true or false"),
+        _ => Ok(Arc::clone(column)),
+    }
+}
+
+fn all<T: FromStr, A: FromIterator<Option<T>> + Array + 'static>(
+    column: &ArrayRef,
+    expected: &'static str,
+) -> Result<ArrayRef, (usize, &'static str)> {
+    let parsed = column.as_string::<i32>().iter().enumerate().map(|(row, value)| match value {
+        None => Ok(None),
+        Some(text) => text.parse().map(Some).map_err(|_| (row, expected)),
+    });
+    Ok(Arc::new(parsed.collect::<Result<A, _>>()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use arrow_array::StringArray;
+
+    use super::*;
+
+    fn of(cells: &[&str]) -> DataType {
+        kind(&(Arc::new(StringArray::from_iter_values(cells)) as ArrayRef))
+    }
+
+    #[test]
+    fn a_column_is_what_all_its_cells_are() {
+        assert_eq!(of(&["1", "-20"]), DataType::Int64);
+        assert_eq!(of(&["1", "2.5", "-1e-3", ".5", "0.1"]), DataType::Float64);
+        assert_eq!(of(&["true", "false"]), DataType::Boolean);
+        for text in
+            [&["007"][..], &["1", "n/a"], &["+1"], &["inf"], &["12345678901234567890"], &["00.5"], &[]]
+        {
+            assert_eq!(of(text), DataType::Utf8, "{text:?}");
+        }
     }
 }

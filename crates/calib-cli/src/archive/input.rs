@@ -1,13 +1,147 @@
 //! A file or pipe that a table is read from.
+//!
+//! Text that is packed as a whole: gzip and Zstandard, known by their first bytes or by the name.
+//!
+//! Readers of libraries that may panic over broken input: that, too, is an input that is invalid.
 
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{Cursor, Read, Seek as _, SeekFrom};
+use std::io::{Cursor, Read, Seek as _, SeekFrom, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::path::Path;
 use std::rc::Rc;
 
-use super::Format;
-use super::packed::Packed;
+use arrow_array::RecordBatch;
+use arrow_schema::SchemaRef;
+use flate2::Compression;
+use flate2::read::MultiGzDecoder;
+use flate2::write::GzEncoder;
+
+use super::{Format, Output, Packing, Purpose, Source};
 use crate::stop::Stop;
+
+struct Guarded {
+    name: String,
+    source: Box<dyn Source>,
+}
+
+/// Opens a table.
+pub(super) fn open(format: &Format, input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+    let name = input.name.clone();
+    let source = guarded(&name, || (format.open)(input, purpose))?;
+    Ok(Box::new(Guarded { name, source }))
+}
+
+/// Does `work` without a word on stderr if it panics.
+fn guarded<T>(name: &str, work: impl FnOnce() -> Result<T, Stop>) -> Result<T, Stop> {
+    let hook = take_hook();
+    set_hook(Box::new(|_| {}));
+    // What panicked is not used again.
+    let done = catch_unwind(AssertUnwindSafe(work));
+    set_hook(hook);
+    done.unwrap_or_else(|_| Err(Stop::invalid(name, "not a whole table: it contradicts itself")))
+}
+
+impl Source for Guarded {
+    fn schema(&self) -> Option<SchemaRef> {
+        self.source.schema()
+    }
+
+    fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
+        let Self { name, source } = self;
+        guarded(name, || source.next().transpose()).transpose()
+    }
+
+    fn place(&self, row: usize) -> String {
+        self.source.place(row)
+    }
+
+    fn is_broken(&self, row: usize) -> bool {
+        self.source.is_broken(row)
+    }
+
+    fn rows(&self) -> Option<u64> {
+        self.source.rows()
+    }
+
+    fn packing(&self) -> Packing {
+        self.source.packing()
+    }
+}
+
+/// How a file is packed as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packed {
+    Gzip,
+    Zstd,
+}
+
+impl Packed {
+    /// As the first bytes say.
+    pub(super) fn of_bytes(head: &[u8]) -> Option<Self> {
+        match head {
+            [0x1F, 0x8B, ..] => Some(Self::Gzip),
+            [0x28, 0xB5, 0x2F, 0xFD, ..] => Some(Self::Zstd),
+            _ => None,
+        }
+    }
+
+    /// As the name says, and the name of what is packed.
+    pub(super) fn of_path(path: &str) -> Option<(Self, &str)> {
+        let extension = Path::new(path).extension()?.to_str()?;
+        let packed = match extension.to_ascii_lowercase().as_str() {
+            "gz" => Self::Gzip,
+            "zst" => Self::Zstd,
+            _ => return None,
+        };
+        Some((packed, &path[..path.len() - extension.len() - 1]))
+    }
+
+    /// What is read once it is unpacked.
+    pub(super) fn unpack(self, from: Box<dyn Read>) -> std::io::Result<Box<dyn Read>> {
+        Ok(match self {
+            Self::Gzip => Box::new(MultiGzDecoder::new(from)),
+            Self::Zstd => Box::new(zstd::Decoder::new(from)?),
+        })
+    }
+
+    /// Packs what is written.
+    pub(crate) fn pack(self, to: Output<'_>) -> Result<Output<'_>, Stop> {
+        Ok(match self {
+            Self::Gzip => Box::new(Ended(Some(GzEncoder::new(to, Compression::default())))),
+            Self::Zstd => Box::new(Ended(Some(zstd::Encoder::new(to, zstd::DEFAULT_COMPRESSION_LEVEL)?))),
+        })
+    }
+}
+
+/// An encoder whose end is written with the last flush, where its failure is told: a table is flushed once.
+struct Ended<E: End>(Option<E>);
+
+trait End: Write {
+    fn end(self) -> std::io::Result<()>;
+}
+
+impl End for GzEncoder<Output<'_>> {
+    fn end(self) -> std::io::Result<()> {
+        self.finish()?.flush()
+    }
+}
+
+impl End for zstd::Encoder<'_, Output<'_>> {
+    fn end(self) -> std::io::Result<()> {
+        self.finish()?.flush()
+    }
+}
+
+impl<E: End> Write for Ended<E> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.as_mut().map_or(Ok(0), |encoder| encoder.write(bytes))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.take().map_or(Ok(()), End::end)
+    }
+}
 
 /// First bytes that tell a format.
 const HEAD: u64 = 8;

@@ -2,15 +2,11 @@
 
 mod arrow;
 mod csv;
-mod guard;
 mod input;
 mod ndjson;
-mod packed;
+mod zstd_bound;
 mod page_guard;
 mod parquet;
-mod text_types;
-mod utc;
-mod zstd_bound;
 
 use std::io::Write;
 use std::path::Path;
@@ -19,8 +15,7 @@ use arrow_array::RecordBatch;
 use arrow_schema::{Schema, SchemaRef};
 
 use calib_table::{is_json, json_field, plain};
-pub(crate) use input::Input;
-pub(crate) use packed::Packed;
+pub(crate) use input::{Input, Packed};
 pub(crate) use parquet::Packing;
 
 use crate::stop::Stop;
@@ -167,7 +162,7 @@ pub(crate) const FORMATS: &[Format] = &[
 impl Format {
     /// Opens a table.
     pub(crate) fn open(&self, input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
-        guard::open(self, input, purpose)
+        input::open(self, input, purpose)
     }
 
     /// The format of a name that was checked already.

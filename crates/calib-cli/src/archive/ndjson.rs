@@ -18,7 +18,7 @@ use arrow_schema::{DataType, Field, FieldRef, Schema, SchemaRef};
 use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
-use super::utc::in_utc;
+use super::arrow::in_utc;
 use super::{
     BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Format, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing,
     Purpose, Sink, Source, is_json, json_field, plain,

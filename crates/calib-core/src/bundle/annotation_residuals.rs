@@ -2,7 +2,7 @@
 //! blocks of the camera, of its nuisance parameters, and of a tilt that views share.
 
 use crate::bundle::camera::CAMERA_PARAMS;
-use crate::bundle::common_tilt::{CommonTilt, by_common};
+use crate::bundle::initialization::{CommonTilt, by_common};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::{ResidualKind, Stage1Residuals, listed, stage_1_by_lens, stage_1_residuals};
 use crate::bundle::shared_planes::{ByPlane, POSE_OF_PLANE};

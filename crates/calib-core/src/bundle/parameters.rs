@@ -4,16 +4,36 @@
 //! its own. Both are kept. Every direction and length of stage 1 is a block of one parameter, every
 //! landmark one of up to three: these touch few cameras and are eliminated (Schur complement). A landmark at
 //! the end of a measured distance is kept, for two eliminated blocks must not have a residual in common.
+//!
+//! The parameters of planes that views and landmarks share.
 
 use std::collections::HashSet;
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
-use crate::bundle::common_tilt::CommonTilt;
+use crate::bundle::initialization::CommonTilt;
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
-use crate::bundle::plane_parameters::{PLANE_PARAMS, is_estimated};
-use crate::camera::{Camera, Covariance, Pixel};
+use crate::camera::{Camera, Covariance, Pixel, Plane};
 use crate::optimize::{BlockStructure, NuisanceLayout};
 use crate::single::PlanePrior;
+
+/// Parameters of a plane: height, slope along x, slope along y.
+pub(crate) const PLANE_PARAMS: usize = 3;
+
+/// Height and slope of a plane.
+pub(crate) fn parameters_of_plane(plane: &Plane) -> [f64; PLANE_PARAMS] {
+    [plane.height, plane.slope[0], plane.slope[1]]
+}
+
+/// Which planes are estimated: those that something is drawn on or stands on, and that are not held.
+pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item = usize>) -> Vec<bool> {
+    let mut estimated = vec![false; planes.len()];
+    for plane in on_planes {
+        if let (Some(estimated), Some(prior)) = (estimated.get_mut(plane), planes.get(plane)) {
+            *estimated = !prior.is_held();
+        }
+    }
+    estimated
+}
 
 /// Block of every parameter of a camera and its place in the block; none where it is not estimated.
 pub(crate) type CameraLayout = [Option<(usize, usize)>; CAMERA_PARAMS];

@@ -2,12 +2,12 @@
 //! the normal equations.
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
-use crate::bundle::common_tilt::{CommonTilt, in_view};
 use crate::bundle::copies::Copies;
+use crate::bundle::initialization::{CommonTilt, in_view};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::local_similarity::LocalSimilarities;
+use crate::bundle::parameters::parameters_of_plane;
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
-use crate::bundle::plane_parameters::parameters_of_plane;
 use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, listed, of_free};
 use crate::camera::{Camera, Covariance, Lens, ObservedPixel, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};

@@ -5,8 +5,8 @@
 //! it. Of a view with yaw y at (x, y) these are the slope turned into its axes (`common_tilt.rs`) and the height of
 //! the plane there.
 
-use crate::bundle::common_tilt::{in_base, in_view};
-use crate::bundle::plane_parameters::{PLANE_PARAMS, parameters_of_plane};
+use crate::bundle::initialization::{in_base, in_view};
+use crate::bundle::parameters::{PLANE_PARAMS, parameters_of_plane};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};

@@ -8,8 +8,8 @@
 //! says does not depend on the chart but by its own square.
 
 use crate::camera::distortion::Matrix2;
-use crate::camera::elementary::{angle_from_axis, hypot, sin_cos};
 use crate::camera::lens::{ByParameters, Lens};
+use crate::camera::numerics::{angle_from_axis, hypot, sin_cos};
 use crate::camera::pinhole::dot;
 use crate::camera::space::Pixel;
 

@@ -8,8 +8,8 @@
 
 use crate::camera::covariance::Covariance;
 use crate::camera::distortion::{Distortion, RayMatrix};
-use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
+use crate::camera::numerics::sin_cos;
 use crate::camera::pinhole::Camera;
 use crate::camera::plane::{Plane, ray_to_plane};
 use crate::camera::space::{FloorPoint, Pixel};

@@ -14,9 +14,7 @@
 //! - `as_mint`, `as_nalgebra`, `as_cam_geom` conversions to other libraries.
 
 mod space;
-mod elementary;
-mod simd;
-mod polynomial;
+mod numerics;
 mod distortion;
 mod lens;
 mod covariance;
@@ -26,8 +24,7 @@ mod chart;
 mod plane;
 mod floor_covariance;
 mod reprojection;
-mod movement;
-mod turn;
+mod rotation;
 #[cfg(feature = "mint")]
 mod as_mint;
 #[cfg(feature = "nalgebra")]
@@ -41,22 +38,20 @@ pub use distortion::{BrownConrady, Coefficient, Distortion, DistortionModel, MOD
 pub use floor_covariance::FloorCovariance;
 pub(crate) use lens::ByParameters;
 pub use lens::Lens;
-pub use movement::Movement;
+pub(crate) use numerics::{angle_from_axis, dispatch, hypot, sin_cos};
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
+pub use rotation::{Movement, Turn, Turned, floor_nearness, ray_in_camera};
 pub use space::{FloorPoint, ImageCircle, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 pub use straight_down::StraightDown;
-pub use turn::{Turn, Turned, floor_nearness, ray_in_camera};
 
 pub(crate) use chart::ChartPoint;
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
 pub(crate) use distortion::{BrownInverse, ByCoefficient, LANES, Matrix2, times};
-pub(crate) use elementary::{angle_from_axis, hypot, sin_cos};
 pub(crate) use floor_covariance::FloorSlopes;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
 pub(crate) use pinhole::{NEAREST, dot};
 pub(crate) use reprojection::{LineDistance, POSE_PARAMS, ReprojectedLine, Reprojection};
 pub use reprojection::{ObservedPixel, PosedCamera};
-pub(crate) use simd::dispatch;

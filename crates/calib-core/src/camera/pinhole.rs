@@ -1,8 +1,8 @@
 //! The pinhole camera of the paper with a lens in front: both maps, the rays, the matrices.
 
 use crate::camera::covariance::Covariance;
-use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
+use crate::camera::numerics::sin_cos;
 use crate::camera::space::{FloorPoint, Pixel, UndistortedPixel, WorldPoint};
 
 /// A calibrated camera.

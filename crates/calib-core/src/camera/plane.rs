@@ -3,7 +3,7 @@
 //! `z = height + slope . ((x, y) - anchor)`. A ray `C + t d` meets it at
 //! `t = (height + slope . (C_xy - anchor) - C_z) / (d_z - slope . d_xy)`.
 
-use crate::camera::elementary::{atan, hypot, sin_cos, tan};
+use crate::camera::numerics::{atan, hypot, sin_cos, tan};
 use crate::camera::pinhole::{Camera, Ray};
 use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
 

@@ -4,8 +4,8 @@
 //! residuals are brought back to raw pixels by the inverse of the Jacobian of the undistortion.
 
 use crate::camera::chart::Chart;
-use crate::camera::elementary::sin_cos;
 use crate::camera::lens::Lens;
+use crate::camera::numerics::sin_cos;
 use crate::camera::pinhole::{Camera, dot};
 use crate::camera::plane::Plane;
 use crate::camera::space::{FloorPoint, Pixel, WorldPoint};

@@ -7,7 +7,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::camera::covariance::Covariance;
-use crate::camera::elementary::sin_cos;
+use crate::camera::numerics::sin_cos;
 use crate::camera::pinhole::Camera;
 
 /// How a camera looks that looks straight down, or nearly so.

@@ -8,12 +8,12 @@ use std::ops::Range;
 use crate::camera::{Camera, Covariance, FloorCovariance, FloorPoint, ImageCircle, Lens, Pixel, WorldPoint};
 use crate::floor::detection_box::BoxForm;
 use crate::floor::extent::Extent;
+use crate::floor::extent::Status;
 use crate::floor::point_projector::PointProjector;
 use crate::floor::projector::FloorProjector;
-use crate::floor::status::Status;
 use crate::floor::stream::{PixelOrigin, Stream, StreamError, StreamMap};
-use crate::floor::surface_projector::SurfaceProjector;
-use crate::floor::surfaces::{Surface, SurfacePoint};
+use crate::floor::surface::SurfaceProjector;
+use crate::floor::surface::{Surface, SurfacePoint};
 
 /// A calibrated camera with the stream that its pixels are of.
 ///

@@ -4,10 +4,10 @@ use crate::camera::{
     BrownInverse, Camera, Distortion, FloorCovariance, FloorPoint, LANES, Lens, Pixel, Plane, WorldPoint,
     dispatch,
 };
-use crate::floor::covariance_lanes::{CovarianceLanes, STRAIGHT_LANES};
 use crate::floor::extent::Extent;
-use crate::floor::lanes::{lanes, store};
-use crate::floor::status::Status;
+use crate::floor::extent::Status;
+use crate::floor::floor_covariances::{CovarianceLanes, STRAIGHT_LANES};
+use crate::floor::floor_covariances::{lanes, store};
 
 /// A camera prepared for mapping many pixels to one plane, and points of it to pixels.
 ///

@@ -6,8 +6,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::camera::dispatch;
-use crate::optimize::dense_block::add_outer;
-use crate::optimize::sparse_structure::{Entry, SparseStructure, make_set, running_sums};
+use crate::optimize::dense::add_outer;
+use crate::optimize::sparse_cholesky::{Entry, SparseStructure, make_set, running_sums};
 
 /// Parameter blocks, which of them are eliminated, and which have residuals in common.
 #[derive(Clone, Debug)]

@@ -13,11 +13,9 @@
 mod statistics;
 mod nelder_mead;
 mod levenberg_marquardt;
-mod sparse_structure;
-mod packed_product;
+mod dense;
 mod sparse_cholesky;
 mod selected_inverse;
-mod dense_block;
 mod block_structure;
 mod schur_complement;
 mod dual;
@@ -25,7 +23,7 @@ mod arrow;
 
 pub(crate) use arrow::{Normal, NuisanceJacobian, NuisanceLayout, Uncertainty};
 pub(crate) use block_structure::{BlockStructure, JacobianBlock, NormalEquations};
-pub(crate) use dense_block::{product, pseudo_invert};
+pub(crate) use dense::{product, pseudo_invert};
 pub(crate) use dual::{ByLens, Dual, Gradient, Number, NumberOver};
 #[cfg(test)]
 pub(crate) use levenberg_marquardt::Termination;
@@ -34,6 +32,7 @@ pub(crate) use levenberg_marquardt::{
 };
 pub(crate) use nelder_mead::nelder_mead;
 pub(crate) use schur_complement::BlockCovariance;
-pub(crate) use sparse_cholesky::CholeskyFactor;
-pub(crate) use sparse_structure::SparseStructure;
-pub use statistics::{exceeded, sigmas, two_sided_quantile};
+pub(crate) use sparse_cholesky::{CholeskyFactor, SparseStructure};
+pub use statistics::{
+    MISFIT_SCORE, chi2_median_per_dof, chi2_score, is_misfit, two_sided_quantile, two_sided_tail,
+};

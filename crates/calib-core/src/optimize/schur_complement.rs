@@ -38,9 +38,9 @@ use nalgebra::DMatrix;
 
 use crate::camera::dispatch;
 use crate::optimize::block_structure::{BlockStructure, Eliminated, NormalEquations, Role};
-use crate::optimize::dense_block::{damp_diagonal, product, pseudo_invert};
+use crate::optimize::dense::{damp_diagonal, product, pseudo_invert};
 use crate::optimize::selected_inverse::SelectedInverse;
-use crate::optimize::sparse_structure::running_sums;
+use crate::optimize::sparse_cholesky::running_sums;
 
 /// The system of the kept blocks.
 struct Reduced {

@@ -16,9 +16,9 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use crate::camera::dispatch;
-use crate::optimize::packed_product::{Packed, Part, Product};
+use crate::optimize::dense::{Packed, Part, Product};
 use crate::optimize::sparse_cholesky::{CholeskyFactor, add_scaled, dot};
-use crate::optimize::sparse_structure::{SparseStructure, Supernode};
+use crate::optimize::sparse_cholesky::{SparseStructure, Supernode};
 
 /// The inverse where the factor has entries.
 #[derive(Debug)]

@@ -1,9 +1,101 @@
 //! Findings: what an operator should know about a result, as values with a subject and numbers.
+//!
+//! What findings name beside subjects and numbers: reasons, estimators, kinds of evidence.
+//!
+//! What a finding is about.
+//!
+//! The drawing that would improve a result most.
 
 use crate::outcome::code::{Code, Severity};
-use crate::outcome::detail::{Estimator, OtherMinimum, SharedEvidence, WhyNotConnected, WhyUnused};
 use crate::outcome::subject::{Parameter, Source, Subject};
-use crate::outcome::suggestion::Suggestion;
+
+/// A kind of drawing that can be suggested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub enum Drawing {
+    /// A vertical near the left edge of the image.
+    VerticalOnTheLeft,
+    /// A vertical near the right edge of the image.
+    VerticalOnTheRight,
+    /// Two parallel floor lines that run away from the camera.
+    ParallelsAway,
+    /// Two parallel floor lines across the view.
+    ParallelsAcross,
+    /// A right angle near the middle of the floor, at about 45 degrees to the view.
+    RightAngle,
+    /// Three floor segments of equal length, near, far and across.
+    EqualLengths,
+    /// Four points of the floor that another camera sees as well.
+    SharedPoints,
+    /// One length of the floor that is known in metres.
+    KnownSize,
+}
+
+/// The drawing that would improve a result most, and by how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Suggestion {
+    /// What to draw.
+    pub drawing: Drawing,
+    /// The predicted relative error of floor lengths with it, over that without.
+    pub ratio: f64,
+    /// The predicted relative error of floor lengths with it.
+    pub floor_length_rel: f64,
+}
+
+/// Another local minimum: a camera that the lines fit as well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OtherMinimum {
+    /// In pixels.
+    pub focal: f64,
+    /// In radians.
+    pub pitch: f64,
+}
+
+/// The estimator that does not use something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Estimator {
+    /// The maximum-likelihood fit.
+    MaximumLikelihood,
+    /// The paper's criterion.
+    Paper,
+}
+
+/// Why cameras are not connected to the rest of the site.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WhyNotConnected {
+    /// They share too few landmarks with the others to be placed by them.
+    TooLittle,
+    /// They share nothing and keep the placement of the operator.
+    Placed,
+    /// They share nothing.
+    Alone,
+}
+
+/// Why something that cameras share is not used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WhyUnused {
+    /// A camera that observes it cannot show the place that the others give it.
+    OutOfSight,
+    /// One camera alone shows it.
+    SeenOnce,
+    /// A distance: an end of it has no place, or its length is not given.
+    Unmeasured,
+    /// Cameras: no poses were found from which everything shared is visible.
+    Unfitted,
+}
+
+/// Evidence that cameras share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SharedEvidence {
+    /// Links.
+    Links,
+    /// Marks tied to pixels.
+    Marks,
+    /// Distances.
+    Distances,
+}
 
 /// What an operator should know about a result that exists.
 #[derive(Clone, Debug, PartialEq)]
@@ -374,6 +466,63 @@ impl Finding {
             | Self::Unusable { next, .. }
             | Self::Unchecked { next, .. } => *next,
             _ => None,
+        }
+    }
+}
+
+impl Finding {
+    /// What it is about; of several things the first.
+    #[must_use]
+    pub fn subject(&self) -> Subject {
+        match self {
+            Self::FocalUnobservable { .. } | Self::PriorDominates { .. } => {
+                Subject::Parameter(Parameter::Focal)
+            }
+            Self::TwoSolutions { .. }
+            | Self::Misfit { worst: None, .. }
+            | Self::Unchecked { .. }
+            | Self::FewResiduals { .. }
+            | Self::UncertaintyUnknown => Subject::Orientation,
+            Self::BelowFloor { .. } => Subject::Parameter(Parameter::Height),
+            Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
+            Self::LineOutlier { line, .. }
+            | Self::Misfit { worst: Some((line, _)), .. }
+            | Self::HeightsApart { lowest: (line, _), .. }
+            | Self::OutsideLens { line }
+            | Self::NoLength { line } => Subject::Line(*line),
+            Self::UninformativeEdges { edges, .. } => {
+                edges.first().map_or(Subject::Lens, |line| Subject::Line(*line))
+            }
+            Self::BentEdges { .. }
+            | Self::BentOneWay { .. }
+            | Self::UncertainCorners { .. }
+            | Self::DistortionNotInvertible => Subject::Lens,
+            Self::UnusedEdges { first: annotation, .. }
+            | Self::UnusedKind { annotation, .. }
+            | Self::TooFewSegments { annotation, .. } => Subject::Annotation(*annotation),
+            Self::UnusedPrior { parameter } => Subject::Parameter(*parameter),
+            Self::TooFewControlPoints { .. } => Subject::Placement,
+            Self::HiddenControlPoints { points } => {
+                points.first().map_or(Subject::Placement, |&point| Subject::OwnControlPoint(point))
+            }
+            Self::FarControlPoints { worst, .. } => Subject::OwnControlPoint(*worst),
+            Self::ScaleAssumed { .. } | Self::ScaleConflict { .. } => Subject::Parameter(Parameter::Height),
+            Self::PlacedByHand => Subject::Placement,
+            Self::EfovAboveHorizon { .. } => Subject::Efov,
+            Self::ControlPointOutlier { camera, point } => {
+                Subject::ControlPoint { camera: *camera, point: *point }
+            }
+            Self::ElementOutlier { element, .. } => *element,
+            Self::OutOfDate { what, .. } | Self::PointsOutside { first: what, .. } => *what,
+            Self::DistanceOutlier { distance } => Subject::Distance(*distance),
+            Self::NotConnected { cameras, .. } => {
+                cameras.first().map_or(Subject::Site, |&camera| Subject::Camera(camera))
+            }
+            Self::Sliding { camera }
+            | Self::ScaleUnknown { root: camera, .. }
+            | Self::TooManyCameras { first: camera, .. } => Subject::Camera(*camera),
+            Self::Unused { what, .. } => what.first().copied().unwrap_or(Subject::Site),
+            Self::JointMisfit { .. } | Self::UnusedEvidence { .. } => Subject::Site,
         }
     }
 }

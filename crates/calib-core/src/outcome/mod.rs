@@ -11,17 +11,12 @@
 
 mod code;
 mod subject;
-mod suggestion;
-mod detail;
 mod finding;
-mod finding_subject;
 mod failure;
-mod residual;
 
 pub use code::{Code, Severity};
-pub use detail::{Estimator, OtherMinimum, SharedEvidence, WhyNotConnected, WhyUnused};
 pub use failure::{Failure, FailureCode};
-pub use finding::Finding;
-pub use residual::{Residual, ResidualOf};
-pub use subject::{Parameter, Source, Subject};
-pub use suggestion::{Drawing, Suggestion};
+pub use finding::{
+    Drawing, Estimator, Finding, OtherMinimum, SharedEvidence, Suggestion, WhyNotConnected, WhyUnused,
+};
+pub use subject::{Parameter, Residual, ResidualOf, Source, Subject};

@@ -12,8 +12,8 @@ use crate::camera::Chart;
 use crate::optimize::nelder_mead;
 use crate::outcome::Failure;
 use crate::single::constraints::{Constraints, Direction, Line};
-use crate::single::fixed_parameters::FixedParameters;
-use crate::single::orientation::Orientation;
+use crate::single::parameters::FixedParameters;
+use crate::single::parameters::Orientation;
 use crate::single::vanishing_point::{roll_from_verticals, unrolled, vanishing_point};
 
 /// Pitches in degrees and horizontal fields of view in degrees of the grid of starts.

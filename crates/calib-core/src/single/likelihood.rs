@@ -16,11 +16,11 @@ use crate::optimize::{
 };
 use crate::single::constraints::{Constraints, Direction, DrawnPlane, Length, Line, Source, Upright};
 use crate::single::directions::Directions;
-use crate::single::fixed_parameters::FixedParameters;
 use crate::single::nuisances::{Nuisances, PlaneNuisances};
-use crate::single::orientation::Orientation;
+use crate::single::parameters::FixedParameters;
+use crate::single::parameters::Orientation;
+use crate::single::parameters::{Prior, Priors};
 use crate::single::plane_frame::{Measured, PlaneFrame};
-use crate::single::prior::{Prior, Priors};
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL};
 use crate::single::size_residual::{CameraTerms, floor_length};
 use crate::single::vanishing_point::unrolled;

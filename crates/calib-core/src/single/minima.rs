@@ -4,9 +4,9 @@
 use crate::floor::STAGE_1_HEIGHT;
 use crate::optimize::{Summary, Uncertainty, least_squares, least_squares_unless};
 use crate::single::constraints::Direction;
-use crate::single::fixed_parameters::FixedParameters;
 use crate::single::likelihood::{Problem, State};
-use crate::single::prior::Prior;
+use crate::single::parameters::FixedParameters;
+use crate::single::parameters::Prior;
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
 

@@ -18,83 +18,57 @@
 //! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
 //! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `link_design` what shared points would tell; `advice` the findings about a fit, and what to draw next.
 
-mod chi_square;
 mod annotation;
-mod usual_sizes;
 mod scene_errors;
-mod plane_prior;
-mod endpoint;
+mod parameters;
 mod overlaps;
-mod repeats;
 mod constraints;
-mod redrawing;
-mod drawn_constraints;
 mod straightness;
-mod edge_information;
-mod fitted;
-mod lens_prior;
 mod lens_problem;
-mod open_lens;
 mod plumb_line;
 mod vanishing_point;
-mod orientation;
-mod fixed_parameters;
 mod abramov;
-mod prior;
 mod nuisances;
-mod upright_heights;
 mod residual;
 mod size_residual;
 mod plane_frame;
 mod directions;
 mod likelihood;
-mod crossfall;
-mod sizes;
-mod leverage;
-mod prediction;
 mod minima;
 mod outliers;
+mod crossfall;
+mod sizes;
+mod prediction;
 mod accuracy;
 mod plausibility;
 mod fit;
-mod scene_likelihood;
-mod link_design;
 mod advice;
 
 pub use abramov::{closed_form, minimum as paper_minimum};
-pub use advice::{Sketch, draw_next, findings};
-pub use annotation::{Annotation, ConstraintKind, KINDS, Kind, KindRow, Known, Shape, line_name};
-pub use constraints::{Constraints, Direction, DrawnPlane, Endpoint, InvalidSegment, Length, Line, Upright};
-pub use fit::{Fit, FitOptions, LocalMinimum, RULED_OUT};
-pub use fitted::Fitted;
-pub use fixed_parameters::FixedParameters;
-pub use orientation::Orientation;
-pub use plane_prior::PlanePrior;
+pub use advice::{Sketch, draw_next, findings, floor_finding};
+pub use annotation::{
+    Annotation, Belongs, ConstraintKind, KINDS, Kind, KindRow, Known, Shape, USUAL_SIZES, UsualSize,
+    line_name,
+};
+pub use constraints::{
+    Constraints, Direction, DrawnPlane, Endpoint, InvalidSegment, Length, Line, Source, Upright,
+};
+pub use fit::{Fit, FitOptions, LocalMinimum, RULED_OUT, grid};
+pub(crate) use lens_problem::{LensResidual, lens_prior, slope_prior};
+pub use outliers::{heights_apart, is_inconsistent};
+pub(crate) use outliers::{inflation, is_significant, student_factor};
+pub(crate) use overlaps::lies_on;
+pub use overlaps::{BESIDE, Repeats};
+pub use parameters::{Fitted, FixedParameters, Orientation, PlanePrior, Prior, Priors};
 pub use plumb_line::{LensFit, LensOptions};
-pub use prior::{Prior, Priors};
-pub use repeats::Repeats;
+pub(crate) use prediction::predictable;
+pub use prediction::{Held, residuals_at, residuals_held};
 pub use scene_errors::{Deviation, SceneErrors};
-pub use straightness::{Edge, straightness, straightness_rms};
-pub use upright_heights::heights_apart;
-pub use usual_sizes::{USUAL_SIZES, UsualSize};
+pub use straightness::{Edge, edges, outermost, straightness, straightness_rms};
+pub(crate) use straightness::{edge_redundancy, straightness_with_jacobian, times_drawn};
 
 pub use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};
-pub use advice::floor_finding;
-pub use annotation::Belongs;
-pub use chi_square::is_misfit;
-pub(crate) use chi_square::{LEVEL, chi2_score};
-pub use constraints::Source;
-pub use fit::grid;
-pub(crate) use lens_prior::{LensResidual, lens_prior, slope_prior};
 pub(crate) use likelihood::{Problem, State};
 pub use minima::OPEN_FOCAL;
 pub(crate) use minima::{PRIOR_TELLS, weak_prior};
-pub use outliers::is_inconsistent;
-pub(crate) use outliers::{inflation, is_significant, student_factor};
-pub use overlaps::BESIDE;
-pub(crate) use overlaps::lies_on;
-pub(crate) use prediction::predictable;
-pub use prediction::{Held, residuals_at, residuals_held};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
-pub(crate) use straightness::{edge_redundancy, straightness_with_jacobian, times_drawn};
-pub use straightness::{edges, outermost};

@@ -14,10 +14,10 @@
 
 use crate::camera::DistortionModel::KannalaBrandt;
 use crate::camera::{DistortionModel, ImageCircle, Lens, Pixel};
-use crate::single::chi_square::is_misfit;
+use crate::optimize::is_misfit;
 use crate::single::constraints::Source;
-use crate::single::fitted::Fitted;
 use crate::single::lens_problem::{LensProblem, shown_by_parameters};
+use crate::single::parameters::Fitted;
 use crate::single::straightness::{Edge, edge_redundancy, outermost, straightness, times_drawn};
 
 /// Twice the log of the evidence that is very strong (Kass and Raftery 1995).

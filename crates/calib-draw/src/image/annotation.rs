@@ -1,16 +1,14 @@
 //! Drawn lines: what they are, what the solution says of them, where they lead, which should come next.
-
-use calib_core::{Annotation, Camera, Kind, Pixel, Residual, UndistortedPixel};
+//!
+//! Control points where they were drawn, and where the camera shows them.
 
 use calib_core::floor::line_beyond;
-
 use calib_core::single::{Shape, line_name};
+use calib_core::{Annotation, Camera, Kind, Pixel, Residual, UndistortedPixel};
 
 use crate::image::ImageView;
-use crate::item::{Geometry, Item};
-use crate::kind::KindLook;
-use crate::meaning::{Line, Meaning};
-use crate::sign::{SQUARE, SQUARE_BESIDE, Sign};
+use crate::item::{Geometry, Item, Line, Meaning};
+use crate::kind::{KindLook, SQUARE, SQUARE_BESIDE, Sign};
 
 /// Which signs lines have beside their colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,4 +104,21 @@ pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixe
         Item::polyline(Meaning::Extension(kind), points.collect())
     };
     vec![side(0.0, -REACH), side(1.0, 1.0 + REACH)]
+}
+
+pub(super) fn control_points(view: &ImageView) -> Vec<Item<Pixel>> {
+    let Some(entry) = view.entry() else { return Vec::new() };
+    let plan = view.site().plan.as_ref();
+    let mut items = Vec::new();
+    for (index, point) in entry.control_points.iter().enumerate() {
+        let meaning = Meaning::ControlPoint { camera: view.camera, index, is_off: point.off };
+        items.push(Item::point(meaning, point.px));
+        let world = point.control_point(plan).map(|control| control.world);
+        let shown = view.pose.and_then(|camera| camera.world_to_pixel(world?));
+        let residual = Meaning::Residual { is_off: point.off };
+        items.extend(shown.map(|shown| Item::polyline(residual, vec![point.px, shown])));
+        let name = point.name.as_ref().or(point.id.as_ref());
+        items.extend(name.map(|name| Item::label(meaning, point.px, name.clone())));
+    }
+    items
 }

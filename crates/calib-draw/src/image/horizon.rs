@@ -1,10 +1,12 @@
 //! The horizon, as the lens bends it.
+//!
+//! The undistorted grid bent over the raw image: every line of it is straight in the scene.
 
-use calib_core::{Camera, Pixel};
+use calib_core::floor::lens_reach;
+use calib_core::{Camera, Lens, Pixel, UndistortedPixel};
 
 use crate::image::ImageView;
-use crate::item::{Geometry, Item};
-use crate::meaning::Meaning;
+use crate::item::{Geometry, Item, Meaning};
 
 pub(super) fn of_view(view: &ImageView) -> Vec<Item<Pixel>> {
     let (Some(camera), Some(entry)) = (view.pose, view.entry()) else { return Vec::new() };
@@ -31,4 +33,99 @@ fn word(items: &[Item<Pixel>], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixe
     });
     let at = points.filter(is_shown).max_by(|a, b| a.u.total_cmp(&b.u))?;
     Some(Item::label(Meaning::Horizon, *at, "horizon".into()))
+}
+
+/// Columns of cells across the middle of the image.
+const COLUMNS: f64 = 12.0;
+/// Largest cell, in widths of the image: at the edge of a fisheye the undistorted plane has no end, and
+/// the middle must have its lines too.
+const LARGEST: f64 = 1.0 / 8.0;
+/// How far the undistorted plane is followed from the principal point, in widths of the image.
+const FAR: f64 = 1.5;
+
+pub(super) fn lens_grid(view: &ImageView) -> Vec<Item<Pixel>> {
+    let Some(entry) = view.entry() else { return Vec::new() };
+    let Some(lens) = view.lens() else { return Vec::new() };
+    let size = entry.size();
+    let lines = if lens.distortion.is_wide() { circles(&lens, size) } else { lines(&lens, size) };
+    lines.into_iter().map(|line| Item::polyline(Meaning::LensGrid, line)).collect()
+}
+
+/// Of a fisheye: great circles through the two directions across and the two down, which are what the columns and rows of
+/// a pinhole's grid are beyond its plane, too, cut where they leave the image or the lens.
+fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
+    use std::f64::consts::{PI, TAU};
+    let across = (0..=32).filter_map(|i| {
+        let [x, _, w] = lens.bearing(Pixel::new(size[0] * f64::from(i) / 32.0, lens.principal_point.v))?;
+        Some((x / lens.focal).atan2(w).abs())
+    });
+    // Twelve columns at most, in steps that a person can count.
+    let side = across.fold(0.0, f64::max).to_degrees();
+    let step: f64 = [5.0, 10.0, 15.0].into_iter().find(|step| 2.0 * side <= COLUMNS * step).unwrap_or(15.0);
+    let count = (180.0 / step) as i32;
+    let rim = rim(lens, size);
+    let shown = |[x, y, w]: [f64; 3]| {
+        let within = x.hypot(y).atan2(w) <= rim;
+        lens.shown([lens.focal * x, lens.focal * y, w]).filter(|_| within)
+    };
+    let mut found = Vec::new();
+    for turn in (0..count).map(|i| (f64::from(i) * step).to_radians()) {
+        let (sin, cos) = turn.sin_cos();
+        // Once round, from behind the camera, where no lens looks, over its front.
+        let along = |t: f64| (PI + 0.5 * TAU * (1.0 + t)).sin_cos();
+        let column = |t: f64| {
+            let (s, c) = along(t);
+            shown([sin * c, s, cos * c])
+        };
+        let row = |t: f64| {
+            let (s, c) = along(t);
+            shown([s, sin * c, cos * c])
+        };
+        found.extend(pieces(size, column).into_iter().chain(pieces(size, row)));
+    }
+    found
+}
+
+/// How far from its axis the lines of a fisheye are drawn, in radians: to the rim of a circle that lies within the image.
+fn rim(lens: &Lens, size: [f64; 2]) -> f64 {
+    /// What sees less at the sides of its image has more in the corners.
+    const CIRCLE: f64 = 85.0;
+    Some(lens_reach(lens, lens.focal, size)).filter(|reach| *reach > CIRCLE.to_radians()).unwrap_or(f64::MAX)
+}
+
+/// The lines of the grid in raw pixels, cut where they leave the image or the lens.
+fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
+    let [w, h] = size;
+    let centre = lens.principal_point;
+    let share = |i: i32| f64::from(i) / 32.0;
+    let [side, _] = reach(lens, w, (0..=32).map(|i| Pixel::new(w * share(i), centre.v)));
+    let [u, v] = reach(lens, w, (0..33 * 33).map(|k| Pixel::new(w * share(k % 33), h * share(k / 33))));
+    let cell = (2.0 * side / COLUMNS).min(LARGEST * w);
+    // A lens that shows nothing has no grid.
+    let count = |reach: f64| if cell > 0.0 { (reach / cell) as i32 } else { -1 };
+    let offsets = |count: i32| (-count..=count).map(move |i| f64::from(i) * cell);
+    let at = |du: f64, dv: f64| lens.distort(UndistortedPixel { u: centre.u + du, v: centre.v + dv });
+    let columns = offsets(count(u)).flat_map(|du| pieces(size, |t| at(du, t * v)));
+    let rows = offsets(count(v)).flat_map(|dv| pieces(size, |t| at(t * u, dv)));
+    columns.chain(rows).collect()
+}
+
+/// How far from the principal point the undistorted plane is seen at these pixels, across and down.
+fn reach(lens: &Lens, width: f64, pixels: impl Iterator<Item = Pixel>) -> [f64; 2] {
+    let Pixel { u: cu, v: cv } = lens.principal_point;
+    pixels.filter_map(|pixel| lens.undistort(pixel)).fold([0.0, 0.0], |[u, v], seen| {
+        [u.max((seen.u - cu).abs()).min(FAR * width), v.max((seen.v - cv).abs()).min(FAR * width)]
+    })
+}
+
+/// The parts on the image of a line that is given from -1 to 1.
+fn pieces([w, h]: [f64; 2], line: impl Fn(f64) -> Option<Pixel>) -> Vec<Vec<Pixel>> {
+    const SAMPLES: i32 = 400;
+    // A little beyond the image, so that lines reach its border.
+    let margin = 0.05 * w;
+    let shown = |p: &Pixel| p.u > -margin && p.v > -margin && p.u < w + margin && p.v < h + margin;
+    let points: Vec<Option<Pixel>> =
+        (-SAMPLES..=SAMPLES).map(|i| line(f64::from(i) / f64::from(SAMPLES)).filter(shown)).collect();
+    let pieces = points.split(Option::is_none).map(|piece| piece.iter().flatten().copied().collect());
+    pieces.filter(|piece: &Vec<Pixel>| piece.len() > 1).collect()
 }

@@ -3,14 +3,10 @@
 //! What lies off the image is kept, so that a canvas larger than the image shows it; what the camera or its
 //! lens cannot show is left out.
 
-mod plane;
 mod floor;
 mod horizon;
-mod lens_grid;
 mod mark;
 mod annotation;
-mod control_point;
-mod link;
 
 use calib_core::{Camera, Lens, Pixel, Plane, WorldPoint};
 
@@ -24,7 +20,7 @@ pub use horizon::horizon;
 pub use mark::guide;
 
 use crate::item::Item;
-use crate::meaning::Meaning;
+use crate::item::Meaning;
 use crate::scene::Scene;
 
 /// What can be drawn on an image.
@@ -124,9 +120,9 @@ impl<'a> ImageView<'a> {
 impl ImageLayer {
     fn items(self, view: &ImageView) -> Vec<Item<Pixel>> {
         match self {
-            Self::LensGrid => lens_grid::lens_grid(view),
+            Self::LensGrid => horizon::lens_grid(view),
             Self::Grid(step) => floor::grid(view, step),
-            Self::Planes => plane::planes(view),
+            Self::Planes => floor::planes(view),
             Self::DrawnEfov => floor::drawn_efov(view),
             Self::DrawnPrism => floor::drawn_prism(view),
             Self::SolvedEfov => floor::solved_efov(view),
@@ -135,9 +131,9 @@ impl ImageLayer {
             Self::Marks => mark::marks(view),
             Self::Pins => mark::pins(view),
             Self::Annotations(signs) => annotation::annotations(view, signs),
-            Self::ControlPoints => control_point::control_points(view),
-            Self::Links { begun } => link::links(view, begun),
-            Self::Sightings => link::sightings(view),
+            Self::ControlPoints => annotation::control_points(view),
+            Self::Links { begun } => mark::links(view, begun),
+            Self::Sightings => mark::sightings(view),
         }
     }
 }

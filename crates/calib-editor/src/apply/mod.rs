@@ -1,14 +1,10 @@
 //! What actions do: the one place that changes the document.
 
-mod hand;
 mod selection;
 mod lines;
 mod proposing;
 mod cameras;
-mod newer;
 mod places;
-mod elements;
-mod planes;
 mod whole;
 
 use crate::action::Action;

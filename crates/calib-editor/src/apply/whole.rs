@@ -1,14 +1,50 @@
 //! The document as a whole: opened, saved, joined by images and by what other programs know.
+//!
+//! What cameras share, and control points: changed in their tables.
 
 use std::path::PathBuf;
 
-use calib_site::{Site, SiteCamera, counted};
+use calib_site::{ControlPointEntry, Distance, Link, Mark, Site, SiteCamera, counted};
 
 use crate::action::Opened;
 use crate::editor::Editor;
 use crate::images::images_mut;
 use crate::import;
 use crate::session::Session;
+
+impl Editor {
+    pub(super) fn set_control(&mut self, index: usize, point: ControlPointEntry) {
+        self.cancel();
+        let name = point.label(index);
+        if let Some(own) = self.session.entry_mut().and_then(|entry| entry.control_points.get_mut(index)) {
+            *own = point;
+        }
+        self.session.commit(format!("change {name}"));
+    }
+
+    pub(super) fn set_link(&mut self, index: usize, link: Link) {
+        self.cancel();
+        let name = link.id.clone().unwrap_or_default();
+        if let Some(own) = self.session.site.links.get_mut(index) {
+            *own = link;
+        }
+        self.session.commit(format!("change {name}"));
+    }
+
+    pub(super) fn set_mark(&mut self, index: usize, mark: Mark, name: String) {
+        self.cancel();
+        if let Some(own) = self.session.site.marks.get_mut(index) {
+            *own = mark;
+        }
+        self.session.commit(name);
+    }
+
+    pub(super) fn set_distances(&mut self, distances: Vec<Distance>) {
+        self.cancel();
+        self.session.site.distances = distances;
+        self.session.commit("change a measured distance");
+    }
+}
 
 impl Editor {
     pub(super) fn open(&mut self, opened: Opened) {

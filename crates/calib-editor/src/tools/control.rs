@@ -1,7 +1,6 @@
 //! Control points: a pixel of an image, then its place on the plan.
 
 use calib_core::{FloorPoint, Pixel};
-
 use calib_site::ControlPointEntry;
 
 use crate::hit::Part;

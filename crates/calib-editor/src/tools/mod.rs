@@ -8,7 +8,6 @@ mod select;
 mod link;
 mod control;
 mod measure;
-mod region;
 
 use std::sync::Arc;
 
@@ -18,7 +17,7 @@ use calib_image::Edge;
 use calib_site::Site;
 use image::RgbImage;
 
-use crate::input::{Key, Modifiers};
+use crate::keys::{Key, Modifiers};
 use crate::session::Session;
 
 pub use place::{PlanHandle, is_inside, plan_handles};
@@ -256,7 +255,7 @@ pub const TOOLS: &[ToolRow] = &[
         key: Key::O,
         icon: Icon::Region,
         kind: None,
-        make: || Box::new(region::Region::default()),
+        make: || Box::new(measure::Region::default()),
     },
 ];
 

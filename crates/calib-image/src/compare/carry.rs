@@ -7,10 +7,10 @@ use calib_core::camera::{Turn, Turned};
 use calib_site::Carrier;
 use image::RgbImage;
 
+use crate::compare::alignment::Search;
 use crate::compare::comparison::SMOOTH;
-use crate::compare::luma::Luma;
+use crate::compare::feature::Luma;
 use crate::compare::place::places;
-use crate::compare::search::Search;
 use crate::edges::Edge;
 use crate::pull::pull_line;
 

@@ -16,8 +16,8 @@ use calib_core::camera::{Turn, Turned};
 
 use crate::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
 
+use crate::compare::feature::Luma;
 use crate::compare::feature::{LEAN, Match, features, matches};
-use crate::compare::luma::Luma;
 use crate::compare::motion::Sight;
 
 /// What the coordinates of a point are counted along.

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::compare::alignment::{Alignment, by_chance};
 use crate::compare::coarse::{Seen, coarse, corners};
-use crate::compare::luma::Luma;
+use crate::compare::feature::Luma;
 use crate::compare::place::{Place, places};
 use crate::compare::stepped::Stepped;
 use crate::edges::{Edge, find};

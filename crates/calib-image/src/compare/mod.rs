@@ -9,15 +9,11 @@
 //!   by pass; `motion` what it is told by; `stepped` whether the camera stands elsewhere; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still; `recovery` the camera
 //!   solved from it: [`recovered`]. `edge_offset`, `turn_equations`, `turn_fit` fit one rotation and zoom to all edge offsets.
 
-mod luma;
-mod edge_offset;
-mod turn_equations;
+mod feature;
 mod turn_fit;
 mod motion;
-mod feature;
 mod coarse;
 mod place;
-mod search;
 mod alignment;
 mod stepped;
 mod comparison;
@@ -25,6 +21,5 @@ mod carry;
 mod recovery;
 
 pub use comparison::{Became, Comparison, OtherSize, Uncompared, drawn_edges};
-pub use edge_offset::{EdgeOffset, STEP, TONE};
 pub use recovery::{Refusal, recovered};
-pub use turn_fit::{Estimated, TurnFit};
+pub use turn_fit::{EdgeOffset, Estimated, STEP, TONE, TurnFit};

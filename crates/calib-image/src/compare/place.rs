@@ -6,7 +6,7 @@ use calib_core::{Camera, Pixel};
 
 use crate::TONE;
 
-use crate::compare::luma::{Luma, cubic};
+use crate::compare::feature::{Luma, cubic};
 use crate::compare::motion::Sight;
 use crate::edges::Edge;
 

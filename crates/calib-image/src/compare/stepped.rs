@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::compare::alignment::Alignment;
 use crate::compare::coarse::{AXES, Chance, Seen, voices_of};
-use crate::compare::luma::Luma;
+use crate::compare::feature::Luma;
 use crate::compare::motion::{Motion, Moved};
 use crate::compare::place::Place;
 

@@ -1,3 +1,16 @@
+//! How far edges are from where a turn would have them.
+//!
+//! The normal equations of a turn: block by block of the image, what moves all edges of a block alike eliminated.
+//!
+//! With the precisions P of the places of a block (`turn_fit.rs`), N the directions that their offsets count along, and a
+//! vector of the variance `b^2` either way that moves them all,
+//!
+//! ```text
+//! (P^-1 + b^2 N N')^-1 = P - P N (1 / b^2 + N' P N)^-1 N' P
+//! ```
+//!
+//! (Woodbury 1950).
+//!
 //! How a camera turned, by edges that are beside where they were: robust, and with a sigma that the edges themselves, for
 //! the most part, bear out.
 //!
@@ -37,12 +50,207 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector};
-
-use crate::compare::edge_offset::{EdgeOffset, STEP, TONE};
-use crate::compare::turn_equations::{BlockSum, Sum};
 use calib_core::camera::Turn;
-use calib_core::optimize::sigmas;
+use calib_core::optimize::chi2_score;
+use nalgebra::{DMatrix, DVector, Matrix2, OMatrix, Vector2};
+
+/// Parameters of what light does to edges.
+pub const TONE: usize = 3;
+/// Parameters of a step.
+pub const STEP: usize = 3;
+
+/// How far an edge is, across itself, from where it is looked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EdgeOffset {
+    /// In pixels.
+    pub offset: f64,
+    /// The direction in the image that it is counted along, a unit vector.
+    pub across: [f64; 2],
+    /// Its noise, in pixels.
+    pub sigma: f64,
+    /// Derivatives of where the edge is, across itself, by a turn.
+    pub turn: [f64; Turn::SIZE],
+    /// How much the light on it may move it: its contrast towards the side that offsets count to, by powers of its level.
+    pub tone: [f64; TONE],
+    /// Derivatives by a step.
+    pub step: [f64; STEP],
+    /// Which part of the image it is in.
+    pub block: usize,
+    /// Of which edge it is one of several places; these stand one after the other.
+    pub edge: Option<usize>,
+}
+
+impl EdgeOffset {
+    /// Derivatives by everything that may be estimated, in its order.
+    pub(super) fn by(&self, k: usize) -> f64 {
+        const FROM: usize = Turn::SIZE + TONE;
+        match k {
+            0..Turn::SIZE => self.turn[k],
+            Turn::SIZE..FROM => self.tone[k - Turn::SIZE],
+            _ => self.step[k - FROM],
+        }
+    }
+
+    /// The offset that these parameters tell.
+    #[must_use]
+    pub fn told(&self, estimate: &DVector<f64>) -> f64 {
+        (0..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
+    }
+}
+
+/// What light moves an edge by, in pixels for a contrast of 1 in the logarithm of brightness: standard deviation.
+const LIGHT: f64 = 0.3;
+
+/// Derivatives by what is estimated, of a vector that moves a block.
+type ByMotion = OMatrix<f64, nalgebra::Dyn, nalgebra::U2>;
+
+/// The normal equations of the edges of one block.
+#[derive(Clone, Debug)]
+pub(super) struct BlockSum {
+    information: DMatrix<f64>,
+    score: DVector<f64>,
+    /// `A' P N`, `N' P N` and `N' P d`.
+    cross: ByMotion,
+    motion: Matrix2<f64>,
+    motion_score: Vector2<f64>,
+    /// Of an offset that all places have in common.
+    pub(super) precision: f64,
+}
+
+/// The normal equations of some blocks.
+#[derive(Clone, Debug)]
+pub(super) struct Sum {
+    information: DMatrix<f64>,
+    score: DVector<f64>,
+}
+
+impl BlockSum {
+    pub(super) fn nothing(unknowns: usize) -> Self {
+        Self {
+            information: DMatrix::zeros(unknowns, unknowns),
+            score: DVector::zeros(unknowns),
+            cross: ByMotion::zeros(unknowns),
+            motion: Matrix2::zeros(),
+            motion_score: Vector2::zeros(),
+            precision: 0.0,
+        }
+    }
+
+    /// The places of one edge, whose offset in common has the standard deviation `shared`.
+    pub(super) fn add(&mut self, edge: &[EdgeOffset], precisions: &[f64], shared: f64) {
+        // A' W 1, N' W 1, d' W 1 and 1' W 1.
+        let (mut total, mut offset) = (0.0, 0.0);
+        let (mut together, mut way) = (DVector::zeros(self.score.len()), Vector2::zeros());
+        for (row, &precision) in edge.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0) {
+            let by = DVector::from_fn(self.score.len(), |k, _| row.by(k));
+            let across = Vector2::from(row.across);
+            self.score.axpy(precision * row.offset, &by, 1.0);
+            self.information.ger(precision, &by, &by, 1.0);
+            self.cross.ger(precision, &by, &across, 1.0);
+            self.motion.ger(precision, &across, &across, 1.0);
+            self.motion_score += precision * row.offset * across;
+            together.axpy(precision, &by, 1.0);
+            way += precision * across;
+            offset += precision * row.offset;
+            total += precision;
+        }
+        let known = shared * shared / (1.0 + shared * shared * total);
+        self.score.axpy(-known * offset, &together, 1.0);
+        self.information.ger(-known, &together, &together, 1.0);
+        self.cross.ger(-known, &together, &way, 1.0);
+        self.motion.ger(-known, &way, &way, 1.0);
+        self.motion_score -= known * offset * way;
+        self.precision += total - known * total * total;
+    }
+
+    /// With what moves the block eliminated: a vector of this standard deviation either way.
+    fn closed(&self, block: f64) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        if block <= 0.0 {
+            return Some((self.information.clone(), self.score.clone()));
+        }
+        let known = (Matrix2::identity() / (block * block) + self.motion).try_inverse()?;
+        let carried = &self.cross * known;
+        Some((
+            &self.information - &carried * self.cross.transpose(),
+            &self.score - carried * self.motion_score,
+        ))
+    }
+}
+
+impl Sum {
+    /// Of blocks, each moved by a vector of this standard deviation.
+    pub(super) fn of(blocks: &[BlockSum], block: f64) -> Option<Self> {
+        let unknowns = blocks.first()?.score.len();
+        let (mut information, mut score) = (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
+        for one in blocks {
+            let (own, own_score) = one.closed(block)?;
+            information += own;
+            score += own_score;
+        }
+        Some(Self { information, score })
+    }
+
+    /// The inverse of what all tell.
+    pub(super) fn bound(&self) -> Option<DMatrix<f64>> {
+        Some(self.believed().cholesky()?.inverse())
+    }
+
+    /// The covariance that blocks bear out, each by itself: with the information I of all, `I_k` and score `s_k` of one, and
+    /// `H_k = I^-1/2 I_k I^-1/2`, the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k` (Bell and `McCaffrey` 2002);
+    /// and what the belief P about light may be off by, `I^-1 P I^-1`. Where one block tells nearly all, nothing is borne
+    /// out, and it counts as what is expected, 1. `slope` is the mean slope of psi over the mean weight.
+    pub(super) fn borne_out(
+        &self,
+        blocks: &[BlockSum],
+        block: f64,
+        estimate: &DVector<f64>,
+        slope: f64,
+    ) -> Option<DMatrix<f64>> {
+        /// Share that is nearly all.
+        const ALL: f64 = 0.95;
+        let root = self.believed().cholesky()?.l().try_inverse()?;
+        let bound = root.transpose() * &root;
+        let belief = DMatrix::from_diagonal(&(self.believed().diagonal() - self.information.diagonal()));
+        let mut covariance = &bound * belief * &bound;
+        for one in blocks {
+            let (information, score) = one.closed(block)?;
+            let told = &root * (score - &information * estimate);
+            let eigen = (&root * information * root.transpose()).symmetric_eigen();
+            let mut along = eigen.eigenvectors.transpose() * told;
+            for (along, &share) in along.iter_mut().zip(&eigen.eigenvalues) {
+                *along = if share > ALL {
+                    along.abs().max(1.0).copysign(*along)
+                } else {
+                    *along / ((1.0 - share).sqrt() * slope)
+                };
+            }
+            let moved = root.transpose() * (eigen.eigenvectors * along);
+            covariance.ger(1.0, &moved, &moved, 1.0);
+        }
+        Some(covariance)
+    }
+
+    /// With what is believed of light before it is seen.
+    fn believed(&self) -> DMatrix<f64> {
+        let mut believed = self.information.clone();
+        let tone = (Turn::SIZE..Turn::SIZE + TONE).filter(|&i| i < self.score.len());
+        tone.for_each(|i| believed[(i, i)] += LIGHT.powi(-2));
+        believed
+    }
+
+    pub(super) fn solved(&self) -> Option<DVector<f64>> {
+        /// A parameter that edges tell less of than this share of what they tell of it alone is not told.
+        const TOLD: f64 = 1e-9;
+        // In units of what each is told by itself, so that radians and shares are alike.
+        let information = self.believed();
+        let units = information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
+        let scaled =
+            DMatrix::from_fn(units.len(), units.len(), |i, j| information[(i, j)] * units[i] * units[j]);
+        let cholesky = scaled.cholesky()?;
+        let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > TOLD);
+        is_told.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))
+    }
+}
 
 /// What is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -160,7 +368,7 @@ impl TurnFit {
         let Some(inverse) = part.cholesky() else { return 0.0 };
         let square = estimate.dot(&inverse.solve(&estimate));
         let shrunk = square * ((blocks - count as f64 - 2.0) / (blocks - 1.0).max(1.0)).max(0.0);
-        sigmas(shrunk, count as f64)
+        chi2_score(shrunk, count as f64).max(0.0)
     }
 }
 
@@ -306,11 +514,11 @@ fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use calib_core::camera::ray_in_camera;
-    use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
+    use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint, ray_in_camera};
     use rand::{Rng as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
+
+    use super::*;
 
     const COLUMNS: usize = 8;
     const BLOCKS: usize = 48;

@@ -5,7 +5,7 @@
 //! edge, or hangs from it, has it on a wall or on what stands before one; one that ends there from above has its foot
 //! there, and says nothing against the floor.
 
-use super::line::Line;
+use super::join::Line;
 use super::mixture::Mixture;
 
 /// Where an edge of a level direction lies.

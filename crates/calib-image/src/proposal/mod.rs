@@ -13,21 +13,15 @@
 //! - `verdict` whether to believe it; [`Proposal::new`] runs all of it.
 
 mod frame;
-mod line;
 mod join;
-mod belief;
-mod search;
 mod mixture;
-mod bend;
-mod strokes;
+mod search;
 mod lies;
-mod drawn;
+mod strokes;
 mod straight;
-mod verdict;
 mod still;
 
-pub use drawn::Group;
 pub use join::joined;
 pub use lies::Lies;
-pub use still::{Alternative, Proposal, Still};
-pub use verdict::{Reason, Verdict};
+pub use still::{Alternative, Proposal, Reason, Still, Verdict};
+pub use strokes::Group;

@@ -5,23 +5,126 @@
 //! 2. The strokes of the likeliest mixture are solved as an operator's would be.
 //! 3. The sigma of the focal is that of the solve and, beside it, how far the other mixtures are from this one, by
 //!    their evidence; the verdict follows from it.
+//!
+//! Whether a proposal is to be believed.
+
+use std::fmt;
 
 use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
-
 use calib_site::{SiteCamera, Solution};
 
-use crate::line_segment::LineSegment;
-
-use super::belief::Belief;
-use super::drawn::{Group, entry, groups, solved, stroke};
+use super::join::Line;
 use super::lies::lies;
-use super::line::Line;
-use super::mixture::Mixture;
+use super::mixture::{Belief, Mixture};
 use super::search::{Hypothesis, hypotheses};
 use super::straight::straight;
-use super::strokes::strokes;
-use super::verdict::{Reason, Verdict};
-use super::{bend, join, search};
+use super::strokes::{Group, entry, groups, solved, stroke, strokes};
+use super::{join, search};
+use crate::line_segment::LineSegment;
+
+/// Whether a proposal is to be believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+pub enum Verdict {
+    /// It may be used as it is.
+    Sure,
+    /// It is likely, and wants a look.
+    Check,
+    /// There is none.
+    None,
+}
+
+impl Verdict {
+    /// Its name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Sure => "sure",
+            Self::Check => "check",
+            Self::None => "none",
+        }
+    }
+}
+
+/// Why a proposal is not sure.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub enum Reason {
+    /// There are fewer straight edges than directions could be told from.
+    FewEdges {
+        /// How many there are.
+        found: usize,
+    },
+    /// The image is round, and its lens is not known: a fisheye bends edges by more than grouping finds out.
+    RoundImage,
+    /// The edges lead nowhere in common, more than chance would make them.
+    NoDirections,
+    /// No edge is plumb.
+    NoVerticals,
+    /// Besides the verticals there is one direction only, and it leaves the focal open.
+    OneDirection {
+        /// Relative standard deviation of the focal.
+        sigma: f64,
+    },
+    /// The directions leave the focal open.
+    FocalOpen {
+        /// Relative standard deviation of the focal.
+        sigma: f64,
+    },
+    /// Other cameras explain the edges nearly as well.
+    TwoHypotheses {
+        /// Their focals, in pixels, this one first.
+        focals: [f64; 2],
+    },
+    /// No camera that somebody set up has such a roll or focal.
+    Unusual {
+        /// In pixels.
+        focal: f64,
+    },
+    /// The edges do not agree with each other as well as their noise would have them.
+    Misfit {
+        /// Sum of squared residuals over their number.
+        chi2_per_dof: f64,
+    },
+}
+
+/// What an operator reads.
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FewEdges { found } => {
+                write!(f, "only {found} straight edges were found; draw what is straight by hand")
+            }
+            Self::RoundImage => f.write_str(
+                "the image is round, as a fisheye's is; draw long straight edges by hand, which tell its lens, and propose again",
+            ),
+            Self::NoDirections => {
+                f.write_str("the edges lead to no common directions; draw verticals and floor lines by hand")
+            }
+            Self::NoVerticals => f.write_str("no edges are plumb; draw verticals by hand"),
+            Self::OneDirection { sigma } => write!(
+                f,
+                "there is one floor direction only, and the focal is open (\u{b1} {:.0} %); draw floor lines of another direction",
+                100.0 * sigma
+            ),
+            Self::FocalOpen { sigma } => write!(
+                f,
+                "the directions leave the focal open (\u{b1} {:.0} %); draw floor lines that run away from the camera",
+                100.0 * sigma
+            ),
+            Self::TwoHypotheses { focals: [one, other] } => write!(
+                f,
+                "a focal of {one:.0} px and one of {other:.0} px explain the edges alike; look which lines belong together"
+            ),
+            Self::Unusual { focal } => write!(
+                f,
+                "a camera of such a roll, or with a focal of {focal:.0} px, is unusual; look whether the verticals are plumb"
+            ),
+            Self::Misfit { chi2_per_dof } => write!(
+                f,
+                "the lines contradict each other (chi-square {chi2_per_dof:.1} per degree of freedom); look which do not belong"
+            ),
+        }
+    }
+}
 
 /// Edges that are worked with, the longest ones.
 const MOST_LINES: usize = 400;
@@ -112,7 +215,7 @@ impl Grouping {
     }
 
     fn log_evidence(&self) -> Option<f64> {
-        Some(self.mixtures.first()?.log_evidence + bend::log_density(self.k1))
+        Some(self.mixtures.first()?.log_evidence + search::log_density(self.k1))
     }
 }
 
@@ -274,11 +377,11 @@ impl Still {
 
     /// The likeliest grouping.
     fn grouping(&self) -> Option<Grouping> {
-        let straight = self.grouped(self.lens.unwrap_or(bend::lens(0.0, self.centre(), self.sides())), 0.0);
+        let straight = self.grouped(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
         let bent = if self.lens.is_none() { self.bent_grouping() } else { None };
         let gain = |bent: &Grouping| Some(bent.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
         let chosen = match bent {
-            Some(bent) if gain(&bent).is_some_and(|gain| gain > bend::LEAST_GAIN) => bent,
+            Some(bent) if gain(&bent).is_some_and(|gain| gain > search::LEAST_GAIN) => bent,
             _ => straight,
         };
         Some(chosen)
@@ -287,10 +390,10 @@ impl Still {
     /// The grouping under the distortion under which edges lead to common points best, if that is any.
     fn bent_grouping(&self) -> Option<Grouping> {
         let concurrence = |k1: f64| {
-            search::concurrence(&self.lines(&bend::lens(k1, self.centre(), self.sides())))
-                + bend::log_density(k1)
+            search::concurrence(&self.lines(&search::lens(k1, self.centre(), self.sides())))
+                + search::log_density(k1)
         };
-        let scores = bend::COARSE.map(|k1| (k1, concurrence(k1)));
+        let scores = search::COARSE.map(|k1| (k1, concurrence(k1)));
         let (k1, _) = scores.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(k1, _)| *k1 != 0.0)?;
         let coarse = self.bent(k1);
         let refined = self.refined(&coarse);
@@ -307,7 +410,7 @@ impl Still {
     }
 
     fn bent(&self, k1: f64) -> Grouping {
-        self.grouped(bend::lens(k1, self.centre(), self.sides()), k1)
+        self.grouped(search::lens(k1, self.centre(), self.sides()), k1)
     }
 
     /// Edges joined and grouped under a lens.
@@ -331,13 +434,13 @@ impl Still {
     fn refined(&self, coarse: &Grouping) -> Grouping {
         let belief = Belief::of_width(f64::from(self.size[0]));
         let score = |k1: f64| {
-            let lines = self.lines(&bend::lens(k1, self.centre(), self.sides()));
+            let lines = self.lines(&search::lens(k1, self.centre(), self.sides()));
             let best = coarse.mixtures.first()?;
             let start = (best.camera, best.azimuths.clone(), best.tied.clone());
-            Some(Mixture::fitted(&lines, start, &belief)?.log_evidence + bend::log_density(k1))
+            Some(Mixture::fitted(&lines, start, &belief)?.log_evidence + search::log_density(k1))
         };
-        let (k1, _) = bend::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
-        let lens = bend::lens(k1, self.centre(), self.sides());
+        let (k1, _) = search::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
+        let lens = search::lens(k1, self.centre(), self.sides());
         let lines = self.lines(&lens);
         // So near to the coarse step the same cameras are worth working out: nothing is sought anew.
         let starts =

@@ -10,7 +10,7 @@ use calib_core::{Lens, Pixel, UndistortedPixel};
 
 use crate::line_segment::LineSegment;
 
-use super::line::Line;
+use super::join::Line;
 
 /// Edges that are shown at most.
 const MOST: usize = 8;
@@ -86,7 +86,7 @@ fn rise(line: &Line, lens: &Lens) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::proposal::{bend, join};
+    use crate::proposal::{join, search};
 
     /// A level edge at this height, as a lens with this k1 shows it, in pieces as a detector finds them.
     fn pieces(k1: f64, v: f64) -> Vec<LineSegment> {
@@ -105,7 +105,7 @@ mod tests {
     }
 
     fn lens(k1: f64) -> Lens {
-        bend::lens(k1, Pixel::new(960.0, 540.0), [1920.0, 1080.0])
+        search::lens(k1, Pixel::new(960.0, 540.0), [1920.0, 1080.0])
     }
 
     #[test]

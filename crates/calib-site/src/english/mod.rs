@@ -3,16 +3,10 @@
 //! Law: the edge of the core. Nothing outside this folder makes a sentence of a result, and nothing looks
 //! into one.
 
-mod count;
-mod suggestion;
 mod phrase;
 mod finding;
-mod failure;
-
-pub use count::counted;
-pub use phrase::Names;
-
-pub(crate) use suggestion::what_to_draw;
-
 #[cfg(test)]
 mod tests;
+
+pub(crate) use phrase::what_to_draw;
+pub use phrase::{Names, counted};

@@ -1,11 +1,45 @@
 //! What sentences are made of: names of what they speak about, and the longer phrases.
+//!
+//! How many there are, in words that agree with it.
+//!
+//! What to draw next.
 
-use crate::document::{Site, SiteCamera};
-use crate::english::counted;
 use calib_core::outcome::{
-    Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject, WhyNotConnected, WhyUnused,
+    Drawing, Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject, Suggestion,
+    WhyNotConnected, WhyUnused,
 };
 use calib_core::single::{Annotation, line_name};
+
+use crate::document::{Site, SiteCamera};
+
+/// "1 line", "2 lines": one is never many.
+#[must_use]
+pub fn counted(count: usize, one: &str, many: &str) -> String {
+    if count == 1 { format!("1 {one}") } else { format!("{count} {many}") }
+}
+
+/// What to draw next, and what it is good for.
+pub(crate) fn what_to_draw(suggestion: &Suggestion) -> String {
+    let what = match suggestion.drawing {
+        Drawing::VerticalOnTheLeft => "A vertical near the left edge of the image",
+        Drawing::VerticalOnTheRight => "A vertical near the right edge of the image",
+        Drawing::ParallelsAway => "Two parallel floor lines that run away from the camera, left and right",
+        Drawing::ParallelsAcross => "Two parallel floor lines across the view, near and far",
+        Drawing::RightAngle => "A right angle near the middle of the floor, at about 45 degrees to the view,",
+        Drawing::EqualLengths => "Three floor segments of equal length, near, far and across,",
+        Drawing::SharedPoints => "Links of four floor points to another camera that sees them as well",
+        Drawing::KnownSize => "One thing on the floor whose length you know (a tile, a lane, a parking bay)",
+    };
+    let gain = match suggestion.ratio {
+        r if r < 0.28 => "cut the uncertainty of the floor to a fraction".into(),
+        r if r < 0.4 => "cut the uncertainty of the floor to a third".into(),
+        r if r < 0.6 => "halve the uncertainty of the floor".into(),
+        r => format!("lower the uncertainty of the floor by {:.0} %", 100.0 * (1.0 - r)),
+    };
+    // A floor without a scale has a smaller number, which is of its shape alone.
+    let scale = if suggestion.drawing == Drawing::KnownSize { ", its scale included" } else { "" };
+    format!("{what} would {gain} (then floor \u{b1} {:.1} %{scale}).", 100.0 * suggestion.floor_length_rel)
+}
 
 /// How annotations are named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -387,5 +421,16 @@ pub(super) const fn evidence(shared: SharedEvidence) -> &'static str {
         SharedEvidence::Links => "links",
         SharedEvidence::Marks => "marks tied to pixels",
         SharedEvidence::Distances => "distances",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_is_not_many_and_none_is() {
+        let words = [0, 1, 2].map(|count| counted(count, "lens", "lenses"));
+        assert_eq!(words, ["0 lenses", "1 lens", "2 lenses"]);
     }
 }

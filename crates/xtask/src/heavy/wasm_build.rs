@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::ensure;
 
-use crate::wasm::{debian_rustc, has_sources, printed};
+use crate::serve::{debian_rustc, has_sources, printed};
 use crate::workspace::root;
 
 const WASM: &str = "wasm32-unknown-unknown";

@@ -1,12 +1,20 @@
 //! Files of the disk: whole, or none.
+//!
+//! The system's file chooser.
+//!
+//! A folder that one window has for itself, for as long as its program lives.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::pin::Pin;
 
-use calib_editor::file_name::is_image;
-use calib_editor::{FileResult, Reach};
+use calib_editor::images::is_image;
+use calib_editor::{FileResult, Reach, world_endings};
 use calib_input::Part;
 use calib_site::MAX_BYTES;
+
+use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
+use crate::platform::Answer;
 
 /// Reads a file of any size a site or image may have.
 ///
@@ -82,5 +90,98 @@ pub(super) fn forget(folder: &Path, file: &Path) {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries.filter(|entry| entry.file_name().to_string_lossy().starts_with("image-")) {
         let _ = std::fs::remove_file(entry.path());
+    }
+}
+
+/// The claim; a kill ends it, too.
+#[derive(Debug)]
+pub(crate) struct Claim {
+    /// Locked by the system until it is closed.
+    _lock: Option<std::fs::File>,
+}
+
+impl Claim {
+    /// Claims a folder; `None` when another window has it.
+    #[must_use]
+    pub(crate) fn of(folder: &Path) -> Option<Self> {
+        let open = || {
+            std::fs::create_dir_all(folder)?;
+            std::fs::File::options().create(true).append(true).open(folder.join("lock"))
+        };
+        // A folder that cannot be written to is nobody's: what is kept there says so.
+        let Ok(file) = open() else { return Some(Self { _lock: None }) };
+        match file.try_lock() {
+            Err(std::fs::TryLockError::WouldBlock) => None,
+            Ok(()) | Err(std::fs::TryLockError::Error(_)) => Some(Self { _lock: Some(file) }),
+        }
+    }
+}
+
+/// Asks for files, or for where to put them.
+pub(super) fn ask(purpose: Purpose) -> Answer {
+    let dialog = rfd::AsyncFileDialog::new();
+    let one = |file: rfd::FileHandle| Chosen {
+        name: file.file_name(),
+        path: Some(file.path().to_path_buf()),
+        bytes: None,
+    };
+    let site = |title: &str| dialog.clone().set_title(title).add_filter("Site", SITE);
+    let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", IMAGES);
+    let answer: Pin<Box<dyn Future<Output = Vec<rfd::FileHandle>>>> = match purpose {
+        Purpose::AddImages | Purpose::NewerStill => {
+            let what = if purpose == Purpose::AddImages { "Add images" } else { "Choose newer stills" };
+            let files = images(what).pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::SaveSite | Purpose::SavePlain => {
+            let file = site("Save site").set_file_name("site.json").save_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::OpenSite | Purpose::Compare => {
+            let file = site("Open site").pick_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::ReplaceStill => {
+            let file = images("Choose an image").pick_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::LoadPlan => {
+            let endings = [PLANS, world_endings()].concat();
+            let files = dialog.set_title("Choose a floor plan").add_filter("Plans", &endings).pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::Import => {
+            let files = dialog.set_title("Import lenses or cameras").pick_files();
+            Box::pin(async { files.await.unwrap_or_default() })
+        }
+        Purpose::SavePicture => {
+            let picture = dialog.set_title("Save a picture").add_filter("Picture", &["png"]);
+            let file = picture.set_file_name("view.png").save_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::SaveReport => {
+            let page = dialog.set_title("Save the report").add_filter("Page", &["html"]);
+            let file = page.set_file_name("report.html").save_file();
+            Box::pin(async { file.await.into_iter().collect() })
+        }
+        Purpose::Export => {
+            let folder = dialog.set_title("Export into a folder").pick_folder();
+            Box::pin(async { folder.await.into_iter().collect() })
+        }
+    };
+    Box::pin(async move { answer.await.into_iter().map(one).collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_claimed_once_until_it_is_let_go() {
+        let folder = tempfile::tempdir().unwrap();
+        let claim = Claim::of(folder.path());
+        assert!(claim.is_some() && Claim::of(folder.path()).is_none());
+        drop(claim);
+        assert!(Claim::of(folder.path()).is_some());
     }
 }

@@ -1,12 +1,9 @@
 //! Windows on a desktop: files, threads, the system's chooser.
 
-mod task;
-mod files;
-mod claim;
 mod drawing_memory;
 mod drawing;
-mod chooser;
-mod work;
+mod files;
+mod task;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,8 +17,6 @@ use image::RgbImage;
 use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Platform, Recovery, Stills};
 
-pub use task::Task;
-
 /// A desktop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Native;
@@ -30,7 +25,7 @@ impl Platform for Native {
     const KEEPS_CTRL_N: bool = false;
     const HAS_FOLDERS: bool = true;
     const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Medium.ttf");
-    type Claim = claim::Claim;
+    type Claim = files::Claim;
 
     fn wants_stillness() -> bool {
         false
@@ -73,7 +68,7 @@ impl Platform for Native {
     }
 
     fn claim(folder: &Path) -> Option<Self::Claim> {
-        claim::Claim::of(folder)
+        files::Claim::of(folder)
     }
 
     fn forget(folder: &Path, file: &Path) {
@@ -81,7 +76,7 @@ impl Platform for Native {
     }
 
     fn ask(purpose: Purpose) -> Answer {
-        chooser::ask(purpose)
+        files::ask(purpose)
     }
 
     fn dropped(_: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>> {
@@ -98,7 +93,7 @@ impl Platform for Native {
         source: Source,
         then: impl FnOnce(RgbImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
-        work::picture(ctx, source, then)
+        task::picture(ctx, source, then)
     }
 
     fn still<T: Send + 'static>(
@@ -107,39 +102,41 @@ impl Platform for Native {
         source: Source,
         then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>> {
-        work::still(ctx, name, source, then)
+        task::still(ctx, name, source, then)
     }
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
-        work::find_edges(ctx, image)
+        task::find_edges(ctx, image)
     }
 
     fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
-        work::measure_edges(ctx, image)
+        task::measure_edges(ctx, image)
     }
 
     fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>> {
-        work::propose(ctx, camera, edges)
+        task::propose(ctx, camera, edges)
     }
 
     // The thread ends by itself; nobody hears of what it finds.
     fn stop_proposing() {}
 
     fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>> {
-        work::compare(ctx, camera, stills)
+        task::compare(ctx, camera, stills)
     }
 
     fn recover(ctx: &Context, asked: Recovery, stills: Stills) -> Task<Result<Recovered, String>> {
-        work::recover(ctx, asked, stills)
+        task::recover(ctx, asked, stills)
     }
 
     // The thread ends by itself; nobody hears of what it finds.
     fn stop_comparing() {}
 
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
-        work::refine(ctx, site)
+        task::refine(ctx, site)
     }
 
     // The thread ends by itself; nobody hears of what it finds.
     fn stop_refining() {}
 }
+
+pub use task::Task;

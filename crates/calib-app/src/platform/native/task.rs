@@ -1,12 +1,25 @@
 //! Work off the frame's path: a thread.
+//!
+//! Long work that needs nothing but bytes, on threads.
 
-use crate::platform::Lost;
+use std::sync::Arc;
+
+use calib_editor::{Edge, Source, decode, edges, refined};
+use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
+use calib_site::{Recovered, Site, SiteCamera};
+use egui::Context;
+use image::RgbImage;
+
+use super::drawing::draw;
+use super::files;
+use crate::drawing::is_svg;
+use crate::platform::{Lost, Recovery, Stills};
 
 /// Work that is under way, and then its result. Work that nobody waits for any more is not begun.
 #[derive(Debug)]
 pub struct Task<T> {
     result: std::sync::mpsc::Receiver<T>,
-    wanted: std::sync::Arc<()>,
+    wanted: Arc<()>,
 }
 
 /// As many at once as there are processors: a folder of forty stills does not fill the memory.
@@ -39,25 +52,25 @@ mod gate {
 impl<T: Send + 'static> Task<T> {
     /// Starts the work; `ctx` is asked for a frame when it is done.
     #[must_use]
-    pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
+    pub fn spawn(ctx: &Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
         Self::start(ctx, || Some(gate::enter()), work)
     }
 
     /// Starts work that waits for no other.
     #[must_use]
-    pub fn spawn_apart(ctx: &egui::Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
+    pub fn spawn_apart(ctx: &Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
         Self::start(ctx, || None, work)
     }
 
     fn start(
-        ctx: &egui::Context,
+        ctx: &Context,
         enter: fn() -> Option<gate::Place>,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Self {
         let (sender, result) = std::sync::mpsc::channel();
         let ctx = ctx.clone();
-        let wanted = std::sync::Arc::new(());
-        let is_wanted = std::sync::Arc::downgrade(&wanted);
+        let wanted = Arc::new(());
+        let is_wanted = Arc::downgrade(&wanted);
         std::thread::spawn(move || {
             let _place = enter();
             if is_wanted.strong_count() == 0 {
@@ -81,7 +94,7 @@ impl<T: Send + 'static> Task<T> {
     /// How the work ended, once.
     #[must_use]
     pub fn outcome(&self) -> Option<Result<T, Lost>> {
-        debug_assert!(std::sync::Arc::strong_count(&self.wanted) == 1, "a task is waited for once");
+        debug_assert!(Arc::strong_count(&self.wanted) == 1, "a task is waited for once");
         match self.result.try_recv() {
             Ok(result) => Some(Ok(result)),
             Err(std::sync::mpsc::TryRecvError::Empty) => None,
@@ -97,8 +110,69 @@ impl<T> Task<T> {
         let (sender, receiver) = std::sync::mpsc::channel();
         // The receiver is there.
         let _ = sender.send(result);
-        Self { result: receiver, wanted: std::sync::Arc::new(()) }
+        Self { result: receiver, wanted: Arc::new(()) }
     }
+}
+
+pub(super) fn picture<T: Send + 'static>(
+    ctx: &Context,
+    source: Source,
+    then: impl FnOnce(RgbImage) -> T + Send + 'static,
+) -> Task<Result<T, String>> {
+    Task::spawn(ctx, move || Ok(then(decode(&source.read(files::read_within)?)?)))
+}
+
+pub(super) fn still<T: Send + 'static>(
+    ctx: &Context,
+    name: String,
+    source: Source,
+    then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
+) -> Task<Result<T, String>> {
+    Task::spawn(ctx, move || {
+        let bytes = source.read(files::read_within)?;
+        let picture = || {
+            let drawn = if is_svg(&bytes) { Some(draw(&bytes)?) } else { None };
+            let image = decode(drawn.as_deref().unwrap_or(&bytes))?;
+            Ok(then(&bytes, &image, drawn))
+        };
+        picture().map_err(|error: String| format!("{name}: {error}"))
+    })
+}
+
+pub(super) fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
+    let image = Arc::clone(image);
+    Task::spawn(ctx, move || edges::find(&image))
+}
+
+pub(super) fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
+    let image = Arc::clone(image);
+    Task::spawn_apart(ctx, move || Ok(line_segments(&image)))
+}
+
+pub(super) fn propose(
+    ctx: &Context,
+    camera: SiteCamera,
+    edges: Vec<LineSegment>,
+) -> Task<Result<Proposal, String>> {
+    Task::spawn_apart(ctx, move || Ok(Proposal::new(&Still::of_camera(&camera, edges))))
+}
+
+pub(super) fn compare(
+    ctx: &Context,
+    camera: SiteCamera,
+    [old, new]: Stills,
+) -> Task<Result<Comparison, String>> {
+    Task::spawn_apart(ctx, move || {
+        Comparison::of_entry(&camera, &old, &new).map_err(|error| error.to_string())
+    })
+}
+
+pub(super) fn recover(ctx: &Context, asked: Recovery, [old, new]: Stills) -> Task<Result<Recovered, String>> {
+    Task::spawn_apart(ctx, move || asked.done([&old, &new]))
+}
+
+pub(super) fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
+    Task::spawn_apart(ctx, move || Ok(refined(site)))
 }
 
 #[cfg(test)]
@@ -111,7 +185,7 @@ mod tests {
     #[test]
     fn work_that_nobody_waits_for_is_not_begun() {
         static BEGUN: AtomicUsize = AtomicUsize::new(0);
-        let ctx = egui::Context::default();
+        let ctx = Context::default();
         let work = || {
             BEGUN.fetch_add(1, Ordering::Relaxed);
             std::thread::sleep(Duration::from_millis(50));

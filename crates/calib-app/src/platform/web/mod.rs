@@ -1,8 +1,6 @@
 //! What a browser has in place of files, threads and choosers, and what the page does for the app.
 
-pub(crate) mod message;
-mod chooser;
-pub(crate) mod page;
+mod page;
 mod task;
 mod worker;
 
@@ -90,7 +88,7 @@ impl Platform for Web {
     fn forget(_: &Path, _: &Path) {}
 
     fn ask(purpose: Purpose) -> Answer {
-        Box::pin(chooser::ask(purpose))
+        Box::pin(page::ask(purpose))
     }
 
     fn dropped(ctx: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>> {

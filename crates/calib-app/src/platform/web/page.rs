@@ -1,7 +1,49 @@
 //! What the page does for the app: `web/store.js` and `web/page.js` say how.
+//!
+//! What the page and its workers say to each other, in JSON.
+//!
+//! The browser's file chooser.
 
+use std::path::PathBuf;
+
+use calib_editor::world_endings;
 use js_sys::{Array, Function, Promise, Uint8Array};
+use serde::de::DeserializeOwned;
 use wasm_bindgen::prelude::*;
+
+use super::pick;
+use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
+
+/// Reads what was said, as text: a reader of bytes would have every type in the program a second time.
+pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
+    let text = str::from_utf8(bytes).map_err(|error| error.to_string())?;
+    serde_json::from_str(text).map_err(|error| error.to_string())
+}
+
+/// A file that is saved is a download: there is nothing to ask.
+pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
+    match purpose {
+        Purpose::SaveSite | Purpose::SavePlain => {
+            vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
+        }
+        // A site comes together with its images.
+        Purpose::OpenSite => pick(&[SITE, IMAGES].concat(), true).await,
+        Purpose::Compare => pick(SITE, false).await,
+        Purpose::AddImages | Purpose::NewerStill => pick(IMAGES, true).await,
+        Purpose::ReplaceStill => pick(IMAGES, false).await,
+        // A plan may come with its world file.
+        Purpose::LoadPlan => pick(&[PLANS, world_endings()].concat(), true).await,
+        Purpose::Import => pick(&[], true).await,
+        Purpose::SavePicture => {
+            vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]
+        }
+        Purpose::SaveReport => {
+            vec![Chosen { name: "report.html".into(), path: Some("report.html".into()), bytes: None }]
+        }
+        // The browser has a folder of its own for what is downloaded.
+        Purpose::Export => vec![Chosen { name: String::new(), path: Some(PathBuf::new()), bytes: None }],
+    }
+}
 
 #[wasm_bindgen]
 extern "C" {

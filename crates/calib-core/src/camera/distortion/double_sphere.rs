@@ -16,7 +16,7 @@
 
 use crate::camera::distortion::profile::Profile;
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
-use crate::camera::elementary::{angle_from_axis, hypot, sin_cos};
+use crate::camera::numerics::{angle_from_axis, hypot, sin_cos};
 
 pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::DoubleSphere,

@@ -5,7 +5,7 @@
 
 use crate::camera::distortion::profile::Profile;
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
-use crate::camera::polynomial::OddPolynomial;
+use crate::camera::numerics::OddPolynomial;
 
 pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::KannalaBrandt,

@@ -6,12 +6,14 @@
 
 mod model;
 mod brown_conrady;
-mod brown_inverse;
 mod division;
 mod profile;
 mod kannala_brandt;
 mod double_sphere;
 mod unified;
+#[path = "distortion_tests.rs"]
+#[cfg(test)]
+pub(crate) mod tests;
 
 use crate::camera::distortion::division::Division;
 use crate::camera::distortion::double_sphere::DoubleSphere;
@@ -20,8 +22,7 @@ use crate::camera::distortion::model::Model;
 use crate::camera::distortion::unified::Unified;
 
 pub use brown_conrady::BrownConrady;
-
-pub(crate) use brown_inverse::{BrownInverse, LANES};
+pub(crate) use brown_conrady::{BrownInverse, LANES};
 pub(crate) use model::{
     ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayCurvature, RayMatrix, times,
 };
@@ -360,7 +361,3 @@ const IDENTITY: Matrix2 = [[1.0, 0.0], [0.0, 1.0]];
 fn is_finite(point: &[f64; 2]) -> bool {
     point.iter().all(|value| value.is_finite())
 }
-
-#[path = "distortion_tests.rs"]
-#[cfg(test)]
-pub(crate) mod tests;

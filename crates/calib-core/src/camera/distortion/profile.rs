@@ -11,7 +11,7 @@ use crate::camera::distortion::Distortion;
 use crate::camera::distortion::model::{
     ByCoefficient, ByCoefficients, Matrix2, Model, RayByCoefficient, RayCurvature, RayMatrix, radial,
 };
-use crate::camera::elementary::{angle_from_axis, atan, hypot, sin_cos, tan};
+use crate::camera::numerics::{angle_from_axis, atan, hypot, sin_cos, tan};
 
 /// Radii nearer to the axis than this have no direction.
 const AXIS: f64 = 1e-9;

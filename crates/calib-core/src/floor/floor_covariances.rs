@@ -1,0 +1,492 @@
+//! Values that are worked on together, so that the compiler can use vector instructions.
+//!
+//! The covariance of points of a plane by the errors of the camera that shows them, in step.
+//!
+//! With the way `d = (x, y, z)` from the camera to a point of the plane, its normal `n = (-slope, 1)` and the drop
+//! `q = n . d` to it, a change c of d moves the point by `D(c) = c - d (n . c) / q`.
+//!
+//! A shift of its place is a c that is the same for all points, a turn makes `c = w x d`, a longer focal
+//! `c = forward (forward . d) / f` but for a multiple of d, and `D(d) = 0`. On the plane z is affine in x and y, and so is
+//! c. Hence
+//!
+//! ```text
+//! D(c) = m + (x, y) l,    m = (m0 + m1 x + m2 y, m3 + m4 x + m5 y),    l = m6 x + m7 y,
+//! ```
+//!
+//! an infinitesimal homography of the plane, of eight numbers (the "pure parameters" of Tsai and Huang 1981), which are
+//! linear in the errors of the camera: they have a covariance of their own, the same for all points.
+//!
+//! With the point `p = (x, y)` that of D(c) is `cov(m + p l) = cov(m) + p k' + k p'`, `k = cov(m, l) + p var(l) / 2`, a form
+//! of the fourth degree. So that every coefficient is used once, what of `var(m_x)` has a factor x stands with k, and what of
+//! `var(m_y)` has a factor y:
+//!
+//! ```text
+//! K_x = k_x + (what of var(m_x) has x) / 2x,    K_y = k_y + (what of var(m_y) has y) / 2y,
+//! xx = (the rest of var(m_x)) + 2 x K_x,        yy = (the rest of var(m_y)) + 2 y K_y,
+//! xy = cov(m_x, m_y) - x (K_y - k_y) - y (K_x - k_x) + x K_y + y K_x,
+//! ```
+//!
+//! and of K the part along p, what of `K_x` has a factor x, is computed once: `K_x = with_x + x along`, `K_y = with_y + y along`.
+//!
+//! Covariances of many points of a plane at once, in step, so that the compiler can use vector instructions: what
+//! [`Camera::covariance_on`] says of one.
+//!
+//! Let `d = (x, y, z)` be the way from the camera to a point of the plane, whose normal is `n = (-slope, 1)`: `n . d` is the
+//! drop q to the plane, the same for all points. A change c of d moves the point where its ray meets the plane by
+//! `D(c) = c - d (n . c) / q`.
+//!
+//! **By the camera**: `flow_covariance.rs`.
+//!
+//! **By the pixel.** With a and b in pixels from the principal point a ray is `a right + b down + f forward`,
+//! `d = t (a right + b down + f forward)` with `t = q / r`, and r is affine in a and b. So the point moves with (a, b) by
+//! `T = t [D(right), D(down)]`, in which what is quadratic cancels: `T = t^2 / q (M + b K, N - a K)`, with columns M, N and K
+//! that are the same for all pixels.
+
+use crate::camera::{
+    BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
+};
+
+/// As many values as are worked on together.
+pub(super) type Lanes<const N: usize = LANES> = [f64; N];
+
+/// As many values as there are, and a filling.
+#[inline(always)]
+pub(super) fn lanes<const N: usize>(values: &[f64], filling: f64) -> [f64; N] {
+    let filled = || std::array::from_fn(|i| values.get(i).copied().unwrap_or(filling));
+    values.first_chunk().copied().unwrap_or_else(filled)
+}
+
+#[inline(always)]
+pub(super) fn store<T: Copy, const N: usize>(values: &[T; N], to: &mut [T]) {
+    match to.first_chunk_mut() {
+        Some(all) => *all = *values,
+        None => to.copy_from_slice(&values[..to.len()]),
+    }
+}
+
+/// As many values as a block has: those given, or a copy of them that is filled up.
+#[inline(always)]
+pub(super) fn block<'a, const N: usize>(values: &'a [f64], spare: &'a mut [f64; N]) -> &'a [f64; N] {
+    if let Some(all) = values.first_chunk() {
+        return all;
+    }
+    spare[..values.len()].copy_from_slice(values);
+    spare
+}
+
+/// The eight numbers of a flow of the plane.
+type Flow = [f64; 8];
+
+/// The covariance of the flow that the errors of a camera make.
+#[derive(Clone, Debug)]
+pub(super) struct FlowCovariance {
+    /// The rest of `var(m_x)`, by 1, y, yy.
+    xx: [f64; 3],
+    /// The rest of `var(m_y)`, by 1, x, xx.
+    yy: [f64; 3],
+    /// `cov(m_x, m_y)` without what K took.
+    xy: Quadratic,
+    /// By 1, y, yy.
+    with_x: [f64; 3],
+    with_y: Quadratic,
+    along: Quadratic,
+    /// Of every coefficient of the lens with the flow; zeros for those that were not estimated.
+    lens_with_pose: [Flow; Distortion::MOST],
+    /// Of the coefficients of the lens with each other.
+    lens: [[f64; Distortion::MOST]; Distortion::MOST],
+}
+
+/// By 1, x, y, xx, xy, yy.
+type Quadratic = [f64; 6];
+
+impl FlowCovariance {
+    pub(super) fn new(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> Self {
+        let Covariance(covariance) = &camera.covariance;
+        let flows = flows(camera, plane, axes, drop);
+        let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
+        let estimated: Vec<usize> = (0..Covariance::LENS).filter(is_estimated).collect();
+        // With everything of the camera that has a flow.
+        let with = |row: usize| -> Flow {
+            std::array::from_fn(|k| {
+                estimated.iter().map(|&other| covariance[row][other] * flows[other][k]).sum()
+            })
+        };
+        let rows: Vec<Flow> = estimated.iter().map(|&row| with(row)).collect();
+        let of = |i: usize, j: usize| -> f64 {
+            estimated.iter().zip(&rows).map(|(&row, with)| flows[row][i] * with[j]).sum()
+        };
+        let product = |i: usize, j: usize| {
+            let both = |k: usize, l: usize| of(i + k, j + l) + if k == l { 0.0 } else { of(i + l, j + k) };
+            [both(0, 0), both(0, 1), both(0, 2), both(1, 1), both(1, 2), both(2, 2)]
+        };
+        let (m_x, m_y, both) = (product(0, 0), product(3, 3), product(0, 3));
+        let with_l = |j: usize| [of(6, j), of(7, j), of(6, j + 1), of(6, j + 2) + of(7, j + 1), of(7, j + 2)];
+        let ([x, y, xx, xy, yy], of_y) = (with_l(0), with_l(3));
+        let (half_x, half_y) = (m_x.map(|by| 0.5 * by), m_y.map(|by| 0.5 * by));
+        let along = [x + half_x[3], xx, xy];
+        let lens = |i: usize, j: usize| {
+            let [i, j] = [i, j].map(|bend| Covariance::LENS + bend);
+            if is_estimated(&i) && is_estimated(&j) { covariance[i][j] } else { 0.0 }
+        };
+        let lens_with_pose = |bend: usize| {
+            let bend = Covariance::LENS + bend;
+            if is_estimated(&bend) { with(bend) } else { [0.0; 8] }
+        };
+        Self {
+            xx: [m_x[0], m_x[2], m_x[5]],
+            yy: [m_y[0], m_y[1], m_y[3]],
+            xy: [
+                both[0],
+                both[1] - half_y[2],
+                both[2] - half_x[1],
+                both[3] - half_y[4],
+                both[4] - half_y[5] - half_x[3],
+                both[5] - half_x[4],
+            ],
+            with_x: [half_x[1], y + half_x[4], yy],
+            with_y: [
+                half_y[2],
+                of_y[0] + half_y[4],
+                of_y[1] + half_y[5] - along[0],
+                of_y[2],
+                of_y[3] - along[1],
+                of_y[4] - along[2],
+            ],
+            along: [along[0], along[1], along[2], 0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
+            lens_with_pose: std::array::from_fn(lens_with_pose),
+            lens: std::array::from_fn(|i| std::array::from_fn(|j| lens(i, j))),
+        }
+    }
+
+    /// By the pose and the focal: xx, xy, yy.
+    #[inline(always)]
+    pub(super) fn of_pose<const N: usize>(&self, x: &Lanes<N>, y: &Lanes<N>) -> [Lanes<N>; 3] {
+        let mut of = [[0.0; N]; 3];
+        for i in 0..N {
+            let (x, y) = (x[i], y[i]);
+            let quadratic = |&[one, by_x, by_y, xx, xy, yy]: &Quadratic| {
+                (one + x * (by_x + x * xx)) + y * (by_y + x * xy + y * yy)
+            };
+            let of_one = |&[one, by, square]: &[f64; 3], x: f64| one + x * (by + x * square);
+            let along = quadratic(&self.along);
+            let with_x = of_one(&self.with_x, y) + x * along;
+            let with_y = quadratic(&self.with_y) + y * along;
+            of[0][i] = of_one(&self.xx, y) + (x + x) * with_x;
+            of[1][i] = quadratic(&self.xy) + (x * with_y + y * with_x);
+            of[2][i] = of_one(&self.yy, x) + (y + y) * with_y;
+        }
+        of
+    }
+
+    /// By the coefficients of the lens: with each other and with the pose, every pair counts twice.
+    #[inline(always)]
+    pub(super) fn add_lens(
+        &self,
+        to: &mut [Lanes; 3],
+        [at_x, at_y]: [&Lanes; 2],
+        [[xa, xb], [ya, yb]]: &[[Lanes; 2]; 2],
+        changes: &[[Lanes; 2]; Distortion::MOST],
+    ) {
+        let [to_xx, to_xy, to_yy] = to;
+        for i in 0..LANES {
+            // A raw pixel that stays is undistorted to another place.
+            let mut moves = [[0.0; 2]; Distortion::MOST];
+            for (moved, [dx, dy]) in moves.iter_mut().zip(changes) {
+                *moved = [-(xa[i] * dx[i] + xb[i] * dy[i]), -(ya[i] * dx[i] + yb[i] * dy[i])];
+            }
+            for first in 0..Distortion::MOST {
+                let mut with = moved_by(&self.lens_with_pose[first], at_x[i], at_y[i]);
+                for other in first + 1..Distortion::MOST {
+                    with[0] += self.lens[first][other] * moves[other][0];
+                    with[1] += self.lens[first][other] * moves[other][1];
+                }
+                let (own, [x, y]) = (self.lens[first][first], moves[first]);
+                to_xx[i] += x * (own * x + 2.0 * with[0]);
+                to_xy[i] += x * (own * y + with[1]) + y * with[0];
+                to_yy[i] += y * (own * y + 2.0 * with[1]);
+            }
+        }
+    }
+}
+
+/// The flow of the plane by every unknown of pose and focal.
+fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
+    // What moves d, of neither x nor y, by x, and by y.
+    let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {
+        let [off, off_x, off_y] = [none, by_x, by_y].map(|c| plane.rise(&c) / drop);
+        [none[0], by_x[0] - off, by_y[0], none[1], by_x[1], by_y[1] - off, -off_x, -off_y]
+    };
+    let on_plane = [[0.0, 0.0, drop], [1.0, 0.0, plane.slope[0]], [0.0, 1.0, plane.slope[1]]];
+    let shifted = |axis: usize| {
+        let mut shift = [[0.0; 3]; 3];
+        shift[0][axis] = 1.0;
+        flow(shift)
+    };
+    let [right, down, forward] = axes;
+    let (sin, cos) = sin_cos(camera.roll);
+    let level: [f64; 3] = std::array::from_fn(|i| sin * right[i] + cos * down[i]);
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    // From one axis to another, by the angle between them.
+    let turned = |from: &[f64; 3], to: &[f64; 3]| {
+        flow(on_plane.map(|d| std::array::from_fn(|i| dot(from, &d) * to[i] - dot(to, &d) * from[i])))
+    };
+    let mut flows = [[0.0; 8]; Covariance::LENS];
+    flows[Covariance::X] = shifted(0);
+    flows[Covariance::Y] = shifted(1);
+    flows[Covariance::Z] = shifted(2);
+    flows[Covariance::YAW] = turned(&[1.0, 0.0, 0.0], &[0.0, 1.0, 0.0]);
+    flows[Covariance::PITCH] = turned(forward, &level);
+    flows[Covariance::ROLL] = turned(right, down);
+    flows[Covariance::FOCAL] = flow(on_plane.map(|d| forward.map(|c| c * dot(forward, &d) / camera.focal)));
+    flows
+}
+
+/// How far a flow moves a point.
+#[inline(always)]
+fn moved_by(&[x0, xx, xy, y0, yx, yy, lx, ly]: &Flow, x: f64, y: f64) -> [f64; 2] {
+    let along = x * lx + y * ly;
+    [x0 + x * (xx + along) + y * xy, y0 + y * (yy + along) + x * yx]
+}
+
+/// As many pixels of a straight lens as are fastest in step: with two steps of the widest instructions side by side, one
+/// does not wait for the other.
+pub(super) const STRAIGHT_LANES: usize = 2 * LANES;
+
+/// A camera and a plane prepared for covariances.
+#[derive(Clone, Debug)]
+pub(super) struct CovarianceLanes<'a> {
+    camera: &'a Camera,
+    /// That of a coordinate of a pixel, in pixels.
+    sigma: f64,
+    /// Rows right, down and f times forward, of each its x, its y and `(n . axis) / q`.
+    axes: [[f64; 3]; 3],
+    /// M, N and K over q, of x and of y.
+    minors: [[f64; 3]; 2],
+    /// The same times sigma.
+    of_sigma: [[f64; 3]; 2],
+    /// None where nothing is known of the errors.
+    flow: Option<FlowCovariance>,
+}
+
+/// Points of the plane, from the point above which the camera is.
+struct Points<const N: usize> {
+    x: Lanes<N>,
+    y: Lanes<N>,
+    /// Square of t; NaN where the plane is not seen.
+    square: Lanes<N>,
+}
+
+/// How points of the plane move with (a, b), as rows x and y of T, or of T over t^2.
+#[derive(Clone, Copy, Debug)]
+struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
+
+impl<'a> CovarianceLanes<'a> {
+    /// `sigma` is that of a coordinate of a pixel.
+    pub(super) fn new(camera: &'a Camera, plane: &Plane, sigma: f64) -> Self {
+        let axes = camera.rotation();
+        let drop = plane.height_at(camera.position.on_floor()) - camera.position.z;
+        let flow = camera.covariance.is_known().then(|| FlowCovariance::new(camera, plane, &axes, drop));
+        let [right, down, forward] = axes;
+        let axes = [right, down, forward.map(|axis| camera.focal * axis)];
+        let rise = axes.map(|axis| plane.rise(&axis));
+        let minors = [0, 1].map(|k| {
+            let minor = |i: usize, j: usize| (axes[i][k] * rise[j] - axes[j][k] * rise[i]) / drop;
+            [minor(0, 2), minor(1, 2), minor(0, 1)]
+        });
+        let axes = [0, 1, 2].map(|i| [axes[i][0], axes[i][1], rise[i] / drop]);
+        let of_sigma = minors.map(|row| row.map(|minor| sigma * minor));
+        Self { camera, sigma, axes, minors, of_sigma, flow }
+    }
+
+    /// Of pixels of a straight lens. That of the pixel and that of the calibration, each xx, xy, yy: NaN where the plane is
+    /// not seen, and where nothing is known of the errors.
+    #[inline(always)]
+    pub(super) fn straight<const N: usize>(&self, u: &Lanes<N>, v: &Lanes<N>) -> [[Lanes<N>; 3]; 2] {
+        let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
+        let (a, b) = (u.map(|u| u - cu), v.map(|v| v - cv));
+        let points = self.points(&a, &b);
+        let mut pixel = slopes(&self.of_sigma, &a, &b).squared();
+        for column in &mut pixel {
+            for i in 0..N {
+                column[i] *= points.square[i] * points.square[i];
+            }
+        }
+        // No closure: it would be compiled without the instructions of who calls.
+        let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
+        [pixel, flow.of_pose(&points.x, &points.y)]
+    }
+
+    /// The same of a lens that bends.
+    #[inline(always)]
+    pub(super) fn bent(
+        &self,
+        (inverse, brown): (&BrownInverse, &BrownConrady),
+        u: &Lanes,
+        v: &Lanes,
+    ) -> [[Lanes; 3]; 2] {
+        let (Pixel { u: cu, v: cv }, lens_focal) = (self.camera.lens.principal_point, self.camera.lens.focal);
+        let mut x = u.map(|u| (u - cu) / lens_focal);
+        let mut y = v.map(|v| (v - cv) / lens_focal);
+        inverse.undistort(&mut x, &mut y);
+        let (a, b) = (x.map(|x| lens_focal * x), y.map(|y| lens_focal * y));
+        let points = self.points(&a, &b);
+        let mut by_raw = slopes(&self.minors, &a, &b).by_raw(brown, &x, &y);
+        for column in by_raw.0.as_flattened_mut() {
+            for i in 0..LANES {
+                column[i] *= points.square[i];
+            }
+        }
+        let pixel = by_raw.times(self.sigma).squared();
+        let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
+        let mut calibration = flow.of_pose(&points.x, &points.y);
+        let mut changes = [[[0.0; LANES]; 2]; Distortion::MOST];
+        for i in 0..LANES {
+            let by = brown.distorted_by_coefficients([x[i], y[i]]);
+            for coefficient in 0..Distortion::MOST {
+                changes[coefficient][0][i] = by[coefficient][0];
+                changes[coefficient][1][i] = by[coefficient][1];
+            }
+        }
+        flow.add_lens(&mut calibration, [&points.x, &points.y], &by_raw.times(lens_focal).0, &changes);
+        [pixel, calibration]
+    }
+
+    #[inline(always)]
+    fn points<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>) -> Points<N> {
+        /// As for one pixel: what is farther is the horizon's rounding.
+        const FARTHEST: f64 = 1e12;
+        let [right, down, forward] = self.axes;
+        let mut points = Points { x: [0.0; N], y: [0.0; N], square: [0.0; N] };
+        for i in 0..N {
+            let along = |k: usize| a[i] * right[k] + b[i] * down[k] + forward[k];
+            let reach = along(2).recip();
+            let is_seen =
+                (reach > 0.0) & (reach * reach * self.square_of_ray(a[i], b[i]) < FARTHEST * FARTHEST);
+            let reach = if is_seen { reach } else { f64::NAN };
+            [points.x[i], points.y[i], points.square[i]] =
+                [reach * along(0), reach * along(1), reach * reach];
+        }
+        points
+    }
+
+    /// The axes are orthonormal.
+    #[inline(always)]
+    fn square_of_ray(&self, a: f64, b: f64) -> f64 {
+        a * a + b * b + self.camera.focal * self.camera.focal
+    }
+}
+
+/// `T / t^2`, of M, N and K over q.
+#[inline(always)]
+fn slopes<const N: usize>([x, y]: &[[f64; 3]; 2], a: &Lanes<N>, b: &Lanes<N>) -> Slopes<N> {
+    let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
+    for i in 0..N {
+        slopes.0[0][0][i] = x[0] + b[i] * x[2];
+        slopes.0[0][1][i] = x[1] - a[i] * x[2];
+        slopes.0[1][0][i] = y[0] + b[i] * y[2];
+        slopes.0[1][1][i] = y[1] - a[i] * y[2];
+    }
+    slopes
+}
+
+impl<const N: usize> Slopes<N> {
+    #[inline(always)]
+    fn times(mut self, factor: f64) -> Self {
+        for column in self.0.as_flattened_mut() {
+            for i in 0..N {
+                column[i] *= factor;
+            }
+        }
+        self
+    }
+
+    /// How the points move with the raw pixel: T times the inverse of the Jacobian of the lens, which is symmetric.
+    #[inline(always)]
+    fn by_raw(mut self, brown: &BrownConrady, x: &Lanes<N>, y: &Lanes<N>) -> Self {
+        let mut unbend = [[0.0; N]; 3];
+        for i in 0..N {
+            let [a, b, d] = brown.jacobian([x[i], y[i]]);
+            let scale = (a * d - b * b).recip();
+            [unbend[0][i], unbend[1][i], unbend[2][i]] = [d * scale, -b * scale, a * scale];
+        }
+        for [by_a, by_b] in &mut self.0 {
+            for i in 0..N {
+                let [a, b] = [by_a[i], by_b[i]];
+                by_a[i] = a * unbend[0][i] + b * unbend[1][i];
+                by_b[i] = a * unbend[1][i] + b * unbend[2][i];
+            }
+        }
+        self
+    }
+
+    /// The covariance of x and y by two independent coordinates of the variance 1: xx, xy, yy.
+    #[inline(always)]
+    fn squared(&self) -> [Lanes<N>; 3] {
+        let mut squared = [[0.0; N]; 3];
+        for i in 0..N {
+            let [x, y] = [[self.0[0][0][i], self.0[0][1][i]], [self.0[1][0][i], self.0[1][1][i]]];
+            squared[0][i] = x[0] * x[0] + x[1] * x[1];
+            squared[1][i] = x[0] * y[0] + x[1] * y[1];
+            squared[2][i] = y[0] * y[0] + y[1] * y[1];
+        }
+        squared
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::camera::{Covariance, any_camera};
+    use crate::floor::projector::FloorProjector;
+
+    proptest! {
+        #[test]
+        fn covariances_in_step_are_those_of_pixels_by_themselves(
+            camera in any_camera(), factors in proptest::collection::vec(-1.0..1.0_f64, 196), is_known: bool,
+            at in proptest::collection::vec((0.0..1920.0_f64, -100.0..1080.0_f64), 1..30),
+            height in -1.0..1.5_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
+        ) {
+            /// How sure the unknowns are: metres, radians, pixels, coefficients.
+            const SIGMAS: [f64; Covariance::SIZE] =
+                [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4, 0.0, 0.0];
+            let mut camera = camera;
+            for i in 0..Covariance::SIZE {
+                for j in 0..Covariance::SIZE {
+                    let sum: f64 = (0..14).map(|k| factors[14 * i + k] * factors[14 * j + k]).sum();
+                    camera.covariance.0[i][j] = if is_known { sum * SIGMAS[i] * SIGMAS[j] } else { 0.0 };
+                }
+            }
+            if !is_known {
+                camera.covariance = Covariance::UNKNOWN;
+            }
+            let plane = Plane { height, slope, anchor: camera.position.on_floor() };
+            let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
+            let mut found = [(); 6].map(|()| vec![0.0; at.len()]);
+            let [xx, xy, yy, calibration @ ..] = found.each_mut().map(|column| &mut column[..]);
+            FloorProjector::on(&camera, &plane).floor_covariances([&u, &v], 0.7, [[xx, xy, yy], calibration]);
+            for i in 0..at.len() {
+                match camera.covariance_on(Pixel { u: u[i], v: v[i] }, 0.7, &plane, &[[0.0; 3]; 3]) {
+                    None => prop_assert!(found.iter().all(|column| column[i].is_nan())),
+                    Some(alone) => {
+                        // A ray is right to 1e-13 of a focal in step, its place on the floor to that many times
+                        // the distance in heights.
+                        let range = camera.pixel_to_plane(Pixel { u: u[i], v: v[i] }, &plane).map_or(f64::NAN, |foot| {
+                            foot.on_floor().distance(camera.position.on_floor()) / (camera.position.z - height)
+                        });
+                        prop_assume!(range < 1e6);
+                        prop_assert_eq!(alone.calibration.is_some(), !found[3][i].is_nan());
+                        for (part, [xx, xy, _, yy]) in alone.rows().into_iter().enumerate() {
+                            let size = (1e-10 + 1e-12 * range) * (xx + yy);
+                            for (column, alone) in found[3 * part..].iter().zip([xx, xy, yy]) {
+                                let off = (alone - column[i]).abs();
+                                prop_assert!(off <= size || alone.is_nan(), "{alone:?} {}", column[i]);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

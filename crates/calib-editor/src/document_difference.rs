@@ -1,0 +1,77 @@
+//! In what two versions of a site differ, in words: for an operator who has to choose one.
+
+use calib_site::{Site, SiteCamera};
+
+/// What is in `to` and was otherwise in `from`; what was solved is not looked at, for it follows.
+#[must_use]
+pub fn differences(from: &Site, to: &Site) -> Vec<String> {
+    let mut told: Vec<String> = to.cameras.iter().filter_map(|camera| of_camera(from, camera)).collect();
+    let is_there = |camera: &&SiteCamera| to.cameras.iter().any(|other| other.is_same_period(camera));
+    let removed = from.cameras.iter().filter(|camera| !is_there(camera));
+    told.extend(removed.map(|camera| format!("{}: no longer there", camera.id)));
+    let counted = [
+        ("links", from.links.len(), to.links.len(), unsolved(from).links != unsolved(to).links),
+        ("marks", from.marks.len(), to.marks.len(), unsolved(from).marks != unsolved(to).marks),
+        ("planes", from.planes.len(), to.planes.len(), unsolved(from).planes != unsolved(to).planes),
+        ("distances", from.distances.len(), to.distances.len(), from.distances != to.distances),
+    ];
+    told.extend(counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count(what, a, b)));
+    if from.plan != to.plan {
+        told.push("the plan".into());
+    }
+    if from.name != to.name {
+        told.push("the name of the site".into());
+    }
+    told
+}
+
+fn unsolved(site: &Site) -> Site {
+    let mut bare = site.clone();
+    bare.links.iter_mut().for_each(|link| link.solution = None);
+    bare.marks.iter_mut().for_each(|mark| mark.solution = None);
+    bare.planes.iter_mut().for_each(|plane| plane.solution = None);
+    bare
+}
+
+fn count(what: &str, a: usize, b: usize) -> String {
+    if a == b { format!("{what}: changed") } else { format!("{what}: {b}, were {a}") }
+}
+
+fn of_camera(from: &Site, camera: &SiteCamera) -> Option<String> {
+    let own = from.cameras.iter().find(|own| own.is_same_period(camera));
+    let Some(own) = own else { return Some(format!("{}: new", camera.id)) };
+    let lines = |camera: &SiteCamera| camera.annotations.iter().map(|a| a.polylines().count()).sum::<usize>();
+    let mut parts = Vec::new();
+    if own.annotations != camera.annotations {
+        parts.push(count("lines", lines(own), lines(camera)));
+    }
+    let others = [
+        ("lens", own.lens != camera.lens),
+        ("field of view", own.efov_px != camera.efov_px || own.efov_plane != camera.efov_plane),
+        ("place", own.placement != camera.placement || own.height_m != camera.height_m),
+        ("control points", own.control_points != camera.control_points),
+        ("scene", own.scene != camera.scene),
+        ("still", own.size_px != camera.size_px),
+    ];
+    parts.extend(others.into_iter().filter(|(_, differ)| *differ).map(|(what, _)| what.to_owned()));
+    (!parts.is_empty()).then(|| format!("{}: {}", camera.id, parts.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::{Annotation, Kind, Pixel};
+
+    use super::*;
+
+    #[test]
+    fn what_another_window_did_is_told_camera_by_camera() {
+        let mut from = Site::new();
+        from.cameras = ["a", "b"].map(|id| SiteCamera::new(id, [640, 480])).to_vec();
+        let mut to = from.clone();
+        let line = vec![Pixel::new(1.0, 2.0), Pixel::new(3.0, 4.0)];
+        to.cameras[0].annotations.push(Annotation::of_segments(Kind::Vertical, vec![line]));
+        to.cameras[1] = SiteCamera::new("c", [640, 480]);
+        assert_eq!(differences(&from, &to), ["a: lines: 1, were 0", "c: new", "b: no longer there"]);
+        assert!(differences(&to, &to).is_empty());
+    }
+}

@@ -1,0 +1,354 @@
+//! Checks of what cameras share: links, marks, distances.
+//!
+//! Checks of planes besides the floor, and of what lies on them.
+//!
+//! Checks of lenses, and of what solving wrote into a site.
+
+use std::collections::HashSet;
+
+use calib_core::camera::{Coefficient, ImageCircle};
+
+use crate::bounds::{At, Bounds, Checked, MAX_ITEMS, count, id, known, name, optional, pixels};
+use crate::document::Site;
+use crate::document::{Link, LinkKind, Mark};
+use crate::scene::{PlaneEntry, PlaneNumber};
+use crate::site_error::quoted;
+use crate::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
+
+/// Planes of one site; every pixel that is mapped is held against each.
+const MAX_PLANES: usize = 1000;
+
+/// The planes by themselves.
+pub(crate) fn check_planes(at: &At, planes: &[PlaneEntry]) -> Checked {
+    count(at, planes.len(), MAX_PLANES)?;
+    let mut ids = HashSet::new();
+    for (i, plane) in planes.iter().enumerate() {
+        let at = at.index(i);
+        check_plane(&at, plane)?;
+        if !ids.insert(plane.id.as_str()) {
+            return at.key("id").expected(quoted(&plane.id), "an id that no other plane has");
+        }
+    }
+    Ok(())
+}
+
+fn check_plane(at: &At, plane: &PlaneEntry) -> Checked {
+    id(&at.key("id"), Some(&plane.id))?;
+    name(&at.key("name"), plane.name.as_ref())?;
+    number(&at.key("height_m"), plane.height_m, Bounds::COORDINATE)?;
+    if let Some(tilt) = plane.tilt {
+        let at = at.key("tilt");
+        number(&at.key("toward_deg"), tilt.toward_deg, Bounds::DEGREES)?;
+        number(&at.key("fall_deg"), tilt.fall_deg, Bounds::SCENE_DEGREES)?;
+    }
+    let region = at.key("region");
+    count(&region, plane.region.len(), MAX_ITEMS)?;
+    if !plane.region.is_empty() && plane.region.len() < 3 {
+        return region.expected(format!("{} corners", plane.region.len()), "at least 3, or no region");
+    }
+    for (i, &corner) in plane.region.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&region.index(i), &<[f64; 2]>::from(corner))?;
+    }
+    plane.solution.map_or(Ok(()), |solution| {
+        let at = at.key("solution");
+        Bounds::COORDINATE.check(&at.key("height_m"), solution.height_m)?;
+        Bounds::COORDINATE.check_all(&at.key("slope"), &solution.slope)?;
+        Bounds::COORDINATE.check_all(&at.key("covariance"), &solution.covariance)
+    })
+}
+
+fn number(at: &At, number: Option<PlaneNumber>, bounds: Bounds) -> Checked {
+    match number {
+        None => Ok(()),
+        Some(PlaneNumber::Exact(value)) => bounds.check(at, value),
+        Some(PlaneNumber::Known(value)) => known(at, Some(&value), bounds),
+    }
+}
+
+/// What lies on a plane names one of the site.
+pub(crate) fn plane_of(at: &At, plane: Option<&String>, site: &Site) -> Checked {
+    let Some(plane) = plane else { return Ok(()) };
+    match site.plane(plane) {
+        Some(_) => Ok(()),
+        None => {
+            at.expected(quoted(plane), "the id of one of this site's \"planes\", or no plane for the floor")
+        }
+    }
+}
+
+/// Links, marks and the distances between them.
+pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
+    let cameras: HashSet<&str> = site.cameras.iter().map(|camera| camera.id.as_str()).collect();
+    count(&root.key("links"), site.links.len(), MAX_ITEMS)?;
+    for (i, link) in site.links.iter().enumerate() {
+        check_link(&root.key("links").index(i), link, &cameras)?;
+        plane_of(&root.key("links").index(i).key("plane"), link.plane.as_ref(), site)?;
+    }
+    count(&root.key("marks"), site.marks.len(), MAX_ITEMS)?;
+    for (i, mark) in site.marks.iter().enumerate() {
+        check_mark(&root.key("marks").index(i), mark, &cameras)?;
+    }
+    // Distances name links and marks alike: their ids share one space.
+    let links = site.links.iter().enumerate().map(|(i, link)| ("links", i, link.id.as_ref()));
+    let marks = site.marks.iter().enumerate().map(|(i, mark)| ("marks", i, mark.id.as_ref()));
+    let mut ids = HashSet::new();
+    for (list, index, id) in links.chain(marks) {
+        if let Some(id) = id.filter(|id| !ids.insert(id.as_str())) {
+            let list = root.key(list);
+            let at = list.index(index);
+            return at.key("id").expected(quoted(id), "an id that no other link or mark has");
+        }
+    }
+    let distances = root.key("distances");
+    count(&distances, site.distances.len(), MAX_ITEMS)?;
+    for (i, distance) in site.distances.iter().enumerate() {
+        let at = distances.index(i);
+        for (k, id) in distance.between.iter().enumerate() {
+            if !ids.contains(id.as_str()) {
+                let between = at.key("between");
+                return between.index(k).expected(quoted(id), "the id of a link or a mark");
+            }
+        }
+        if distance.between[0] == distance.between[1] {
+            return at.key("between").expected("one id twice", "two different links or marks");
+        }
+        known(&at.key("length_m"), Some(&distance.length_m), Bounds::POSITIVE)?;
+    }
+    Ok(())
+}
+
+fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
+    id(&at.key("id"), link.id.as_ref())?;
+    name(&at.key("name"), link.name.as_ref())?;
+    optional(&at.key("height_m"), link.height_m, Bounds::COORDINATE)?;
+    known(&at.key("length_m"), link.length_m.as_ref(), Bounds::POSITIVE)?;
+    let kind = link.kind;
+    for (key, is_there, of) in [
+        ("height_m", link.height_m.is_some(), LinkKind::Point),
+        ("length_m", link.length_m.is_some(), LinkKind::Post),
+    ] {
+        if is_there && kind != of {
+            return at.key(key).expected(format!("{key:?}"), format!("it only in a link of kind {of:?}"));
+        }
+    }
+    count(&at.key("seen"), link.seen.len(), MAX_ITEMS)?;
+    for (i, seen) in link.seen.iter().enumerate() {
+        let list = at.key("seen");
+        let at = list.index(i);
+        if !cameras.contains(seen.camera.as_str()) {
+            return at.key("camera").expected(quoted(&seen.camera), "the id of a camera of this site");
+        }
+        let fields = [
+            ("px", seen.px.is_some(), LinkKind::Point),
+            ("foot", seen.foot.is_some(), LinkKind::Post),
+            ("head", seen.head.is_some(), LinkKind::Post),
+            ("segment", seen.segment.is_some(), LinkKind::Line),
+        ];
+        for (key, is_there, of) in fields {
+            if is_there != (kind == of) {
+                let found = if is_there { format!("{key:?}") } else { format!("no {key:?}") };
+                return at.expected(found, "px of a point, foot and head of a post, segment of a line");
+            }
+        }
+        for (key, pixel) in [("px", seen.px), ("foot", seen.foot), ("head", seen.head)] {
+            if let Some(pixel) = pixel {
+                Bounds::COORDINATE.check_all(&at.key(key), &<[f64; 2]>::from(pixel))?;
+            }
+        }
+        if let Some(segment) = &seen.segment {
+            pixels(&at.key("segment"), segment, 2)?;
+        }
+        optional(&at.key("sigma_px"), seen.sigma_px, Bounds::POSITIVE)?;
+    }
+    Ok(())
+}
+
+fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
+    id(&at.key("id"), mark.id.as_ref())?;
+    name(&at.key("name"), mark.name.as_ref())?;
+    Bounds::COORDINATE.check_all(&at.key("at_m"), &<[f64; 3]>::from(mark.at_m))?;
+    Bounds::DEGREES.check(&at.key("turn_deg"), mark.turn_deg)?;
+    let names = mark.kind.size_names();
+    let size = at.key("size_m");
+    if mark.size_m.len() != names.len() {
+        let expected = format!("{} of them: {}", names.len(), names.join(", "));
+        return size.expected(format!("{} numbers", mark.size_m.len()), expected);
+    }
+    Bounds::POSITIVE.check_all(&size, &mark.size_m)?;
+    for (i, value) in mark.size_m.iter().enumerate() {
+        if matches!(names[i], "columns" | "rows") && (value.fract() != 0.0 || *value > 1000.0) {
+            return size.index(i).expected(value, format!("a whole number of {} up to 1000", names[i]));
+        }
+    }
+    count(&at.key("seen"), mark.seen.len(), MAX_ITEMS)?;
+    let shape = mark.shape();
+    for (i, seen) in mark.seen.iter().enumerate() {
+        let list = at.key("seen");
+        let at = list.index(i);
+        if !cameras.contains(seen.camera.as_str()) {
+            return at.key("camera").expected(quoted(&seen.camera), "the id of a camera of this site");
+        }
+        if shape.point(&seen.point).is_none() {
+            return at.key("point").expected(quoted(&seen.point), "the name of a point of this kind of mark");
+        }
+        Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(seen.px))?;
+    }
+    Ok(())
+}
+
+/// Most corners of an EFOV on the floor: eight for every corner drawn, and those of clipping.
+const MAX_CORNERS: usize = 10_000;
+
+/// Whether an image circle has a radius, and can be written and read again.
+pub(crate) fn check_circle(at: &At, circle: ImageCircle) -> Checked {
+    Bounds::COORDINATE.check_all(at, &<[f64; 3]>::from(circle))?;
+    if circle.radius > 0.0 {
+        return Ok(());
+    }
+    at.expected(
+        format!("a radius of {}", circle.radius),
+        "u and v of its middle and a radius above 0, in pixels",
+    )
+}
+
+/// Whether a solution can be written and read again.
+pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
+    Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
+    let point = <[f64; 2]>::from(solution.principal_point_px);
+    Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;
+    if let Some(circle) = solution.image_circle_px {
+        check_circle(&at.key("image_circle_px"), circle)?;
+    }
+    let pose = [
+        ("position_m", solution.position_m.is_some()),
+        ("yaw_deg", solution.yaw_deg.is_some()),
+        ("pitch_deg", solution.pitch_deg.is_some()),
+        ("roll_deg", solution.roll_deg.is_some()),
+    ];
+    for (key, is_there) in pose {
+        if !is_there && solution.stage != Stage::Lens {
+            return at.expected(format!("no {key:?}"), "the pose, at every stage but \"lens\"");
+        }
+    }
+    if let Some(position) = solution.position_m {
+        Bounds::COORDINATE.check_all(&at.key("position_m"), &<[f64; 3]>::from(position))?;
+    }
+    let angles = [solution.yaw_deg, solution.pitch_deg, solution.roll_deg];
+    for (key, angle) in ["yaw_deg", "pitch_deg", "roll_deg"].into_iter().zip(angles) {
+        optional(&at.key(key), angle, Bounds::DEGREES)?;
+    }
+    if let Some(distortion) = &solution.distortion {
+        check_distortion(&at.key("distortion"), distortion, Some(solution.focal_px))?;
+    }
+    let efov = at.key("efov_m");
+    count(&efov, solution.efov_m.len(), MAX_CORNERS)?;
+    for (i, &point) in solution.efov_m.iter().enumerate() {
+        Bounds::COORDINATE.check_all(&efov.index(i), &<[f64; 2]>::from(point))?;
+    }
+    solution.covariance.as_ref().map_or(Ok(()), |c| check_covariance(&at.key("covariance"), c))
+}
+
+fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
+    let n = covariance.of.len();
+    count(&at.key("of"), n, 100)?;
+    let expected = n * (n + 1) / 2;
+    if covariance.upper.len() != expected {
+        let found = format!("{} numbers", covariance.upper.len());
+        return at.key("upper").expected(found, format!("{expected}: the upper triangle of {n} by {n}"));
+    }
+    let broken = covariance.upper.iter().position(|value| !value.is_finite());
+    if let Some(i) = broken {
+        return at.key("upper").index(i).expected(covariance.upper[i], "a number");
+    }
+    // Row by row, the diagonal is the first of each row.
+    let mut first = 0;
+    for row in 0..n {
+        if covariance.upper[first] < 0.0 {
+            return at.key("upper").index(first).expected(covariance.upper[first], "a variance, not below 0");
+        }
+        first += n - row;
+    }
+    Ok(())
+}
+
+pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Checked {
+    let mut given = false;
+    let own = entry.model.row().coefficients;
+    for which in Coefficient::ALL {
+        let (key, Some(value)) = (which.name(), entry.coefficient(which)) else { continue };
+        given = true;
+        if !own.contains(&which) {
+            return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
+        }
+        let [low, high] = which.bounds();
+        let what = match which {
+            Coefficient::Xi => "a number above -1 and up to 1e6",
+            Coefficient::Alpha => "a number between 0 and 1",
+            _ => "a number between -1e6 and 1e6",
+        };
+        Bounds { low, high, what }.check(&at.key(key), value)?;
+    }
+    optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    if let Some(fit) = &entry.fit {
+        if given {
+            return at.key("fit").expected("\"fit\" beside coefficients", "one of them: fitted, or given");
+        }
+        for (i, wanted) in fit.iter().enumerate() {
+            if !own.contains(wanted) || fit[..i].contains(wanted) {
+                let found = quoted(wanted.name());
+                return at.key("fit").index(i).expected(found, "coefficients of this model, each once");
+            }
+        }
+    }
+    if !given && !entry.model.row().is_fitted {
+        let found = format!("{} without coefficients", entry.model.row().name);
+        return at.expected(found, "its coefficients: it is given, and not fitted");
+    }
+    if given && entry.focal_px.is_none() && focal.is_none() {
+        return at.expected(
+            "coefficients without a focal",
+            "\"focal_px\" here, which they refer to, or in the lens",
+        );
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_core::camera::Distortion;
+
+    use crate::Site;
+
+    fn site(distortion: &str) -> Result<Site, String> {
+        let text = format!(
+            r#"{{"format": "calib-site", "version": 1, "cameras": [{{"id": "a", "size_px": [640, 480],
+            "lens": {{"distortion": {distortion}}}, "annotations": []}}]}}"#
+        );
+        Site::from_json(&text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn spheres_are_given_with_coefficients_of_a_lens() {
+        let lens = |text: &str| site(text).map(|site| site.cameras[0].lens());
+        let unified = lens(r#"{"model": "unified", "xi": 1.1, "focal_px": 300}"#);
+        assert!(
+            unified
+                .is_ok_and(|lens| lens.distortion == Distortion::Unified { xi: 1.1 } && lens.focal == 300.0)
+        );
+        let double = lens(r#"{"model": "double-sphere", "xi": -0.2, "alpha": 0.6, "focal_px": 300}"#);
+        assert!(
+            double.is_ok_and(|lens| lens.distortion == Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 })
+        );
+        for (text, word) in [
+            (r#"{"model": "unified", "xi": -1.0, "focal_px": 300}"#, "above -1"),
+            (r#"{"model": "double-sphere", "xi": 0.0, "alpha": 1.1, "focal_px": 300}"#, "between 0 and 1"),
+            (r#"{"model": "unified", "xi": 1.0, "alpha": 0.5, "focal_px": 300}"#, "this model has"),
+            (r#"{"model": "unified", "fit": ["xi"]}"#, "not fitted"),
+            (r#"{"model": "double-sphere"}"#, "not fitted"),
+            (r#"{"model": "unified", "xi": 1.0}"#, "focal"),
+        ] {
+            let error = site(text).err().unwrap_or_default();
+            assert!(error.contains(word), "{text}: {error}");
+        }
+    }
+}
