@@ -7,7 +7,7 @@ use calib_core::CameraView;
 use calib_core::floor::{PixelOrigin, Stream, StreamFit};
 
 use crate::raw;
-use crate::raw::{CalibResult, Fault, free, handle, text, told};
+use crate::raw::{CalibResult, Fault, free, handle, report_error, text};
 use crate::site::{CalibSite, give_handle};
 
 /// A calibrated camera. Any number of threads may use it at once.
@@ -96,7 +96,7 @@ pub unsafe extern "C" fn calib_site_camera(
         unsafe { give_handle(camera, CalibCamera { id: id.to_owned(), view }) }
     };
     // SAFETY: the caller says that so many bytes can be written.
-    unsafe { told(error, error_size, work) }
+    unsafe { report_error(error, error_size, work) }
 }
 
 /// Frees a camera; null is none.

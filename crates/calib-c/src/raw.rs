@@ -63,7 +63,7 @@ pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Fault>) -> CalibResult {
 ///
 /// # Safety
 /// `error` is null, or `size` bytes can be written there.
-pub(crate) unsafe fn told(
+pub(crate) unsafe fn report_error(
     error: *mut c_char,
     size: usize,
     work: impl FnOnce() -> Result<(), Fault>,

@@ -4,7 +4,7 @@ use std::ffi::c_char;
 
 use calib_site::{Options, Site};
 
-use crate::raw::{CalibResult, Fault, boxed, free, give, give_text, guarded, handle, told, values};
+use crate::raw::{CalibResult, Fault, boxed, free, give, give_text, guarded, handle, report_error, values};
 
 /// A site of cameras. Any number of threads may use it at once.
 #[derive(Debug)]
@@ -34,7 +34,7 @@ pub unsafe extern "C" fn calib_site_parse(
         unsafe { give_handle(site, CalibSite(read)) }
     };
     // SAFETY: the caller says that so many bytes can be written.
-    unsafe { told(error, error_size, work) }
+    unsafe { report_error(error, error_size, work) }
 }
 
 /// Writes a handle, if there is a place for it.

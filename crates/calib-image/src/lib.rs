@@ -15,8 +15,8 @@
 
 // A file uses only those above it.
 mod line_segment;
-pub mod edges;
 mod pull;
+pub mod edges;
 mod image_circle;
 mod proposal;
 mod compare;

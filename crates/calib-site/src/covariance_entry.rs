@@ -63,7 +63,7 @@ impl CovarianceEntry {
             }
         }
         let [scale, by_focal] = in_file(distortion, 1.0, focal);
-        covariance.sheared(&scale, &by_focal.map(|jacobian| -jacobian))
+        covariance.with_correlated_shift(&scale, &by_focal.map(|jacobian| -jacobian))
     }
 
     /// The entry of independent errors.
@@ -85,7 +85,7 @@ impl CovarianceEntry {
     pub fn of(camera: &Camera) -> Option<Self> {
         let distortion = camera.lens.distortion;
         let [scale, by_focal] = in_file(&distortion, camera.focal / camera.lens.focal, camera.focal);
-        let covariance = camera.covariance.sheared(&scale, &by_focal);
+        let covariance = camera.covariance.with_correlated_shift(&scale, &by_focal);
         let is_estimated =
             |&i: &usize| camera.covariance.sigma(i).is_some() && name(i, &distortion).is_some();
         let rows: Vec<usize> = (0..Covariance::SIZE).filter(is_estimated).collect();

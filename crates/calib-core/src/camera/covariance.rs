@@ -71,7 +71,7 @@ impl Covariance {
     }
 
     /// Covariance of `scale * unknown + by_focal * focal` in place of the unknowns.
-    pub fn sheared(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
+    pub fn with_correlated_shift(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
         if !self.is_known() {
             return Self::UNKNOWN;
         }
