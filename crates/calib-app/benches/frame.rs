@@ -9,7 +9,7 @@ mod desk;
 use std::io::Write as _;
 use std::time::Instant;
 
-use calib_app::files::Images;
+use calib_app::storage::files::Images;
 use calib_core::Kind;
 use calib_editor::Pane;
 use calib_editor::Part;

@@ -98,7 +98,7 @@ fn on_newer(app: &mut App, ctx: &Context, command: Newer) {
 }
 
 fn open_demonstration(app: &mut App, with_tour: bool) {
-    let (mut site, images, truth) = crate::demo::open_with_truth();
+    let (mut site, images, truth) = crate::storage::demo::open_with_truth();
     // With the tour the first camera is the newcomer's to do.
     if let Some(camera) = site.cameras.first_mut().filter(|_| with_tour) {
         camera.annotations.clear();

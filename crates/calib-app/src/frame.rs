@@ -4,7 +4,7 @@ use egui::{Context, Ui};
 
 use crate::command;
 use crate::keys;
-use crate::panels;
+use crate::shell;
 use crate::state::{App, Sent};
 
 impl App {
@@ -15,7 +15,7 @@ impl App {
         self.editor.begin_frame();
         self.watch_suspect(ui);
         self.panes.begin_frame();
-        panels::show(self, ui);
+        shell::window_ui(self, ui);
         self.was_typing = ui.ctx().text_edit_focused();
         self.grant(&ui.ctx().clone());
         self.remember();

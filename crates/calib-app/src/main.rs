@@ -58,7 +58,7 @@ fn window(paths: Vec<std::path::PathBuf>) -> eframe::Result {
         "calib",
         options,
         Box::new(|creation| {
-            let folder = calib_app::files::data_dir();
+            let folder = calib_app::storage::files::data_dir();
             let mut app = calib_app::App::new(&creation.egui_ctx, folder);
             for path in paths {
                 // A name on the command line is of the folder that one is in, not of the site's.

@@ -8,16 +8,16 @@ use calib_core::floor::drawn_line;
 use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
+use crate::annotate::image;
+use crate::annotate::loupe;
+use crate::annotate::minimap;
 use crate::canvas::{Bend, Mapping, View};
-use crate::floor::Floor;
+use crate::compare::panel;
 use crate::handles;
 use crate::keys;
-use crate::loupe;
-use crate::minimap;
-use crate::newer;
 use crate::paint::{Pen, line};
+use crate::plan::floor::Floor;
 use crate::state::{App, Place};
-use crate::still;
 use crate::theme::{self, on_image};
 
 /// Movement less than this is a click, in points.
@@ -200,12 +200,12 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let view = app.panes.fitted_or_chosen(key, whole);
     let mapping = Mapping { view, rect, bend };
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
-    still::paint(app, &painter, name.as_deref(), &mapping, rect);
-    still::blend_old(app, &painter, camera, &mapping, size);
-    let split = newer::paint(app, &painter, (camera, place), &mapping, size);
+    image::paint(app, &painter, name.as_deref(), &mapping, rect);
+    image::blend_old(app, &painter, camera, &mapping, size);
+    let split = panel::paint(app, &painter, (camera, place), &mapping, size);
     let is_own = camera == app.editor.session().camera && place != Place::Tile;
     let suggested = if is_own { app.suggested(ui.ctx()) } else { Vec::new() };
-    let mut overlay = still::overlay(app, ui, camera, mapping, place);
+    let mut overlay = image::overlay(app, ui, camera, mapping, place);
     overlay.suggested = suggested;
     if let Some(split) = split {
         overlay.compare(split, app.editor.newer(camera));
@@ -226,15 +226,15 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     if place == Place::Main {
         app.panes.wipe = None;
         if let Some(split) = split {
-            newer::slide(app, ui, camera, &mapping, (size[0], split));
+            panel::slide(app, ui, camera, &mapping, (size[0], split));
         }
-        minimap::show(app, ui, camera, &mapping, size);
+        minimap::minimap_ui(app, ui, camera, &mapping, size);
     }
     if let Some((held, at)) = app.editor.tool().held()
         && held == pane
         && app.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
-        loupe::show(app, ui, camera, &mapping, at);
+        loupe::loupe_ui(app, ui, camera, &mapping, at);
     }
 }
 

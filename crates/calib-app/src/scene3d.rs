@@ -8,8 +8,8 @@ use calib_editor::Session;
 use calib_site::SiteCamera;
 use egui::{Align2, Color32, Painter, Pos2, Rect, Vec2};
 
-use crate::floor::{MAGNIFIED, SIGMAS};
 use crate::paint::{Pen, chip, handle, line, tag};
+use crate::plan::floor::{MAGNIFIED, SIGMAS};
 use crate::state::{NEAR, Orbit};
 use crate::theme::{self, on_image};
 

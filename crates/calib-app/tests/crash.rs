@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use calib_app::App;
-use calib_app::files::Images;
+use calib_app::storage::files::Images;
 use calib_core::Pixel;
 use calib_editor::{Action, Part};
 use egui::{Context, Key, Modifiers};
@@ -75,7 +75,8 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
         child.kill().unwrap();
         child.wait().unwrap();
         let last = reader.join().unwrap().unwrap_or(0.0);
-        let saved = calib_app::files::open(&folder.path().join("site.json")).ok().map(|(site, _)| site);
+        let saved =
+            calib_app::storage::files::open(&folder.path().join("site.json")).ok().map(|(site, _)| site);
         let again = App::new(&Context::default(), Some(folder.path().to_path_buf()));
         let kept = again.found.first().map(|(_, found)| found.site.clone());
         let found = saved.iter().chain(&kept).map(progress).fold(0.0, f64::max);

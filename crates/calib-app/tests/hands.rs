@@ -54,14 +54,18 @@ fn a_site_that_no_file_can_hold_is_put_back() {
 fn unsaved_work_is_put_aside_when_another_site_is_opened() {
     let folder = tempfile::tempdir().unwrap();
     let mut app = calib_app::App::new(&egui::Context::default(), Some(folder.path().to_path_buf()));
-    app.open_site(demo(), calib_app::files::Images::default(), None);
+    app.open_site(demo(), calib_app::storage::files::Images::default(), None);
     let mut harness = egui_kittest::Harness::builder()
         .with_context_setup(calib_app::theme::install)
         .build_ui_state(|ui, app: &mut calib_app::App| app.show_ui(ui), app);
     harness.run_steps(2);
     desk::change(harness.state_mut(), "name the site", |site| site.name = Some("Mine".into()));
     harness.run_steps(2);
-    harness.state_mut().open_site(calib_site::Site::new(), calib_app::files::Images::default(), None);
+    harness.state_mut().open_site(
+        calib_site::Site::new(),
+        calib_app::storage::files::Images::default(),
+        None,
+    );
     desk::change(harness.state_mut(), "name the site", |site| site.name = Some("Another".into()));
     harness.run_steps(2);
     assert_eq!(harness.state().found.len(), 1, "it is offered");

@@ -4,7 +4,7 @@
 
 mod desk;
 
-use calib_app::files::Images;
+use calib_app::storage::files::Images;
 use calib_core::Kind;
 use calib_editor::Pane;
 use calib_site::Site;

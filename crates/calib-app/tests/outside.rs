@@ -6,7 +6,7 @@ mod desk;
 
 use calib_app::App;
 use calib_app::command::Command;
-use calib_app::files;
+use calib_app::storage::files;
 use calib_app::theme;
 use calib_core::Pixel;
 use calib_editor::Pane;

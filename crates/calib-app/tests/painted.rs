@@ -356,7 +356,7 @@ fn one_is_said_as_one() {
 /// The start page of an app whose shelf keeps one site with a still.
 mod start {
     use super::*;
-    use calib_app::autosave::{Entry, News, Shelf, Work};
+    use calib_app::storage::autosave::{Entry, News, Shelf, Work};
     use egui_kittest::Harness;
     use std::cell::RefCell;
     use std::rc::Rc;

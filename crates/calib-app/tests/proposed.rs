@@ -4,7 +4,7 @@
 
 mod desk;
 
-use calib_app::demo;
+use calib_app::storage::demo;
 use calib_core::{Annotation, Camera, Kind, Orientation};
 use calib_editor::{Action, Hypothesis, Images, Pane, Period};
 use calib_image::{Lies, LineSegment, Proposal, Still, Verdict};

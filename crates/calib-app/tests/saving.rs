@@ -5,9 +5,9 @@
 mod desk;
 
 use calib_app::choice::Purpose;
-use calib_app::dialog::Dialog;
-use calib_app::files;
 use calib_app::state::{PathField, Why};
+use calib_app::storage::dialog::Dialog;
+use calib_app::storage::files;
 use calib_core::Pixel;
 use calib_site::Site;
 use calib_tests::Scratch;

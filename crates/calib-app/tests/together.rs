@@ -5,7 +5,7 @@
 mod desk;
 
 use calib_app::App;
-use calib_app::files::Images;
+use calib_app::storage::files::Images;
 use calib_core::{Kind, Pixel};
 use calib_editor::{Action, Pane, PlanHandle, TOOLS, plan_handles};
 use calib_site::{Site, Stage};

@@ -6,8 +6,8 @@ mod desk;
 
 use calib_app::choice::{Chosen, Purpose};
 use calib_app::command::{self, Command};
-use calib_app::files::Images;
 use calib_app::state::Place;
+use calib_app::storage::files::Images;
 use calib_core::{Kind, Pixel};
 use calib_editor::{Action, Pane, PlanHandle, Units, plan_handles};
 use calib_tests::Scratch;

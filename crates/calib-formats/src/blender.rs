@@ -1,7 +1,7 @@
-//! A Blender script that makes the cameras.
+//! Blender script that creates the cameras.
 //!
-//! Camera to world, a camera's axes right, up, back; the sensor's width counts for the longer side of
-//! the image, and shifts are shares of it.
+//! Poses are camera to world, with camera axes right, up, back. The sensor's width applies to the longer side
+//! of the image, and shifts are fractions of it.
 
 use serde_json::json;
 
@@ -10,7 +10,8 @@ use crate::nerfstudio::world_from_camera;
 use crate::tree::quote;
 use crate::view::View;
 
-/// Width of the sensor, in millimetres: any will do, the lens goes with it.
+/// Width of the sensor, in millimetres. Any width is correct, because the focal length in millimetres is
+/// scaled by it.
 const SENSOR: f64 = 36.0;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {

@@ -1,7 +1,7 @@
-//! Camera arrays in TOML, as caliscope, anipose and `FreeMoCap` write them: lenses. The poses are those of
-//! a board in whatever unit, and not of a floor.
+//! Camera arrays in TOML, as caliscope, anipose and `FreeMoCap` write them: lenses. Their poses are relative
+//! to a calibration board in an unknown unit, and are not read.
 //!
-//! Pixels count from the centre of the first one, as in OpenCV.
+//! Pixels count from the centre of the first pixel, as in OpenCV.
 
 use crate::file::File;
 use crate::file::FormatError;

@@ -1,6 +1,7 @@
 //! COLMAP's text model: `cameras.txt`, `images.txt`, `points3D.txt`.
 //!
-//! World to camera, quaternions w first; pixels count from the corner, as ours.
+//! Poses are world to camera, with the w of quaternions first. Pixels count from the corner of the image, as
+//! in this library.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -36,7 +37,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push("points3D.txt", "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n");
 }
 
-/// A name of one line that is the id again; the extension is that of the still.
+/// Returns an image name on one line. Its stem is the id, and its extension that of the camera's image file.
 fn name(view: &View) -> String {
     let extension = view.image.as_deref().and_then(|image| image.rsplit_once('.')).map_or("png", |(_, e)| e);
     let plain = extension.len() < 5 && extension.chars().all(|c| c.is_ascii_alphanumeric());
@@ -56,7 +57,7 @@ fn model(terms: Terms) -> (&'static str, Vec<f64>) {
     }
 }
 
-/// A line of a file, its number from 1.
+/// Line of a file, with its number from 1.
 struct Line<'a> {
     file: &'a File,
     number: usize,
@@ -93,7 +94,7 @@ fn lines<'a>(files: &'a [File], base: &str) -> Result<(&'a File, Vec<Line<'a>>),
     let lines = file.as_text()?.lines().enumerate().map(|(i, text)| Line {
         file,
         number: i + 1,
-        // A line of points may be long and is not read.
+        // A line of points may be long, and is not read.
         words: text.split_whitespace().take(20).collect(),
     });
     let is_said = |line: &Line| !line.words.first().is_some_and(|word| word.starts_with('#'));
@@ -126,7 +127,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem).to_owned();
         let pose = Some((rotation, [tx, ty, tz]));
         given.push(Given { id: stem, place: line.place(), image, pose, ..camera.clone() });
-        // The line of points that goes with it.
+        // Skips the line of points that follows.
         with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }
     let mut imported = site_of(given, &file.name)?;
@@ -191,7 +192,7 @@ const fn kannala_brandt(k: [f64; 4]) -> Distortion {
     Distortion::KannalaBrandt { k }
 }
 
-/// k1, k2, p1, p2, k3.
+/// Returns k1, k2, p1, p2, k3; fails if k4, k5 or k6 is not 0.
 fn full_opencv(line: &Line) -> Result<[f64; 5], FormatError> {
     let [k1, k2, p1, p2, k3, k4, k5, k6] = line.numbers(8)?;
     if [k4, k5, k6] == [0.0; 3] {
@@ -200,16 +201,16 @@ fn full_opencv(line: &Line) -> Result<[f64; 5], FormatError> {
     Err(FormatError::expected(line.place(), "k4, k5, k6", "zeros: they have no place here"))
 }
 
-/// What of a fisheye is not symmetric about its axis.
+/// Terms of a fisheye lens that are not symmetric about its axis.
 struct Prism {
-    /// Tangential.
+    /// Tangential terms p1, p2.
     p: [f64; 2],
-    /// Of the thin prism: x by the square and the fourth power of the radius, and y.
+    /// Thin-prism terms: x by the square and the fourth power of the radius, then y.
     s: [f64; 4],
 }
 
 impl Prism {
-    /// No less than what it moves a point at a radius by, over the focal.
+    /// Upper bound of the displacement at a radius, divided by the focal length.
     fn most(&self, radius: f64) -> f64 {
         let (square, [px, py], [x2, x4, y2, y4]) = (radius * radius, self.p, self.s.map(f64::abs));
         let prism = (x2 + x4 * square).hypot(y2 + y4 * square);
@@ -217,8 +218,8 @@ impl Prism {
     }
 }
 
-/// Focals, centre and lens of a fisheye whose radius is `theta (1 + k1 theta^2 + ... + k6 theta^12)`, and which has
-/// hardly anything else.
+/// Returns focal lengths, principal point and lens of a fisheye with radius `theta (1 + k1 theta^2 + ... + k6
+/// theta^12)`. Fails if the other terms move the rim visibly.
 fn symmetric(
     line: &Line,
     terms: [f64; 6],
@@ -232,7 +233,7 @@ fn symmetric(
         focal * theta * (1.0 + square * terms.iter().rev().fold(0.0, |sum, term| sum * square + term))
     };
     let corner = cx.max(width - cx).hypot(cy.max(height - cy));
-    // Out to the corners, or to where it shows nothing more.
+    // From the axis to the corners; ends early if the radius stops growing.
     let mut samples: Vec<[f64; 2]> = Vec::new();
     for theta in (1..=400).map(|ring| WIDEST * f64::from(ring) / 400.0) {
         let at = radius(theta);

@@ -1,4 +1,4 @@
-//! What an export gives: files, and what the format could not hold.
+//! Result of an export: files, losses and notes.
 
 use calib_core::DistortionModel;
 use calib_site::Site;
@@ -6,12 +6,12 @@ use calib_site::Site;
 use crate::file::File;
 use crate::view::{ExportOptions, Terms, View};
 
-/// Something of a camera that a format cannot hold, so that what is written misleads.
+/// Data that a format cannot represent, so that its files mislead.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Loss {
     /// Id of the camera; absent for the site as a whole.
     pub camera: Option<String>,
-    /// What is lost, and by how much.
+    /// Description of the loss, with its size if known.
     pub what: String,
 }
 
@@ -24,35 +24,35 @@ impl std::fmt::Display for Loss {
     }
 }
 
-/// What an export gives.
+/// Result of an export.
 #[derive(Clone, Debug, Default)]
 pub struct Export {
-    /// To be written into one folder.
+    /// Files to write into one folder.
     pub files: Vec<File>,
-    /// What makes the files differ from the calibration; to be agreed to before they are used.
+    /// Differences between files and calibration. The operator must accept them before the files are used.
     pub losses: Vec<Loss>,
-    /// What the operator should know, and need not agree to.
+    /// Remarks for the operator that need no confirmation.
     pub notes: Vec<String>,
-    /// Ids of the cameras that are not calibrated and therefore not there.
+    /// Ids of the cameras that are missing because they are not calibrated.
     pub unsolved: Vec<String>,
 }
 
-/// What a format is written from.
+/// Input of a format's writer.
 #[derive(Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) site: &'a Site,
     pub(crate) views: Vec<View>,
     pub(crate) options: &'a ExportOptions,
-    /// The chosen one of the format's extensions.
+    /// Extension of the files to write.
     pub(crate) extension: &'a str,
-    /// The lens models that the format holds.
+    /// Lens models that the format represents exactly.
     pub(crate) lenses: &'static [DistortionModel],
 }
 
-/// Pixels by which a lens in other terms may be off without a word.
+/// Largest error of a fitted lens, in pixels, that is a note and not a loss.
 pub(crate) const UNSEEN: f64 = 0.05;
 
-/// What to do with a lens that looks beside and behind itself where its model has no place; `None` of other lenses.
+/// Returns advice for a wide-angle lens whose model the format does not support; `None` for other lenses.
 pub(crate) fn way_out(view: &View) -> Option<String> {
     let row = view.camera.lens.distortion.model()?.row();
     row.is_wide.then(|| {
@@ -63,7 +63,7 @@ pub(crate) fn way_out(view: &View) -> Option<String> {
     })
 }
 
-/// An error that is not understated by the digits that are shown.
+/// Rounds an error up to this number of decimal places, so that the text never understates it.
 pub(crate) fn rounded_up(error: f64, digits: i32) -> f64 {
     let unit = 10_f64.powi(digits);
     (error * unit).ceil() / unit
@@ -78,7 +78,7 @@ impl Export {
         self.losses.push(Loss { camera: Some(view.id.clone()), what: what.into() });
     }
 
-    /// A camera that nobody placed stands in a world of its own.
+    /// Reports a camera that was not placed: a loss if the site has other cameras, otherwise a note.
     pub(crate) fn lose_place(&mut self, site: &Site, view: &View) {
         if site.cameras.len() > 1 {
             self.lose(view, "where it is: it is not placed, and would stand at (0, 0)");
@@ -87,7 +87,7 @@ impl Export {
         }
     }
 
-    /// A stream in another proportion than the still.
+    /// Reports a stream with another aspect ratio than the camera's image.
     pub(crate) fn lose_proportion(&mut self, view: &View) {
         let ([w, h], [sw, sh]) = (view.size, view.still_size());
         self.lose(
@@ -99,7 +99,7 @@ impl Export {
         );
     }
 
-    /// For formats of cameras without distortion.
+    /// Reports the loss of distortion, for formats that contain pinhole cameras only.
     pub(crate) fn lose_distortion(&mut self, view: &View) {
         if view.is_distorted() {
             let windows = way_out(view).map_or(String::new(), |windows| format!("; {windows}"));
@@ -108,7 +108,8 @@ impl Export {
         }
     }
 
-    /// The lens as a format with Brown-Conrady terms has it, or with those of another model that it holds.
+    /// Returns the lens in Brown-Conrady terms, or in the terms of another model in `lenses`. Reports the
+    /// error of an approximation.
     pub(crate) fn terms(&mut self, view: &View, lenses: &[DistortionModel]) -> Terms {
         let terms = view.terms(lenses);
         let Terms::Fitted(brown, off) = terms else { return terms };

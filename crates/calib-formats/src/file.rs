@@ -1,108 +1,108 @@
-//! A file in memory: what an export gives and what an import takes.
+//! Files in memory, as exports return them and imports take them.
 //!
-//! What is wrong with a file, and where in it; in words once.
+//! Also the errors of a file, with their position and their message.
 
 use std::fmt;
 
 use calib_site::SiteError;
 
-/// Why a file could not be read or written.
+/// Error in a file that could not be read or written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormatError {
-    /// The file, and the place in it: a JSON pointer or a line.
+    /// File, and the position in it: a JSON pointer or a line.
     pub place: String,
-    /// What is wrong there.
+    /// Cause of the error.
     pub problem: Problem,
 }
 
-/// What is wrong with a file.
+/// Cause of an error in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Problem {
-    /// It is there and cannot be so.
+    /// A value is not allowed here.
     Unexpected {
-        /// What was found.
+        /// Value that was found.
         found: String,
-        /// What can be so.
+        /// Values that are allowed.
         expected: String,
     },
-    /// None of these keys is there.
+    /// All of these keys are missing.
     MissingKey(Vec<String>),
-    /// A file that belongs to another one is not there.
+    /// A file is missing that belongs to another file.
     MissingFile {
-        /// The other one.
+        /// The file that is present.
         beside: String,
     },
-    /// The folder does not have the two files of a COLMAP model.
+    /// The folder does not contain the two files of a COLMAP model.
     NotColmap,
-    /// No file of these extensions was given.
+    /// No file with one of these extensions was given.
     NoFiles(&'static [&'static str]),
-    /// The bytes are no text from here on.
+    /// The file is not UTF-8 text.
     NotUtf8 {
-        /// Where, in bytes.
+        /// Offset of the first invalid byte.
         at: usize,
     },
-    /// The text does not follow its syntax.
+    /// The text violates its syntax.
     Syntax {
-        /// Its syntax.
+        /// Name of the syntax.
         syntax: &'static str,
-        /// What the reader of that syntax says.
+        /// Message of the parser.
         why: String,
     },
-    /// A value of a text has no place in any document.
+    /// A value of the text cannot be represented.
     Unrepresentable {
-        /// What the writer says.
+        /// Message of the converter.
         why: String,
     },
-    /// The file has no text.
+    /// The file contains no text.
     Empty,
-    /// Brackets open inside each other deeper than is read.
+    /// Brackets are nested too deeply.
     DeepBrackets {
-        /// The deepest that is read.
+        /// Largest depth that is read.
         most: usize,
     },
-    /// Elements stand inside each other deeper than is read.
+    /// Elements are nested too deeply.
     DeepElements,
-    /// The file is too short for an fSpy project, or does not begin as one.
+    /// The file is too short for an fSpy project, or has another signature.
     NotFspy {
-        /// It is too short.
+        /// Whether the file is too short.
         is_short: bool,
     },
-    /// The file ends before what it announces.
+    /// The file ends before the length that its header states.
     CutOff,
-    /// The focals are no focals.
+    /// A focal length is not positive and finite.
     NoFocal([f64; 2]),
     /// The pixels are not square.
     UnequalFocals([f64; 2]),
-    /// Nothing tells the size of the image.
+    /// The size of the image is missing and cannot be derived.
     NoSize,
-    /// A quaternion has no length.
+    /// A quaternion has length 0.
     NoRotation,
     /// The rows of a rotation are not right-handed unit vectors.
     NotARotation,
-    /// A matrix is not that of intrinsics.
+    /// A matrix is not an intrinsic matrix.
     NotIntrinsics,
-    /// A projection matrix is that of no camera.
+    /// A projection matrix belongs to no camera.
     NotAProjection,
-    /// Pixels and the points that they show do not pair.
+    /// The numbers of pixels and of world points differ.
     Unpaired {
-        /// How many pixels there are.
+        /// Number of pixels.
         pixels: usize,
-        /// How many points there are.
+        /// Number of world points.
         points: usize,
     },
-    /// There is no camera in it.
+    /// The file contains no camera.
     NoCamera,
-    /// What was read makes no site.
+    /// The content is not a valid site.
     NotASite(Box<SiteError>),
-    /// The format is read and not written.
+    /// The format can be imported, but not exported.
     ReadOnly,
-    /// The format is written and not read.
+    /// The format can be exported, but not imported.
     WriteOnly,
     /// No camera of the site is calibrated.
     NothingToExport,
-    /// Several periods have the id of one camera.
+    /// Several periods share the id of one camera.
     SeveralPeriods,
-    /// An id by which a file is looked for has characters that no name of a file has.
+    /// A camera's id must be a file name, and is not.
     NotAFileName,
 }
 
@@ -120,7 +120,7 @@ impl FormatError {
         Self::new(place, problem)
     }
 
-    /// What was found and what is expected.
+    /// Returns the message without the position in the file.
     #[must_use]
     pub fn message(&self) -> String {
         self.problem.to_string()
@@ -161,7 +161,7 @@ impl fmt::Display for Problem {
 }
 
 impl Problem {
-    /// What is said of a problem without numbers.
+    /// Returns the message of a problem that has no values; empty for the others.
     const fn plain(&self) -> &'static str {
         match self {
             Self::NotColmap => "is not there; expected a folder with cameras.txt and images.txt",
@@ -200,7 +200,7 @@ impl Problem {
     }
 }
 
-/// A hostile text does not fill the screen.
+/// Quotes a text, cut to 60 characters so that a hostile file cannot fill the screen.
 pub(crate) fn quoted(text: &str) -> String {
     const MOST: usize = 60;
     let short: String = text.chars().take(MOST).collect();
@@ -209,17 +209,17 @@ pub(crate) fn quoted(text: &str) -> String {
 
 /// Largest file that is read, in bytes.
 pub const MAX_BYTES: usize = 64 << 20;
-/// Most files that are read as one.
+/// Largest number of files of one import.
 pub const MAX_FILES: usize = 20_000;
-/// Longest name that a file is given, in characters.
+/// Longest file name that is made from an id, in characters.
 const MAX_NAME: usize = 100;
 
-/// A file in memory; its name may have folders, with `/` between them.
+/// File in memory; its name may contain folders, separated by `/`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
-    /// Relative to the folder of the export.
+    /// Path relative to the folder of the export.
     pub name: String,
-    /// What is in it.
+    /// Content.
     pub bytes: Vec<u8>,
 }
 
@@ -228,17 +228,17 @@ impl File {
         Self { name: name.into(), bytes: text.into().into_bytes() }
     }
 
-    /// Last part of the name.
+    /// Returns the last component of the path.
     pub(crate) fn base(&self) -> &str {
         self.name.rsplit('/').next().unwrap_or_default()
     }
 
-    /// Last part of the name, without its extension.
+    /// Returns the last component of the path, without its extension.
     pub(crate) fn stem(&self) -> &str {
         self.base().rsplit_once('.').map_or(self.base(), |(stem, _)| stem)
     }
 
-    /// What follows the last dot, in lower case.
+    /// Returns the extension in lower case, without the dot.
     pub(crate) fn extension(&self) -> String {
         self.base().rsplit_once('.').map_or(String::new(), |(_, extension)| extension.to_lowercase())
     }
@@ -258,7 +258,7 @@ impl File {
     }
 }
 
-/// An id as one component of a path that every system takes.
+/// Converts an id to a path component that is valid on every system.
 pub(crate) fn file_name(id: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
     let name: String = id.chars().take(MAX_NAME).map(plain).collect();

@@ -1,14 +1,14 @@
-//! The Kannala-Brandt lens that comes nearest to one that a program describes otherwise.
+//! Fit of the nearest Kannala-Brandt lens to a lens in other terms.
 //!
-//! Rotations as other programs write them: a Rodrigues vector, or a quaternion.
+//! Also conversions of rotations to and from the forms of other programs: Rodrigues vectors and quaternions.
 
 use calib_core::Distortion;
 
-/// Rows.
+/// Rotation matrix, as rows.
 pub(crate) type Rotation = [[f64; 3]; 3];
 
-/// `(w, x, y, z)` of a rotation matrix, with w not below 0: Shepperd's method, which divides by no
-/// small number.
+/// Returns the quaternion `(w, x, y, z)` of a rotation matrix, with w not below 0. Shepperd's method: it
+/// never divides by a small number.
 pub(crate) fn quaternion(r: &Rotation) -> [f64; 4] {
     let trace = r[0][0] + r[1][1] + r[2][2];
     let squares = [trace, r[0][0], r[1][1], r[2][2]];
@@ -24,7 +24,7 @@ pub(crate) fn quaternion(r: &Rotation) -> [f64; 4] {
     q.map(|c| c / sign)
 }
 
-/// The matrix of a quaternion `(w, x, y, z)` of any length; `None` for that of length 0.
+/// Returns the matrix of a quaternion `(w, x, y, z)` of any length; `None` for length 0.
 pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<Rotation> {
     let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
     if !(length.is_finite() && length > 1e-9) {
@@ -38,7 +38,7 @@ pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<Rotation> {
     ])
 }
 
-/// The axis times the angle, in radians.
+/// Returns the Rodrigues vector: the axis times the angle, in radians.
 pub(crate) fn rodrigues(r: &Rotation) -> [f64; 3] {
     let [w, x, y, z] = quaternion(r);
     let sine = (x * x + y * y + z * z).sqrt();
@@ -46,7 +46,7 @@ pub(crate) fn rodrigues(r: &Rotation) -> [f64; 3] {
     [factor * x, factor * y, factor * z]
 }
 
-/// The matrix of the axis times the angle, in radians.
+/// Returns the matrix of a Rodrigues vector, the axis times the angle in radians.
 pub(crate) fn from_rodrigues([x, y, z]: [f64; 3]) -> Option<Rotation> {
     let angle = (x * x + y * y + z * z).sqrt();
     let factor = if angle < 1e-12 { 0.5 } else { (0.5 * angle).sin() / angle };
@@ -61,7 +61,7 @@ pub(crate) fn turned(r: &Rotation, v: [f64; 3]) -> [f64; 3] {
     r.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Whether the rows are at right angles and of length 1, to a ten-thousandth, and right-handed.
+/// Whether the rows are right-handed, orthogonal and of length 1, within 1e-4.
 pub(crate) fn is_rotation(r: &Rotation) -> bool {
     let dot = |i: usize, j: usize| -> f64 { (0..3).map(|k| r[i][k] * r[j][k]).sum() };
     let is_unit = (0..3).all(|i| (0..3).all(|j| (dot(i, j) - f64::from(u8::from(i == j))).abs() < 1e-4));
@@ -70,23 +70,23 @@ pub(crate) fn is_rotation(r: &Rotation) -> bool {
     is_unit && cross[0] * c[0] + cross[1] * c[1] + cross[2] * c[2] > 0.0
 }
 
-/// Largest angle from the axis at which lenses are compared, in radians: 110 degrees.
+/// Largest angle from the axis for the comparison of lenses, in radians (110 degrees).
 pub(crate) const WIDEST: f64 = 110.0 * std::f64::consts::PI / 180.0;
 
-/// Pixels by which a lens may be off after it was taken in other terms.
+/// Largest accepted error of a lens that was fitted in other terms, in pixels.
 pub(crate) const MOST_OFF: f64 = 1.0;
 
-/// A lens in the terms of Kannala and Brandt.
+/// Fitted Kannala-Brandt lens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nearest {
-    /// In pixels.
+    /// Focal length, in pixels.
     pub(crate) focal: f64,
     pub(crate) distortion: Distortion,
-    /// How far it is off at most, in pixels; infinite where it shows nothing.
+    /// Largest error at the samples, in pixels; infinite if the lens does not show one of them.
     pub(crate) off: f64,
 }
 
-/// What is found where no lens is near enough: `what` is of other terms.
+/// Returns the error text for a lens without an accepted fit; `what` names its original terms.
 pub(crate) fn too_far(what: &str, off: f64) -> String {
     match off.is_finite() {
         true => format!("{what} that no Kannala-Brandt lens comes nearer to than {off:.2} px"),
@@ -94,14 +94,15 @@ pub(crate) fn too_far(what: &str, off: f64) -> String {
     }
 }
 
-/// The least squares of `f theta (1 + k1 theta^2 + ... + k4 theta^8) - radius` over pairs of theta (radians) and radius
-/// (pixels), linear in f and f k. `None` where they determine no lens.
+/// Fits f and k1 to k4 by least squares of `f theta (1 + k1 theta^2 + ... + k4 theta^8) - radius`, over pairs
+/// of theta (radians) and radius (pixels). The problem is linear in f and f k. Returns `None` if the samples
+/// do not determine a lens.
 pub(crate) fn nearest(samples: &[[f64; 2]]) -> Option<Nearest> {
     let widest = samples.iter().map(|[theta, _]| *theta).fold(0.0, f64::max);
     let row = |theta: f64| [1, 3, 5, 7, 9].map(|power| (theta / widest).powi(power));
     let value = |terms: &[f64; 5], theta: f64| row(theta).iter().zip(terms).map(|(a, b)| a * b).sum::<f64>();
     let mut terms = [0.0; 5];
-    // Once more with what is left: the normal equations have half of the digits.
+    // Iterative refinement on the residuals: the normal equations keep only half of the digits.
     for _ in 0..3 {
         let (mut square, mut right) = ([[0.0; 5]; 5], [0.0; 5]);
         for &[theta, radius] in samples {
@@ -127,7 +128,7 @@ pub(crate) fn nearest(samples: &[[f64; 2]]) -> Option<Nearest> {
     Some(Nearest { focal, distortion, off: samples.iter().map(off).fold(0.0, f64::max) })
 }
 
-/// Gaussian elimination with pivots.
+/// Solves five linear equations by Gaussian elimination with pivoting.
 fn solved(mut square: [[f64; 5]; 5], mut right: [f64; 5]) -> Option<[f64; 5]> {
     for column in 0..5 {
         let largest = |a: &usize, b: &usize| square[*a][column].abs().total_cmp(&square[*b][column].abs());

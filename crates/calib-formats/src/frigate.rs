@@ -1,7 +1,8 @@
-//! Frigate: a zone per camera, the EFOV, with the lengths of its sides for speeds.
+//! Frigate configuration: one zone for each camera, the EFOV, with the lengths of its sides for speed
+//! estimates.
 //!
-//! Coordinates are shares of the image, so that they hold for every stream of the camera. `distances`
-//! are metres, of exactly four sides.
+//! Coordinates are fractions of the image, so they apply to every stream of the camera. `distances` are the
+//! lengths of exactly four sides, in metres.
 
 use calib_core::{Pixel, WorldPoint};
 
@@ -44,7 +45,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push(format!("zones.{}", scene.extension), text);
 }
 
-/// The EFOV inside the image: clipped to it, side by side.
+/// Returns the EFOV clipped to the image, one side of the image after the other.
 pub(crate) fn corners(view: &View) -> Vec<Pixel> {
     let [w, h] = view.size.map(f64::from);
     let sides: [fn(Pixel, f64, f64) -> f64; 4] =

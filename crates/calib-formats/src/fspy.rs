@@ -1,8 +1,8 @@
-//! fSpy's project file: magic, version, sizes, the state as JSON, the picture. Or the camera parameters alone, as
-//! it exports them, in JSON.
+//! fSpy's project file: signature, version, sizes, the state as JSON, the image. Also the camera parameters
+//! alone, as fSpy exports them in JSON.
 //!
-//! Camera to world, a camera's axes right, up, back. Its principal point is relative: x and y up from
-//! the middle of the image, the longer side from -1 to 1.
+//! Poses are camera to world, with camera axes right, up, back. The principal point is relative to the centre
+//! of the image, with y up; the longer side runs from -1 to 1.
 
 use crate::file::File;
 use crate::file::{FormatError, Problem};
@@ -57,7 +57,7 @@ fn camera(file: &File, rest: &mut Vec<String>) -> Result<Given, FormatError> {
     Ok(given)
 }
 
-/// The state as a file of its own.
+/// Returns the state as a separate JSON file.
 fn state(file: &File) -> Result<File, FormatError> {
     let wrong = |problem: Problem| FormatError::new(&file.name, problem);
     let head = file.bytes.get(..HEAD).ok_or_else(|| wrong(Problem::NotFspy { is_short: true }))?;

@@ -1,7 +1,8 @@
-//! `GeoJSON`: for every camera its EFOV and its position, for every plane besides the floor its region.
+//! `GeoJSON` with the EFOV and the position of each camera, and the region of each plane other than the
+//! floor.
 //!
-//! With a georeference in WGS84 as RFC 7946 wants it; without one the same in metres of the site, under
-//! a name that says so. Members that the standard does not know, units and fields, say what the numbers are.
+//! With a georeference, coordinates are WGS84 as RFC 7946 requires. Otherwise they are metres of the site,
+//! and the file name contains `local`. The additional members `units` and `fields` describe the numbers.
 
 use calib_core::{FloorPoint, Plane};
 
@@ -13,7 +14,7 @@ use crate::planes::covering;
 use crate::tree::pretty;
 use crate::view::View;
 
-/// WGS84: half the longer axis, in metres, and the square of the eccentricity.
+/// WGS84 ellipsoid: semi-major axis in metres, and squared eccentricity.
 const AXIS: f64 = 6_378_137.0;
 const ECCENTRICITY_2: f64 = 0.006_694_379_990_141_316;
 
@@ -37,7 +38,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         .push("the site has no georeference: coordinates are metres of the site and not WGS84".into());
 }
 
-/// What the numbers of a feature are, for whoever reads the file without this program.
+/// Returns descriptions of the properties, for readers without this program.
 fn fields(on_earth: bool, has_planes: bool) -> Value {
     let direction = if on_earth {
         ("azimuth_deg", "where the camera looks, in degrees clockwise from north")
@@ -63,7 +64,7 @@ fn fields(on_earth: bool, has_planes: bool) -> Value {
     fields
 }
 
-/// What the direction of a fall is called, and how it counts.
+/// Returns the property for the direction of a fall, and the way it is counted.
 const fn toward(on_earth: bool) -> (&'static str, &'static str) {
     if on_earth {
         ("toward_azimuth_deg", "clockwise from north")
@@ -72,7 +73,7 @@ const fn toward(on_earth: bool) -> (&'static str, &'static str) {
     }
 }
 
-/// A plane besides the floor, where it holds.
+/// Returns the feature of a plane: its region.
 fn region(entry: &PlaneEntry, plane: &Plane, earth: Option<&Georeference>) -> Value {
     let falls = plane.toward().to_degrees();
     let falls = earth.map_or(falls, |earth| earth.x_axis_azimuth_deg - falls).rem_euclid(360.0);
@@ -82,7 +83,7 @@ fn region(entry: &PlaneEntry, plane: &Plane, earth: Option<&Georeference>) -> Va
     json!({"type": "Feature", "properties": properties, "geometry": polygon(&entry.region, earth)})
 }
 
-/// A polygon of the plan; its outer ring runs counter-clockwise and ends where it begins.
+/// Returns a polygon of the plan. Its outer ring is closed and runs counter-clockwise.
 fn polygon(corners: &[FloorPoint], earth: Option<&Georeference>) -> Value {
     let mut ring: Vec<[f64; 2]> = corners.iter().map(|&point| place(point, earth)).collect();
     if area(&ring) < 0.0 {
@@ -98,7 +99,7 @@ fn place(point: FloorPoint, earth: Option<&Georeference>) -> [f64; 2] {
 
 fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
     let position = view.camera.position;
-    // Clockwise from north on the earth, counter-clockwise from +x in the site.
+    // Clockwise from north with a georeference, otherwise counter-clockwise from +x.
     let heading = match earth {
         Some(earth) => json!({"azimuth_deg":
             (earth.x_axis_azimuth_deg - 90.0 - view.camera.yaw.to_degrees()).rem_euclid(360.0)}),
@@ -116,7 +117,7 @@ fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
     ]
 }
 
-/// Twice the signed area, positive when counter-clockwise.
+/// Computes twice the signed area, positive if counter-clockwise.
 fn area(ring: &[[f64; 2]]) -> f64 {
     (0..ring.len())
         .map(|i| (ring[i], ring[(i + 1) % ring.len()]))
@@ -124,12 +125,12 @@ fn area(ring: &[[f64; 2]]) -> f64 {
         .sum()
 }
 
-/// Longitude and latitude, in degrees: by the ellipsoid's radii at the origin, right to a millimetre
-/// over a few hundred metres.
+/// Converts a floor point to longitude and latitude, in degrees. It uses the radii of the ellipsoid at the
+/// origin, accurate to a millimetre over a few hundred metres.
 fn on_earth(earth: &Georeference, point: FloorPoint) -> [f64; 2] {
     let azimuth = earth.x_axis_azimuth_deg.to_radians();
     let (sin, cos) = azimuth.sin_cos();
-    // +x points to the azimuth, +y a quarter turn counter-clockwise from it.
+    // +x points to the azimuth, and +y is 90 degrees counter-clockwise from it.
     let (east, north) = (sin * point.x - cos * point.y, cos * point.x + sin * point.y);
     let latitude = earth.lat_deg.to_radians();
     let w = 1.0 - ECCENTRICITY_2 * latitude.sin().powi(2);

@@ -1,4 +1,4 @@
-//! A camera as a file gives it, turned into an entry of a site, with everything checked on the way.
+//! Camera as read from a file, and its checked conversion to an entry of a site.
 
 use calib_core::camera::angles_from_rotation;
 use calib_core::single::Known;
@@ -8,38 +8,38 @@ use calib_site::{ControlPointEntry, DistortionEntry, LensEntry, Method, Site, Si
 use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{Rotation, is_rotation, transposed, turned};
 
-/// What was read.
+/// Result of an import.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// The cameras, with a solution where the file has a pose, else with a lens that is held.
+    /// Site with the cameras: with a solution if the file contains a pose, otherwise with a fixed lens.
     pub site: Site,
-    /// What the operator should know: what was taken differently than it was written.
+    /// Notes for the operator: values that were changed or ignored.
     pub notes: Vec<String>,
 }
 
 /// World to camera: rotation, and translation in metres.
 pub(crate) type Pose = (Rotation, [f64; 3]);
 
-/// A camera as a file gives it.
+/// Camera as read from a file.
 #[derive(Clone, Debug)]
 pub(crate) struct Given {
     pub(crate) id: String,
-    /// Where in the file it is.
+    /// Position in the file.
     pub(crate) place: String,
     pub(crate) image: Option<String>,
-    /// In pixels; absent, the principal point is taken for the centre.
+    /// Width and height of the image, in pixels; absent: twice the principal point.
     pub(crate) size: Option<[u32; 2]>,
-    /// Focal in x and y, in pixels.
+    /// Focal length in x and y, in pixels.
     pub(crate) focal: [f64; 2],
     /// Principal point, counted from the corner of the image.
     pub(crate) centre: [f64; 2],
     pub(crate) distortion: Distortion,
-    /// World to camera (right, down, forward), in metres.
+    /// Pose, world to camera (right, down, forward), in metres.
     pub(crate) pose: Option<Pose>,
 }
 
 impl Given {
-    /// A camera at this place of a file, without distortion and without pose.
+    /// Returns a camera without distortion and pose, with `[fx, fy, cx, cy]` and its position in the file.
     pub(crate) fn new(id: &str, place: impl Into<String>, k: [f64; 4]) -> Self {
         let [fx, fy, cx, cy] = k;
         Self {
@@ -58,9 +58,10 @@ impl Given {
         FormatError::new(self.place.trim_end_matches([' ', ':']), problem)
     }
 
-    /// The one focal of square pixels.
+    /// Returns the mean focal length; fails if the pixels are not square.
     fn one_focal(&self, notes: &mut Vec<String>) -> Result<f64, FormatError> {
-        /// Beyond it, an image is stretched and not badly calibrated.
+        /// Largest relative difference of the two focal lengths. Above it the image is stretched, and the
+        /// difference is not an error of the calibration.
         const MOST: f64 = 0.02;
         let [fx, fy] = self.focal;
         if !(fx > 1e-6 && fy > 1e-6 && fx < 1e9 && fy < 1e9) {
@@ -92,7 +93,7 @@ impl Given {
         Ok([w, h])
     }
 
-    /// The entry of a site.
+    /// Converts the camera to an entry of a site.
     pub(crate) fn entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
         let (focal, size) = (self.one_focal(notes)?, self.size(notes)?);
         let principal_point = Pixel::from(self.centre);
@@ -117,7 +118,7 @@ impl Given {
     }
 }
 
-/// A pixel that shows a known point.
+/// Returns a control point: a pixel that shows a known world point.
 pub(crate) fn control_point(px: Pixel, world: WorldPoint) -> ControlPointEntry {
     ControlPointEntry {
         id: None,
@@ -133,7 +134,7 @@ pub(crate) fn control_point(px: Pixel, world: WorldPoint) -> ControlPointEntry {
     }
 }
 
-/// The site of what was read, checked as every site is.
+/// Returns a checked site with these cameras.
 pub(crate) fn imported(
     cameras: Vec<SiteCamera>,
     notes: Vec<String>,
@@ -147,7 +148,8 @@ pub(crate) fn imported(
     Ok(Imported { site, notes })
 }
 
-/// All of what was given as a site, with what of the files was not taken.
+/// Returns a checked site with these cameras, and adds `rest` (the parts of the files that were not read) to
+/// the notes.
 pub(crate) fn site_and_rest(
     given: Vec<Given>,
     rest: Vec<String>,
@@ -158,7 +160,7 @@ pub(crate) fn site_and_rest(
     Ok(imported)
 }
 
-/// All of what was given as a site.
+/// Returns a checked site with these cameras.
 pub(crate) fn site_of(given: Vec<Given>, place: &str) -> Result<Imported, FormatError> {
     if given.len() > calib_site::MAX_CAMERAS {
         let found = format!("{} cameras", given.len());
@@ -170,7 +172,7 @@ pub(crate) fn site_of(given: Vec<Given>, place: &str) -> Result<Imported, Format
     imported(cameras?, notes, place)
 }
 
-/// `K` as `[fx, fy, cx, cy]`; the skew must be next to nothing.
+/// Returns `[fx, fy, cx, cy]` of an intrinsic matrix `K`; fails if its skew is not negligible.
 pub(crate) fn unskewed(k: &[[f64; 3]; 3], place: &str) -> Result<[f64; 4], FormatError> {
     let [[fx, skew, cx], [zero, fy, cy], last] = *k;
     let is_upright = zero.abs() < 1e-9 && last[0].abs() < 1e-9 && last[1].abs() < 1e-9;
@@ -184,8 +186,8 @@ pub(crate) fn unskewed(k: &[[f64; 3]; 3], place: &str) -> Result<[f64; 4], Forma
     Ok([fx, fy, cx, cy])
 }
 
-/// `K` as `[fx, fy, cx, cy]`, and the pose, of a projection matrix of either sign: the rows of
-/// `K R` are orthogonalised from the last.
+/// Decomposes a projection matrix of either sign into `[fx, fy, cx, cy]` and the pose. The rows of `K R` are
+/// orthogonalised from the last to the first.
 pub(crate) fn decomposed(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Pose), FormatError> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let less = |a: [f64; 3], s: f64, b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - s * b[i]) };

@@ -1,8 +1,8 @@
-//! Kalibr's `camchain.yaml`: lenses. The poses are from camera to camera and know no world.
+//! Kalibr's `camchain.yaml`: lenses. Its poses are from camera to camera, without a world frame.
 //!
-//! Pixels count from the centre of the first one, as in OpenCV. Kalibr calls cameras `cam0`, `cam1` and so on, and its
-//! lenses `pinhole-radtan`, `pinhole-equi`, `omni-none` and `ds-none`; the focals of the spheres are `1 + xi` times those in
-//! the middle of the image.
+//! Pixels count from the centre of the first pixel, as in OpenCV. Kalibr names cameras `cam0`, `cam1` and so
+//! on, and its lenses `pinhole-radtan`, `pinhole-equi`, `omni-none` and `ds-none`. The focal lengths of
+//! `omni` and `ds` are `1 + xi` times the focal length at the centre of the image.
 
 use std::fmt::Write as _;
 
@@ -46,7 +46,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push(format!("camchain.{}", scene.extension), text);
 }
 
-/// A lens as Kalibr has it.
+/// Lens in Kalibr's terms.
 struct Written {
     camera: &'static str,
     intrinsics: Vec<f64>,
@@ -78,10 +78,10 @@ fn lens_of(view: &View, scene: &Scene, export: &mut Export) -> Written {
     Written { camera: "pinhole", intrinsics: vec![fx, fy, cx, cy], distortion, terms }
 }
 
-/// 4 x 4: a camera's coordinates from those of the one before it.
+/// Returns the 4 x 4 transform from the coordinates of the previous camera to the coordinates of this one.
 fn camera_from_camera(view: &View, before: &View) -> [[f64; 4]; 4] {
     let (now, then) = (view.camera.rotation(), before.camera.rotation());
-    // Rows of `now then'`.
+    // Rows of `R_now R_previous'`.
     let turn = now.map(|row| turned(&then, row));
     let [t, back] = [view.camera.translation(), turned(&turn, before.camera.translation())];
     let row = |i: usize| [turn[i][0], turn[i][1], turn[i][2], t[i] - back[i]];
@@ -142,7 +142,7 @@ fn lens(name: &str, camera: &Node) -> Result<Given, FormatError> {
     Ok(given)
 }
 
-/// What bends besides the camera model.
+/// Returns the distortion that a camera has in addition to its camera model.
 fn bent(camera: &Node) -> Result<Distortion, FormatError> {
     let model = camera.get("distortion_model").map_or(Ok("none"), |node| node.text())?;
     match model {

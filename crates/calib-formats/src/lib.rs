@@ -1,13 +1,24 @@
-//! Camera calibrations as other programs have them: bytes in, bytes out.
+//! Export and import of camera calibrations in the formats of other programs.
 //!
-//! [`FORMATS`] is the list; [`export()`] writes a site in one of them and says what it cannot hold,
-//! [`import()`] reads one into a site. No files, no clock: the caller has the folders.
+//! [`export()`] writes a site in one format and lists the data that the format loses. [`import()`] reads one
+//! format into a site. The crate works on bytes in memory: the caller reads and writes the files.
 //!
 //! # Conventions
 //!
-//! Ours are those of [`calib_core`]: z up, metres, a camera's axes right, down, forward, and pixels
-//! counted from the corner of the image. Every format converts at its own border, and says there what
-//! its readers count from.
+//! The conventions of [`calib_core`] apply: z up, metres, camera axes right, down, forward, pixel (0, 0) at
+//! the corner of the image. Each format module converts at its own border. Its header states the format's
+//! axes, units and pixel origin.
+//!
+//! # Files
+//!
+//! - `file`: files in memory and their errors.
+//! - `tree`: JSON, YAML, XML and TOML as one tree of values.
+//! - `fisheye`: rotation formats, and the fit of a Kannala-Brandt lens.
+//! - `view`, `export`, `planes`: the input of an export, and its losses and notes.
+//! - `given`: cameras of an import, and their conversion to a site.
+//! - `remap`: the undistortion map of `--rectified`.
+//! - One file for each format, from `opencv` to `worldfile`.
+//! - `registry`: [`FORMATS`], the list of all formats.
 
 mod file;
 mod fisheye;
@@ -56,7 +67,8 @@ pub use view::{ExportOptions, PlanPicture};
 /// Writes the calibrated cameras of a site.
 ///
 /// # Errors
-/// When the format is not written, has not the extension asked for, or there is no calibrated camera.
+/// Fails if the format or the requested extension cannot be written, or if no camera is calibrated. Fails if
+/// two periods share an id, or if an id is not a valid file name, and the format does not allow it.
 pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<Export, FormatError> {
     let write = format.write.ok_or_else(|| FormatError::new(format.name, Problem::ReadOnly))?;
     let first = format.extensions.first().copied().unwrap_or_default();
@@ -94,10 +106,10 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     Ok(export)
 }
 
-/// Reads files of a format that belong together.
+/// Reads the files of one calibration.
 ///
 /// # Errors
-/// What is wrong with them, and where.
+/// Fails if a file is invalid. The error names the file and the position in it.
 pub fn import(format: &Format, files: &[File]) -> Result<Imported, FormatError> {
     let read = format.read.ok_or_else(|| FormatError::new(format.name, Problem::WriteOnly))?;
     if files.len() > MAX_FILES {

@@ -1,7 +1,7 @@
 //! nerfstudio's `transforms.json`.
 //!
-//! Camera to world, a camera's axes right, up, back. Pixels count from the corner, as ours: its rays
-//! go through the pixel's index plus a half.
+//! Poses are camera to world, with camera axes right, up, back. Pixels count from the corner of the image, as
+//! in this library: nerfstudio's rays pass through the index of a pixel plus a half.
 
 use calib_core::{BrownConrady, Distortion};
 use serde_json::{Value, json};
@@ -52,7 +52,7 @@ fn frame(view: &View, terms: Terms) -> Value {
     frame
 }
 
-/// 4 x 4, columns right, up, back, position.
+/// Returns the 4 x 4 pose, with columns right, up, back, position.
 pub(crate) fn world_from_camera(view: &View) -> [[f64; 4]; 4] {
     let [right, down, forward] = view.camera.rotation();
     let centre = <[f64; 3]>::from(view.camera.position);
@@ -77,7 +77,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     Ok(imported)
 }
 
-/// A frame; what it does not say itself is said for all.
+/// Reads a frame; its missing keys are taken from the top level of the file.
 fn camera(root: &Node, frame: &Node) -> Result<Given, FormatError> {
     let of = |key: &str| frame.get(key).or_else(|| root.get(key));
     let number = |key: &str| of(key).map(|node| node.number()).transpose();
@@ -124,7 +124,7 @@ fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
     }
 }
 
-/// World to camera, of the rows of a camera to world that looks along its -z.
+/// Converts a camera-to-world matrix that looks along -z to a world-to-camera pose.
 fn pose(matrix: &Node) -> Result<Pose, FormatError> {
     let numbers = matrix.numbers()?;
     let (12 | 16) = numbers.len() else { return Err(matrix.wrong("three or four rows of four numbers")) };

@@ -1,13 +1,13 @@
-//! DeepStream's nvdsanalytics: a region of interest per stream, the EFOV, in whole pixels.
+//! DeepStream's nvdsanalytics: one region of interest for each stream, the EFOV, in whole pixels.
 //!
-//! Streams have numbers there: the order of the cameras in the site.
+//! Streams are numbered in the order of the cameras in the site.
 
 use crate::export::{Export, Scene};
 use crate::frigate::corners;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let Some(first) = scene.views.first() else { return };
-    // One size for all streams: regions are scaled to it.
+    // All streams share one configured size, and regions are scaled to it.
     let [width, height] = first.size;
     let mut text = format!("[property]\nenable=1\nconfig-width={width}\nconfig-height={height}\n");
     let mut streams: Vec<&str> = Vec::new();

@@ -1,8 +1,9 @@
-//! NVIDIA's bundle: `camInfo/<id>.yml` for DeepStream's tracker, `calibration.json` for Metropolis,
-//! and `map.png` with `transforms.yml` for its view from above.
+//! NVIDIA's files: `camInfo/<id>.yml` for the DeepStream tracker, `calibration.json` for Metropolis, and
+//! `map.png` with `transforms.yml` for its view from above.
 //!
-//! World to camera, `OpenCV`'s camera axes. Pixels count from the corner, as ours: detectors there have
-//! boxes from 0 to the width, and its simulated cameras have their principal point at half the width.
+//! Poses are world to camera, with `OpenCV`'s camera axes. Pixels count from the corner of the image:
+//! NVIDIA's detectors have boxes from 0 to the width, and its simulated cameras have their principal point at
+//! half the width.
 
 use calib_core::{FloorPoint, Pixel, WorldPoint};
 use serde_json::{Value, json};
@@ -14,10 +15,10 @@ use crate::given::{Given, Imported, control_point, decomposed, imported, site_an
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;
 
-/// Fallback scale of a map, in pixels per metre.
+/// Scale of the map without a plan image, in pixels per metre.
 const MAP_SCALE: f64 = 50.0;
 
-/// `pixel = s (x + tx), height - s (y + ty)` of the map.
+/// Map: `pixel = s (x + tx), height - s (y + ty)`.
 #[derive(Clone, Copy, Debug)]
 struct Map {
     s: f64,
@@ -40,7 +41,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     }
 }
 
-/// The map of the site, and its height in pixels where it has a picture that lies as NVIDIA's do.
+/// Returns the map of the site. Returns its height in pixels only if the plan has an image that is parallel
+/// to the world axes.
 fn map(scene: &Scene, export: &mut Export) -> (Map, Option<f64>) {
     if let (Some(plan), Some(picture)) = (&scene.site.plan, &scene.options.plan) {
         if plan.x_axis_deg == 0.0 {
@@ -57,7 +59,7 @@ fn map(scene: &Scene, export: &mut Export) -> (Map, Option<f64>) {
             .notes
             .push("map.png and transforms.yml are left out: the site has no plan with a picture".into());
     }
-    // Whatever the map will be, coordinates on it are not to be negative.
+    // Coordinates on the map must not be negative.
     let points =
         || scene.views.iter().flat_map(|v| v.efov_m.iter().copied().chain([v.camera.position.on_floor()]));
     let least = |of: fn(&FloorPoint) -> f64| points().map(|p| of(&p)).fold(f64::INFINITY, f64::min);
@@ -71,7 +73,7 @@ fn cam_info(view: &View) -> String {
         .iter()
         .map(|&value| format!("- {}\n", digits(value)))
         .collect();
-    // A person, in metres.
+    // Size of a person, in metres.
     format!(
         "projectionMatrix_3x4_w2p:\n{rows}\nmodelInfo:\n  - classID: 0\n    height: 1.7\n    radius: 0.3\n"
     )
@@ -123,7 +125,7 @@ fn sensor(scene: &Scene, view: &View, map: Map) -> Value {
     })
 }
 
-/// As WKT, closed.
+/// Formats a closed polygon as WKT.
 fn polygon(corners: &[FloorPoint]) -> String {
     if corners.is_empty() {
         return "POLYGON EMPTY".into();
@@ -133,7 +135,8 @@ fn polygon(corners: &[FloorPoint]) -> String {
     format!("POLYGON(({}))", ring.join(", "))
 }
 
-/// Four floor points and more that the camera shows: corners of the EFOV, and the middle between them.
+/// Returns at least four floor points that the camera shows: corners of the EFOV, and points between them and
+/// its centre.
 fn corners(view: &View) -> Vec<FloorPoint> {
     const MOST: usize = 8;
     let all = &view.efov_m;
@@ -164,7 +167,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     site_and_rest(given, rest, &files[0].name)
 }
 
-/// Files that came with those that are read.
+/// Returns a note for each file that is not read.
 fn unread<'a>(
     files: &'a [File],
     is_unread: impl Fn(&File) -> bool + 'a,
@@ -224,7 +227,7 @@ fn frame_size(sensor: &Node) -> Result<Option<[u32; 2]>, FormatError> {
             "frameHeight" => 1,
             _ => continue,
         };
-        // By the schema it is text; some write a number.
+        // The schema requires text; some programs write a number.
         size[index] = match value.text() {
             Ok("") => None,
             Ok(text) => {
@@ -238,7 +241,7 @@ fn frame_size(sensor: &Node) -> Result<Option<[u32; 2]>, FormatError> {
     Ok(size[0].zip(size[1]).map(|(width, height)| [width, height]))
 }
 
-/// Pixels and the points they show.
+/// Returns pixels and the world points that they show.
 fn pairs(sensor: &Node) -> Result<Vec<(Pixel, WorldPoint)>, FormatError> {
     let (Some(image), Some(globe)) = (sensor.get("imageCoordinates"), sensor.get("globalCoordinates")) else {
         return Ok(Vec::new());

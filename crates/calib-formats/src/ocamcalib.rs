@@ -1,10 +1,10 @@
-//! `calib_results.txt` of `OCamCalib`, the polynomial of D. Scaramuzza, A. Martinelli, R. Siegwart, "A flexible technique
-//! for accurate omnidirectional camera calibration and structure from motion", 2006.
+//! `calib_results.txt` of `OCamCalib`, the polynomial of D. Scaramuzza, A. Martinelli, R. Siegwart, "A
+//! flexible technique for accurate omnidirectional camera calibration and structure from motion", 2006.
 //!
-//! A pixel (row, column) less the centre, through the inverse of `[c d; e 1]`, is the point (x, y) at the radius r of a ray
-//! `(x, y, a0 + a1 r + a2 r^2 + ...)`; the camera looks to that side of z
-//! on which a0 is, as a rule below 0. Rows and columns count from the centre
-//! of the first pixel. It becomes the Kannala-Brandt lens nearest to it, which may be off by a pixel at most.
+//! A pixel (row, column) minus the centre, multiplied by the inverse of `[c d; e 1]`, is a point (x, y) at
+//! the radius r. Its ray is `(x, y, a0 + a1 r + a2 r^2 + ...)`. The camera looks toward the side of z that
+//! has the sign of a0, which is usually negative. Rows and columns count from the centre of the first pixel.
+//! The lens is approximated by the nearest Kannala-Brandt lens, with an error of at most one pixel.
 
 use crate::export::rounded_up;
 use crate::file::File;
@@ -13,13 +13,13 @@ use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
 use crate::given::{Given, Imported, site_and_rest};
 use crate::tree::digits;
 
-/// Most coefficients of a polynomial: what fits the noise of any board has fewer.
+/// Largest number of coefficients of a polynomial. Fits to calibration boards have fewer.
 const MOST_TERMS: usize = 32;
 
-/// Rings at which the polynomial is asked.
+/// Number of sampled radii of the polynomial.
 const RINGS: usize = 400;
 
-/// A line of numbers, and where it is.
+/// Line of numbers, with its position in the file.
 struct Line {
     place: String,
     numbers: Vec<f64>,
@@ -38,7 +38,7 @@ impl Line {
         self.numbers.clone().try_into().map_err(|_| self.wrong(expected))
     }
 
-    /// The coefficients after their count.
+    /// Returns the coefficients that follow their count.
     fn terms(&self) -> Result<&[f64], FormatError> {
         match &self.numbers[..] {
             [count, terms @ ..]
@@ -59,7 +59,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     site_and_rest(given, notes, &files[0].name)
 }
 
-/// The lines that are neither empty nor comments.
+/// Returns the lines with content, without empty lines and comments.
 fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
     let is_said = |text: &str| !text.is_empty() && !text.starts_with('#');
     let said = file.as_text()?.lines().map(str::trim).enumerate().filter(|(_, text)| is_said(text));
@@ -72,7 +72,7 @@ fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
         })?;
         Ok(Line { place, numbers })
     };
-    // More lines than are read make the file another one.
+    // One more line than the format has is enough to detect another format.
     said.take(6).map(line).collect()
 }
 
@@ -100,7 +100,7 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<Given, FormatError> {
     let far = [row.max(height - row), column.max(width - column)];
     let samples = rings(direct, far[0].hypot(far[1]), scale)?;
     let &[theta, rim] = samples.last().ok_or_else(|| FormatError::new(&direct.place, Problem::NoCamera))?;
-    // The farthest from square that anything at the rim is.
+    // Largest displacement of the rim by the affine parameters, in pixels.
     let skew = (0..90)
         .map(|i| (f64::from(i) * 2.0).to_radians().sin_cos())
         .map(|(sin, cos)| ((c - scale) * cos + d * sin).hypot(e * cos + (1.0 - scale) * sin) * rim / scale);
@@ -127,8 +127,8 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<Given, FormatError> {
     Ok(Given { size: Some([width as u32, height as u32]), distortion: lens.distortion, ..given })
 }
 
-/// Angle from the axis and radius in pixels, from the axis out to the corners, or to where the image of the scene surely
-/// ends: [`WIDEST`], or where the angle grows no more.
+/// Returns pairs of angle from the axis and radius in pixels. They run from the axis to the corners, to
+/// [`WIDEST`], or to the radius where the angle stops growing.
 fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, FormatError> {
     let terms = direct.terms()?;
     let ahead = terms[0].signum();

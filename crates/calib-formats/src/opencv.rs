@@ -1,7 +1,7 @@
-//! OpenCV's `FileStorage`, as JSON, YAML or XML: one file a camera.
+//! OpenCV's `FileStorage`, as JSON, YAML or XML, with one file for each camera.
 //!
-//! `rvec`, `tvec`: world to camera, metres. Pixels count from the centre of the first one: the
-//! principal point is ours minus 0.5.
+//! `rvec` and `tvec` are world to camera, in metres. Pixels count from the centre of the first pixel: our
+//! principal point minus 0.5.
 
 use calib_core::{BrownConrady, Distortion};
 use serde_json::{Map, Value, json};
@@ -14,7 +14,7 @@ use crate::given::{Given, Imported, site_and_rest, unskewed};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
 
-/// Number of terms that the model of `OpenCV` may have.
+/// Numbers of distortion terms that `OpenCV` allows.
 const LENGTHS: [usize; 5] = [4, 5, 8, 12, 14];
 
 enum Entry {
@@ -159,7 +159,7 @@ pub(crate) fn is_fisheye(model: &str) -> bool {
     ["fisheye", "equidistant", "kannala"].iter().any(|known| model.contains(known))
 }
 
-/// `k1, k2, p1, p2, k3` of a vector of `OpenCV`'s; the terms beyond them must be 0.
+/// Reads `k1, k2, p1, p2, k3` from an `OpenCV` vector; further terms must be 0.
 pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, FormatError> {
     let terms = node.numbers()?;
     if terms.iter().all(|&term| term == 0.0) && !fisheye {

@@ -1,4 +1,4 @@
-//! Planes besides the floor that cover a part of the plan: what becomes of them in a format.
+//! Planes other than the floor that cover a part of the plan, and their treatment by a format.
 
 use calib_core::Plane;
 
@@ -6,25 +6,25 @@ use calib_site::{PlaneEntry, Site};
 
 use crate::export::{Export, Loss};
 
-/// What becomes of planes besides the floor.
+/// Treatment of planes other than the floor by a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OfPlanes {
-    /// They are written with their regions.
+    /// The planes are written with their regions.
     Written,
-    /// Its readers map pixels to the floor, those that show a plane, too: what is written misleads there.
+    /// Readers map all pixels to the floor, also pixels of another plane: a loss.
     Misleading,
-    /// What is written is right without them.
+    /// The file is correct without the planes: a note.
     LeftOut,
 }
 
-/// The planes with a region, and where they are.
+/// Returns the planes that have a region.
 pub(crate) fn covering(site: &Site) -> Vec<(&PlaneEntry, Plane)> {
     let entries = site.planes.iter().filter(|entry| !entry.region.is_empty());
     entries.map(|entry| (entry, site.plane_or_floor(Some(&entry.id)))).collect()
 }
 
 impl Export {
-    /// Says what becomes of the planes of a site in a format that does not write them.
+    /// Reports the planes of a site that a format does not contain.
     pub(crate) fn tell_of_planes(&mut self, site: &Site, of_planes: OfPlanes) {
         let ids: Vec<String> = covering(site).iter().map(|(entry, _)| format!("{:?}", entry.id)).collect();
         if ids.is_empty() {

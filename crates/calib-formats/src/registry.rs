@@ -1,4 +1,4 @@
-//! The formats: what is special about each, a row for every one.
+//! Registry of the formats and their properties.
 
 use calib_core::DistortionModel;
 
@@ -15,51 +15,54 @@ use crate::{
 type Write = fn(&Scene, &mut Export);
 type Read = fn(&[File]) -> Result<Imported, FormatError>;
 
-/// A format of calibrations.
+/// Calibration format of another program.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
-    /// By which it is asked for.
+    /// Name of the format on the command line.
     pub name: &'static str,
-    /// Who reads it.
+    /// Program or purpose that the format is for.
     pub about: &'static str,
-    /// Of its files, without the dot; the first is what is written if nothing else is asked for.
+    /// File extensions, without the dot; the first is the default.
     pub extensions: &'static [&'static str],
-    /// What of a calibrated camera it holds.
+    /// Data of a calibrated camera that the format contains.
     pub holds: &'static str,
-    /// What it has no place for.
+    /// Data that the format does not contain.
     pub lacks: &'static str,
-    /// What becomes of planes besides the floor.
+    /// Treatment of planes other than the floor.
     pub planes: OfPlanes,
-    /// The lens models it holds as they are; others are lost, or fitted by the nearest Brown-Conrady terms.
+    /// Lens models that are written exactly. Other models are approximated by Brown-Conrady terms, or lost.
     pub lenses: &'static [DistortionModel],
-    /// Whether its readers take from it where cameras stand, so that one that nobody placed misleads.
+    /// Whether the format contains camera positions, so that a camera that was not placed misleads its
+    /// readers.
     pub holds_place: bool,
-    /// Whether it tells the periods of a camera apart.
+    /// Whether the format distinguishes the periods of a camera.
     pub holds_periods: bool,
-    /// Whether it shows the plan, and [`ExportOptions::plan`](crate::ExportOptions::plan) is asked for.
+    /// Whether the format contains the plan, so that [`ExportOptions::plan`](crate::ExportOptions::plan) is
+    /// needed.
     pub shows_plan: bool,
-    /// Whether it is a table whose JSON a program that can may write as Parquet.
+    /// Whether the format is a table, whose JSON can be converted to Parquet by programs that support it.
     pub is_table: bool,
-    /// Whether what it says is how the plan lies, and not a camera.
+    /// Whether the format describes the scale and position of the plan instead of cameras.
     pub is_of_plan: bool,
-    /// Names of files of which one brings the others that lie beside it.
+    /// File names that identify one calibration: opening one of these files also opens the others in its
+    /// folder.
     pub companions: &'static [&'static str],
-    /// Whether its readers find a camera's file by the camera's id.
+    /// Whether its readers find the file of a camera by the camera's id.
     pub names_files_by_id: bool,
-    /// From where its pixels are counted: the corner of the image, or the centre of the first pixel.
+    /// Pixel origin: the corner of the image, or the centre of the first pixel.
     pub pixels: &'static str,
-    /// Its units of length and angle.
+    /// Units of length and angle.
     pub units: &'static str,
-    /// Its axes, and which way its poses lead.
+    /// Axes, and the direction of the poses (world to camera or camera to world).
     pub axes: &'static str,
-    /// What its files may say and an import does not take.
+    /// Data of the files that an import ignores.
     pub drops: &'static str,
     pub(crate) write: Option<Write>,
     pub(crate) read: Option<Read>,
 }
 
 impl Format {
-    /// What rows of [`FORMATS`] are unless they say otherwise: poses without lenses, neither written nor read.
+    /// Defaults of the rows of [`FORMATS`]: poses without lenses, no export and no import.
     const PLAIN: Self = Self {
         name: "",
         about: "",
@@ -83,31 +86,31 @@ impl Format {
         read: None,
     };
 
-    /// Whether it can be written.
+    /// Whether the format can be exported.
     #[must_use]
     pub const fn exports(&self) -> bool {
         self.write.is_some()
     }
 
-    /// Whether it can be read.
+    /// Whether the format can be imported.
     #[must_use]
     pub const fn imports(&self) -> bool {
         self.read.is_some()
     }
 }
 
-/// The corner of the image, as ours: the centre of the first pixel is (0.5, 0.5).
+/// Pixel origin at the corner of the image, as in this library: the centre of the first pixel is (0.5, 0.5).
 const CORNER: &str = "corner";
-/// The centre of the first pixel, which is (0, 0): ours minus 0.5.
+/// Pixel origin at the centre of the first pixel: our coordinates minus 0.5.
 const CENTRE: &str = "centre of the first pixel";
 const OPENCV: &str = "world z up; camera right, down, forward; world to camera";
 const OPENGL: &str = "world z up; camera right, up, back; camera to world";
 const NOT_SIGMAS: &str = "standard deviations, EFOV, planes besides the floor";
-/// The models of most programs.
+/// Lens models that most programs support.
 const RADIAL_OR_FISHEYE: &[DistortionModel] =
     &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt];
 
-/// The list is the registry.
+/// All formats.
 pub const FORMATS: &[Format] = &[
     Format {
         name: "opencv",
@@ -372,7 +375,7 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
-/// The format of a name.
+/// Returns the format with this name.
 #[must_use]
 pub fn format(name: &str) -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.name == name)

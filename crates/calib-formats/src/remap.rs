@@ -1,4 +1,4 @@
-//! The map from an undistorted image to the raw one, as NumPy and OpenCV take it.
+//! Map from an undistorted image to the raw image, for NumPy and OpenCV.
 
 use calib_core::{Distortion, Pixel, UndistortedPixel};
 
@@ -6,13 +6,13 @@ use crate::export::Export;
 use crate::file::File;
 use crate::view::View;
 
-/// Largest image that a map is written for, in pixels.
+/// Largest size of an image with a map, in pixels.
 const MOST: u64 = 64 << 20;
 
-/// Writes `<camera>.remap.npy`: for `cv2.remap(raw, numpy.load(file), None, cv2.INTER_LINEAR)`.
+/// Writes `<camera>.remap.npy`, for `cv2.remap(raw, numpy.load(file), None, cv2.INTER_LINEAR)`.
 ///
-/// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as OpenCV does; -1
-/// where the lens shows nothing. Focal and principal point stay.
+/// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as in OpenCV; -1 outside
+/// the lens. Focal length and principal point stay the same.
 pub(crate) fn write(view: &View, export: &mut Export) {
     if view.raw_lens.distortion == Distortion::None {
         export.notes.push(format!("camera {:?} has no distortion: no remap is needed", view.id));
@@ -31,10 +31,12 @@ pub(crate) fn write(view: &View, export: &mut Export) {
     export.files.push(File { name: format!("{}.remap.npy", view.file), bytes });
 }
 
-/// The map of a new image of so many pixels (width, height) as an NPY file, for `cv2.remap(raw, numpy.load(file), None,
-/// cv2.INTER_LINEAR)`; `raw_of` gives the raw pixel that a pixel of it shows, both from the corners of their images.
+/// Returns the map of a new image of this width and height, in pixels, as an NPY file for `cv2.remap(raw,
+/// numpy.load(file), None, cv2.INTER_LINEAR)`. `raw_of` returns the raw pixel for a pixel of the new image;
+/// both count from the corner of their image.
 ///
-/// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as OpenCV does; -1 where nothing is shown.
+/// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as in OpenCV; -1 if
+/// `raw_of` returns `None`.
 pub fn remap_npy([width, height]: [u32; 2], raw_of: impl Fn(Pixel) -> Option<Pixel>) -> Vec<u8> {
     let mut bytes = header(width, height);
     bytes.reserve(width as usize * height as usize * 8);
@@ -49,7 +51,7 @@ pub fn remap_npy([width, height]: [u32; 2], raw_of: impl Fn(Pixel) -> Option<Pix
     bytes
 }
 
-/// Version 1.0 of the NPY format: padded so that the data begin at a multiple of 64 bytes.
+/// Returns the header of NPY version 1.0, padded so that the data begin at a multiple of 64 bytes.
 fn header(width: u32, height: u32) -> Vec<u8> {
     let mut text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}, 2), }}");
     while (10 + text.len() + 1) % 64 != 0 {

@@ -1,6 +1,6 @@
-//! ROS `camera_info`: the lens of one camera a file. The pose has its place in TF and not here.
+//! ROS `camera_info`: the lens, with one file for each camera. The pose belongs in TF and is not written.
 //!
-//! Pixels count from the centre of the first one, as in OpenCV.
+//! Pixels count from the centre of the first pixel, as in OpenCV.
 
 use crate::export::{Export, Scene};
 use crate::file::File;

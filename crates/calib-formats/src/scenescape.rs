@@ -1,7 +1,7 @@
 //! Intel SceneScape's camera objects.
 //!
-//! Camera to world, quaternions w last; `OpenCV`'s camera axes and pixels: the principal point is ours
-//! minus 0.5.
+//! Poses are camera to world, with the w of quaternions last. Camera axes and pixels are `OpenCV`'s: our
+//! principal point minus 0.5.
 
 use serde_json::{Value, json};
 

@@ -1,10 +1,10 @@
-//! SQL views: a table of coefficients and the expression that maps detections to the floor, as every
-//! engine with doubles evaluates it. Pixels count from the corner, as ours.
+//! SQL views that map detections to the floor: a table of coefficients, and the expression that uses them.
+//! Every engine with double precision evaluates it. Pixels count from the corner of the image.
 //!
-//! With (a, b) = ((u - cx) / fx, (v - cy) / fy) and r^2 = a^2 + b^2 the lens is
-//! q = 1 + d1 r^2 + d2 r^4 + d3 r^6, its undistorted point (a / q, b / q), and the floor
-//! G (a, b, q), homogeneous. Without distortion (q = 1) and for the division model (d1) that is exact;
-//! d1, d2 and d3 of other lenses are fitted, and how far they are off is said.
+//! With (a, b) = ((u - cx) / fx, (v - cy) / fy) and r^2 = a^2 + b^2 the lens is q = 1 + d1 r^2 + d2 r^4 + d3
+//! r^6, its undistorted point (a / q, b / q), and the floor G (a, b, q), homogeneous. This is exact without
+//! distortion (q = 1) and for the division model (d1). For other lenses d1, d2 and d3 are fitted, and the
+//! largest error is reported.
 
 use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel};
 
@@ -12,15 +12,15 @@ use crate::export::{Export, Scene, UNSEEN, rounded_up, way_out};
 use crate::tree::digits;
 use crate::view::{View, solved};
 
-/// What is at most between places that are tried, as a multiple of what is at most at them.
+/// Safety factor: the error between sample points, relative to the largest error at the sample points.
 const BETWEEN: f64 = 1.01;
 
-/// A camera's row of the table.
+/// Row of the table for one camera.
 struct Row<'a> {
     view: &'a View,
     /// fx, fy, in pixels of the stream.
     focal: [f64; 2],
-    /// d1, d2, d3.
+    /// Coefficients d1, d2, d3 of q.
     straighten: [f64; 3],
     /// Largest error of the fit over the image, in undistorted pixels, and over the EFOV, in metres.
     off: [f64; 2],
@@ -65,7 +65,7 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// G: the floor, homogeneous, from (a, b, q).
+    /// Returns G, the homogeneous floor point from (a, b, q).
     fn floor_from_lens(&self) -> [[f64; 3]; 3] {
         let ([cx, cy], [fx, fy]) = (self.view.centre(), self.focal);
         self.view.floor_from_pixel().map(|[h0, h1, h2]| [h0 * fx, h1 * fy, h0 * cx + h1 * cy + h2])
@@ -77,12 +77,13 @@ impl<'a> Row<'a> {
         (q > 0.0 && w > 0.0).then_some([x / w, y / w])
     }
 
-    /// [`Self::off`] in the digits that are shown, a thousandth of a pixel and a tenth of a millimetre.
+    /// Returns [`Self::off`] rounded up to the digits of the message: a thousandth of a pixel and a tenth of
+    /// a millimetre.
     fn off_said(&self) -> [f64; 2] {
         [rounded_up(self.off[0], 3), rounded_up(self.off[1], 4)]
     }
 
-    /// What is [`Self::off`].
+    /// Computes [`Self::off`].
     fn error(&self) -> [f64; 2] {
         let view = self.view;
         let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_on_floor };
@@ -101,7 +102,8 @@ impl<'a> Row<'a> {
         off.map(|most| BETWEEN * most)
     }
 
-    /// Largest error along the border of the EFOV, in metres: its far side is where pixels are widest.
+    /// Computes the largest error along the border of the EFOV, in metres. A pixel covers the most floor at
+    /// the far side.
     fn error_around(&self) -> f64 {
         const STEPS: usize = 16;
         let (camera, corners) = (&self.view.camera, &self.view.efov_on_floor);
@@ -122,7 +124,7 @@ impl<'a> Row<'a> {
     }
 
     fn text(&self, has_periods: bool) -> String {
-        // In UTC: some engines drop an offset. A site that was read has no times that are none.
+        // In UTC, because some engines drop an offset. The times of a site are already checked.
         let time = |time: &Option<String>| match time.as_ref().and_then(|time| time.parse().ok()) {
             Some(time) => format!(", TIMESTAMP '{}'", jiff::Timestamp::to_string(&time)),
             None => ", CAST(NULL AS TIMESTAMP)".into(),
@@ -139,8 +141,9 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Undistorted and raw positions, as [`View::samples`], along rays from the principal point to the border of the
-/// image, evenly where they are undistorted: near the fold of a lens a hair's breadth of the image is many pixels.
+/// Returns undistorted and raw positions, as in [`View::samples`], along rays from the principal point to the
+/// border of the image. They are evenly spaced in undistorted coordinates. Near the fold of a lens, where the
+/// undistorted radius grows fastest, a tiny part of the image covers many undistorted pixels.
 fn along_rays(view: &View) -> Vec<([f64; 2], [f64; 2])> {
     const RAYS: usize = 256;
     const STEPS: usize = 64;
@@ -150,7 +153,7 @@ fn along_rays(view: &View) -> Vec<([f64; 2], [f64; 2])> {
     let mut found = Vec::with_capacity(RAYS * STEPS);
     for end in border(view, RAYS) {
         let at = |t: f64| Pixel::new(centre.u + t * (end.u - centre.u), centre.v + t * (end.v - centre.v));
-        // The part of the ray that the lens can take out.
+        // Finds the part of the ray that the lens model can undistort.
         let (mut known, mut beyond) = (0.0, 1.0);
         if camera.undistort(end).is_some() {
             known = 1.0;
@@ -171,7 +174,7 @@ fn along_rays(view: &View) -> Vec<([f64; 2], [f64; 2])> {
     found
 }
 
-/// Places on the border of the image, its corners among them.
+/// Returns points on the border of the image, including its corners.
 fn border(view: &View, count: usize) -> impl Iterator<Item = Pixel> {
     let [w, h] = [0, 1].map(|i| f64::from(view.size[i]) / view.scale[i]);
     let side = count / 4;
@@ -186,13 +189,13 @@ fn border(view: &View, count: usize) -> impl Iterator<Item = Pixel> {
     })
 }
 
-/// q of a square radius.
+/// Evaluates q at a squared radius.
 fn quotient([d1, d2, d3]: [f64; 3], square: f64) -> f64 {
     1.0 + square * (d1 + square * (d2 + square * d3))
 }
 
-/// d1, d2 and d3 that come nearest to the lens over the image: the least squares of the error in
-/// undistorted pixels, `r_raw (1 / q - 1 / q_exact)`, to first order in q.
+/// Fits d1, d2 and d3 to the lens over the image. Least squares of the error in undistorted pixels, `r_raw (1
+/// / q - 1 / q_exact)`, to first order in q.
 fn fitted(view: &View) -> [f64; 3] {
     let samples = view.samples();
     let most = samples.iter().map(|(_, raw)| raw[0].hypot(raw[1])).fold(1e-9, f64::max);
@@ -216,13 +219,14 @@ fn fitted(view: &View) -> [f64; 3] {
     [a / most.powi(2), b / most.powi(4), c / most.powi(6)]
 }
 
-/// A plain literal may be a decimal of few digits; one with an exponent is a double in every engine.
+/// Formats a number with an exponent, which every engine reads as a double. A number in plain decimals may be
+/// read with few digits.
 fn double(value: f64) -> String {
     let text = digits(value);
     if text.contains('e') { text } else { text + "e0" }
 }
 
-/// The views; `terms` of the lens are not zero throughout.
+/// Returns the text of the views; the lens terms after the first `terms` are zero in every row.
 fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let (a, b) = ("((d.u - c.cx) / c.fx)", "((d.v - c.cy) / c.fy)");
     let square = format!("({a} * {a} + {b} * {b})");
@@ -234,7 +238,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let quotient = if terms == 0 { "1e0".into() } else { format!("(1e0 + {series})") };
     let row = |i: usize| format!("(c.g{i}1 * {a} + c.g{i}2 * {b} + c.g{i}3 * {quotient})");
     let (x, y, w) = (row(1), row(2), row(3));
-    // A pincushion of the division model turns back where q is 2.
+    // With a positive d1 of the division model, the undistorted radius decreases again beyond q = 2.
     let folds = rows.iter().any(|row| row.straighten[0] > 0.0);
     let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
     let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };
@@ -269,7 +273,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
 impl Row<'_> {
     fn comment(&self) -> String {
         let [pixels, metres] = self.off_said();
-        // A comment ends with its line.
+        // A line break would end the SQL comment.
         let id = self.view.id.replace(|c: char| c.is_control(), " ");
         match pixels > 0.0 {
             true => format!(

@@ -1,5 +1,5 @@
-//! A drawing of the site from above: plan, EFOVs, cameras. One unit is a plan pixel, or a centimetre
-//! where there is no plan.
+//! SVG image of the site from above: plan, EFOVs, cameras. One unit is a plan pixel, or a centimetre without
+//! a plan.
 
 use std::fmt::Write as _;
 
@@ -13,7 +13,7 @@ use crate::tree::escaped;
 
 const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3c8d", "#8c613c"];
-/// Size of a plan pixel where there is no plan, in metres.
+/// Size of a unit without a plan, in metres.
 const CENTIMETRE: f64 = 0.01;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {

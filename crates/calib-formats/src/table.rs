@@ -1,12 +1,13 @@
-//! A row for every camera, for trackers written by hand: matrices with their direction in the name.
+//! Table with one row for each camera, for trackers without a camera library. Each matrix has its direction
+//! in its name.
 //!
-//! The matrices are those of undistorted pixels, and the lens that makes them stands beside them.
-//! Pixels count from the corner, as ours. A pixel shows the floor only where the third coordinate of
-//! `floor_from_undistorted_px` is positive: elsewhere it is above the horizon.
+//! The matrices apply to undistorted pixels, and each row also contains the lens that produces these. Pixels
+//! count from the corner of the image. A pixel shows the floor only if the third coordinate of
+//! `floor_from_undistorted_px` is positive; elsewhere it is above the horizon.
 //!
-//! Planes besides the floor stand beside the cameras, a row for every plane and camera, in `planes` or in
-//! `planes.csv`: `plane_from_undistorted_px` gives x and y of a point, `plane_z_m + plane_slope . (x, y)` its
-//! height, and it holds where `region_m` has (x, y).
+//! Planes other than the floor are in `planes`, or in `planes.csv`, with one row for each plane and camera.
+//! `plane_from_undistorted_px` gives x and y of a point, and `plane_z_m + plane_slope . (x, y)` its height.
+//! The row applies if `region_m` contains (x, y).
 
 use calib_core::{FloorPoint, Pixel, Plane};
 
@@ -42,8 +43,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     }
 }
 
-/// A plane besides the floor as one camera shows it: to be asked where its region has the point, and before the
-/// floor, if nearer.
+/// Returns the row of a plane and a camera. A reader uses it if its region contains the point, and before the
+/// floor if the plane is nearer.
 fn plane_row(view: &View, entry: &PlaneEntry, plane: &Plane) -> Map<String, Value> {
     let region: Vec<[f64; 2]> = entry.region.iter().map(|&p| p.into()).collect();
     let fields = [
@@ -91,10 +92,11 @@ fn row(view: &View) -> Map<String, Value> {
     row
 }
 
-/// The column that says whose a row is.
+/// Column with the camera's id.
 const ID: &str = "camera_id";
 
-/// Lists become one cell, its numbers with blanks between them; whose a row is comes first.
+/// Formats rows as CSV. A list becomes one cell with spaces between its numbers, and the camera's id is the
+/// first column.
 fn csv(rows: &[Map<String, Value>]) -> String {
     let Some(first) = rows.first() else { return String::new() };
     let mut names: Vec<&str> = first.keys().map(String::as_str).collect();
@@ -111,8 +113,8 @@ fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }
 
-/// Whether a spreadsheet that opens CSV would take a cell of text for a formula and run it: what begins with a
-/// sign and is no number, too.
+/// Whether a spreadsheet would run this CSV cell as a formula. Text that begins with a sign and is not a
+/// number counts too.
 #[must_use]
 pub fn runs_in_spreadsheets(cell: &[u8]) -> bool {
     match cell {

@@ -1,4 +1,4 @@
-//! JSON, YAML, XML and TOML as one tree of values, and reading it with the place of what is wrong.
+//! Reader that turns JSON, YAML, XML and TOML into one tree of values, with the position of every error.
 
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashSet};
@@ -10,14 +10,14 @@ use serde_json::{Map, Number, Value};
 use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 
-/// Largest text that becomes a tree, in bytes: a value takes many times the room of its text.
+/// Largest text that is parsed, in bytes. Its tree needs many times that memory.
 const MAX_TREE_BYTES: usize = 16 << 20;
-/// Most brackets that a text may open inside each other.
+/// Largest depth of nested brackets.
 const MAX_DEPTH: usize = 64;
-/// Most elements of an XML text.
+/// Largest number of elements in an XML text.
 const MAX_NODES: u32 = 1_000_000;
 
-/// A text with a syntax of its own.
+/// Syntax of a text file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Syntax {
     Json,
@@ -27,7 +27,7 @@ pub(crate) enum Syntax {
 }
 
 impl Syntax {
-    /// From how the text begins; what is neither JSON nor XML is YAML.
+    /// Returns the syntax from the first character: JSON, XML, otherwise YAML.
     pub(crate) fn of(text: &str) -> Self {
         match text.trim_start().chars().next() {
             Some('{' | '[') => Self::Json,
@@ -36,7 +36,7 @@ impl Syntax {
         }
     }
 
-    /// Reads a text of this syntax.
+    /// Parses a text of this syntax.
     pub(crate) fn parse(self, file: &File) -> Result<Value, FormatError> {
         let text = file.as_text()?;
         let at = |problem: Problem| FormatError::new(&file.name, problem);
@@ -81,7 +81,7 @@ fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
 }
 
-/// OpenCV's directive is not one of YAML, and older ones write nothing to end it.
+/// Removes leading `%` directives: OpenCV's is not valid YAML, and older versions do not end it with `---`.
 fn without_directives(mut text: &str) -> &str {
     while let Some((_, rest)) = text.split_once('\n').filter(|(line, _)| line.starts_with('%')) {
         text = rest;
@@ -89,9 +89,9 @@ fn without_directives(mut text: &str) -> &str {
     text
 }
 
-/// Brackets inside each other, or blocks inside each other where that may be more: `- - - 1`, or far indented.
+/// Returns the nesting depth of brackets, or of blocks if it is larger (`- - - 1`, or a large indentation).
 fn depth(text: &str) -> usize {
-    /// Columns of which one level of blocks may be.
+    /// Columns of indentation that count as one level of blocks.
     const COLUMNS: usize = 8;
     let blocks = text.lines().map(|line| {
         let marks = line.bytes().take_while(|c| matches!(c, b' ' | b'-' | b'?' | b':'));
@@ -111,8 +111,8 @@ fn depth(text: &str) -> usize {
     most.max(blocks)
 }
 
-/// As JSON would say it: what a tag says of a value is left out, and what is no finite number is null. `None` where a
-/// key is no text.
+/// Converts YAML to JSON: tags are dropped, and numbers that are not finite become null. Returns `None` if a
+/// key is a list or a mapping.
 fn from_yaml(yaml: &Yaml) -> Option<Value> {
     Some(match yaml {
         Yaml::Value(Scalar::Null) | Yaml::Alias(_) | Yaml::BadValue => Value::Null,
@@ -136,7 +136,8 @@ fn from_yaml(yaml: &Yaml) -> Option<Value> {
     })
 }
 
-/// Elements are keys; a text of numbers is a number or a list of them.
+/// Converts an XML element: child elements become keys, and a text of numbers becomes a number or a list of
+/// numbers.
 fn from_xml(element: roxmltree::Node, level: usize) -> Option<Value> {
     if level > MAX_DEPTH {
         return None;
@@ -161,12 +162,12 @@ fn number(text: &str) -> Option<Value> {
     Some(Value::Number(Number::from_f64(text.parse().ok()?)?))
 }
 
-/// A value and where it is.
+/// Value and its position in the file.
 #[derive(Clone, Debug)]
 pub(crate) struct Node<'a> {
     value: &'a Value,
     place: String,
-    /// The addresses of the values of the tree that were taken, with all that is in them.
+    /// Addresses of the values that were read. All values inside them count as read.
     taken: Rc<RefCell<HashSet<usize>>>,
 }
 
@@ -179,14 +180,14 @@ impl<'a> Node<'a> {
         Self { value, place: format!("{}/{key}", self.place), taken: Rc::clone(&self.taken) }
     }
 
-    /// Notes that the value, with all that is in it, was taken.
+    /// Marks the value, with everything in it, as read.
     pub(crate) fn take(&self) {
         self.taken.borrow_mut().insert(address(self.value));
     }
 
-    /// What of the tree was not taken, as a sentence; nothing where all was.
+    /// Returns a sentence that lists the keys that were not read; `None` if all were.
     pub(crate) fn left_over(&self) -> Option<String> {
-        /// Keys that the eye takes in.
+        /// Largest number of keys that are listed.
         const MOST: usize = 16;
         let mut keys = BTreeSet::new();
         gather(self.value, "", &self.taken.borrow(), &mut keys);
@@ -211,13 +212,13 @@ impl<'a> Node<'a> {
         FormatError::expected(self.place.trim_end_matches([' ', ':']), found, wanted)
     }
 
-    /// The value of a key; nothing where it is absent or null.
+    /// Returns the value of a key; `None` if it is absent or null.
     pub(crate) fn get(&self, key: &str) -> Option<Self> {
         let value = self.value.get(key).filter(|value| !value.is_null())?;
         Some(self.child(value, &key))
     }
 
-    /// The value of the first of these keys that is there.
+    /// Returns the value of the first of these keys that is present.
     pub(crate) fn any(&self, keys: &[&str]) -> Option<Self> {
         keys.iter().find_map(|key| self.get(key))
     }
@@ -242,7 +243,7 @@ impl<'a> Node<'a> {
         self.value == &Value::Bool(true)
     }
 
-    /// A length in whole pixels.
+    /// Returns a side of an image, in whole pixels.
     pub(crate) fn side(&self) -> Result<u32, FormatError> {
         let value = self.number()?;
         let most = f64::from(calib_site::MAX_SIDE);
@@ -262,13 +263,13 @@ impl<'a> Node<'a> {
         Ok(items.iter().enumerate().map(|(i, value)| self.child(value, &i)).collect())
     }
 
-    /// Keys and values of an object, in the order of the keys.
+    /// Returns the keys and values of an object, in the order of the keys.
     pub(crate) fn entries(&self) -> Vec<(&'a str, Self)> {
         let Some(object) = self.value.as_object() else { return Vec::new() };
         object.iter().map(|(key, value)| (key.as_str(), self.child(value, key))).collect()
     }
 
-    /// A list of numbers, a list of rows of them, or `OpenCV`'s matrix.
+    /// Returns numbers from a list, a list of rows, or an `OpenCV` matrix.
     pub(crate) fn numbers(&self) -> Result<Vec<f64>, FormatError> {
         self.take();
         if let Some(data) = self.get("data") {
@@ -309,7 +310,7 @@ fn address(value: &Value) -> usize {
     std::ptr::from_ref(value).addr()
 }
 
-/// Whether a value or any in it was taken.
+/// Whether a value, or any value inside it, was read.
 fn is_touched(value: &Value, taken: &HashSet<usize>) -> bool {
     taken.contains(&address(value))
         || match value {
@@ -319,8 +320,7 @@ fn is_touched(value: &Value, taken: &HashSet<usize>) -> bool {
         }
 }
 
-/// The keys below a value of which nothing was taken, those of the items of a list together; what says nothing is
-/// no loss.
+/// Collects the keys that were not read. Items of one list are merged, and empty values are ignored.
 fn gather(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSet<String>) {
     if taken.contains(&address(value)) {
         return;
@@ -349,7 +349,7 @@ fn gather(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSe
     }
 }
 
-/// A number as YAML 1.1 and every other syntax here reads it back: the shortest that is the same.
+/// Formats a number with the fewest digits that read back exactly, also in YAML 1.1.
 pub(crate) fn digits(value: f64) -> String {
     let text = format!("{:?}", if value == 0.0 { 0.0 } else { value });
     let Some((mantissa, exponent)) = text.split_once('e') else { return text };
@@ -362,12 +362,12 @@ pub(crate) fn joined<'a>(values: impl IntoIterator<Item = &'a f64>, between: &st
     values.into_iter().map(|&value| digits(value)).collect::<Vec<_>>().join(between)
 }
 
-/// Text as JSON and YAML both quote it.
+/// Quotes a text; the result is valid in JSON and YAML.
 pub(crate) fn quote(text: &str) -> String {
     Value::String(text.to_owned()).to_string()
 }
 
-/// Text that may stand in XML.
+/// Escapes a text for XML and removes control characters.
 pub(crate) fn escaped(text: &str) -> String {
     let allowed = |c: &char| !c.is_control();
     text.chars()
@@ -379,7 +379,7 @@ pub(crate) fn escaped(text: &str) -> String {
         .replace('"', "&quot;")
 }
 
-/// A document as indented JSON.
+/// Formats a document as indented JSON.
 pub(crate) fn pretty(value: &Value) -> String {
     format!("{value:#}\n")
 }

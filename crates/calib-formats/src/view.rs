@@ -1,4 +1,4 @@
-//! The cameras of a site as a format sees them: for one size of the stream, with or without the lens.
+//! Cameras of a site as an exporter needs them: at the size of one stream, with or without distortion.
 
 use std::collections::HashSet;
 
@@ -11,69 +11,71 @@ use calib_site::{Site, SiteCamera};
 
 use crate::file::file_name;
 
-/// What an export is asked for.
+/// Options of an export.
 #[derive(Clone, Debug, Default)]
 pub struct ExportOptions {
-    /// The camera of the undistorted image, and the map that makes it.
+    /// Whether to export the camera of the undistorted image, with the map that produces this image.
     pub rectified: bool,
-    /// Width and height of the stream, in pixels, where it is not that of the stills.
+    /// Width and height of the stream, in pixels; absent: the size of the camera's image.
     pub rescale: Option<[u32; 2]>,
-    /// One of the format's extensions; absent: its first.
+    /// Extension of the files, one of the format's; absent: the first.
     pub extension: Option<String>,
-    /// Only the camera of this id.
+    /// Id of the only camera to export; absent: all cameras.
     pub camera: Option<String>,
-    /// The plan's picture as PNG, and its size in pixels.
+    /// Image of the floor plan.
     pub plan: Option<PlanPicture>,
-    /// Pictures stand in the file that shows them and not beside it, where the format can do that.
+    /// Whether images are embedded in the file that shows them instead of written as separate files, if the
+    /// format allows it.
     pub embeds: bool,
 }
 
-/// A floor plan's picture.
+/// Image of a floor plan.
 #[derive(Clone, Debug)]
 pub struct PlanPicture {
-    /// As PNG.
+    /// The image as PNG.
     pub png: Vec<u8>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
 }
 
-/// A calibrated camera at the size of its stream.
+/// Calibrated camera at the size of its stream.
 #[derive(Clone, Debug)]
 pub(crate) struct View {
     pub(crate) id: String,
-    /// The id as a file name, different for every view of an export.
+    /// The id as a file name, unique among the views of an export.
     pub(crate) file: String,
-    /// Path of its still, as the site has it; never a `data:` URI.
+    /// Path of the camera's image, as in the site; never a `data:` URI.
     pub(crate) image: Option<String>,
-    /// Of the stream, in pixels.
+    /// Width and height of the stream, in pixels.
     pub(crate) size: [u32; 2],
-    /// At the size of the still.
+    /// Camera at the size of its image.
     pub(crate) camera: Camera,
-    /// The lens of the still, even where the view is one without.
+    /// Lens of the camera's image, also if the view is undistorted.
     pub(crate) raw_lens: Lens,
-    /// Pixels of the stream per pixel of the still.
+    /// Pixels of the stream per pixel of the image, in x and y.
     pub(crate) scale: [f64; 2],
-    /// The polygon drawn, or what its polygon on the plan looks like, in pixels of the stream.
+    /// EFOV in pixels of the stream: the annotated polygon, or the projection of its outline on the plan.
     pub(crate) efov_px: Vec<Pixel>,
-    /// The same on the plan.
+    /// EFOV on the plan, in metres.
     pub(crate) efov_m: Vec<FloorPoint>,
-    /// The floor behind it, where it does not lie on the floor itself.
+    /// EFOV projected to the floor along the viewing rays; differs from `efov_m` if the EFOV is on another
+    /// plane.
     pub(crate) efov_on_floor: Vec<FloorPoint>,
-    /// On which it lies.
+    /// Plane of the EFOV.
     pub(crate) efov_plane: Plane,
     pub(crate) valid_from: Option<String>,
     pub(crate) valid_to: Option<String>,
-    /// Whether it stands where it belongs in the site.
+    /// Whether the camera's position in the site is known.
     pub(crate) is_placed: bool,
 }
 
-/// The lens in terms that most formats have.
+/// Lens in the terms that most formats support.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Terms {
     None,
     BrownConrady(BrownConrady),
     Fisheye([f64; 4]),
-    /// No such terms: Brown-Conrady ones come as near as so many pixels.
+    /// Brown-Conrady approximation of another model, and its largest error in pixels.
     Fitted(BrownConrady, f64),
 }
 
@@ -116,63 +118,65 @@ impl View {
         Some(view)
     }
 
-    /// Width and height of the still, in pixels.
+    /// Returns width and height of the camera's image, in pixels.
     pub(crate) fn still_size(&self) -> [f64; 2] {
         [0, 1].map(|i| (f64::from(self.size[i]) / self.scale[i]).round())
     }
 
-    /// Whether the stream's proportion is another one than the still's, by more than rounding to whole pixels.
+    /// Whether the aspect ratios of stream and image differ by more than rounding to whole pixels.
     pub(crate) fn is_stretched(&self) -> bool {
         let [w, h] = self.size.map(f64::from);
         let [still_w, still_h] = self.still_size();
         (w - still_w * h / still_h).abs() >= 1.0 && (h - still_h * w / still_w).abs() >= 1.0
     }
 
-    /// A pixel of the stream from one of the still.
+    /// Converts a pixel of the image to a pixel of the stream.
     pub(crate) fn in_stream(&self, pixel: Pixel) -> Pixel {
         Pixel { u: pixel.u * self.scale[0], v: pixel.v * self.scale[1] }
     }
 
-    /// Focal in x and y, in pixels of the stream.
+    /// Returns the focal length in x and y, in pixels of the stream.
     pub(crate) fn focal(&self) -> [f64; 2] {
         self.scale.map(|scale| scale * self.camera.focal)
     }
 
-    /// Principal point, in pixels of the stream, counted from the corner of the image.
+    /// Returns the principal point, in pixels of the stream, counted from the corner of the image.
     pub(crate) fn centre(&self) -> [f64; 2] {
         self.in_stream(self.camera.lens.principal_point).into()
     }
 
-    /// As [`Self::centre`], counted from the centre of the first pixel.
+    /// Returns the principal point, in pixels of the stream, counted from the centre of the first pixel.
     pub(crate) fn centre_from_pixel_centre(&self) -> [f64; 2] {
         self.centre().map(|c| c - 0.5)
     }
 
-    /// `K` with the principal point given.
+    /// Returns the intrinsic matrix `K` with this principal point.
     pub(crate) fn intrinsics(&self, [cx, cy]: [f64; 2]) -> [[f64; 3]; 3] {
         let [fx, fy] = self.focal();
         [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
     }
 
-    /// `[R | t]`, world to camera (right, down, forward).
+    /// Returns `[R | t]`, world to camera (right, down, forward).
     pub(crate) fn extrinsics(&self) -> [[f64; 4]; 3] {
         let (r, t) = (self.camera.rotation(), self.camera.translation());
         std::array::from_fn(|i| [r[i][0], r[i][1], r[i][2], t[i]])
     }
 
-    /// `K [R | t]`, to undistorted pixels of the stream, positive in front.
+    /// Returns `K [R | t]`: world to undistorted pixels of the stream; the third coordinate is positive in
+    /// front of the camera.
     pub(crate) fn projection(&self, centre: [f64; 2]) -> [[f64; 4]; 3] {
         let (k, rt) = (self.intrinsics(centre), self.extrinsics());
         std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|m| k[i][m] * rt[m][j]).sum()))
     }
 
-    /// Homogeneous floor points from undistorted pixels of the stream, its third row positive on the
-    /// floor; scaled so that the last number is 1 or -1 where it is not 0.
+    /// Returns the homography from undistorted pixels of the stream to floor points. Its third coordinate is
+    /// positive on the floor. It is scaled so that the last element is 1 or -1 unless it is 0.
     pub(crate) fn floor_from_pixel(&self) -> [[f64; 3]; 3] {
         self.plane_from_pixel(&Plane::FLOOR)
     }
 
-    /// As [`Self::floor_from_pixel`], of a plane.
+    /// Returns the homography from undistorted pixels of the stream to a plane, scaled as in
+    /// [`Self::floor_from_pixel`].
     pub(crate) fn plane_from_pixel(&self, plane: &Plane) -> [[f64; 3]; 3] {
         let h = self.camera.homography_plane_from_pixel(plane);
         let h = h.map(|[a, b, c]| [a / self.scale[0], b / self.scale[1], c]);
@@ -180,13 +184,14 @@ impl View {
         if last > 1e-12 { h.map(|row| row.map(|value| value / last)) } else { h }
     }
 
-    /// Where a stream without distortion shows a point of space.
+    /// Projects a world point to an undistorted pixel of the stream.
     pub(crate) fn shows_straight(&self, point: WorldPoint) -> Option<UndistortedPixel> {
         let UndistortedPixel { u, v } = self.camera.world_to_undistorted(point)?;
         Some(UndistortedPixel { u: u * self.scale[0], v: v * self.scale[1] })
     }
 
-    /// The floor at an undistorted position relative to the principal point, over the focal.
+    /// Projects an undistorted position to the floor. The position is relative to the principal point,
+    /// divided by the focal length.
     pub(crate) fn floor_of_straight(&self, [a, b]: [f64; 2]) -> Option<FloorPoint> {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let f = self.camera.focal;
@@ -197,13 +202,15 @@ impl View {
         !self.camera.lens.distortion.is_pinhole()
     }
 
-    /// The lens for coordinates divided by the camera's focal; `None` where that cannot be.
+    /// Returns the distortion for coordinates divided by the camera's focal length; `None` if it cannot be
+    /// converted.
     pub(crate) fn distortion(&self) -> Option<Distortion> {
         let lens = self.camera.lens;
         lens.distortion.rescaled(self.camera.focal / lens.focal)
     }
 
-    /// The lens as most formats have it; a fisheye only where they hold one.
+    /// Returns the lens in the terms that most formats support; fisheye terms only if `lenses` contains that
+    /// model.
     pub(crate) fn terms(&self, lenses: &[DistortionModel]) -> Terms {
         if !self.is_distorted() {
             return Terms::None;
@@ -220,8 +227,9 @@ impl View {
         }
     }
 
-    /// k1, k2 and k3 that come nearest to the lens over the image, and how far off they are at most,
-    /// in pixels: the least squares of `r (k1 r^2 + k2 r^4 + k3 r^6) - (r_distorted - r)`.
+    /// Fits k1, k2 and k3 to the lens over the image, and returns them with the largest error in pixels.
+    /// Least squares of `r (k1 r^2 + k2 r^4 + k3 r^6) - (r_distorted - r)`, where r is the undistorted
+    /// radius.
     fn fitted(&self) -> (BrownConrady, f64) {
         let points = self.samples();
         let most = points.iter().map(|(s, _)| s[0].hypot(s[1])).fold(1e-9, f64::max);
@@ -253,7 +261,8 @@ impl View {
         (brown, off.fold(0.0, f64::max))
     }
 
-    /// Undistorted and raw positions over the image, relative to the principal point, over the focal.
+    /// Returns undistorted and raw positions over the image, relative to the principal point, divided by the
+    /// focal length.
     pub(crate) fn samples(&self) -> Vec<([f64; 2], [f64; 2])> {
         const COLUMNS: usize = 33;
         const ROWS: usize = 25;
@@ -272,7 +281,7 @@ impl View {
     }
 }
 
-/// Cramer's rule for three unknowns; zeros where there is no answer.
+/// Solves three linear equations by Cramer's rule; returns zeros if they are singular.
 pub(crate) fn solved(m: [[f64; 4]; 3]) -> [f64; 3] {
     let determinant = |c: [usize; 3]| {
         let at = |i: usize, j: usize| m[i][c[j]];
@@ -285,7 +294,7 @@ pub(crate) fn solved(m: [[f64; 4]; 3]) -> [f64; 3] {
     if roots.iter().all(|root| root.is_finite()) { roots } else { [0.0; 3] }
 }
 
-/// The views of a site, and the ids of the cameras that have none.
+/// Returns the views of a site, and the ids of the cameras without a calibration.
 pub(crate) fn views(site: &Site, options: &ExportOptions) -> (Vec<View>, Vec<String>) {
     let wanted = site.cameras.iter().filter(|c| options.camera.as_ref().is_none_or(|id| *id == c.id));
     let (mut views, mut unsolved) = (Vec::new(), Vec::new());
@@ -294,7 +303,7 @@ pub(crate) fn views(site: &Site, options: &ExportOptions) -> (Vec<View>, Vec<Str
         match View::new(site, entry, options) {
             Some(mut view) => {
                 let plain = view.file.clone();
-                // Periods of one camera, and ids that differ in what a file name cannot have.
+                // Periods of one camera, and ids that differ only in characters that file names replace.
                 for number in 2.. {
                     if taken.insert(view.file.to_lowercase()) {
                         break;

@@ -1,7 +1,7 @@
-//! The calibration of WILDTRACK: `intrinsic_zero/intr_*.xml` and `extrinsic/extr_*.xml`.
+//! Calibration of WILDTRACK: `intrinsic_zero/intr_*.xml` and `extrinsic/extr_*.xml`.
 //!
-//! Undistorted images, world to camera, Rodrigues, centimetres; `OpenCV`'s pixels: the principal point
-//! is ours minus 0.5.
+//! Images are undistorted. Poses are world to camera, as Rodrigues vectors and centimetres. Pixels are
+//! `OpenCV`'s: our principal point minus 0.5.
 
 use crate::export::{Export, Scene};
 use crate::file::File;
@@ -35,7 +35,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
 }
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    // The dataset has both the raw cameras and those of the undistorted images that it comes with.
+    // The dataset contains the raw cameras and also the cameras of its undistorted images; the second are
+    // preferred.
     let is_zero = |file: &File| file.name.contains("intrinsic_zero/");
     let has_zero = files.iter().any(is_zero);
     let (mut given, mut rest) = (Vec::new(), Vec::new());

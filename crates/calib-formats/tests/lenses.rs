@@ -1,4 +1,4 @@
-//! Lenses that look beside and behind the camera, as other programs have them: by the formulas of those programs.
+//! Tests of wide-angle lenses in other programs' formats, against the formulas of these programs.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -47,7 +47,7 @@ fn only_lens(imported: &Imported) -> Lens {
     imported.site.cameras[0].lens()
 }
 
-/// Whether two lenses show every ray at the same pixel, to rounding.
+/// Whether two lenses show every ray at the same pixel, up to rounding.
 fn are_one(a: &Lens, b: &Lens) -> bool {
     let rays = (0..300).map(|i| (f64::from(i) * 0.37, f64::from(i) / 300.0 * 1.7));
     rays.map(|(turn, theta)| [theta.sin() * turn.cos(), theta.sin() * turn.sin(), theta.cos()]).all(
@@ -66,7 +66,7 @@ fn numbers(value: &Yaml) -> Vec<f64> {
     value.as_sequence().unwrap().iter().map(|value| value.as_floating_point().unwrap()).collect()
 }
 
-/// What Kalibr's camera models make of a point ahead, right and down, from the numbers of a camchain.
+/// Projects a point (right, down, forward) by Kalibr's camera models, with the numbers of a camchain.
 fn kalibr_pixel(camera: &Yaml, [x, y, z]: [f64; 3]) -> [f64; 2] {
     let k = numbers(&camera["intrinsics"]);
     let length = (x * x + y * y + z * z).sqrt();
@@ -174,7 +174,7 @@ fn what_kalibr_has_and_has_no_place_here_is_refused_with_a_word() {
     assert!(losses.iter().any(|loss| loss.what.contains("k3")), "{losses:?}");
 }
 
-/// A `calib_results.txt`.
+/// Returns the text of a `calib_results.txt`.
 fn ocam(terms: &[f64], [c, d, e]: [f64; 3]) -> String {
     let terms: Vec<String> = terms.iter().map(|term| format!("{term:e}")).collect();
     format!(
@@ -200,7 +200,7 @@ fn the_polynomial_of_ocamcalib_is_as_near_as_it_is_said() {
         let mut most = 0.0_f64;
         for (i, j) in (0..=32).flat_map(|i| (0..=24).map(move |j| (i, j))) {
             let (row, column) = (40.0 * f64::from(j), 40.0 * f64::from(i));
-            // As OCamCalib's cam2world has it: x is down, y is right, and the camera looks along -z.
+            // As in OCamCalib's cam2world: x is down, y is right, and the camera looks along -z.
             let (a, b, inverse) = (row - 489.0, column - 632.5, 1.0 / (c - d * e));
             let (x, y) = (inverse * (a - d * b), inverse * (-e * a + c * b));
             let r = x.hypot(y);
@@ -305,7 +305,7 @@ fn what_frames_of_nerfstudio_share_is_said_once() {
         assert_eq!(entry.id, id);
         assert_eq!(camera.lens.distortion, Distortion::KannalaBrandt { k: [0.02, -0.01, 0.0, 0.0] });
         assert!(camera.position.distance(WorldPoint::new(1.5, 2.5, 3.5)) < 1e-12);
-        // Right is +x, up +z, back -y: level, and along +y.
+        // Right is +x, up +z, back -y: level, looking along +y.
         assert!(camera.pitch.abs() + camera.roll.abs() + camera.yaw.abs() < 1e-12, "{camera:?}");
     }
     for (key, value, word) in [

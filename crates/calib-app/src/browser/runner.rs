@@ -12,9 +12,9 @@ use serde_json::{Value, json};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::spawn_local;
 
-use super::mirror::Mirror;
-use super::preference;
-use super::shelf::Database;
+use crate::browser::mirror::Mirror;
+use crate::browser::preference;
+use crate::browser::shelf::Database;
 use crate::command::{self, Command};
 use crate::platform::Task;
 use crate::platform::web::{breath, page, read_all};

@@ -17,11 +17,11 @@ use serde::{Deserialize, Serialize};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::{JsFuture, spawn_local};
 
-use crate::autosave::Found;
-use crate::autosave::ago;
-use crate::autosave::{Entry, News, Shelf, Work};
-use crate::demo;
 use crate::platform::web::page;
+use crate::storage::autosave::Found;
+use crate::storage::autosave::ago;
+use crate::storage::autosave::{Entry, News, Shelf, Work};
+use crate::storage::demo;
 
 const KEY: &str = "calib.theme";
 

@@ -7,9 +7,9 @@ use image::RgbImage;
 use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 
-use crate::demo;
 use crate::platform::Recovery;
 use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE, message};
+use crate::storage::demo;
 
 /// Waits for work; in a worker there is no page.
 pub(super) fn start() {

@@ -1,8 +1,7 @@
 //! What is painted on a camera's image: annotations, EFOV, grid, prism, horizon, marks, links. Reads only.
 
-mod changed;
-mod horizon;
 mod lines;
+mod horizon;
 mod proposed;
 
 use std::cell::RefCell;
@@ -25,8 +24,8 @@ use crate::paint::{Pen, handle, line, ring, tag};
 use crate::state::Layers;
 use crate::theme::{self, on_image};
 
-pub use changed::Changed;
-pub(crate) use changed::right_of;
+pub use lines::Changed;
+pub(crate) use lines::right_of;
 pub use proposed::Ghosts;
 
 /// A session as what is drawn comes from it: the site in hand, and results of solves that go on.

@@ -19,23 +19,23 @@ use calib_site::{DrawNext, LensEntry, Site};
 use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
-use super::{
-    Comparing, Conflict, Decision, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette, Panes,
-    PathField, Place, Planning, Read, Recovering, Sent, Sheet, Tour,
-};
-use crate::autosave::Shelf;
-use crate::autosave::{self, Recent};
-use crate::autosave::{Autosave, Found, Slots};
 use crate::canvas::{Bend, View};
 use crate::choice::{Chosen, Purpose};
-use crate::dialog::Dialog;
 use crate::edges::Edges;
 use crate::edges::Proposing;
 use crate::edges::Refining;
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform, Task};
+use crate::state::{
+    Comparing, Conflict, Decision, Glance, Layers, List, Looking, Mode, Orbit, Outside, Palette, Panes,
+    PathField, Place, Planning, Read, Recovering, Sent, Sheet, Tour,
+};
+use crate::storage::autosave::Shelf;
+use crate::storage::autosave::Thumbnail;
+use crate::storage::autosave::{self, Recent};
+use crate::storage::autosave::{Autosave, Found, Slots};
+use crate::storage::dialog::Dialog;
 use crate::theme;
-use crate::thumbnail::Thumbnail;
 
 /// What views read: the document, how it is looked at, and what is under way.
 #[derive(Debug)]

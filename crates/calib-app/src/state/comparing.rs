@@ -10,8 +10,8 @@ use calib_image::{Comparison, OtherSize, Uncompared};
 use calib_site::{NewStill as RecoveredStill, Recovered, Site, SiteCamera};
 use egui::Context;
 
-use super::{App, Read, ReadPicture};
 use crate::platform::{Here, Lost, Platform as _, Recovery, Stills, Task};
+use crate::state::{App, Read, ReadPicture};
 
 /// A newer still of which it is known whose it is.
 #[derive(Debug)]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use calib_editor::{Action, Command};
 
-use super::{Decision, PathField};
+use crate::state::{Decision, PathField};
 
 /// What panels asked for in this frame.
 #[derive(Debug)]

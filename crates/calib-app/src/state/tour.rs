@@ -5,7 +5,7 @@ use calib_core::{Camera, Kind, Pixel};
 use calib_editor::{Command, Session, Standing, TOOLS, verdict};
 use calib_site::{Mark, Stage};
 
-use super::Mode;
+use crate::state::Mode;
 
 /// How far a newcomer has come.
 #[derive(Clone, Debug, Default)]

@@ -9,10 +9,10 @@ use calib_editor::{Action, plan_scale};
 use calib_site::SiteCamera;
 use egui::{Context, Id};
 
-use super::App;
 use crate::edges::Proposing;
 use crate::edges::Refining;
 use crate::picture::Piece;
+use crate::state::App;
 
 impl App {
     /// How many files were chosen and are not taken yet.

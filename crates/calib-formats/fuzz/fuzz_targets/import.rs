@@ -1,5 +1,5 @@
-//! Reads bytes as the files of the format that `CALIB_FORMAT` names, and writes the site that comes of it: no panic, and
-//! what is read is a valid site.
+//! Fuzz target that reads bytes as files of the format named by `CALIB_FORMAT`, and writes the resulting
+//! site. It must not panic, and the site must be valid.
 
 #![no_main]
 
@@ -10,18 +10,18 @@ use calib_formats::{File, import};
 use libfuzzer_sys::fuzz_target;
 use rlimit::{Resource, setrlimit};
 
-/// How bytes become files.
+/// Mapping of input bytes to files.
 enum Names {
-    /// The first byte chooses the name of the one file.
+    /// One file; the first byte selects its name.
     OneOf(&'static [&'static str]),
-    /// [`CUT`] separates the files.
+    /// Several files, separated by [`CUT`].
     AllOf(&'static [&'static str]),
 }
 
-/// Separates the files of one input.
+/// Separator between the files of one input.
 const CUT: &[u8] = b"\n-- file --\n";
 
-/// The importers and the names of their files.
+/// Importers and the names of their files.
 const FORMATS: &[(&str, Names)] = &[
     ("opencv", Names::OneOf(&["a.json", "a.yml", "a.xml"])),
     ("ros", Names::OneOf(&["a.yaml"])),
@@ -41,7 +41,7 @@ static FORMAT: LazyLock<&(&str, Names)> = LazyLock::new(|| {
     FORMATS.iter().find(|(name, _)| *name == asked).expect("CALIB_FORMAT is a format of the list")
 });
 
-/// Bytes of memory that may be asked for, whether they are used or not: what a file promises is no reason to.
+/// Largest address space, in bytes, whether used or not. A size stated in a file is no reason to exceed it.
 const MEMORY: u64 = 2 << 30;
 
 fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("a limit of memory"), |bytes: &[u8]| {

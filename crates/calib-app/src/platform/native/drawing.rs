@@ -5,8 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{ImageKind, Options, Tree, fontdb};
 
-use super::drawing_memory::bytes_to_draw;
 use crate::drawing::SIDE;
+use crate::platform::native::drawing_memory::bytes_to_draw;
 
 /// What drawing may take beside the picture, in bytes: one layer of the largest, or more that are smaller.
 const MOST_BYTES: f64 = 1e9;

@@ -10,9 +10,9 @@ use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 
-use super::drawing::draw;
-use super::files;
 use crate::drawing::is_svg;
+use crate::platform::native::drawing::draw;
+use crate::platform::native::files;
 use crate::platform::{Lost, Recovery, Stills};
 
 /// Work that is under way, and then its result. Work that nobody waits for any more is not begun.

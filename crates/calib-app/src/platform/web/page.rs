@@ -11,8 +11,8 @@ use js_sys::{Array, Function, Promise, Uint8Array};
 use serde::de::DeserializeOwned;
 use wasm_bindgen::prelude::*;
 
-use super::pick;
 use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
+use crate::platform::web::pick;
 
 /// Reads what was said, as text: a reader of bytes would have every type in the program a second time.
 pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {

@@ -24,7 +24,7 @@ impl<T: 'static> Task<T> {
     #[must_use]
     pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + 'static) -> Self {
         Self::wait(ctx, async move {
-            super::breath().await;
+            crate::platform::web::breath().await;
             work()
         })
     }

@@ -7,7 +7,7 @@ use image::RgbImage;
 use js_sys::{Array, Float64Array, Uint8Array};
 use wasm_bindgen_futures::JsFuture;
 
-use super::{Web, message, page};
+use crate::platform::web::{Web, message, page};
 use crate::platform::{Platform as _, Recovery, Stills};
 
 /// What has a worker of its own, so that it can be stopped.
@@ -22,7 +22,7 @@ pub(crate) const RECOVER: &str = "recover";
 
 async fn ask(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     let answer = JsFuture::from(page::work(kind, name, width, &Uint8Array::from(bytes))).await;
-    answer.map(|answer| Array::from(&answer)).map_err(|error| super::said(&error))
+    answer.map(|answer| Array::from(&answer)).map_err(|error| crate::platform::web::said(&error))
 }
 
 /// Decodes an image in the worker.

@@ -1,0 +1,354 @@
+//! The table of annotations: what was drawn, how well it fits, switches.
+//!
+//! Menu of objects with a usual size, for operators who have measured nothing.
+
+use calib_core::single::{ConstraintKind, KINDS, Known, USUAL_SIZES, UsualSize, line_name, straightness};
+use calib_core::{Annotation, Pixel};
+use calib_editor::{Action, Part, TOOLS, Units, planes};
+use egui::{Align2, Rect, RichText, Role, Sense, Ui, Vec2, WidgetInfo};
+
+use crate::annotate::result::empty_field;
+use crate::annotate::sigmas::{self, Usual};
+use crate::icons::{self, Icon};
+use crate::state::App;
+use crate::theme;
+use crate::widgets::{heading, length_field, number};
+
+/// What is chosen in the menu.
+pub(crate) enum SizeChoice {
+    Like(&'static UsualSize),
+    /// The size that it has, as if it was measured.
+    Measured(Known),
+}
+
+/// The menu of things that an annotation may be like.
+pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation) -> Option<SizeChoice> {
+    let palette = theme::palette(ui.ctx());
+    let constraint = annotation.kind.row().constraint;
+    let own = annotation.usual();
+    let title = own.map_or("like\u{2026}".to_owned(), |usual| format!("like {}", size(units, usual)));
+    let mut chosen = None;
+    ui.menu_button(RichText::new(title).small().color(palette.text2), |ui| {
+        for usual in USUAL_SIZES.iter().filter(|usual| usual.constraint == constraint) {
+            let text = format!("{}: {}", usual.title, size(units, usual));
+            if ui.selectable_label(own == Some(usual), text).on_hover_text(usual.source).clicked() {
+                chosen = Some(SizeChoice::Like(usual));
+                ui.close();
+            }
+        }
+        if let Some(usual) = own
+            && ui.button("Measured").clicked()
+        {
+            chosen = Some(SizeChoice::Measured(usual.size));
+            ui.close();
+        }
+    })
+    .response
+    .on_hover_text("A thing whose size is known about");
+    chosen
+}
+
+fn size(units: Units, usual: &UsualSize) -> String {
+    units.small_and_sigma(usual.size.value, usual.size.sigma.unwrap_or(0.0))
+}
+
+/// What a row asks for.
+enum Wish {
+    Select(usize, usize, bool),
+    Toggle(usize),
+    Length(usize, f64),
+    Height(usize, f64),
+    Usual(usize, SizeChoice),
+    Sure(usize, Box<Annotation>),
+}
+
+/// The panel.
+pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
+    heading(ui, "Lines", "residual, px");
+    app.lit = None;
+    let Some(entry) = app.editor.session().entry() else { return };
+    let annotations = entry.annotations.clone();
+    let sigma = entry.sigma_px.unwrap_or(1.0);
+    let usual = Usual { click: sigma, scene: app.editor.session().site.scene_errors(entry) };
+    if annotations.is_empty() {
+        let palette = theme::palette(ui.ctx());
+        ui.label(
+            RichText::new(
+                "Nothing drawn yet. Shift+P proposes lines; V draws verticals, P parallels, R right angles.",
+            )
+            .color(palette.text2),
+        );
+    }
+    let mut wishes = Vec::new();
+    ui.spacing_mut().item_spacing.y = 0.0;
+    for row in KINDS {
+        let mut letter = 'a';
+        // What has nothing of its own to say stands under one heading with the others of its kind.
+        let (plain, named): (Vec<usize>, Vec<usize>) = (0..annotations.len())
+            .filter(|&i| annotations[i].kind == row.kind)
+            .partition(|&i| row.is_one_group() && annotations[i].name.is_none());
+        let headings = std::iter::once(plain).chain(named.into_iter().map(|index| vec![index]));
+        for indices in headings.filter(|indices| !indices.is_empty()) {
+            let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
+            let (first, units) = (indices[0], app.editor.session().units);
+            let guess = |line: &[Pixel]| planes::estimated_line(app.editor.session(), line);
+            group(ui, units, &annotations[first], first, (letter, count), guess, &mut wishes);
+            letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
+            for index in indices {
+                let annotation = &annotations[index];
+                for (segment, line) in annotation.polylines().enumerate() {
+                    let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
+                    line_row(app, ui, &annotations, &line, &mut wishes);
+                    if row.constraint == ConstraintKind::StraightEdge {
+                        point_rows(app, ui, &line);
+                    }
+                }
+                if is_in_hand(app, index) {
+                    let changed = sigmas::fields(ui, annotation, usual);
+                    wishes.extend(changed.map(|changed| Wish::Sure(index, Box::new(changed))));
+                }
+            }
+        }
+    }
+    for wish in wishes {
+        grant(app, wish);
+    }
+}
+
+fn group(
+    ui: &mut Ui,
+    units: Units,
+    annotation: &Annotation,
+    index: usize,
+    (letter, count): (char, usize),
+    guess: impl Fn(&[Pixel]) -> Option<f64>,
+    wishes: &mut Vec<Wish>,
+) {
+    let palette = theme::palette(ui.ctx());
+    let row = annotation.kind.row();
+    let icon =
+        TOOLS.iter().find(|tool| tool.kind == Some(row.kind)).map_or(Icon::Vertical, |tool| tool.icon.into());
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        icons::inline(ui, icon, theme::kind_icon(row.kind, ui.visuals().dark_mode));
+        let name = annotation.name.clone().unwrap_or_else(|| {
+            if row.is_lettered { format!("{} {letter}", row.title) } else { row.title.to_owned() }
+        });
+        ui.label(RichText::new(name).font(theme::medium(12.0)));
+        ui.label(RichText::new(count.to_string()).color(palette.text3));
+        if annotation.at_right_angles_to.is_some() {
+            ui.label(RichText::new("square").color(palette.text2))
+                .on_hover_text("at right angles to another direction");
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if row.has_length || row.constraint == ConstraintKind::Upright {
+                wishes
+                    .extend(usual_size_menu(ui, units, annotation).map(|chosen| Wish::Usual(index, chosen)));
+            }
+            if annotation.like.is_some() {
+                return;
+            }
+            if row.has_length && annotation.off {
+                let estimate = annotation.polylines().next().and_then(|line| guess(&line));
+                let label = ui.label(RichText::new("measured").color(palette.text2));
+                let entered = empty_field(ui, ("length", index), label.id, units, estimate);
+                wishes.extend(entered.map(|metres| Wish::Length(index, metres)));
+            } else if row.has_length {
+                let mut value = annotation.length_m.unwrap_or(1.0);
+                if length(ui, units, &mut value, "Known length") {
+                    wishes.push(Wish::Length(index, value));
+                }
+            } else if let Some(height) = annotation.height_m {
+                let mut value = height.value;
+                if length(ui, units, &mut value, "Height of the upright") {
+                    wishes.push(Wish::Height(index, value));
+                }
+            }
+        });
+    });
+}
+
+fn length(ui: &mut Ui, units: Units, value: &mut f64, tip: &str) -> bool {
+    ui.add(length_field(units, value, 0.01)).on_hover_text(tip).changed()
+}
+
+struct Line<'a> {
+    annotation: usize,
+    segment: usize,
+    points: &'a [Pixel],
+    sigma: f64,
+    off: bool,
+}
+
+fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<'_>, wishes: &mut Vec<Wish>) {
+    let palette = theme::palette(ui.ctx());
+    let (index, segment) = (line.annotation, line.segment);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 19.0), Sense::click());
+    let name = line_name(annotations, index, segment);
+    let part = Part::Line { annotation: index, segment };
+    let selected = app.editor.session().selection.contains(&part);
+    let residual = app.editor.session().solution().and_then(|solution| {
+        solution.residuals.iter().find(|r| r.annotation == Some(index) && r.segment == Some(segment)).cloned()
+    });
+    let suspect = residual.as_ref().is_some_and(|r| r.outlier);
+    let label = format!("Line {name}");
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, &label));
+    if response.hovered() {
+        app.lit = Some((index, segment));
+    }
+    if selected {
+        ui.painter().rect_filled(rect, 0.0, palette.accent_bg);
+    } else if suspect {
+        let since = ui.input(|i| i.time) - app.suspect_since;
+        let lit = crate::paint::is_lit(ui.ctx(), since);
+        ui.painter().rect_filled(rect, 0.0, palette.bad_bg.gamma_multiply(if lit { 1.0 } else { 0.4 }));
+    } else if response.hovered() {
+        ui.painter().rect_filled(rect, 0.0, palette.raised);
+    }
+    if response.clicked() {
+        wishes.push(Wish::Select(index, segment, ui.input(|i| i.modifiers.command)));
+    }
+    let text = match (suspect, line.off) {
+        (true, _) => palette.bad,
+        (false, true) => palette.text3,
+        (false, false) => palette.text,
+    };
+    let y = rect.center().y;
+    let painter = ui.painter();
+    painter.text(egui::pos2(rect.left() + 24.0, y), Align2::LEFT_CENTER, &name, theme::medium(12.0), text);
+    let length: f64 = line.points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+    let about = if suspect { "set aside".to_owned() } else { format!("{length:.0} px") };
+    painter.text(
+        egui::pos2(rect.left() + 64.0, y),
+        Align2::LEFT_CENTER,
+        about,
+        theme::regular(11.0),
+        palette.text3,
+    );
+    if let Some(residual) = residual {
+        let px = residual.px.abs();
+        bar(ui, rect, px / line.sigma);
+        let text = if px < 100.0 { format!("{px:.1}") } else { format!("{px:.0}") };
+        ui.painter().text(
+            egui::pos2(rect.right(), y),
+            Align2::RIGHT_CENTER,
+            text,
+            theme::regular(12.0),
+            palette.text,
+        );
+    }
+    if switch(ui, rect, &name, !line.off) {
+        wishes.push(Wish::Toggle(index));
+    }
+}
+
+/// Whether a line of an annotation is selected.
+fn is_in_hand(app: &App, index: usize) -> bool {
+    let is_own = |part: &Part| match *part {
+        Part::Line { annotation, .. } | Part::Vertex { annotation, .. } => annotation == index,
+        _ => false,
+    };
+    app.editor.session().selection.iter().any(is_own)
+}
+
+/// How far every point of a straight edge in the hand is from straight once the lens is taken out: the bad one is
+/// seen before the line is drawn again.
+fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
+    let session = app.editor.session();
+    let is_own = |part: &Part| match *part {
+        Part::Line { annotation, segment } | Part::Vertex { annotation, segment, .. } => {
+            (annotation, segment) == (line.annotation, line.segment)
+        }
+        _ => false,
+    };
+    if line.points.len() < 3 || !session.selection.iter().any(is_own) {
+        return;
+    }
+    let Some(off) = session.pose().and_then(|pose| straightness(&pose.lens, line.points)) else { return };
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal_wrapped(|ui| {
+        ui.add_space(64.0);
+        for (index, px) in off.into_iter().enumerate() {
+            let text =
+                RichText::new(number(px, 1)).small().color(theme::residual(palette, px.abs() / line.sigma));
+            let label = ui.label(text);
+            let words = format!("Point {} is {} px off", index + 1, number(px, 1));
+            label.widget_info(|| WidgetInfo::labeled(Role::Label, true, &words));
+            label.on_hover_text(words);
+        }
+    });
+}
+
+/// The box that switches a line on or off; whether it was clicked.
+fn switch(ui: &mut Ui, row: Rect, name: &str, mut on: bool) -> bool {
+    let place = Rect::from_min_size(row.min + Vec2::new(2.0, 1.0), Vec2::new(18.0, 17.0));
+    let check = ui.put(place, egui::Checkbox::without_text(&mut on));
+    check.widget_info(|| WidgetInfo::selected(Role::CheckBox, true, on, format!("Use {name}")));
+    check.changed()
+}
+
+/// A bar as long as the residual is large, with a tick at three sigma.
+fn bar(ui: &Ui, row: Rect, over_sigma: f64) {
+    const WIDTH: f32 = 44.0;
+    const MOST: f64 = 4.2;
+    let palette = theme::palette(ui.ctx());
+    let right = row.right() - 40.0;
+    let back = Rect::from_min_max(
+        egui::pos2(right - WIDTH, row.center().y - 4.0),
+        egui::pos2(right, row.center().y + 4.0),
+    );
+    ui.painter().rect_filled(back, 1.0, palette.bg);
+    let share = (over_sigma / MOST).clamp(0.0, 1.0) as f32;
+    let filled = Rect::from_min_size(back.min, Vec2::new(share * WIDTH, back.height()));
+    ui.painter().rect_filled(filled, 1.0, theme::residual(palette, over_sigma));
+    let tick = back.left() + (3.0 / MOST) as f32 * WIDTH;
+    ui.painter().vline(tick, back.y_range(), egui::Stroke::new(1.0, palette.text2));
+}
+
+fn grant(app: &mut App, wish: Wish) {
+    app.send(Action::Drop);
+    let drawn = |index: usize| app.editor.session().entry()?.annotations.get(index).cloned();
+    let action = match wish {
+        Wish::Select(annotation, segment, true) => {
+            Some(Action::SelectMore(Part::Line { annotation, segment }))
+        }
+        Wish::Select(annotation, segment, false) => Some(Action::Select(Part::Line { annotation, segment })),
+        Wish::Toggle(index) => {
+            let name = app.editor.session().part_name(Part::Line { annotation: index, segment: 0 });
+            drawn(index).map(|annotation| {
+                let off = !annotation.off;
+                annotate(index, Annotation { off, ..annotation }, &format!("switch {name} on or off"))
+            })
+        }
+        Wish::Length(index, value) => drawn(index).map(|annotation| {
+            let measured = Annotation { length_m: Some(value), off: false, ..annotation };
+            annotate(index, measured, "enter a known length")
+        }),
+        Wish::Usual(index, chosen) => drawn(index)
+            .map(|annotation| annotate(index, with_size(annotation, &chosen), "say what it is like")),
+        Wish::Sure(index, annotation) => Some(annotate(index, *annotation, "say how sure a drawing is")),
+        Wish::Height(index, value) => drawn(index).map(|mut annotation| {
+            if let Some(height) = &mut annotation.height_m {
+                height.value = value;
+            }
+            annotate(index, annotation, "change the height of an upright")
+        }),
+    };
+    action.into_iter().for_each(|action| app.send(action));
+}
+
+/// An annotation with the size that was chosen for it, in use.
+fn with_size(annotation: Annotation, chosen: &SizeChoice) -> Annotation {
+    let bare = Annotation { like: None, length_m: None, height_m: None, off: false, ..annotation };
+    match chosen {
+        SizeChoice::Like(usual) => Annotation { like: Some(usual.id.to_owned()), ..bare },
+        SizeChoice::Measured(known) if bare.kind.row().has_length => {
+            Annotation { length_m: Some(known.value), ..bare }
+        }
+        SizeChoice::Measured(known) => Annotation { height_m: Some(*known), ..bare },
+    }
+}
+
+fn annotate(index: usize, annotation: Annotation, name: &str) -> Action {
+    Action::Annotate { index, annotation: Box::new(annotation), name: name.to_owned() }
+}

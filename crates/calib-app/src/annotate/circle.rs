@@ -1,0 +1,79 @@
+//! The circle that the image of a fisheye fills: found in the picture, entered, or removed.
+
+use calib_core::{DistortionModel, ImageCircle};
+use calib_editor::Action;
+use egui::{DragValue, RichText, Ui};
+
+use crate::state::App;
+use crate::theme;
+
+/// Said where the picture has none.
+const NOT_FOUND: &str = "No circle with black around it was found in this picture. It can be entered.";
+
+/// The row of the camera in hand, if it is a fisheye or has a circle.
+pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.editor.session().entry() else { return };
+    let (circle, [width, height]) = (entry.image_circle(), entry.size());
+    if circle.is_none() && !is_fisheye(app) {
+        return;
+    }
+    let mut chosen = circle;
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Image circle").color(palette.text2))
+            .on_hover_text("The disc in which a fisheye shows the scene; black is around it");
+        if ui.button("Find").on_hover_text("Find it in the picture").clicked() {
+            match found(app) {
+                Some(circle) => chosen = Some(circle),
+                None => app.send(Action::Complain(NOT_FOUND.into())),
+            }
+        }
+        let inscribed = ImageCircle { u: 0.5 * width, v: 0.5 * height, radius: 0.5 * width.min(height) };
+        if circle.is_none() {
+            if ui.button("Enter").on_hover_text("Begin with the largest that is whole").clicked() {
+                chosen = Some(inscribed);
+            }
+        } else if ui.button("Remove").clicked() {
+            chosen = None;
+        }
+    });
+    if let Some(circle) = &mut chosen {
+        fields(ui, circle);
+    }
+    if chosen != circle {
+        let name = match (circle, chosen) {
+            (None, _) => "enter the image circle",
+            (_, None) => "remove the image circle",
+            _ => "change the image circle",
+        };
+        app.change_lens(name, |lens| lens.image_circle_px = chosen);
+    }
+}
+
+/// The circle in the picture of the camera in hand, once that is read.
+pub(crate) fn found(app: &App) -> Option<ImageCircle> {
+    let name = app.editor.session().entry()?.image.as_deref()?;
+    calib_image::image_circle(&app.pictures.ready(name)?.image)
+}
+
+/// Whether the camera in hand has the lens of a fisheye, or is to get one.
+fn is_fisheye(app: &App) -> bool {
+    let session = app.editor.session();
+    let lens = session.entry().and_then(|entry| entry.lens.as_ref());
+    let asked = lens.and_then(|lens| lens.distortion.as_ref()).map(|distortion| distortion.model);
+    let solved = session.solution().and_then(|solution| solution.distortion.as_ref()).map(|own| own.model);
+    asked.or(solved).is_some_and(|model: DistortionModel| model.row().is_wide)
+}
+
+fn fields(ui: &mut Ui, circle: &mut ImageCircle) {
+    let palette = theme::palette(ui.ctx());
+    let ImageCircle { u, v, radius } = circle;
+    ui.horizontal(|ui| {
+        for (title, value, low) in [("u", u, -1e6), ("v", v, -1e6), ("radius", radius, 1.0)] {
+            let label = ui.label(RichText::new(title).color(palette.text3));
+            let field = DragValue::new(value).speed(0.2).range(low..=1e6).max_decimals(1);
+            ui.add(field.update_while_editing(false)).labelled_by(label.id);
+        }
+        ui.label(RichText::new("px").color(palette.text3));
+    });
+}

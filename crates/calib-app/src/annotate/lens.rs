@@ -1,0 +1,227 @@
+//! What is known of the camera in hand: its names, its still, its lens.
+
+use calib_core::DistortionModel;
+
+use calib_core::camera::Coefficient;
+
+use calib_editor::{Action, OldStill};
+use calib_site::DistortionEntry;
+use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
+
+use crate::annotate::{circle, sigmas};
+use crate::state::App;
+use crate::theme;
+use crate::widgets::heading;
+
+/// The coefficients that are fitted where it is not asked for others.
+const USUAL: [Coefficient; 2] = [Coefficient::K1, Coefficient::K2];
+
+/// Where the distortion comes from.
+#[derive(Clone, Debug, PartialEq)]
+enum From {
+    /// As much as the straight edges support.
+    Edges,
+    /// Named coefficients are fitted.
+    Fitted(Vec<Coefficient>),
+    /// Those of a fisheye are fitted.
+    Fisheye,
+    /// Coefficients are given.
+    Given,
+    /// Another camera's lens.
+    Like(String),
+}
+
+impl From {
+    fn of(app: &App) -> Self {
+        let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());
+        if let Some(like) = lens.and_then(|lens| lens.like.clone()) {
+            return Self::Like(like);
+        }
+        match lens.and_then(|lens| lens.distortion.as_ref()) {
+            None => Self::Edges,
+            Some(entry) if entry.distortion().is_some() => Self::Given,
+            Some(entry) if entry.model.row().is_wide => Self::Fisheye,
+            Some(entry) => {
+                let row = entry.model.row();
+                Self::Fitted(entry.fit.clone().unwrap_or_else(|| row.coefficients[..row.usual].to_vec()))
+            }
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Edges => "from straight edges".into(),
+            Self::Fitted(which) => {
+                let names: Vec<&str> = which.iter().map(|which| which.title()).collect();
+                match &names[..] {
+                    [first @ .., last] if !first.is_empty() => format!("fit {} and {last}", first.join(", ")),
+                    names => format!("fit {}", names.concat()),
+                }
+            }
+            Self::Fisheye => "fisheye".into(),
+            Self::Given => "given".into(),
+            Self::Like(id) => format!("like {id}"),
+        }
+    }
+}
+
+/// The panel.
+pub fn lens_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.editor.session().entry() else { return };
+    let [w, h] = entry.size_px;
+    heading(ui, "Camera", &format!("{w} \u{d7} {h} px"));
+    names(app, ui);
+    let own = From::of(app);
+    let id = app.editor.session().entry().map(|entry| entry.id.clone()).unwrap_or_default();
+    let usual = From::Fitted(USUAL.to_vec());
+    let own_fit = Some(own.clone()).filter(|own| matches!(own, From::Fitted(_)) && *own != usual);
+    let mut choices = vec![From::Edges, usual];
+    choices.extend(own_fit);
+    choices.extend([From::Fisheye, From::Given]);
+    let free = |camera: &&calib_site::SiteCamera| {
+        // A lens is shared with a camera that has one of its own.
+        camera.id != id && camera.lens.as_ref().is_none_or(|lens| lens.like.is_none())
+    };
+    choices.extend(
+        app.editor.session().site.cameras.iter().filter(free).map(|camera| From::Like(camera.id.clone())),
+    );
+    let mut chosen = own.clone();
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Lens").color(palette.text2));
+        ComboBox::from_id_salt("lens")
+            .selected_text(own.text())
+            .show_ui(ui, |ui| {
+                for choice in choices {
+                    let text = choice.text();
+                    ui.selectable_value(&mut chosen, choice, text);
+                }
+            })
+            .response
+            .labelled_by(label.id);
+    });
+    if chosen != own {
+        set(app, chosen);
+    } else if own == From::Given {
+        coefficients(app, ui);
+    }
+    circle::circle_ui(app, ui);
+    sigmas::sigmas_ui(app, ui);
+}
+
+fn names(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.editor.session().entry() else { return };
+    let (mut id, mut name) = (entry.id.clone(), entry.name.clone().unwrap_or_default());
+    let field = |ui: &mut Ui, title: &str, text: &mut String| -> bool {
+        let salt = ui.scope_id().with((title, app.editor.session().camera));
+        let mut typed = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| text.clone());
+        let label = ui.label(RichText::new(title).color(palette.text2));
+        let response = ui.add(TextEdit::singleline(&mut typed).desired_width(88.0)).labelled_by(label.id);
+        if response.has_focus() {
+            ui.data_mut(|data| data.insert_temp(salt, typed.clone()));
+            return false;
+        }
+        ui.data_mut(|data| data.remove::<String>(salt));
+        let is_dropped = ui.input(|input| input.key_pressed(egui::Key::Escape));
+        let is_new = response.lost_focus() && !is_dropped && typed != *text;
+        *text = typed;
+        is_new
+    };
+    let (mut renamed, mut titled) = (false, false);
+    ui.horizontal(|ui| {
+        renamed = field(ui, "Id", &mut id);
+        titled = field(ui, "Name", &mut name);
+    });
+    if titled {
+        app.send(Action::Name(name));
+    }
+    if renamed {
+        app.send(Action::Rename(id.trim().to_owned()));
+    }
+}
+
+fn set(app: &mut App, to: From) {
+    let focal = app.editor.session().solution().map(|solution| solution.focal_px);
+    let current = app.editor.session().solution().and_then(|solution| solution.distortion.clone());
+    let session = app.editor.session();
+    let wide =
+        session.solved.pose(session.camera).map(|pose| pose.lens).filter(|lens| lens.distortion.is_wide());
+    let is_sought = to == From::Fisheye;
+    let circle = if is_sought { circle::found(app) } else { None };
+    app.change_lens("change where the lens comes from", |lens| {
+        lens.like = None;
+        lens.image_circle_px = lens.image_circle_px.or(circle);
+        let bare = DistortionEntry::new(DistortionModel::BrownConrady);
+        lens.distortion = match to {
+            From::Edges => None,
+            From::Fitted(which) => Some(DistortionEntry { fit: Some(which), ..bare }),
+            From::Fisheye => Some(DistortionEntry::new(DistortionModel::KannalaBrandt)),
+            From::Given => {
+                let zero = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..bare };
+                // The focal and the principal point of a fisheye came from its edges.
+                lens.principal_point_px = wide.map(|lens| lens.principal_point).or(lens.principal_point_px);
+                let focal_px = wide.map(|lens| lens.focal).or(focal);
+                Some(DistortionEntry { fit: None, focal_px, ..current.unwrap_or(zero) })
+            }
+            From::Like(id) => {
+                lens.like = Some(id);
+                None
+            }
+        };
+    });
+}
+
+/// Has the lens fitted to the straight edges.
+pub fn fit(app: &mut App) {
+    set(app, From::Fitted(USUAL.to_vec()));
+}
+
+/// The coefficients that are given, and the focal that they refer to.
+fn coefficients(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());
+    let Some(mut entry) = lens.and_then(|lens| lens.distortion.clone()) else { return };
+    let mut changed = false;
+    ui.horizontal_wrapped(|ui| {
+        for which in Coefficient::ALL {
+            let Some(value) = entry.coefficient_mut(which) else { continue };
+            let title = which.title();
+            let label = ui.label(RichText::new(title).color(palette.text2));
+            let field = DragValue::new(value).speed(0.001).max_decimals(6).update_while_editing(false);
+            let [least, most] = which.bounds();
+            let field = field.range(least..=most);
+            changed |= ui.add(field).labelled_by(label.id).changed();
+        }
+        if let Some(focal) = &mut entry.focal_px {
+            let label = ui.label(RichText::new("for focal").color(palette.text2));
+            let field = DragValue::new(focal).speed(1.0).range(1.0..=1e6).max_decimals(2);
+            changed |= ui.add(field.update_while_editing(false)).labelled_by(label.id).changed();
+        }
+    });
+    if changed {
+        app.change_lens("change the lens", |lens| lens.distortion = Some(entry));
+    }
+}
+
+/// The still before this one, blended over it, to see whether the camera moved.
+pub fn old_still(app: &mut App, ui: &mut Ui) {
+    let Some(OldStill { of, mut share, size, .. }) = app.editor.old_still().cloned() else { return };
+    let Some(entry) = app.editor.session().entry().filter(|entry| of.is_of(entry)) else { return };
+    let [w, h] = entry.size_px;
+    let palette = theme::palette(ui.ctx());
+    let (mut done, shown) = (false, share);
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Old still").color(palette.text2));
+        ui.add(egui::Slider::new(&mut share, 0.0..=1.0).show_value(false)).labelled_by(label.id);
+        done = ui.button("Done").clicked();
+    });
+    if size.is_some() && ui.button(format!("Rescale what is drawn to {w} \u{d7} {h} px")).clicked() {
+        app.send(Action::RescaleToStill);
+    }
+    if done {
+        app.send(Action::ForgetOldStill);
+    } else if share != shown {
+        app.send(Action::BlendOldStill(share));
+    }
+}

@@ -1,0 +1,347 @@
+//! Links, a table: a row for each, a column for every camera that shows any.
+//!
+//! Virtual elements: the kind of the next one, and those there are.
+
+use calib_core::single::Known;
+use calib_core::{MarkKind, WorldPoint};
+use calib_editor::{Action, Apart, Part, apart, far_links, planes};
+use calib_site::{Link, LinkKind, Mark, counted};
+use egui::{DragValue, RichText, ScrollArea, Ui, Vec2};
+
+use crate::annotate::result::{TAPE, empty_field, known_fields};
+use crate::command::Command;
+use crate::icons::{self, Icon, Look};
+use crate::state::App;
+use crate::theme;
+use crate::widgets::{heading, length_field};
+
+const fn icon(kind: MarkKind) -> Icon {
+    match kind {
+        MarkKind::Cross => Icon::Cross,
+        MarkKind::Post => Icon::Post,
+        MarkKind::Box => Icon::Box,
+        MarkKind::Cylinder => Icon::Cylinder,
+        MarkKind::Circle => Icon::Circle,
+        MarkKind::Person => Icon::Person,
+        MarkKind::Grid => Icon::Grid,
+    }
+}
+
+/// Virtual elements: the kind of the next one, and those there are.
+pub(crate) fn marks_ui(app: &mut App, ui: &mut Ui) {
+    heading(ui, "Marks", "M");
+    let mut wanted = None;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for kind in MarkKind::ALL {
+            let name = format!("{kind:?}").to_lowercase();
+            let look = Look {
+                chosen: app.editor.session().mark_kind == kind,
+                size: Vec2::splat(28.0),
+                ..Look::default()
+            };
+            if icons::button(ui, icon(kind), &format!("Mark kind {name}"), &name, look).clicked() {
+                wanted = Some(kind);
+            }
+        }
+    });
+    if let Some(kind) = wanted {
+        app.send(Action::MarkKind(kind));
+    }
+    for index in 0..app.editor.session().site.marks.len() {
+        mark_row(app, ui, index);
+    }
+}
+
+fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
+    let palette = theme::palette(ui.ctx());
+    let Some(mark) = app.editor.session().site.marks.get(index).cloned() else { return };
+    let part = Part::Mark(index);
+    let selected = app.editor.session().selection.contains(&part);
+    let name = app.editor.session().part_name(part);
+    let WorldPoint { x, y, .. } = mark.at_m;
+    let units = app.editor.session().units;
+    let mut on = !mark.off;
+    ui.horizontal(|ui| {
+        ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}"));
+        icons::inline(ui, icon(mark.kind), palette.text);
+        if ui.selectable_label(selected, RichText::new(&name).font(theme::medium(12.0))).clicked() {
+            app.send(Action::Select(part));
+        }
+        let sizes: Vec<String> = mark.size_m.iter().map(|size| units.number(*size, 2)).collect();
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(units.point([x, y], 2));
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                let text = RichText::new(sizes.join(" \u{d7} ")).color(palette.text2);
+                ui.add(egui::Label::new(text).truncate());
+            });
+        });
+    });
+    if on == mark.off {
+        let name = format!("switch {name} {}", if on { "on" } else { "off" });
+        app.send(Action::SetMark { index, mark: Box::new(Mark { off: !on, ..mark }), name });
+        return;
+    }
+    if selected {
+        mark_fields(app, ui, index, mark);
+    }
+}
+
+/// Size, turn and height of the mark that is selected.
+fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
+    let palette = theme::palette(ui.ctx());
+    let units = app.editor.session().units;
+    let mut changed = false;
+    let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>| {
+        let label = ui.label(RichText::new(title).small().color(palette.text2));
+        changed |= ui.add(edit).labelled_by(label.id).changed();
+    };
+    ui.horizontal_wrapped(|ui| {
+        for (title, value) in mark.kind.size_names().iter().zip(mark.size_m.iter_mut()) {
+            let is_count = ["columns", "rows"].contains(title);
+            let edit = if is_count {
+                DragValue::new(value).range(1.0..=1e3).max_decimals(0).update_while_editing(false)
+            } else {
+                length_field(units, value, 1e-3)
+            };
+            field(ui, title, edit);
+        }
+        let turn = DragValue::new(&mut mark.turn_deg)
+            .speed(0.1)
+            .range(-360.0..=360.0)
+            .suffix("\u{b0}")
+            .max_decimals(3);
+        field(ui, "turn", turn.update_while_editing(false));
+        field(ui, "above the floor", length_field(units, &mut mark.at_m.z, -1e5));
+    });
+    let was_fixed = mark.fixed;
+    ui.checkbox(&mut mark.fixed, "stays where it is when all cameras are refined");
+    if changed || was_fixed != mark.fixed {
+        for size in &mut mark.size_m {
+            *size = size.clamp(1e-3, 1e4);
+        }
+        for (title, count) in mark.kind.size_names().iter().zip(&mut mark.size_m) {
+            if ["columns", "rows"].contains(title) {
+                *count = count.round();
+            }
+        }
+        let name = format!("change {}", app.editor.session().part_name(Part::Mark(index)));
+        app.send(Action::SetMark { index, mark: Box::new(mark), name });
+    }
+}
+
+/// Links: who sees each and how far off each is, how far the views are apart on the floor; a column for each.
+pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    heading(ui, "Links", "px by camera, apart on the floor");
+    if app.editor.session().site.links.is_empty() {
+        ui.label(RichText::new("K links what two views show.").color(palette.text2));
+        return;
+    }
+    let cameras = linked(app);
+    let mut wishes = Vec::new();
+    ScrollArea::horizontal().id_salt("links").show(ui, |ui| {
+        egui::Grid::new("links").num_columns(cameras.len() + 3).spacing([4.0, 2.0]).show(ui, |ui| {
+            titles(ui, &cameras);
+            for index in 0..app.editor.session().site.links.len() {
+                link_row(app, ui, index, &cameras, &mut wishes);
+                ui.end_row();
+            }
+        });
+    });
+    for index in 0..app.editor.session().site.links.len() {
+        let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
+        if app.editor.session().selection.iter().any(is_own) {
+            let changed = ui.horizontal_wrapped(|ui| link_fields(app, ui, index)).inner;
+            wishes.extend(changed.map(|(index, link)| Wish::Change(index, Box::new(link))));
+        }
+    }
+    wishes.into_iter().for_each(|wish| grant(app, wish));
+}
+
+/// What a row of the table asks for.
+enum Wish {
+    Change(usize, Box<Link>),
+    Select(usize),
+}
+
+fn grant(app: &mut App, wish: Wish) {
+    match wish {
+        Wish::Change(index, link) => app.send(Action::SetLink(index, link)),
+        Wish::Select(link) => {
+            let site = app.editor.site();
+            let seen = site.links.get(link).and_then(|link| link.seen.first());
+            let camera = seen.and_then(|seen| site.cameras.iter().position(|c| c.id == seen.camera));
+            if let Some(camera) = camera {
+                app.send(Action::Drop);
+                app.send(Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }));
+            }
+        }
+    }
+}
+
+/// The cameras that any link shows, in the order of the site.
+fn linked(app: &App) -> Vec<usize> {
+    let site = app.editor.site();
+    let is_linked = |id: &str| site.links.iter().any(|link| link.seen.iter().any(|seen| seen.camera == id));
+    let is_asked = |&camera: &usize| site.has_shared(camera) && is_linked(&site.cameras[camera].id);
+    (0..site.cameras.len()).filter(is_asked).collect()
+}
+
+fn titles(ui: &mut Ui, cameras: &[usize]) {
+    ui.label("");
+    ui.label("");
+    for &camera in cameras {
+        let (rect, _) = ui.allocate_exact_size(Vec2::new(24.0, 16.0), egui::Sense::hover());
+        crate::paint::chip(ui.painter(), rect.right_center() - Vec2::new(8.0, 0.0), camera);
+    }
+    ui.end_row();
+}
+
+fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], wishes: &mut Vec<Wish>) {
+    let palette = theme::palette(ui.ctx());
+    let Some(link) = app.editor.session().site.links.get(index) else { return };
+    let waits = link.seen.len() < 2;
+    let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
+    let mut on = !link.off;
+    if ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}")).changed() {
+        wishes.push(Wish::Change(index, Box::new(Link { off: !on, ..link.clone() })));
+    }
+    let colour = if waits { palette.warn } else { palette.text };
+    let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
+    let button = egui::Button::new(text).frame(false).truncate();
+    if ui.add_sized([80.0, 16.0], button).on_hover_text(&name).clicked() {
+        wishes.push(Wish::Select(index));
+    }
+    for &camera in cameras {
+        let id = &app.editor.site().cameras[camera].id;
+        let is_seen = link.seen.iter().any(|seen| seen.camera == *id);
+        right(ui, 24.0, |ui| {
+            if is_seen {
+                joint_residual(app, ui, index, id);
+            }
+        });
+    }
+    let (text, colour) = match (waits, apart(app.editor.session(), link)) {
+        (true, _) => ("1 view".into(), palette.text2),
+        (false, Some(apart)) => {
+            (how_far(app, apart), if apart.is_far() { palette.bad } else { palette.text2 })
+        }
+        (false, None) => ("\u{2014}".into(), palette.text2),
+    };
+    right(ui, 84.0, |ui| {
+        ui.label(RichText::new(text).color(colour));
+    });
+}
+
+/// A cell of this width, what is in it at its right.
+fn right(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
+    let layout = egui::Layout::right_to_left(egui::Align::Center);
+    ui.allocate_ui_with_layout(Vec2::new(width, 16.0), layout, |ui| {
+        ui.set_min_width(width);
+        contents(ui);
+    });
+}
+
+/// How many pixels off a view is after a joint solve; a dot where that is not known.
+fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
+    let palette = theme::palette(ui.ctx());
+    let site = app.editor.site();
+    let own =
+        site.links.get(link).and_then(|link| link.seen.iter().find(|seen| seen.camera == camera)?.sigma_px);
+    let of_camera = site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
+    let drawn = own.map_or(String::new(), |sigma| {
+        let advice = if sigma > of_camera { ": zoom in and drag it to place it finer" } else { "" };
+        format!("Clicked to \u{b1} {} px{advice}", (100.0 * sigma).round() / 100.0)
+    });
+    let found = app.editor.session().solved.joint_link(site, link);
+    let Some(residual) = found.and_then(|found| found.residuals.iter().find(|r| r.camera == camera)) else {
+        let dot = ui.label(RichText::new("\u{b7}").color(palette.text3));
+        if !drawn.is_empty() {
+            dot.on_hover_text(drawn);
+        }
+        return;
+    };
+    let sigma = own.unwrap_or(of_camera);
+    let colour = if residual.outlier { palette.bad } else { theme::residual(palette, residual.px / sigma) };
+    let said = if drawn.is_empty() { "px".to_owned() } else { format!("px off. {drawn}") };
+    ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
+}
+
+/// What a link is and how high it is; the link as it is to become.
+fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
+    let link = app.editor.session().site.links.get(index)?;
+    let mut new = link.clone();
+    match link.kind {
+        LinkKind::Point => {
+            let mut height = link.height_m.unwrap_or(0.0);
+            let label = ui.label("above the floor");
+            if ui
+                .add(length_field(app.editor.session().units, &mut height, -1e5))
+                .labelled_by(label.id)
+                .changed()
+            {
+                new.height_m = Some(height).filter(|height| *height != 0.0);
+            }
+        }
+        LinkKind::Line if ui.button("It is a post").on_hover_text("Foot first, then head").clicked() => {
+            new.kind = LinkKind::Post;
+            for seen in &mut new.seen {
+                let ends = seen.segment.take().unwrap_or_default();
+                (seen.foot, seen.head) = (ends.first().copied(), ends.last().copied());
+            }
+        }
+        LinkKind::Post => {
+            post_fields(app, ui, link, &mut new);
+            if ui.button("It is a floor line").clicked() {
+                (new.kind, new.length_m) = (LinkKind::Line, None);
+                for seen in &mut new.seen {
+                    seen.segment =
+                        seen.foot.take().zip(seen.head.take()).map(|(foot, head)| vec![foot, head]);
+                }
+            }
+        }
+        LinkKind::Line => {}
+    }
+    (new != *link).then_some((index, new))
+}
+
+/// The length of a post: measured, or empty with what it looks like as a hint.
+fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
+    let session = app.editor.session();
+    let label = ui.label("long");
+    let Some(known) = &mut new.length_m else {
+        let estimate = planes::estimated_post(session, link);
+        let metres = empty_field(ui, ("post", &link.id), label.id, session.units, estimate);
+        new.length_m = metres.map(|metres| Known::prior(metres, TAPE));
+        return;
+    };
+    known_fields(ui, label.id, session.units, known);
+    if ui.button("Not measured").clicked() {
+        new.length_m = None;
+    }
+}
+
+/// A distance between views, with how far they may be apart by their own uncertainty.
+fn how_far(app: &App, apart: Apart) -> String {
+    let units = app.editor.session().units;
+    apart.sigma.map_or_else(|| units.small(apart.metres), |sigma| units.small_and_sigma(apart.metres, sigma))
+}
+
+/// Links of the camera in hand that are farther apart than chance explains.
+pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
+    let (far, all) = far_links(app.editor.session(), app.editor.session().camera);
+    if all == 0 {
+        return;
+    }
+    let palette = theme::palette(ui.ctx());
+    let all = counted(all, "link", "links");
+    let text = format!("{far} of {all} apart by more than 3 \u{3c3}");
+    let shows = ui.horizontal(|ui| {
+        ui.label(RichText::new(text).color(if far > 0 { palette.bad } else { palette.text2 }));
+        far > 0 && ui.button("Show").clicked()
+    });
+    if shows.inner {
+        app.tell(Command::ViewAll);
+    }
+}

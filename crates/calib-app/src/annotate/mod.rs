@@ -1,0 +1,12 @@
+//! Annotating an image: its canvas, the loupe, and the panels of annotations, lens, results, links and marks.
+
+pub(crate) mod image;
+pub(crate) mod loupe;
+pub(crate) mod minimap;
+pub(crate) mod result;
+pub(crate) mod sigmas;
+pub(crate) mod annotations;
+pub(crate) mod circle;
+pub mod lens;
+pub(crate) mod links;
+pub(crate) mod steps;

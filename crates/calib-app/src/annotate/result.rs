@@ -1,0 +1,356 @@
+//! The result with its uncertainty, and a lock for every number that can be held or given.
+//!
+//! A length that was measured: an empty field with today's estimate as a hint, and nothing until it is entered.
+
+use calib_core::Code;
+use calib_core::camera::Coefficient;
+use calib_core::floor::view_angle;
+use calib_core::single::Known;
+use calib_editor::{Action, Units};
+use calib_site::{LensEntry, Solution, Stage};
+use egui::{Align2, DragValue, Rect, RichText, Sense, TextEdit, Ui, Vec2};
+
+use crate::icons::{self, Icon, Look};
+use crate::state::App;
+use crate::theme;
+use crate::widgets::{cells, decimals, heading, length_field, number};
+
+/// How sure a tape is unless the operator says otherwise, in metres.
+pub(crate) const TAPE: f64 = 0.01;
+
+/// A field for a length that is not known yet; the length in metres, once it was entered.
+pub(crate) fn empty_field(
+    ui: &mut Ui,
+    salt: impl std::hash::Hash + std::fmt::Debug,
+    label: egui::Id,
+    units: Units,
+    estimate: Option<f64>,
+) -> Option<f64> {
+    let id = ui.scope_id().with(salt);
+    let mut typed: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+    let hint = estimate.map_or_else(
+        || units.sign().to_owned(),
+        |metres| format!("about {} {}", number(metres / units.metres(), 2), units.sign()),
+    );
+    let field = TextEdit::singleline(&mut typed).hint_text(hint).desired_width(92.0);
+    let response = ui.add(field).labelled_by(label);
+    let is_dropped = ui.input(|input| input.key_pressed(egui::Key::Escape));
+    let entered = if response.lost_focus() && !is_dropped { metres_in(&typed, units) } else { None };
+    if entered.is_some() || is_dropped {
+        typed.clear();
+    }
+    ui.data_mut(|data| data.insert_temp(id, typed));
+    entered
+}
+
+/// The metres that a text tells of; none of what is no length.
+fn metres_in(text: &str, units: Units) -> Option<f64> {
+    let text = text.trim().trim_end_matches(units.sign()).trim().replace(',', ".");
+    let metres = text.parse::<f64>().ok()? * units.metres();
+    (metres.is_finite() && (1e-3..1e5).contains(&metres)).then_some(metres)
+}
+
+/// Fields for a length that was measured and how sure it is. Whether it was changed.
+pub(crate) fn known_fields(ui: &mut Ui, label: egui::Id, units: Units, known: &mut Known) -> bool {
+    let mut changed = ui.add(length_field(units, &mut known.value, 1e-3)).labelled_by(label).changed();
+    if known.fixed {
+        return changed;
+    }
+    let sure = ui.label(RichText::new("\u{b1}").color(theme::palette(ui.ctx()).text3));
+    let mut sigma = known.sigma.unwrap_or(TAPE);
+    let field = length_field(units, &mut sigma, 1e-4);
+    if ui.add(field).labelled_by(sure.id).on_hover_text("How sure: one sigma").changed() {
+        (known.sigma, changed) = (Some(sigma), true);
+    }
+    changed
+}
+
+/// A number of the result that can be held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Number {
+    Focal,
+    Pitch,
+    Roll,
+    Height,
+}
+
+const NUMBERS: [Number; 4] = [Number::Focal, Number::Pitch, Number::Roll, Number::Height];
+
+impl Number {
+    const fn title(self) -> &'static str {
+        match self {
+            Self::Focal => "Focal",
+            Self::Pitch => "Pitch",
+            Self::Roll => "Roll",
+            Self::Height => "Height",
+        }
+    }
+
+    /// The sign of its unit, and how many of the document's units that is.
+    const fn unit(self, units: Units) -> (&'static str, f64) {
+        match self {
+            Self::Focal => ("px", 1.0),
+            Self::Pitch | Self::Roll => ("\u{b0}", 1.0),
+            Self::Height => (units.sign(), units.metres()),
+        }
+    }
+
+    /// The value and its sigma.
+    fn of(self, solution: &Solution) -> Option<(f64, Option<f64>)> {
+        let sigma = solution.sigma.as_ref();
+        Some(match self {
+            Self::Focal => (solution.focal_px, sigma.and_then(|s| s.focal_px)),
+            Self::Pitch => (solution.pitch_deg?, sigma.and_then(|s| s.pitch_deg)),
+            Self::Roll => (solution.roll_deg?, sigma.and_then(|s| s.roll_deg)),
+            Self::Height => (solution.position_m?.z, sigma.and_then(|s| s.z_m)),
+        })
+    }
+
+    pub(crate) fn known(self, app: &App) -> Option<Known> {
+        let entry = app.editor.session().entry()?;
+        let lens = entry.lens.as_ref();
+        match self {
+            Self::Focal => lens?.focal_px,
+            Self::Pitch => lens?.pitch_deg,
+            Self::Roll => lens?.roll_deg,
+            Self::Height => entry.height_m,
+        }
+    }
+
+    pub(crate) fn set(self, app: &mut App, known: Option<Known>) {
+        let verb = match known {
+            Some(known) if known.fixed => "hold",
+            Some(_) => "believe",
+            None => "release",
+        };
+        let name = format!("{verb} the {}", self.title().to_lowercase());
+        let change = |lens: &mut LensEntry| match self {
+            Self::Focal => lens.focal_px = known,
+            Self::Pitch => lens.pitch_deg = known,
+            Self::Roll | Self::Height => lens.roll_deg = known,
+        };
+        if self == Self::Height {
+            app.send(Action::Height { known, name });
+        } else {
+            app.change_lens(&name, change);
+        }
+    }
+}
+
+/// The panel.
+pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let solution = app.editor.session().solution().cloned();
+    let Some(solution) = solution else {
+        heading(ui, "Result", "");
+        if let Some(Err(failure)) = app.editor.session().solved.result(app.editor.session().camera) {
+            ui.label(RichText::new(&failure.message).color(palette.text));
+            ui.label(RichText::new(&failure.advice).color(palette.text2));
+        }
+        return;
+    };
+    let lines = calib_site::counted(solution.residuals.len(), "line", "lines");
+    let rms = solution.rms_px.map_or_else(String::new, |rms| format!("rms {rms:.1} px, {lines}"));
+    heading(ui, "Result", &rms);
+    for which in NUMBERS {
+        orientation_row(app, ui, &solution, which);
+        if which == Number::Focal {
+            view_row(app, ui, &solution);
+        }
+    }
+    lens_row(ui, &solution);
+    floor_row(ui, &solution);
+}
+
+/// A number of a result; of a camera that looks straight down not pitch and roll, but what is known in their place.
+pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
+    let down = solution.camera().and_then(|camera| camera.straight_down());
+    // What is held can be released.
+    let Some(down) = down.filter(|_| which.known(app).is_none()) else {
+        return number_row(app, ui, solution, which);
+    };
+    match which {
+        Number::Focal | Number::Height => number_row(app, ui, solution, which),
+        Number::Pitch => down_cells(ui, "Off straight down", down.tilt, down.tilt_sigma),
+        Number::Roll if solution.stage >= Stage::Placed => {
+            down_cells(ui, TOP, down.heading, down.heading_sigma);
+        }
+        // Where it is turned is told with its place.
+        Number::Roll => {}
+    }
+}
+
+/// Where the top of the image heads.
+pub(crate) const TOP: &str = "Image top";
+
+fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
+    let sigma = sigma.map(f64::to_degrees);
+    let shown = sigma.map_or(2, decimals).min(3);
+    ui.horizontal(|ui| {
+        cells(ui, title, &number(angle.to_degrees(), shown), sigma.map(|s| number(s, shown)), "\u{b0}");
+    });
+}
+
+/// A number of a result with its sigma and its lock.
+fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
+    let Some((value, sigma)) = which.of(solution) else { return };
+    let known = which.known(app);
+    let unit = which.unit(app.editor.session().units);
+    let [to, from] = [1.0 / unit.1, unit.1];
+    let shown = (to * value, sigma.map(|sigma| to * sigma));
+    let is_assumed = solution.warns_of(Code::ScaleAssumed);
+    let title = if which == Number::Height && is_assumed { "Height, assumed" } else { which.title() };
+    if let Some(new) = row(ui, (which, title), shown, unit.0, known.map(|known| scaled(known, to))) {
+        which.set(app, new.map(|known| scaled(known, from)));
+    }
+}
+
+/// A held number keeps the digits that its uncertainty supports, and one more.
+pub(crate) fn held_at(value: f64, digits: usize) -> f64 {
+    let digits = 10_f64.powi(digits as i32 + 1);
+    (value * digits).round() / digits
+}
+
+/// The lock of a number that is held, believed or neither; whether it was clicked.
+pub(crate) fn lock(ui: &mut Ui, title: &str, is_held: Option<bool>, tip: &str) -> bool {
+    let palette = theme::palette(ui.ctx());
+    let (icon, colour, verb) = match is_held {
+        Some(true) => (Icon::Locked, palette.accent, "Release"),
+        Some(false) => (Icon::Locked, palette.warn, "Release"),
+        None => (Icon::Unlocked, palette.text3, "Hold"),
+    };
+    let look = Look { size: Vec2::splat(18.0), colour: Some(colour), ..Look::default() };
+    icons::button(ui, icon, &format!("{verb} the {title}"), tip, look).clicked()
+}
+
+/// What is known, in another unit.
+fn scaled(known: Known, by: f64) -> Known {
+    Known { value: by * known.value, sigma: known.sigma.map(|sigma| by * sigma), ..known }
+}
+
+/// One number: value, sigma, unit, lock. What it is to become, if the lock was clicked or a field changed.
+fn row(
+    ui: &mut Ui,
+    (which, title): (Number, &str),
+    (value, sigma): (f64, Option<f64>),
+    unit: &str,
+    known: Option<Known>,
+) -> Option<Option<Known>> {
+    let shown = sigma.map_or(2, decimals).min(3);
+    let mut change = None;
+    ui.horizontal(|ui| {
+        cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
+        let title = which.title().to_lowercase();
+        let tip = match known {
+            None => format!("Hold the {title} at {}", number(value, shown)),
+            Some(_) => format!("Let the lines tell the {title}"),
+        };
+        if lock(ui, &title, known.map(|known| known.fixed), &tip) {
+            change = Some(known.is_none().then(|| Known::fixed(held_at(value, shown))));
+        }
+    });
+    if let Some(known) = known {
+        fields(ui, which, unit, known, &mut change);
+    }
+    change
+}
+
+/// Value and sigma of what is held or believed, to be typed.
+fn fields(ui: &mut Ui, which: Number, unit: &str, known: Known, change: &mut Option<Option<Known>>) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        ui.add_space(12.0);
+        let speed = if which == Number::Focal { 1.0 } else { 0.05 };
+        let mut value = known.value;
+        let response =
+            ui.add(DragValue::new(&mut value).speed(speed).max_decimals(4).update_while_editing(false));
+        let label = format!("{} value", which.title());
+        response.widget_info(|| egui::WidgetInfo::drag_value(true, value));
+        let response = response.on_hover_text(&label);
+        ui.label(RichText::new(unit).color(palette.text3));
+        let mut fixed = known.fixed;
+        let held = ui.checkbox(&mut fixed, "held");
+        let mut sigma = known.sigma.unwrap_or(0.05 * known.value.abs().max(1.0));
+        let mut typed = false;
+        if !fixed {
+            ui.label(RichText::new("\u{b1}").color(palette.text3));
+            let field = DragValue::new(&mut sigma).speed(0.1 * speed).range(1e-6..=1e6).max_decimals(4);
+            typed = ui.add(field.update_while_editing(false)).on_hover_text("How sure: one sigma").changed();
+        }
+        if response.changed() || held.changed() || typed {
+            let new = if fixed { Known::fixed(value) } else { Known::prior(value, sigma) };
+            *change = Some(Some(new));
+        }
+    });
+}
+
+fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
+    let Some(entry) = app.editor.session().entry() else { return };
+    let (lens, size) = (solution.lens(), entry.size());
+    let view = |focal: f64| view_angle(&lens, focal, size).to_degrees();
+    let hfov = view(solution.focal_px);
+    // That of a fisheye is not the focal's alone.
+    let is_wide = lens.distortion.is_wide();
+    let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px).filter(|_| !is_wide);
+    let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
+    let shown = spread.map_or(1, decimals).min(2);
+    ui.horizontal(|ui| {
+        // In a narrow panel the number comes first.
+        let title = if ui.available_width() < 230.0 { "View" } else { "Horizontal view" };
+        cells(ui, title, &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
+    });
+}
+
+fn lens_row(ui: &mut Ui, solution: &Solution) {
+    let Some(distortion) = &solution.distortion else { return };
+    // The decentring is too small to be read here.
+    let is_shown = |which: &Coefficient| !matches!(which, Coefficient::P1 | Coefficient::P2);
+    let value = |which| distortion.coefficient(which).filter(|value| *value != 0.0);
+    let used: Vec<(&str, f64)> = Coefficient::ALL
+        .into_iter()
+        .filter(is_shown)
+        .filter_map(|which| Some((which.title(), value(which)?)))
+        .collect();
+    // No more of them in a row than the column has room for.
+    for row in used.chunks(2) {
+        let names: Vec<&str> = row.iter().map(|(name, _)| *name).collect();
+        let values: Vec<String> = row.iter().map(|(_, value)| number(*value, 3)).collect();
+        ui.horizontal(|ui| cells(ui, &names.join(", "), &values.join(", "), None, ""));
+    }
+}
+
+fn floor_row(ui: &mut Ui, solution: &Solution) {
+    let palette = theme::palette(ui.ctx());
+    let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) else { return };
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
+    // A length that may be twice as long or nothing is not known.
+    let text = if rel < 1.0 { format!("\u{b1} {:.1} %", 100.0 * rel) } else { "not known".into() };
+    let words = format!("Length on the floor {text}");
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
+    ui.painter().rect_filled(rect, 4.0, palette.raised);
+    let inner: Rect = rect.shrink2(Vec2::new(8.0, 0.0));
+    let colour = if rel > 0.03 { palette.warn } else { palette.text };
+    let painter = ui.painter();
+    painter.text(
+        inner.left_center(),
+        Align2::LEFT_CENTER,
+        "Length on the floor",
+        theme::regular(12.0),
+        palette.text,
+    );
+    painter.text(inner.right_center(), Align2::RIGHT_CENTER, text, theme::medium(12.0), colour);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_is_read_as_it_is_written() {
+        assert_eq!(metres_in(" 2,5 m", Units::Metres), Some(2.5));
+        assert_eq!(metres_in("10", Units::Feet), Some(3.048));
+        for text in ["", "about", "0", "-3", "nan"] {
+            assert_eq!(metres_in(text, Units::Metres), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! How sure one drawing is, where it is not as sure as any other: its clicks, its angle, its lengths.
+//!
+//! How far the scene may be from what is drawn: what kind of place it is.
+
+use calib_core::single::ConstraintKind;
+use calib_core::{Annotation, SceneErrors};
+use calib_editor::Action;
+use calib_report::scene_errors;
+use calib_site::{SceneEntry, SceneSigmas};
+use egui::{ComboBox, DragValue, RichText, Ui};
+
+use crate::state::App;
+use crate::theme;
+
+/// A kind of place: its name, what it may be off, where it is.
+type Place = (&'static str, Option<SceneEntry>, &'static str);
+
+/// The kinds of places that are offered.
+const PLACES: [Place; 4] = [
+    ("Any place", None, "Where nothing is known"),
+    ("Level floors", Some(falls(0.3, 0.0)), "Shops, factories"),
+    ("Falling floors", Some(falls(1.5, 2.0)), "Streets, yards"),
+    ("As drawn", Some(SceneEntry::EXACT), "Measured: verticals, corners and levels are what lines say"),
+];
+
+const fn falls(tilt: f64, crossfall: f64) -> SceneEntry {
+    SceneEntry::Sigmas(SceneSigmas {
+        floor_tilt_sigma_deg: Some(tilt),
+        crossfall_sigma_deg: Some(crossfall),
+        angle_sigma_deg: None,
+        length_sigma_rel: None,
+    })
+}
+
+/// The choice for the whole site, and for a camera whose place is of another kind.
+pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
+    let session = app.editor.session();
+    let site = session.site.scene;
+    let Some(own) = session.entry().map(|entry| entry.scene) else { return };
+    let chosen = choice(ui, "Scene", site, PLACES[0], errors(None));
+    let as_site = ("As the site", None, "Where the site says");
+    let own_chosen = choice(ui, "This camera", own, as_site, errors(site));
+    if chosen == site && own_chosen == own {
+        return;
+    }
+    let (mut changed, index) = (session.site.clone(), session.camera);
+    changed.scene = chosen;
+    if let Some(entry) = changed.cameras.get_mut(index) {
+        entry.scene = own_chosen;
+    }
+    app.send(Action::Change { site: Box::new(changed), name: "change what the scene may be off".into() });
+}
+
+/// A list of places; `usual` is that of which nothing is said, and `unsaid` what is possible then.
+fn choice(
+    ui: &mut Ui,
+    title: &str,
+    now: Option<SceneEntry>,
+    usual: Place,
+    unsaid: SceneErrors,
+) -> Option<SceneEntry> {
+    let palette = theme::palette(ui.ctx());
+    let possible = |scene: Option<SceneEntry>| scene.map_or(unsaid, |scene| scene.errors());
+    let mut chosen = now;
+    let places = || std::iter::once(usual).chain(PLACES[1..].iter().copied());
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new(title).color(palette.text2));
+        let named = places().find(|(_, scene, _)| *scene == now).map_or("Its own", |(title, ..)| title);
+        ComboBox::from_id_salt(title)
+            .selected_text(named)
+            .show_ui(ui, |ui| {
+                for (title, scene, place) in places() {
+                    let says = format!("{place}. {}", scene_errors(&possible(scene)));
+                    ui.selectable_value(&mut chosen, scene, title).on_hover_text(says);
+                }
+            })
+            .response
+            .labelled_by(label.id)
+            .on_hover_text(scene_errors(&possible(now)));
+    });
+    chosen
+}
+
+/// What a scene may be off; of one of which the site says nothing, what the core takes for usual.
+fn errors(scene: Option<SceneEntry>) -> SceneErrors {
+    scene.unwrap_or(SceneEntry::Sigmas(SceneSigmas::default())).errors()
+}
+
+/// What is usual where a drawing says nothing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Usual {
+    /// Of a click, in pixels.
+    pub(crate) click: f64,
+    pub(crate) scene: SceneErrors,
+}
+
+/// Fields for the sigmas of a drawing in the hand; the drawing as it was changed.
+pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<Annotation> {
+    let mut annotation = drawn.clone();
+    let constraint = drawn.kind.row().constraint;
+    let has_angle = matches!(constraint, ConstraintKind::Parallel | ConstraintKind::RightAngle);
+    let has_scene = has_angle || constraint == ConstraintKind::Length;
+    ui.horizontal_wrapped(|ui| {
+        ui.add_space(24.0);
+        let click = Field { tip: "One sigma of a click", unit: " px", usual: usual.click, scale: 1.0 };
+        click.show(ui, &mut annotation.sigma_px);
+        if has_angle && !annotation.exact {
+            let angle = usual.scene.angle.to_degrees();
+            let tip = "One sigma of its angle; it is off level by a quarter of that";
+            Field { tip, unit: "\u{b0}", usual: angle, scale: 1.0 }.show(ui, &mut annotation.angle_sigma_deg);
+        }
+        if constraint == ConstraintKind::Length && !annotation.exact {
+            let tip = "One sigma of its length";
+            let length = Field { tip, unit: " %", usual: 100.0 * usual.scene.length, scale: 100.0 };
+            length.show(ui, &mut annotation.length_sigma_rel);
+        }
+        if has_scene {
+            let says =
+                "The scene is what this drawing says: measured to be square, level, and of these lengths";
+            ui.checkbox(&mut annotation.exact, "Exact").on_hover_text(says);
+        }
+        let own = Annotation {
+            sigma_px: None,
+            angle_sigma_deg: None,
+            length_sigma_rel: None,
+            exact: false,
+            ..annotation.clone()
+        };
+        if own != annotation && ui.small_button("As usual").clicked() {
+            annotation = own;
+        }
+    });
+    (annotation != *drawn).then_some(annotation)
+}
+
+/// A sigma that may be a drawing's own.
+struct Field {
+    tip: &'static str,
+    unit: &'static str,
+    /// As it is shown.
+    usual: f64,
+    /// What is shown over what the file has.
+    scale: f64,
+}
+
+impl Field {
+    fn show(&self, ui: &mut Ui, own: &mut Option<f64>) {
+        let palette = theme::palette(ui.ctx());
+        let mut shown = own.map_or(self.usual, |own| own * self.scale);
+        let colour = if own.is_some() { palette.text } else { palette.text3 };
+        let label = ui.label(RichText::new("\u{b1}").color(colour));
+        let field =
+            DragValue::new(&mut shown).range(0.01..=100.0).speed(0.02).max_decimals(2).suffix(self.unit);
+        if ui.add(field).labelled_by(label.id).on_hover_text(self.tip).changed() {
+            *own = Some(shown / self.scale);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_of_any_place_is_what_the_core_takes_for_usual() {
+        assert_eq!(errors(None), SceneErrors::default());
+        let SceneErrors { floor_tilt, crossfall, angle, .. } = SceneErrors::default();
+        let said = scene_errors(&errors(None));
+        for angle in [floor_tilt, crossfall, angle] {
+            assert!(said.contains(&format!("{:.1}\u{b0}", angle.to_degrees())), "{said}");
+        }
+        let level = errors(Some(falls(0.3, 0.0)));
+        assert_eq!(level.angle, angle, "a place that says how floors fall says no more");
+        assert!(!scene_errors(&level).contains("side"), "a level floor falls to no side");
+    }
+}

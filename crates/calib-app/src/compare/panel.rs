@@ -1,0 +1,221 @@
+//! A newer still of the camera in hand: what became of the camera, with its numbers, and the way to recover it.
+//!
+//! A newer still on the canvas of its camera: beside the old one by a line that wipes, or both by turns.
+
+use calib_editor::{Action, Newer, OnNewer, Pane};
+use calib_image::Became;
+use egui::{Color32, CursorIcon, Painter, Rect, RichText, Role, Sense, Slider, TextEdit, Ui, WidgetInfo};
+
+use crate::canvas::Mapping;
+use crate::command::Command;
+use crate::icons::{self, Icon};
+use crate::overlay::right_of;
+use crate::paint::{Pen, line};
+use crate::platform::{Here, Platform as _};
+use crate::state::{App, Glance, Mode, Place, Showing};
+use crate::theme::{self, Palette, on_image};
+use crate::widgets::{decimals, heading, number, section};
+
+/// How long one of two stills is shown, in seconds.
+const TURN: f64 = 0.7;
+
+/// Paints the newer still of the camera in hand over the old one. From which place of the screen on, to the right, it is
+/// the newer one that is seen; none where no newer still is looked at.
+pub(crate) fn paint(
+    app: &mut App,
+    painter: &Painter,
+    (camera, place): (usize, Place),
+    mapping: &Mapping,
+    [w, h]: [f64; 2],
+) -> Option<f32> {
+    let is_shown = place == Place::Main && app.mode == Mode::Image && camera == app.editor.session().camera;
+    let name = app.editor.newer(camera).filter(|_| is_shown)?.image.clone();
+    let split = split(app.glance, painter, mapping, w);
+    let images = &app.editor.session().images;
+    let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name))?;
+    let right = painter.with_clip_rect(painter.clip_rect().intersect(right_of(split)));
+    for piece in picture.pieces(painter.ctx()) {
+        piece.paint(&right, mapping, Color32::WHITE);
+    }
+    if app.glance.showing == Showing::Wipe {
+        let ends = [0.0, h].map(|v| mapping.screen([w * f64::from(app.glance.share), v]));
+        line(painter, &ends.map(|end| egui::pos2(split, end.y)), Pen::new(on_image::WHITE, 1.5));
+    }
+    Some(split)
+}
+
+/// The line that wipes is dragged by itself while nothing is in the hand.
+pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (width, split): (f64, f32)) {
+    /// How far beside it a press still takes it, in points.
+    const BESIDE: f32 = 6.0;
+    let is_free =
+        app.glance.showing == Showing::Wipe && app.editor.tool_row() == 0 && app.editor.tool().is_idle();
+    let strip = Rect::everything_right_of(split - BESIDE).with_max_x(split + BESIDE).intersect(mapping.rect);
+    let strip = Some(strip).filter(|strip| is_free && strip.is_positive());
+    app.panes.wipe = strip.map(|strip| ((Place::Main, Pane::Image(camera)), strip));
+    let Some(strip) = strip else { return };
+    let response = ui.interact(strip, ui.scope_id().with("wipe"), Sense::drag());
+    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "The line between the stills"));
+    if let Some(to) = response.interact_pointer_pos() {
+        let [u, _] = mapping.document(to);
+        app.glance.share = (u / width).clamp(0.0, 1.0) as f32;
+    }
+    if response.hovered() || response.dragged() {
+        ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
+    }
+}
+
+fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f32 {
+    match glance.showing {
+        Showing::Wipe => mapping.screen([width * f64::from(glance.share), 0.0]).x,
+        Showing::Old => f32::INFINITY,
+        Showing::New => f32::NEG_INFINITY,
+        // Nothing blinks for whoever asked for less motion.
+        Showing::Blink if Here::wants_stillness() => f32::NEG_INFINITY,
+        Showing::Blink => {
+            let time = painter.ctx().input(|input| input.time);
+            let left = TURN - time.rem_euclid(TURN);
+            painter.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
+            if ((time / TURN) as u64).is_multiple_of(2) { f32::NEG_INFINITY } else { f32::INFINITY }
+        }
+    }
+}
+
+/// The panel, while there is one.
+pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
+    let Some(newer) = app.editor.newer_in_hand().filter(|_| app.mode == Mode::Image).cloned() else { return };
+    let is_held = app.is_recovering_in_hand();
+    section(ui, |ui| {
+        heading(ui, "Newer still", &newer.title);
+        judgement(ui, &newer);
+        glance(app, ui);
+        since(app, ui, &newer);
+        ui.horizontal_wrapped(|ui| {
+            if newer.has_moved() {
+                let tip = "What is drawn is carried to the newer still, and the camera solved from it; its old \
+                           calibration ends when the new one begins";
+                if ui.button("Recover   Shift+R").on_hover_text(tip).clicked() {
+                    app.tell(Command::Recover);
+                }
+            }
+            // What it is recovered with is not to change meanwhile.
+            let waits = "It is being recovered from; cancel that first";
+            let button = egui::Button::new("Put aside");
+            if ui.add_enabled(!is_held, button).on_disabled_hover_text(waits).clicked() {
+                app.tell(Command::DismissNewer);
+            }
+        });
+    });
+}
+
+/// A word for what became of a camera, and how it is to be taken: its colour, and what is behind it.
+pub(crate) fn verdict(became: Became, palette: &Palette) -> (&'static str, Icon, Color32, Color32) {
+    match became {
+        Became::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
+        Became::Moved => ("Moved", Icon::Warn, palette.bad, palette.bad_bg),
+        Became::Shifted => ("Shifted in place", Icon::Warn, palette.bad, palette.bad_bg),
+        Became::Replaced => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
+        Became::TooDark => ("Too dark to tell", Icon::Warn, palette.warn, palette.warn_bg),
+        Became::Blind => ("Cannot tell: no edges", Icon::Warn, palette.warn, palette.warn_bg),
+        Became::TooFewEdges => ("Cannot tell: few edges", Icon::Warn, palette.warn, palette.warn_bg),
+    }
+}
+
+fn judgement(ui: &mut Ui, newer: &Newer) {
+    let palette = theme::palette(ui.ctx());
+    let (word, icon, colour, fill) = verdict(newer.comparison.became, palette);
+    egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.horizontal_top(|ui| {
+            icons::inline(ui, icon, colour);
+            ui.vertical(|ui| {
+                ui.label(RichText::new(word).font(theme::medium(12.0)));
+                ui.label(RichText::new(sentence(newer.comparison.became)).color(palette.text2));
+                for number in numbers(newer) {
+                    ui.label(RichText::new(number).color(palette.text));
+                }
+            });
+        });
+    });
+    ui.add_space(4.0);
+}
+
+fn sentence(became: Became) -> String {
+    let words = became.to_string();
+    let mut letters = words.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
+    format!("{first}{}.", letters.as_str())
+}
+
+/// An angle and its sigma in degrees, with the digits that the sigma supports.
+fn degrees(angle: f64, sigma: f64) -> [String; 2] {
+    let decimals = decimals(sigma.to_degrees());
+    [angle, sigma].map(|value| number(value.to_degrees(), decimals))
+}
+
+/// How it moved, each with its sigma, and of how much that is told.
+fn numbers(newer: &Newer) -> Vec<String> {
+    let found = &newer.comparison;
+    let again = format!("{:.0} % of {} places found again", 100.0 * found.found, found.places);
+    if !found.became.is_aligned() {
+        return vec![again];
+    }
+    let (angle, angle_sigma) = found.angle(&newer.pose);
+    let (zoom, zoom_sigma) = found.zoom();
+    let by_axis = found.movement(&newer.pose);
+    let axis = |name: &str, index: usize| {
+        let (value, sigma) = by_axis[index];
+        let sign = if value < 0.0 { "\u{2212}" } else { "+" };
+        let [size, sigma] = degrees(value.abs(), sigma);
+        format!("{name} {sign}{size}\u{b0} \u{b1} {sigma}")
+    };
+    let [turned, turned_sigma] = degrees(angle, angle_sigma);
+    let [zoom, zoom_sigma] = [zoom, zoom_sigma].map(|value| number(value, decimals(zoom_sigma)));
+    vec![
+        format!("turned {turned}\u{b0} \u{b1} {turned_sigma}"),
+        format!("zoom {zoom} \u{b1} {zoom_sigma}"),
+        axis("yaw", 0),
+        axis("pitch", 1),
+        axis("roll", 2),
+        format!("image moved {:.2} px", found.shift),
+        again,
+    ]
+}
+
+/// Which of the two stills is seen.
+fn glance(app: &mut App, ui: &mut Ui) {
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for (showing, word) in Showing::ALL {
+            ui.selectable_value(&mut app.glance.showing, showing, word);
+        }
+    });
+    if app.glance.showing == Showing::Wipe {
+        let palette = theme::palette(ui.ctx());
+        ui.horizontal(|ui| {
+            let label = ui.label(RichText::new("Old | new").color(palette.text2));
+            let slider = Slider::new(&mut app.glance.share, 0.0..=1.0).show_value(false);
+            ui.add(slider).labelled_by(label.id);
+        });
+    }
+}
+
+/// Since when the camera stands so: what its calibrations are told apart by.
+fn since(app: &mut App, ui: &mut Ui, newer: &Newer) {
+    if !newer.has_moved() {
+        return;
+    }
+    let palette = theme::palette(ui.ctx());
+    let mut text = newer.since.clone();
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Holds since").color(palette.text2));
+        let field = TextEdit::singleline(&mut text).hint_text("2026-05-01T08:00:00Z");
+        let field = field.desired_width(f32::INFINITY);
+        let waits = "It is being recovered from as of this time; cancel that first";
+        let is_free = !app.is_recovering_in_hand();
+        ui.add_enabled(is_free, field).on_disabled_hover_text(waits).labelled_by(label.id);
+    });
+    if text != newer.since {
+        app.send(Action::Newer(OnNewer::Since(text)));
+    }
+}

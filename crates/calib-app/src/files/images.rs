@@ -1,0 +1,238 @@
+//! Stills that come in: read off the frame's path, then taken as cameras or in place of another.
+//!
+//! Lenses and cameras of other programs: read here, taken by the editor.
+//!
+//! The floor plan of a site: its picture, and the world file that says where it lies.
+
+use std::path::Path;
+
+use calib_editor::images::{camera_name, has_ending, is_image, mime};
+use calib_editor::{Action, NewStill, plan_told_by, recognise, world_endings};
+use calib_formats::{File, Format, Imported};
+use calib_input::time_in_name;
+use calib_site::Plan;
+use egui::Context;
+
+use crate::choice::Chosen;
+use crate::platform::{Here, Platform as _, Task};
+use crate::state::{App, Comparing, Mode, Planning, Read, ReadPicture};
+
+/// Whether a file says where the picture of a plan lies.
+pub(crate) fn is_world_file(file: &Chosen) -> bool {
+    world_endings().iter().any(|ending| has_ending(Path::new(&file.name), ending))
+}
+
+/// Whether a world file is that of a picture: plan.pgw and plan.png. A drawing has no pixels to be told of.
+fn is_of(world: &Chosen, picture: &Chosen) -> bool {
+    let stem = |file: &Chosen| Path::new(&file.name).file_stem().map(ToOwned::to_owned);
+    is_image(Path::new(&picture.name)) && stem(world) == stem(picture)
+}
+
+/// The plan that a world file tells of.
+fn told_by(file: Chosen) -> Result<Plan, String> {
+    let name = file.name.clone();
+    let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
+    plan_told_by(File { name, bytes })
+}
+
+/// The world file beside a picture on disk.
+fn beside(picture: &Chosen) -> Option<Chosen> {
+    let path = picture.path.as_deref().filter(|path| is_image(path))?;
+    let path = world_endings().iter().map(|end| path.with_extension(end)).find(|path| path.is_file())?;
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    Some(Chosen { name, path: Some(path), bytes: None })
+}
+
+impl App {
+    /// Takes what was chosen for the plan: its picture, its world file, or both. A site has one plan;
+    /// whatever else was chosen is named.
+    pub fn load_plan(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
+        let (worlds, mut pictures): (Vec<_>, Vec<_>) = chosen.into_iter().partition(is_world_file);
+        let mut worlds = worlds.into_iter();
+        if pictures.is_empty() {
+            if let Some(world) = worlds.next() {
+                self.take_world_file(world);
+            }
+        } else {
+            let picture = pictures.remove(0);
+            let (mut own, others): (Vec<_>, Vec<_>) = worlds.partition(|world| is_of(world, &picture));
+            let own = if own.is_empty() { beside(&picture) } else { Some(own.remove(0)) };
+            self.read_plan(ctx, picture, own);
+            worlds = others.into_iter();
+        }
+        let left: Vec<String> = pictures.into_iter().chain(worlds).map(|file| file.name).collect();
+        if !left.is_empty() {
+            self.act(Action::Complain(format!("Not taken, a site has one plan: {}.", left.join(", "))));
+        }
+    }
+
+    /// Begins to read the picture of a plan that lies as `world` says.
+    fn read_plan(&mut self, ctx: &Context, picture: Chosen, world: Option<Chosen>) {
+        let told = world.map(told_by).transpose().unwrap_or_else(|error| {
+            self.act(Action::Complain(error));
+            None
+        });
+        self.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
+    }
+
+    pub(crate) fn poll_plan(&mut self) {
+        let Some(planning) = self.planning.take() else { return };
+        match planning.picture.poll() {
+            None => self.planning = Some(planning),
+            Some(Ok(still)) => {
+                let still = self.stored(still);
+                self.act(Action::LoadPlan(still, planning.told));
+                self.show(Mode::Plan);
+                self.panes.views.clear();
+            }
+            Some(Err(error)) => self.act(Action::Complain(error)),
+        }
+    }
+
+    fn take_world_file(&mut self, file: Chosen) {
+        let name = file.name.clone();
+        self.act(match told_by(file) {
+            Ok(told) => Action::LayPlan(told, name),
+            Err(error) => Action::Complain(error),
+        });
+    }
+
+    /// Takes world files, and the pictures of the same name that they make plans, out of what was dropped.
+    pub(crate) fn take_plans(&mut self, ctx: &Context, dropped: &mut Vec<Chosen>) {
+        if !dropped.iter().any(is_world_file) {
+            return;
+        }
+        let (worlds, others): (Vec<_>, Vec<_>) = std::mem::take(dropped).into_iter().partition(is_world_file);
+        let (pictures, others): (Vec<_>, Vec<_>) =
+            others.into_iter().partition(|file| worlds.iter().any(|world| is_of(world, file)));
+        *dropped = others;
+        self.load_plan(ctx, pictures.into_iter().chain(worlds).collect());
+    }
+}
+
+impl App {
+    /// Begins to read a still that becomes a camera.
+    pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
+        let task = self.read_still(ctx, file);
+        self.adding.push(task);
+    }
+
+    /// Begins to compare newer stills: each with the camera that its name begins with, else with that in hand.
+    pub fn add_newer(&mut self, ctx: &Context, files: Vec<Chosen>) {
+        let in_hand = self.editor.session().entry().map(|entry| entry.id.clone());
+        for file in files {
+            let named = self.named_by(&file.name).or_else(|| in_hand.clone());
+            if let Some(camera) = named {
+                let opening = self.read_still(ctx, file);
+                self.comparing.push_back(Comparing::new(camera, opening));
+            }
+        }
+    }
+
+    /// The id of the camera that the name of a still begins with.
+    fn named_by(&self, name: &str) -> Option<String> {
+        self.editor.site().camera_of_name(&camera_name(Path::new(name))).map(str::to_owned)
+    }
+
+    /// Whether a file is a newer still of a camera, by its name: of one that is solved, and it says a time.
+    pub(crate) fn is_newer(&self, file: &Chosen) -> bool {
+        let name = Path::new(&file.name);
+        let taken = time_in_name(&camera_name(name)).filter(|_| is_image(name));
+        let index = || self.editor.site().entry_at(&self.named_by(&file.name)?, taken.as_deref());
+        let is_solved = |index: usize| self.editor.session().solved.pose(index).is_some();
+        taken.is_some() && index().is_some_and(is_solved)
+    }
+
+    pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
+        if let Some(path) = &file.path {
+            self.allow_chosen(path);
+        }
+        let title = camera_name(file.path.as_deref().unwrap_or(Path::new(&file.name)));
+        let name = match (&file.path, file.bytes) {
+            (Some(path), _) => path.to_string_lossy().into_owned(),
+            (None, Some(bytes)) => self.editor.store_image(bytes.into(), mime(&file.name), Some(&file.name)),
+            (None, None) => file.name.clone(),
+        };
+        let read = self.editor.session().images.reader(&name);
+        Here::still(ctx, file.name, read, |bytes, picture, drawn| ReadPicture {
+            taken: time_in_name(&title).or_else(|| calib_input::taken(bytes)),
+            still: NewStill {
+                image: name,
+                title,
+                size: picture.dimensions().into(),
+                image_circle: calib_image::image_circle(picture),
+            },
+            drawn,
+        })
+    }
+
+    pub(crate) fn poll_stills(&mut self) {
+        let was_empty = self.editor.site().cameras.is_empty();
+        // Threads finish in any order; cameras come in that of their files.
+        while let Some(still) = self.adding.first().and_then(Task::outcome) {
+            self.adding.remove(0);
+            match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
+                Ok(picture) => {
+                    let still = self.stored(picture);
+                    self.act(Action::AddCamera(still));
+                }
+                Err(error) => self.act(Action::Complain(error)),
+            }
+        }
+        if was_empty && !self.editor.site().cameras.is_empty() {
+            self.act(Action::Choose(0));
+        }
+        if let Some(task) = self.replacing.take() {
+            match task.poll() {
+                None => self.replacing = Some(task),
+                Some(Ok(picture)) => {
+                    let still = self.stored(picture);
+                    self.act(Action::ReplaceStill(self.replaced.clone(), still));
+                }
+                Some(Err(error)) => self.act(Action::Complain(error)),
+            }
+        }
+    }
+
+    /// The still of a picture; one that was drawn is stored.
+    pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewStill {
+        let ReadPicture { still, drawn, taken: _ } = picture;
+        let Some(png) = drawn else { return still };
+        let name = format!("{}.png", still.title);
+        let image = self.editor.store_image(png.into(), "image/png", Some(&name));
+        NewStill { image, ..still }
+    }
+}
+
+impl App {
+    /// Takes what files of another program say about cameras.
+    pub(crate) fn import(&mut self, chosen: Vec<Chosen>) {
+        let Some(first) = chosen.first().map(|file| file.name.clone()) else { return };
+        let read = chosen.into_iter().map(|file| {
+            let name = file.name.clone();
+            let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
+            Ok(File { name, bytes })
+        });
+        let taken = read.collect::<Result<Vec<File>, String>>().and_then(|files| recognise(&files));
+        match taken {
+            Ok((format, imported)) => self.take_imported(&first, format, imported),
+            Err(error) => self.act(Action::Fail(error)),
+        }
+    }
+
+    fn take_imported(&mut self, name: &str, format: &Format, Imported { site, notes }: Imported) {
+        // A world file alone lays the plan that is there.
+        let open = self.editor.site();
+        if let (Some(plan), true, Some(_)) = (&site.plan, site.cameras.is_empty(), &open.plan) {
+            self.act(Action::LayPlan(plan.clone(), name.to_owned()));
+            return;
+        }
+        if open.cameras.is_empty() {
+            let images = self.editor.session().images.clone();
+            self.open_site(site, images, None);
+            self.act(Action::Note(format!("Read as {}. {}", format.name, notes.join("; "))));
+            return;
+        }
+        self.act(Action::Import(Box::new(site), notes));
+    }
+}

@@ -1,0 +1,8 @@
+//! Files that the operator opens and saves: sites, images, plans, screenshots; the start page and the dialogs.
+
+pub(crate) mod outside;
+pub(crate) mod images;
+pub(crate) mod saving;
+pub(crate) mod screenshot;
+pub(crate) mod answers;
+pub(crate) mod start;

@@ -1,0 +1,205 @@
+//! Images that the site names outside its folder: nothing is read of them before the operator says so.
+//!
+//! What has to be decided first: over whose work a file is written, and where; which files are read.
+
+use std::path::PathBuf;
+
+use calib_editor::{Action, image_names};
+use calib_site::counted;
+use egui::{Align2, Context, Key, RichText, TextEdit, Ui, Vec2, Window};
+
+use crate::choice::Purpose;
+use crate::platform::{Here, Platform as _};
+use crate::state::{App, Conflict, Decision, PathField, Why};
+use crate::theme;
+
+impl App {
+    /// Asks about images outside the folder of the site, whenever the site names others than before.
+    pub(crate) fn watch_outside(&mut self) {
+        let names = image_names(self.editor.site());
+        if names == self.outside.names {
+            return;
+        }
+        let images = &self.editor.session().images;
+        let reach = images.reach();
+        let files = names.iter().filter_map(|name| images.file(name));
+        let beyond = files.filter(|file| !reach.holds(file, Here::real)).filter_map(|file| Here::real(&file));
+        self.outside.asked = beyond.filter(|file| !self.outside.left.contains(file)).collect();
+        self.outside.names = names;
+    }
+
+    /// Reads the images outside the folder, for as long as this site is open, or leaves them out.
+    pub(crate) fn settle_outside(&mut self, allows: bool) {
+        let asked = std::mem::take(&mut self.outside.asked);
+        if !allows {
+            let note = "Left out: the site keeps the names of its images. \u{201c}Read images again\u{201d} asks again.";
+            self.act(Action::Note(note.into()));
+            self.outside.left.extend(asked);
+            return;
+        }
+        let images = &self.editor.session().images;
+        let is_asked = |name: &String| images.file(name).and_then(|file| Here::real(&file));
+        for name in &self.outside.names {
+            if is_asked(name).is_some_and(|file| asked.contains(&file)) {
+                self.pictures.forget(name);
+            }
+        }
+        self.editor.allow_images(asked);
+    }
+
+    /// Asks again about what was left out.
+    pub(crate) fn ask_outside_again(&mut self) {
+        self.outside.left.clear();
+        self.outside.names.clear();
+    }
+
+    /// A file that the operator chose is read wherever it is.
+    pub(crate) fn allow_chosen(&mut self, file: &std::path::Path) {
+        self.editor.allow_images(Here::real(file));
+    }
+
+    /// What is read beside one folder is read on when the site has another.
+    pub(crate) fn keep_reach(&mut self) {
+        let session = self.editor.session();
+        let reach = session.images.reach();
+        let files = image_names(&session.site).into_iter().filter_map(|name| session.images.file(&name));
+        let read: Vec<PathBuf> =
+            files.filter(|file| reach.holds(file, Here::real)).filter_map(|file| Here::real(&file)).collect();
+        self.editor.allow_images(read);
+    }
+}
+
+/// The sheet that asks, if there is one.
+pub(crate) fn asked_ui(app: &mut App, ctx: &Context) {
+    if let Some(conflict) = app.conflict.clone() {
+        sheet("A file is not written", ctx, |ui| decide(app, ui, &conflict));
+    }
+    if let Some(field) = app.path_field.clone() {
+        sheet("A path", ctx, |ui| path(app, ui, field));
+    }
+    if !app.outside.asked.is_empty() {
+        sheet("Images elsewhere", ctx, |ui| outside(app, ui));
+    }
+}
+
+fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
+    Window::new(title)
+        .title_bar(false)
+        .resizable(false)
+        .anchor(Align2::CENTER_TOP, Vec2::new(0.0, 64.0))
+        .default_width(420.0)
+        .show(ctx, contents);
+}
+
+/// Which images the site names outside its folder, and whether they are read.
+fn outside(app: &mut App, ui: &mut Ui) {
+    const MOST: usize = 8;
+    let palette = theme::palette(ui.ctx());
+    let files: Vec<String> = app.outside.asked.iter().map(|file| file.display().to_string()).collect();
+    ui.set_max_width(420.0);
+    let path = app.editor.session().path.as_deref().and_then(std::path::Path::file_name);
+    let site = path.map_or_else(|| "The site".into(), std::ffi::OsStr::to_string_lossy);
+    let what = format!("{site} names {} outside its folder.", counted(files.len(), "image", "images"));
+    ui.label(RichText::new(what).font(theme::medium(13.0)));
+    for file in files.iter().take(MOST) {
+        ui.label(file);
+    }
+    if files.len() > MOST {
+        ui.label(format!("and {} more", files.len() - MOST));
+    }
+    let why =
+        "Whoever made the site chose them, not you. What is read is shown here, and stands in a report.";
+    ui.label(RichText::new(why).color(palette.text2));
+    ui.horizontal(|ui| {
+        for (text, allows) in [("Allow once for this site", true), ("Leave out", false)] {
+            if ui.button(text).clicked() {
+                app.decide_outside(allows);
+            }
+        }
+    });
+}
+
+fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
+    let palette = theme::palette(ui.ctx());
+    let name = conflict.path.display().to_string();
+    ui.set_max_width(420.0);
+    let (what, way_out) = match &conflict.why {
+        Why::Changed(_) => (
+            format!("{name} was changed since it was read here."),
+            "Reload opens what the file holds; your work stays under \u{201c}Work that was not saved\u{201d}. \
+             Overwrite puts yours in its place.",
+        ),
+        Why::ReadOnly => {
+            (format!("{name} is read-only."), "Save under another name, or write it all the same.")
+        }
+    };
+    ui.label(RichText::new(what).font(theme::medium(13.0)));
+    if let Why::Changed(differences) = &conflict.why {
+        changes(ui, differences);
+    }
+    ui.label(RichText::new(way_out).color(palette.text2));
+    let reload = (matches!(conflict.why, Why::Changed(_))).then_some(("Reload", Decision::Reload));
+    let others = [
+        ("Save as\u{2026}", Decision::SaveAs),
+        ("Overwrite", Decision::Overwrite),
+        ("Leave it", Decision::Leave),
+    ];
+    ui.horizontal(|ui| {
+        for (text, decision) in reload.into_iter().chain(others) {
+            if ui.button(text).clicked() {
+                app.settle_conflict(decision);
+            }
+        }
+    });
+}
+
+/// What somebody else did to the file.
+fn changes(ui: &mut Ui, differences: &[String]) {
+    const MOST: usize = 8;
+    if differences.is_empty() {
+        ui.label("It differs in results or in layout alone.");
+    }
+    for difference in differences.iter().take(MOST) {
+        ui.label(format!("In the file, {difference}"));
+    }
+    if differences.len() > MOST {
+        ui.label(format!("and {} more", differences.len() - MOST));
+    }
+}
+
+fn path(app: &mut App, ui: &mut Ui, mut field: PathField) {
+    let palette = theme::palette(ui.ctx());
+    let what = match field.purpose {
+        Purpose::OpenSite => "Path of the site to open",
+        Purpose::SaveSite | Purpose::SavePlain => "Path to save the site to",
+        Purpose::AddImages => "Path of an image, or of a folder of images",
+        Purpose::LoadPlan => "Path of the floor plan",
+        Purpose::ReplaceStill => "Path of the still",
+        Purpose::NewerStill => "Path of the newer still",
+        Purpose::Compare => "Path of the saved version",
+        Purpose::Import => "Path of the file to import",
+        Purpose::Export => "Path of the folder to export into",
+        Purpose::SavePicture => "Path to save the picture to",
+        Purpose::SaveReport => "Path to save the report to",
+    };
+    let label = ui.label(RichText::new(what).font(theme::medium(13.0)));
+    let why = "This system has no file chooser: xdg-desktop-portal or zenity brings one.";
+    ui.label(RichText::new(why).color(palette.text2));
+    let typed = ui.add(TextEdit::singleline(&mut field.text).desired_width(400.0)).labelled_by(label.id);
+    let is_entered = typed.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+    let mut decided = is_entered.then(|| Some(field.clone()));
+    ui.horizontal(|ui| {
+        if ui.button("OK").clicked() {
+            decided = Some(Some(field.clone()));
+        }
+        if ui.button("Cancel").clicked() {
+            decided = Some(None);
+        }
+    });
+    match decided {
+        Some(decision) => app.take_typed(decision),
+        None if !typed.has_focus() && field.text.is_empty() => typed.request_focus(),
+        None => {}
+    }
+    app.path_field = Some(field);
+}

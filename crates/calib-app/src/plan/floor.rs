@@ -1,0 +1,352 @@
+//! What is painted on the floor from above: plan, images laid on it, polygons, cameras, marks. Reads only.
+
+use calib_core::{Camera, FloorPoint};
+use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, cone_corners, on_plan};
+use calib_editor::{Part, PlanHandle, Session, number, plan_handles, plan_scale};
+use egui::{Align2, Color32, Mesh, Painter, Pos2, Rect, Shape, Stroke, Vec2};
+
+use crate::canvas::Mapping;
+use crate::overlay::Shown;
+use crate::paint::{Pen, chip, handle, line, ring, tag};
+use crate::picture::{Pictures, Piece};
+use crate::plan::mesh::{fill, lay};
+use crate::theme::{self, on_image};
+
+/// What the floor's canvas needs to know.
+#[derive(Debug)]
+pub struct Floor<'a> {
+    /// The site and its results.
+    pub session: &'a Session,
+    /// Where the floor is on the screen.
+    pub mapping: Mapping,
+    /// Opacity of the images laid on the plan, 0 to 1.
+    pub opacity: f32,
+    /// Whether images of all cameras are laid on it, not only of the one in hand.
+    pub blend: bool,
+    /// Whether fields are filled, so that overlap shows.
+    pub coverage: bool,
+    /// Poses before the gesture under way or the last joint solve, to be shown as ghosts.
+    pub before: &'a [Option<Camera>],
+}
+
+/// How many standard deviations an ellipse spans.
+pub const SIGMAS: f64 = 2.0;
+/// How much larger than life an ellipse is drawn.
+pub const MAGNIFIED: f64 = 10.0;
+
+impl Floor<'_> {
+    fn at(&self, point: FloorPoint) -> Pos2 {
+        self.mapping.screen(point.into())
+    }
+
+    fn path(&self, points: &[FloorPoint]) -> Vec<Pos2> {
+        points.iter().map(|&point| self.at(point)).collect()
+    }
+
+    /// The plan's picture under everything, turned as the plan is.
+    pub fn paint_plan(&self, painter: &Painter, pieces: &[Piece]) {
+        let scale = plan_scale(&self.session.site);
+        for piece in pieces {
+            let mut mesh = Mesh::with_texture(piece.texture);
+            for [s, t] in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+                let at = calib_core::PlanPixel::new(
+                    piece.low[0] + s * piece.size[0],
+                    piece.low[1] + t * piece.size[1],
+                );
+                let (pos, uv) = (self.at(scale.floor_from_plan(at)), Pos2::new(s as f32, t as f32));
+                mesh.vertices.push(egui::epaint::Vertex { pos, uv, color: Color32::WHITE });
+            }
+            mesh.add_triangle(0, 1, 2);
+            mesh.add_triangle(0, 2, 3);
+            painter.add(Shape::mesh(mesh));
+        }
+    }
+
+    /// The grid, where there is no plan or where it ends.
+    pub fn paint_grid(&self, painter: &Painter, colour: Color32) {
+        // No lines nearer to each other than 24 points.
+        let step = self.session.units.step(1.0 / self.mapping.view.zoom, 1.0 / 24.0);
+        paint_grid(painter, &self.mapping, step, colour);
+    }
+
+    /// The images laid on the floor.
+    pub fn paint_images(&self, painter: &Painter, pictures: &Pictures) {
+        for index in 0..self.session.site.cameras.len() {
+            let is_asked =
+                self.blend && !self.session.site.is_followed(index) || index == self.session.camera;
+            if !is_asked || self.opacity <= 0.0 {
+                continue;
+            }
+            let Some(entry) = self.session.site.cameras.get(index) else { continue };
+            let Some(picture) = entry.image.as_ref().and_then(|name| pictures.ready(name)) else { continue };
+            let (Some(pose), Some(solution)) =
+                (self.session.solved.pose(index), self.session.solved.solution(index))
+            else {
+                continue;
+            };
+            let tint = Color32::from_white_alpha((255.0 * self.opacity) as u8);
+            let plane = self.session.solved.efov_plane(&self.session.site, entry);
+            let on = (pose, &plane);
+            lay(painter, &self.mapping, picture, on, &solution.efov_m, entry.size(), tint);
+        }
+    }
+
+    /// Every camera with its field; the one in hand last and with handles.
+    pub fn paint_cameras(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
+        for index in 0..self.session.site.cameras.len() {
+            self.paint_ghost(painter, index);
+        }
+        let shown = Shown(self.session);
+        let view = PlanView::new(&shown).with_uppermost(self.session.camera);
+        let layers = [PlanLayer::Efovs, PlanLayer::PositionEllipses(SIGMAS * MAGNIFIED), PlanLayer::Cameras];
+        for item in on_plan(&view, &layers) {
+            self.paint_camera(painter, &item);
+        }
+        self.paint_handles(painter, cursor);
+    }
+
+    fn paint_camera(&self, painter: &Painter, item: &Item<FloorPoint>) {
+        let pen = Pen::of(Look::of(item.meaning));
+        match (&item.geometry, item.meaning) {
+            (Geometry::Polygon(corners), meaning) => {
+                let closed: Vec<FloorPoint> = corners.iter().chain(corners.first()).copied().collect();
+                let points = self.path(&closed);
+                let pen = match meaning {
+                    Meaning::Efov(index) => {
+                        if self.coverage {
+                            fill(painter, &closed, &points, pen.colour.gamma_multiply(0.10));
+                        }
+                        self.field_pen(index, pen)
+                    }
+                    _ => pen,
+                };
+                line(painter, &points, pen);
+            }
+            (&Geometry::Cone { foot, ahead, half_angle }, Meaning::Camera(index)) => {
+                self.paint_symbol(painter, index, [self.at(foot), self.at(ahead)], half_angle);
+            }
+            _ => {}
+        }
+    }
+
+    /// The outline of the field in hand is bold and solid.
+    fn field_pen(&self, index: usize, pen: Pen) -> Pen {
+        if index == self.session.camera { Pen { width: 2.5, ..pen }.dashed(&[]) } else { pen }
+    }
+
+    fn paint_symbol(&self, painter: &Painter, index: usize, [foot, ahead]: [Pos2; 2], half_angle: f64) {
+        const LENGTH: f64 = 44.0;
+        let pen = Pen::of(Look::of(Meaning::Camera(index)));
+        let [at, to] = [foot, ahead].map(|at| [f64::from(at.x), f64::from(at.y)]);
+        let cone = cone_corners(at, to, half_angle, LENGTH).into_iter();
+        let cone = cone.map(|[x, y]| Pos2::new(x as f32, y as f32)).collect();
+        let stroke = Stroke::new(pen.width, pen.colour);
+        painter.add(Shape::convex_polygon(cone, pen.colour.gamma_multiply(0.25), stroke));
+        painter.circle(foot, 5.0, Color32::WHITE, Stroke::new(1.5, Color32::BLACK));
+        let rect = painter.clip_rect().shrink(18.0);
+        if rect.contains(foot) {
+            chip(painter, foot + Vec2::new(-18.0, 0.0), index);
+        } else if let Some(pose) = self.session.solved.pose(index) {
+            self.paint_far(painter, index, pose, rect, foot);
+        }
+    }
+
+    /// A camera that is off the screen: its letter at the border, and how far it is.
+    fn paint_far(&self, painter: &Painter, index: usize, pose: &Camera, rect: Rect, foot: Pos2) {
+        let at = rect.clamp(foot);
+        chip(painter, at, index);
+        let middle = self.mapping.document(rect.center());
+        let far = (pose.position.x - middle[0]).hypot(pose.position.y - middle[1]);
+        let far = self.session.units.length(far, 0);
+        let text = format!("{}, {far}", self.session.site.cameras[index].id);
+        let align = if at.x > rect.center().x { Align2::RIGHT_CENTER } else { Align2::LEFT_CENTER };
+        let side = if at.x > rect.center().x { -12.0 } else { 12.0 };
+        tag(painter, at + Vec2::new(side, 0.0), align, &text, on_image::WHITE);
+    }
+
+    /// Where the field of a camera lay before it was moved.
+    fn paint_ghost(&self, painter: &Painter, index: usize) {
+        let Some(Some(before)) = self.before.get(index) else { return };
+        let solved = &self.session.solved;
+        let (Some(pose), Some(_)) = (solved.pose(index), solved.solution(index)) else { return };
+        if before.position == pose.position && before.yaw == pose.yaw {
+            return;
+        }
+        let Some(entry) = self.session.site.cameras.get(index) else { return };
+        let (corners, plane) =
+            (calib_editor::corners_of(entry), solved.efov_plane(&self.session.site, entry));
+        let outline: Vec<Pos2> = corners
+            .iter()
+            .chain(corners.first())
+            .filter_map(|&pixel| before.pixel_to_plane(pixel, &plane))
+            .map(|point| self.at(point.on_floor()))
+            .collect();
+        line(painter, &outline, Pen::new(Color32::from_gray(200), 1.0).dashed(&[3.0, 4.0]).bare());
+    }
+
+    fn paint_handles(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
+        let handles = plan_handles(self.session, self.session.camera);
+        let screen: Vec<(PlanHandle, Pos2)> =
+            handles.into_iter().map(|(handle, at)| (handle, self.mapping.screen(at))).collect();
+        let find = |wanted: PlanHandle| screen.iter().find(|(h, _)| *h == wanted).map(|(_, at)| *at);
+        if let (Some(foot), Some(turn)) = (find(PlanHandle::Foot), find(PlanHandle::Turn)) {
+            painter.line_segment([foot, turn], Stroke::new(1.0, Color32::WHITE));
+        }
+        let over = cursor.map(|at| self.mapping.screen(at));
+        for (which, at) in screen {
+            let colour = theme::camera(self.session.camera);
+            match which {
+                PlanHandle::Turn => ring(painter, at, on_image::ACCENT, true),
+                PlanHandle::Scale => {
+                    let rect = Rect::from_center_size(at, Vec2::splat(9.0));
+                    painter.rect_filled(rect, 0.0, Color32::WHITE);
+                    painter.rect_stroke(
+                        rect,
+                        0.0,
+                        Stroke::new(1.0, Color32::BLACK),
+                        egui::StrokeKind::Outside,
+                    );
+                }
+                PlanHandle::Foot | PlanHandle::Body => {}
+                PlanHandle::Corner(_) => handle(painter, at, colour),
+            }
+            if over.is_some_and(|over| over.distance(at) < theme::HIT) {
+                painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::ACCENT));
+            }
+        }
+        self.paint_told(painter);
+        if let Some(pivot) = self.session.pivot {
+            let at = self.mapping.screen(pivot);
+            painter.circle_stroke(at, 6.0, Stroke::new(1.5, on_image::WAITING));
+            painter.circle_filled(at, 2.0, on_image::WAITING);
+        }
+    }
+
+    /// At the foot of a camera in the hand: how it stands now, and how it stood before.
+    fn paint_told(&self, painter: &Painter) {
+        let camera = self.session.camera;
+        let (Some(Some(before)), Some(now)) = (self.before.get(camera), self.session.solved.pose(camera))
+        else {
+            return;
+        };
+        let turn = |pose: &Camera| number(pose.yaw.to_degrees(), 1);
+        let height = |pose: &Camera| self.session.units.length(pose.position.z, 2);
+        let moved = now.position.on_floor().distance(before.position.on_floor());
+        let told = [
+            (turn(now) != turn(before), format!("turn {}\u{b0}, was {}\u{b0}", turn(now), turn(before))),
+            (height(now) != height(before), format!("height {}, was {}", height(now), height(before))),
+            (moved > 0.005, format!("moved {}", self.session.units.small(moved))),
+        ];
+        let told: Vec<String> =
+            told.into_iter().filter(|(differs, _)| *differs).map(|(_, text)| text).collect();
+        let at = self.at(now.position.on_floor()) + Vec2::new(14.0, 10.0);
+        for (row, text) in told.iter().enumerate() {
+            tag(painter, at + Vec2::new(0.0, 20.0 * row as f32), Align2::LEFT_TOP, text, on_image::WHITE);
+        }
+    }
+
+    /// Regions of planes, marks, links that were solved, control points with a rubber band to where the camera shows them.
+    pub fn paint_elements(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
+        let over = cursor.map(|at| self.mapping.screen(at));
+        let shown = Shown(self.session);
+        let layers = [PlanLayer::Planes, PlanLayer::Marks, PlanLayer::Links, PlanLayer::ControlPoints];
+        for item in on_plan(&PlanView::new(&shown), &layers) {
+            self.paint_element(painter, &item, over);
+        }
+        if let Some([a, b]) = self.session.measured {
+            let scale = plan_scale(&self.session.site);
+            let ends = [a, b].map(|p| self.at(scale.floor_from_plan(p)));
+            line(painter, &ends, Pen::new(on_image::WAITING, 2.0));
+            for at in ends {
+                handle(painter, at, on_image::WAITING);
+            }
+        }
+    }
+
+    fn paint_element(&self, painter: &Painter, item: &Item<FloorPoint>, over: Option<Pos2>) {
+        let pen = self.pen(item.meaning);
+        match (&item.geometry, item.meaning) {
+            (Geometry::Polyline(points), _) => line(painter, &self.path(points), pen),
+            (Geometry::Polygon(corners), _) => {
+                let closed: Vec<FloorPoint> = corners.iter().chain(corners.first()).copied().collect();
+                line(painter, &self.path(&closed), pen);
+            }
+            (Geometry::Label(at, text), Meaning::Plane(_)) => {
+                tag(painter, self.at(*at), Align2::CENTER_CENTER, text, pen.colour);
+            }
+            (Geometry::Point(at), Meaning::ControlPoint { .. }) => {
+                let at = self.at(*at);
+                for arm in [Vec2::new(7.0, 0.0), Vec2::new(0.0, 7.0)] {
+                    line(painter, &[at - arm, at + arm], pen);
+                }
+            }
+            (Geometry::Point(at), _) => handle(painter, self.at(*at), pen.colour),
+            (Geometry::Label(at, text), meaning) => {
+                let at = self.at(*at);
+                let is_near = over.is_some_and(|over| over.distance(at) < 48.0);
+                let (by, align) = match meaning {
+                    Meaning::Mark(_) => (Vec2::new(8.0, 4.0), Align2::LEFT_TOP),
+                    _ => (Vec2::new(6.0, -4.0), Align2::LEFT_BOTTOM),
+                };
+                if is_near || self.is_held(meaning) {
+                    tag(painter, at + by, align, text, on_image::WHITE);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn is_held(&self, meaning: Meaning) -> bool {
+        match meaning {
+            Meaning::Mark(index) => self.session.selection.contains(&Part::Mark(index)),
+            Meaning::Plane(index) => self.session.plane == Some(index),
+            _ => false,
+        }
+    }
+
+    fn pen(&self, meaning: Meaning) -> Pen {
+        let pen = Pen::of(Look::of(meaning));
+        match meaning {
+            _ if self.is_held(meaning) => pen.coloured(on_image::ACCENT),
+            // Control points of all cameras lie on one floor.
+            Meaning::ControlPoint { camera, .. } => pen.coloured(theme::camera(camera)),
+            _ => pen,
+        }
+    }
+
+    /// A bar of a round length, and how ellipses are drawn.
+    pub fn paint_scale(&self, painter: &Painter) {
+        let rect = painter.clip_rect();
+        let units = self.session.units;
+        let metres = units.step(1.0 / self.mapping.view.zoom, 1.0 / 80.0);
+        let (length, left) =
+            ((metres * self.mapping.view.zoom) as f32, rect.left_bottom() + Vec2::new(16.0, -16.0));
+        let right = left + Vec2::new(length, 0.0);
+        let tick = Vec2::new(0.0, 5.0);
+        line(painter, &[left - tick, left, right, right - tick], Pen::new(on_image::WHITE, 1.5));
+        let at = left + Vec2::new(0.5 * length, -8.0);
+        let text = format!("{} {}", metres / units.metres(), units.sign());
+        tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
+        let at = rect.right_bottom() + Vec2::new(-16.0, -16.0);
+        let text = format!("ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}");
+        if rect.width() > 300.0 {
+            tag(painter, at, Align2::RIGHT_BOTTOM, &text, on_image::WHITE);
+        }
+    }
+}
+
+/// Lines of a grid over all that is shown.
+pub fn paint_grid(painter: &Painter, mapping: &Mapping, step: f64, colour: Color32) {
+    let rect = painter.clip_rect();
+    let (a, b) = (mapping.document(rect.left_bottom()), mapping.document(rect.right_top()));
+    for axis in 0..2 {
+        let (low, high) = (a[axis].min(b[axis]), a[axis].max(b[axis]));
+        let (first, count) = ((low / step).ceil(), ((high - low) / step).floor().min(200.0) as i32);
+        for i in 0..=count {
+            let value = (first + f64::from(i)) * step;
+            let end = |other: f64| if axis == 0 { [value, other] } else { [other, value] };
+            let (p, q) = (mapping.screen(end(a[1 - axis])), mapping.screen(end(b[1 - axis])));
+            painter.line_segment([p, q], Stroke::new(1.0, colour));
+        }
+    }
+}

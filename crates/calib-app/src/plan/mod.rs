@@ -1,0 +1,8 @@
+//! The floor plan: painting it, placing cameras on it, planes, distances, and the agreement of cameras.
+
+pub(crate) mod mesh;
+pub mod floor;
+pub mod placement;
+pub mod agreement;
+pub(crate) mod planes;
+pub(crate) mod distances;

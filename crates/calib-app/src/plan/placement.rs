@@ -1,0 +1,303 @@
+//! Stage 2: numbers of the place, and the scale of the plan.
+
+use calib_core::Placement;
+
+use calib_core::floor::STAGE_1_HEIGHT;
+
+use calib_core::single::Known;
+
+use calib_editor::{Action, PlaceNumber, Units};
+use calib_site::{Sigmas, Solution};
+use egui::{Align, DragValue, Layout, RichText, Ui};
+
+use crate::annotate::result::{Number, TOP, held_at, lock, orientation_row};
+use crate::command::Command;
+use crate::state::App;
+use crate::theme;
+use crate::widgets::{cells, decimals, heading, length_field, number};
+
+/// Where the camera in hand stands, by numbers.
+pub fn placement_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let camera = app.editor.session().camera;
+    let Some(entry) = app.editor.session().entry() else { return };
+    let (id, fixed) = (entry.id.clone(), entry.placement.as_ref().is_some_and(|p| p.fixed));
+    heading(ui, &format!("{id} on the plan"), if fixed { "held" } else { "" });
+    if app.editor.session().is_held_by_points(camera) {
+        let text = "Placed by control points. Switch them off to move it by hand.";
+        ui.label(RichText::new(text).color(palette.text2));
+        pose_rows(app, ui);
+        from_stage_1(app, ui);
+        return;
+    }
+    let Some(placement) = app.editor.session().placement(camera) else {
+        ui.label(
+            RichText::new("Draw lines on the image first: they tell how the camera looks at the floor.")
+                .color(palette.text2),
+        );
+        return;
+    };
+    numbers(app, ui, &id, placement, fixed);
+    buttons(app, ui, fixed);
+    from_stage_1(app, ui);
+}
+
+/// How a camera is turned on the plan, as it is shown.
+struct Turn {
+    title: &'static str,
+    degrees: f64,
+    sigma: Option<f64>,
+}
+
+impl Turn {
+    /// Of a camera that looks straight down where the top of its image heads: its yaw is one turn with its roll.
+    fn of(solution: Option<&Solution>, degrees: f64) -> Self {
+        let camera = solution.and_then(Solution::camera);
+        let Some((yaw, down)) = camera.and_then(|camera| Some((camera.yaw, camera.straight_down()?))) else {
+            let sigma = solution.and_then(|solution| solution.sigma.as_ref()?.yaw_deg);
+            return Self { title: "Turn", degrees, sigma };
+        };
+        let heading = degrees + (down.heading - yaw).to_degrees();
+        let degrees = 180.0 - (180.0 - heading).rem_euclid(360.0);
+        Self { title: TOP, degrees, sigma: down.heading_sigma.map(f64::to_degrees) }
+    }
+}
+
+/// The numbers of the place, to be typed, held and released.
+fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed: bool) {
+    let (palette, camera) = (theme::palette(ui.ctx()), app.editor.session().camera);
+    let told = Turn::of(app.editor.session().solution(), placement.turn.to_degrees());
+    let mut turn = told.degrees;
+    let mut height = placement.scale * STAGE_1_HEIGHT;
+    let units = app.editor.session().units;
+    let sigmas = app.editor.session().solution().and_then(|solution| solution.sigma.clone());
+    let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some(value(sigmas.as_ref()?)? / unit);
+    let degrees = DragValue::new(&mut turn).speed(0.1).range(-360.0..=360.0).suffix("\u{b0}").max_decimals(3);
+    let known = Number::Height.known(app);
+    let held = app.editor.session().entry().and_then(|entry| entry.placement.as_ref().map(|own| own.held));
+    let held = held.unwrap_or_default();
+    let place = |is_held: bool| (fixed || is_held).then_some(true);
+    let of_height = fixed.then_some(true).or(known.map(|known| known.fixed));
+    let [by_x, by_y] = [&mut placement.by.x, &mut placement.by.y].map(|by| length_field(units, by, -1e5));
+    let rows = [
+        ("x", by_x, of(|s| s.x_m, units.metres()), place(held.x)),
+        ("y", by_y, of(|s| s.y_m, units.metres()), place(held.y)),
+        (told.title, degrees.update_while_editing(false), told.sigma, place(held.turn)),
+        ("Height", length_field(units, &mut height, 1e-3), of(|s| s.z_m, units.metres()), of_height),
+    ];
+    let (mut changed, mut locked) = (None, None);
+    for (title, edit, sigma, is_held) in rows {
+        let asked = field(ui, title, edit, sigma, is_held);
+        changed = changed.or(asked.0.then_some(title));
+        locked = locked.or(asked.1.then_some(title));
+    }
+    let scale = height / STAGE_1_HEIGHT;
+    let text = format!("Height = {} \u{d7} scale {scale:.3}", units.length(STAGE_1_HEIGHT, 2));
+    ui.label(RichText::new(text).small().color(palette.text3));
+    match locked {
+        // A height that is believed is a number of the result, too.
+        Some("Height") if !fixed => {
+            let held = known.is_none().then(|| Known::fixed(held_at(height, 2)));
+            Number::Height.set(app, held);
+        }
+        Some("Height") => app.send(Action::HoldNumber(PlaceNumber::Height)),
+        Some("x") => app.send(Action::HoldNumber(PlaceNumber::X)),
+        Some("y") => app.send(Action::HoldNumber(PlaceNumber::Y)),
+        Some(_) => app.send(Action::HoldNumber(PlaceNumber::Turn)),
+        None => {}
+    }
+    if changed == Some("Height")
+        && let Some(known) = known.filter(|known| known.fixed && !fixed)
+    {
+        // What is held is what counts.
+        Number::Height.set(app, Some(Known { value: height, ..known }));
+    } else if let Some(what) = changed.filter(|_| height > 0.0) {
+        (placement.turn, placement.scale) = (placement.turn + (turn - told.degrees).to_radians(), scale);
+        app.send(Action::Place { camera, placement, name: format!("set {} of {id}", what.to_lowercase()) });
+    }
+}
+
+/// A number of the place: its field, its sigma and its lock. Whether it was changed, and whether the lock was clicked.
+fn field(
+    ui: &mut Ui,
+    title: &str,
+    edit: DragValue<'_>,
+    sigma: Option<f64>,
+    is_held: Option<bool>,
+) -> (bool, bool) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new(title).color(palette.text2));
+        ui.add_space((56.0 - label.rect.width()).max(0.0));
+        let changed = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id).changed();
+        let clicked = ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let tip = match (is_held, title) {
+                (Some(_), _) => "Let the others move it in a joint solve",
+                (None, "Height") => "Hold the height",
+                (None, _) => "Hold it in a joint solve; the others stay free",
+            };
+            // Straight down a held yaw holds nothing: roll trades places with it.
+            let clicked =
+                (title != TOP || is_held.is_some()) && lock(ui, &title.to_lowercase(), is_held, tip);
+            let (sure, why) = match sigma {
+                Some(sigma) => (number(sigma, decimals(sigma)), "One sigma"),
+                None if is_held == Some(true) => ("0".into(), "Held: as it was given"),
+                // A hand says nothing of how sure it is, and unknown is not nothing.
+                None => ("?".into(), "Not known: links or control points tell how sure it is"),
+            };
+            ui.label(RichText::new(format!("\u{b1} {sure}")).color(palette.text2)).on_hover_text(why);
+            clicked
+        });
+        (changed, clicked.inner)
+    })
+    .inner
+}
+
+/// What the image tells of the camera, wherever it stands.
+fn from_stage_1(app: &mut App, ui: &mut Ui) {
+    let Some(solution) = app.editor.session().solution().cloned() else { return };
+    ui.add_space(4.0);
+    heading(ui, "From stage 1", "");
+    for which in [Number::Pitch, Number::Roll, Number::Focal] {
+        orientation_row(app, ui, &solution, which);
+    }
+}
+
+fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
+    let mut chosen = None;
+    ui.horizontal(|ui| {
+        if ui.button(if fixed { "Release" } else { "Hold here" }).clicked() {
+            chosen = Some(Command::FixPlacement);
+        }
+        if ui.button("Forget").clicked() {
+            chosen = Some(Command::ResetPlacement);
+        }
+        if ui.button("Refine all").clicked() {
+            chosen = Some(Command::Refine);
+        }
+    });
+    if let Some(command) = chosen {
+        app.tell(command);
+    }
+}
+
+/// What the handles of the camera in hand do.
+pub fn handles(app: &App, ui: &mut Ui) {
+    let (palette, session) = (theme::palette(ui.ctx()), app.editor.session());
+    if session.placement(session.camera).is_none() || session.is_held_by_points(session.camera) {
+        return;
+    }
+    heading(ui, "Handles", "");
+    for (title, what) in [
+        ("Foot, polygon", "move"),
+        ("Ring", "turn about the camera"),
+        ("Square", "scale, sets the height"),
+        ("Corners", "turn and scale about the centre"),
+        ("Double click", "pin a pivot for the corners"),
+    ] {
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(title).small().color(palette.text2));
+            ui.label(RichText::new(what).small().color(palette.text3));
+        });
+    }
+}
+
+fn pose_rows(app: &App, ui: &mut Ui) {
+    let Some(solution) = app.editor.session().solution() else { return };
+    let (Some(at), sigma) = (solution.position_m, solution.sigma.as_ref()) else { return };
+    let units = app.editor.session().units;
+    let turn = Turn::of(Some(solution), solution.yaw_deg.unwrap_or_default());
+    let rows = [
+        ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.sign()),
+        ("y", at.y, sigma.and_then(|s| s.y_m), units.metres(), units.sign()),
+        (turn.title, turn.degrees, turn.sigma, 1.0, "\u{b0}"),
+        ("Height", at.z, sigma.and_then(|s| s.z_m), units.metres(), units.sign()),
+    ];
+    for (title, value, sigma, one, unit) in rows {
+        let (value, sigma) = (value / one, sigma.map(|sigma| sigma / one));
+        let shown = sigma.map_or(2, decimals).min(3);
+        ui.horizontal(|ui| {
+            cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
+        });
+    }
+}
+
+/// The plan: its scale, and how images lie on it.
+pub fn plan(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
+    let name = name.map(|name| app.editor.session().images.shown_name(&name));
+    heading(ui, "Plan", name.as_deref().unwrap_or("none"));
+    if app.editor.session().site.plan.is_none() {
+        ui.label(RichText::new("A floor is shown without one.").color(palette.text2));
+        if ui.button("Load a floor plan\u{2026}").clicked() {
+            app.ask(crate::choice::Purpose::LoadPlan);
+        }
+    } else {
+        scale_fields(app, ui);
+    }
+    let label = ui.label(RichText::new("Image on plan").color(palette.text2));
+    ui.horizontal(|ui| {
+        let mut opacity = app.opacity(ui.ctx());
+        let slider = egui::Slider::new(&mut opacity, 0.0..=1.0).show_value(false);
+        if ui.add(slider).labelled_by(label.id).changed() {
+            app.set_opacity(ui.ctx(), opacity);
+        }
+        ui.label(format!("{:.0} %", 100.0 * opacity));
+    });
+    ui.horizontal(|ui| {
+        ui.checkbox(&mut app.blend, "all cameras");
+        ui.checkbox(&mut app.coverage, "coverage");
+    });
+}
+
+fn scale_fields(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some(mut plan) = app.editor.session().site.plan.clone() else { return };
+    let mut changed = None;
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Scale").color(palette.text2));
+        let (unit, suffix) = match app.editor.session().units {
+            Units::Metres => (1e-3, " mm a pixel"),
+            Units::Feet => (0.0254, " in a pixel"),
+        };
+        let mut value = plan.metres_per_px / unit;
+        let field = DragValue::new(&mut value).speed(0.05).range(1e-6 / unit..=100.0 / unit).max_decimals(4);
+        if ui.add(field.suffix(suffix).update_while_editing(false)).labelled_by(label.id).changed() {
+            plan.metres_per_px = unit * value;
+            changed = Some("change the scale of the plan");
+        }
+    });
+    if let Some([a, b]) = app.editor.session().measured {
+        let px = a.distance(b);
+        let mut metres = px * plan.metres_per_px;
+        ui.horizontal(|ui| {
+            let label = ui.label(format!("{px:.0} px are"));
+            let field = length_field(app.editor.session().units, &mut metres, 1e-3);
+            if ui.add(field).labelled_by(label.id).changed() && px > 0.0 {
+                plan.metres_per_px = metres / px;
+                changed = Some("set the scale of the plan");
+            }
+            if ui.button("Done").clicked() {
+                app.send(Action::MeasuredDone);
+            }
+        });
+    } else {
+        let text = "A measures it: two clicks and a length.";
+        ui.label(RichText::new(text).small().color(palette.text3));
+    }
+    ui.horizontal(|ui| {
+        let label = ui.label(RichText::new("Turn of x axis").color(palette.text2));
+        let field = DragValue::new(&mut plan.x_axis_deg)
+            .speed(0.1)
+            .range(-360.0..=360.0)
+            .suffix(" \u{b0}")
+            .max_decimals(3);
+        if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() {
+            changed = Some("turn the plan's axes");
+        }
+    });
+    if let Some(name) = changed {
+        app.send(Action::SetPlan { plan, name: name.to_owned() });
+    }
+}

@@ -1,0 +1,148 @@
+//! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
+
+use calib_core::{Camera, FloorPoint, Plane};
+
+use calib_core::floor::ellipse;
+
+use calib_editor::{Units, corners_of};
+use calib_site::SiteCamera;
+use egui::{Align2, Color32, Painter, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
+
+use crate::canvas::{Mapping, View};
+use crate::command::Command;
+use crate::icons::{self, Icon, Look};
+use crate::paint::{Pen, line};
+use crate::picture::Picture;
+use crate::plan::floor::{SIGMAS, paint_grid};
+use crate::plan::mesh::lay;
+use crate::state::App;
+use crate::theme;
+
+/// Height of the part, in points.
+pub const HEIGHT: f32 = 220.0;
+/// How much larger than life uncertainty is drawn here.
+const MAGNIFIED: f64 = 5.0;
+
+/// The part below the cameras.
+pub fn above_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let mut hide = false;
+    ui.horizontal(|ui| {
+        ui.add_space(10.0);
+        ui.label(egui::RichText::new("Floor from above").font(theme::medium(12.0)));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let look = Look { size: Vec2::splat(20.0), ..Look::default() };
+            hide = icons::button(ui, Icon::Close, "Hide the floor from above", "Hide (Y)", look).clicked();
+        });
+    });
+    let rect = ui.available_rect_before_wrap().with_max_y(ui.max_rect().bottom() - 20.0);
+    let response = ui.allocate_rect(rect, Sense::hover());
+    response.widget_info(|| WidgetInfo::labeled(Role::Image, true, "Floor from above"));
+    let painter = ui.painter().with_clip_rect(rect.intersect(ui.clip_rect()));
+    painter.rect_filled(rect, 0.0, theme::DARK.canvas);
+    let below = egui::pos2(rect.left() + 10.0, rect.bottom() + 10.0);
+    let words = |text: String| {
+        ui.painter().text(below, Align2::LEFT_CENTER, text, theme::regular(11.0), palette.text3);
+    };
+    match (app.editor.session().entry(), app.editor.session().pose()) {
+        (Some(entry), Some(pose)) => {
+            let picture = entry.image.as_ref().and_then(|name| app.pictures.ready(name));
+            let units = app.editor.session().units;
+            let step = paint(&painter, rect, entry, pose, picture, units);
+            let step = units.length(step, 0);
+            words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}"));
+        }
+        _ => words("Needs lines that tell the camera".into()),
+    }
+    if hide {
+        app.tell(Command::Above);
+    }
+}
+
+/// The pose with its foot at (0, 0), facing up: so the floor lies as the operator sees it.
+fn facing_up(pose: &Camera) -> Camera {
+    let mut camera = *pose;
+    (camera.position.x, camera.position.y, camera.yaw) = (0.0, 0.0, 0.0);
+    camera
+}
+
+/// The floor round the foot of a camera, as far as its image shows it.
+fn around(camera: &Camera, [w, h]: [f64; 2]) -> Vec<FloorPoint> {
+    /// In heights of the camera.
+    const RADIUS: f64 = 4.0;
+    const POINTS: u32 = 48;
+    let radius = RADIUS * camera.position.z.abs();
+    let is_seen = |at: &FloorPoint| {
+        let shown = camera.world_to_pixel(at.at_height(0.0));
+        shown.is_some_and(|at| (0.0..=w).contains(&at.u) && (0.0..=h).contains(&at.v))
+    };
+    let at = |index: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(POINTS)).sin_cos();
+        FloorPoint::new(radius * cos, radius * sin)
+    };
+    (0..POINTS).map(at).filter(is_seen).collect()
+}
+
+/// Paints the floor into a rectangle; the step of its grid, in metres.
+pub fn paint(
+    painter: &Painter,
+    rect: Rect,
+    entry: &SiteCamera,
+    pose: &Camera,
+    picture: Option<&Picture>,
+    units: Units,
+) -> f64 {
+    /// Beyond so many heights of the camera the floor is a smear.
+    const REACH: f64 = 12.0;
+    let camera = facing_up(pose);
+    let near = |at: &FloorPoint| at.x.hypot(at.y) < REACH * camera.position.z.abs().max(0.1);
+    let on_floor = |pixel| camera.pixel_to_floor(pixel, 0.0);
+    let corners = corners_of(entry);
+    let field: Vec<FloorPoint> = corners.iter().filter_map(|&pixel| on_floor(pixel)).filter(near).collect();
+    // The corners of a fisheye's image show nothing.
+    let field = if field.len() < 3 { around(&camera, entry.size()) } else { field };
+    let range = |of: fn(&FloorPoint) -> f64| {
+        let values = || field.iter().map(of);
+        [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
+    };
+    let ([x0, x1], [y0, y1]) = (range(|p| p.x), range(|p| p.y));
+    if field.len() < 3 || !(x0 < x1 && y0 < y1) {
+        return units.metres();
+    }
+    let mapping = Mapping::new(View::of([x0, y0], [x1, y1], rect.shrink(8.0), true, false), rect);
+    let step = units.step(1.0 / mapping.view.zoom, 1.0 / 12.0).max(units.metres());
+    if let Some(picture) = picture {
+        lay(painter, &mapping, picture, (&camera, &Plane::FLOOR), &field, entry.size(), Color32::WHITE);
+    }
+    paint_grid(painter, &mapping, step, Color32::from_white_alpha(60));
+    let path = |points: &[FloorPoint]| -> Vec<egui::Pos2> {
+        points.iter().map(|&point| mapping.screen(point.into())).collect()
+    };
+    let mut outline = field.clone();
+    outline.extend(field.first().copied());
+    line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.25).dashed(&[5.0, 4.0]).faint());
+    for drawn in entry.annotations.iter().filter(|drawn| drawn.kind.row().is_level() && !drawn.off) {
+        for pixels in drawn.polylines() {
+            let points: Vec<FloorPoint> = pixels.iter().filter_map(|&pixel| on_floor(pixel)).collect();
+            line(painter, &path(&points), Pen::new(theme::kind(drawn.kind), 1.75));
+        }
+    }
+    for &corner in &corners {
+        let known = camera.floor_covariance(corner, 1.0).and_then(|covariance| covariance.calibration);
+        let (Some(at), Some(known)) = (on_floor(corner), known) else {
+            continue;
+        };
+        // What is hardly known at all would cover everything.
+        let is_small = |outline: &Vec<FloorPoint>| {
+            outline
+                .iter()
+                .all(|point| mapping.view.zoom * point.distance(at) < 0.25 * f64::from(rect.width()))
+        };
+        let outline = ellipse(at, &known, SIGMAS * MAGNIFIED).filter(is_small);
+        if let Some(mut outline) = outline.filter(|_| near(&at)) {
+            outline.extend(outline.first().copied());
+            line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.0).faint());
+        }
+    }
+    step
+}

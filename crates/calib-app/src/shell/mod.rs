@@ -1,0 +1,149 @@
+//! The window around the canvases: bars, lists, sheets, and the panels of every mode.
+
+pub(crate) mod tour;
+pub mod above;
+pub(crate) mod cameras;
+pub(crate) mod warnings;
+pub mod palette;
+pub(crate) mod status;
+pub mod topbar;
+pub mod views;
+
+use egui::{CentralPanel, Frame, Margin, Panel, ScrollArea, Ui};
+
+use crate::annotate::{annotations, lens, links, result, steps};
+use crate::files::{outside, start};
+use crate::plan::{agreement, distances, placement, planes};
+use crate::state::{App, Mode};
+use crate::widgets::{NARROW, PHONE, section};
+use crate::{compare, export, propose, theme};
+
+/// In a window at least this wide the right panel has its full width.
+const WIDE: f32 = 1280.0;
+
+/// How wide the panels beside the canvas are: by the window as it is now, not as it was when they were shown first.
+#[derive(Clone, Copy)]
+struct Widths {
+    /// What the panels are remembered by: in a window of another kind they begin anew.
+    kind: &'static str,
+    has_rail: bool,
+    right: f32,
+    right_most: f32,
+}
+
+impl Widths {
+    fn of(window: f32) -> Self {
+        match window {
+            w if w >= WIDE => Self { kind: "wide", has_rail: false, right: 296.0, right_most: 480.0 },
+            w if w >= NARROW => Self { kind: "middle", has_rail: false, right: 256.0, right_most: 320.0 },
+            _ => Self { kind: "narrow", has_rail: true, right: 216.0, right_most: 240.0 },
+        }
+    }
+}
+
+/// The whole window.
+pub fn window_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let bar = |fill| Frame::NONE.fill(fill).inner_margin(Margin::symmetric(12, 0));
+    Panel::top("top").exact_size(40.0).frame(bar(palette.panel)).show(ui, |ui| topbar::topbar_ui(app, ui));
+    Panel::bottom("status")
+        .exact_size(28.0)
+        .frame(bar(palette.panel))
+        .show(ui, |ui| status::status_ui(app, ui));
+    tour::tour_ui(app, ui);
+    let has_site = !app.editor.session().site.cameras.is_empty() || app.editor.session().site.plan.is_some();
+    if has_site {
+        let phone = ui.ctx().content_rect().width() < PHONE;
+        let widths = Widths::of(ui.ctx().content_rect().width());
+        let rail = widths.has_rail || matches!(app.mode, Mode::Plan | Mode::All);
+        let side = Frame::NONE.fill(palette.panel);
+        Panel::left(if rail { "rail" } else { "cameras" })
+            .resizable(!rail)
+            .default_size(if rail { 64.0 } else { 192.0 })
+            .size_range(if rail { 64.0..=64.0 } else { 150.0..=400.0 })
+            .frame(side)
+            .show(ui, |ui| cameras::cameras_ui(app, ui, rail));
+        Panel::left("tools").exact_size(44.0).resizable(false).frame(side).show(ui, |ui| {
+            status::toolstrip_ui(app, ui);
+        });
+        let inset = Frame::NONE.fill(palette.panel);
+        if phone {
+            let third = ui.ctx().content_rect().height() / 3.0;
+            Panel::bottom("below")
+                .default_size(third)
+                .size_range(48.0..=2.0 * third)
+                .resizable(true)
+                .frame(inset)
+                .show(ui, |ui| right(app, ui));
+        }
+        if !phone {
+            Panel::right(egui::Id::unique(("right", widths.kind)))
+                .default_size(widths.right)
+                .size_range(200.0..=widths.right_most)
+                .frame(inset)
+                .show(ui, |ui| right(app, ui));
+        }
+    }
+    CentralPanel::default().frame(Frame::NONE.fill(palette.bg)).show(ui, |ui| {
+        if has_site {
+            views::views_ui(app, ui);
+        } else {
+            start::start_ui(app, ui);
+        }
+    });
+    palette::palette_ui(app, ui.ctx());
+    export::export_ui(app, ui.ctx());
+    outside::asked_ui(app, ui.ctx());
+}
+
+fn right(app: &mut App, ui: &mut Ui) {
+    warnings::error(app, ui);
+    if app.editor.session().entry().is_none() {
+        return;
+    }
+    distances::out_of_date_ui(app, ui);
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        propose::propose_ui(app, ui);
+        compare::panel::compare_ui(app, ui);
+        section(ui, |ui| steps::steps_ui(app, ui));
+        lens::old_still(app, ui);
+        if app.editor.compared().is_some() {
+            section(ui, |ui| distances::compared(app, ui));
+        }
+        match app.mode {
+            Mode::Image => {
+                // Fields above what comes and goes: they stay under the pointer while one types.
+                section(ui, |ui| lens::lens_ui(app, ui));
+                section(ui, |ui| result::result_ui(app, ui));
+                section(ui, |ui| warnings::warnings_ui(app, ui));
+                section(ui, |ui| {
+                    planes::lies_on_ui(app, ui);
+                    annotations::annotations_ui(app, ui);
+                });
+            }
+            Mode::Plan => {
+                section(ui, |ui| {
+                    placement::placement_ui(app, ui);
+                    links::far_apart(app, ui);
+                });
+                section(ui, |ui| agreement::agreement_ui(app, ui));
+                section(ui, |ui| placement::handles(app, ui));
+                section(ui, |ui| warnings::warnings_ui(app, ui));
+                section(ui, |ui| placement::plan(app, ui));
+                section(ui, |ui| planes::planes_ui(app, ui));
+                section(ui, |ui| distances::controls(app, ui));
+            }
+            Mode::All | Mode::Scene => {
+                section(ui, |ui| warnings::health_ui(app, ui));
+                section(ui, |ui| links::marks_ui(app, ui));
+                section(ui, |ui| {
+                    links::links_ui(app, ui);
+                    planes::lies_on_ui(app, ui);
+                });
+                section(ui, |ui| distances::distances_ui(app, ui));
+                section(ui, |ui| distances::agreement(app, ui));
+                section(ui, |ui| warnings::site(app, ui));
+            }
+        }
+    });
+}

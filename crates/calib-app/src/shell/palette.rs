@@ -1,0 +1,203 @@
+//! The searchable list of commands, the shortcut sheet and the about sheet.
+
+use calib_editor::command::Group;
+use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Ui, Vec2, Window};
+
+use crate::command::{self, Command};
+use crate::handles::shortcut_text;
+use crate::keys;
+use crate::state::App;
+use crate::theme;
+
+/// The sheets that are open.
+pub fn palette_ui(app: &mut App, ctx: &Context) {
+    if app.palette.is_open {
+        commands(app, ctx);
+    }
+    if app.shortcuts {
+        shortcuts(app, ctx);
+    }
+    if app.about {
+        about(app, ctx);
+    }
+}
+
+/// Whether every word that was typed begins somewhere in the text.
+fn is_match(text: &str, query: &str) -> bool {
+    let text = text.to_lowercase();
+    query.to_lowercase().split_whitespace().all(|word| text.contains(word))
+}
+
+fn commands(app: &mut App, ctx: &Context) {
+    let query = app.palette.query.clone();
+    let rows: Vec<command::Row> = command::all()
+        .filter(|row| !matches!(row.command, Command::Palette))
+        .filter(|row| is_match(&app.editor.words(row.command), &query))
+        .collect();
+    let (up, down, enter, escape) = ctx.input(|i| {
+        let pressed = |key| i.key_pressed(key);
+        (pressed(Key::ArrowUp), pressed(Key::ArrowDown), pressed(Key::Enter), pressed(Key::Escape))
+    });
+    if down {
+        app.palette.row += 1;
+    }
+    if up {
+        app.palette.row = app.palette.row.saturating_sub(1);
+    }
+    app.palette.row = app.palette.row.min(rows.len().saturating_sub(1));
+    let mut chosen = enter.then(|| rows.get(app.palette.row).map(|row| row.command)).flatten();
+    Window::new("Commands")
+        .title_bar(false)
+        .resizable(false)
+        .anchor(Align2::CENTER_TOP, Vec2::new(0.0, 64.0))
+        .fixed_size(Vec2::new(460.0, 360.0))
+        .show(ctx, |ui| {
+            let field = TextEdit::singleline(&mut app.palette.query)
+                .hint_text("What would you like to do?")
+                .desired_width(f32::INFINITY);
+            let field = ui.add(field);
+            field.request_focus();
+            if field.changed() {
+                app.palette.row = 0;
+            }
+            ui.separator();
+            ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+                for (i, row) in rows.iter().enumerate() {
+                    let keys = row.keys.map_or_else(String::new, |keys| {
+                        shortcut_text(ui, keys::shortcut(row.command, keys))
+                    });
+                    let lit = i == app.palette.row;
+                    let button = egui::Button::new(app.editor.words(row.command))
+                        .selected(lit)
+                        .shortcut_text(keys)
+                        .min_size(Vec2::new(ui.available_width(), 22.0));
+                    let response = ui.add_enabled(app.is_enabled(row.command), button);
+                    if lit && (up || down) {
+                        response.scroll_to_me(None);
+                    }
+                    if response.clicked() {
+                        chosen = Some(row.command);
+                    }
+                }
+            });
+        });
+    if chosen.is_some() || escape {
+        app.palette.close();
+    }
+    if let Some(command) = chosen {
+        app.tell(command);
+    }
+}
+
+/// The key sheet's groups: a title, and which commands stand under it.
+type KeyGroup = (&'static str, fn(Group) -> bool);
+
+const GROUPS: [KeyGroup; 7] = [
+    ("Tools", |group| matches!(group, Group::Tool(_))),
+    ("Files", |group| matches!(group, Group::Files(_))),
+    ("In the hand", |group| matches!(group, Group::Gesture(_) | Group::Nudge(_))),
+    ("Selected", |group| matches!(group, Group::Selection(_))),
+    ("Lines", |group| matches!(group, Group::Lines(_) | Group::Proposing(_) | Group::Newer(_))),
+    ("Cameras and solving", |group| matches!(group, Group::Cameras(_) | Group::Solving(_))),
+    ("View", |group| matches!(group, Group::View(_) | Group::Switch(_))),
+];
+
+/// A group of the key sheet.
+fn key_group(ui: &mut Ui, (title, is_of): &KeyGroup) {
+    let palette = theme::palette(ui.ctx());
+    crate::widgets::heading(ui, title, "");
+    egui::Grid::new(*title).num_columns(2).striped(true).show(ui, |ui| {
+        for row in command::all().filter(|row| is_of(row.command.group())) {
+            let Some(keys) = row.keys else { continue };
+            let keys = shortcut_text(ui, keys::shortcut(row.command, keys));
+            ui.label(RichText::new(keys).font(theme::medium(12.0)).color(palette.accent));
+            ui.label(row.text);
+            ui.end_row();
+        }
+    });
+    ui.add_space(6.0);
+}
+
+fn shortcuts(app: &mut App, ctx: &Context) {
+    let mut open = true;
+    Window::new("Keyboard")
+        .open(&mut open)
+        .resizable(false)
+        .collapsible(false)
+        .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
+        .show(ctx, |ui| {
+            let palette = theme::palette(ui.ctx());
+            ScrollArea::vertical().max_height(0.7 * ui.ctx().content_rect().height()).show(ui, |ui| {
+                ui.horizontal_top(|ui| {
+                    for groups in [&GROUPS[..2], &GROUPS[2..5], &GROUPS[5..]] {
+                        ui.vertical(|ui| {
+                            ui.set_max_width(360.0);
+                            groups.iter().for_each(|group| key_group(ui, group));
+                        });
+                    }
+                });
+            });
+            ui.separator();
+            for line in [
+                "Wheel: zoom at the cursor.   Middle button, or Space and drag: pan.   Tab: next handle.",
+                "While dragging: Shift moves a tenth, Esc puts back.  While dragging or drawing: Alt pulls onto the edge.",
+                "Marks: Alt drags the camera instead of the mark, Ctrl changes its height.   Ctrl+click: select more.",
+            ] {
+                ui.label(RichText::new(line).color(palette.text2));
+            }
+        });
+    app.shortcuts &= open;
+}
+
+fn about(app: &mut App, ctx: &Context) {
+    let mut open = true;
+    Window::new("About")
+        .open(&mut open)
+        .resizable(false)
+        .collapsible(false)
+        .default_width(460.0)
+        .anchor(Align2::CENTER_CENTER, Vec2::ZERO)
+        .show(ctx, |ui| {
+            ui.label(RichText::new("calib").font(theme::medium(22.0)));
+            ui.label(format!("Version {}. Licensed under MIT or Apache-2.0.", env!("CARGO_PKG_VERSION")));
+            ui.label("The method is that of A. Abramov, \u{201c}Two-Stage Camera Calibration Method for Multi-Camera Systems Using Scene Geometry\u{201d}.");
+            ui.label("Images never leave this machine.");
+            ui.separator();
+            ui.label("Type: IBM Plex Sans, \u{a9} 2017 IBM Corp., SIL Open Font License 1.1.");
+            ui.collapsing("Third-party notices", notices);
+            ui.collapsing("Licence of the type", |ui| {
+                ScrollArea::vertical().max_height(240.0).show(ui, |ui| {
+                    ui.label(RichText::new(include_str!("../../assets/IBMPlexSans-LICENSE.txt")).small());
+                });
+            });
+        });
+    app.about &= open;
+}
+
+/// What everything that is part of this program asks to be said; only the lines that show are laid out.
+fn notices(ui: &mut Ui) {
+    const NOTICES: &str = include_str!("../../assets/THIRD-PARTY.txt");
+    static LINES: std::sync::LazyLock<Vec<&str>> = std::sync::LazyLock::new(|| NOTICES.lines().collect());
+    let height = ui.text_style_height(&egui::TextStyle::Small);
+    ScrollArea::both().max_height(280.0).auto_shrink([false, false]).show_rows(
+        ui,
+        height,
+        LINES.len(),
+        |ui, rows| {
+            for line in &LINES[rows] {
+                ui.add(egui::Label::new(RichText::new(*line).small()).extend());
+            }
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_found_in_any_order() {
+        assert!(is_match("Next unfinished camera", "cam next"));
+        assert!(!is_match("Next unfinished camera", "undo"));
+    }
+}

@@ -1,0 +1,237 @@
+//! The line below: what the next click does, where the cursor is, how the solve went.
+//!
+//! The tools, each with its key.
+
+use calib_core::floor::SurfacePoint;
+use calib_core::{Pixel, SurfaceProjector};
+use calib_editor::{Action, Pane, TOOLS, plan_scale};
+use calib_image::Verdict;
+use calib_site::counted;
+use egui::{Align, Align2, Layout, RichText, Ui, Vec2};
+
+use crate::icons::{self, Icon, Look};
+use crate::state::App;
+use crate::theme;
+use crate::widgets::{decimals, number};
+
+/// The status line.
+pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let mut stop = false;
+    ui.horizontal_centered(|ui| {
+        let hint = match &app.editor.session().note {
+            Some(note) if app.editor.tool().is_idle() && is_fresh(ui, note) => note.clone(),
+            _ if app.editor.session().site.cameras.is_empty() => {
+                "Open the demonstration, open a site, or drop images here.".into()
+            }
+            _ if app.layers.hidden && app.editor.tool().is_idle() => {
+                "What lies on the image is hidden.  H: show it".into()
+            }
+            _ => proposal_hint(app).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
+        };
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let is_narrow = ui.ctx().content_rect().width() < crate::widgets::NARROW;
+            state(app, ui, &mut stop);
+            // In a narrow window what the next click does comes first.
+            if !is_narrow {
+                place(app, ui);
+            }
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                ui.add(egui::Label::new(RichText::new(hint).color(palette.text)).truncate());
+            });
+        });
+    });
+    if stop {
+        app.stop_work();
+    }
+}
+
+/// What keys do with what is proposed.
+fn proposal_hint(app: &App) -> Option<String> {
+    let proposed =
+        app.shown_proposal().filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle())?;
+    let picked = app.editor.session().picked().and_then(|(group, _)| proposed.groups.get(group));
+    Some(match picked {
+        Some(group) => format!("One of the {}: Delete leaves it out.", group.title()),
+        None if proposed.verdict == Verdict::None && proposed.alternative.is_some() => {
+            "Two cameras explain the edges alike: click which it is; Esc dismisses what is proposed.".into()
+        }
+        None if proposed.verdict == Verdict::None => "Esc dismisses what is proposed.".into(),
+        None => {
+            let lines = counted(proposed.count(), "line", "lines");
+            format!("{lines} proposed: Enter accepts all, Esc dismisses them, a click on one chooses it.")
+        }
+    })
+}
+
+/// Whether a note is new enough to be read instead of what the next click does.
+fn is_fresh(ui: &Ui, note: &str) -> bool {
+    /// In seconds.
+    const LASTS: f64 = 10.0;
+    let (id, now) = (ui.scope_id().with("note"), ui.input(|input| input.time));
+    let known: Option<(String, f64)> = ui.data(|data| data.get_temp(id));
+    let since = known.filter(|(text, _)| text == note).map_or(now, |(_, since)| since);
+    ui.data_mut(|data| data.insert_temp(id, (note.to_owned(), since)));
+    let left = LASTS - (now - since);
+    if left > 0.0 {
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
+    }
+    left > 0.0
+}
+
+fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
+    let palette = theme::palette(ui.ctx());
+    let loading = app.pictures.loading();
+    if app.is_working() {
+        let look = Look { size: Vec2::splat(18.0), ..Look::default() };
+        if icons::button(ui, Icon::Close, "Cancel what is under way", "Cancel", look).clicked() {
+            *stop = true;
+        }
+    }
+    if let Some(refining) = &app.refining {
+        ui.spinner();
+        let text = format!("refining {}", counted(refining.from.cameras.len(), "camera", "cameras"));
+        ui.label(RichText::new(text).color(palette.text2));
+    }
+    if let Some(proposing) = &app.proposing {
+        ui.spinner();
+        ui.label(RichText::new(proposing.doing()).color(palette.text2));
+    }
+    if let Some(doing) = app.doing_newer() {
+        ui.spinner();
+        ui.label(RichText::new(doing).color(palette.text2));
+    }
+    let waiting = app.waiting();
+    if waiting > 0 {
+        ui.spinner();
+        ui.label(RichText::new(format!("{waiting} to be taken")).color(palette.text2));
+    }
+    if loading > 0 {
+        ui.spinner();
+        ui.label(
+            RichText::new(format!("reading {}", counted(loading, "image", "images"))).color(palette.text2),
+        );
+    }
+    if app.edges.looking() > 0 {
+        ui.spinner();
+        ui.label(RichText::new("finding edges").color(palette.text2));
+    }
+    let solved = &app.editor.session().solved;
+    if solved.paused {
+        ui.label(RichText::new("Solving is paused").color(palette.warn));
+        return;
+    }
+    match solved.result(app.editor.session().camera) {
+        Some(Ok(_)) => {
+            let text = format!("Solved in {:.1} ms", solved.milliseconds);
+            ui.label(RichText::new(text).color(palette.ok));
+            icons::inline(ui, Icon::Check, palette.ok);
+        }
+        Some(Err(_)) => {
+            ui.label(RichText::new("Not solved yet").color(palette.warn));
+        }
+        None => {}
+    }
+}
+
+fn place(app: &App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let Some((pane, at)) = app.panes.cursor else { return };
+    let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
+    match pane {
+        Pane::Image(camera) => {
+            let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
+            let pose = app.editor.session().solved.pose(camera);
+            if let Some(pose) = pose {
+                floor(app, ui, pose, at.into());
+                ui.add_space(12.0);
+            }
+            ui.label(strong(format!("{}, {}", number(at[0], 1), number(at[1], 1))));
+            ui.label(RichText::new(format!("{} px", entry.id)).color(palette.text2));
+        }
+        Pane::Plan => {
+            let seen = (0..app.editor.session().site.cameras.len())
+                .filter(|&i| {
+                    let field = app.editor.session().solved.solution(i).map(|solution| &solution.efov_m);
+                    let holds = !app.editor.site().is_followed(i);
+                    holds && field.is_some_and(|field| calib_editor::is_inside(field, at))
+                })
+                .map(|i| app.editor.session().site.cameras[i].id.as_str());
+            let seen: Vec<&str> = seen.collect();
+            if !seen.is_empty() {
+                ui.label(RichText::new(format!("seen by {}", seen.join(", "))).color(palette.text2));
+                ui.add_space(12.0);
+            }
+            if app.editor.session().site.plan.is_some() {
+                let px = plan_scale(&app.editor.session().site).plan_from_floor(at.into());
+                ui.label(RichText::new(format!("plan px {:.0}, {:.0}", px.x, px.y)).color(palette.text3));
+                ui.add_space(12.0);
+            }
+            ui.label(strong(app.editor.session().units.point(at, 2)));
+            ui.label(RichText::new("floor").color(palette.text2));
+        }
+    }
+}
+
+fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
+    let palette = theme::palette(ui.ctx());
+    let session = app.editor.session();
+    let surfaces = session.solved.surfaces(&session.site);
+    let Some(SurfacePoint { surface, at: point }) = pose.pixel_to_surface(at, 0.0, &surfaces) else {
+        let is_wall = pose.pixel_to_floor(at, 0.0).is_some();
+        let place = if is_wall { "on the wall of a pit" } else { "above the horizon" };
+        ui.label(RichText::new(format!("no metres {place}")).color(palette.text2));
+        return;
+    };
+    let covariance = SurfaceProjector::new(pose, 0.0, &surfaces).covariance(at, 1.0, surface);
+    let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
+    let shown = sigma.map_or(2, |sigma| decimals(sigma).min(3));
+    if let Some(sigma) = sigma {
+        let sigma = app.editor.session().units.number(sigma, shown);
+        ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));
+    }
+    let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
+    ui.label(strong(session.units.point(point.on_floor().into(), shown)));
+    let plane = surface.and_then(|index| session.site.planes.get(index));
+    ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
+}
+
+/// Behind which tools a gap stands.
+const GAPS: [&str; 3] = ["Select", "Upright", "Mark"];
+
+/// The strip of tools.
+pub(crate) fn toolstrip_ui(app: &mut App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let dark = ui.visuals().dark_mode;
+    ui.add_space(6.0);
+    // The buttons share the height that there is.
+    let height = ((ui.available_height() - 24.0) / TOOLS.len() as f32).clamp(22.0, 34.0);
+    let mut chosen = None;
+    ui.vertical_centered(|ui| {
+        ui.spacing_mut().item_spacing.y = 1.0;
+        for (index, row) in TOOLS.iter().enumerate() {
+            let colour = row.kind.map(|kind| theme::kind_icon(kind, dark));
+            let look = Look {
+                size: Vec2::new(36.0, height),
+                chosen: index == app.editor.tool_row(),
+                colour,
+                ..Look::default()
+            };
+            let label = format!("{} tool", row.title);
+            let tip = format!("{}  ({})", row.title, row.key.name());
+            let response = icons::button(ui, row.icon.into(), &label, &tip, look);
+            let corner = response.rect.right_bottom() - Vec2::new(2.0, 1.0);
+            let key = row.key.name();
+            ui.painter().text(corner, Align2::RIGHT_BOTTOM, key, theme::regular(10.0), palette.text3);
+            if response.clicked() {
+                chosen = Some(index);
+            }
+            if GAPS.contains(&row.title) {
+                ui.add_space(4.0);
+            }
+        }
+    });
+    if let Some(index) = chosen {
+        app.send(Action::TakeTool(index));
+    }
+}

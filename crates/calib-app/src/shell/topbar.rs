@@ -1,0 +1,153 @@
+//! Menu, name of the site, views, undo, solving, commands.
+
+use egui::{Align, Button, Layout, RichText, Ui, Vec2};
+
+use crate::command::Command;
+use crate::handles::rows;
+use crate::icons::{self, Icon, Look};
+use crate::state::{App, Mode};
+use crate::theme;
+
+/// The commands of the menu, in its order; a gap between groups.
+const MENU: &[&[Command]] = &[
+    &[
+        Command::NewSite,
+        Command::Demo,
+        Command::Tour,
+        Command::Open,
+        Command::Save,
+        Command::SaveAs,
+        Command::SavePlain,
+    ],
+    &[Command::AddImages, Command::LoadPlan, Command::ReplaceStill, Command::Compare],
+    &[Command::Propose, Command::CompareStill],
+    &[Command::Import, Command::Export, Command::Report],
+    &[Command::SavePicture, Command::Theme, Command::Feet],
+    &[Command::Shortcuts, Command::About],
+];
+
+const VIEWS: [(Mode, Command, Icon, &str); 4] = [
+    (Mode::Image, Command::ViewImage, Icon::Image, "Image"),
+    (Mode::Plan, Command::ViewPlan, Icon::Plan, "Plan"),
+    (Mode::All, Command::ViewAll, Icon::All, "All cameras"),
+    (Mode::Scene, Command::ViewScene, Icon::Scene, "Scene"),
+];
+
+/// The bar at the top.
+pub fn topbar_ui(app: &mut App, ui: &mut Ui) {
+    let mut chosen = None;
+    ui.horizontal_centered(|ui| {
+        menu(app, ui, &mut chosen);
+        if ui.ctx().content_rect().width() < crate::widgets::NARROW {
+            views(app, ui, &mut chosen);
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| right(app, ui, &mut chosen));
+            return;
+        }
+        title(app, ui);
+        // The views stand in the middle of the window.
+        let width = 4.0 * 112.0;
+        let middle = ui.ctx().content_rect().center().x;
+        let rect = egui::Rect::from_center_size(
+            egui::pos2(middle, ui.max_rect().center().y),
+            Vec2::new(width, 28.0),
+        );
+        ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
+            ui.horizontal_centered(|ui| views(app, ui, &mut chosen));
+        });
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| right(app, ui, &mut chosen));
+    });
+    if let Some(command) = chosen {
+        app.tell(command);
+    }
+}
+
+fn menu(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
+    let response = icons::button(ui, Icon::Menu, "Menu", "Menu", Look::default());
+    egui::Popup::menu(&response).show(|ui| {
+        for (i, group) in MENU.iter().enumerate() {
+            if i > 0 {
+                ui.separator();
+            }
+            rows(app, ui, group, chosen);
+        }
+    });
+}
+
+fn title(app: &App, ui: &mut Ui) {
+    let palette = theme::palette(ui.ctx());
+    let file = app.editor.session().path.as_deref().and_then(|path| path.file_stem());
+    let name = app
+        .editor
+        .session()
+        .site
+        .name
+        .clone()
+        .or_else(|| file.map(|stem| stem.to_string_lossy().into_owned()));
+    let name = name.unwrap_or_else(|| "New site".into());
+    ui.label(RichText::new(name).font(theme::medium(13.0)).color(palette.text));
+    let saved = match (app.editor.session().is_saved(), app.editor.session().path.is_some()) {
+        (true, true) => "saved",
+        (true, false) => "",
+        (false, _) => "not saved",
+    };
+    ui.label(RichText::new(saved).color(palette.text3));
+}
+
+fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
+    let palette = theme::palette(ui.ctx());
+    ui.spacing_mut().item_spacing.x = 4.0;
+    for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
+        let is_on = app.mode == mode;
+        // On a phone the icons speak for themselves.
+        let phone = ui.ctx().content_rect().width() < crate::widgets::NARROW;
+        let text = if phone { "     ".into() } else { format!("      {title}   {}", i + 1) };
+        let text = RichText::new(text);
+        let text = text.color(if is_on { palette.text } else { palette.text2 });
+        let fill = if is_on { palette.raised } else { palette.panel };
+        let response = ui.add(Button::new(text).fill(fill).min_size(Vec2::new(0.0, 26.0)).selected(false));
+        let at = egui::Rect::from_center_size(
+            response.rect.left_center() + Vec2::new(15.0, 0.0),
+            Vec2::splat(16.0),
+        );
+        icons::paint(ui.painter(), icon, at, 14.0, if is_on { palette.accent } else { palette.text2 });
+        if response.has_focus() {
+            let ring = egui::Stroke::new(1.5, palette.accent);
+            ui.painter().rect_stroke(response.rect, 4.0, ring, egui::StrokeKind::Inside);
+        }
+        response.widget_info(|| {
+            egui::WidgetInfo::selected(egui::Role::Button, true, is_on, format!("View {title}"))
+        });
+        if response.clicked() {
+            *chosen = Some(command);
+        }
+    }
+}
+
+/// From the right edge inwards.
+fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
+    let palette = theme::palette(ui.ctx());
+    let mut button = |ui: &mut Ui, icon, label: &str, command, on: bool| {
+        let look = Look { enabled: app.is_enabled(command), chosen: on, ..Look::default() };
+        if icons::button(ui, icon, label, "", look).clicked() {
+            *chosen = Some(command);
+        }
+    };
+    button(ui, Icon::Sun, "Light or dark theme", Command::Theme, false);
+    button(ui, Icon::Search, "Commands (Ctrl+K)", Command::Palette, false);
+    let paused = app.editor.session().solved.paused;
+    let (icon, label) = if paused { (Icon::Play, "Resume solving") } else { (Icon::Pause, "Pause solving") };
+    button(ui, icon, label, Command::Pause, paused);
+    let redo = app.editor.words(Command::Redo);
+    button(ui, Icon::Redo, &redo, Command::Redo, false);
+    let undo = app.editor.words(Command::Undo);
+    button(ui, Icon::Undo, &undo, Command::Undo, false);
+    // The words give way before the views do.
+    let room = ui.available_width() - 4.0;
+    if app.editor.session().history.undo_name().is_some() && room > 60.0 {
+        // Painted: the button beside it says the same to a screen reader.
+        let galley = ui.painter().layout_no_wrap(undo, theme::regular(12.0), palette.text2);
+        let size = Vec2::new(galley.size().x.min(room), galley.size().y);
+        let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
+        ui.painter().with_clip_rect(rect).galley(rect.min, galley, palette.text2);
+    }
+}

@@ -1,0 +1,83 @@
+//! The tour: a strip above the canvas, so that it covers nothing it speaks of. A step is done when it is right.
+
+use egui::{Frame, Margin, Panel, RichText, Ui};
+
+use crate::command::Command;
+use crate::state::{App, STEPS};
+use crate::theme;
+
+/// The strip of the step one is at; after the last one, what to do with one's own images.
+pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
+    let Some(index) = app.tour.step else { return };
+    let open = app.tour.open(app.editor.session(), app.mode);
+    if open.is_none() && index < STEPS.len() && app.editor.tool().is_idle() {
+        app.tour.step = Some(index + 1);
+        ui.ctx().request_repaint();
+    }
+    let palette = theme::palette(ui.ctx());
+    let frame = Frame::NONE.fill(palette.accent_bg).inner_margin(Margin::symmetric(12, 8));
+    let wish = Panel::top("tour").frame(frame).show(ui, |ui| match STEPS.get(index) {
+        Some(_) => step(app, ui, index, open.as_deref().unwrap_or_default()),
+        None => end(ui),
+    });
+    match wish.inner {
+        Some(Wish::Tell(command)) => app.tell(command),
+        Some(Wish::Skip) => app.tour.step = Some(index + 1),
+        Some(Wish::End) => app.tour.step = None,
+        None => {}
+    }
+}
+
+/// What a button of the strip asks for.
+enum Wish {
+    Tell(Command),
+    Skip,
+    End,
+}
+
+fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<Wish> {
+    let palette = theme::palette(ui.ctx());
+    let step = app.tour.step()?;
+    let mut wish = None;
+    ui.horizontal_wrapped(|ui| {
+        let count = format!("Step {} of {}", index + 1, STEPS.len());
+        ui.label(RichText::new(count).small().color(palette.accent));
+        ui.label(RichText::new(step.title).font(theme::medium(13.0)));
+        ui.label(RichText::new(open).color(palette.warn));
+    });
+    ui.add(egui::Label::new(RichText::new(step.text).color(palette.text2)).wrap());
+    ui.horizontal_wrapped(|ui| {
+        for (text, button) in step.buttons {
+            let text = RichText::new(*text).font(theme::medium(12.0)).color(palette.bg);
+            if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
+                wish = Some(Wish::Tell(button.command()));
+            }
+        }
+        if ui.button("Skip this step").clicked() {
+            wish = Some(Wish::Skip);
+        }
+        if ui.button("End the tour").clicked() {
+            wish = Some(Wish::End);
+        }
+    });
+    wish
+}
+
+fn end(ui: &mut Ui) -> Option<Wish> {
+    let palette = theme::palette(ui.ctx());
+    let mut wish = None;
+    ui.label(RichText::new("That was all of it").font(theme::medium(13.0)));
+    let text = "With your own images: one still of every camera, and a floor plan if there is one. Draw on each what you \
+                drew here, place it, link what two views show (K), then Refine (F9) and save (Ctrl+S).";
+    ui.add(egui::Label::new(RichText::new(text).color(palette.text2)).wrap());
+    ui.horizontal_wrapped(|ui| {
+        let text = RichText::new("New site").font(theme::medium(12.0)).color(palette.bg);
+        if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
+            wish = Some(Wish::Tell(Command::NewSite));
+        }
+        if ui.button("Close").clicked() {
+            wish = Some(Wish::End);
+        }
+    });
+    wish
+}

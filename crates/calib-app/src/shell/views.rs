@@ -1,0 +1,288 @@
+//! The middle of the window: one image, image and plan, all cameras, or the scene.
+
+use calib_editor::{Action, Pane};
+use egui::{Align2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
+
+use crate::command::Command;
+use crate::paint::chip;
+use crate::pane;
+use crate::scene3d;
+use crate::shell::cameras;
+use crate::state::{App, Looking, Mode, Orbit, Place};
+use crate::theme;
+use crate::widgets::number;
+
+/// Height of the line above a view, in points.
+const HEADER: f32 = 28.0;
+/// The least height of a view among many, in points.
+const LEAST: f32 = 150.0;
+
+/// What the mode shows.
+pub fn views_ui(app: &mut App, ui: &mut Ui) {
+    let rect = ui.max_rect();
+    app.panes.middle = Some(rect);
+    match app.mode {
+        Mode::Image => {
+            let camera = app.editor.session().camera;
+            let is_tall = rect.height() > 1.8 * cameras::HEIGHT;
+            let has_more = app.editor.find_family();
+            if has_more && is_tall && app.compares_views {
+                let (above, below) = rect.split_top_bottom_at_y(rect.bottom() - cameras::HEIGHT);
+                single(app, ui, above, camera, Place::Main);
+                ui.scope_builder(egui::UiBuilder::new().max_rect(below), |ui| cameras::dock_ui(app, ui));
+            } else {
+                single(app, ui, rect, camera, Place::Main);
+                if has_more {
+                    cameras::offer(app, ui, rect, is_tall);
+                }
+            }
+        }
+        Mode::Plan => {
+            let right = beside(app, ui, rect, app.beside_plan);
+            header(
+                app,
+                ui,
+                right.with_max_y(right.top() + HEADER),
+                "Floor plan",
+                &[Command::Coverage, Command::Blend, Command::Snap],
+            );
+            pane::plan(app, ui, right.with_min_y(right.top() + HEADER), Place::Main);
+        }
+        Mode::All => all(app, ui, rect),
+        Mode::Scene => {
+            let right = beside(app, ui, rect, app.beside_scene);
+            scene(app, ui, right);
+        }
+    }
+}
+
+/// The image on one side, if it is wanted there; what is left.
+fn beside(app: &mut App, ui: &mut Ui, rect: Rect, is_wanted: bool) -> Rect {
+    const SHARE: f32 = 0.46;
+    if !is_wanted {
+        return rect;
+    }
+    let is_tall = rect.height() > 1.2 * rect.width();
+    let (left, right) = if is_tall {
+        rect.split_top_bottom_at_fraction(SHARE)
+    } else {
+        rect.split_left_right_at_fraction(SHARE)
+    };
+    images(app, ui, left);
+    let ends = [right.left_top(), if is_tall { right.right_top() } else { right.left_bottom() }];
+    ui.painter().line_segment(ends, Stroke::new(1.0, theme::palette(ui.ctx()).line));
+    right
+}
+
+fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
+    let switches = [
+        Command::Grid,
+        Command::Horizon,
+        Command::Field,
+        Command::Prism,
+        Command::Guide,
+        if app.is_fisheye(camera) { Command::NextWindow } else { Command::Straighten },
+        Command::ColourByResidual,
+    ];
+    let above = rect.with_max_y(rect.top() + HEADER);
+    pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);
+    camera_header(app, ui, above, (camera, place), &switches);
+}
+
+/// The camera in hand, and below it the one that shares most of its floor.
+fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
+    let camera = app.editor.session().camera;
+    let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {
+        single(app, ui, rect, camera, Place::Half);
+        return;
+    };
+    let (top, bottom) = rect.split_top_bottom_at_fraction(0.52);
+    single(app, ui, top, camera, Place::Half);
+    camera_header(app, ui, bottom.with_max_y(bottom.top() + HEADER), (other, Place::Tile), &[]);
+    pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER), other, Place::Tile);
+}
+
+/// The placed camera that sees most of this one's field.
+fn neighbour(app: &App, camera: usize) -> Option<usize> {
+    let own = app.editor.session().solved.solution(camera)?;
+    let shared = |index: usize| {
+        let pose = app.editor.session().solved.placed(index)?;
+        let [w, h] = app.editor.session().site.cameras.get(index)?.size();
+        let is_seen = |p: &&calib_core::FloorPoint| {
+            pose.world_to_pixel(p.at_height(0.0))
+                .is_some_and(|p| p.u > 0.0 && p.v > 0.0 && p.u < w && p.v < h)
+        };
+        Some(own.efov_m.iter().filter(is_seen).count())
+    };
+    let count = app.editor.session().site.cameras.len();
+    let others =
+        (0..count).filter(|&index| index != camera).filter_map(|index| Some((index, shared(index)?)));
+    others.filter(|(_, seen)| *seen > 0).max_by_key(|(_, seen)| *seen).map(|(index, _)| index)
+}
+
+fn camera_header(
+    app: &mut App,
+    ui: &mut Ui,
+    rect: Rect,
+    (camera, place): (usize, Place),
+    switches: &[Command],
+) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
+    let (id, title) = (entry.id.clone(), entry.name.clone().unwrap_or_else(|| entry.id.clone()));
+    let key = (place, Pane::Image(camera));
+    let zoom = app.panes.views.get(&key).map_or_else(String::new, |view| {
+        // Of the screen's own pixels, not of points.
+        let zoom = view.zoom * f64::from(ui.ctx().pixels_per_point());
+        format!("{} %", number(100.0 * zoom, 0))
+    });
+    // In a narrow view the switches that matter least give way to the name.
+    let room = ((rect.width() - 180.0) / 66.0).max(0.0) as usize;
+    let shown = &switches[..switches.len().min(room)];
+    header(app, ui, rect, "", shown);
+    let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 66.0 * shown.len() as f32));
+    chip(&clip, rect.left_center() + Vec2::new(18.0, 0.0), camera);
+    let at = rect.left_center() + Vec2::new(34.0, 0.0);
+    let name = clip.text(at, Align2::LEFT_CENTER, title, theme::medium(12.0), palette.text);
+    if !switches.is_empty() {
+        let at = name.right_center() + Vec2::new(10.0, 0.0);
+        let shown = clip.text(at, Align2::LEFT_CENTER, &zoom, theme::regular(12.0), palette.text2);
+        let response = ui.interact(shown, ui.scope_id().with(("zoom", key)), Sense::hover());
+        let words = format!("{id} at {zoom}");
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
+        response.on_hover_text("At 100 % a pixel of the image is a pixel of the screen.");
+    }
+}
+
+/// The line above a view: a title and switches.
+fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Command]) {
+    let palette = theme::palette(ui.ctx());
+    ui.painter().rect_filled(rect, 0.0, palette.panel);
+    let at = rect.left_center() + Vec2::new(12.0, 0.0);
+    ui.painter().text(at, Align2::LEFT_CENTER, title, theme::medium(12.0), palette.text);
+    let mut chosen = None;
+    let inner = rect.shrink2(Vec2::new(8.0, 0.0));
+    ui.scope_builder(egui::UiBuilder::new().max_rect(inner), |ui| {
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            for &switch in switches.iter().rev() {
+                let (word, is_on) = state(app, switch);
+                let response = ui.selectable_label(is_on, word);
+                if response.clicked() {
+                    chosen = Some(switch);
+                }
+            }
+        });
+    });
+    if let Some(command) = chosen {
+        app.tell(command);
+    }
+}
+
+/// A switch in a word, and whether it is on.
+const fn state(app: &App, command: Command) -> (&'static str, bool) {
+    match command {
+        Command::Grid => ("Grid", app.layers.grid),
+        Command::Horizon => ("Horizon", app.layers.horizon),
+        Command::Field => ("Field", app.layers.field),
+        Command::Prism => ("Prism", app.layers.prism),
+        Command::Guide => ("Guide", app.layers.guide),
+        Command::Straighten => ("Straighten", app.layers.straight),
+        Command::NextWindow => ("Window", !matches!(app.looking, Looking::Whole)),
+        Command::Snap => ("Snap", app.editor.session().snap),
+        Command::ColourByResidual => ("By residual", app.layers.by_residual),
+        Command::Coverage => ("Coverage", app.coverage),
+        Command::Blend => ("All images", app.blend),
+        _ => ("", false),
+    }
+}
+
+/// Every camera at once, and the floor.
+fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
+    let count = app.editor.session().site.cameras.len() + 1;
+    let columns = columns(count, rect);
+    let rows = count.div_ceil(columns);
+    let size = Vec2::new(rect.width() / columns as f32, (rect.height() / rows as f32).max(LEAST + HEADER));
+    app.panes.tiles_overflow = size.y * rows as f32 > rect.height() + 1.0;
+    ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
+        ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+            ui.spacing_mut().item_spacing = Vec2::ZERO;
+            let (area, _) =
+                ui.allocate_exact_size(Vec2::new(rect.width(), size.y * rows as f32), Sense::hover());
+            for index in 0..count {
+                let cell = Vec2::new((index % columns) as f32 * size.x, (index / columns) as f32 * size.y);
+                let tile = Rect::from_min_size(area.min + cell, size).shrink(0.5);
+                if !ui.is_rect_visible(tile) {
+                    continue;
+                }
+                let above = tile.with_max_y(tile.top() + HEADER);
+                let below = tile.with_min_y(above.bottom());
+                if index + 1 == count {
+                    header(app, ui, above, "Floor", &[Command::Blend]);
+                    pane::plan(app, ui, below, Place::Tile);
+                } else {
+                    camera_header(app, ui, above, (index, Place::Tile), &[]);
+                    pane::image(app, ui, below, index, Place::Tile);
+                    if index == app.editor.session().camera {
+                        let stroke = Stroke::new(1.0, theme::palette(ui.ctx()).accent);
+                        ui.painter().rect_stroke(tile, 0.0, stroke, egui::StrokeKind::Inside);
+                    }
+                }
+            }
+        });
+    });
+}
+
+/// As many columns as make the tiles nearest to the shape of a still.
+fn columns(count: usize, rect: Rect) -> usize {
+    const STILL: f32 = 1.6;
+    let off = |columns: usize| {
+        let rows = count.div_ceil(columns);
+        let shape = (rect.width() / columns as f32) / (rect.height() / rows as f32).max(LEAST);
+        (shape / STILL).ln().abs()
+    };
+    (1..=count.max(1)).min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(1)
+}
+
+fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
+    app.ask_for_plan(ui.ctx());
+    let response = ui.interact(rect, ui.scope_id().with("scene"), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Scene"));
+    let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
+    let by = response.drag_delta();
+    let pans = ui.input(|i| i.modifiers.shift || i.pointer.middle_down() || i.pointer.secondary_down());
+    if by != Vec2::ZERO {
+        if pans { orbit.pan(by) } else { orbit.turn(by) }
+    }
+    if response.contains_pointer() {
+        let factor =
+            ui.input(|i| f64::from(i.zoom_delta()) * (f64::from(i.smooth_scroll_delta().y) / 240.0).exp());
+        orbit.zoom(factor);
+    }
+    if let Some(camera) = response
+        .clicked()
+        .then(|| {
+            response
+                .interact_pointer_pos()
+                .and_then(|at| scene3d::pick(rect, &orbit, app.editor.session(), at))
+        })
+        .flatten()
+    {
+        app.send(Action::Choose(camera));
+    }
+    let painter = ui.painter().with_clip_rect(rect);
+    let palette = theme::palette(ui.ctx());
+    painter.rect_filled(rect, 0.0, palette.canvas);
+    let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
+    let plan = name.and_then(|name| app.pictures.ready(name)).map(|p| (p.overview.id(), p.size()));
+    scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), app.editor.session(), plan);
+    let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to take it.";
+    painter.text(
+        rect.left_top() + Vec2::new(12.0, 12.0),
+        Align2::LEFT_TOP,
+        text,
+        theme::regular(11.0),
+        palette.text2,
+    );
+    app.orbit = Some(orbit);
+}

@@ -1,0 +1,313 @@
+//! What an operator should know of a result, with what to do about it as a button.
+//!
+//! Every camera with the age of its calibration and what its newest still shows.
+
+use calib_core::{Code, Finding, Severity, Subject};
+use calib_editor::{Action, Part, held_since, site_subject};
+use calib_site::{SiteCamera, Warning};
+use egui::{RichText, Ui};
+
+use crate::command::Command;
+use crate::compare::panel::verdict;
+use crate::icons::{self, Icon};
+use crate::state::{App, Mode};
+use crate::storage::autosave::ago;
+use crate::theme;
+use crate::widgets::heading;
+
+/// The list.
+pub(crate) fn health_ui(app: &mut App, ui: &mut Ui) {
+    let count = app.editor.site().cameras.len();
+    let compared = (0..count).filter(|&camera| app.editor.newer(camera).is_some()).count();
+    heading(ui, "Calibrations", &format!("{compared} of {count} compared"));
+    for camera in 0..count {
+        row(app, ui, camera);
+    }
+}
+
+/// One camera; a click takes it in hand and looks at its image.
+fn row(app: &mut App, ui: &mut Ui, camera: usize) {
+    let palette = theme::palette(ui.ctx());
+    let Some(entry) = app.editor.site().cameras.get(camera) else { return };
+    let name = name(entry);
+    let (word, colour) = match app.editor.newer(camera) {
+        Some(newer) => {
+            let (word, _, colour, _) = verdict(newer.comparison.became, palette);
+            (word, colour)
+        }
+        None => ("no newer still", palette.text3),
+    };
+    let mut wanted = false;
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 8.0;
+        wanted = ui.link(RichText::new(name).font(theme::medium(12.0))).clicked();
+        ui.label(RichText::new(age(app, camera)).color(palette.text2));
+        ui.label(RichText::new(word).color(colour));
+    });
+    if wanted {
+        app.send(Action::Drop);
+        app.send(Action::Choose(camera));
+        app.mode = Mode::Image;
+    }
+}
+
+/// Of a period that has ended with its end.
+fn name(entry: &SiteCamera) -> String {
+    match &entry.valid_to {
+        Some(to) => format!("{} until {}", entry.id, to.get(..10).unwrap_or(to)),
+        None => entry.id.clone(),
+    }
+}
+
+/// How old the calibration is: since it holds, or since its still was taken.
+fn age(app: &App, camera: usize) -> String {
+    let known = held_since(app.editor.session(), camera);
+    known.map_or_else(|| "of unknown age".into(), |since| format!("of {}", ago(since, (app.clock)())))
+}
+
+/// The warnings of the camera in hand: the gravest is open, the others are folded and never cut.
+pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
+    let warnings = ordered(app);
+    let mut wish = None;
+    let is_open = ui.scope_id().with("more warnings");
+    let mut shows_all = ui.data(|data| data.get_temp::<bool>(is_open)).unwrap_or(false);
+    let first = warnings.len().min(1);
+    for warning in warnings.iter().take(if shows_all { warnings.len() } else { first }) {
+        let message = app.editor.session().as_on_screen(app.editor.session().camera, warning);
+        let shown = Warning { message, ..warning.clone() };
+        card(ui, &shown, |ui| buttons(app, ui, warning, &mut wish));
+    }
+    if warnings.len() > 1 {
+        let more = format!("{} more", warnings.len() - 1);
+        if ui.button(if shows_all { "Show the first alone" } else { &more }).clicked() {
+            shows_all = !shows_all;
+            ui.data_mut(|data| data.insert_temp(is_open, shows_all));
+        }
+    }
+    let shared = set_aside(app);
+    for (warning, part) in &shared {
+        card(ui, warning, |ui| on_part(ui, *part, &mut wish));
+    }
+    if warnings.is_empty() && shared.is_empty() && app.editor.session().solution().is_some() {
+        let palette = theme::palette(ui.ctx());
+        ui.horizontal(|ui| {
+            icons::inline(ui, Icon::Check, palette.ok);
+            ui.label(RichText::new("No warnings").color(palette.text2));
+        });
+    }
+    if let Some(deed) = wish {
+        grant(app, deed);
+    }
+}
+
+/// What was set aside of what the camera in hand shares with others, with where it shows it.
+fn set_aside(app: &App) -> Vec<(Warning, Part)> {
+    let session = app.editor.session();
+    let (Some(report), Some(entry)) = (session.solved.joint_report(), session.entry()) else {
+        return Vec::new();
+    };
+    let here = |warning: &Warning| {
+        let Subject::Link(link) = site_subject(&session.site, report, warning)? else { return None };
+        let seen = session.site.links.get(link)?.seen.iter().position(|seen| seen.camera == entry.id)?;
+        Some((warning.clone(), Part::Link { link, seen, point: 0 }))
+    };
+    let outliers = report.site.warnings.iter().filter(|warning| warning.code == Code::Outlier);
+    outliers.filter_map(here).collect()
+}
+
+/// What can be done about something that was set aside.
+fn on_part(ui: &mut Ui, part: Part, wish: &mut Option<Deed>) {
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Show").clicked() {
+            *wish = Some(Deed::Show(Place::Part(part)));
+        }
+        for (text, command) in [("Use anyway", Command::UseAnyway), ("Delete", Command::Delete)] {
+            if ui.button(text).clicked() {
+                *wish = Some(Deed::OnPart(command, part));
+            }
+        }
+    });
+}
+
+/// The gravest first.
+fn ordered(app: &App) -> Vec<Warning> {
+    let solution = app.editor.session().solution();
+    let mut warnings = solution.map(|solution| solution.warnings.clone()).unwrap_or_default();
+    warnings.sort_by_key(|warning| std::cmp::Reverse(warning.code.severity()));
+    warnings
+}
+
+fn grant(app: &mut App, deed: Deed) {
+    app.send(Action::Drop);
+    match deed {
+        Deed::Show(Place::Part(part)) => {
+            app.send(Action::Select(part));
+            app.reveal(part);
+        }
+        Deed::Show(Place::View(command)) | Deed::Tell(command) => app.tell(command),
+        Deed::OnPart(command, part) => {
+            app.send(Action::Select(part));
+            app.tell(command);
+        }
+    }
+}
+
+/// The warnings of the site as a whole.
+pub(crate) fn site(app: &mut App, ui: &mut Ui) {
+    let session = app.editor.session();
+    let Some(report) = session.solved.joint_report() else { return };
+    let mut wish = None;
+    for warning in &report.site.warnings {
+        card(ui, warning, |ui| {
+            if ui.button("Show").clicked() {
+                wish = Some(site_subject(&session.site, report, warning));
+            }
+        });
+    }
+    if let Some(subject) = wish {
+        show_subject(app, subject);
+    }
+}
+
+/// Selects what a warning of the site is about, and shows every camera: what cameras share stands in all of them.
+fn show_subject(app: &mut App, subject: Option<Subject>) {
+    let site = app.editor.site();
+    let camera_of = |id: &str| site.cameras.iter().position(|camera| camera.id == id);
+    let first = |link: usize| site.links.get(link).and_then(|link| camera_of(&link.seen.first()?.camera));
+    let action = match subject {
+        Some(Subject::Link(link)) => {
+            first(link).map(|camera| Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }))
+        }
+        Some(Subject::Mark(mark)) => Some(Action::Select(Part::Mark(mark))),
+        Some(Subject::Camera(camera)) => Some(Action::Choose(camera)),
+        _ => None,
+    };
+    app.send(Action::Drop);
+    app.tell(Command::ViewAll);
+    action.into_iter().for_each(|action| app.send(action));
+}
+
+fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
+    let palette = theme::palette(ui.ctx());
+    let (fill, colour) = match warning.code.severity() {
+        Severity::Error => (palette.bad_bg, palette.bad),
+        Severity::Warning => (palette.warn_bg, palette.warn),
+        Severity::Note => (palette.raised, palette.warn),
+    };
+    egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.horizontal_top(|ui| {
+            icons::inline(ui, Icon::Warn, colour);
+            ui.vertical(|ui| {
+                ui.label(RichText::new(&warning.message).font(theme::medium(12.0)));
+                ui.label(RichText::new(&warning.advice).color(palette.text2));
+                more(ui);
+            });
+        });
+    });
+    ui.add_space(4.0);
+}
+
+/// Where to look at what a warning is about.
+#[derive(Clone, Copy)]
+enum Place {
+    Part(Part),
+    View(Command),
+}
+
+/// What a button of a warning asks for.
+#[derive(Clone, Copy)]
+enum Deed {
+    Show(Place),
+    Tell(Command),
+    OnPart(Command, Part),
+}
+
+fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
+    let place = place_of(app, warning);
+    if let (Code::Outlier, Place::Part(part)) = (warning.code, place) {
+        return on_part(ui, part, wish);
+    }
+    ui.horizontal_wrapped(|ui| {
+        if ui.button("Show").clicked() {
+            *wish = Some(Deed::Show(place));
+        }
+        match (warning.code, place) {
+            (Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions, _)
+                if app.is_enabled(Command::TakeSuggestion) =>
+            {
+                let buttons = [
+                    ("Show what helps   N", Command::TakeSuggestion),
+                    ("Something else   Shift+N", Command::DismissSuggestion),
+                ];
+                for (text, command) in buttons {
+                    if ui.button(text).clicked() {
+                        *wish = Some(Deed::Tell(command));
+                    }
+                }
+            }
+            _ => {}
+        }
+    });
+}
+
+/// What a warning is about, where it can be seen.
+fn place_of(app: &App, warning: &Warning) -> Place {
+    let session = app.editor.session();
+    let entry = session.entry();
+    let line = |annotation, segment| Place::Part(Part::Line { annotation, segment });
+    let lens = || entry.and_then(|entry| entry.annotations.iter().position(|a| a.is_straight_edge()));
+    let subject = session.solved.finding(&session.site, session.camera, warning).map(Finding::subject);
+    let found = match subject {
+        Some(Subject::Line(source)) => Some(line(source.annotation, source.segment)),
+        Some(Subject::Annotation(index)) => Some(line(index, 0)),
+        Some(Subject::OwnControlPoint(point) | Subject::ControlPoint { point, .. }) => {
+            Some(Place::Part(Part::Control(point)))
+        }
+        Some(Subject::Efov) => Some(Place::Part(Part::Field)),
+        Some(Subject::Placement) => Some(Place::View(Command::ViewPlan)),
+        Some(Subject::Link(_) | Subject::Mark(_) | Subject::Distance(_) | Subject::Camera(_)) => {
+            Some(Place::View(Command::ViewAll))
+        }
+        Some(Subject::Lens) => lens().map(|index| line(index, 0)),
+        _ => None,
+    };
+    let suspect = || first_outlier(app).filter(|_| warning.code == Code::Outlier).map(Place::Part);
+    let worst = || worst_line(app).map(Place::Part);
+    found.or_else(suspect).or_else(worst).unwrap_or(Place::View(Command::ViewImage))
+}
+
+/// The line that is farthest off.
+fn worst_line(app: &App) -> Option<Part> {
+    let residuals = app.editor.session().solution()?.residuals.iter();
+    let lines =
+        residuals.filter_map(|residual| Some((residual.px.abs(), residual.annotation?, residual.segment?)));
+    let (_, annotation, segment) = lines.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(Part::Line { annotation, segment })
+}
+
+fn first_outlier(app: &App) -> Option<Part> {
+    let residual = app.editor.session().solution()?.residuals.iter().find(|r| r.outlier)?;
+    Some(Part::Line { annotation: residual.annotation?, segment: residual.segment? })
+}
+
+/// An error that concerns the document.
+pub(crate) fn error(app: &mut App, ui: &mut Ui) {
+    let Some(error) = app.editor.error().map(str::to_owned) else { return };
+    let palette = theme::palette(ui.ctx());
+    let (mut close, mut save) = (false, false);
+    egui::Frame::NONE.fill(palette.bad_bg).inner_margin(12).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        ui.label(RichText::new(error).color(palette.bad));
+        ui.horizontal(|ui| {
+            close = ui.button("Close").clicked();
+            save = !app.editor.session().is_saved() && ui.button("Save the site").clicked();
+        });
+    });
+    if save {
+        app.tell(Command::Save);
+    }
+    if close {
+        app.send(Action::CloseError);
+    }
+}

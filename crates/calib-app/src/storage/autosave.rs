@@ -1,0 +1,416 @@
+//! What a crash must not take: every finished gesture is kept, and offered when the app is started again.
+//!
+//! The sites that were opened or saved last, to be gone on with from the start page.
+//!
+//! Where a browser keeps sites between visits, behind a trait: the app asks, and hears of it in a later frame.
+//!
+//! The small still by which a site is known where sites are kept.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use calib_editor::{FileResult, Images, data_uri};
+use calib_site::Site;
+use image::RgbImage;
+use serde::{Deserialize, Serialize};
+
+use crate::picture::Pictures;
+use crate::platform::{Here, Platform};
+
+/// A place that is written after every gesture, and empty after a save.
+#[derive(Clone, Debug)]
+pub struct Autosave {
+    folder: PathBuf,
+}
+
+/// An autosave that was found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The site.
+    pub site: Site,
+    /// Its images.
+    pub images: Images,
+    /// The file it was opened from.
+    pub path: Option<PathBuf>,
+    /// What that file held when it was read or written last.
+    pub held: Option<u64>,
+    /// When it was kept, in seconds since 1970.
+    pub at: Option<u64>,
+}
+
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Kept {
+    path: Option<PathBuf>,
+    folder: Option<PathBuf>,
+    #[serde(default)]
+    held: Option<u64>,
+    #[serde(default)]
+    at: Option<u64>,
+    #[serde(default)]
+    allowed: BTreeSet<PathBuf>,
+    stored: BTreeMap<String, String>,
+    site: String,
+}
+
+impl Autosave {
+    /// The places for autosaves in a folder: more than one, so that unsaved work of one session is not
+    /// overwritten by the next.
+    pub fn slots(folder: &Path) -> impl Iterator<Item = Self> + '_ {
+        const SLOTS: usize = 9;
+        (0..SLOTS).map(|slot| {
+            let name = if slot == 0 { "autosave".into() } else { format!("autosave-{}", slot + 1) };
+            Self::new(folder.join(name))
+        })
+    }
+
+    /// Keeps in this folder.
+    #[must_use]
+    pub const fn new(folder: PathBuf) -> Self {
+        Self { folder }
+    }
+
+    /// Where it keeps.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    fn file(&self) -> PathBuf {
+        self.folder.join("autosave.json")
+    }
+
+    fn image_file(&self, id: &str) -> PathBuf {
+        self.folder.join(format!("image-{}", id.trim_start_matches("stored:")))
+    }
+
+    /// Writes the site; stored images are written once.
+    ///
+    /// # Errors
+    /// When the folder cannot be written to.
+    pub fn keep(
+        &self,
+        site: &Site,
+        images: &Images,
+        path: Option<&Path>,
+        held: Option<u64>,
+    ) -> FileResult<()> {
+        for (id, _, _, bytes) in images.stored() {
+            let file = self.image_file(id);
+            if !file.exists() {
+                Here::write_quickly(&file, bytes)?;
+            }
+        }
+        let stored = images.stored().map(|(id, mime, ..)| (id.to_owned(), mime.to_owned())).collect();
+        let (path, folder) = (path.map(Path::to_path_buf), images.folder.clone());
+        let allowed = images.allowed.clone();
+        let kept = Kept { path, folder, held, at: Here::now(), allowed, stored, site: site.to_json() };
+        Here::write_quickly(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
+    }
+
+    /// What was kept, if it can be read.
+    #[must_use]
+    pub fn find(&self) -> Option<Found> {
+        let kept: Kept = serde_json::from_slice(&Here::read(&self.file()).ok()?).ok()?;
+        let site = Site::from_json(&kept.site).ok()?;
+        let mut images = Images::beside(kept.folder, None);
+        images.allowed = kept.allowed;
+        for (id, mime) in kept.stored {
+            if let Ok(bytes) = Here::read(&self.image_file(&id)) {
+                images.restore(&id, bytes.into(), &mime, None);
+            }
+        }
+        Some(Found { site, images, path: kept.path, held: kept.held, at: kept.at })
+    }
+
+    /// Forgets what was kept: it is saved elsewhere, or not wanted.
+    pub fn forget(&self) {
+        Here::forget(&self.folder, &self.file());
+    }
+}
+
+/// The autosaves of a folder, as one window finds them.
+#[derive(Debug, Default)]
+pub(crate) struct Slots {
+    /// What crashed sessions left.
+    pub(crate) found: Vec<(Autosave, Found)>,
+    /// Where this one keeps its own.
+    pub(crate) autosave: Option<Autosave>,
+    pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
+}
+
+impl Slots {
+    pub(crate) fn of(folder: Option<&Path>) -> Self {
+        let mut slots = Self::default();
+        for slot in folder.into_iter().flat_map(Autosave::slots) {
+            // What another window keeps is its own; what was found stays until the operator has decided.
+            let Some(claim) = Here::claim(slot.folder()) else { continue };
+            let folder = slot.folder().to_path_buf();
+            match slot.find() {
+                Some(work) => slots.found.push((slot, work)),
+                None if slots.autosave.is_none() => slots.autosave = Some(slot),
+                None => continue,
+            }
+            slots.claims.push((folder, claim));
+        }
+        slots
+    }
+}
+
+/// A site that was opened or saved.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recent {
+    /// Its file.
+    pub path: PathBuf,
+    /// What its operator calls it.
+    pub name: String,
+    /// How many cameras it has.
+    pub cameras: usize,
+    /// The still of its first camera, if that is a file.
+    pub image: Option<PathBuf>,
+    /// When, in seconds since 1970.
+    pub at: u64,
+}
+
+/// So many are remembered.
+const MOST: usize = 8;
+
+impl Recent {
+    /// A site as it is remembered; its images are looked for beside `path`.
+    #[must_use]
+    pub fn of(path: &Path, site: &Site, at: u64) -> Self {
+        let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let image = site.cameras.iter().find_map(|camera| camera.image.as_deref());
+        let is_file = |image: &&str| !image.starts_with("data:") && !image.starts_with("stored:");
+        let folder = path.parent().unwrap_or(Path::new("."));
+        Self {
+            path: path.to_path_buf(),
+            name: site.name.clone().unwrap_or(stem),
+            cameras: site.cameras.len(),
+            image: image.filter(is_file).map(|image| folder.join(image)),
+            at,
+        }
+    }
+}
+
+fn file(folder: &Path) -> PathBuf {
+    folder.join("recent.json")
+}
+
+/// What is remembered in a folder, the newest first; files that are gone are left out.
+#[must_use]
+pub(crate) fn list(folder: &Path) -> Vec<Recent> {
+    let known = Here::read(&file(folder)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let known: Vec<Recent> = known.unwrap_or_default();
+    known.into_iter().filter(|recent| recent.path.is_file()).collect()
+}
+
+/// The list with one more in front, as it is kept in a folder from now on.
+#[must_use]
+pub(crate) fn remember(folder: &Path, recent: Recent) -> Vec<Recent> {
+    let others = list(folder).into_iter().filter(|known| known.path != recent.path);
+    let all: Vec<Recent> = std::iter::once(recent.clone()).chain(others).take(MOST).collect();
+    // What cannot be remembered is opened by its name.
+    let _ = serde_json::to_vec(&all).map(|bytes| Here::write_quickly(&file(folder), &bytes));
+    all
+}
+
+/// How long ago something was, in words.
+#[must_use]
+pub(crate) fn ago(at: u64, now: u64) -> String {
+    let minutes = now.saturating_sub(at) / 60;
+    let count = |number: u64, one: &str| {
+        if number == 1 { format!("1 {one} ago") } else { format!("{number} {one}s ago") }
+    };
+    match minutes {
+        0 => "just now".into(),
+        1..60 => count(minutes, "minute"),
+        60..1440 => count(minutes / 60, "hour"),
+        _ => count(minutes / 1440, "day"),
+    }
+}
+
+/// A site that is kept.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Entry {
+    /// By which it is asked for.
+    pub id: String,
+    /// What the operator calls it.
+    pub name: String,
+    /// How many cameras it has.
+    pub cameras: usize,
+    /// How large it is with its images, in bytes.
+    pub bytes: u64,
+    /// When it was kept last, in words.
+    pub when: String,
+    /// The last finished gesture.
+    pub last: String,
+    /// Its first still, small, as a `data:` URI.
+    pub thumbnail: Option<String>,
+}
+
+/// What is to be kept after a finished gesture.
+#[derive(Debug)]
+pub struct Work<'a> {
+    /// The site.
+    pub site: &'a Site,
+    /// Its images.
+    pub images: &'a Images,
+    /// The file it was opened from or saved to.
+    pub path: Option<PathBuf>,
+    /// The gesture.
+    pub last: &'a str,
+    /// Its first still, small, as a `data:` URI, once it was decoded.
+    pub thumbnail: Option<&'a str>,
+}
+
+/// What a shelf tells.
+#[derive(Debug)]
+pub enum News {
+    /// The site that was asked for.
+    Opened(Box<Found>),
+    /// What went wrong, and what to do.
+    Trouble(String),
+    /// Something that went right in a way one should know of.
+    Note(String),
+    /// What is open is to be kept once more, whole.
+    Again,
+}
+
+/// A place that keeps sites.
+pub trait Shelf: Debug {
+    /// What is kept, newest first.
+    fn entries(&self) -> Vec<Entry>;
+    /// Keeps the site that is open.
+    fn keep(&mut self, work: Work<'_>);
+    /// From now on another site is open: it is kept beside the others.
+    fn begin(&mut self);
+    /// Asks for a site.
+    fn open(&mut self, id: &str);
+    /// Forgets a site.
+    fn remove(&mut self, id: &str);
+    /// What happened since the last frame.
+    fn news(&mut self) -> Option<News>;
+    /// Whether something that was to be kept is not kept yet.
+    fn is_behind(&self) -> bool;
+}
+
+/// Twice what the start page shows, for screens of many pixels.
+const SIZE: [u32; 2] = [168, 104];
+
+/// The first still of a site, small: made once, when it is decoded.
+#[derive(Debug, Default)]
+pub(crate) struct Thumbnail {
+    /// What the site calls the still, and the small one as a `data:` URI.
+    made: Option<(String, String)>,
+    /// The still whose pixels were not there yet.
+    awaited: Option<String>,
+}
+
+impl Thumbnail {
+    /// Makes it, if that is another still than before and its pixels are there.
+    pub(crate) fn renew(&mut self, site: &Site, pictures: &Pictures) {
+        self.awaited = None;
+        let Some(name) = first(site).filter(|name| self.made.as_ref().is_none_or(|(made, _)| made != name))
+        else {
+            return;
+        };
+        let picture = pictures.ready(name);
+        self.awaited = picture.is_none().then(|| name.to_owned());
+        let small = picture.and_then(|picture| small(&picture.image));
+        self.made = small.map(|small| (name.to_owned(), small)).or(self.made.take());
+    }
+
+    /// Whether the pixels have arrived that were not there when it was to be made.
+    pub(crate) fn is_due(&self, pictures: &Pictures) -> bool {
+        self.awaited.as_ref().is_some_and(|name| pictures.ready(name).is_some())
+    }
+
+    /// That of a site.
+    pub(crate) fn of(&self, site: &Site) -> Option<&str> {
+        let (name, uri) = self.made.as_ref()?;
+        (first(site)? == name).then_some(uri)
+    }
+}
+
+fn first(site: &Site) -> Option<&str> {
+    site.cameras.iter().find_map(|camera| camera.image.as_deref())
+}
+
+/// The middle of a still in the shape of the card.
+fn small(still: &RgbImage) -> Option<String> {
+    let [w, h] = SIZE;
+    let (width, height) = still.dimensions();
+    let share = (f64::from(width) / f64::from(w)).min(f64::from(height) / f64::from(h));
+    let [cut_w, cut_h] = SIZE.map(|side| ((f64::from(side) * share) as u32).max(1));
+    let [x, y] = [width.saturating_sub(cut_w) / 2, height.saturating_sub(cut_h) / 2];
+    let cut = image::imageops::crop_imm(still, x, y, cut_w, cut_h);
+    let small = image::imageops::thumbnail(&*cut, w, h);
+    let mut jpeg = Cursor::new(Vec::new());
+    small.write_to(&mut jpeg, image::ImageFormat::Jpeg).ok()?;
+    Some(data_uri("image/jpeg", jpeg.get_ref()))
+}
+
+#[cfg(test)]
+mod tests {
+    use calib_site::SiteCamera;
+
+    use super::*;
+
+    #[test]
+    fn an_autosave_is_found_again_with_its_images() {
+        let folder = tempfile::tempdir().unwrap();
+        let autosave = Autosave::new(folder.path().join("new"));
+        let mut images = Images::default();
+        let mut camera = SiteCamera::new("a", [4, 3]);
+        camera.image = Some(images.store((*b"hello").into(), "image/png", None));
+        let site = Site { cameras: vec![camera], ..Site::new() };
+        autosave.keep(&site, &images, Some(Path::new("/x/site.json")), Some(7)).unwrap();
+        let found = autosave.find().unwrap();
+        assert_eq!(found.images.put_into(&found.site, None), images.put_into(&site, None));
+        assert_eq!((found.path.as_deref(), found.held), (Some(Path::new("/x/site.json")), Some(7)));
+        autosave.forget();
+        assert!(autosave.find().is_none());
+    }
+
+    #[test]
+    fn the_newest_is_first_each_is_there_once_and_what_is_gone_is_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let site = |name: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "{}").unwrap();
+            Recent::of(&path, &Site::new(), 100)
+        };
+        let (a, b) = (site("a.json"), site("b.json"));
+        for recent in [&a, &b, &a] {
+            let _ = remember(folder.path(), recent.clone());
+        }
+        assert_eq!(list(folder.path()), [a.clone(), b.clone()]);
+        std::fs::remove_file(&a.path).unwrap();
+        assert_eq!(list(folder.path()), [b]);
+    }
+
+    #[test]
+    fn time_is_told_as_one_says_it() {
+        assert_eq!(ago(1000, 1030), "just now");
+        assert_eq!(ago(0, 65), "1 minute ago");
+        assert_eq!(ago(0, 3 * 3600), "3 hours ago");
+        assert_eq!(ago(0, 50 * 3600), "2 days ago");
+    }
+
+    #[test]
+    fn a_thumbnail_is_the_middle_of_the_still_and_a_few_kilobytes() {
+        // White in the middle, black at the sides that are cut off.
+        let still = RgbImage::from_fn(2000, 600, |x, _| {
+            image::Rgb([if x.abs_diff(1000) < 480 { 255 } else { 0 }; 3])
+        });
+        let uri = small(&still).unwrap();
+        assert!(uri.starts_with("data:image/jpeg;base64,") && uri.len() < 12_000, "{}", uri.len());
+        let bytes =
+            calib_editor::Source::of_data_uri(&uri).unwrap().read(|_, _| Err("no file".into())).unwrap();
+        let shown = calib_editor::decode(&bytes).unwrap();
+        assert_eq!(<[u32; 2]>::from(shown.dimensions()), SIZE);
+        assert!(shown.get_pixel(4, 50).0[0] > 240 && shown.get_pixel(163, 50).0[0] > 240);
+    }
+}

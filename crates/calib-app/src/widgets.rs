@@ -1,0 +1,83 @@
+//! Widgets that several panels share: sections, headings, length fields, and the widths at which the layout changes.
+
+use calib_editor::Units;
+use egui::{Align2, DragValue, Frame, Margin, RichText, Sense, Stroke, Ui, Vec2};
+
+pub use calib_editor::number;
+pub use calib_report::decimals;
+
+use crate::theme;
+
+/// In a window narrower than this, a phone's, panels lie below each other.
+pub(crate) const PHONE: f32 = 640.0;
+
+/// In a window narrower than this the list of cameras is a rail, and words give way to icons.
+pub(crate) const NARROW: f32 = 1000.0;
+
+/// A part of a panel with a line below it.
+pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
+    let palette = theme::palette(ui.ctx());
+    Frame::NONE.inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
+        ui.set_width(ui.available_width());
+        contents(ui);
+    });
+    let rect = ui.min_rect();
+    ui.painter().hline(rect.x_range(), rect.bottom(), Stroke::new(1.0, palette.line));
+}
+
+/// The heading of a section, with a word on its right.
+pub fn heading(ui: &mut Ui, text: &str, right: &str) {
+    let palette = theme::palette(ui.ctx());
+    ui.horizontal(|ui| {
+        let title = ui.label(RichText::new(text).font(theme::medium(13.0)).color(palette.text));
+        title.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Heading, true, text));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(RichText::new(right).small().color(palette.text3));
+        });
+    });
+}
+
+/// A field for a length in metres from `low` up, shown and typed in these units.
+pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
+    const MOST: f64 = 1e5;
+    let unit = units.metres();
+    let exchange = move |typed: Option<f64>| {
+        if let Some(typed) = typed {
+            *metres = typed * unit;
+        }
+        *metres / unit
+    };
+    DragValue::from_get_set(exchange)
+        .speed(0.01)
+        .range(low / unit..=MOST)
+        .suffix(format!(" {}", units.sign()))
+        .max_decimals(3)
+        .update_while_editing(false)
+}
+
+/// Title, number, its sigma and unit, each in its column.
+pub(crate) fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>, unit: &str) {
+    let palette = theme::palette(ui.ctx());
+    let width = (ui.available_width() - 26.0).max(120.0);
+    let (rect, response) = ui.allocate_exact_size(Vec2::new(width, 18.0), Sense::hover());
+    let sure = sigma.as_ref().map_or_else(String::new, |sigma| format!(" \u{b1} {sigma}"));
+    let words = format!("{title} {value}{sure} {unit}");
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, words.trim_end()));
+    let painter = ui.painter();
+    let middle = rect.center().y;
+    let at = |x: f32| egui::pos2(x, middle);
+    painter.text(at(rect.left()), Align2::LEFT_CENTER, title, theme::regular(12.0), palette.text2);
+    let column = rect.right() - 76.0;
+    painter.text(at(column), Align2::RIGHT_CENTER, value, theme::medium(12.0), palette.text);
+    if let Some(sigma) = sigma {
+        let text = format!("\u{b1} {sigma}");
+        painter.text(
+            at(rect.right() - 22.0),
+            Align2::RIGHT_CENTER,
+            text,
+            theme::regular(12.0),
+            palette.text2,
+        );
+    }
+    painter.text(at(rect.right() - 18.0), Align2::LEFT_CENTER, unit, theme::regular(12.0), palette.text2);
+}
