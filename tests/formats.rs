@@ -4,7 +4,7 @@
 
 use calib_core::{BrownConrady, Camera, Covariance, Distortion, Extent, Lens, Pixel, WorldPoint};
 
-use calib_formats::{Export, ExportOptions, FORMATS, File, OfPlanes, export, format, import};
+use calib_formats::{Export, ExportOptions, FORMATS, File, PlaneTreatment, export, format, import};
 use calib_site::{Method, Site, SiteCamera, Solution, Stage};
 use calib_tests::{Scratch, peers_python};
 use proptest::prelude::*;
@@ -532,7 +532,7 @@ fn the_rectified_camera_comes_with_the_map_that_makes_its_image() {
 fn every_export_is_refused_or_written_as_its_losses_say() {
     let scratch = Scratch::new();
     scratch.write("bent.json", site(&bent()).to_json());
-    for format in FORMATS.iter().filter(|format| format.exports()) {
+    for format in FORMATS.iter().filter(|format| format.can_export()) {
         let export = exported(format.name, &site(&bent()), format.extensions[0]);
         let folder = format!("out-{}", format.name);
         let ended = scratch.calib(&["export", format.name, "bent.json", "-o", &folder]);
@@ -572,15 +572,15 @@ fn scratch_of(site: &Site) -> Scratch {
 /// The registry as a table for reading.
 fn table() -> String {
     let mut text = String::from(
-        "| format | out | in | pixels from the | units | axes | holds | has no place for | an import leaves |\n\
+        "| format | export | import | pixel origin | units | axes | contains | does not contain | ignored by import |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );
     for format in FORMATS {
         let yes = |is: bool| if is { "yes" } else { "" };
         let cells = [
             &format!("`{}`", format.name),
-            yes(format.exports()),
-            yes(format.imports()),
+            yes(format.can_export()),
+            yes(format.can_import()),
             format.pixels,
             format.units,
             format.axes,
@@ -602,7 +602,7 @@ fn the_table_of_formats_is_the_registry() {
 #[test]
 fn a_stretched_stream_is_agreed_to() {
     let scratch = scratch_of(&site(&straight()));
-    for format in FORMATS.iter().filter(|format| format.exports()) {
+    for format in FORMATS.iter().filter(|format| format.can_export()) {
         let folder = format!("out-{}", format.name);
         let args = ["export", format.name, "site.json", "-o", &folder, "--rescale", "640x640"];
         let run = scratch.calib(&args).expect_code(5);
@@ -629,10 +629,10 @@ fn what_sql_says_of_its_error_is_not_less_than_it_is() {
     assert!(run.stderr.contains(&format!("at most {pixels:.3} px")), "{}", run.stderr);
 }
 
-/// What the view of `floor.sql` makes of a pixel: its coefficients, evaluated as an engine does.
+/// Coefficients of `floor.sql`, evaluated as an SQL engine does.
 struct SqlView {
     numbers: Vec<f64>,
-    /// What the file states as its largest errors: in pixels, and in metres within the EFOV.
+    /// Largest errors that the file states, in pixels, and in metres within the EFOV.
     stated: [f64; 2],
 }
 
@@ -763,8 +763,11 @@ fn an_import_says_what_it_leaves_and_merges_into_a_site() {
     document["sensors"][0]["tripwires"] = json!([{"id": "gate", "wire": [[1, 2], [3, 4]]}]);
     std::fs::write(&path, document.to_string()).unwrap();
     let run = scratch.calib(&["import", "nvidia", "out/calibration.json"]).expect_code(0);
-    let said = run.stderr.lines().find(|line| line.contains("not taken")).unwrap();
-    assert!(said.contains("calibration.json: not taken: ") && said.contains("sensors/*/tripwires"), "{said}");
+    let said = run.stderr.lines().find(|line| line.contains("not imported")).unwrap();
+    assert!(
+        said.contains("calibration.json: not imported: ") && said.contains("sensors/*/tripwires"),
+        "{said}"
+    );
     assert!(
         !said.contains("intrinsicMatrix") && !said.contains("rois"),
         "what was taken, and what is empty: {said}"
@@ -870,7 +873,7 @@ proptest! {
     #[test]
     fn a_mangled_file_is_an_error_that_says_where(cut in 0.0..1.0_f64, byte in any::<u8>(), at in 0.0..1.0_f64) {
         let site = site(&bent());
-        for format in FORMATS.iter().filter(|format| format.exports() && format.imports()) {
+        for format in FORMATS.iter().filter(|format| format.can_export() && format.can_import()) {
             for extension in format.extensions {
                 let files = exported(format.name, &site, extension).files;
                 let share = |length: usize, share: f64| (length as f64 * share) as usize;
@@ -922,7 +925,7 @@ fn hostile_files_are_errors() {
         &huge,
         "1 PINHOLE 0 99999999999 nan inf 3\n",
     ];
-    for format in FORMATS.iter().filter(|format| format.imports()) {
+    for format in FORMATS.iter().filter(|format| format.can_import()) {
         for text in texts {
             for name in ["cameras.txt", "intr_a.xml", "a.json", "a.yml"] {
                 let file = |name: &str| File { name: name.into(), bytes: text.as_bytes().to_vec() };
@@ -1029,15 +1032,15 @@ fn with_planes() -> Site {
 #[test]
 fn a_format_holds_planes_or_says_that_it_does_not() {
     let planes = with_planes();
-    for format in FORMATS.iter().filter(|format| format.exports()) {
+    for format in FORMATS.iter().filter(|format| format.can_export()) {
         let export = exported(format.name, &planes, format.extensions[0]);
         let losses: Vec<String> = export.losses.iter().map(ToString::to_string).collect();
         let told = losses.iter().chain(&export.notes).filter(|what| what.contains("\"ramp\"")).count();
         let is_written = export.files.iter().any(|file| file.bytes.windows(4).any(|bytes| bytes == b"ramp"));
         assert_eq!(told == 0, is_written, "{}: {losses:?} {:?}", format.name, export.notes);
-        assert_eq!(is_written, format.planes == OfPlanes::Written, "{}", format.name);
+        assert_eq!(is_written, format.planes == PlaneTreatment::Written, "{}", format.name);
         let misleads = losses.iter().any(|what| what.contains("\"ramp\""));
-        assert_eq!(misleads, format.planes == OfPlanes::Misleading, "{}", format.name);
+        assert_eq!(misleads, format.planes == PlaneTreatment::Misleading, "{}", format.name);
         assert!(!losses.iter().chain(&export.notes).any(|what| what.contains("shelf")), "it covers nothing");
     }
 }

@@ -67,12 +67,12 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::AddImages => app.ask(Purpose::AddImages),
         Files::LoadPlan => app.ask(Purpose::LoadPlan),
         Files::ReplaceStill => {
-            app.replaced = app.editor.session().entry().map(Period::of).unwrap_or_default();
+            app.jobs.replaced = app.editor.session().entry().map(Period::of).unwrap_or_default();
             app.ask(Purpose::ReplaceStill);
         }
         Files::Compare => app.ask(Purpose::Compare),
         Files::Import => app.ask(Purpose::Import),
-        Files::Export => app.export.open(),
+        Files::Export => app.dialogs.export.open(),
         Files::Report => app.ask(Purpose::SaveReport),
         Files::SavePicture => app.take_picture(ctx),
         Files::StopWork => app.stop_work(),
@@ -87,7 +87,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
 fn on_newer(app: &mut App, ctx: &Context, command: Newer) {
     match command {
         Newer::CompareStill => app.ask(Purpose::NewerStill),
-        Newer::NextLook => app.glance.showing = app.glance.showing.next(),
+        Newer::NextLook => app.view.glance.showing = app.view.glance.showing.next(),
         Newer::Recover => app.recover_newer(ctx),
         Newer::DismissNewer if app.is_recovering_in_hand() => {
             let note = "It is being recovered from: cancel that first, or put it aside afterwards.";
@@ -127,9 +127,10 @@ fn nudge(app: &mut App, step: Nudge, coarse: bool) {
         Nudge::TurnLeft | Nudge::TurnRight | Nudge::Grow | Nudge::Shrink => None,
     };
     match by {
-        Some(by) if app.mode == Mode::Scene => orbit_by(app, by, coarse),
+        Some(by) if app.view.mode == Mode::Scene => orbit_by(app, by, coarse),
         _ => {
-            let on_plan = app.mode == Mode::Plan && matches!(app.panes.active, Some((_, Pane::Plan)));
+            let on_plan =
+                app.view.mode == Mode::Plan && matches!(app.view.panes.active, Some((_, Pane::Plan)));
             app.act(Action::Nudge { step, coarse, pane: on_plan.then_some(Pane::Plan) });
         }
     }
@@ -142,14 +143,14 @@ fn orbit_by(app: &mut App, by: [f32; 2], pans: bool) {
     if !app.editor.tool().is_idle() {
         app.act(Action::Drop);
     }
-    let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
+    let mut orbit = app.view.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
     let by = Vec2::new(-DRAG * by[0], -DRAG * by[1]);
     if pans {
         orbit.pan(by);
     } else {
         orbit.turn(by);
     }
-    app.orbit = Some(orbit);
+    app.view.orbit = Some(orbit);
 }
 
 fn on_view(app: &mut App, command: View) {
@@ -159,11 +160,15 @@ fn on_view(app: &mut App, command: View) {
         View::ViewAll => app.show(Mode::All),
         View::ViewScene => app.show(Mode::Scene),
         View::Fit => {
-            app.panes.views.clear();
-            app.orbit = None;
+            app.view.panes.views.clear();
+            app.view.orbit = None;
         }
         View::Beside => {
-            let beside = if app.mode == Mode::Scene { &mut app.beside_scene } else { &mut app.beside_plan };
+            let beside = if app.view.mode == Mode::Scene {
+                &mut app.view.beside_scene
+            } else {
+                &mut app.view.beside_plan
+            };
             *beside = !*beside;
         }
         View::ZoomIn => zoom(app, 1.25),
@@ -175,24 +180,24 @@ fn on_view(app: &mut App, command: View) {
 fn next_window(app: &mut App) {
     if app.is_fisheye(app.editor.session().camera) {
         app.show(Mode::Image);
-        app.look(app.looking.next());
+        app.look(app.view.looking.next());
     } else {
         app.act(Action::Note("Windows are for fisheyes: the lens of this camera is none.".into()));
     }
 }
 
 fn zoom(app: &mut App, factor: f64) {
-    if app.mode == Mode::Scene {
-        let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
+    if app.view.mode == Mode::Scene {
+        let mut orbit = app.view.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
         orbit.zoom(factor);
-        app.orbit = Some(orbit);
+        app.view.orbit = Some(orbit);
         return;
     }
     let key = app.zoom_key();
-    if let Some(mapping) = app.panes.mapping(key.0, key.1) {
-        let over = app.panes.cursor.filter(|(pane, _)| *pane == key.1);
+    if let Some(mapping) = app.view.panes.mapping(key.0, key.1) {
+        let over = app.view.panes.cursor.filter(|(pane, _)| *pane == key.1);
         let at = over.map_or_else(|| mapping.rect.center(), |(_, at)| mapping.screen(at));
-        app.panes.views.insert(key, mapping.zoomed(at, factor));
+        app.view.panes.views.insert(key, mapping.zoomed(at, factor));
     }
 }
 
@@ -201,7 +206,7 @@ fn on_solving(app: &mut App, ctx: &Context, command: Solving) {
     match command {
         Solving::Pause => app.act(Action::Pause),
         Solving::Refine => app.refine(ctx),
-        Solving::CompareBefore => app.show_before = !app.show_before,
+        Solving::CompareBefore => app.view.show_before = !app.view.show_before,
         Solving::FixPlacement => app.act(Action::HoldPlace),
         Solving::ResetPlacement => app.act(Action::ForgetPlace),
     }
@@ -212,7 +217,7 @@ fn switch(app: &mut App, ctx: &Context, command: Switch) {
         // What is shown then has pixels of its own.
         app.look(Looking::Whole);
     }
-    let layers = &mut app.layers;
+    let layers = &mut app.view.layers;
     let switch = match command {
         Switch::HideOverlays => &mut layers.hidden,
         Switch::Grid => &mut layers.grid,
@@ -223,14 +228,14 @@ fn switch(app: &mut App, ctx: &Context, command: Switch) {
         Switch::Prism => &mut layers.prism,
         Switch::Guide => &mut layers.guide,
         Switch::ColourByResidual => &mut layers.by_residual,
-        Switch::Above => &mut app.above,
-        Switch::Coverage => &mut app.coverage,
-        Switch::Blend => &mut app.blend,
-        Switch::Shortcuts => &mut app.shortcuts,
-        Switch::About => &mut app.about,
+        Switch::Above => &mut app.view.above,
+        Switch::Coverage => &mut app.view.coverage,
+        Switch::Blend => &mut app.view.blend,
+        Switch::Shortcuts => &mut app.dialogs.shortcuts,
+        Switch::About => &mut app.dialogs.about,
         Switch::Snap => return app.act(Action::Snap),
         Switch::Feet => return app.act(Action::Feet),
-        Switch::Palette => return app.palette.toggle(),
+        Switch::Palette => return app.dialogs.palette.toggle(),
         Switch::Theme => {
             return ctx.set_theme(match ctx.theme() {
                 egui::Theme::Dark => egui::Theme::Light,

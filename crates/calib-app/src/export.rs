@@ -1,6 +1,6 @@
 //! The calibration as other programs take it: what a format loses is told before anything is written.
 
-use calib_formats::{Export, ExportOptions, PlanPicture};
+use calib_formats::{Export, ExportOptions, PlanImage};
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Ui, Vec2, Window};
 
 use crate::choice::Purpose;
@@ -11,7 +11,7 @@ use crate::theme::{self, Palette};
 
 /// The sheet, if it is open.
 pub fn export_ui(app: &mut App, ctx: &Context) {
-    if !app.export.is_open {
+    if !app.dialogs.export.is_open {
         return;
     }
     make(app, ctx);
@@ -29,20 +29,20 @@ pub fn export_ui(app: &mut App, ctx: &Context) {
             outcome(app, ui);
         });
     if !open {
-        app.export.close();
+        app.dialogs.export.close();
     }
 }
 
 /// Makes what is asked for, off the frame's path, when it differs from what was.
 fn make(app: &mut App, ctx: &Context) {
-    let Some(format) = formats().nth(app.export.format) else { return };
+    let Some(format) = formats().nth(app.dialogs.export.format) else { return };
     let plan = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let plan = plan.filter(|_| format.shows_plan);
     if plan.is_some() {
         app.ask_for_plan(ctx);
     }
     let plan = plan.and_then(|name| app.pictures.ready(&name)).map(|picture| picture.image.clone());
-    let sheet = &mut app.export;
+    let sheet = &mut app.dialogs.export;
     let asked = Asked {
         format: sheet.format,
         extension: sheet.extension,
@@ -74,16 +74,16 @@ fn make(app: &mut App, ctx: &Context) {
     }
 }
 
-fn picture(image: &image::RgbImage) -> Result<PlanPicture, String> {
+fn picture(image: &image::RgbImage) -> Result<PlanImage, String> {
     let mut png = std::io::Cursor::new(Vec::new());
     image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
-    Ok(PlanPicture { png: png.into_inner(), size: image.dimensions().into() })
+    Ok(PlanImage { png: png.into_inner(), size: image.dimensions().into() })
 }
 
 fn choices(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let camera = app.editor.session().entry().map(|entry| entry.id.clone()).unwrap_or_default();
-    let sheet = &mut app.export;
+    let sheet = &mut app.dialogs.export;
     let chosen = sheet.format;
     let Some(format) = formats().nth(chosen) else { return };
     ui.horizontal(|ui| {
@@ -122,7 +122,7 @@ fn choices(app: &mut App, ui: &mut Ui) {
 fn outcome(app: &mut App, ui: &mut Ui) {
     distances::out_of_date_ui(app, ui);
     let palette = theme::palette(ui.ctx());
-    let sheet = &mut app.export;
+    let sheet = &mut app.dialogs.export;
     let export = match &sheet.made {
         None => {
             ui.horizontal(|ui| {
@@ -144,7 +144,7 @@ fn outcome(app: &mut App, ui: &mut Ui) {
     let count = export.files.len();
     let text = format!("Write {}\u{2026}", calib_site::counted(count, "file", "files"));
     let text = RichText::new(text).font(theme::medium(12.0)).color(palette.bg);
-    let is_free = app.export.files().is_some();
+    let is_free = app.dialogs.export.files().is_some();
     if ui.add_enabled(is_free, egui::Button::new(text).fill(palette.accent)).clicked() {
         app.ask(Purpose::Export);
     }

@@ -14,9 +14,9 @@ impl App {
         self.editor.solve();
         self.editor.begin_frame();
         self.watch_suspect(ui);
-        self.panes.begin_frame();
+        self.view.panes.begin_frame();
         shell::window_ui(self, ui);
-        self.was_typing = ui.ctx().text_edit_focused();
+        self.hover.was_typing = ui.ctx().text_edit_focused();
         self.grant(&ui.ctx().clone());
         self.remember();
     }
@@ -39,7 +39,7 @@ impl App {
         }
         self.poll_picture(ctx);
         self.watch_outside();
-        for (command, modifiers) in keys::pressed(ctx, self.was_typing) {
+        for (command, modifiers) in keys::pressed(ctx, self.hover.was_typing) {
             command::run(self, ctx, command, modifiers);
         }
     }
@@ -71,9 +71,9 @@ impl App {
             let residual = solution.residuals.iter().find(|residual| residual.outlier)?;
             Some((camera, residual.annotation?, residual.segment?))
         });
-        if suspect != self.suspect {
-            self.suspect = suspect;
-            self.suspect_since = ui.input(|i| i.time);
+        if suspect != self.hover.suspect {
+            self.hover.suspect = suspect;
+            self.hover.suspect_since = ui.input(|i| i.time);
         }
     }
 }

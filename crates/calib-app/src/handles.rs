@@ -127,13 +127,13 @@ const ON_IMAGE: [&[Command]; 5] = [
 
 /// The menu of a canvas, while it is open.
 pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
-    if response.long_touched() && app.panes.was_idle {
+    if response.long_touched() && app.view.panes.was_idle {
         // The finger that is held draws nothing.
         app.send(Action::Drop);
-        app.panes.forget_pointer();
+        app.view.panes.forget_pointer();
     }
     if response.secondary_clicked() {
-        app.panes.active = Some(key);
+        app.view.panes.active = Some(key);
     }
     if response.secondary_clicked() && app.editor.tool().is_idle() {
         let at = response.interact_pointer_pos().map(|at| mapping.document(at));

@@ -28,7 +28,7 @@ const DOUBLE: f64 = 0.4;
 fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mapping) {
     let pointer = ui.input(|i| i.pointer.hover_pos());
     let is_over = pointer.is_some_and(|at| is_over(ui, mapping.rect, at));
-    let holds = app.panes.captured == Some(key);
+    let holds = app.view.panes.captured == Some(key);
     if !is_over && !holds {
         return;
     }
@@ -39,7 +39,7 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
         (i.smooth_scroll_delta(), f64::from(i.zoom_delta()), by, space, middle, touch)
     });
     // Where tiles overflow the wheel scrolls them, and zooms with Ctrl.
-    let scroll = if key.0 == Place::Tile && app.panes.tiles_overflow { Vec2::ZERO } else { scroll };
+    let scroll = if key.0 == Place::Tile && app.view.panes.tiles_overflow { Vec2::ZERO } else { scroll };
     let at = pointer.unwrap_or_else(|| mapping.rect.center());
     let factor = zoom * (f64::from(scroll.y) / 240.0).exp();
     if factor != 1.0 {
@@ -53,7 +53,7 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
         ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     }
     mapping.view.pan(touch);
-    app.panes.views.insert(key, mapping.view);
+    app.view.panes.views.insert(key, mapping.view);
 }
 
 fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
@@ -75,11 +75,11 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
                 pressed(app, ui, key, mapping, (pos, time), modifiers);
             }
             Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: false, modifiers }
-                if app.panes.captured == Some(key) =>
+                if app.view.panes.captured == Some(key) =>
             {
-                app.panes.moved |= pos.distance(app.panes.pressed) > CLICK;
+                app.view.panes.moved |= pos.distance(app.view.panes.pressed) > CLICK;
                 send(app, ui, key.1, mapping, pos, Phase::Release, modifiers);
-                app.panes.captured = None;
+                app.view.panes.captured = None;
             }
             _ => {}
         }
@@ -87,17 +87,17 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
 }
 
 fn moved(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2, modifiers: Modifiers) {
-    let holds = app.panes.captured == Some(key);
-    let is_covered = app.panes.is_covered(key, at);
-    if holds || (app.panes.captured.is_none() && !is_covered && is_over(ui, mapping.rect, at)) {
-        app.panes.moved |= holds && at.distance(app.panes.pressed) > CLICK;
-        app.panes.cursor = Some((key.1, mapping.document(at)));
+    let holds = app.view.panes.captured == Some(key);
+    let is_covered = app.view.panes.is_covered(key, at);
+    if holds || (app.view.panes.captured.is_none() && !is_covered && is_over(ui, mapping.rect, at)) {
+        app.view.panes.moved |= holds && at.distance(app.view.panes.pressed) > CLICK;
+        app.view.panes.cursor = Some((key.1, mapping.document(at)));
         let phase = if holds { Phase::Drag } else { Phase::Hover };
         send(app, ui, key.1, mapping, at, phase, modifiers);
-    } else if app.panes.cursor.is_some_and(|(pane, _)| pane == key.1)
+    } else if app.view.panes.cursor.is_some_and(|(pane, _)| pane == key.1)
         && (is_covered || !mapping.rect.contains(at))
     {
-        app.panes.cursor = None;
+        app.view.panes.cursor = None;
     }
 }
 
@@ -110,11 +110,11 @@ fn pressed(
     modifiers: Modifiers,
 ) {
     let space = ui.input(|i| i.key_down(egui::Key::Space));
-    let is_covered = app.panes.is_covered(key, at);
-    if app.panes.captured.is_some() || space || is_covered || !is_over(ui, mapping.rect, at) {
+    let is_covered = app.view.panes.is_covered(key, at);
+    if app.view.panes.captured.is_some() || space || is_covered || !is_over(ui, mapping.rect, at) {
         return;
     }
-    let panes = &mut app.panes;
+    let panes = &mut app.view.panes;
     let recent = panes
         .last_press
         .is_some_and(|(when, before)| time - when < DOUBLE && before.distance(at) < 2.0 * CLICK);
@@ -132,10 +132,10 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
     // Where a window shows nothing nothing is begun, and what was begun stays where it was last.
     let at_px = match phase {
         Phase::Press if is_black => return,
-        Phase::Drag | Phase::Release if is_black => app.panes.pointed,
+        Phase::Drag | Phase::Release if is_black => app.view.panes.pointed,
         _ => mapping.document(at),
     };
-    app.panes.pointed = at_px;
+    app.view.panes.pointed = at_px;
     let (mut still, mut offer) = (None, None);
     if let Pane::Image(camera) = pane {
         let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
@@ -149,8 +149,8 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
         modifiers: keys::held(modifiers),
         radius: mapping.units(theme::HIT),
         grain: mapping.units(1.0),
-        moved: app.panes.moved,
-        double: app.panes.double,
+        moved: app.view.panes.moved,
+        double: app.view.panes.double,
         offer,
         still,
     };
@@ -168,8 +168,8 @@ fn canvas(
     let rect = mapping.rect;
     let response = ui.interact(rect, ui.scope_id().with(key), Sense::CLICK);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, label));
-    app.panes.rects.insert(key, rect);
-    app.panes.bends.extend(mapping.bend.map(|bend| (key, bend)));
+    app.view.panes.rects.insert(key, rect);
+    app.view.panes.bends.extend(mapping.bend.map(|bend| (key, bend)));
     pan_and_zoom(app, ui, key, &mut mapping);
     pointer_events(app, ui, key, &mapping);
     handles::show(app, &response, key, &mapping);
@@ -183,7 +183,8 @@ fn bend(app: &App, camera: usize) -> Option<Bend> {
     if app.is_fisheye(camera) {
         return app.window(camera);
     }
-    let lens = app.editor.session().solved.pose(camera).filter(|_| app.layers.straight).map(|pose| pose.lens);
+    let lens =
+        app.editor.session().solved.pose(camera).filter(|_| app.view.layers.straight).map(|pose| pose.lens);
     lens.filter(|lens| lens.distortion != Distortion::None).map(Bend::Lens)
 }
 
@@ -197,7 +198,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     let shown = bend.and_then(|bend| bend.size()).unwrap_or(size);
     let whole = View::of([0.0, 0.0], shown, rect, false, place != Place::Main);
     let key = (place, pane);
-    let view = app.panes.fitted_or_chosen(key, whole);
+    let view = app.view.panes.fitted_or_chosen(key, whole);
     let mapping = Mapping { view, rect, bend };
     let (mapping, painter) = canvas(app, ui, key, mapping, &label);
     image::paint(app, &painter, name.as_deref(), &mapping, rect);
@@ -224,7 +225,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
     cursor(app, ui, pane, &mapping);
     if place == Place::Main {
-        app.panes.wipe = None;
+        app.view.panes.wipe = None;
         if let Some(split) = split {
             panel::slide(app, ui, camera, &mapping, (size[0], split));
         }
@@ -232,7 +233,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
     if let Some((held, at)) = app.editor.tool().held()
         && held == pane
-        && app.panes.cursor.is_some_and(|(over, _)| over == pane)
+        && app.view.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
         loupe::loupe_ui(app, ui, camera, &mapping, at);
     }
@@ -240,7 +241,9 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
 
 /// The edge under the cursor, as a ghost that a click takes.
 fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &Mapping) {
-    let Some((_, at)) = app.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else { return };
+    let Some((_, at)) = app.view.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else {
+        return;
+    };
     if !app.editor.tool().is_idle() {
         return;
     }
@@ -291,35 +294,38 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     // A plan whose picture has just arrived is looked at as a whole.
     let shown = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let shown = shown.filter(|name| app.pictures.ready(name).is_some() && app.editor.tool().is_idle());
-    if shown.is_some() && app.panes.plan != shown && app.panes.views.get(&key) == app.panes.fitted.get(&key) {
-        app.panes.views.remove(&key);
+    if shown.is_some()
+        && app.view.panes.plan != shown
+        && app.view.panes.views.get(&key) == app.view.panes.fitted.get(&key)
+    {
+        app.view.panes.views.remove(&key);
     }
     if shown.is_some() {
-        app.panes.plan = shown;
+        app.view.panes.plan = shown;
     }
     let [low, high] = app.floor_bounds();
     let whole = View::of(low, high, rect, true, false);
     // Once cameras are moved about, the floor under them stays put.
-    let view = match app.panes.views.get(&key) {
+    let view = match app.view.panes.views.get(&key) {
         Some(view) if app.editor.session().history.depth() > 0 => *view,
-        _ => app.panes.fitted_or_chosen(key, whole),
+        _ => app.view.panes.fitted_or_chosen(key, whole),
     };
     let (mapping, painter) = canvas(app, ui, key, Mapping::new(view, rect), "Floor plan");
     let palette = theme::palette(ui.ctx());
     let pieces = app.plan_pieces(ui.ctx());
-    let before = app.editor.poses_before(app.show_before);
+    let before = app.editor.poses_before(app.view.show_before);
     let floor = Floor {
         session: app.editor.session(),
         mapping,
         opacity: app.opacity(ui.ctx()),
-        blend: app.blend,
-        coverage: app.coverage,
+        blend: app.view.blend,
+        coverage: app.view.coverage,
         before: &before,
     };
     floor.paint_plan(&painter, &pieces);
     floor.paint_grid(&painter, palette.text3.gamma_multiply(0.18));
     floor.paint_images(&painter, &app.pictures);
-    let cursor = app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
+    let cursor = app.view.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);
     // What is dragged says how it moves: names under it would hide that.
     floor.paint_elements(&painter, cursor.filter(|_| app.editor.tool().is_idle()));

@@ -14,7 +14,7 @@ use crate::widgets::{heading, section};
 /// The panel, while something is proposed.
 pub fn propose_ui(app: &mut App, ui: &mut Ui) {
     app.editor.find_preview();
-    app.lit_group = None;
+    app.hover.lit_group = None;
     let Some(proposed) = app.shown_proposal().cloned() else { return };
     let mut wish = None;
     section(ui, |ui| {
@@ -34,7 +34,7 @@ pub fn propose_ui(app: &mut App, ui: &mut Ui) {
                 is_picked: picked == Some(index),
             };
             if row.show(ui, &mut wish) {
-                app.lit_group = Some(index);
+                app.hover.lit_group = Some(index);
             }
         }
     });

@@ -78,7 +78,7 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
         let saved =
             calib_app::storage::files::open(&folder.path().join("site.json")).ok().map(|(site, _)| site);
         let again = App::new(&Context::default(), Some(folder.path().to_path_buf()));
-        let kept = again.found.first().map(|(_, found)| found.site.clone());
+        let kept = again.storage.found.first().map(|(_, found)| found.site.clone());
         let found = saved.iter().chain(&kept).map(progress).fold(0.0, f64::max);
         assert!(found + 1e-6 >= last, "kill {kill}: {found} of {last} gestures are left");
         assert!(kill > 0 || last > 0.0, "the program finished nothing");
@@ -101,10 +101,11 @@ fn two_windows_at_once_keep_their_work_apart() {
         window.run_steps(2);
     }
     let third = App::new(&Context::default(), Some(folder.path().to_path_buf()));
-    assert!(third.found.is_empty(), "work of windows that live is not offered");
+    assert!(third.storage.found.is_empty(), "work of windows that live is not offered");
     drop((windows, third));
     let later = App::new(&Context::default(), Some(folder.path().to_path_buf()));
-    let mut names: Vec<_> = later.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
+    let mut names: Vec<_> =
+        later.storage.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
     names.sort();
     assert_eq!(names, ["left", "right"]);
 }
@@ -125,11 +126,11 @@ fn unsaved_work_is_offered_until_it_is_decided_about() {
     // Opened something else without deciding, and that crashed too.
     edit(start(), "second");
     let mut app = start();
-    let names: Vec<_> = app.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
+    let names: Vec<_> = app.storage.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
     assert_eq!(names, ["first", "second"]);
     app.recover(0);
     assert_eq!(app.editor.session().site.name.as_deref(), Some("first"));
     app.discard_found(0);
     drop(app);
-    assert_eq!(start().found.len(), 1, "what is gone on with is kept until it is saved");
+    assert_eq!(start().storage.found.len(), 1, "what is gone on with is kept until it is saved");
 }

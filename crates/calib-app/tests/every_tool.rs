@@ -194,7 +194,7 @@ fn every_key_gives_its_command_and_no_two_share_one() {
         [(Key::Num2, Mode::Plan), (Key::Num3, Mode::All), (Key::Num4, Mode::Scene), (Key::Num1, Mode::Image)]
     {
         desk.key(key);
-        assert_eq!(desk.app().mode, mode);
+        assert_eq!(desk.app().view.mode, mode);
     }
 }
 
@@ -205,7 +205,7 @@ fn the_palette_finds_and_runs_a_command() {
     desk.harness.event(egui::Event::Text("view plan".into()));
     desk.harness.run_steps(3);
     desk.key(Key::Enter);
-    assert_eq!(desk.app().mode, Mode::Plan);
+    assert_eq!(desk.app().view.mode, Mode::Plan);
 }
 
 #[test]

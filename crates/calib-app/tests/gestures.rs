@@ -296,7 +296,7 @@ fn a_mark_dragged_in_one_view_moves_in_all() {
     desk.drag_screen(&points, Modifiers::NONE);
     let after = desk.site().marks[0].at_m;
     assert!(after.distance(before) > 0.1 && after.z == before.z, "{before:?} {after:?}");
-    assert!(desk.app().panes.rects.contains_key(&(Place::Tile, Pane::Image(1))));
+    assert!(desk.app().view.panes.rects.contains_key(&(Place::Tile, Pane::Image(1))));
 }
 
 /// All views of the demonstration without links, the tool of links in hand, and a place that views share.

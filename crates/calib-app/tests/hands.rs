@@ -68,12 +68,13 @@ fn unsaved_work_is_put_aside_when_another_site_is_opened() {
     );
     desk::change(harness.state_mut(), "name the site", |site| site.name = Some("Another".into()));
     harness.run_steps(2);
-    assert_eq!(harness.state().found.len(), 1, "it is offered");
+    assert_eq!(harness.state().storage.found.len(), 1, "it is offered");
     harness.state_mut().recover(0);
     assert_eq!(harness.state().editor.session().site.name.as_deref(), Some("Mine"));
     drop(harness);
     let app = calib_app::App::new(&egui::Context::default(), Some(folder.path().to_path_buf()));
-    let mut names: Vec<_> = app.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
+    let mut names: Vec<_> =
+        app.storage.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
     names.sort();
     assert_eq!(names, ["Another", "Mine"], "and both outlive the program");
 }

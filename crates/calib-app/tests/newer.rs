@@ -113,10 +113,10 @@ fn wiped(desk: &mut Desk) {
     desk.harness.get_by_label("Wipe").click();
     desk.harness.run_steps(2);
     let [w, h] = desk.site().cameras[0].size();
-    let from = w * f64::from(desk.app().glance.share);
+    let from = w * f64::from(desk.app().view.glance.share);
     let [from, to] = [from, 0.25 * w].map(|u| desk.screen(Pane::Image(0), [u, 0.4 * h]));
     desk.drag_screen(&[from, from.lerp(to, 0.5), to], Modifiers::NONE);
-    assert!((desk.app().glance.share - 0.25).abs() < 0.01, "{:?}", desk.app().glance);
+    assert!((desk.app().view.glance.share - 0.25).abs() < 0.01, "{:?}", desk.app().view.glance);
 }
 
 /// The old period keeps its solution whatever is done to the other, and is solved again once it is drawn on.

@@ -100,13 +100,13 @@ fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving
             press(&mut desk, "Leave out");
         }
     }
-    assert!(desk.harness.state().outside.asked.is_empty());
+    assert!(desk.harness.state().dialogs.outside.asked.is_empty());
     // A finished gesture asks nothing again, and the file keeps every name.
     desk.key(Key::Num1);
     desk.take("Vertical");
     desk.line(0, Pixel::new(100.0, 30.0), Pixel::new(101.0, 150.0));
     desk.undo();
-    assert!(desk.harness.state().outside.asked.is_empty() && *desk.site() == before);
+    assert!(desk.harness.state().dialogs.outside.asked.is_empty() && *desk.site() == before);
     desk.redo();
     desk.app().save();
     let files_of = |names: Vec<String>| -> Vec<_> {
@@ -123,7 +123,7 @@ fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving
     }
     assert_eq!(report(&mut desk, &scratch), 3, "of every camera");
     // Once, for this site: who opens it again is asked again.
-    assert_eq!(opened(&path).harness.state().outside.asked.len(), 3);
+    assert_eq!(opened(&path).harness.state().dialogs.outside.asked.len(), 3);
 }
 
 #[test]
@@ -147,12 +147,16 @@ fn what_the_operator_chooses_is_read_without_asking_wherever_the_site_is_saved()
     desk.tell(Command::AddImages);
     desk.wait(|app| app.editor.site().cameras.len() == 4);
     read(&mut desk);
-    assert!(desk.harness.state().outside.asked.is_empty());
+    assert!(desk.harness.state().dialogs.outside.asked.is_empty());
     std::fs::create_dir_all(scratch.path("other/place")).unwrap();
     desk.answer(Some(scratch.path("other/place/site.json")));
     desk.tell(Command::SaveAs);
     read(&mut desk);
-    assert!(desk.harness.state().outside.asked.is_empty(), "{:?}", desk.harness.state().outside.asked);
+    assert!(
+        desk.harness.state().dialogs.outside.asked.is_empty(),
+        "{:?}",
+        desk.harness.state().dialogs.outside.asked
+    );
     for name in names(&desk) {
         assert!(is_read(&mut desk, &name), "{name}: {:?}", desk.app().pictures.error(&name));
     }
@@ -183,7 +187,7 @@ fn the_start_page_shows_no_still_from_elsewhere() {
     let mut desk = window_of(&folder);
     desk.harness.run_steps(3);
     desk.wait(|app| app.pictures.loading() == 0);
-    let shown = desk.app().recent[0].image.clone().unwrap().to_string_lossy().into_owned();
+    let shown = desk.app().storage.recent[0].image.clone().unwrap().to_string_lossy().into_owned();
     let error = desk.app().pictures.error(&shown).unwrap_or_default();
     assert!(error.contains("outside the folder"), "{shown}: {error:?}");
 }
@@ -206,10 +210,10 @@ fn work_of_a_crashed_window_is_gone_on_with_as_it_was_decided() {
         drop(desk);
         let mut again = window();
         again.harness.run_steps(2);
-        assert_eq!(again.harness.state().found.len(), 1, "{answer}");
+        assert_eq!(again.harness.state().storage.found.len(), 1, "{answer}");
         again.app().recover(0);
         again.harness.run_steps(2);
-        assert_eq!(again.harness.state().outside.asked.len(), asked, "{answer}");
+        assert_eq!(again.harness.state().dialogs.outside.asked.len(), asked, "{answer}");
         again.app().editor.apply(calib_editor::Action::Gesture(calib_editor::command::Gesture::Cancel));
         drop(again);
         std::fs::remove_dir_all(&folder).unwrap();

@@ -82,7 +82,7 @@ fn links_and_marks_say_their_names_in_every_view_that_shows_them() {
     desk.key(Key::Num3);
     desk.harness.run_steps(3);
     let within = |desk: &Desk, name: &str| -> Vec<usize> {
-        let panes = &desk.harness.state().panes;
+        let panes = &desk.harness.state().view.panes;
         let said: Vec<Pos2> =
             texts(desk).into_iter().filter(|(text, _)| text == name).map(|(_, at)| at).collect();
         let shows = |camera: &usize| {
@@ -163,7 +163,7 @@ fn a_straight_edge_in_the_hand_says_which_of_its_points_is_off() {
 fn zoom(desk: &Desk, place: Place) -> (String, f64) {
     let id = &desk.site().cameras[0].id;
     let said = desk.words().into_iter().find(|word| word.starts_with(&format!("{id} at "))).unwrap();
-    let mapping = desk.harness.state().panes.mapping(place, Pane::Image(0)).unwrap();
+    let mapping = desk.harness.state().view.panes.mapping(place, Pane::Image(0)).unwrap();
     let points = mapping.screen([1.0, 0.0]).distance(mapping.screen([0.0, 0.0]));
     (said, f64::from(points * desk.harness.ctx.pixels_per_point()))
 }
@@ -180,7 +180,7 @@ fn a_hundred_percent_is_a_pixel_of_the_image_on_one_of_the_screen() {
         let (said, shown) = zoom(&desk, place);
         assert!(said.ends_with(&format!(" {:.0} %", 100.0 * shown)), "{said}, shown at {shown}");
         let at = (place, Pane::Image(0));
-        desk.app().panes.views.get_mut(&at).unwrap().zoom = 1.0 / f64::from(pixels_per_point);
+        desk.app().view.panes.views.get_mut(&at).unwrap().zoom = 1.0 / f64::from(pixels_per_point);
         desk.harness.run_steps(2);
         let (said, shown) = zoom(&desk, place);
         assert!(said.ends_with(" 100 %") && (shown - 1.0).abs() < 1e-3, "{said}, shown at {shown}");
@@ -228,7 +228,7 @@ fn the_plan_says_of_every_pair_what_it_shares_and_how_it_was_before() {
     let shows = desk.harness.get_all_by_label("Show").filter(|node| below(node) > 0.0);
     shows.min_by(|a, b| below(a).total_cmp(&below(b))).unwrap().click();
     desk.harness.run_steps(3);
-    assert_eq!(desk.app().mode, Mode::All);
+    assert_eq!(desk.app().view.mode, Mode::All);
     let selected = &desk.app().editor.session().selection;
     assert!(selected.iter().any(|part| matches!(part, calib_editor::Part::Link { .. })), "{selected:?}");
 }
@@ -391,7 +391,7 @@ mod start {
         site.cameras[0].image = Some(images.store(png.into_inner().into(), "image/png", None));
         let mut desk = Desk::with(site, images);
         let told = Rc::default();
-        desk.app().shelf = Some(Box::new(Kept(Vec::new(), Rc::clone(&told))));
+        desk.app().storage.shelf = Some(Box::new(Kept(Vec::new(), Rc::clone(&told))));
         desk.wait(|app| app.pictures.loading() == 0);
         desk.take("Vertical");
         desk.line(0, Pixel::new(400.0, 300.0), Pixel::new(402.0, 500.0));
@@ -417,7 +417,7 @@ mod start {
             thumbnail: Some(calib_editor::data_uri("image/png", png.get_ref())),
         };
         let mut app = App::new(&egui::Context::default(), None);
-        app.shelf = Some(Box::new(Kept(vec![entry], Rc::default())));
+        app.storage.shelf = Some(Box::new(Kept(vec![entry], Rc::default())));
         let mut harness = Harness::builder()
             .with_size([1440.0, 900.0])
             .with_context_setup(theme::install)

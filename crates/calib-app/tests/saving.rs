@@ -58,7 +58,7 @@ fn of_two_windows_the_second_to_save_is_asked_and_told_what_the_first_did() {
     assert!(left == second.site().cameras[0].annotations, "the operator has decided");
     // And from then on it is the second window's.
     draw_and_save(&mut second, 950.0);
-    assert_eq!(second.harness.state().conflict, None);
+    assert_eq!(second.harness.state().dialogs.conflict, None);
     // The first one reloads, and its own work waits.
     draw_and_save(&mut first, 620.0);
     first.harness.get_by_label("Reload").click();
@@ -77,10 +77,10 @@ fn a_read_only_file_asks() {
     std::fs::set_permissions(&path, closed).unwrap();
     let mut desk = window(&scratch);
     draw_and_save(&mut desk, 600.0);
-    assert_eq!(desk.harness.state().conflict.as_ref().map(|c| c.why.clone()), Some(Why::ReadOnly));
+    assert_eq!(desk.harness.state().dialogs.conflict.as_ref().map(|c| c.why.clone()), Some(Why::ReadOnly));
     assert_eq!(lines(&saved(&scratch)), lines(&demo()));
     desk.key(Key::Escape);
-    assert_eq!(desk.harness.state().conflict, None);
+    assert_eq!(desk.harness.state().dialogs.conflict, None);
 }
 
 #[test]
@@ -88,11 +88,11 @@ fn without_a_file_chooser_a_path_is_typed() {
     let scratch = Scratch::new();
     let mut desk = Desk::new(demo());
     // A chooser that closes at once was never there.
-    desk.app().chooser = |purpose| Dialog::refused(purpose);
+    desk.app().dialogs.chooser = |purpose| Dialog::refused(purpose);
     desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
     desk.harness.run_steps(3);
     assert_eq!(
-        desk.harness.state().path_field,
+        desk.harness.state().dialogs.path_field,
         Some(PathField { purpose: Purpose::SaveSite, text: String::new() })
     );
     desk.harness.get_by_label("Path to save the site to").focus();

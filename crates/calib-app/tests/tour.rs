@@ -166,6 +166,6 @@ fn check(newcomer: &mut Newcomer) {
 fn the_strip_covers_neither_image_nor_button() {
     let mut newcomer = Newcomer::begin();
     let strip = newcomer.desk.harness.get_by_label("End the tour").rect();
-    let image = newcomer.desk.app().panes.rects.values().copied().next().unwrap();
+    let image = newcomer.desk.app().view.panes.rects.values().copied().next().unwrap();
     assert!(!strip.intersects(image), "{strip:?} over {image:?}");
 }

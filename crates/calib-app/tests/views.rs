@@ -104,7 +104,7 @@ fn the_whole_image_lies_small_over_a_part_of_it_and_moves_the_view() {
         desk.key(Key::Plus);
     }
     let rect = desk.harness.get_by_label(label).rect();
-    let centre = |desk: &mut Desk| desk.app().panes.mapping(key.0, key.1).unwrap().view.centre;
+    let centre = |desk: &mut Desk| desk.app().view.panes.mapping(key.0, key.1).unwrap().view.centre;
     let before = centre(&mut desk);
     let to = rect.min + 0.25 * rect.size();
     desk.drag_screen(&[rect.center(), to, to], Modifiers::NONE);
@@ -185,7 +185,7 @@ fn warnings_name_lines_as_the_list_does() {
 fn the_scene_turns_pans_zooms_and_gives_a_camera() {
     let mut desk = Desk::new(demo());
     desk.key(Key::Num4);
-    let start = desk.app().orbit.unwrap();
+    let start = desk.app().view.orbit.unwrap();
     let middle = desk.harness.get_by_label("Scene").rect().center();
     let path = [middle, middle + Vec2::new(40.0, 10.0), middle + Vec2::new(80.0, 30.0)];
     let drag = |desk: &mut Desk, modifiers| {
@@ -200,15 +200,15 @@ fn the_scene_turns_pans_zooms_and_gives_a_camera() {
         desk.harness.run_steps(2);
     };
     drag(&mut desk, Modifiers::NONE);
-    let turned = desk.app().orbit.unwrap();
+    let turned = desk.app().view.orbit.unwrap();
     assert!(turned.yaw != start.yaw && turned.target == start.target, "{turned:?}");
     drag(&mut desk, Modifiers::SHIFT);
-    let panned = desk.app().orbit.unwrap();
+    let panned = desk.app().view.orbit.unwrap();
     assert!(panned.target != turned.target && panned.yaw == turned.yaw, "{panned:?}");
     desk.harness.event(Event::Zoom(1.5));
     desk.harness.run_steps(3);
-    assert!(desk.app().orbit.unwrap().distance < panned.distance);
-    let (orbit, rect) = (desk.app().orbit.unwrap(), desk.harness.get_by_label("Scene").rect());
+    assert!(desk.app().view.orbit.unwrap().distance < panned.distance);
+    let (orbit, rect) = (desk.app().view.orbit.unwrap(), desk.harness.get_by_label("Scene").rect());
     let shown: Vec<(usize, Pos2)> = (1..desk.site().cameras.len())
         .filter_map(|i| Some((i, orbit.project(rect, desk.app().editor.session().solved.pose(i)?.position)?)))
         .collect();
@@ -264,7 +264,7 @@ fn a_picture_of_the_view_is_saved_where_one_wants_it() {
     }
     desk.harness.run_steps(4);
     let saved = calib_editor::decode(&std::fs::read(path).unwrap()).unwrap();
-    let rect = desk.app().panes.rects[&(Place::Main, Pane::Image(0))];
+    let rect = desk.app().view.panes.rects[&(Place::Main, Pane::Image(0))];
     let off = [saved.width() as f32 - rect.width(), saved.height() as f32 - rect.height()];
     assert!(off.iter().all(|by| by.abs() <= 2.0), "{off:?}");
 }
@@ -275,7 +275,7 @@ fn an_export_that_loses_is_written_only_when_that_is_agreed_to() {
     let scratch = Scratch::new();
     desk.keys(Modifiers::COMMAND, Key::E);
     // WILDTRACK has no place for distortion.
-    desk.app().export.choose("wildtrack");
+    desk.app().dialogs.export.choose("wildtrack");
     desk.harness.run_steps(2);
     let patience = std::time::Instant::now();
     while desk.harness.query_by_label_contains("files\u{2026}").is_none() {
@@ -464,7 +464,7 @@ fn what_fits_as_well_is_offered_and_the_image_stays_where_it_is() {
     (camera.control_points, camera.placement) = (Vec::new(), None);
     let mut desk = Desk::new(site);
     desk.harness.run_steps(3);
-    let rect = desk.app().panes.rects[&(Place::Main, Pane::Image(0))];
+    let rect = desk.app().view.panes.rects[&(Place::Main, Pane::Image(0))];
     let at = desk.harness.get_by_label("Compare them").rect().center();
     assert!(rect.contains(at), "it lies over the image");
     desk.drag_screen(&[at], Modifiers::NONE);

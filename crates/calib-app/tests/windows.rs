@@ -21,7 +21,7 @@ fn panels_fold_by_the_width_that_the_window_has_now() {
     ] {
         desk.harness.set_size(Vec2::from(size));
         desk.harness.run_steps(4);
-        let rect = desk.app().panes.rects[&(Place::Main, Pane::Image(0))];
+        let rect = desk.app().view.panes.rects[&(Place::Main, Pane::Image(0))];
         assert!(rect.width() > least, "{} of {} points are the image's", rect.width(), size[0]);
         let hint = desk.harness.get_by_label_contains("Click a line or handle").rect();
         assert!(hint.width() > 150.0, "{hint:?} in a window of {size:?}");

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanPicture};
+use calib_formats::{Export, ExportOptions, FORMATS, Format, PlanImage};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 
 use crate::args::{SiteArgs, size};
@@ -106,7 +106,7 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
     let of_path = extension(&args.output).filter(|found| is_type(format, found));
     let plan = if format.shows_plan { file.plan_image()? } else { None };
     let plan = plan.map(|image| {
-        Ok::<_, Stop>(PlanPicture { size: [image.width(), image.height()], png: picture::png(&image)? })
+        Ok::<_, Stop>(PlanImage { size: [image.width(), image.height()], png: picture::png(&image)? })
     });
     Ok(ExportOptions {
         rectified: args.rectified,

@@ -1,6 +1,6 @@
-//! Verbs on the site: add, move, insert, delete, duplicate. Nothing here knows a screen.
+//! Edits of a site: add, move, insert, delete and duplicate annotations. Independent of the user interface.
 //!
-//! What the operator calls what they selected.
+//! Also the names that the operator sees for selected parts.
 
 use std::collections::BTreeSet;
 
@@ -11,10 +11,11 @@ use calib_site::{Site, SiteCamera};
 use crate::hit::Part;
 use crate::session::Session;
 
-/// Height of an upright until the operator says another, in metres, and how much it may differ.
+/// Prior on the height of an upright until the operator enters another, in metres: mean and standard
+/// deviation.
 const PERSON: Known = Known::prior(1.75, 0.07);
 
-/// The pixel of a point that can be held.
+/// Returns the pixel of a movable point.
 pub fn pixel_mut(site: &mut Site, camera: usize, part: Part) -> Option<&mut Pixel> {
     let entry = site.cameras.get_mut(camera)?;
     match part {
@@ -42,7 +43,7 @@ fn vertex_mut(annotation: &mut Annotation, segment: usize, vertex: usize) -> Opt
     }
 }
 
-/// The line of an annotation, to insert points into.
+/// Returns the line of an annotation into which points can be inserted.
 fn line_mut(annotation: &mut Annotation, segment: usize) -> Option<&mut Vec<Pixel>> {
     match annotation.kind.row().shape {
         Shape::Segments => annotation.segments.as_mut()?.get_mut(segment),
@@ -51,7 +52,7 @@ fn line_mut(annotation: &mut Annotation, segment: usize) -> Option<&mut Vec<Pixe
     }
 }
 
-/// The points that move when these parts are moved, each once.
+/// Returns the points that move with these parts, without duplicates.
 #[must_use]
 pub fn points_of(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet<Part> {
     let mut points = BTreeSet::new();
@@ -75,7 +76,7 @@ pub fn points_of(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet
     points
 }
 
-/// The lines that these parts are or belong to, each once: annotation and segment.
+/// Returns the lines that contain these parts, without duplicates, as (annotation, segment).
 #[must_use]
 pub fn lines_of(parts: &BTreeSet<Part>) -> BTreeSet<(usize, usize)> {
     let line = |part: &Part| match *part {
@@ -87,7 +88,7 @@ pub fn lines_of(parts: &BTreeSet<Part>) -> BTreeSet<(usize, usize)> {
     parts.iter().filter_map(line).collect()
 }
 
-/// Moves parts of an image by so many pixels.
+/// Moves parts of an image by a displacement in pixels.
 pub fn shift(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, [du, dv]: [f64; 2]) {
     for part in points_of(site, camera, parts) {
         if let Some(pixel) = pixel_mut(site, camera, part) {
@@ -96,19 +97,21 @@ pub fn shift(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, [du, dv]: [
     }
 }
 
-/// Adds a line of this kind; to which annotation it belongs, the kind and `fresh` say.
+/// Adds a line of this kind. The line joins the last annotation of its kind if the kind allows it and `fresh`
+/// is false.
 pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: bool) -> Part {
     let row = kind.row();
     let last = entry.annotations.iter().rposition(|annotation| annotation.kind == kind);
     match row.shape {
         Shape::Segments => {
-            // Two lines make a right angle: a third one begins the next.
+            // Two lines make a right angle: a third line begins the next annotation.
             let is_open = |annotation: &Annotation| {
                 let count = annotation.segments.as_ref().map_or(0, Vec::len);
                 !fresh && (kind != Kind::Perpendicular || count < row.least)
             };
             let index = last.filter(|&index| is_open(&entry.annotations[index])).unwrap_or_else(|| {
-                // A length that was not measured says nothing: it is off until one is entered.
+                // A length that was not entered constrains nothing: the annotation is off until one is
+                // entered.
                 let (length_m, off) = (row.has_length.then_some(1.0), row.has_length);
                 let empty = Annotation::of_segments(kind, Vec::new());
                 entry.annotations.push(Annotation { length_m, off, ..empty });
@@ -132,7 +135,7 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
     }
 }
 
-/// Inserts a point behind point `edge` of a line or of the field.
+/// Inserts a point after point `edge` of a line or of the field of view.
 pub fn insert(site: &mut Site, camera: usize, part: Part, edge: usize, at: Pixel) -> Option<Part> {
     let entry = site.cameras.get_mut(camera)?;
     match part {
@@ -150,10 +153,10 @@ pub fn insert(site: &mut Site, camera: usize, part: Part, edge: usize, at: Pixel
     }
 }
 
-/// Deletes parts: a line that is left without two points goes, an annotation without lines goes.
+/// Deletes parts. Lines with fewer than two points and annotations without lines are removed too.
 pub fn delete(site: &mut Site, camera: usize, parts: &BTreeSet<Part>) {
-    // Both ends of a line are one sighting; from the back, so that the indices in front stay true, and pins
-    // before the marks that they belong to.
+    // Both ends of a line are one observation. Deletes from the back, so that lower indices stay valid, and
+    // pins before the marks that contain them.
     let sightings: BTreeSet<(usize, usize)> = parts
         .iter()
         .filter_map(|part| if let Part::Link { link, seen, .. } = *part { Some((link, seen)) } else { None })
@@ -201,7 +204,7 @@ fn delete_mark(site: &mut Site, mark: usize) {
     }
 }
 
-/// A distance to what is gone is gone.
+/// Removes the distances whose links or marks no longer exist.
 pub(crate) fn keep_distances(site: &mut Site) {
     let ids: BTreeSet<String> = site
         .links
@@ -227,7 +230,7 @@ fn delete_drawn(entry: &mut SiteCamera, part: Part) {
         Part::Line { annotation, segment } => {
             let Some(drawn) = entry.annotations.get_mut(annotation) else { return };
             match line_mut(drawn, segment) {
-                // Emptied now, removed by the sweep: so the other indices stay true.
+                // Cleared here and removed in `sweep`, so that the other indices stay valid.
                 Some(line) => line.clear(),
                 None => (drawn.foot, drawn.head) = (None, None),
             }
@@ -245,7 +248,7 @@ fn delete_drawn(entry: &mut SiteCamera, part: Part) {
     }
 }
 
-/// Removes what no longer says anything, and ties to what is gone.
+/// Removes incomplete annotations, and references to annotations that no longer exist.
 fn sweep(entry: &mut SiteCamera) {
     for annotation in &mut entry.annotations {
         if let Some(segments) = &mut annotation.segments {
@@ -266,7 +269,8 @@ fn sweep(entry: &mut SiteCamera) {
     }
 }
 
-/// Copies of the selected lines, a little aside, in a group of their own; what to select then.
+/// Copies the selected lines, displaced by `by` pixels, into new annotations. Returns the copies, to be
+/// selected.
 pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -> BTreeSet<Part> {
     let lines = lines_of(parts);
     let mut copies = BTreeSet::new();
@@ -298,7 +302,7 @@ pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -
     copies
 }
 
-/// Moves the points of an annotation to an image of another size.
+/// Scales the points of an annotation to an image of another size.
 pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
     let segments = annotation.segments.iter_mut().flatten().flatten();
     let points = annotation.points.iter_mut().flatten();
@@ -307,7 +311,7 @@ pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
     }
 }
 
-/// Forgets what a camera shows of links and marks; a link that nothing shows any more is gone.
+/// Removes the observations of a camera from links and marks. Links without observations are removed.
 pub(crate) fn forget_shared(site: &mut Site, id: &str) {
     for link in &mut site.links {
         link.seen.retain(|seen| seen.camera != id);
@@ -318,7 +322,7 @@ pub(crate) fn forget_shared(site: &mut Site, id: &str) {
     }
 }
 
-/// Moves all that is drawn on the image of a camera to an image of another size.
+/// Scales all annotations of a camera to an image of another size.
 pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
     let has_shared = site.has_shared(index);
     let Some(entry) = site.cameras.get_mut(index) else { return };
@@ -343,7 +347,7 @@ pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
     }
 }
 
-/// A name that no link or mark of the site has yet: the letter and a number.
+/// Returns an id that no link or mark of the site has: the letter and a number.
 #[must_use]
 pub fn free_id(site: &Site, letter: char) -> String {
     let is_free = |id: &String| {
@@ -354,7 +358,7 @@ pub fn free_id(site: &Site, letter: char) -> String {
 }
 
 impl Session {
-    /// What the operator calls a part: V2, corner 3, control point 7, M1.
+    /// Returns the name of a part for the operator: "V2", "corner 3", "control point 7", "M1".
     #[must_use]
     pub fn part_name(&self, part: Part) -> String {
         let Some(entry) = self.entry() else { return String::new() };
@@ -383,7 +387,7 @@ impl Session {
         }
     }
 
-    /// The names of what is selected, for the name of a step.
+    /// Returns the names of the selected parts, for the name of an undo step.
     #[must_use]
     pub fn selection_name(&self) -> String {
         let names: BTreeSet<String> = self.selection.iter().map(|&part| self.part_name(part)).collect();

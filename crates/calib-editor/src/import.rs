@@ -38,7 +38,7 @@ pub fn recognise(files: &[File]) -> Result<(&'static Format, Imported), String> 
         file.name.rsplit_once('.').map_or_else(String::new, |(_, extension)| extension.to_lowercase())
     };
     let fits = |format: &&Format| {
-        format.imports() && files.iter().any(|file| format.extensions.contains(&extension(file).as_str()))
+        format.can_import() && files.iter().any(|file| format.extensions.contains(&extension(file).as_str()))
     };
     let mut wrong = Vec::new();
     for format in FORMATS.iter().filter(fits) {
@@ -49,7 +49,7 @@ pub fn recognise(files: &[File]) -> Result<(&'static Format, Imported), String> 
     }
     if wrong.is_empty() {
         let known: Vec<&str> =
-            FORMATS.iter().filter(|format| format.imports()).map(|format| format.name).collect();
+            FORMATS.iter().filter(|format| format.can_import()).map(|format| format.name).collect();
         return Err(format!("No format with this ending is known. Known are {}.", known.join(", ")));
     }
     Err(format!("The files cannot be read. {}", wrong.join("; ")))

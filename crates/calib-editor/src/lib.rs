@@ -1,16 +1,27 @@
-//! The operator's document without a screen: what is open, how it is changed, what follows from it.
+//! Operator's document without a user interface: the open site, its editing tools, its history and its
+//! results. A view reads the [`Editor`] and sends [`Action`]s. Only [`Editor::apply`] changes the document.
+//! The tests operate it without a window: see `tests/day.rs`.
 //!
-//! A view reads the [`Editor`] and sends [`Action`]s; [`Editor::apply`] is the one place that changes the
-//! document. A day of work goes through here without a window: see `tests/day.rs`.
+//! The files, in data-flow order:
 //!
-//! In the order of the data: images and what is found in them; what is drawn, picked and edited, with its
-//! history; what is solved from it as it is drawn; the tools that take the pointer; the commands; the actions
-//! and what they do.
+//! - `units`, `keys`: formatting of lengths, and keyboard shortcuts.
+//! - `images`: images of the cameras, files to open, image search beside the site.
+//! - `document_difference`, `period`: differences between two documents, and calibration periods of a camera.
+//! - `hit`: parts of an image near the pointer.
+//! - `suggest`, `proposed`: suggested edges, and automatic calibrations of images.
+//! - `history`: undo and redo.
+//! - `joint`, `solved`, `refine`, `together`: results of each camera, and joint results of the site.
+//! - `session`: the open site with its selection, history and results.
+//! - `edit`, `epipolar`, `planes`, `snap`, `family`, `placing`: edits of the site and their geometry.
+//! - `newer`, `proposals`, `agreement`, `steps`, `verdict`: newer images, suggestions, consistency and
+//!   status.
+//! - `tools`: pointer tools. `command`, `import`, `action`: the requests of a view.
+//! - `editor`, `apply`: the editor, and the effect of each action.
 //!
-//! Points of the document are raw pixels of an image or metres of the floor, never points of a screen. Here are
-//! no files, threads or windows: whoever has them hands over bytes and sends what became of them.
+//! Coordinates in the document are raw image pixels or floor metres, never screen points. The crate does not
+//! access files, threads or windows. The caller passes bytes in and reports the outcome of file operations.
 
-// A file uses only those above it; a test holds it.
+// A module uses only the modules above it; `tests/layout.rs` checks this.
 mod units;
 mod keys;
 pub mod images;

@@ -1,6 +1,6 @@
-//! The open site with its verbs: begin and end gestures, undo, select, solve.
+//! Open site with its operations: begin and end gestures, undo, select, solve.
 //!
-//! How often is solved: once in a frame where it takes long, so that there is always a frame.
+//! A slow solve runs at most once per frame, so that the display stays responsive.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -20,72 +20,72 @@ use crate::refine::rounded;
 use crate::solved::{Solved, keep_polygon};
 use crate::units::Units;
 
-/// What takes no longer is not waited for, in milliseconds.
+/// Largest duration of a joint solve that runs during editing, in milliseconds.
 const BLINK: f64 = 80.0;
 
-/// A site that is being worked on.
+/// Site that is being edited, with its history, results and selection.
 #[derive(Clone, Debug)]
 pub struct Session {
-    /// As drawn so far, the gesture under way included.
+    /// Site in its current state, including the unfinished gesture.
     pub site: Site,
-    /// What undo and redo know.
+    /// Undo and redo history.
     pub history: History,
-    /// What follows from the site.
+    /// Results of the site.
     pub solved: Solved,
-    /// The images of the site.
+    /// Images of the site.
     pub images: Images,
-    /// The file of the site, if it has one.
+    /// File of the site, if it has one.
     pub path: Option<PathBuf>,
-    /// The camera in hand.
+    /// Index of the selected camera.
     pub camera: usize,
-    /// What is selected on its image.
+    /// Selected parts of its image.
     pub selection: BTreeSet<Part>,
-    /// The plane in hand: the tool of regions draws where it holds.
+    /// Index of the selected plane: the region tool draws on it.
     pub plane: Option<usize>,
-    /// Which mark the mark tool makes.
+    /// Kind of mark that the mark tool creates.
     pub mark_kind: MarkKind,
-    /// The next line begins a group of its own.
+    /// Whether the next line begins a new annotation.
     pub fresh_group: bool,
-    /// Two points of the plan whose distance waits for a length.
+    /// Two points of the plan for which the operator has not entered a distance yet.
     pub measured: Option<[PlanPixel; 2]>,
-    /// About which point of the floor a polygon turns, if the operator pinned one, in metres.
+    /// Floor point about which a polygon is rotated, in metres, if the operator pinned one.
     pub pivot: Option<[f64; 2]>,
-    /// What was suggested for which camera and is not to be suggested again, by its id.
+    /// Suggestions that the operator dismissed, each with the id of its camera.
     pub(crate) dismissed: Vec<(String, Drawing)>,
-    /// What stills propose and is not decided, at most once a camera.
+    /// Undecided automatic calibrations, at most one per camera.
     pub(crate) proposed: Arc<Vec<Proposed>>,
-    /// The group and line that are chosen of what is proposed for the camera in hand.
+    /// Selected (group, line) of the automatic calibration of the selected camera.
     pub(crate) picked: Option<(usize, usize)>,
-    /// What lengths are shown in.
+    /// Display unit of lengths.
     pub units: Units,
-    /// What is dragged on the plan snaps to round numbers.
+    /// Whether dragging on the plan snaps to round numbers.
     pub snap: bool,
-    /// What happened last, in a sentence, for the status line.
+    /// Last event, as a sentence for the status line.
     pub note: Option<String>,
-    /// Counts finished gestures, so that autosave sees a new one.
+    /// Number of finished gestures; autosave compares it.
     pub generation: u64,
-    /// The generation that was saved.
+    /// Generation that was saved last.
     pub saved: u64,
-    /// Poses at the last finished gesture: where polygons lie that are to stay.
+    /// Poses at the last finished gesture: the reference for polygons that keep their position.
     settled: Vec<Option<Camera>>,
-    /// What those poses follow from.
+    /// Inputs of those poses.
     pub(crate) settled_cameras: Vec<Arc<SiteCamera>>,
-    /// How many solves that take long are left in this frame; as many as are wanted where there are no frames.
+    /// Number of slow solves that are left in this frame; `None` without frames, where it is unlimited.
     pub(crate) solves_left: Option<u32>,
-    /// A gesture ended and was not solved.
+    /// Whether a gesture ended without being solved.
     pub(crate) is_put_off: bool,
-    /// The joint result held at the last finished gesture.
+    /// Whether the joint result was current at the last finished gesture.
     pub(crate) was_joint_current: bool,
-    /// How long the last joint solve took that was done on the way, in milliseconds.
+    /// Duration of the last joint solve during editing, in milliseconds.
     pub(crate) joint_took: f64,
-    /// How long one may take for the next to be done on the way, in milliseconds.
+    /// Largest accepted duration of a joint solve during editing, in milliseconds.
     pub joint_may_take: f64,
     /// Poses before the last joint solve.
     pub before_refine: Option<Vec<Option<Camera>>>,
 }
 
 impl Session {
-    /// A session on this site.
+    /// Creates a session for this site.
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
         let joint = Joint::of_file(&site);
@@ -129,37 +129,38 @@ impl Session {
         session
     }
 
-    /// The camera in hand.
+    /// Returns the selected camera.
     #[must_use]
     pub fn entry(&self) -> Option<&SiteCamera> {
         self.site.cameras.get(self.camera)
     }
 
-    /// The camera in hand, to be changed.
+    /// Returns the selected camera for editing.
     pub fn entry_mut(&mut self) -> Option<&mut SiteCamera> {
         self.site.cameras.get_mut(self.camera)
     }
 
-    /// What the still of the camera in hand proposes and is not decided.
+    /// Returns the undecided automatic calibration of the selected camera.
     #[must_use]
     pub fn proposed(&self) -> Option<&Proposed> {
         let camera = self.entry()?;
         self.proposed.iter().find(|own| own.of.is_of(camera))
     }
 
-    /// The group and line that are chosen of it.
+    /// Returns the selected (group, line) of that automatic calibration.
     #[must_use]
     pub const fn picked(&self) -> Option<(usize, usize)> {
         self.picked
     }
 
-    /// The camera in hand as a proposal begins: nothing drawn, and its lens given where it is known by now.
+    /// Returns the selected camera as the input of an automatic calibration: without annotations, with its
+    /// lens fixed if known.
     #[must_use]
     pub fn undrawn(&self) -> Option<SiteCamera> {
         Some(proposed::undrawn(self.entry()?, self.pose()))
     }
 
-    /// What was proposed for a camera that is gone, or for another still, is gone too.
+    /// Removes automatic calibrations whose camera was removed or has another image now.
     fn forget_stale(&mut self) {
         let (before, site) = (self.history.cameras(), &self.site);
         let still = |camera: &SiteCamera| (camera.image.clone(), camera.size_px);
@@ -174,8 +175,8 @@ impl Session {
         }
     }
 
-    /// Whether a camera may show links and marks; says why where it may not: those of an id are drawn on the still of its
-    /// newest period.
+    /// Whether links and marks may be drawn on a camera; otherwise sets the note. They belong to the image of
+    /// the newest calibration period of an id.
     pub(crate) fn may_share(&mut self, camera: usize) -> bool {
         let may = self.site.has_shared(camera);
         if !may && let Some(entry) = self.site.cameras.get(camera) {
@@ -187,19 +188,20 @@ impl Session {
         may
     }
 
-    /// The result of the camera in hand.
+    /// Returns the solution of the selected camera.
     #[must_use]
     pub fn solution(&self) -> Option<&Solution> {
         self.solved.solution(self.camera)
     }
 
-    /// The pose of the camera in hand.
+    /// Returns the pose of the selected camera.
     #[must_use]
     pub fn pose(&self) -> Option<&Camera> {
         self.solved.pose(self.camera)
     }
 
-    /// Solves what differs; a placed polygon stays where it lies when stage 1 changes under it.
+    /// Solves the cameras whose inputs changed. A placed polygon keeps its position when the stage 1 solution
+    /// changes.
     pub fn solve(&mut self) -> bool {
         let changed = self.solved.update(&self.site);
         if changed && self.keep_polygons() {
@@ -244,7 +246,7 @@ impl Session {
         moved
     }
 
-    /// Poses as they are now are those to come back to.
+    /// Stores the current poses as the reference for the next gesture.
     pub(crate) fn settle(&mut self) {
         self.settled_cameras = self.history.cameras().to_vec();
         self.was_joint_current = self.solved.is_joint_current();
@@ -254,8 +256,8 @@ impl Session {
         self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
-    /// What a warning about a camera says, with its annotations named as the screen names them: "V1", not
-    /// "Vertical (annotation 0)", which tells where it is in a file.
+    /// Returns the message of a warning with the names of annotations as in the app: "V1" instead of
+    /// "Vertical (annotation 0)", which is the name in a file.
     #[must_use]
     pub fn as_on_screen(&self, camera: usize, warning: &Warning) -> String {
         match self.solved.finding(&self.site, camera, warning) {
@@ -264,13 +266,13 @@ impl Session {
         }
     }
 
-    /// Poses at the last finished gesture.
+    /// Returns the poses at the last finished gesture.
     #[must_use]
     pub fn settled(&self) -> &[Option<Camera>] {
         &self.settled
     }
 
-    /// A period that has ended is solved again once something else is drawn on it.
+    /// Discards the kept solution of an ended period once its annotations are changed.
     fn forget_kept(&mut self) {
         let before = self.history.cameras();
         for camera in &mut self.site.cameras {
@@ -283,7 +285,7 @@ impl Session {
         }
     }
 
-    /// Ends a gesture under this name. One that would make a site that no file can hold is put back.
+    /// Ends a gesture as an undo step with this name. A gesture that makes the site invalid is reverted.
     pub fn commit(&mut self, name: impl Into<String>) {
         self.forget_kept();
         if let Err(error) = self.site.check() {
@@ -307,19 +309,19 @@ impl Session {
         }
     }
 
-    /// Puts the site back to where the gesture under way began.
+    /// Restores the site to the start of the current gesture.
     pub fn revert(&mut self) {
         self.history.put_back(&mut self.site);
     }
 
-    /// Takes the last gesture back.
+    /// Undoes the last gesture.
     pub fn undo(&mut self) {
         if let Some((site, name)) = self.history.undo() {
             self.restore(site, format!("Undone: {name}."));
         }
     }
 
-    /// Does the gesture again that was taken back last.
+    /// Redoes the gesture that was undone last.
     pub fn redo(&mut self) {
         if let Some((site, name)) = self.history.redo() {
             self.restore(site, format!("Done again: {name}."));
@@ -338,13 +340,13 @@ impl Session {
         self.note = Some(note);
         self.is_put_off = false;
         self.solved.descend_from(self.history.joint());
-        // Before solving, so that no polygon is held to what was undone.
+        // Cleared before solving, so that no polygon is kept at an undone position.
         self.settled.clear();
         self.solve();
         self.settle();
     }
 
-    /// Takes a camera in hand.
+    /// Selects a camera.
     pub fn choose(&mut self, camera: usize) {
         if camera != self.camera && camera < self.site.cameras.len() {
             self.camera = camera;
@@ -354,19 +356,20 @@ impl Session {
         }
     }
 
-    /// Selects this and nothing else.
+    /// Selects only this part.
     pub fn select_only(&mut self, camera: usize, part: Part) {
         self.choose(camera);
         self.selection = BTreeSet::from([part]);
     }
 
-    /// Whether anything differs from the file.
+    /// Whether the site has no unsaved changes.
     #[must_use]
     pub const fn is_saved(&self) -> bool {
         self.generation == self.saved
     }
 
-    /// The upright edges of a camera's prism: at the corners that were drawn, not where its outline bends.
+    /// Returns the vertical edges of a camera's prism: at the annotated corners only, not where distortion
+    /// curves its outline.
     #[must_use]
     pub fn prism_edges(&self, index: usize) -> Vec<calib_core::Polyline> {
         let drawn = self.site.cameras.get(index).and_then(|camera| camera.efov_px.as_ref());
@@ -378,7 +381,7 @@ impl Session {
             .collect()
     }
 
-    /// Looks for images beside another folder from now on; the history goes with it.
+    /// Makes image paths relative to another folder, in the site and in its history.
     pub fn rebase(&mut self, folder: &std::path::Path) {
         let images = self.images.clone();
         self.site = images.rebased(&self.site, folder);
@@ -388,7 +391,7 @@ impl Session {
     }
 }
 
-/// The corners of the field, or the lower part of the image where none is drawn.
+/// Returns the corners of the field of view, or the lower part of the image if it has none.
 #[must_use]
 pub fn corners_of(camera: &SiteCamera) -> Vec<Pixel> {
     let [w, h] = camera.size();
@@ -398,16 +401,17 @@ pub fn corners_of(camera: &SiteCamera) -> Vec<Pixel> {
     })
 }
 
-/// So many milliseconds are nothing, even many times in a frame.
+/// Duration of a solve that may run many times in a frame, in milliseconds.
 const NOTHING: f64 = 2.0;
 
 impl Session {
-    /// A frame begins: from now on what takes long is solved once in every frame, whatever comes in.
+    /// Begins a frame: a slow solve then runs at most once per frame.
     pub(crate) fn begin_frame(&mut self) {
         self.solves_left = Some(1);
     }
 
-    /// Solves, unless that took long and was done in this frame already. Whether it was not put off.
+    /// Solves the site unless a slow solve already ran in this frame. Returns false if the solve was
+    /// postponed.
     pub(crate) fn solve_in_frame(&mut self) -> bool {
         if self.solves_left == Some(0) && self.solved.milliseconds > NOTHING {
             return false;
@@ -418,9 +422,9 @@ impl Session {
         true
     }
 
-    /// Solves what was put off when a gesture ended; what follows from it becomes a part of that gesture.
+    /// Runs a postponed solve; its effects are added to the last gesture.
     pub(crate) fn catch_up(&mut self) {
-        // While the next gesture is under way, its end catches up with both.
+        // If another gesture is in progress, its end solves both.
         if !self.is_put_off || !self.history.is_at(&self.site) {
             return;
         }

@@ -1,4 +1,4 @@
-//! The results of the site: recomputed where what they follow from differs, never edited.
+//! Results of the site: recomputed when their inputs change, never edited.
 
 use std::sync::Arc;
 
@@ -12,14 +12,14 @@ use web_time::Instant;
 
 use crate::joint::{Joint, same_input, same_planes, unsolved};
 
-/// What the results of cameras that share a lens follow from, and the lenses that were fitted for them.
+/// Inputs of the results of cameras that share a lens, and the lenses that were fitted for them.
 #[derive(Clone, Debug)]
 struct Family {
     cameras: Vec<SiteCamera>,
     plan: Option<Plan>,
     scene: Option<SceneEntry>,
     planes: Vec<PlaneEntry>,
-    /// Of each camera whether the site has coordinates without it.
+    /// For each camera: whether the site has metric coordinates without it.
     measured: Vec<bool>,
     lenses: LensCache,
 }
@@ -32,7 +32,7 @@ impl Family {
         Self { cameras, plan, scene: site.scene, planes, measured, lenses: LensCache::default() }
     }
 
-    /// Whether this is what these cameras of a site still follow from.
+    /// Whether these inputs are unchanged in `site` for these cameras.
     fn is(&self, site: &Site, family: &[usize]) -> bool {
         self.cameras.len() == family.len()
             && self.cameras.iter().zip(family).all(|(known, &index)| same_input(known, &site.cameras[index]))
@@ -47,14 +47,14 @@ fn measured<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = boo
     family.iter().map(|&index| site.is_measured_beside(&site.cameras[index]))
 }
 
-/// A camera's result as a report has it.
+/// Result of one camera in a report, with its index.
 type Told = (usize, Result<Solution, FailureEntry>);
 
-/// One camera's result.
+/// Result of one camera.
 #[derive(Clone, Debug)]
 struct Entry {
     id: String,
-    /// When the period of the calibration begins: an id may repeat.
+    /// Start of the calibration period: an id may occur in several periods.
     from: Option<String>,
     family: Arc<Family>,
     result: Result<Solution, FailureEntry>,
@@ -68,38 +68,39 @@ impl Entry {
     }
 }
 
-/// Every camera's result, in the order of the site.
+/// Results of all cameras, in the order of the site.
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
     entries: Vec<Entry>,
-    /// With the number that each was given when it came.
+    /// Joint results, each with its serial number.
     joint: Vec<(u64, Joint)>,
-    /// The number of the one from which the site came to be what it is, even where that is out of date.
+    /// Serial number of the joint result from which the site was derived, even if that result is out of date.
     lineage: Option<u64>,
-    /// What the site has of a joint result.
+    /// Joint result that applies to the site.
     shown: Option<Shown>,
-    /// How long the last solve took, in milliseconds.
+    /// Duration of the last solve, in milliseconds.
     pub milliseconds: f64,
-    /// Solving waits.
+    /// Whether solving is paused.
     pub paused: bool,
 }
 
-/// How many joint results are kept, so that undo finds them again.
+/// Largest number of joint results that are kept for undo.
 const MOST_JOINT: usize = 64;
 
-/// What a site has of a joint result that is kept.
+/// Reference to a stored joint result that applies to a site.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Shown {
-    /// Which.
+    /// Index in `Solved::joint`.
     joint: usize,
-    /// For every camera of the site its place in that result, while what is entered of it is what it was then.
+    /// For every camera of the site: its index in that result, if the inputs of the camera have not changed
+    /// since.
     places: Vec<Option<usize>>,
-    /// All that the result follows from is what it was then.
+    /// Whether no input of the result has changed.
     is_current: bool,
 }
 
 impl Solved {
-    /// Solves what differs from what was solved before. Whether anything did.
+    /// Solves the cameras whose inputs changed. Returns whether any camera was solved.
     pub fn update(&mut self, site: &Site) -> bool {
         self.shown = self.find_joint(site);
         if self.paused {
@@ -118,7 +119,7 @@ impl Solved {
         let mut solved: Vec<(usize, Entry)> =
             open.into_iter().flat_map(|family| self.solve(site, family)).collect();
         self.entries.truncate(site.cameras.len());
-        // In the order of the site, so that every one that is new stands behind those before it.
+        // Sorted by index, so that each new entry is appended after the entries before it.
         solved.sort_by_key(|(index, _)| *index);
         for (index, entry) in solved {
             match self.entries.get_mut(index) {
@@ -130,14 +131,14 @@ impl Solved {
         true
     }
 
-    /// While nothing is solved, results stay with their cameras, whichever were added or removed.
+    /// Keeps each result with its camera when cameras are added or removed while solving is paused.
     fn realign(&mut self, site: &Site) {
         let is_aligned = self.entries.len() == site.cameras.len()
             && self.entries.iter().zip(&site.cameras).all(|(entry, camera)| entry.is_of(camera));
         if is_aligned {
             return;
         }
-        // What nothing follows from is what a camera without a drawing has: it is solved when solving goes on.
+        // Inputs without cameras never match a camera, so these entries are solved when solving is resumed.
         let nothing = Arc::new(Family::of(site, &[]));
         let waits = |camera: &SiteCamera| Entry {
             id: camera.id.clone(),
@@ -159,13 +160,13 @@ impl Solved {
             .collect();
     }
 
-    /// The results of cameras that share a lens, each with its index.
+    /// Returns the results of cameras that share a lens, each with its index.
     fn solve(&self, site: &Site, family: &[usize]) -> Vec<(usize, Entry)> {
         let known = |index: &usize| {
             let same = |entry: &&Entry| entry.is_of(&site.cameras[*index]) && entry.family.is(site, family);
             self.entries.iter().find(same).map(|entry| (*index, entry.clone()))
         };
-        // Cameras that moved in the list, or came back by undo, are known already.
+        // Cameras that were moved in the list or restored by undo already have results.
         if let Some(known) = family.iter().map(known).collect() {
             return known;
         }
@@ -184,11 +185,13 @@ impl Solved {
         family.iter().zip(report.cameras.into_iter().zip(report.findings)).map(entry).collect()
     }
 
-    /// The joint result that holds for a site; else the last one that some of its cameras still have.
+    /// Returns the joint result that is current for a site, otherwise the last one that still applies to some
+    /// of its cameras.
     fn find_joint(&self, site: &Site) -> Option<Shown> {
         let newest = || self.joint.iter().enumerate().rev();
         let current = newest().find(|(_, (_, joint))| joint.holds_for(site)).map(|(index, _)| (index, true));
-        // A site that undo has put back to before the cameras were refined has nothing that is out of date.
+        // A site that undo restored to its state before the joint solve has no joint result that is out of
+        // date.
         let is_own = |number: u64, joint: &Joint| self.lineage == Some(number) && joint.is_of_any(site);
         let last =
             || newest().find(|(_, (number, joint))| is_own(*number, joint)).map(|(index, _)| (index, false));
@@ -196,7 +199,7 @@ impl Solved {
         Some(Shown { joint, places: self.joint[joint].1.places(site), is_current })
     }
 
-    /// Keeps the results of a joint solve as those of this site.
+    /// Stores the results of a joint solve as those of this site.
     pub(crate) fn keep_joint(&mut self, joint: Joint) {
         if self.joint.len() >= MOST_JOINT {
             self.joint.remove(0);
@@ -206,12 +209,12 @@ impl Solved {
         self.lineage = Some(number);
     }
 
-    /// The number of the joint result that the site has, current or out of date.
+    /// Returns the serial number of the joint result that applies to the site, current or out of date.
     pub(crate) fn joint_number(&self) -> Option<u64> {
         self.shown.as_ref().and_then(|shown| Some(self.joint.get(shown.joint)?.0))
     }
 
-    /// From which joint result the site came to be what it is.
+    /// Sets the joint result from which the site was derived.
     pub(crate) const fn descend_from(&mut self, number: Option<u64>) {
         self.lineage = number;
     }
@@ -220,32 +223,35 @@ impl Solved {
         self.joint.get(self.shown.as_ref()?.joint).map(|(_, joint)| joint)
     }
 
-    /// What a joint solve says of a camera, while what is entered of the camera is what it was then.
+    /// Returns the joint result and the camera's index in it, if the inputs of the camera have not changed
+    /// since.
     fn of_joint(&self, index: usize) -> Option<(&Joint, usize)> {
         let place = *self.shown.as_ref()?.places.get(index)?;
         Some((self.joint()?, place?))
     }
 
-    /// What a joint solve found out about the site, out of date or not.
+    /// Returns the report of the joint solve, current or out of date.
     #[must_use]
     pub fn joint_report(&self) -> Option<&Report> {
         self.joint().map(Joint::report)
     }
 
-    /// What a joint solve found out about a link of the site as the link is now.
+    /// Returns the joint solution of a link, if the link has not changed since.
     #[must_use]
     pub fn joint_link(&self, site: &Site, link: usize) -> Option<&ElementSolution> {
         self.joint()?.link(site, link)
     }
 
-    /// Where the plane of this id is: as it was found together with cameras, or as it is known; the floor without one.
+    /// Returns a plane by its id: as estimated jointly, otherwise as entered. Returns the floor if `id` is
+    /// `None`.
     #[must_use]
     pub fn plane(&self, site: &Site, id: Option<&str>) -> Plane {
         let found = id.and_then(|id| self.joint()?.plane(site, id));
         found.unwrap_or_else(|| site.plane_or_floor(id))
     }
 
-    /// What pixels are mapped to besides the floor: the planes of the site, those with regions, as [`Self::plane`].
+    /// Returns the planes with regions to which pixels are mapped in addition to the floor, as
+    /// [`Self::plane`] returns them.
     #[must_use]
     pub fn surfaces(&self, site: &Site) -> Vec<Surface> {
         let mut found = Site { planes: site.planes.clone(), scene: site.scene, ..Site::new() };
@@ -255,38 +261,38 @@ impl Solved {
         found.covering_surfaces()
     }
 
-    /// The plane that the field of view of a camera lies on.
+    /// Returns the plane of a camera's field of view.
     #[must_use]
     pub fn efov_plane(&self, site: &Site, camera: &SiteCamera) -> Plane {
         self.plane(site, camera.efov_plane.as_deref().filter(|_| camera.efov_px.is_some()))
     }
 
-    /// Whether cameras were solved together, and nothing that this follows from differs.
+    /// Whether the cameras were solved jointly and no input of that solution has changed.
     #[must_use]
     pub fn is_joint_current(&self) -> bool {
         self.shown.as_ref().is_some_and(|shown| shown.is_current)
     }
 
-    /// Whether cameras were solved together, and what this follows from differs by now.
+    /// Whether the cameras were solved jointly and an input of that solution has changed.
     #[must_use]
     pub fn is_joint_out_of_date(&self) -> bool {
         self.shown.as_ref().is_some_and(|shown| !shown.is_current)
     }
 
-    /// Whether a camera was solved together with others, and what that follows from differs by now.
+    /// Whether a camera was solved jointly with others and an input of that solution has changed.
     #[must_use]
     pub fn is_out_of_date(&self, index: usize) -> bool {
         let id = self.entries.get(index).map(|entry| entry.id.as_str());
         self.is_joint_out_of_date() && id.zip(self.joint()).is_some_and(|(id, joint)| joint.had(id))
     }
 
-    /// The lenses that were fitted for a camera.
+    /// Returns the lenses that were fitted for a camera.
     #[must_use]
     pub fn lenses(&self, index: usize) -> LensCache {
         self.entries.get(index).map(|entry| entry.family.lenses.clone()).unwrap_or_default()
     }
 
-    /// A camera's result.
+    /// Returns the result of a camera.
     #[must_use]
     pub fn result(&self, index: usize) -> Option<Result<&Solution, &FailureEntry>> {
         if let Some((joint, place)) = self.of_joint(index) {
@@ -295,23 +301,23 @@ impl Solved {
         self.entries.get(index).map(|entry| entry.result.as_ref())
     }
 
-    /// A camera's solution.
+    /// Returns the solution of a camera.
     #[must_use]
     pub fn solution(&self, index: usize) -> Option<&Solution> {
         self.result(index)?.ok()
     }
 
-    /// What was found that a warning of a camera tells; `None` of a warning that a file brought along.
+    /// Returns the finding behind a warning of a camera; `None` for a warning that was read from a file.
     #[must_use]
     pub fn finding(&self, site: &Site, index: usize, warning: &Warning) -> Option<&Finding> {
-        // The results of a joint solve come as a document, which has the words alone.
+        // The results of a joint solve are stored as a document, which contains only the text of a warning.
         let told = |finding: &&Finding| {
             finding.code() == warning.code && site.in_english(Some(index), finding, Names::InFile) == *warning
         };
         self.entries.get(index)?.findings.iter().find(told)
     }
 
-    /// A camera's pose and lens.
+    /// Returns the pose and lens of a camera.
     #[must_use]
     pub fn pose(&self, index: usize) -> Option<&Camera> {
         match self.of_joint(index) {
@@ -320,15 +326,15 @@ impl Solved {
         }
     }
 
-    /// The pose of a camera that stands where it belongs.
+    /// Returns the pose of a camera that is placed on the floor plan or in the world.
     #[must_use]
     pub fn placed(&self, index: usize) -> Option<&Camera> {
         let stage = self.solution(index)?.stage;
         self.pose(index).filter(|_| stage >= Stage::Placed)
     }
 
-    /// The site with its results, as it is saved. What was found out about the site as a whole is left out where
-    /// it is out of date, which tells whoever opens the file.
+    /// Returns the site with its results, as it is saved. Results about the site as a whole are omitted if
+    /// they are out of date, so that a reader of the file recognises this.
     #[must_use]
     pub fn write_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
@@ -345,8 +351,8 @@ impl Solved {
         solved
     }
 
-    /// A state of the site with what a joint solve made of it: what is solved camera by camera is solved anew by
-    /// whoever opens it.
+    /// Returns a state of the site with its joint results. Results of single cameras are solved again when it
+    /// is opened.
     #[must_use]
     pub fn write_joint_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
@@ -362,15 +368,17 @@ impl Solved {
     }
 }
 
-/// A corner where `after` shows it unplaced, and where `before` shows it.
+/// Floor position of a corner, in metres: unplaced under the camera after, and placed under the camera
+/// before.
 type Pair = ([f64; 2], [f64; 2]);
 
-/// The placement with which the polygon of `after` lies nearest to where that of `before` lies.
+/// Returns the placement that brings the polygon of `after` closest to the polygon of `before`.
 ///
-/// Least squares of a similarity, as complex numbers `b = move + scale e^(i turn) a` over the corners.
+/// Least squares of a similarity over the corners, as complex numbers: `b = translation + scale e^(i
+/// rotation) a`.
 #[must_use]
 pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Option<Placement> {
-    /// Beyond so many camera heights a corner weighs more than it knows.
+    /// Largest distance of a corner that is used, in camera heights: farther corners are too uncertain.
     const REACH: f64 = 30.0;
     let unplaced = Placement::NONE.apply(after);
     let pairs: Vec<Pair> = corners
@@ -406,7 +414,8 @@ mod tests {
     use calib_core::{Annotation, Covariance, Distortion, Kind, Lens, WorldPoint};
     use calib_site::{LensEntry, Options};
 
-    /// The demonstration's cameras, the first three with one lens that is fitted to the edges of all three.
+    /// Returns the demonstration's cameras; the first three share one lens, which is fitted to their straight
+    /// edges.
     fn sharing() -> Site {
         let mut site = calib_demo::demo_site().site;
         site.cameras.truncate(4);
@@ -423,7 +432,7 @@ mod tests {
         site
     }
 
-    /// An edge near the side of the image that the lens bends.
+    /// Returns a straight edge near the side of the image, curved by distortion.
     fn bent(share: f64) -> Option<Annotation> {
         let points = (1..10).map(|i| {
             let t = f64::from(i) / 10.0 - 0.5;

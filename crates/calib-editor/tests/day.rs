@@ -236,7 +236,7 @@ fn a_site_is_placed_linked_refined_saved_and_opened_again() {
 fn exported(operator: &Operator) {
     let session = operator.0.session();
     let solved = session.solved.write_into(&session.site);
-    let format = calib_formats::FORMATS.iter().find(|format| format.exports()).unwrap();
+    let format = calib_formats::FORMATS.iter().find(|format| format.can_export()).unwrap();
     let export = calib_formats::export(format, &solved, &calib_formats::ExportOptions::default()).unwrap();
     assert!(export.unsolved.is_empty() && export.files.iter().all(|file| !file.bytes.is_empty()));
 }

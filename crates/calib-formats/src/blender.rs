@@ -19,7 +19,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     for view in &scene.views {
         export.lose_distortion(view);
         if (view.scale[0] / view.scale[1] - 1.0).abs() > 1e-3 {
-            export.lose(view, "that its stream is stretched: a camera there has one focal");
+            export.add_loss(view, "the stretching of its stream: a Blender camera has one focal length");
         }
         rows += &row(view);
     }
@@ -39,18 +39,18 @@ fn row(view: &View) -> String {
     format!("    ({}, {camera}),\n", quote(&view.id))
 }
 
-const HEAD: &str = "# Run in Blender's text editor, or by: blender --python cameras.py\nimport bpy\nfrom mathutils import Matrix\n\n";
+const HEAD: &str = "# Run this in Blender's text editor, or with: blender --python cameras.py\nimport bpy\nfrom mathutils import Matrix\n\n";
 
 const TAIL: &str = "
 scene = bpy.context.scene
-for name, given in CAMERAS:
+for name, values in CAMERAS:
     data = bpy.data.cameras.new(name)
     data.sensor_fit = 'AUTO'
     data.sensor_width = 36.0
-    data.lens = given['lens']
-    data.shift_x, data.shift_y = given['shift']
+    data.lens = values['lens']
+    data.shift_x, data.shift_y = values['shift']
     camera = bpy.data.objects.new(name, data)
-    camera.matrix_world = Matrix(given['matrix'])
+    camera.matrix_world = Matrix(values['matrix'])
     scene.collection.objects.link(camera)
     scene.camera = scene.camera or camera
 

@@ -5,7 +5,7 @@
 
 use crate::file::File;
 use crate::file::FormatError;
-use crate::given::{Given, Imported, site_and_rest, unskewed};
+use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_and_rest};
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax};
 
@@ -16,10 +16,10 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let root = Node::root(file, &tree);
         for (key, camera) in root.entries() {
             let Some(k) = camera.get("matrix") else { continue };
-            let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
+            let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
             let id = camera.get("name").and_then(|name| name.text().ok()).unwrap_or(key);
-            let mut lens = Given::new(id, camera.place(), [fx, fy, cx + 0.5, cy + 0.5]);
-            let size = camera.need(&["size"])?;
+            let mut lens = ImportedCamera::new(id, camera.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+            let size = camera.require(&["size"])?;
             let sides = size.items()?;
             let [width, height] = &sides[..] else { return Err(size.wrong("width and height")) };
             lens.size = Some([width.side()?, height.side()?]);
@@ -29,7 +29,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
             }
             given.push(lens);
         }
-        rest.extend(root.left_over());
+        rest.extend(root.unread_keys());
     }
     site_and_rest(given, rest, &files[0].name)
 }

@@ -8,12 +8,12 @@ use std::fmt::Write as _;
 
 use calib_core::{BrownConrady, Distortion};
 
-use crate::export::{Export, Scene, UNSEEN, rounded_up};
+use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up};
 use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
-use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
+use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
 use crate::fisheye::{from_quaternion, quaternion};
-use crate::given::{Given, Imported, site_of};
+use crate::given::{Imported, ImportedCamera, site_of};
 use crate::tree::{digits, joined};
 use crate::view::{Terms, View};
 
@@ -108,7 +108,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         cameras.insert(line.words[0], lens(line, &mut notes)?);
     }
     let (file, image_lines) = lines(files, "images.txt")?;
-    let mut given: Vec<Given> = Vec::new();
+    let mut given: Vec<ImportedCamera> = Vec::new();
     let (mut left, mut with_points) = (image_lines.iter(), 0);
     while let Some(line) = left.next() {
         if line.words.is_empty() {
@@ -126,7 +126,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let base = name.rsplit('/').next().unwrap_or_default();
         let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem).to_owned();
         let pose = Some((rotation, [tx, ty, tz]));
-        given.push(Given { id: stem, place: line.place(), image, pose, ..camera.clone() });
+        given.push(ImportedCamera { id: stem, place: line.place(), image, pose, ..camera.clone() });
         // Skips the line of points that follows.
         with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }
@@ -134,17 +134,17 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     imported.notes.extend(notes);
     if with_points > 0 {
         let images = calib_site::counted(with_points, "image", "images");
-        imported.notes.push(format!("{}: not taken: the points of {images}", file.name));
+        imported.notes.push(format!("{}: not imported: the points of {images}", file.name));
     }
     let points = files.iter().filter(|file| file.base() == "points3D.txt");
-    imported.notes.extend(points.map(|file| format!("{}: not taken", file.name)));
+    imported.notes.extend(points.map(|file| format!("{}: not imported", file.name)));
     if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
-        imported.notes.push("poses are taken as metres with z up: a COLMAP model has a scale and axes of its own unless it was aligned".into());
+        imported.notes.push("poses are read as metres with z up; a COLMAP model has arbitrary scale and axes unless it was aligned".into());
     }
     Ok(imported)
 }
 
-fn lens(line: &Line, notes: &mut Vec<String>) -> Result<Given, FormatError> {
+fn lens(line: &Line, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatError> {
     let [width, height] = line.numbers(2)?;
     let most = f64::from(calib_site::MAX_SIDE);
     if [width, height].iter().any(|side| side.fract() != 0.0 || !(1.0..=most).contains(side)) {
@@ -185,7 +185,7 @@ fn lens(line: &Line, notes: &mut Vec<String>) -> Result<Given, FormatError> {
         }
     };
     let size = Some([width as u32, height as u32]);
-    Ok(Given { size, distortion, ..Given::new("", line.place(), k) })
+    Ok(ImportedCamera { size, distortion, ..ImportedCamera::new("", line.place(), k) })
 }
 
 const fn kannala_brandt(k: [f64; 4]) -> Distortion {
@@ -198,7 +198,7 @@ fn full_opencv(line: &Line) -> Result<[f64; 5], FormatError> {
     if [k4, k5, k6] == [0.0; 3] {
         return Ok([k1, k2, p1, p2, k3]);
     }
-    Err(FormatError::expected(line.place(), "k4, k5, k6", "zeros: they have no place here"))
+    Err(FormatError::expected(line.place(), "k4, k5, k6", "zeros; other values are not supported"))
 }
 
 /// Terms of a fisheye lens that are not symmetric about its axis.
@@ -235,7 +235,7 @@ fn symmetric(
     let corner = cx.max(width - cx).hypot(cy.max(height - cy));
     // From the axis to the corners; ends early if the radius stops growing.
     let mut samples: Vec<[f64; 2]> = Vec::new();
-    for theta in (1..=400).map(|ring| WIDEST * f64::from(ring) / 400.0) {
+    for theta in (1..=400).map(|ring| MAX_ANGLE * f64::from(ring) / 400.0) {
         let at = radius(theta);
         if !(at > samples.last().map_or(0.0, |[_, before]| *before) && at <= corner) {
             break;
@@ -244,24 +244,24 @@ fn symmetric(
     }
     let rim = samples.iter().map(|[_, radius]| radius / focal).fold(0.0, f64::max);
     let moved = focal * prism.most(rim);
-    if moved.is_nan() || moved > UNSEEN {
+    if moved.is_nan() || moved > MAX_UNREPORTED_ERROR_PX {
         let found = format!("tangential and thin-prism terms that move the rim by up to {moved:.2} px");
-        let expected = "zeros, or next to nothing: they have no place here; calibrate it as OPENCV_FISHEYE";
+        let expected = "negligible terms; calibrate it as OPENCV_FISHEYE instead";
         return Err(FormatError::expected(line.place(), found, expected));
     }
     let [k1, k2, k3, k4, k5, k6] = terms;
     if [k5, k6] == [0.0; 2] {
         return Ok(([fx, fy, cx, cy], kannala_brandt([k1, k2, k3, k4])));
     }
-    let nearest = nearest(&samples).filter(|lens| lens.off.is_finite());
-    let off = nearest.map_or(f64::INFINITY, |lens| lens.off + moved);
-    let Some(lens) = nearest.filter(|_| off <= MOST_OFF) else {
-        let found = too_far("six radial terms", off);
+    let nearest = fit_lens(&samples).filter(|lens| lens.max_error_px.is_finite());
+    let off = nearest.map_or(f64::INFINITY, |lens| lens.max_error_px + moved);
+    let Some(lens) = nearest.filter(|_| off <= MAX_FIT_ERROR_PX) else {
+        let found = fit_error_text("six radial terms", off);
         return Err(FormatError::expected(line.place(), found, "at most 1 px"));
     };
-    let off = rounded_up(off, 3);
+    let off = round_up(off, 3);
     notes.push(format!(
-        "{}: of six radial terms four are taken, which are at most {off:.3} px off",
+        "{}: six radial terms are approximated by four, with an error of at most {off:.3} px",
         line.place()
     ));
     let ratio = lens.focal / focal;

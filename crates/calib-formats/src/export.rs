@@ -50,21 +50,21 @@ pub(crate) struct Scene<'a> {
 }
 
 /// Largest error of a fitted lens, in pixels, that is a note and not a loss.
-pub(crate) const UNSEEN: f64 = 0.05;
+pub(crate) const MAX_UNREPORTED_ERROR_PX: f64 = 0.05;
 
 /// Returns advice for a wide-angle lens whose model the format does not support; `None` for other lenses.
 pub(crate) fn way_out(view: &View) -> Option<String> {
     let row = view.camera.lens.distortion.model()?.row();
     row.is_wide.then(|| {
         format!(
-            "flat windows of a {} lens have pinhole cameras that every format holds: calib undistort --look",
+            "calib undistort --look converts a {} lens to pinhole cameras, which every format supports",
             row.name
         )
     })
 }
 
 /// Rounds an error up to this number of decimal places, so that the text never understates it.
-pub(crate) fn rounded_up(error: f64, digits: i32) -> f64 {
+pub(crate) fn round_up(error: f64, digits: i32) -> f64 {
     let unit = 10_f64.powi(digits);
     (error * unit).ceil() / unit
 }
@@ -74,27 +74,27 @@ impl Export {
         self.files.push(File::text(name, text));
     }
 
-    pub(crate) fn lose(&mut self, view: &View, what: impl Into<String>) {
+    pub(crate) fn add_loss(&mut self, view: &View, what: impl Into<String>) {
         self.losses.push(Loss { camera: Some(view.id.clone()), what: what.into() });
     }
 
     /// Reports a camera that was not placed: a loss if the site has other cameras, otherwise a note.
     pub(crate) fn lose_place(&mut self, site: &Site, view: &View) {
         if site.cameras.len() > 1 {
-            self.lose(view, "where it is: it is not placed, and would stand at (0, 0)");
+            self.add_loss(view, "its position: it is not placed, and would be at (0, 0)");
         } else {
-            self.notes.push(format!("camera {:?} is not placed: (0, 0) is below it", view.id));
+            self.notes.push(format!("camera {:?} is not placed: it is exported above (0, 0)", view.id));
         }
     }
 
     /// Reports a stream with another aspect ratio than the camera's image.
-    pub(crate) fn lose_proportion(&mut self, view: &View) {
-        let ([w, h], [sw, sh]) = (view.size, view.still_size());
-        self.lose(
+    pub(crate) fn report_aspect_ratio(&mut self, view: &View) {
+        let ([w, h], [sw, sh]) = (view.size, view.image_size());
+        self.add_loss(
             view,
             format!(
-                "its proportion: {sw} x {sh} pixels become {w} x {h}, which is right only for a stream that was \
-                 stretched like that, and wrong for one that was cut or has bars"
+                "its aspect ratio: {sw} x {sh} pixels are stretched to {w} x {h}, which is wrong for a stream that \
+                 was cropped or has bars"
             ),
         );
     }
@@ -104,7 +104,7 @@ impl Export {
         if view.is_distorted() {
             let windows = way_out(view).map_or(String::new(), |windows| format!("; {windows}"));
             let what = "the distortion of its lens; --rectified exports the undistorted camera";
-            self.lose(view, format!("{what}{windows}"));
+            self.add_loss(view, format!("{what}{windows}"));
         }
     }
 
@@ -114,26 +114,26 @@ impl Export {
         let terms = view.terms(lenses);
         let Terms::Fitted(brown, off) = terms else { return terms };
         if let Some(windows) = way_out(view) {
-            self.lose(
+            self.add_loss(
                 view,
-                format!("its lens model, of which k1, k2, k3 show nothing beside the camera; {windows}"),
+                format!("its lens model: k1, k2, k3 cannot represent its wide field of view; {windows}"),
             );
             return Terms::BrownConrady(brown);
         }
-        if off.is_finite() && off <= UNSEEN {
+        if off.is_finite() && off <= MAX_UNREPORTED_ERROR_PX {
             self.notes.push(format!(
-                "camera {:?}: its lens in the terms of this format is at most {:.3} px off",
+                "camera {:?}: its lens is approximated in the terms of this format, with an error of at most {:.3} px",
                 view.id,
-                rounded_up(off, 3)
+                round_up(off, 3)
             ));
             return terms;
         }
         let by = if off.is_finite() {
-            format!("{:.2} px at most", rounded_up(off, 2))
+            format!("up to {:.2} px", round_up(off, 2))
         } else {
-            "all measure".into()
+            "an unlimited amount".into()
         };
-        self.lose(view, format!("its lens model: the nearest k1, k2, k3 are off by {by}"));
+        self.add_loss(view, format!("its lens model: the nearest k1, k2, k3 differ by {by}"));
         Terms::BrownConrady(brown)
     }
 }
@@ -143,10 +143,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_of_an_error_is_never_less_than_it_is() {
+    fn a_rounded_error_is_never_understated() {
         for error in [0.0, 1e-9, 0.0494, 0.050_000_1, 0.1234, 7.0, f64::INFINITY] {
-            let said: f64 = format!("{:.3}", rounded_up(error, 3)).parse().unwrap_or_default();
-            assert!(said >= error && (said - error < 0.001_000_1 || said == error), "{error}: {said}");
+            let stated: f64 = format!("{:.3}", round_up(error, 3)).parse().unwrap_or_default();
+            assert!(
+                stated >= error && (stated - error < 0.001_000_1 || stated == error),
+                "{error}: {stated}"
+            );
         }
     }
 }

@@ -78,11 +78,11 @@ pub enum Problem {
     /// A quaternion has length 0.
     NoRotation,
     /// The rows of a rotation are not right-handed unit vectors.
-    NotARotation,
+    InvalidRotation,
     /// A matrix is not an intrinsic matrix.
     NotIntrinsics,
     /// A projection matrix belongs to no camera.
-    NotAProjection,
+    InvalidProjection,
     /// The numbers of pixels and of world points differ.
     Unpaired {
         /// Number of pixels.
@@ -93,7 +93,7 @@ pub enum Problem {
     /// The file contains no camera.
     NoCamera,
     /// The content is not a valid site.
-    NotASite(Box<SiteError>),
+    InvalidSite(Box<SiteError>),
     /// The format can be imported, but not exported.
     ReadOnly,
     /// The format can be exported, but not imported.
@@ -103,7 +103,7 @@ pub enum Problem {
     /// Several periods share the id of one camera.
     SeveralPeriods,
     /// A camera's id must be a file name, and is not.
-    NotAFileName,
+    InvalidFileName,
 }
 
 impl FormatError {
@@ -140,21 +140,28 @@ impl fmt::Display for Problem {
         match self {
             Self::Unexpected { found, expected } => write!(f, "found {found}, expected {expected}"),
             Self::MissingKey(keys) => write!(f, "expected {}", keys.join(" or ")),
-            Self::MissingFile { beside } => write!(f, "is not there, and {beside} is"),
-            Self::NoFiles(extensions) => write!(f, "found no file (.{})", extensions.join(", .")),
+            Self::MissingFile { beside } => write!(f, "is missing; {beside} refers to it"),
+            Self::NoFiles(extensions) => {
+                write!(f, "found no file with the extension .{}", extensions.join(" or ."))
+            }
             Self::NotUtf8 { at } => write!(f, "not UTF-8 text at byte {at}"),
             Self::Syntax { syntax, why } => write!(f, "not {syntax}: {why}"),
             Self::Unrepresentable { why } => f.write_str(why),
-            Self::DeepBrackets { most } => write!(f, "found brackets more than {most} deep"),
-            Self::NoFocal([fx, fy]) => write!(f, "found focals {fx} and {fy}, expected pixels above 0"),
+            Self::DeepBrackets { most } => write!(f, "found brackets nested more than {most} deep"),
+            Self::NoFocal([fx, fy]) => {
+                write!(f, "found focal lengths {fx} and {fy}, expected pixels above 0")
+            }
             Self::UnequalFocals([fx, fy]) => write!(
                 f,
-                "found focals {fx} in x and {fy} in y: the pixels are not square; scale the image first"
+                "found focal lengths {fx} in x and {fy} in y, expected square pixels; scale the image first"
             ),
             Self::Unpaired { pixels, points } => {
-                write!(f, "found {pixels} imageCoordinates and {points} globalCoordinates")
+                write!(
+                    f,
+                    "found {pixels} imageCoordinates and {points} globalCoordinates, expected equal numbers"
+                )
             }
-            Self::NotASite(error) => write!(f, "as a site, {error}"),
+            Self::InvalidSite(error) => write!(f, "the result is not a valid site: {error}"),
             _ => f.write_str(self.plain()),
         }
     }
@@ -164,25 +171,25 @@ impl Problem {
     /// Returns the message of a problem that has no values; empty for the others.
     const fn plain(&self) -> &'static str {
         match self {
-            Self::NotColmap => "is not there; expected a folder with cameras.txt and images.txt",
+            Self::NotColmap => "is missing; expected a folder with cameras.txt and images.txt",
             Self::Empty => "found an empty file",
-            Self::DeepElements => "found elements too deep",
+            Self::DeepElements => "found elements nested too deeply",
             Self::NotFspy { is_short: true } => "found fewer than 16 bytes, expected an fSpy project",
             Self::NotFspy { .. } => "found no \"fspy\" at the beginning, expected an fSpy project",
-            Self::CutOff => "ends before its state does",
-            Self::NoSize => "found no size of the image, and no principal point to tell it from",
+            Self::CutOff => "is incomplete: the file ends early",
+            Self::NoSize => "found no image size, and no principal point to derive it from",
             Self::NoRotation => "found a quaternion of length 0",
-            Self::NotARotation => "found a rotation whose rows are not right-handed unit vectors",
+            Self::InvalidRotation => "found a rotation whose rows are not right-handed unit vectors",
             Self::NotIntrinsics => "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]",
-            Self::NotAProjection => "found a matrix of no camera",
+            Self::InvalidProjection => "found a matrix that is not a camera projection",
             Self::NoCamera => "found no camera",
-            Self::ReadOnly => "is read and not written",
-            Self::WriteOnly => "is written and not read",
-            Self::NothingToExport => "has no calibrated camera to export",
+            Self::ReadOnly => "can be imported but not exported",
+            Self::WriteOnly => "can be exported but not imported",
+            Self::NothingToExport => "has no calibrated camera; solve it first",
             Self::SeveralPeriods => "several periods have this id; choose one with --at TIME",
-            Self::NotAFileName => {
-                "its file is looked for by this id, which is no name of a file, or that of another camera; give the \
-                 camera an id of letters, digits, \".\", \"-\" and \"_\""
+            Self::InvalidFileName => {
+                "this id is used as a file name, but is not a valid or unique one; use letters, digits, \".\", \
+                 \"-\" and \"_\""
             }
             Self::Unexpected { .. }
             | Self::MissingKey(_)
@@ -195,7 +202,7 @@ impl Problem {
             | Self::NoFocal(_)
             | Self::UnequalFocals(_)
             | Self::Unpaired { .. }
-            | Self::NotASite(_) => "",
+            | Self::InvalidSite(_) => "",
         }
     }
 }

@@ -53,11 +53,11 @@ pub(crate) fn from_rodrigues([x, y, z]: [f64; 3]) -> Option<Rotation> {
     from_quaternion([(0.5 * angle).cos(), factor * x, factor * y, factor * z])
 }
 
-pub(crate) fn transposed(r: &Rotation) -> Rotation {
+pub(crate) fn transpose(r: &Rotation) -> Rotation {
     std::array::from_fn(|i| std::array::from_fn(|j| r[j][i]))
 }
 
-pub(crate) fn turned(r: &Rotation, v: [f64; 3]) -> [f64; 3] {
+pub(crate) fn rotate(r: &Rotation, v: [f64; 3]) -> [f64; 3] {
     r.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
@@ -71,33 +71,33 @@ pub(crate) fn is_rotation(r: &Rotation) -> bool {
 }
 
 /// Largest angle from the axis for the comparison of lenses, in radians (110 degrees).
-pub(crate) const WIDEST: f64 = 110.0 * std::f64::consts::PI / 180.0;
+pub(crate) const MAX_ANGLE: f64 = 110.0 * std::f64::consts::PI / 180.0;
 
 /// Largest accepted error of a lens that was fitted in other terms, in pixels.
-pub(crate) const MOST_OFF: f64 = 1.0;
+pub(crate) const MAX_FIT_ERROR_PX: f64 = 1.0;
 
 /// Fitted Kannala-Brandt lens.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Nearest {
+pub(crate) struct FittedLens {
     /// Focal length, in pixels.
     pub(crate) focal: f64,
     pub(crate) distortion: Distortion,
     /// Largest error at the samples, in pixels; infinite if the lens does not show one of them.
-    pub(crate) off: f64,
+    pub(crate) max_error_px: f64,
 }
 
 /// Returns the error text for a lens without an accepted fit; `what` names its original terms.
-pub(crate) fn too_far(what: &str, off: f64) -> String {
+pub(crate) fn fit_error_text(what: &str, off: f64) -> String {
     match off.is_finite() {
-        true => format!("{what} that no Kannala-Brandt lens comes nearer to than {off:.2} px"),
-        false => format!("{what} that no Kannala-Brandt lens is near"),
+        true => format!("{what}; the nearest Kannala-Brandt lens has an error of {off:.2} px"),
+        false => format!("{what}; no Kannala-Brandt lens is near"),
     }
 }
 
 /// Fits f and k1 to k4 by least squares of `f theta (1 + k1 theta^2 + ... + k4 theta^8) - radius`, over pairs
 /// of theta (radians) and radius (pixels). The problem is linear in f and f k. Returns `None` if the samples
 /// do not determine a lens.
-pub(crate) fn nearest(samples: &[[f64; 2]]) -> Option<Nearest> {
+pub(crate) fn fit_lens(samples: &[[f64; 2]]) -> Option<FittedLens> {
     let widest = samples.iter().map(|[theta, _]| *theta).fold(0.0, f64::max);
     let row = |theta: f64| [1, 3, 5, 7, 9].map(|power| (theta / widest).powi(power));
     let value = |terms: &[f64; 5], theta: f64| row(theta).iter().zip(terms).map(|(a, b)| a * b).sum::<f64>();
@@ -112,7 +112,7 @@ pub(crate) fn nearest(samples: &[[f64; 2]]) -> Option<Nearest> {
                 (0..5).for_each(|j| square[i][j] += row[i] * row[j]);
             }
         }
-        let more = solved(square, right)?;
+        let more = solve_5x5(square, right)?;
         terms.iter_mut().zip(more).for_each(|(term, more)| *term += more);
     }
     let focal = terms[0] / widest;
@@ -125,11 +125,11 @@ pub(crate) fn nearest(samples: &[[f64; 2]]) -> Option<Nearest> {
         let shown = distortion.shown([theta.sin(), 0.0, theta.cos()]);
         shown.map_or(f64::INFINITY, |[at, _]| (focal * at - radius).abs())
     };
-    Some(Nearest { focal, distortion, off: samples.iter().map(off).fold(0.0, f64::max) })
+    Some(FittedLens { focal, distortion, max_error_px: samples.iter().map(off).fold(0.0, f64::max) })
 }
 
 /// Solves five linear equations by Gaussian elimination with pivoting.
-fn solved(mut square: [[f64; 5]; 5], mut right: [f64; 5]) -> Option<[f64; 5]> {
+fn solve_5x5(mut square: [[f64; 5]; 5], mut right: [f64; 5]) -> Option<[f64; 5]> {
     for column in 0..5 {
         let largest = |a: &usize, b: &usize| square[*a][column].abs().total_cmp(&square[*b][column].abs());
         let pivot = (column..5).max_by(largest)?;
@@ -160,7 +160,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_way_to_write_a_rotation_gives_it_back(v in [-3.2..3.2_f64, -3.2..3.2_f64, -3.2..3.2_f64]) {
+        fn every_form_of_a_rotation_converts_back(v in [-3.2..3.2_f64, -3.2..3.2_f64, -3.2..3.2_f64]) {
             let r = from_rodrigues(v).unwrap();
             prop_assert!(is_rotation(&r));
             for again in [from_rodrigues(rodrigues(&r)).unwrap(), from_quaternion(quaternion(&r)).unwrap()] {
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn half_turns_have_an_axis() {
+    fn rotations_by_180_degrees_have_an_axis() {
         for r in [
             [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]],
             [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
@@ -184,21 +184,25 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_of_these_terms_is_found_again() {
+    fn a_kannala_brandt_lens_is_fitted_exactly() {
         let k = [0.03, -0.012, 0.004, -0.0006];
         let lens = Distortion::KannalaBrandt { k };
         let sample = |i: u32| {
-            let theta = WIDEST * f64::from(i) / 300.0;
+            let theta = MAX_ANGLE * f64::from(i) / 300.0;
             lens.shown([theta.sin(), 0.0, theta.cos()]).map(|[at, _]| [theta, 400.0 * at])
         };
         let samples: Option<Vec<[f64; 2]>> = (0..=300).map(sample).collect();
-        let found = samples.and_then(|samples| nearest(&samples)).map(|found| (found.focal, found.off));
+        let found =
+            samples.and_then(|samples| fit_lens(&samples)).map(|found| (found.focal, found.max_error_px));
         assert!(found.is_some_and(|(focal, off)| (focal - 400.0).abs() < 1e-9 && off < 1e-9), "{found:?}");
     }
 
     #[test]
-    fn nothing_makes_no_lens() {
-        assert!(nearest(&[]).is_none() && nearest(&[[1.0, 2.0]; 9]).is_none_or(|found| found.off > 1e-6));
-        assert!(nearest(&[[f64::NAN, 1.0], [1.0, f64::INFINITY]]).is_none());
+    fn unusable_samples_give_no_lens() {
+        assert!(
+            fit_lens(&[]).is_none()
+                && fit_lens(&[[1.0, 2.0]; 9]).is_none_or(|found| found.max_error_px > 1e-6)
+        );
+        assert!(fit_lens(&[[f64::NAN, 1.0], [1.0, f64::INFINITY]]).is_none());
     }
 }

@@ -12,12 +12,12 @@ use crate::view::View;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let mut text = String::from(
-        "# To be merged into Frigate's configuration. Lengths in metres: ui.unit_system: metric.\ncameras:\n",
+        "# Merge this into Frigate's configuration. Lengths are in metres: set ui.unit_system to metric.\ncameras:\n",
     );
     for view in &scene.views {
         let corners = corners(view);
         if corners.len() < 3 {
-            export.lose(view, "its zone: no part of the EFOV is on the image");
+            export.add_loss(view, "its zone: no part of the EFOV is in the image");
             continue;
         }
         let share = |px: &Pixel, i: usize| {
@@ -36,7 +36,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
                 text += &format!("        distances: {}\n", sides.join(","));
             }
             None => export.notes.push(format!(
-                "camera {:?}: no distances, which Frigate wants of a zone with four corners on the floor; it has {}",
+                "camera {:?}: no distances, because Frigate needs four corners on the floor; the zone has {}",
                 view.id,
                 corners.len()
             )),

@@ -6,7 +6,7 @@
 
 use crate::file::File;
 use crate::file::{FormatError, Problem};
-use crate::given::{Given, Imported, site_and_rest};
+use crate::given::{Imported, ImportedCamera, site_and_rest};
 use crate::tree::{Node, Syntax};
 
 const MAGIC: &[u8] = b"fspy";
@@ -14,46 +14,46 @@ const HEAD: usize = 16;
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let mut rest = Vec::new();
-    let given: Result<Vec<Given>, FormatError> = files.iter().map(|file| camera(file, &mut rest)).collect();
+    let given: Result<Vec<ImportedCamera>, FormatError> =
+        files.iter().map(|file| camera(file, &mut rest)).collect();
     let mut imported = site_and_rest(given?, rest, &files[0].name)?;
-    imported
-        .notes
-        .push("fSpy's units and its choice of axes are kept; place the camera to make them metres".into());
+    imported.notes.push("fSpy's units and axes are kept; place the camera to convert them to metres".into());
     Ok(imported)
 }
 
-fn camera(file: &File, rest: &mut Vec<String>) -> Result<Given, FormatError> {
+fn camera(file: &File, rest: &mut Vec<String>) -> Result<ImportedCamera, FormatError> {
     let is_json = file.bytes.trim_ascii_start().starts_with(b"{");
     let state = if is_json { file.clone() } else { state(file)? };
     let tree = Syntax::Json.parse(&state)?;
     let root = Node::root(&state, &tree);
     let camera = match root.get("cameraParameters") {
         None if is_json => root.clone(),
-        _ => root.need(&["cameraParameters"])?,
+        _ => root.require(&["cameraParameters"])?,
     };
-    let [width, height] = [camera.need(&["imageWidth"])?.side()?, camera.need(&["imageHeight"])?.side()?];
+    let [width, height] =
+        [camera.require(&["imageWidth"])?.side()?, camera.require(&["imageHeight"])?.side()?];
     let [w, h] = [width, height].map(f64::from);
-    let field = camera.need(&["horizontalFieldOfView"])?;
+    let field = camera.require(&["horizontalFieldOfView"])?;
     let angle = field.number()?;
     if !(0.001..3.1).contains(&angle) {
         return Err(field.wrong("radians between 0.001 and 3.1"));
     }
     let focal = 0.5 * w / (0.5 * angle).tan();
-    let centre = camera.need(&["principalPoint"])?;
+    let centre = camera.require(&["principalPoint"])?;
     let half = 0.5 * w.max(h);
-    let cx = 0.5 * w + half * centre.need(&["x"])?.number()?;
-    let cy = 0.5 * h - half * centre.need(&["y"])?.number()?;
-    let rows = camera.need(&["cameraTransform"])?.need(&["rows"])?;
+    let cx = 0.5 * w + half * centre.require(&["x"])?.number()?;
+    let cy = 0.5 * h - half * centre.require(&["y"])?.number()?;
+    let rows = camera.require(&["cameraTransform"])?.require(&["rows"])?;
     let m: [f64; 16] = rows.exactly()?;
     let column = |j: usize, sign: f64| [sign * m[j], sign * m[4 + j], sign * m[8 + j]];
     let rotation = [column(0, 1.0), column(1, -1.0), column(2, -1.0)];
     let position = column(3, 1.0);
     let t = rotation.map(|row| -(row[0] * position[0] + row[1] * position[1] + row[2] * position[2]));
-    let mut given = Given::new(file.stem(), camera.place(), [focal, focal, cx, cy]);
+    let mut given = ImportedCamera::new(file.stem(), camera.place(), [focal, focal, cx, cy]);
     given.size = Some([width, height]);
     given.pose = Some((rotation, t));
-    rest.extend(root.left_over());
-    rest.extend((!is_json).then(|| format!("{}: not taken: the picture", file.name)));
+    rest.extend(root.unread_keys());
+    rest.extend((!is_json).then(|| format!("{}: not imported: the image", file.name)));
     Ok(given)
 }
 

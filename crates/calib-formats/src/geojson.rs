@@ -15,7 +15,7 @@ use crate::tree::pretty;
 use crate::view::View;
 
 /// WGS84 ellipsoid: semi-major axis in metres, and squared eccentricity.
-const AXIS: f64 = 6_378_137.0;
+const SEMI_MAJOR_AXIS_M: f64 = 6_378_137.0;
 const ECCENTRICITY_2: f64 = 0.006_694_379_990_141_316;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
@@ -35,31 +35,32 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push("site.local.geojson", pretty(&document));
     export
         .notes
-        .push("the site has no georeference: coordinates are metres of the site and not WGS84".into());
+        .push("the site has no georeference: coordinates are metres of the site instead of WGS84".into());
 }
 
 /// Returns descriptions of the properties, for readers without this program.
 fn fields(on_earth: bool, has_planes: bool) -> Value {
     let direction = if on_earth {
-        ("azimuth_deg", "where the camera looks, in degrees clockwise from north")
+        ("azimuth_deg", "viewing direction, in degrees clockwise from north")
     } else {
         (
             "heading_deg",
-            "where the camera looks, in degrees counter-clockwise from +x of the site, seen from above",
+            "viewing direction, in degrees counter-clockwise from +x of the site, seen from above",
         )
     };
-    let mut fields = json!({"height_m": "of the camera above the floor, in metres",
-        "kind": "efov: the floor that the camera shows; camera: where it stands"});
+    let mut fields = json!({"height_m": "height of the camera above the floor, in metres",
+        "kind": "efov: the floor that the camera shows; camera: its position"});
     fields[direction.0] = json!(direction.1);
     if has_planes {
-        fields["height_m"] =
-            json!("of the camera, or of the plane at the mean of its corners, above the floor, in metres");
-        fields["kind"] = json!(
-            "efov: the floor that the camera shows; camera: where it stands; plane: where a plane besides the floor holds"
+        fields["height_m"] = json!(
+            "height above the floor, in metres: of the camera, or of the plane at the mean of its corners"
         );
-        fields["fall_deg"] = json!("by how much the plane falls, in degrees");
+        fields["kind"] = json!(
+            "efov: the floor that the camera shows; camera: its position; plane: region of a plane other than the floor"
+        );
+        fields["fall_deg"] = json!("slope of the plane, in degrees");
         let (name, from) = toward(on_earth);
-        fields[name] = json!(format!("the direction that the plane falls toward, in degrees {from}"));
+        fields[name] = json!(format!("direction toward which the plane falls, in degrees {from}"));
     }
     fields
 }
@@ -85,7 +86,7 @@ fn region(entry: &PlaneEntry, plane: &Plane, earth: Option<&Georeference>) -> Va
 
 /// Returns a polygon of the plan. Its outer ring is closed and runs counter-clockwise.
 fn polygon(corners: &[FloorPoint], earth: Option<&Georeference>) -> Value {
-    let mut ring: Vec<[f64; 2]> = corners.iter().map(|&point| place(point, earth)).collect();
+    let mut ring: Vec<[f64; 2]> = corners.iter().map(|&point| coordinates(point, earth)).collect();
     if area(&ring) < 0.0 {
         ring.reverse();
     }
@@ -93,7 +94,7 @@ fn polygon(corners: &[FloorPoint], earth: Option<&Georeference>) -> Value {
     if ring.is_empty() { Value::Null } else { json!({"type": "Polygon", "coordinates": [ring]}) }
 }
 
-fn place(point: FloorPoint, earth: Option<&Georeference>) -> [f64; 2] {
+fn coordinates(point: FloorPoint, earth: Option<&Georeference>) -> [f64; 2] {
     earth.map_or(point.into(), |earth| on_earth(earth, point))
 }
 
@@ -113,7 +114,7 @@ fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
         json!({"type": "Feature", "properties": {"camera_id": view.id, "kind": "efov"},
             "geometry": polygon(&view.efov_m, earth)}),
         json!({"type": "Feature", "properties": camera,
-            "geometry": {"type": "Point", "coordinates": place(position.on_floor(), earth)}}),
+            "geometry": {"type": "Point", "coordinates": coordinates(position.on_floor(), earth)}}),
     ]
 }
 
@@ -134,8 +135,8 @@ fn on_earth(earth: &Georeference, point: FloorPoint) -> [f64; 2] {
     let (east, north) = (sin * point.x - cos * point.y, cos * point.x + sin * point.y);
     let latitude = earth.lat_deg.to_radians();
     let w = 1.0 - ECCENTRICITY_2 * latitude.sin().powi(2);
-    let across = AXIS / w.sqrt();
-    let along = AXIS * (1.0 - ECCENTRICITY_2) / w.powf(1.5);
+    let across = SEMI_MAJOR_AXIS_M / w.sqrt();
+    let along = SEMI_MAJOR_AXIS_M * (1.0 - ECCENTRICITY_2) / w.powf(1.5);
     let lon = earth.lon_deg + (east / (across * latitude.cos())).to_degrees();
     [lon, earth.lat_deg + (north / along).to_degrees()]
 }

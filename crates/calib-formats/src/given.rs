@@ -6,7 +6,7 @@ use calib_core::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 use calib_site::{ControlPointEntry, DistortionEntry, LensEntry, Method, Site, SiteCamera, Solution, Stage};
 
 use crate::file::{FormatError, Problem, quoted};
-use crate::fisheye::{Rotation, is_rotation, transposed, turned};
+use crate::fisheye::{Rotation, is_rotation, rotate, transpose};
 
 /// Result of an import.
 #[derive(Clone, Debug)]
@@ -22,7 +22,7 @@ pub(crate) type Pose = (Rotation, [f64; 3]);
 
 /// Camera as read from a file.
 #[derive(Clone, Debug)]
-pub(crate) struct Given {
+pub(crate) struct ImportedCamera {
     pub(crate) id: String,
     /// Position in the file.
     pub(crate) place: String,
@@ -38,7 +38,7 @@ pub(crate) struct Given {
     pub(crate) pose: Option<Pose>,
 }
 
-impl Given {
+impl ImportedCamera {
     /// Returns a camera without distortion and pose, with `[fx, fy, cx, cy]` and its position in the file.
     pub(crate) fn new(id: &str, place: impl Into<String>, k: [f64; 4]) -> Self {
         let [fx, fy, cx, cy] = k;
@@ -62,18 +62,20 @@ impl Given {
     fn one_focal(&self, notes: &mut Vec<String>) -> Result<f64, FormatError> {
         /// Largest relative difference of the two focal lengths. Above it the image is stretched, and the
         /// difference is not an error of the calibration.
-        const MOST: f64 = 0.02;
+        const MAX_RATIO: f64 = 0.02;
         let [fx, fy] = self.focal;
         if !(fx > 1e-6 && fy > 1e-6 && fx < 1e9 && fy < 1e9) {
             return Err(self.wrong(Problem::NoFocal([fx, fy])));
         }
         let ratio = fx / fy - 1.0;
-        if ratio.abs() > MOST {
+        if ratio.abs() > MAX_RATIO {
             return Err(self.wrong(Problem::UnequalFocals([fx, fy])));
         }
         if ratio.abs() > 1e-9 {
             let id = quoted(&self.id);
-            notes.push(format!("camera {id}: focals {fx} in x and {fy} in y, taken as their mean"));
+            notes.push(format!(
+                "camera {id}: focal lengths {fx} in x and {fy} in y are replaced by their mean"
+            ));
         }
         Ok(0.5 * (fx + fy))
     }
@@ -89,12 +91,14 @@ impl Given {
         }
         let [w, h] = size.map(|side| side as u32);
         let id = quoted(&self.id);
-        notes.push(format!("camera {id}: no image size in the file; {w} x {h} from the principal point"));
+        notes.push(format!(
+            "camera {id}: the file has no image size; {w} x {h} is assumed from the principal point"
+        ));
         Ok([w, h])
     }
 
     /// Converts the camera to an entry of a site.
-    pub(crate) fn entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
+    pub(crate) fn to_entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
         let (focal, size) = (self.one_focal(notes)?, self.size(notes)?);
         let principal_point = Pixel::from(self.centre);
         let lens = Lens { principal_point, focal, distortion: self.distortion, image_circle: None };
@@ -107,9 +111,9 @@ impl Given {
         });
         let Some((rotation, t)) = self.pose else { return Ok(entry) };
         if !is_rotation(&rotation) {
-            return Err(self.wrong(Problem::NotARotation));
+            return Err(self.wrong(Problem::InvalidRotation));
         }
-        let centre = turned(&transposed(&rotation), t).map(|c| -c);
+        let centre = rotate(&transpose(&rotation), t).map(|c| -c);
         let (roll, pitch, yaw) = angles_from_rotation(&rotation);
         let position = WorldPoint::from(centre);
         let camera = Camera { position, yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT };
@@ -135,7 +139,7 @@ pub(crate) fn control_point(px: Pixel, world: WorldPoint) -> ControlPointEntry {
 }
 
 /// Returns a checked site with these cameras.
-pub(crate) fn imported(
+pub(crate) fn checked_site(
     cameras: Vec<SiteCamera>,
     notes: Vec<String>,
     place: &str,
@@ -144,14 +148,14 @@ pub(crate) fn imported(
         return Err(FormatError::new(place, Problem::NoCamera));
     }
     let site = Site { cameras, ..Site::new() };
-    site.check().map_err(|error| FormatError::new(place, Problem::NotASite(Box::new(error))))?;
+    site.check().map_err(|error| FormatError::new(place, Problem::InvalidSite(Box::new(error))))?;
     Ok(Imported { site, notes })
 }
 
 /// Returns a checked site with these cameras, and adds `rest` (the parts of the files that were not read) to
 /// the notes.
 pub(crate) fn site_and_rest(
-    given: Vec<Given>,
+    given: Vec<ImportedCamera>,
     rest: Vec<String>,
     place: &str,
 ) -> Result<Imported, FormatError> {
@@ -161,19 +165,19 @@ pub(crate) fn site_and_rest(
 }
 
 /// Returns a checked site with these cameras.
-pub(crate) fn site_of(given: Vec<Given>, place: &str) -> Result<Imported, FormatError> {
+pub(crate) fn site_of(given: Vec<ImportedCamera>, place: &str) -> Result<Imported, FormatError> {
     if given.len() > calib_site::MAX_CAMERAS {
         let found = format!("{} cameras", given.len());
         return Err(FormatError::expected(place, found, format!("at most {}", calib_site::MAX_CAMERAS)));
     }
     let mut notes = Vec::new();
     let cameras: Result<Vec<SiteCamera>, FormatError> =
-        given.into_iter().map(|camera| camera.entry(&mut notes)).collect();
-    imported(cameras?, notes, place)
+        given.into_iter().map(|camera| camera.to_entry(&mut notes)).collect();
+    checked_site(cameras?, notes, place)
 }
 
 /// Returns `[fx, fy, cx, cy]` of an intrinsic matrix `K`; fails if its skew is not negligible.
-pub(crate) fn unskewed(k: &[[f64; 3]; 3], place: &str) -> Result<[f64; 4], FormatError> {
+pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<[f64; 4], FormatError> {
     let [[fx, skew, cx], [zero, fy, cy], last] = *k;
     let is_upright = zero.abs() < 1e-9 && last[0].abs() < 1e-9 && last[1].abs() < 1e-9;
     let place = place.trim_end_matches([' ', ':']);
@@ -204,12 +208,12 @@ pub(crate) fn decomposed(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Po
     let a = less(less(a, cx, r3), skew, r2);
     let fx = dot(a, a).sqrt();
     let r1 = unit(a, fx);
-    let k = unskewed(&[[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], place)?;
+    let k = intrinsics_from_matrix(&[[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]], place)?;
     let [u, v, w] = p.map(|row| row[3] / length);
     let y = (v - cy * w) / fy;
     let t = [(u - cx * w - skew * y) / fx, y, w];
     if ![fx, fy, cx, cy].iter().chain(&t).all(|value| value.is_finite()) {
-        return Err(FormatError::new(place.trim_end_matches([' ', ':']), Problem::NotAProjection));
+        return Err(FormatError::new(place.trim_end_matches([' ', ':']), Problem::InvalidProjection));
     }
     Ok((k, ([r1, r2, r3], t)))
 }

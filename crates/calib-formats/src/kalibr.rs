@@ -13,8 +13,8 @@ use calib_core::camera::Coefficient;
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::{FormatError, quoted};
-use crate::fisheye::turned;
-use crate::given::{Given, Imported, site_and_rest};
+use crate::fisheye::rotate;
+use crate::given::{Imported, ImportedCamera, site_and_rest};
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
@@ -23,7 +23,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let mut text = String::new();
     let are_placed = scene.views.iter().all(|view| view.is_placed);
     for (index, view) in scene.views.iter().enumerate() {
-        let lens = lens_of(view, scene, export);
+        let lens = kalibr_lens(view, scene, export);
         let [width, height] = view.size;
         let _ = write!(
             text,
@@ -41,24 +41,24 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
                 let _ = writeln!(text, "  - [{}]", joined(&row, ", "));
             }
         }
-        export.notes.push(format!("camera {:?} is cam{index}: Kalibr has no other names", view.id));
+        export.notes.push(format!("camera {:?} is named cam{index} in the file", view.id));
     }
     export.push(format!("camchain.{}", scene.extension), text);
 }
 
 /// Lens in Kalibr's terms.
-struct Written {
+struct KalibrLens {
     camera: &'static str,
     intrinsics: Vec<f64>,
     distortion: &'static str,
     terms: Vec<f64>,
 }
 
-fn lens_of(view: &View, scene: &Scene, export: &mut Export) -> Written {
+fn kalibr_lens(view: &View, scene: &Scene, export: &mut Export) -> KalibrLens {
     let ([fx, fy], [cx, cy]) = (view.focal(), view.centre_from_pixel_centre());
     let sphere = |camera: &'static str, terms: &[f64], xi: f64| {
         let intrinsics = [terms, &[(1.0 + xi) * fx, (1.0 + xi) * fy, cx, cy]].concat();
-        Written { camera, intrinsics, distortion: "none", terms: Vec::new() }
+        KalibrLens { camera, intrinsics, distortion: "none", terms: Vec::new() }
     };
     match view.distortion() {
         Some(Distortion::Unified { xi }) => return sphere("omni", &[xi], xi),
@@ -70,20 +70,20 @@ fn lens_of(view: &View, scene: &Scene, export: &mut Export) -> Written {
         Terms::None => ("radtan", vec![0.0; 4]),
         Terms::BrownConrady(brown) | Terms::Fitted(brown, _) => {
             if brown.k3 != 0.0 {
-                export.lose(view, "the k3 of its distortion: radtan has k1, k2, p1 and p2 alone");
+                export.add_loss(view, "k3 of its distortion: radtan has only k1, k2, p1 and p2");
             }
             ("radtan", vec![brown.k1, brown.k2, brown.p1, brown.p2])
         }
     };
-    Written { camera: "pinhole", intrinsics: vec![fx, fy, cx, cy], distortion, terms }
+    KalibrLens { camera: "pinhole", intrinsics: vec![fx, fy, cx, cy], distortion, terms }
 }
 
 /// Returns the 4 x 4 transform from the coordinates of the previous camera to the coordinates of this one.
 fn camera_from_camera(view: &View, before: &View) -> [[f64; 4]; 4] {
     let (now, then) = (view.camera.rotation(), before.camera.rotation());
     // Rows of `R_now R_previous'`.
-    let turn = now.map(|row| turned(&then, row));
-    let [t, back] = [view.camera.translation(), turned(&turn, before.camera.translation())];
+    let turn = now.map(|row| rotate(&then, row));
+    let [t, back] = [view.camera.translation(), rotate(&turn, before.camera.translation())];
     let row = |i: usize| [turn[i][0], turn[i][1], turn[i][2], t[i] - back[i]];
     [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }
@@ -98,13 +98,13 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
                 given.push(lens(name, &camera)?);
             }
         }
-        rest.extend(root.left_over());
+        rest.extend(root.unread_keys());
     }
     site_and_rest(given, rest, &files[0].name)
 }
 
-fn lens(name: &str, camera: &Node) -> Result<Given, FormatError> {
-    let (model, intrinsics) = (camera.need(&["camera_model"])?, camera.need(&["intrinsics"])?);
+fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
+    let (model, intrinsics) = (camera.require(&["camera_model"])?, camera.require(&["intrinsics"])?);
     let (sphere, [fx, fy, cx, cy]) = match model.text()? {
         "pinhole" => (None, intrinsics.exactly()?),
         "omni" => {
@@ -115,15 +115,15 @@ fn lens(name: &str, camera: &Node) -> Result<Given, FormatError> {
             let [xi, alpha, k @ ..] = intrinsics.exactly::<6>()?;
             (Some((xi, Distortion::DoubleSphere { xi, alpha })), k)
         }
-        _ => return Err(model.wrong("pinhole, omni or ds, the camera models that have a place here")),
+        _ => return Err(model.wrong("pinhole, omni or ds, the supported camera models")),
     };
     let gain = 1.0 + sphere.map_or(0.0, |(xi, _)| xi);
     let [least, _] = Coefficient::Xi.bounds();
     if gain - 1.0 < least {
         return Err(intrinsics.wrong("a xi above -1"));
     }
-    let mut given = Given::new(name, camera.place(), [fx / gain, fy / gain, cx + 0.5, cy + 0.5]);
-    let size = camera.need(&["resolution"])?;
+    let mut given = ImportedCamera::new(name, camera.place(), [fx / gain, fy / gain, cx + 0.5, cy + 0.5]);
+    let size = camera.require(&["resolution"])?;
     let sides = size.items()?;
     let [width, height] = &sides[..] else { return Err(size.wrong("width and height")) };
     given.size = Some([width.side()?, height.side()?]);
@@ -135,7 +135,7 @@ fn lens(name: &str, camera: &Node) -> Result<Given, FormatError> {
             let place = format!("{}/distortion_coeffs", camera.place());
             let found = format!("a distortion on top of {}", model.text()?);
             let expected =
-                "none, or zeros: both together have no place here; calibrate it as omni-none or ds-none";
+                "none, or zeros; the combination is not supported. Calibrate it as omni-none or ds-none";
             return Err(FormatError::expected(place, found, expected));
         }
     };
@@ -148,11 +148,13 @@ fn bent(camera: &Node) -> Result<Distortion, FormatError> {
     match model {
         "none" => {
             if let Some(terms) = camera.get("distortion_coeffs") {
-                terms.take();
+                terms.mark_read();
             }
             Ok(Distortion::None)
         }
-        "radtan" | "equidistant" => distortion(&camera.need(&["distortion_coeffs"])?, model == "equidistant"),
+        "radtan" | "equidistant" => {
+            distortion(&camera.require(&["distortion_coeffs"])?, model == "equidistant")
+        }
         other => {
             let place = format!("{}/distortion_model", camera.place());
             Err(FormatError::expected(place, quoted(other), "radtan, equidistant or none"))

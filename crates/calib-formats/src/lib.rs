@@ -58,11 +58,11 @@ use crate::export::Scene;
 pub use export::{Export, Loss};
 pub use file::{File, FormatError, MAX_BYTES, MAX_FILES, Problem};
 pub use given::Imported;
-pub use planes::OfPlanes;
+pub use planes::PlaneTreatment;
 pub use registry::{FORMATS, Format, format};
 pub use remap::remap_npy;
-pub use table::runs_in_spreadsheets;
-pub use view::{ExportOptions, PlanPicture};
+pub use table::is_spreadsheet_formula;
+pub use view::{ExportOptions, PlanImage};
 
 /// Writes the calibrated cameras of a site.
 ///
@@ -83,7 +83,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     if format.names_files_by_id
         && let Some(view) = views.iter().find(|view| view.file != view.id)
     {
-        return Err(FormatError::new(format!("camera {:?}", view.id), Problem::NotAFileName));
+        return Err(FormatError::new(format!("camera {:?}", view.id), Problem::InvalidFileName));
     }
     if !format.holds_periods {
         let mut seen = HashSet::new();
@@ -92,11 +92,11 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
         }
     }
     let mut export = Export { unsolved, ..Export::default() };
-    if format.holds_place {
+    if format.has_positions {
         views.iter().filter(|view| !view.is_placed).for_each(|view| export.lose_place(site, view));
     }
-    export.tell_of_planes(site, format.planes);
-    views.iter().filter(|view| view.is_stretched()).for_each(|view| export.lose_proportion(view));
+    export.report_planes(site, format.planes);
+    views.iter().filter(|view| view.is_stretched()).for_each(|view| export.report_aspect_ratio(view));
     if options.rectified {
         for view in &views {
             remap::write(view, &mut export);

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::FormatError;
-use crate::fisheye::turned;
-use crate::given::{Given, Imported, Pose, site_and_rest};
+use crate::fisheye::rotate;
+use crate::given::{Imported, ImportedCamera, Pose, site_and_rest};
 use crate::tree::{Node, Syntax, pretty};
 use crate::view::{Terms, View};
 
@@ -65,20 +65,20 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     for file in files {
         let tree = Syntax::Json.parse(file)?;
         let root = Node::root(file, &tree);
-        for frame in root.need(&["frames"])?.items()? {
+        for frame in root.require(&["frames"])?.items()? {
             given.push(camera(&root, &frame)?);
         }
-        rest.extend(root.left_over());
+        rest.extend(root.unread_keys());
     }
     let mut imported = site_and_rest(given, rest, &files[0].name)?;
-    imported
-        .notes
-        .push("poses are taken as metres with z up: nerfstudio's are so where they were aligned".into());
+    imported.notes.push(
+        "poses are read as metres with z up, which is true only for an aligned nerfstudio data set".into(),
+    );
     Ok(imported)
 }
 
 /// Reads a frame; its missing keys are taken from the top level of the file.
-fn camera(root: &Node, frame: &Node) -> Result<Given, FormatError> {
+fn camera(root: &Node, frame: &Node) -> Result<ImportedCamera, FormatError> {
     let of = |key: &str| frame.get(key).or_else(|| root.get(key));
     let number = |key: &str| of(key).map(|node| node.number()).transpose();
     let side = |key: &str| of(key).map(|node| node.side()).transpose();
@@ -86,21 +86,25 @@ fn camera(root: &Node, frame: &Node) -> Result<Given, FormatError> {
     let fx = match (number("fl_x")?, number("camera_angle_x")?, size) {
         (Some(focal), _, _) => focal,
         (None, Some(angle), Some([width, _])) => 0.5 * f64::from(width) / (0.5 * angle).tan(),
-        _ => return Err(frame.need(&["fl_x"]).map_or_else(|error| error, |node| node.wrong("a focal"))),
+        _ => {
+            return Err(frame
+                .require(&["fl_x"])
+                .map_or_else(|error| error, |node| node.wrong("a focal length")));
+        }
     };
     let centre = size.map(|size| size.map(|side| 0.5 * f64::from(side)));
     let or_middle = |key: &str, axis: usize| match (number(key)?, centre) {
         (Some(at), _) => Ok(at),
         (None, Some(centre)) => Ok(centre[axis]),
-        (None, None) => frame.need(&[key])?.number(),
+        (None, None) => frame.require(&[key])?.number(),
     };
     let k = [fx, number("fl_y")?.unwrap_or(fx), or_middle("cx", 0)?, or_middle("cy", 1)?];
-    let path = frame.need(&["file_path"])?.text()?;
+    let path = frame.require(&["file_path"])?.text()?;
     let base = path.rsplit('/').next().unwrap_or_default();
     let id = base.rsplit_once('.').map_or(base, |(stem, _)| stem);
-    let given = Given::new(id, frame.place(), k);
-    let (pose, distortion) = (pose(&frame.need(&["transform_matrix"])?)?, lens(root, frame)?);
-    Ok(Given { image: Some(path.to_owned()), size, distortion, pose: Some(pose), ..given })
+    let given = ImportedCamera::new(id, frame.place(), k);
+    let (pose, distortion) = (pose(&frame.require(&["transform_matrix"])?)?, lens(root, frame)?);
+    Ok(ImportedCamera { image: Some(path.to_owned()), size, distortion, pose: Some(pose), ..given })
 }
 
 fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
@@ -114,11 +118,11 @@ fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
     let radial = ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
     match model {
         _ if is_fisheye && [p1, p2] == [0.0; 2] => Ok(Distortion::KannalaBrandt { k: [k1, k2, k3, k4] }),
-        _ if is_fisheye => Err(frame.wrong("a fisheye of k1 to k4: p1 and p2 have no place here")),
+        _ if is_fisheye => Err(frame.wrong("a fisheye with k1 to k4; p1 and p2 are not supported with it")),
         Some(node) if !radial.contains(&name) => {
-            Err(node.wrong("OPENCV or OPENCV_FISHEYE, the camera models that have a place here"))
+            Err(node.wrong("OPENCV or OPENCV_FISHEYE, the supported camera models"))
         }
-        _ if k4 != 0.0 => Err(frame.wrong("k1, k2, k3, p1, p2 alone: k4 has no place here")),
+        _ if k4 != 0.0 => Err(frame.wrong("only k1, k2, k3, p1, p2; k4 is not supported")),
         _ if [k1, k2, k3, p1, p2] == [0.0; 5] => Ok(Distortion::None),
         _ => Ok(Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 })),
     }
@@ -130,5 +134,5 @@ fn pose(matrix: &Node) -> Result<Pose, FormatError> {
     let (12 | 16) = numbers.len() else { return Err(matrix.wrong("three or four rows of four numbers")) };
     let column = |sign: f64, j: usize| [0, 1, 2].map(|i| sign * numbers[4 * i + j]);
     let rotation = [column(1.0, 0), column(-1.0, 1), column(-1.0, 2)];
-    Ok((rotation, turned(&rotation, column(-1.0, 3))))
+    Ok((rotation, rotate(&rotation, column(-1.0, 3))))
 }

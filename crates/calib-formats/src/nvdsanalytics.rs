@@ -20,7 +20,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         let index = streams.iter().position(|id| *id == view.id).unwrap_or_default();
         let corners = corners(view);
         if corners.len() < 3 {
-            export.lose(view, "its region: no part of the EFOV is on the image");
+            export.add_loss(view, "its region: no part of the EFOV is in the image");
             continue;
         }
         let [sx, sy] =
@@ -35,6 +35,6 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     }
     export.push(format!("nvdsanalytics.{}", scene.extension), text);
     export.notes.push(
-        "stream numbers are the order of the cameras in the site, those that are left out included".into(),
+        "streams are numbered in the order of the cameras in the site, including cameras that are not exported".into(),
     );
 }

@@ -11,7 +11,9 @@ use serde_json::{Value, json};
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::{FormatError, Problem};
-use crate::given::{Given, Imported, control_point, decomposed, imported, site_and_rest, unskewed};
+use crate::given::{
+    Imported, ImportedCamera, checked_site, control_point, decomposed, intrinsics_from_matrix, site_and_rest,
+};
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;
 
@@ -52,12 +54,10 @@ fn map(scene: &Scene, export: &mut Export) -> (Map, Option<f64>) {
             return (Map { s: 1.0 / m, t }, Some(height));
         }
         export.notes.push(
-            "map.png and transforms.yml are left out: the plan is turned against the world axes".into(),
+            "map.png and transforms.yml are not written: the plan is rotated against the world axes".into(),
         );
     } else {
-        export
-            .notes
-            .push("map.png and transforms.yml are left out: the site has no plan with a picture".into());
+        export.notes.push("map.png and transforms.yml are not written: the site has no plan image".into());
     }
     // Coordinates on the map must not be negative.
     let points =
@@ -93,7 +93,7 @@ fn sensor(scene: &Scene, view: &View, map: Map) -> Value {
     let corners = corners(view);
     let image: Vec<Value> = corners
         .iter()
-        .filter_map(|p| view.shows_straight(p.at_height(0.0)).map(|px| json!({"x": px.u, "y": px.v})))
+        .filter_map(|p| view.project_undistorted(p.at_height(0.0)).map(|px| json!({"x": px.u, "y": px.v})))
         .collect();
     let globe: Vec<Value> = corners.iter().map(|p| json!({"x": p.x, "y": p.y, "z": 0.0})).collect();
     let attribute = |name: &str, value: String| json!({"name": name, "value": value});
@@ -146,49 +146,49 @@ fn corners(view: &View) -> Vec<FloorPoint> {
     let some = all.iter().step_by(all.len().div_ceil(MOST).max(1)).copied();
     let between = all.iter().map(|p| FloorPoint::new(0.5 * (p.x + middle.x), 0.5 * (p.y + middle.y)));
     let more = if all.len() < 4 { between.collect() } else { Vec::new() };
-    some.chain(more).filter(|p| view.shows_straight(p.at_height(0.0)).is_some()).collect()
+    some.chain(more).filter(|p| view.project_undistorted(p.at_height(0.0)).is_some()).collect()
 }
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     if let Some(file) = files.iter().find(|file| file.extension() == "json") {
         let mut imported = calibration(file)?;
-        imported.notes.extend(unread(files, |other| other.name != file.name));
+        imported.notes.extend(unread_notes(files, |other| other.name != file.name));
         return Ok(imported);
     }
     let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files.iter().filter(|file| file.base() != "transforms.yml") {
         let tree = Syntax::Yaml.parse(file)?;
         let root = Node::root(file, &tree);
-        let node = root.need(&["projectionMatrix_3x4_w2p"])?;
+        let node = root.require(&["projectionMatrix_3x4_w2p"])?;
         given.push(projected(file.stem(), &node)?);
-        rest.extend(root.left_over());
+        rest.extend(root.unread_keys());
     }
-    rest.extend(unread(files, |file| file.base() == "transforms.yml"));
+    rest.extend(unread_notes(files, |file| file.base() == "transforms.yml"));
     site_and_rest(given, rest, &files[0].name)
 }
 
 /// Returns a note for each file that is not read.
-fn unread<'a>(
+fn unread_notes<'a>(
     files: &'a [File],
     is_unread: impl Fn(&File) -> bool + 'a,
 ) -> impl Iterator<Item = String> + 'a {
-    files.iter().filter(move |file| is_unread(file)).map(|file| format!("{}: not taken", file.name))
+    files.iter().filter(move |file| is_unread(file)).map(|file| format!("{}: not imported", file.name))
 }
 
 fn rows(values: [f64; 12]) -> [[f64; 4]; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| values[4 * i + j]))
 }
 
-fn projected(id: &str, node: &Node) -> Result<Given, FormatError> {
+fn projected(id: &str, node: &Node) -> Result<ImportedCamera, FormatError> {
     let (k, pose) = decomposed(&rows(node.exactly()?), node.place())?;
-    Ok(Given { pose: Some(pose), ..Given::new(id, node.place(), k) })
+    Ok(ImportedCamera { pose: Some(pose), ..ImportedCamera::new(id, node.place(), k) })
 }
 
 fn calibration(file: &File) -> Result<Imported, FormatError> {
     let tree = Syntax::Json.parse(file)?;
     let root = Node::root(file, &tree);
     let (mut notes, mut cameras) = (Vec::new(), Vec::new());
-    let sensors = root.need(&["sensors"])?.items()?;
+    let sensors = root.require(&["sensors"])?.items()?;
     if sensors.len() > calib_site::MAX_CAMERAS {
         return Err(root.wrong(&format!("at most {} sensors", calib_site::MAX_CAMERAS)));
     }
@@ -196,25 +196,28 @@ fn calibration(file: &File) -> Result<Imported, FormatError> {
         if sensor.get("type").is_some_and(|kind| kind.text().is_ok_and(|kind| kind != "camera")) {
             continue;
         }
-        let id = sensor.need(&["id"])?.text()?;
+        let id = sensor.require(&["id"])?.text()?;
         let mut given =
             if let (Some(k), Some(e)) = (sensor.get("intrinsicMatrix"), sensor.get("extrinsicMatrix")) {
                 let [a, b, c] = rows(e.exactly()?);
                 let rotation = [a, b, c].map(|row| [row[0], row[1], row[2]]);
-                let lens = unskewed(&k.matrix()?, k.place())?;
-                Given { pose: Some((rotation, [a[3], b[3], c[3]])), ..Given::new(id, sensor.place(), lens) }
+                let lens = intrinsics_from_matrix(&k.matrix()?, k.place())?;
+                ImportedCamera {
+                    pose: Some((rotation, [a[3], b[3], c[3]])),
+                    ..ImportedCamera::new(id, sensor.place(), lens)
+                }
             } else {
-                projected(id, &sensor.need(&["cameraMatrix"])?)?
+                projected(id, &sensor.require(&["cameraMatrix"])?)?
             };
         given.size = frame_size(&sensor)?;
-        let mut entry = given.entry(&mut notes)?;
+        let mut entry = given.to_entry(&mut notes)?;
         for (px, world) in pairs(&sensor)? {
             entry.control_points.push(control_point(px, world));
         }
         cameras.push(entry);
     }
-    notes.extend(root.left_over());
-    imported(cameras, notes, &file.name)
+    notes.extend(root.unread_keys());
+    checked_site(cameras, notes, &file.name)
 }
 
 fn frame_size(sensor: &Node) -> Result<Option<[u32; 2]>, FormatError> {
@@ -251,7 +254,7 @@ fn pairs(sensor: &Node) -> Result<Vec<(Pixel, WorldPoint)>, FormatError> {
         let problem = Problem::Unpaired { pixels: image.len(), points: globe.len() };
         return Err(FormatError::new(sensor.place(), problem));
     }
-    let of = |node: &Node, key: &str| node.need(&[key])?.number();
+    let of = |node: &Node, key: &str| node.require(&[key])?.number();
     let pair = |(pixel, point): (&Node, &Node)| {
         let z = point.get("z").map_or(Ok(0.0), |z| z.number())?;
         let world = WorldPoint::new(of(point, "x")?, of(point, "y")?, z);

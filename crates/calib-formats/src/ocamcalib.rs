@@ -6,11 +6,11 @@
 //! has the sign of a0, which is usually negative. Rows and columns count from the centre of the first pixel.
 //! The lens is approximated by the nearest Kannala-Brandt lens, with an error of at most one pixel.
 
-use crate::export::rounded_up;
+use crate::export::round_up;
 use crate::file::File;
 use crate::file::{FormatError, Problem};
-use crate::fisheye::{MOST_OFF, WIDEST, nearest, too_far};
-use crate::given::{Given, Imported, site_and_rest};
+use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
+use crate::given::{Imported, ImportedCamera, site_and_rest};
 use crate::tree::digits;
 
 /// Largest number of coefficients of a polynomial. Fits to calibration boards have fewer.
@@ -46,7 +46,7 @@ impl Line {
             {
                 Ok(terms)
             }
-            _ => Err(self.wrong("how many coefficients there are, up to 32, and these")),
+            _ => Err(self.wrong("the number of coefficients, up to 32, and then the coefficients")),
         }
     }
 }
@@ -61,8 +61,8 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
 
 /// Returns the lines with content, without empty lines and comments.
 fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
-    let is_said = |text: &str| !text.is_empty() && !text.starts_with('#');
-    let said = file.as_text()?.lines().map(str::trim).enumerate().filter(|(_, text)| is_said(text));
+    let is_content = |text: &str| !text.is_empty() && !text.starts_with('#');
+    let content = file.as_text()?.lines().map(str::trim).enumerate().filter(|(_, text)| is_content(text));
     let line = |(index, text): (usize, &str)| {
         let place = format!("{} line {}", file.name, index + 1);
         let number = |word: &str| word.parse::<f64>().ok().filter(|value| value.abs() <= 1e12);
@@ -73,10 +73,10 @@ fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
         Ok(Line { place, numbers })
     };
     // One more line than the format has is enough to detect another format.
-    said.take(6).map(line).collect()
+    content.take(6).map(line).collect()
 }
 
-fn lens(file: &File, notes: &mut Vec<String>) -> Result<Given, FormatError> {
+fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatError> {
     let lines = lines(file)?;
     let [direct, inverse, centre, affine, size] = &lines[..] else {
         let found = format!("{} lines of numbers", lines.len());
@@ -105,26 +105,27 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<Given, FormatError> {
         .map(|i| (f64::from(i) * 2.0).to_radians().sin_cos())
         .map(|(sin, cos)| ((c - scale) * cos + d * sin).hypot(e * cos + (1.0 - scale) * sin) * rim / scale);
     let skew = skew.fold(0.0, f64::max);
-    if skew > MOST_OFF {
+    if skew > MAX_FIT_ERROR_PX {
         let found = format!("affine parameters that move the rim by {skew:.2} px");
         let expected = "square pixels: c near 1, d and e near 0; undistort or resample the image first";
         return Err(FormatError::expected(&affine.place, found, expected));
     }
-    let nearest = nearest(&samples).filter(|lens| lens.off.is_finite());
-    let off = nearest.map_or(f64::INFINITY, |lens| lens.off + skew);
-    let Some(lens) = nearest.filter(|_| off <= MOST_OFF) else {
-        let found = too_far("a polynomial", off);
+    let nearest = fit_lens(&samples).filter(|lens| lens.max_error_px.is_finite());
+    let off = nearest.map_or(f64::INFINITY, |lens| lens.max_error_px + skew);
+    let Some(lens) = nearest.filter(|_| off <= MAX_FIT_ERROR_PX) else {
+        let found = fit_error_text("a polynomial", off);
         return Err(FormatError::expected(&direct.place, found, "at most 1 px"));
     };
     notes.push(format!(
-        "camera {:?}: its polynomial is taken as Kannala-Brandt terms, which are at most {:.3} px off out to {:.0} degrees \
-         from the axis",
+        "camera {:?}: its polynomial is approximated by Kannala-Brandt terms, with an error of at most {:.3} px up to {:.0} \
+         degrees from the axis",
         file.stem(),
-        rounded_up(off, 3),
+        round_up(off, 3),
         theta.to_degrees()
     ));
-    let given = Given::new(file.stem(), &direct.place, [lens.focal, lens.focal, column + 0.5, row + 0.5]);
-    Ok(Given { size: Some([width as u32, height as u32]), distortion: lens.distortion, ..given })
+    let given =
+        ImportedCamera::new(file.stem(), &direct.place, [lens.focal, lens.focal, column + 0.5, row + 0.5]);
+    Ok(ImportedCamera { size: Some([width as u32, height as u32]), distortion: lens.distortion, ..given })
 }
 
 /// Returns pairs of angle from the axis and radius in pixels. They run from the axis to the corners, to
@@ -138,7 +139,7 @@ fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, Format
         let radius = corner * ring as f64 / RINGS as f64;
         let depth = ahead * terms.iter().rev().fold(0.0, |sum, term| sum * radius + term);
         let theta = radius.atan2(depth);
-        if theta > WIDEST {
+        if theta > MAX_ANGLE {
             break;
         }
         if theta <= rings.last().map_or(0.0, |&[before, _]| before) || !theta.is_finite() {
@@ -148,7 +149,7 @@ fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, Format
         rings.push([theta, scale * radius]);
     }
     if terms[0] == 0.0 || rings.len() < 16 || has_turned && rings.len() < RINGS / 3 {
-        let found = "a polynomial whose rays do not turn outward from the middle of the image on";
+        let found = "a polynomial whose rays do not turn outward from the centre of the image";
         return Err(FormatError::expected(&direct.place, found, "one of a lens"));
     }
     Ok(rings)

@@ -10,7 +10,7 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::FormatError;
 use crate::fisheye::{from_rodrigues, rodrigues};
-use crate::given::{Given, Imported, site_and_rest, unskewed};
+use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_and_rest};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
 
@@ -113,20 +113,23 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let tree = Syntax::of(file.as_text()?).parse(file)?;
         let root = Node::root(file, &tree);
         given.push(camera(file, &root)?);
-        rest.extend(root.left_over());
+        rest.extend(root.unread_keys());
     }
     let mut imported = site_and_rest(given, rest, &files[0].name)?;
     if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
-        imported.notes.push("poses are taken as metres with z up: rvec and tvec of a chessboard are in the axes of that board".into());
+        imported.notes.push(
+            "poses are read as metres with z up; rvec and tvec of a chessboard refer to the board instead"
+                .into(),
+        );
     }
     Ok(imported)
 }
 
-fn camera(file: &File, root: &Node) -> Result<Given, FormatError> {
-    let k = root.need(&["camera_matrix", "cameraMatrix", "K", "M", "intrinsic_matrix", "mtx"])?;
-    let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
+fn camera(file: &File, root: &Node) -> Result<ImportedCamera, FormatError> {
+    let k = root.require(&["camera_matrix", "cameraMatrix", "K", "M", "intrinsic_matrix", "mtx"])?;
+    let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
     let id = root.any(&["camera_name", "name"]).and_then(|node| node.text().ok()).unwrap_or(file.stem());
-    let mut given = Given::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+    let mut given = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
     given.size = size(root)?;
     let terms = ["distortion_coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "dist"];
     if let Some(node) = root.any(&terms) {
@@ -170,11 +173,12 @@ pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, Forma
         return Ok(Distortion::KannalaBrandt { k });
     }
     if !LENGTHS.contains(&terms.len()) {
-        return Err(node.wrong(&format!("4, 5, 8, 12 or 14 terms and not {}", terms.len())));
+        return Err(node.wrong(&format!("4, 5, 8, 12 or 14 terms instead of {}", terms.len())));
     }
     if terms.iter().skip(5).any(|&term| term != 0.0) {
-        return Err(node
-            .wrong("k1, k2, p1, p2, k3 alone: the rational, thin-prism and tilt terms have no place here"));
+        return Err(
+            node.wrong("only k1, k2, p1, p2, k3; rational, thin-prism and tilt terms are not supported")
+        );
     }
     let k3 = terms.get(4).copied().unwrap_or(0.0);
     Ok(Distortion::BrownConrady(BrownConrady { k1: terms[0], k2: terms[1], k3, p1: terms[2], p2: terms[3] }))

@@ -8,7 +8,7 @@ use crate::export::{Export, Loss};
 
 /// Treatment of planes other than the floor by a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OfPlanes {
+pub enum PlaneTreatment {
     /// The planes are written with their regions.
     Written,
     /// Readers map all pixels to the floor, also pixels of another plane: a loss.
@@ -25,19 +25,19 @@ pub(crate) fn covering(site: &Site) -> Vec<(&PlaneEntry, Plane)> {
 
 impl Export {
     /// Reports the planes of a site that a format does not contain.
-    pub(crate) fn tell_of_planes(&mut self, site: &Site, of_planes: OfPlanes) {
+    pub(crate) fn report_planes(&mut self, site: &Site, treatment: PlaneTreatment) {
         let ids: Vec<String> = covering(site).iter().map(|(entry, _)| format!("{:?}", entry.id)).collect();
         if ids.is_empty() {
             return;
         }
         let ids = ids.join(", ");
-        match of_planes {
-            OfPlanes::Written => {}
-            OfPlanes::Misleading => self.losses.push(Loss {
+        match treatment {
+            PlaneTreatment::Written => {}
+            PlaneTreatment::Misleading => self.losses.push(Loss {
                 camera: None,
-                what: format!("the planes {ids}: pixels that show them are mapped to the floor behind them"),
+                what: format!("the planes {ids}: their pixels are mapped to the floor behind them"),
             }),
-            OfPlanes::LeftOut => self.notes.push(format!("the planes {ids} are not in it")),
+            PlaneTreatment::LeftOut => self.notes.push(format!("the planes {ids} are not exported")),
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::FormatError;
 use crate::given::Imported;
-use crate::planes::OfPlanes;
+use crate::planes::PlaneTreatment;
 use crate::{
     blender, caliscope, colmap, frigate, fspy, geojson, kalibr, nerfstudio, nvdsanalytics, nvidia, ocamcalib,
     opencv, ros, scenescape, sql, svg, table, wildtrack, worldfile,
@@ -29,12 +29,12 @@ pub struct Format {
     /// Data that the format does not contain.
     pub lacks: &'static str,
     /// Treatment of planes other than the floor.
-    pub planes: OfPlanes,
+    pub planes: PlaneTreatment,
     /// Lens models that are written exactly. Other models are approximated by Brown-Conrady terms, or lost.
     pub lenses: &'static [DistortionModel],
     /// Whether the format contains camera positions, so that a camera that was not placed misleads its
     /// readers.
-    pub holds_place: bool,
+    pub has_positions: bool,
     /// Whether the format distinguishes the periods of a camera.
     pub holds_periods: bool,
     /// Whether the format contains the plan, so that [`ExportOptions::plan`](crate::ExportOptions::plan) is
@@ -43,7 +43,7 @@ pub struct Format {
     /// Whether the format is a table, whose JSON can be converted to Parquet by programs that support it.
     pub is_table: bool,
     /// Whether the format describes the scale and position of the plan instead of cameras.
-    pub is_of_plan: bool,
+    pub describes_plan: bool,
     /// File names that identify one calibration: opening one of these files also opens the others in its
     /// folder.
     pub companions: &'static [&'static str],
@@ -69,13 +69,13 @@ impl Format {
         extensions: &[],
         holds: "",
         lacks: NOT_SIGMAS,
-        planes: OfPlanes::LeftOut,
+        planes: PlaneTreatment::LeftOut,
         lenses: &[],
-        holds_place: true,
+        has_positions: true,
         holds_periods: false,
         shows_plan: false,
         is_table: false,
-        is_of_plan: false,
+        describes_plan: false,
         companions: &[],
         names_files_by_id: false,
         pixels: CORNER,
@@ -88,13 +88,13 @@ impl Format {
 
     /// Whether the format can be exported.
     #[must_use]
-    pub const fn exports(&self) -> bool {
+    pub const fn can_export(&self) -> bool {
         self.write.is_some()
     }
 
     /// Whether the format can be imported.
     #[must_use]
-    pub const fn imports(&self) -> bool {
+    pub const fn can_import(&self) -> bool {
         self.read.is_some()
     }
 }
@@ -105,7 +105,7 @@ const CORNER: &str = "corner";
 const CENTRE: &str = "centre of the first pixel";
 const OPENCV: &str = "world z up; camera right, down, forward; world to camera";
 const OPENGL: &str = "world z up; camera right, up, back; camera to world";
-const NOT_SIGMAS: &str = "standard deviations, EFOV, planes besides the floor";
+const NOT_SIGMAS: &str = "standard deviations, EFOV, planes other than the floor";
 /// Lens models that most programs support.
 const RADIAL_OR_FISHEYE: &[DistortionModel] =
     &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt];
@@ -123,7 +123,7 @@ pub const FORMATS: &[Format] = &[
         pixels: CENTRE,
         units: "m, rad",
         axes: OPENCV,
-        drops: "reprojection errors, covariances, poses of the board beside the first",
+        drops: "reprojection errors, covariances, poses of the board except the first",
         ..Format::PLAIN
     },
     Format {
@@ -131,9 +131,9 @@ pub const FORMATS: &[Format] = &[
         about: "ROS camera_info, one file a camera",
         extensions: &["yaml", "yml"],
         holds: "lens (plumb_bob or equidistant)",
-        lacks: "pose, standard deviations, EFOV, planes besides the floor",
+        lacks: "pose, standard deviations, EFOV, planes other than the floor",
         lenses: RADIAL_OR_FISHEYE,
-        holds_place: false,
+        has_positions: false,
         write: Some(ros::write),
         read: Some(ros::read),
         pixels: CENTRE,
@@ -164,7 +164,7 @@ pub const FORMATS: &[Format] = &[
         write: Some(nerfstudio::write),
         read: Some(nerfstudio::read),
         axes: OPENGL,
-        drops: "points, masks, depths, transforms that were applied",
+        drops: "points, masks, depths, applied transforms",
         ..Format::PLAIN
     },
     Format {
@@ -172,9 +172,9 @@ pub const FORMATS: &[Format] = &[
         about: "NVIDIA DeepStream and Metropolis: camInfo, calibration.json, transforms.yml, map.png",
         extensions: &["json", "yml"],
         holds: "pinhole, pose, EFOV, plan",
-        lacks: "distortion, standard deviations, planes besides the floor",
+        lacks: "distortion, standard deviations, planes other than the floor",
         shows_plan: true,
-        planes: OfPlanes::Misleading,
+        planes: PlaneTreatment::Misleading,
         write: Some(nvidia::write),
         read: Some(nvidia::read),
         axes: OPENCV,
@@ -198,7 +198,7 @@ pub const FORMATS: &[Format] = &[
         about: "WILDTRACK calibrations (XML), centimetres",
         extensions: &["xml"],
         holds: "pinhole, pose",
-        lacks: "distortion, standard deviations, EFOV, planes besides the floor",
+        lacks: "distortion, standard deviations, EFOV, planes other than the floor",
         write: Some(wildtrack::write),
         read: Some(wildtrack::read),
         pixels: CENTRE,
@@ -208,9 +208,9 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "table",
-        about: "a row of matrices for every camera, directions in the names",
+        about: "table with one row of matrices for each camera",
         extensions: &["json", "csv"],
-        holds: "everything but standard deviations",
+        holds: "everything except standard deviations",
         lacks: "standard deviations",
         lenses: &[
             DistortionModel::BrownConrady,
@@ -221,7 +221,7 @@ pub const FORMATS: &[Format] = &[
         ],
         holds_periods: true,
         is_table: true,
-        planes: OfPlanes::Written,
+        planes: PlaneTreatment::Written,
         write: Some(table::write),
         axes: OPENCV,
         ..Format::PLAIN
@@ -230,11 +230,11 @@ pub const FORMATS: &[Format] = &[
         name: "sql",
         about: "SQL views that map detections to the floor",
         extensions: &["sql"],
-        holds: "lens (exactly without distortion and as a division model, else fitted), floor homography, periods",
-        lacks: "EFOV, heights above the floor, planes besides the floor, standard deviations",
+        holds: "lens (exact without distortion and for the division model, otherwise fitted), floor homography, periods",
+        lacks: "EFOV, heights above the floor, planes other than the floor, standard deviations",
         lenses: &[DistortionModel::Division],
         holds_periods: true,
-        planes: OfPlanes::Misleading,
+        planes: PlaneTreatment::Misleading,
         write: Some(sql::write),
         axes: "floor x, y",
         ..Format::PLAIN
@@ -243,9 +243,9 @@ pub const FORMATS: &[Format] = &[
         name: "geojson",
         about: "GeoJSON of EFOVs, cameras and planes; *.local.geojson in metres without a georeference",
         extensions: &["geojson"],
-        holds: "position, heading, EFOV, planes besides the floor",
+        holds: "position, heading, EFOV, planes other than the floor",
         lacks: "lens, orientation, standard deviations",
-        planes: OfPlanes::Written,
+        planes: PlaneTreatment::Written,
         write: Some(geojson::write),
         units: "degrees of WGS84, or m; degrees",
         axes: "longitude, latitude, or floor x, y; azimuth_deg clockwise from north, heading_deg counter-clockwise from +x",
@@ -253,10 +253,10 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "svg",
-        about: "drawing of the plan and the EFOVs",
+        about: "image of the plan and the EFOVs",
         extensions: &["svg"],
         holds: "position, heading, EFOV",
-        lacks: "lens, orientation, standard deviations, planes besides the floor",
+        lacks: "lens, orientation, standard deviations, planes other than the floor",
         shows_plan: true,
         write: Some(svg::write),
         units: "pixels of the plan, or cm",
@@ -268,10 +268,10 @@ pub const FORMATS: &[Format] = &[
         about: "Frigate zones with distances for speeds",
         extensions: &["yml", "yaml"],
         holds: "EFOV",
-        lacks: "lens, pose, standard deviations, planes besides the floor",
-        holds_place: false,
+        lacks: "lens, pose, standard deviations, planes other than the floor",
+        has_positions: false,
         write: Some(frigate::write),
-        units: "shares of the image; m",
+        units: "fractions of the image; m",
         axes: "x right, y down",
         ..Format::PLAIN
     },
@@ -280,8 +280,8 @@ pub const FORMATS: &[Format] = &[
         about: "DeepStream nvdsanalytics regions of interest",
         extensions: &["txt", "ini"],
         holds: "EFOV",
-        lacks: "lens, pose, standard deviations, planes besides the floor",
-        holds_place: false,
+        lacks: "lens, pose, standard deviations, planes other than the floor",
+        has_positions: false,
         write: Some(nvdsanalytics::write),
         units: "whole pixels",
         axes: "x right, y down",
@@ -289,10 +289,10 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "blender",
-        about: "Blender script that makes the cameras",
+        about: "Blender script that creates the cameras",
         extensions: &["py"],
         holds: "pinhole, pose",
-        lacks: "distortion, standard deviations, EFOV, planes besides the floor",
+        lacks: "distortion, standard deviations, EFOV, planes other than the floor",
         write: Some(blender::write),
         units: "m; sensor in mm",
         axes: OPENGL,
@@ -303,29 +303,29 @@ pub const FORMATS: &[Format] = &[
         about: "Kalibr camchain: lenses",
         extensions: &["yaml", "yml"],
         holds: "lens (radtan, equidistant, unified or double sphere)",
-        lacks: "places in the world (poses from camera to camera are written), k3, standard deviations, EFOV, planes besides the floor",
+        lacks: "positions in the world (relative poses are written), k3, standard deviations, EFOV, planes other than the floor",
         lenses: &[
             DistortionModel::BrownConrady,
             DistortionModel::KannalaBrandt,
             DistortionModel::Unified,
             DistortionModel::DoubleSphere,
         ],
-        holds_place: false,
+        has_positions: false,
         write: Some(kalibr::write),
         read: Some(kalibr::read),
         pixels: CENTRE,
         units: "-",
         axes: "-",
-        drops: "poses between the cameras, of the IMU, time shifts",
+        drops: "relative poses of cameras and IMU, time shifts",
         ..Format::PLAIN
     },
     Format {
         name: "ocamcalib",
         about: "OCamCalib calib_results.txt, Scaramuzza's polynomial",
         extensions: &["txt"],
-        holds: "lens (as the nearest fisheye, at most 1 px off)",
+        holds: "lens (as the nearest fisheye, with an error of at most 1 px)",
         lacks: "pose",
-        holds_place: false,
+        has_positions: false,
         read: Some(ocamcalib::read),
         pixels: CENTRE,
         units: "-",
@@ -340,12 +340,12 @@ pub const FORMATS: &[Format] = &[
         holds: "lens (Brown-Conrady or fisheye)",
         lacks: "pose",
         lenses: RADIAL_OR_FISHEYE,
-        holds_place: false,
+        has_positions: false,
         read: Some(caliscope::read),
         pixels: CENTRE,
         units: "-",
         axes: "-",
-        drops: "poses: they are those of a board, in whatever unit",
+        drops: "poses (relative to a board, in an unknown unit)",
         ..Format::PLAIN
     },
     Format {
@@ -355,21 +355,21 @@ pub const FORMATS: &[Format] = &[
         holds: "pinhole, pose",
         lacks: "distortion",
         read: Some(fspy::read),
-        units: "its own, rad",
+        units: "arbitrary, rad",
         axes: OPENGL,
-        drops: "vanishing points, control points, the picture",
+        drops: "vanishing points, control points, the image",
         ..Format::PLAIN
     },
     Format {
         name: "worldfile",
-        about: "world file of a floor plan: the plan's scale and place",
+        about: "world file of a floor plan: the plan's scale and position",
         extensions: &["pgw", "jgw", "wld", "pngw", "jpgw"],
         holds: "plan",
         lacks: "cameras",
-        is_of_plan: true,
+        describes_plan: true,
         read: Some(worldfile::read),
         pixels: CENTRE,
-        units: "m are taken for granted",
+        units: "m (assumed)",
         axes: "plan: x right, y down",
         ..Format::PLAIN
     },

@@ -7,7 +7,7 @@ use crate::file::File;
 use crate::view::View;
 
 /// Largest size of an image with a map, in pixels.
-const MOST: u64 = 64 << 20;
+const MAX_PIXELS: u64 = 64 << 20;
 
 /// Writes `<camera>.remap.npy`, for `cv2.remap(raw, numpy.load(file), None, cv2.INTER_LINEAR)`.
 ///
@@ -15,12 +15,15 @@ const MOST: u64 = 64 << 20;
 /// the lens. Focal length and principal point stay the same.
 pub(crate) fn write(view: &View, export: &mut Export) {
     if view.raw_lens.distortion == Distortion::None {
-        export.notes.push(format!("camera {:?} has no distortion: no remap is needed", view.id));
+        export.notes.push(format!("camera {:?} has no distortion, so it needs no remap file", view.id));
         return;
     }
     let [width, height] = view.size;
-    if u64::from(width) * u64::from(height) > MOST {
-        export.lose(view, format!("the remap of {width} x {height} pixels: more than {MOST}"));
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        export.add_loss(
+            view,
+            format!("its remap file: {width} x {height} pixels exceed the limit of {MAX_PIXELS}"),
+        );
         return;
     }
     let [sx, sy] = view.scale;

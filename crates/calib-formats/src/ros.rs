@@ -5,7 +5,7 @@
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::FormatError;
-use crate::given::{Given, Imported, site_and_rest, unskewed};
+use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_and_rest};
 use crate::opencv::{distortion, is_fisheye};
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
@@ -47,17 +47,18 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     for file in files {
         let tree = Syntax::of(file.as_text()?).parse(file)?;
         let root = Node::root(file, &tree);
-        let k = root.need(&["camera_matrix"])?;
-        let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
+        let k = root.require(&["camera_matrix"])?;
+        let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
         let id = root.get("camera_name").and_then(|node| node.text().ok()).unwrap_or(file.stem());
-        let mut camera = Given::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
-        camera.size = Some([root.need(&["image_width"])?.side()?, root.need(&["image_height"])?.side()?]);
+        let mut camera = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+        camera.size =
+            Some([root.require(&["image_width"])?.side()?, root.require(&["image_height"])?.side()?]);
         if let Some(terms) = root.get("distortion_coefficients") {
             let model = root.get("distortion_model").map(|node| node.text()).transpose()?.unwrap_or_default();
             camera.distortion = distortion(&terms, is_fisheye(model))?;
         }
         given.push(camera);
-        rest.extend(root.left_over());
+        rest.extend(root.unread_keys());
     }
     site_and_rest(given, rest, &files[0].name)
 }

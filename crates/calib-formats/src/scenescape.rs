@@ -6,7 +6,7 @@
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
-use crate::fisheye::{quaternion, transposed};
+use crate::fisheye::{quaternion, transpose};
 use crate::tree::pretty;
 use crate::view::{Terms, View};
 
@@ -17,7 +17,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         cameras.push(camera(view, terms));
     }
     export.notes.push(
-        "SceneScape's map has its origin at the bottom left: place the map so that world (0, 0) is there"
+        "SceneScape's map has its origin at the bottom left; place the map so that this is world (0, 0)"
             .into(),
     );
     export.push("cameras.json", pretty(&Value::Array(cameras)));
@@ -29,7 +29,7 @@ fn camera(view: &View, terms: Terms) -> Value {
         Terms::BrownConrady(b) | Terms::Fitted(b, _) => b,
         Terms::None | Terms::Fisheye(_) => Default::default(),
     };
-    let [w, x, y, z] = quaternion(&transposed(&view.camera.rotation()));
+    let [w, x, y, z] = quaternion(&transpose(&view.camera.rotation()));
     json!({
         "name": view.id,
         "intrinsics": {"fx": fx, "fy": fy, "cx": cx, "cy": cy},

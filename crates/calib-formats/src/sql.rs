@@ -8,12 +8,12 @@
 
 use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel};
 
-use crate::export::{Export, Scene, UNSEEN, rounded_up, way_out};
+use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up, way_out};
 use crate::tree::digits;
 use crate::view::{View, solved};
 
 /// Safety factor: the error between sample points, relative to the largest error at the sample points.
-const BETWEEN: f64 = 1.01;
+const SAMPLING_SAFETY_FACTOR: f64 = 1.01;
 
 /// Row of the table for one camera.
 struct Row<'a> {
@@ -29,13 +29,13 @@ struct Row<'a> {
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let rows: Vec<Row<'_>> = scene.views.iter().map(Row::of).collect();
     for row in &rows {
-        let [pixels, metres] = row.off_said();
+        let [pixels, metres] = row.rounded_error();
         let what = format!(
-            "its distortion, fitted by terms that SQL can invert, is at most {pixels:.3} px off, on the floor of the EFOV {metres:.4} m"
+            "the fit of its distortion for SQL has an error of at most {pixels:.3} px, and {metres:.4} m on the floor of the EFOV"
         );
-        if row.off[0] > UNSEEN {
+        if row.off[0] > MAX_UNREPORTED_ERROR_PX {
             let windows = way_out(row.view).map_or(String::new(), |windows| format!("; {windows}"));
-            export.lose(row.view, format!("{what}{windows}"));
+            export.add_loss(row.view, format!("its exact distortion: {what}{windows}"));
         } else if pixels > 0.0 {
             export.notes.push(format!("camera {:?}: {what}", row.view.id));
         }
@@ -44,7 +44,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let has_periods = scene.views.iter().any(|view| view.valid_from.is_some() || view.valid_to.is_some());
     let seen_at = if has_periods { ", seen_at" } else { "" };
     export.push("floor.sql", text(&rows, terms, has_periods));
-    export.notes.push(format!("floor.sql expects a table or view detections(camera_id, u, v{seen_at})"));
+    export.notes.push(format!("floor.sql needs a table or view detections(camera_id, u, v{seen_at})"));
 }
 
 impl<'a> Row<'a> {
@@ -60,7 +60,7 @@ impl<'a> Row<'a> {
             _ => {
                 let straighten = fitted(view);
                 let row = Self { view, focal: view.focal(), straighten, off: [0.0; 2] };
-                Self { off: row.error(), ..row }
+                Self { off: row.compute_max_error(), ..row }
             }
         }
     }
@@ -79,12 +79,12 @@ impl<'a> Row<'a> {
 
     /// Returns [`Self::off`] rounded up to the digits of the message: a thousandth of a pixel and a tenth of
     /// a millimetre.
-    fn off_said(&self) -> [f64; 2] {
-        [rounded_up(self.off[0], 3), rounded_up(self.off[1], 4)]
+    fn rounded_error(&self) -> [f64; 2] {
+        [round_up(self.off[0], 3), round_up(self.off[1], 4)]
     }
 
     /// Computes [`Self::off`].
-    fn error(&self) -> [f64; 2] {
+    fn compute_max_error(&self) -> [f64; 2] {
         let view = self.view;
         let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_on_floor };
         let mut off = [0.0_f64; 2];
@@ -93,18 +93,18 @@ impl<'a> Row<'a> {
             let (du, dv) = (raw[0] / q - straight[0], raw[1] / q - straight[1]);
             let pixels = if q > 0.0 { (du * self.focal[0]).hypot(dv * self.focal[1]) } else { f64::INFINITY };
             off[0] = off[0].max(pixels);
-            let exact = view.floor_of_straight(straight).filter(|&floor| extent.contains(floor));
+            let exact = view.floor_from_undistorted(straight).filter(|&floor| extent.contains(floor));
             let Some(exact) = exact else { continue };
             let metres = self.floor(raw).map_or(f64::INFINITY, |[x, y]| (x - exact.x).hypot(y - exact.y));
             off[1] = off[1].max(metres);
         }
-        off[1] = off[1].max(self.error_around());
-        off.map(|most| BETWEEN * most)
+        off[1] = off[1].max(self.max_border_error());
+        off.map(|most| SAMPLING_SAFETY_FACTOR * most)
     }
 
     /// Computes the largest error along the border of the EFOV, in metres. A pixel covers the most floor at
     /// the far side.
-    fn error_around(&self) -> f64 {
+    fn max_border_error(&self) -> f64 {
         const STEPS: usize = 16;
         let (camera, corners) = (&self.view.camera, &self.view.efov_on_floor);
         let centre = camera.lens.principal_point;
@@ -243,7 +243,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
     let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };
     let zone = if has_periods {
-        "-- seen_at is in UTC; where it has a time zone, the session's must be UTC.\n"
+        "-- seen_at is in UTC. If its type has a time zone, set the time zone of the session to UTC.\n"
     } else {
         ""
     };
@@ -258,7 +258,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     };
     let cameras: Vec<String> = rows.iter().map(|row| row.text(has_periods)).collect();
     format!(
-        "-- From a table or view detections(camera_id, u, v{seen_at}), pixels counted from the corner of the image.\n\
+        "-- Maps a table or view detections(camera_id, u, v{seen_at}). Pixels count from the corner of the image.\n\
          -- x_m and y_m are null above the horizon, outside the lens, and without a calibration.\n\
          {zone}{errors}CREATE OR REPLACE TEMPORARY VIEW calib_cameras AS\nSELECT * FROM (VALUES\n{cameras}\n) AS c\
          (camera_id, {columns}cx, cy, fx, fy, d1, d2, d3, g11, g12, g13, g21, g22, g23, g31, g32, g33);\n\n\
@@ -272,12 +272,12 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
 
 impl Row<'_> {
     fn comment(&self) -> String {
-        let [pixels, metres] = self.off_said();
+        let [pixels, metres] = self.rounded_error();
         // A line break would end the SQL comment.
         let id = self.view.id.replace(|c: char| c.is_control(), " ");
         match pixels > 0.0 {
             true => format!(
-                "-- {id}: its lens is fitted, at most {pixels:.3} px off, {metres:.4} m in the EFOV.\n"
+                "-- {id}: fitted lens, with an error of at most {pixels:.3} px, and {metres:.4} m in the EFOV.\n"
             ),
             false => String::new(),
         }

@@ -17,7 +17,7 @@ use calib_site::PlaneEntry;
 use serde_json::{Map, Value, json};
 
 use crate::export::{Export, Scene};
-use crate::planes::{OfPlanes, covering};
+use crate::planes::{PlaneTreatment, covering};
 use crate::tree::{digits, pretty};
 use crate::view::View;
 
@@ -31,7 +31,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         match (planes.is_empty(), scene.options.embeds) {
             (true, _) => {}
             (false, false) => export.push("planes.csv", csv(&planes)),
-            (false, true) => export.tell_of_planes(scene.site, OfPlanes::Misleading),
+            (false, true) => export.report_planes(scene.site, PlaneTreatment::Misleading),
         }
     } else {
         let mut document = json!({"format": "calib-table", "version": 1, "units": "m, px",
@@ -71,7 +71,7 @@ fn row(view: &View) -> Map<String, Value> {
     let focal = view.scale.map(|scale| scale * if names.is_empty() { view.camera.focal } else { lens.focal });
     let mut row = Map::new();
     let mut put = |key: &str, value: Value| row.insert(key.to_owned(), value);
-    put(ID, json!(view.id));
+    put(ID_COLUMN, json!(view.id));
     put("valid_from", json!(view.valid_from));
     put("valid_to", json!(view.valid_to));
     put("width", json!(view.size[0]));
@@ -93,14 +93,14 @@ fn row(view: &View) -> Map<String, Value> {
 }
 
 /// Column with the camera's id.
-const ID: &str = "camera_id";
+const ID_COLUMN: &str = "camera_id";
 
 /// Formats rows as CSV. A list becomes one cell with spaces between its numbers, and the camera's id is the
 /// first column.
 fn csv(rows: &[Map<String, Value>]) -> String {
     let Some(first) = rows.first() else { return String::new() };
     let mut names: Vec<&str> = first.keys().map(String::as_str).collect();
-    names.sort_by_key(|&name| name != ID);
+    names.sort_by_key(|&name| name != ID_COLUMN);
     let mut text = names.join(",") + "\n";
     for row in rows {
         let cells: Vec<String> = names.iter().map(|&name| cell(&row[name])).collect();
@@ -116,7 +116,7 @@ fn quoted(text: &str) -> String {
 /// Whether a spreadsheet would run this CSV cell as a formula. Text that begins with a sign and is not a
 /// number counts too.
 #[must_use]
-pub fn runs_in_spreadsheets(cell: &[u8]) -> bool {
+pub fn is_spreadsheet_formula(cell: &[u8]) -> bool {
     match cell {
         [b'=' | b'@' | b'\t' | b'\r', ..] => true,
         [b'+' | b'-', _, ..] => {
@@ -129,7 +129,7 @@ pub fn runs_in_spreadsheets(cell: &[u8]) -> bool {
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if runs_in_spreadsheets(text.as_bytes()) => quoted(&format!("'{text}")),
+        Value::String(text) if is_spreadsheet_formula(text.as_bytes()) => quoted(&format!("'{text}")),
         Value::String(text) if text.contains([',', '"', '\n', '\r']) => quoted(text),
         Value::String(text) => text.clone(),
         Value::Array(items) => items.iter().map(cell).collect::<Vec<_>>().join(" "),
@@ -146,13 +146,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_formula_is_text_in_a_cell_and_a_number_stays_one() {
+    fn a_formula_is_escaped_in_a_cell_and_a_number_is_not() {
         for text in ["=1+1", "@SUM(A1)", "+cmd|' /C calc'!A0", "-2+3", "\t=1"] {
-            assert!(runs_in_spreadsheets(text.as_bytes()), "{text}");
+            assert!(is_spreadsheet_formula(text.as_bytes()), "{text}");
             assert!(cell(&json!(text)).starts_with("\"'"), "{text}");
         }
         for text in ["-1.5", "+3", "-1e-7", "door", "-", "", "2026-05-01"] {
-            assert!(!runs_in_spreadsheets(text.as_bytes()), "{text}");
+            assert!(!is_spreadsheet_formula(text.as_bytes()), "{text}");
         }
     }
 }

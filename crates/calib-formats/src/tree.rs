@@ -57,7 +57,7 @@ impl Syntax {
                 let documents = Yaml::load_from_str(without_directives(text))
                     .map_err(|error| wrong("YAML", first_line(&error.to_string()).to_owned()))?;
                 let [document] = documents.as_slice() else {
-                    return Err(wrong("YAML", format!("{} documents", documents.len())));
+                    return Err(wrong("YAML", format!("found {} documents, expected one", documents.len())));
                 };
                 from_yaml(document).ok_or_else(|| wrong("YAML", "a key that is a list or a mapping".into()))
             }
@@ -168,34 +168,34 @@ pub(crate) struct Node<'a> {
     value: &'a Value,
     place: String,
     /// Addresses of the values that were read. All values inside them count as read.
-    taken: Rc<RefCell<HashSet<usize>>>,
+    read: Rc<RefCell<HashSet<usize>>>,
 }
 
 impl<'a> Node<'a> {
     pub(crate) fn root(file: &File, value: &'a Value) -> Self {
-        Self { value, place: format!("{}: ", file.name), taken: Rc::default() }
+        Self { value, place: format!("{}: ", file.name), read: Rc::default() }
     }
 
     fn child(&self, value: &'a Value, key: &dyn std::fmt::Display) -> Self {
-        Self { value, place: format!("{}/{key}", self.place), taken: Rc::clone(&self.taken) }
+        Self { value, place: format!("{}/{key}", self.place), read: Rc::clone(&self.read) }
     }
 
     /// Marks the value, with everything in it, as read.
-    pub(crate) fn take(&self) {
-        self.taken.borrow_mut().insert(address(self.value));
+    pub(crate) fn mark_read(&self) {
+        self.read.borrow_mut().insert(address(self.value));
     }
 
     /// Returns a sentence that lists the keys that were not read; `None` if all were.
-    pub(crate) fn left_over(&self) -> Option<String> {
+    pub(crate) fn unread_keys(&self) -> Option<String> {
         /// Largest number of keys that are listed.
-        const MOST: usize = 16;
+        const MAX_KEYS: usize = 16;
         let mut keys = BTreeSet::new();
-        gather(self.value, "", &self.taken.borrow(), &mut keys);
-        let shown: Vec<&str> = keys.iter().take(MOST).map(String::as_str).collect();
+        gather(self.value, "", &self.read.borrow(), &mut keys);
+        let shown: Vec<&str> = keys.iter().take(MAX_KEYS).map(String::as_str).collect();
         let more = keys.len() - shown.len();
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         let file = self.place.trim_end_matches([' ', ':']);
-        (!shown.is_empty()).then(|| format!("{file}: not taken: {}{more}", shown.join(", ")))
+        (!shown.is_empty()).then(|| format!("{file}: not imported: {}{more}", shown.join(", ")))
     }
 
     pub(crate) fn place(&self) -> &str {
@@ -223,7 +223,7 @@ impl<'a> Node<'a> {
         keys.iter().find_map(|key| self.get(key))
     }
 
-    pub(crate) fn need(&self, keys: &[&str]) -> Result<Self, FormatError> {
+    pub(crate) fn require(&self, keys: &[&str]) -> Result<Self, FormatError> {
         self.any(keys).ok_or_else(|| {
             FormatError::new(
                 self.place.trim_end_matches([' ', ':']),
@@ -233,13 +233,13 @@ impl<'a> Node<'a> {
     }
 
     pub(crate) fn number(&self) -> Result<f64, FormatError> {
-        self.take();
+        self.mark_read();
         let value = self.value.as_f64().filter(|value| value.abs() <= 1e12);
         value.ok_or_else(|| self.wrong("a number between -1e12 and 1e12"))
     }
 
     pub(crate) fn is_true(&self) -> bool {
-        self.take();
+        self.mark_read();
         self.value == &Value::Bool(true)
     }
 
@@ -254,7 +254,7 @@ impl<'a> Node<'a> {
     }
 
     pub(crate) fn text(&self) -> Result<&'a str, FormatError> {
-        self.take();
+        self.mark_read();
         self.value.as_str().ok_or_else(|| self.wrong("text"))
     }
 
@@ -271,7 +271,7 @@ impl<'a> Node<'a> {
 
     /// Returns numbers from a list, a list of rows, or an `OpenCV` matrix.
     pub(crate) fn numbers(&self) -> Result<Vec<f64>, FormatError> {
-        self.take();
+        self.mark_read();
         if let Some(data) = self.get("data") {
             return data.numbers();
         }
@@ -311,11 +311,11 @@ fn address(value: &Value) -> usize {
 }
 
 /// Whether a value, or any value inside it, was read.
-fn is_touched(value: &Value, taken: &HashSet<usize>) -> bool {
+fn is_read(value: &Value, taken: &HashSet<usize>) -> bool {
     taken.contains(&address(value))
         || match value {
-            Value::Array(items) => items.iter().any(|item| is_touched(item, taken)),
-            Value::Object(object) => object.values().any(|value| is_touched(value, taken)),
+            Value::Array(items) => items.iter().any(|item| is_read(item, taken)),
+            Value::Object(object) => object.values().any(|value| is_read(value, taken)),
             _ => false,
         }
 }
@@ -333,7 +333,7 @@ fn gather(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSe
         _ => false,
     };
     let mut each = |value: &Value, place: String| {
-        if is_touched(value, taken) {
+        if is_read(value, taken) {
             gather(value, &place, taken, keys);
         } else if !says_nothing(value) {
             keys.insert(place);
@@ -394,17 +394,17 @@ mod tests {
     }
 
     #[test]
-    fn yaml_becomes_what_json_would_say() {
+    fn yaml_is_converted_to_equal_json() {
         let text = "%YAML:1.0\n---\na: !!opencv-matrix {rows: 1, data: [1., -2.5e-3, .nan, 0x10]}\nb: &b [x, true, ~]\nc: *b\n1: \"2\"\n";
-        let said = yaml(text).unwrap();
-        let wanted = serde_json::json!({
+        let found = yaml(text).unwrap();
+        let expected = serde_json::json!({
             "a": {"rows": 1, "data": [1.0, -2.5e-3, null, 16]}, "b": ["x", true, null], "c": ["x", true, null], "1": "2"
         });
-        assert_eq!(said, wanted);
+        assert_eq!(found, expected);
     }
 
     #[test]
-    fn hostile_yaml_is_refused_with_a_word() {
+    fn hostile_yaml_is_rejected_with_a_reason() {
         let laughs: String =
             (1..12).map(|i| format!("a{i}: &a{i} [{}]\n", format!("*a{}, ", i - 1).repeat(9))).collect();
         let indented: String = (0..2000).map(|i| format!("{}a:\n", " ".repeat(i))).collect();
@@ -417,8 +417,8 @@ mod tests {
             ("a: 1\n---\nb: 2\n".into(), "documents"),
             ("a: [1".into(), "YAML"),
         ] {
-            let said = yaml(&text).unwrap_err();
-            assert!(said.contains(why), "{why}: {said}");
+            let error = yaml(&text).unwrap_err();
+            assert!(error.contains(why), "{why}: {error}");
         }
     }
 }

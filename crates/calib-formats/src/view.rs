@@ -23,7 +23,7 @@ pub struct ExportOptions {
     /// Id of the only camera to export; absent: all cameras.
     pub camera: Option<String>,
     /// Image of the floor plan.
-    pub plan: Option<PlanPicture>,
+    pub plan: Option<PlanImage>,
     /// Whether images are embedded in the file that shows them instead of written as separate files, if the
     /// format allows it.
     pub embeds: bool,
@@ -31,7 +31,7 @@ pub struct ExportOptions {
 
 /// Image of a floor plan.
 #[derive(Clone, Debug)]
-pub struct PlanPicture {
+pub struct PlanImage {
     /// The image as PNG.
     pub png: Vec<u8>,
     /// Width and height, in pixels.
@@ -119,14 +119,14 @@ impl View {
     }
 
     /// Returns width and height of the camera's image, in pixels.
-    pub(crate) fn still_size(&self) -> [f64; 2] {
+    pub(crate) fn image_size(&self) -> [f64; 2] {
         [0, 1].map(|i| (f64::from(self.size[i]) / self.scale[i]).round())
     }
 
     /// Whether the aspect ratios of stream and image differ by more than rounding to whole pixels.
     pub(crate) fn is_stretched(&self) -> bool {
         let [w, h] = self.size.map(f64::from);
-        let [still_w, still_h] = self.still_size();
+        let [still_w, still_h] = self.image_size();
         (w - still_w * h / still_h).abs() >= 1.0 && (h - still_h * w / still_w).abs() >= 1.0
     }
 
@@ -185,14 +185,14 @@ impl View {
     }
 
     /// Projects a world point to an undistorted pixel of the stream.
-    pub(crate) fn shows_straight(&self, point: WorldPoint) -> Option<UndistortedPixel> {
+    pub(crate) fn project_undistorted(&self, point: WorldPoint) -> Option<UndistortedPixel> {
         let UndistortedPixel { u, v } = self.camera.world_to_undistorted(point)?;
         Some(UndistortedPixel { u: u * self.scale[0], v: v * self.scale[1] })
     }
 
     /// Projects an undistorted position to the floor. The position is relative to the principal point,
     /// divided by the focal length.
-    pub(crate) fn floor_of_straight(&self, [a, b]: [f64; 2]) -> Option<FloorPoint> {
+    pub(crate) fn floor_from_undistorted(&self, [a, b]: [f64; 2]) -> Option<FloorPoint> {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let f = self.camera.focal;
         self.camera.undistorted_to_floor(UndistortedPixel { u: cu + f * a, v: cv + f * b }, 0.0)
@@ -221,7 +221,7 @@ impl View {
                 Terms::Fisheye(k)
             }
             _ => {
-                let (brown, off) = self.fitted();
+                let (brown, off) = self.fit_brown_conrady();
                 Terms::Fitted(brown, off)
             }
         }
@@ -230,7 +230,7 @@ impl View {
     /// Fits k1, k2 and k3 to the lens over the image, and returns them with the largest error in pixels.
     /// Least squares of `r (k1 r^2 + k2 r^4 + k3 r^6) - (r_distorted - r)`, where r is the undistorted
     /// radius.
-    fn fitted(&self) -> (BrownConrady, f64) {
+    fn fit_brown_conrady(&self) -> (BrownConrady, f64) {
         let points = self.samples();
         let most = points.iter().map(|(s, _)| s[0].hypot(s[1])).fold(1e-9, f64::max);
         let mut normal = [[0.0; 4]; 3];

@@ -7,7 +7,7 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::fisheye::{from_rodrigues, rodrigues};
-use crate::given::{Given, Imported, Pose, site_and_rest, unskewed};
+use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_and_rest};
 use crate::opencv::{distortion, matrix_xml};
 use crate::tree::{Node, Syntax, joined};
 
@@ -44,9 +44,9 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let Some(id) = file.stem().strip_prefix("intr_") else { continue };
         let tree = Syntax::Xml.parse(file)?;
         let root = Node::root(file, &tree);
-        let k = root.need(&["camera_matrix"])?;
-        let [fx, fy, cx, cy] = unskewed(&k.matrix()?, k.place())?;
-        let mut camera = Given::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+        let k = root.require(&["camera_matrix"])?;
+        let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
+        let mut camera = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
         if let (Some(width), Some(height)) = (root.get("image_width"), root.get("image_height")) {
             camera.size = Some([width.side()?, height.side()?]);
         }
@@ -55,7 +55,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         }
         camera.pose = Some(pose(files, id, &mut rest)?);
         given.push(camera);
-        rest.extend(root.left_over());
+        rest.extend(root.unread_keys());
     }
     site_and_rest(given, rest, "a folder with intr_*.xml and extr_*.xml")
 }
@@ -67,9 +67,9 @@ fn pose(files: &[File], id: &str, rest: &mut Vec<String>) -> Result<Pose, Format
     })?;
     let tree = Syntax::Xml.parse(file)?;
     let root = Node::root(file, &tree);
-    let r = root.need(&["rvec"])?;
+    let r = root.require(&["rvec"])?;
     let rotation = from_rodrigues(r.exactly()?).ok_or_else(|| r.wrong("a rotation"))?;
-    let translation = root.need(&["tvec"])?.exactly::<3>()?.map(|t| t / UNIT);
-    rest.extend(root.left_over());
+    let translation = root.require(&["tvec"])?.exactly::<3>()?.map(|t| t / UNIT);
+    rest.extend(root.unread_keys());
     Ok((rotation, translation))
 }

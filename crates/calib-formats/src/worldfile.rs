@@ -13,14 +13,15 @@ use crate::file::{FormatError, Problem, quoted};
 use crate::given::Imported;
 
 /// Extensions of world files and of their images.
-const PICTURES: [(&str, &str); 4] = [("pgw", "png"), ("pngw", "png"), ("jgw", "jpg"), ("jpgw", "jpg")];
+const IMAGE_EXTENSIONS: [(&str, &str); 4] =
+    [("pgw", "png"), ("pngw", "png"), ("jgw", "jpg"), ("jpgw", "jpg")];
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let [file] = files else {
         return Err(FormatError::expected(
             "worldfile",
             format!("{} files", files.len()),
-            "one: a site has one plan",
+            "one file, because a site has one plan",
         ));
     };
     let [a, d, b, e, c, f] = numbers(file)?;
@@ -30,24 +31,23 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let skew = (a + e).hypot(d - b);
     if !(metres_per_px > 1e-9 && metres_per_px < 1e9) || skew > 1e-3 * metres_per_px {
         let found = format!("pixels of ({a}, {d}) and ({b}, {e})");
-        let wanted =
-            "square ones of metres, the second down (a picture that is skewed or mirrored must be resampled)";
-        return Err(FormatError::expected(&file.name, found, wanted));
+        let expected = "square pixels in metres, with y down; resample a skewed or mirrored image first";
+        return Err(FormatError::expected(&file.name, found, expected));
     }
     let square = metres_per_px * metres_per_px;
     let origin_px =
         PlanPixel { x: 0.5 - (right * c + up * f) / square, y: 0.5 - (up * c - right * f) / square };
     let extension = file.extension();
-    let picture = PICTURES.iter().find(|(world, _)| *world == extension);
+    let picture = IMAGE_EXTENSIONS.iter().find(|(world, _)| *world == extension);
     let image = picture.map(|(_, picture)| format!("{}.{picture}", file.stem()));
-    let mut notes = vec![format!("{}: taken as metres, {metres_per_px} a pixel", file.name)];
+    let mut notes = vec![format!("{}: read as metres, {metres_per_px} per pixel", file.name)];
     if let Some(image) = &image {
-        notes.push(format!("the plan's picture is taken to be {image}, beside the site file"));
+        notes.push(format!("the plan image is assumed to be {image}, in the folder of the site file"));
     }
     let x_axis_deg = (-up).atan2(right).to_degrees();
     let plan = Plan { image, metres_per_px, origin_px, x_axis_deg, georeference: None };
     let site = Site { plan: Some(plan), ..Site::new() };
-    site.check().map_err(|error| FormatError::new(&file.name, Problem::NotASite(Box::new(error))))?;
+    site.check().map_err(|error| FormatError::new(&file.name, Problem::InvalidSite(Box::new(error))))?;
     Ok(Imported { site, notes })
 }
 
@@ -63,7 +63,7 @@ fn numbers(file: &File) -> Result<[f64; 6], FormatError> {
         FormatError::expected(
             &file.name,
             calib_site::counted(found.len(), "number", "numbers"),
-            "the six of a world file",
+            "the six numbers of a world file",
         )
     })
 }
@@ -80,7 +80,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_pixel_lies_where_the_six_numbers_say(
+        fn every_pixel_is_mapped_by_the_six_numbers(
             size in 0.001..0.2_f64, turn in -3.1..3.1_f64, c in -1e3..1e3_f64, f in -1e3..1e3_f64,
             i in 0.0..4000.0_f64, j in 0.0..4000.0_f64,
         ) {
@@ -91,12 +91,12 @@ mod tests {
             prop_assert_eq!(plan.image.as_deref(), Some("hall.png"));
             let floor = plan.scale().floor_from_plan(PlanPixel { x: i + 0.5, y: j + 0.5 });
             let expected = FloorPoint { x: a * i + b * j + c, y: d * i + e * j + f };
-            prop_assert!(floor.distance(expected) < 1e-8, "{floor:?}, not {expected:?}");
+            prop_assert!(floor.distance(expected) < 1e-8, "{floor:?}, expected {expected:?}");
         }
     }
 
     #[test]
-    fn what_is_not_a_plan_is_refused() {
+    fn an_invalid_world_file_is_rejected() {
         for text in [
             "1\n2\n3",
             "0.1\n0\n0\n0.1\n0\n0",

@@ -93,7 +93,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn kalibr_shows_points_where_the_camera_does_and_gives_the_lens_back(
+    fn kalibr_projects_like_the_camera_and_its_import_restores_the_lens(
         distortion in any_wide(), focal in 200.0..400.0_f64, x in -1.0..1.0_f64, y in -1.0..1.0_f64, z in 0.1..1.0_f64,
     ) {
         let camera = camera(distortion, focal);
@@ -109,26 +109,26 @@ proptest! {
     }
 
     #[test]
-    fn what_a_format_cannot_hold_is_said_by_name_with_the_way_out(distortion in any_wide()) {
+    fn an_unsupported_lens_model_is_reported_with_its_name_and_advice(distortion in any_wide()) {
         let model = distortion.model().unwrap();
         let camera = camera(distortion, 300.0);
-        for format in FORMATS.iter().filter(|format| format.exports()) {
+        for format in FORMATS.iter().filter(|format| format.can_export()) {
             let losses = export(format, &site(&camera), &ExportOptions::default()).unwrap().losses;
             let has_no_lens = ["geojson", "svg", "frigate", "nvdsanalytics"].contains(&format.name);
             if format.lenses.contains(&model) || has_no_lens {
                 prop_assert!(losses.is_empty(), "{}: {losses:?}", format.name);
                 continue;
             }
-            let is_said = losses.iter().any(|loss| {
+            let is_reported = losses.iter().any(|loss| {
                 loss.what.contains(model.row().name) && loss.what.contains("calib undistort --look")
             });
-            prop_assert!(is_said, "{}: {losses:?}", format.name);
+            prop_assert!(is_reported, "{}: {losses:?}", format.name);
         }
     }
 }
 
 #[test]
-fn cameras_of_a_chain_are_to_each_other_as_in_the_site() {
+fn relative_poses_of_a_camera_chain_match_the_site() {
     let first = camera(Distortion::Unified { xi: 1.1 }, 300.0);
     let second = Camera { position: WorldPoint::new(2.0, 1.0, 2.5), yaw: -0.8, ..first };
     let mut site = site(&first);
@@ -147,21 +147,21 @@ fn cameras_of_a_chain_are_to_each_other_as_in_the_site() {
 }
 
 #[test]
-fn what_kalibr_has_and_has_no_place_here_is_refused_with_a_word() {
+fn unsupported_kalibr_lenses_are_rejected_with_a_reason() {
     let chain = |model: &str, intrinsics: &str, distortion: &str, terms: &str| {
         format!(
             "cam0:\n  camera_model: {model}\n  intrinsics: [{intrinsics}]\n  distortion_model: {distortion}\n  \
              distortion_coeffs: [{terms}]\n  resolution: [1280, 960]\n"
         )
     };
-    let refused = [
-        (chain("omni", "1.2, 660, 660, 640, 480", "radtan", "0.1, 0, 0, 0"), "no place here"),
+    let rejected = [
+        (chain("omni", "1.2, 660, 660, 640, 480", "radtan", "0.1, 0, 0, 0"), "not supported"),
         (chain("omni", "-1.2, 660, 660, 640, 480", "none", ""), "above -1"),
         (chain("ds", "-0.2, 1.5, 360, 360, 640, 480", "none", ""), "between 0 and 1"),
         (chain("ds", "-0.2, 0.5, 360, 360, 640", "none", ""), "6"),
         (chain("eucm", "0.6, 1.1, 360, 360, 640, 480", "none", ""), "pinhole, omni or ds"),
     ];
-    for (text, word) in refused {
+    for (text, word) in rejected {
         let error = read("kalibr", "camchain.yaml", &text).unwrap_err();
         assert!(error.contains(word), "{error}");
     }
@@ -187,7 +187,7 @@ fn ocam(terms: &[f64], [c, d, e]: [f64; 3]) -> String {
 }
 
 #[test]
-fn the_polynomial_of_ocamcalib_is_as_near_as_it_is_said() {
+fn the_stated_error_of_an_ocamcalib_polynomial_is_correct() {
     let terms = [-330.0, 0.0, 1.05e-3, -4.0e-7, 1.1e-9];
     for (affine, sign) in [([1.0, 0.0, 0.0], 1.0), ([1.0004, 0.0003, -0.0002], 1.0), ([1.0, 0.0, 0.0], -1.0)]
     {
@@ -195,7 +195,7 @@ fn the_polynomial_of_ocamcalib_is_as_near_as_it_is_said() {
         let imported = read("ocamcalib", "calib_results.txt", &text).unwrap();
         let lens = only_lens(&imported);
         let note = imported.notes.first().unwrap();
-        let said: f64 = note.split("most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+        let stated: f64 = note.split("most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
         let [c, d, e] = affine;
         let mut most = 0.0_f64;
         for (i, j) in (0..=32).flat_map(|i| (0..=24).map(move |j| (i, j))) {
@@ -211,27 +211,27 @@ fn the_polynomial_of_ocamcalib_is_as_near_as_it_is_said() {
             let shown = lens.shown([lens.focal * y, lens.focal * x, -z]).unwrap();
             most = most.max((shown.u - column - 0.5).hypot(shown.v - row - 0.5));
         }
-        assert!(most <= said && said <= 1.0 && most > 0.2 * said, "{most} px of {said}: {lens:?}");
+        assert!(most <= stated && stated <= 1.0 && most > 0.2 * stated, "{most} px of {stated}: {lens:?}");
     }
 }
 
 #[test]
-fn what_ocamcalib_has_and_no_fisheye_is_refused_with_a_word() {
+fn ocamcalib_lenses_without_an_accepted_fit_are_rejected_with_a_reason() {
     let good = [-330.0, 0.0, 1.05e-3, -4.0e-7, 1.1e-9];
-    let refused = [
+    let rejected = [
         (ocam(&good, [1.0, 0.009, 0.008]), "affine parameters"),
         (ocam(&good, [4.0, 0.0, 0.0]), "c near 1"),
         (ocam(&[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]), "outward"),
-        (ocam(&[-330.0, 0.0, -0.02, 1e-3], [1.0, 0.0, 0.0]), "no Kannala-Brandt lens"),
+        (ocam(&[-330.0, 0.0, -0.02, 1e-3], [1.0, 0.0, 0.0]), "Kannala-Brandt lens"),
         (ocam(&[-330.0, 2.0, 3.0], [1.0, 0.0, 0.0]), "outward"),
         (ocam(&[-330.0, 0.0, 2.2e-3, -1.2e-5, 3.0e-8, -3.1e-11, 1.2e-14], [1.0, 0.0, 0.0]), "px"),
-        (ocam(&good, [1.0, 0.0, 0.0]).replace("5 -3.3e2", "7 -3.3e2"), "how many"),
+        (ocam(&good, [1.0, 0.0, 0.0]).replace("5 -3.3e2", "7 -3.3e2"), "number of coefficients"),
         (ocam(&good, [1.0, 0.0, 0.0]).replace("960 1280", "960.5 1280"), "whole pixels"),
         ("1 2\n3\n".into(), "five"),
     ];
-    for (text, word) in refused {
+    for (text, word) in rejected {
         let error = read("ocamcalib", "calib_results.txt", &text).unwrap_err();
-        assert!(error.contains(word), "{error} and not {word}");
+        assert!(error.contains(word), "expected {word} in: {error}");
     }
 }
 
@@ -242,7 +242,7 @@ fn colmap(camera: &str) -> Result<Imported, String> {
 }
 
 #[test]
-fn fisheyes_of_colmap_are_read() {
+fn colmap_fisheyes_are_imported() {
     let read = |camera: &str| only_lens(&colmap(camera).unwrap());
     let of = |k: [f64; 4]| {
         let lens = camera(Distortion::KannalaBrandt { k }, 300.0).lens;
@@ -261,7 +261,7 @@ fn fisheyes_of_colmap_are_read() {
 }
 
 #[test]
-fn six_radial_terms_become_four_that_are_as_near_as_is_said_and_a_prism_is_refused() {
+fn the_stated_error_of_four_radial_terms_is_correct_and_a_prism_is_rejected() {
     let terms = [-0.05, 0.1, -0.08, 0.03, -0.006, 0.0005];
     let line = |terms: &[f64], rest: &str| {
         let terms: Vec<String> = terms.iter().map(f64::to_string).collect();
@@ -270,7 +270,7 @@ fn six_radial_terms_become_four_that_are_as_near_as_is_said_and_a_prism_is_refus
     let imported = colmap(&line(&terms, "0 0 0 0 0 0")).unwrap();
     let lens = only_lens(&imported);
     let note = imported.notes.iter().find(|note| note.contains("six radial")).unwrap();
-    let said: f64 = note.split("most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    let stated: f64 = note.split("most ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     let mut most = 0.0_f64;
     for step in 1..1000 {
         let theta = 1.9 * f64::from(step) / 1000.0;
@@ -282,7 +282,7 @@ fn six_radial_terms_become_four_that_are_as_near_as_is_said_and_a_prism_is_refus
         let shown = lens.shown([lens.focal * theta.sin(), 0.0, theta.cos()]).unwrap();
         most = most.max((shown.u - 640.0 - radius).abs());
     }
-    assert!(most <= said + 1e-3 && said <= 1.0 && most > 0.0, "{most} of {said}");
+    assert!(most <= stated + 1e-3 && stated <= 1.0 && most > 0.0, "{most} of {stated}");
     let error = colmap(&line(&terms, "0.001 0 0 0 0 0")).unwrap_err();
     assert!(error.contains("thin-prism") && error.contains("OPENCV_FISHEYE"), "{error}");
     assert!(colmap(&line(&terms, "0 0 0.0005 0 0 0")).is_err());
@@ -290,7 +290,7 @@ fn six_radial_terms_become_four_that_are_as_near_as_is_said_and_a_prism_is_refus
 }
 
 #[test]
-fn what_frames_of_nerfstudio_share_is_said_once() {
+fn shared_keys_of_nerfstudio_apply_to_every_frame() {
     let pose = json!([[1, 0, 0, 1.5], [0, 0, -1, 2.5], [0, 1, 0, 3.5], [0, 0, 0, 1]]);
     let frame = |path: &str| json!({"file_path": path, "transform_matrix": pose});
     let shared = json!({

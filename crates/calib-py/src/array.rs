@@ -1,4 +1,4 @@
-//! Arrays of NumPy, and what can be read as one, as columns of doubles.
+//! Conversion between NumPy arrays, or array-like values, and columns of doubles.
 
 use numpy::{
     PyArrayDyn, PyArrayMethods as _, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods as _,
@@ -8,13 +8,13 @@ use pyo3::types::{PyFloat, PyInt, PyTuple};
 
 use crate::error::refused;
 
-/// An array of doubles.
+/// Array of doubles.
 pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// Two arrays of one shape.
+/// Two arrays of the same shape.
 pub(crate) type Pair<'py> = (Doubles<'py>, Doubles<'py>);
 
-/// A plain number of Python, for which no array need be made.
+/// Returns a plain Python number, which needs no array.
 pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     if value.is_instance_of::<PyFloat>() || value.is_exact_instance_of::<PyInt>() {
         return value.extract().ok();
@@ -22,7 +22,7 @@ pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     None
 }
 
-/// A number that must be finite.
+/// Returns a number; fails if it is not finite.
 pub(crate) fn finite(py: Python<'_>, name: &str, value: f64) -> PyResult<f64> {
     if value.is_finite() {
         return Ok(value);
@@ -30,7 +30,7 @@ pub(crate) fn finite(py: Python<'_>, name: &str, value: f64) -> PyResult<f64> {
     Err(refused(py, None, name, format_args!("found {value}, expected a finite number")))
 }
 
-/// One finite number; `otherwise` where nothing is said.
+/// Returns one finite number, or `otherwise` if it is absent.
 pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64) -> PyResult<f64> {
     let Some(value) = value else { return Ok(otherwise) };
     let number = value.extract::<f64>().map_err(|_| {
@@ -45,14 +45,14 @@ pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64)
     finite(value.py(), name, number)
 }
 
-/// At most so much of what somebody gave as a line of a message holds.
+/// Cuts a value for an error message.
 fn short(text: &str) -> String {
     const MOST: usize = 60;
     let short: String = text.chars().take(MOST).collect();
     if short.len() < text.len() { format!("{short}...") } else { short }
 }
 
-/// A shape as NumPy writes it.
+/// Formats a shape as NumPy does.
 pub(crate) fn shape_text(shape: &[usize]) -> String {
     match shape {
         [one] => format!("({one},)"),
@@ -60,8 +60,8 @@ pub(crate) fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-/// What can be read as an array of numbers, whatever its type, strides, and byte order; no copy where it
-/// is one of doubles, row by row.
+/// Converts a value to an array of numbers, whatever its type, strides and byte order. A C-contiguous array
+/// of doubles is not copied.
 pub(crate) fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Doubles<'py>> {
     if let Ok(array) = value.cast_exact::<PyArrayDyn<f64>>()
         && is_plain(array)
@@ -98,7 +98,7 @@ fn unreadable(py: Python<'_>, name: &str, why: &PyErr) -> PyErr {
     refused(py, None, name, format_args!("expected numbers: {}", why.value(py)))
 }
 
-/// A masked array with NaN where it is masked: asking NumPy for its numbers would give what the mask hides.
+/// Replaces masked values by NaN. NumPy's own conversion would return the values below the mask.
 fn masked<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>> {
     if !(value.hasattr("filled")? && value.hasattr("mask")?) {
         return Ok(None);
@@ -106,7 +106,7 @@ fn masked<'py>(value: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyAny>>>
     Ok(Some(value.call_method1("astype", ("f8",))?.call_method1("filled", (f64::NAN,))?))
 }
 
-/// Columns of one shape: those of others are repeated as NumPy does.
+/// Converts values to columns of one shape, broadcast by NumPy's rules.
 pub(crate) fn columns<'py, const N: usize>(
     values: [&Bound<'py, PyAny>; N],
     names: [&str; N],
@@ -134,28 +134,28 @@ fn repeated<'py>(arrays: &[Doubles<'py>], names: &str) -> PyResult<Vec<Doubles<'
     Ok(plain)
 }
 
-/// An array for reading: nobody writes to it meanwhile.
+/// Borrows an array for reading; fails if another thread is writing to it.
 pub(crate) fn read<'py>(array: &Doubles<'py>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
     array.try_readonly().map_err(|_| refused(array.py(), None, name, "is being written to by another thread"))
 }
 
-/// A new array of zeros.
+/// Returns a new array of zeros.
 pub(crate) fn zeros<'py, T: numpy::Element>(
     py: Python<'py>,
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    /// Values for which there is always memory.
+    /// Number of values for which an allocation does not fail.
     const FEW: usize = 1 << 12;
     if shape.iter().product::<usize>() <= FEW {
         return Ok(PyArrayDyn::<T>::zeros(py, shape, false));
     }
-    // Where there is no memory NumPy's own call raises, and the one above ends in a panic.
+    // NumPy's own call raises `MemoryError`; the call above would panic.
     let made =
         py.import("numpy")?.call_method1("zeros", (PyTuple::new(py, shape)?, numpy::dtype::<T>(py)))?;
     Ok(made.cast_into::<PyArrayDyn<T>>()?)
 }
 
-/// An array that was handed over to be filled.
+/// Checks an array that the caller passed as output.
 pub(crate) fn output<'py, T: numpy::Element>(
     value: &Bound<'py, PyAny>,
     shape: &[usize],
@@ -174,14 +174,14 @@ pub(crate) fn output<'py, T: numpy::Element>(
     }
 }
 
-/// An array for writing: nobody reads it meanwhile.
+/// Borrows an array for writing; fails if it is in use.
 pub(crate) fn write<'py, T: numpy::Element>(
     array: &Bound<'py, PyArrayDyn<T>>,
 ) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
     array.try_readwrite().map_err(|why| refused(array.py(), None, "out", why))
 }
 
-/// Pairs of numbers, mapped one by one.
+/// Maps pairs of numbers one by one.
 pub(crate) fn each<'py>(
     py: Python<'py>,
     values: [&Bound<'py, PyAny>; 2],

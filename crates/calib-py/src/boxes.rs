@@ -1,4 +1,4 @@
-//! Boxes of detectors, as a camera maps them.
+//! Mapping of detection boxes by a camera.
 
 use calib_core::floor::BoxForm;
 use numpy::PyUntypedArrayMethods as _;
@@ -11,7 +11,7 @@ use crate::mapping::{Triple, outputs, with};
 use crate::stream::named;
 
 impl Camera {
-    /// A standard deviation in pixels.
+    /// Returns a standard deviation in pixels.
     pub(crate) fn sigma(&self, py: Python<'_>, sigma_px: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
         let sigma = array::real(sigma_px, "sigma_px", 1.0)?;
         if sigma < 0.0 {
@@ -20,7 +20,7 @@ impl Camera {
         Ok(sigma)
     }
 
-    /// Boxes of a form, and the shape of what becomes of them.
+    /// Returns the form and the values of boxes, and the shape of their results.
     fn boxes<'py>(
         &self,
         boxes: &Bound<'py, PyAny>,
@@ -45,13 +45,13 @@ impl Camera {
 
 #[pymethods]
 impl Camera {
-    /// Boxes of a detector to the points of the floor on which their contents stand: the middle of the lower edge.
+    /// Maps boxes of a detector to floor points: the foot point of a box is the middle of its lower edge.
     ///
     /// Args:
-    ///     boxes: array of the shape (..., 4), in pixels; of rows with more columns ``boxes[..., :4]``.
-    ///     height: of the plane, in metres.
+    ///     boxes: array of the shape (..., 4), in pixels. For rows with more columns pass ``boxes[..., :4]``.
+    ///     height: height of the plane above the floor, in metres.
     ///     form: "xywh" (upper left corner, width, height), "xyxy" (upper left and lower right corner) or "cxcywh"
-    ///         (centre, width, height); it has to be said. A box with its corners the wrong way round is missing.
+    ///         (centre, width, height); required. A box with exchanged corners gets the status `MISSING`.
     ///     out, origin, stream_size, fit, crop: as for `to_floor`.
     ///
     /// Returns:
@@ -82,13 +82,13 @@ impl Camera {
         (x, y, status).into_pyobject(py)
     }
 
-    /// How uncertain the points are on which the contents of boxes stand, in two parts, as `floor_covariance` has it.
+    /// Computes the covariance of the foot points of boxes, in the two parts of `floor_covariance`.
     ///
     /// Args:
     ///     boxes, form: as for `boxes_to_floor`.
     ///     sigma_px: standard deviation of each coordinate of the middle of the lower edge, in pixels of the stream.
-    ///     height: of the plane, in metres.
-    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///     height: height of the plane above the floor, in metres.
+    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
     ///     (pixel, calibration): arrays of the shape (..., 2, 2), in square metres; NaN as for `floor_covariance`.

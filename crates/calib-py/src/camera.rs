@@ -1,6 +1,6 @@
-//! A calibrated camera, for the pixels of one of its streams.
+//! Calibrated camera for the pixels of one of its streams.
 //!
-//! Images without the bend of their lens.
+//! Also the undistortion of images.
 
 use std::borrow::Cow;
 
@@ -15,23 +15,23 @@ use crate::array;
 use crate::error::{of_camera, of_site, refused};
 use crate::stream::{named, view_of};
 
-/// Takes the bend of a lens out of images, as many as there are: ``straight = undistorter(image)``, as `apply` says.
+/// Removes the lens distortion from any number of images: ``straight = undistorter(image)``, see `apply`.
 ///
 /// Args:
-///     camera: a `Camera`, for the images of its stream; `Camera.undistorter` does the same.
-///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without a blank pixel)
-///         or "all-pixels" (every pixel of the image, blank beyond).
+///     camera: `Camera` with the stream of the images. `Camera.undistorter` returns the same object.
+///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank pixels)
+///         or "all-pixels" (the whole image, with blank borders).
 #[pyclass(frozen, module = "calib")]
 #[derive(Debug)]
 pub(crate) struct Undistorter {
     camera: Camera,
-    /// By its name.
+    /// Name of the view.
     view: String,
     straight: StraightView,
 }
 
 impl Undistorter {
-    /// For the images of the stream of a camera.
+    /// Prepares the undistortion of images of the camera's stream.
     pub(crate) fn of(py: Python<'_>, camera: Camera, view: &str) -> PyResult<Self> {
         let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
         let crop = named(py, Some(camera.id()), "view", view, Crop::of_name, expected)?;
@@ -62,27 +62,27 @@ impl Undistorter {
         self.straight.size.into()
     }
 
-    /// Focal of the new image, in pixels.
+    /// Focal length of the undistorted image, in pixels.
     #[getter]
     fn focal(&self) -> f64 {
         self.straight.focal
     }
 
-    /// (u, v) of the new image, in pixels from its corner.
+    /// Principal point (u, v) of the undistorted image, in pixels from its corner.
     #[getter]
     fn principal_point(&self) -> (f64, f64) {
         (self.straight.principal_point.u, self.straight.principal_point.v)
     }
 
-    /// Takes the bend out of an image; calling the undistorter does the same.
+    /// Removes the lens distortion from an image. Calling the undistorter does the same.
     ///
     /// Args:
-    ///     image: uint8 array of the shape (height, width), (height, width, 3) or (height, width, 4), of the
-    ///         size of the stream; in any order of colours.
-    ///     out: array of the same kind to write to, in place of a new one.
+    ///     image: uint8 array of the shape (height, width), (height, width, 3) or (height, width, 4), with the size of the
+    ///         stream in pixels, in any order of colours.
+    ///     out: array of the same type and shape for the result.
     ///
     /// Returns:
-    ///     uint8 array of the same shape; black where the image shows nothing.
+    ///     uint8 array of the same shape; black where the raw image has no pixel.
     #[pyo3(signature = (image, out=None))]
     fn apply<'py>(
         &self,
@@ -131,7 +131,7 @@ impl Undistorter {
         refused(py, Some(self.camera.id()), "image", what)
     }
 
-    /// The image row by row.
+    /// Returns the image as a C-contiguous array.
     fn image<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let py = image.py();
         let (width, height) = self.size();
@@ -168,42 +168,45 @@ impl Undistorter {
     }
 }
 
-/// A calibrated camera of a site, for the period that its calibration holds.
+/// Calibrated camera of a site, for one period of its calibration.
 ///
-/// Made by `Site.camera`. Pixels count from the corner of the image, x right and y down (the centre of the first
-/// pixel is (0.5, 0.5)); ``origin="centre"`` says that they count from the centre of the first pixel, as OpenCV's do.
-/// They are of the still that was calibrated; ``stream_size=(width, height)`` says that they are of a stream of
-/// another size, ``fit="letterbox"`` or ``"stretch"`` how the image was brought to it where the proportion is
-/// another, and ``crop=(left, top, width, height)``, in pixels of the still, that the stream shows a part of it. All
-/// calls take these keywords; `with_stream` sets them for good. Points are in metres, z up, the floor at z = 0.
+/// `Site.camera` returns it. Pixels count from the corner of the image, x right and y down: the centre of the
+/// first pixel is (0.5, 0.5). With ``origin="centre"`` they count from the centre of the first pixel, as in
+/// OpenCV.
 ///
-/// Arrays may have any shape, strides and type of number; columns of different shapes are repeated as NumPy does.
-/// Where there is no answer, results are NaN. Bulk work releases the GIL; a camera may be used by many threads.
+/// Pixels refer to the calibrated image by default. ``stream_size=(width, height)`` selects a stream of
+/// another size. If its aspect ratio differs, ``fit="letterbox"`` or ``"stretch"`` states how the image was
+/// fitted. ``crop=(left, top, width, height)``, in pixels of the calibrated image, selects a stream that
+/// shows a part of it. All methods accept these keywords, and `with_stream` sets them permanently.
+///
+/// Points are in metres, z up, with the floor at z = 0. Arrays may have any shape, strides and numeric type,
+/// and are broadcast by NumPy's rules. Missing results are NaN. Calls on arrays release the GIL, and threads
+/// may share a camera.
 #[pyclass(frozen, eq, module = "calib")]
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Camera {
     id: String,
     view: CameraView,
-    /// A site of this camera alone, as text: what it is made from again elsewhere.
+    /// JSON text of a site with only this camera, for pickling.
     text: String,
 }
 
-/// Which pixels a call speaks of, as it says.
+/// Keywords of a call that select the kind of pixels.
 pub(crate) type Keywords<'a, 'py> = &'a Bound<'py, PyDict>;
 
 impl Camera {
-    /// The calibrated camera of an entry.
+    /// Returns the calibrated camera of a site entry.
     pub(crate) fn of_entry(py: Python<'_>, site: &Site, entry: &SiteCamera) -> PyResult<Self> {
         let view = site.view_of(entry).map_err(|why| of_camera(py, &entry.id, why))?;
         Ok(Self { id: entry.id.clone(), view, text: alone(site, entry) })
     }
 
-    /// What it maps.
+    /// Returns the map from pixels to the floor.
     pub(crate) const fn view(&self) -> &CameraView {
         &self.view
     }
 
-    /// The camera as its stream shows it.
+    /// Returns the camera at the size of its stream; fails if the stream is stretched.
     fn shown(&self, py: Python<'_>) -> PyResult<calib_core::Camera> {
         self.view.camera_in_stream().ok_or_else(|| {
             let what = "a stretched stream has no one focal: ask the camera of the still";
@@ -211,16 +214,17 @@ impl Camera {
         })
     }
 
-    /// The camera for the pixels that a call speaks of.
+    /// Returns the map for the pixels that the keywords of a call select.
     pub(crate) fn of<'a>(&'a self, pixels: Option<Keywords<'_, '_>>) -> PyResult<Cow<'a, CameraView>> {
         view_of(&self.id, &self.view, pixels)
     }
 }
 
-/// How a camera is made again: by what, and from what.
+/// Constructor and arguments for pickling.
 type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
-/// A site of this camera alone, without what it was solved from, but with whether its scale and place are known.
+/// Returns a site with only this camera, without annotations and residuals. Findings about a known scale and
+/// position are kept.
 fn alone(site: &Site, entry: &SiteCamera) -> String {
     let tells_use = |code: Code| matches!(code, Code::ScaleAssumed | Code::PlacedByHand);
     let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);
@@ -241,15 +245,15 @@ fn alone(site: &Site, entry: &SiteCamera) -> String {
 
 #[pymethods]
 impl Camera {
-    /// Prepares the undistortion of images of the stream that pixels are of, to be used for many.
+    /// Prepares the undistortion of images of a stream. Reuse the result for all images.
     ///
     /// Args:
-    ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without a blank pixel)
-    ///         or "all-pixels" (every pixel of the image, blank beyond).
-    ///     origin, stream_size, fit, crop: of which images, as the class says.
+    ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank pixels)
+    ///         or "all-pixels" (the whole image, with blank borders).
+    ///     origin, stream_size, fit, crop: kind of images, see the class.
     ///
     /// Returns:
-    ///     An `Undistorter`, called with uint8 arrays of the shape (height, width), or with 3 or 4 colours.
+    ///     An `Undistorter` for uint8 arrays of the shape (height, width), or with 3 or 4 colour channels.
     #[pyo3(
         signature = (view="same-focal", **stream),
         text_signature = "($self, view='same-focal', *, origin=None, stream_size=None, fit=None, crop=None)"
@@ -263,13 +267,13 @@ impl Camera {
         Undistorter::of(py, self.with_stream(stream)?, view)
     }
 
-    /// The same camera for the pixels of another stream.
+    /// Returns the same camera for the pixels of another stream.
     ///
     /// Args:
     ///     origin: "corner" or "centre".
     ///     stream_size: (width, height), in pixels.
     ///     fit: "stretch" or "letterbox".
-    ///     crop: (left, top, width, height), in pixels of the still.
+    ///     crop: (left, top, width, height), in pixels of the calibrated image.
     ///
     /// Returns:
     ///     A `Camera`.
@@ -282,91 +286,92 @@ impl Camera {
         Ok(Self { view, ..self.clone() })
     }
 
-    /// The id in the site.
+    /// Id in the site.
     #[getter]
     pub(crate) fn id(&self) -> &str {
         &self.id
     }
 
-    /// (width, height) of the still that was calibrated, in pixels.
+    /// (width, height) of the calibrated image, in pixels.
     #[getter]
     fn size(&self) -> (u32, u32) {
         let [width, height] = self.view.size();
         (width as u32, height as u32)
     }
 
-    /// "corner" or "centre": where pixels count from.
+    /// Pixel origin: "corner" or "centre".
     #[getter]
     fn origin(&self) -> &'static str {
         self.view.stream().origin.name()
     }
 
-    /// (width, height) of the stream that pixels are of, or None where it is the still itself, or its crop.
+    /// (width, height) of the stream in pixels; None for the calibrated image or its crop.
     #[getter]
     fn stream_size(&self) -> Option<(u32, u32)> {
         self.view.stream().size.map(Into::into)
     }
 
-    /// "stretch" or "letterbox", or None where nobody said.
+    /// Fit of the stream: "stretch", "letterbox" or None.
     #[getter]
     fn fit(&self) -> Option<&'static str> {
         self.view.stream().fit.map(calib_core::floor::StreamFit::name)
     }
 
-    /// (left, top, width, height) of what the stream shows, in pixels of the still, or None for all of it.
+    /// (left, top, width, height) of the stream's view, in pixels of the calibrated image; None for the whole
+    /// image.
     #[getter]
     fn crop(&self) -> Option<(f64, f64, f64, f64)> {
         self.view.stream().crop.map(Into::into)
     }
 
-    /// (x, y, z), in metres.
+    /// Position (x, y, z), in metres.
     #[getter]
     fn position(&self) -> (f64, f64, f64) {
         let position = self.view.camera().position;
         (position.x, position.y, position.z)
     }
 
-    /// Whether something gives the scale: a height, a length, a distance, control points, or a place on the plan. Where
-    /// nothing does, the camera is taken to be 3 m high: its metres are right in their proportions alone, and the
+    /// Whether a height, a length, a distance, control points or a placement on the plan determine the scale.
+    /// Otherwise the camera is assumed to be 3 m high: its metres have an unknown common factor, and the
     /// calibration's part of `floor_covariance` is NaN.
     #[getter]
     fn scale_known(&self) -> bool {
         self.view.scale_is_known()
     }
 
-    /// Counter-clockwise about the vertical, seen from above, in degrees; 0 looks along y.
+    /// Yaw in degrees, counter-clockwise seen from above; 0 looks along y.
     #[getter]
     fn yaw_deg(&self) -> f64 {
         self.view.camera().yaw.to_degrees()
     }
 
-    /// In degrees; positive looks down.
+    /// Pitch in degrees; positive looks down.
     #[getter]
     fn pitch_deg(&self) -> f64 {
         self.view.camera().pitch.to_degrees()
     }
 
-    /// In degrees; positive where the camera is turned clockwise, seen from behind.
+    /// Roll in degrees; positive if the camera is rotated clockwise, seen from behind.
     #[getter]
     fn roll_deg(&self) -> f64 {
         self.view.camera().roll.to_degrees()
     }
 
-    /// In pixels of the stream.
+    /// Focal length, in pixels of the stream.
     #[getter]
     fn focal_px(&self, py: Python<'_>) -> PyResult<f64> {
         Ok(self.shown(py)?.focal)
     }
 
-    /// (u, v), in pixels of the stream.
+    /// Principal point (u, v), in pixels of the stream.
     #[getter]
     fn principal_point_px(&self, py: Python<'_>) -> PyResult<(f64, f64)> {
         let Pixel { u, v } = self.shown(py)?.lens.principal_point;
         Ok((u, v))
     }
 
-    /// K, shape (3, 3): points of the camera's axes to undistorted pixels of the stream, as OpenCV takes it where
-    /// the camera has ``origin="centre"``.
+    /// Camera matrix K, shape (3, 3): camera coordinates to undistorted pixels of the stream. It is OpenCV's
+    /// matrix if the camera has ``origin="centre"``.
     #[getter]
     fn camera_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let camera = self.shown(py)?;
@@ -374,7 +379,8 @@ impl Camera {
         matrix(py, &[[camera.focal, 0.0, u], [0.0, camera.focal, v], [0.0, 0.0, 1.0]])
     }
 
-    /// The distortion: {"model": ..., "k1": ...}, with the focal that its coefficients are for; None without one.
+    /// Distortion as {"model": ..., "k1": ..., "focal_px": ...}, or None. The coefficients refer to this
+    /// focal length.
     #[getter]
     fn distortion<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let lens = self.shown(py)?.lens;
@@ -388,7 +394,7 @@ impl Camera {
         Ok(Some(found))
     }
 
-    /// P = K R [I | -C], shape (3, 4): points of space to undistorted pixels of the stream.
+    /// Projection matrix P = K R [I | -C], shape (3, 4): world points to undistorted pixels of the stream.
     #[getter]
     fn projection_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix(py, &self.shown(py)?.projection_matrix())
@@ -400,17 +406,20 @@ impl Camera {
         matrix(py, &self.shown(py)?.homography_floor_from_pixel(0.0))
     }
 
-    /// Corners of the effective field of view on the floor, shape (n, 2), in metres.
+    /// Corners of the effective field of view (EFOV) on the floor, shape (n, 2), in metres.
     #[getter]
     fn efov<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let corners: Vec<[f64; 2]> = self.view.efov().iter().map(|corner| [corner.x, corner.y]).collect();
         if corners.is_empty() { Ok(PyArray2::zeros(py, [0, 2], false)) } else { matrix(py, &corners) }
     }
 
-    /// Covariance of the unknowns, shape (14, 14): x, y, z (metres), yaw, pitch, roll (radians), focal (pixels of the still),
-    /// five places for the coefficients of the distortion in the order of their model, of a fisheye the log of its own
-    /// focal in the fifth, and the principal point, u and v (pixels of the still); zeros for what was not estimated,
-    /// infinite variances where nothing is known of the errors, as of z where `scale_known` is False.
+    /// Covariance of the camera's parameters, shape (14, 14).
+    ///
+    /// Their order is x, y, z (metres), yaw, pitch, roll (radians), focal length (pixels of the calibrated
+    /// image), five distortion coefficients in the order of their model, and the principal point u, v (pixels
+    /// of the calibrated image). For a fisheye the fifth distortion parameter is the logarithm of its own
+    /// focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of
+    /// z if `scale_known` is False.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix(py, &self.view.camera().covariance.0)
@@ -426,7 +435,7 @@ impl Camera {
         Ok((class.getattr("_again")?, (self.text.clone(), self.id.clone(), stream)))
     }
 
-    /// What was taken apart by `__reduce__`.
+    /// Restores a camera from the parts of `__reduce__`.
     #[staticmethod]
     #[pyo3(name = "_again")]
     fn again(py: Python<'_>, text: &str, id: &str, stream: &Bound<'_, PyDict>) -> PyResult<Self> {

@@ -1,6 +1,6 @@
-//! The exception of this package, which says about which camera and which value it is.
+//! Exception of this package, with the camera and the value that it is about.
 //!
-//! What is to be said of a calibration, as objects.
+//! Also the findings of a calibration as objects.
 
 use calib_site::FindingEntry;
 use pyo3::create_exception;
@@ -16,14 +16,14 @@ create_exception!(
      field: name of the argument, or JSON pointer of the value in the site file, or None."
 );
 
-/// Instances that nobody told have no camera and no field.
+/// Sets the attributes of exceptions that Python code raises without a camera and a field.
 pub(crate) fn declare(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let class = module.py().get_type::<CalibError>();
     class.setattr("camera", None::<&str>)?;
     class.setattr("field", None::<&str>)
 }
 
-/// An exception about a value, of a camera or of none.
+/// Returns an exception about a value, with the id of its camera if there is one.
 pub(crate) fn refused(
     py: Python<'_>,
     camera: Option<&str>,
@@ -35,13 +35,13 @@ pub(crate) fn refused(
     about(py, error, camera, Some(field))
 }
 
-/// What is wrong with a site file, after the name of the file.
+/// Returns an exception about a site file, with the name of the file as a prefix.
 pub(crate) fn of_site(py: Python<'_>, file: &str, error: &calib_site::SiteError) -> PyErr {
     let camera = error.about.as_ref().map(|about| about.camera.as_str());
     about(py, CalibError::new_err(format!("{file}{error}")), camera, Some(&error.pointer))
 }
 
-/// An exception about a camera as a whole.
+/// Returns an exception about a whole camera.
 pub(crate) fn of_camera(py: Python<'_>, id: &str, what: impl std::fmt::Display) -> PyErr {
     about(py, CalibError::new_err(format!("camera {id:?}: {what}")), Some(id), None)
 }
@@ -54,26 +54,26 @@ fn about(py: Python<'_>, error: PyErr, camera: Option<&str>, field: Option<&str>
     }
 }
 
-/// Something that an operator should know about a calibration.
+/// Finding about a calibration, for the operator.
 ///
 /// Attributes:
-///     camera: id of the camera that it is about, or None where it is about the site.
-///     code: which finding, such as "weak"; the list is closed.
+///     camera: id of the camera, or None for a finding about the site.
+///     code: code of the finding, such as "weak", from a closed list.
 ///     severity: "note", "warning" or "error".
-///     message: what is so, in a sentence.
-///     advice: what to do, in a sentence.
+///     message: description, one sentence.
+///     advice: recommended action, one sentence.
 #[pyclass(frozen, eq, hash, get_all, module = "calib")]
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Finding {
-    /// Id of the camera that it is about, or None where it is about the site.
+    /// Id of the camera, or None for a finding about the site.
     camera: Option<String>,
-    /// Which finding, such as "weak"; the list is closed.
+    /// Code of the finding, such as "weak", from a closed list.
     code: String,
-    /// "note", "warning" or "error".
+    /// Severity: "note", "warning" or "error".
     severity: String,
-    /// What is so, in a sentence.
+    /// Description, one sentence.
     message: String,
-    /// What to do, in a sentence.
+    /// Recommended action, one sentence.
     advice: String,
 }
 
@@ -89,7 +89,7 @@ impl Finding {
         Ok((py.get_type::<Self>().getattr("_again")?, parts))
     }
 
-    /// What was taken apart by `__reduce__`.
+    /// Restores a finding from the parts of `__reduce__`.
     #[staticmethod]
     #[pyo3(name = "_again")]
     fn again(camera: Option<&str>, code: &str, severity: &str, message: &str, advice: &str) -> Self {

@@ -1,7 +1,15 @@
-//! A calibrated site in Python: pixels to the floor and back as NumPy arrays, and the solve.
+//! Python bindings: calibrated cameras with NumPy arrays, and the calibration itself.
 //!
-//! What is computed stands in `calib-core`; here are Python's types, its errors and its arrays. The folder
-//! `python/` has what is better said in Python: the statuses, and entries of a site file.
+//! All computation is in `calib-core` and `calib-site`; this crate contains only types, errors and array
+//! conversion.
+//!
+//! - `error`: the exception, and findings.
+//! - `array`: NumPy arrays as columns of doubles.
+//! - `stream`: the keywords that select a kind of pixels.
+//! - `camera`, `mapping`, `boxes`: the class `Camera`.
+//! - `site`, `table`: the class `Site`, and the mapping of whole tables.
+//!
+//! The folder `python/` contains pure Python: statuses, and entries of a site file.
 
 #![allow(clippy::doc_markdown, reason = "what stands on a class is the documentation of Python")]
 
@@ -16,7 +24,7 @@ mod table;
 
 use pyo3::prelude::*;
 
-/// The part of `calib` that is compiled.
+/// The compiled part of `calib`.
 #[pymodule]
 mod _calib {
     use super::{Bound, PyModule, PyModuleMethods as _, PyResult};

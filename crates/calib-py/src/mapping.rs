@@ -1,4 +1,4 @@
-//! What a camera maps: columns of pixels and points.
+//! Methods of a camera that map columns of pixels and points.
 
 use calib_core::{CameraView, Covariance, Status};
 use numpy::{PyArrayDyn, PyUntypedArrayMethods as _};
@@ -12,7 +12,7 @@ use crate::error::refused;
 
 pub(crate) type Triple<'py> = Bound<'py, PyTuple>;
 
-/// The members of `calib.Status`, by their numbers.
+/// Members of `calib.Status`, by their numbers.
 static STATUSES: PyOnceLock<Vec<Py<PyAny>>> = PyOnceLock::new();
 
 fn status_of<'py>(py: Python<'py>, code: u8) -> PyResult<Bound<'py, PyAny>> {
@@ -24,7 +24,7 @@ fn status_of<'py>(py: Python<'py>, code: u8) -> PyResult<Bound<'py, PyAny>> {
 }
 
 impl Camera {
-    /// One pixel, without an array.
+    /// Maps one pixel without an array.
     fn point<'py>(
         py: Python<'py>,
         view: &CameraView,
@@ -56,7 +56,7 @@ impl Camera {
 }
 
 impl Camera {
-    /// Pixels to points, without what became of each.
+    /// Maps pixels to floor points without statuses.
     fn only_points<'py>(
         py: Python<'py>,
         view: &CameraView,
@@ -86,7 +86,7 @@ impl Camera {
 
 pub(crate) type Outputs<'py> = (Doubles<'py>, Doubles<'py>, Bound<'py, PyArrayDyn<u8>>);
 
-/// What was handed over to be filled, or new arrays.
+/// Returns the arrays that the caller passed as output, or new arrays.
 pub(crate) fn outputs<'py>(
     py: Python<'py>,
     shape: &[usize],
@@ -110,18 +110,18 @@ pub(crate) fn with<const N: usize>(shape: &[usize], more: [usize; N]) -> Vec<usi
 
 #[pymethods]
 impl Camera {
-    /// Pixels to points of the plane ``height`` metres above the floor.
+    /// Maps pixels to points of the plane ``height`` metres above the floor.
     ///
     /// Args:
     ///     u, v: numbers or arrays, in pixels.
-    ///     height: of the plane, in metres.
-    ///     status: False leaves the statuses out, which takes less time.
-    ///     out: (x, y, status), or (x, y), to write to: contiguous arrays of float64, float64 and uint8.
-    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///     height: height of the plane above the floor, in metres.
+    ///     status: False omits the statuses, which is faster.
+    ///     out: (x, y, status), or (x, y), for the results: contiguous arrays of float64, float64 and uint8.
+    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
     ///     (x, y, status), or (x, y): metres, and a `Status`, or arrays of the shape of u and v (statuses as uint8). x and y
-    ///     are NaN where the pixel shows no point of the plane.
+    ///     are NaN if the pixel shows no point of the plane.
     #[pyo3(
         signature = (u, v, height=None, *, status=true, out=None, **stream),
         text_signature = "($self, u, v, height=0.0, *, status=True, out=None, origin=None, stream_size=None, fit=None, crop=None)"
@@ -148,22 +148,21 @@ impl Camera {
         Self::points(py, &view, height, [&u, &v], out)
     }
 
-    /// How uncertain the points are that pixels show, in two parts.
+    /// Computes the covariance of the floor points of pixels, in two parts.
     ///
-    /// The pixel's part is independent from detection to detection. The calibration's is common to all detections
-    /// of this camera, so that a filter must not average it away.
+    /// The part of the pixel is independent for each detection. The part of the calibration is common to all
+    /// detections of this camera, so a filter must not average it away.
     ///
     /// Args:
     ///     u, v: numbers or arrays, in pixels.
-    ///     sigma_px: standard deviation of each coordinate, in pixels of the stream; one number for all. (Where every
-    ///         pixel has its own, the first result for 1 times its square.)
-    ///     height: of the plane, in metres.
-    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///     sigma_px: standard deviation of each coordinate, in pixels of the stream; one number for all. For different
+    ///         standard deviations, call this with 1 and multiply the first result by their squares.
+    ///     height: height of the plane above the floor, in metres.
+    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
-    ///     (pixel, calibration): arrays of the shape (..., 2, 2), in square metres; NaN where there is no point, and
-    ///     the second also where nothing is known of the errors of the calibration, or nothing gives its scale
-    ///     (`scale_known`).
+    ///     (pixel, calibration): arrays of the shape (..., 2, 2), in square metres. Both are NaN without a floor point. The
+    ///     second is also NaN if the errors of the calibration or its scale (`scale_known`) are unknown.
     #[pyo3(
         signature = (u, v, sigma_px=None, height=None, **stream),
         text_signature = "($self, u, v, sigma_px=1.0, height=0.0, *, origin=None, stream_size=None, fit=None, crop=None)"
@@ -191,15 +190,17 @@ impl Camera {
         Ok(parts.into())
     }
 
-    /// Derivatives of the floor point of a pixel by the unknowns of the camera, as a filter needs that considers
-    /// the errors of the calibration: their covariance is `covariance`.
+    /// Computes the Jacobian of floor points with respect to the parameters of the camera.
+    ///
+    /// A Schmidt-Kalman filter uses it to include the errors of the calibration, whose covariance is
+    /// `covariance`.
     ///
     /// Args:
     ///     u, v: numbers or arrays, in pixels.
-    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
-    ///     Array of the shape (..., 2, 14), in metres per unit of the unknown; NaN where there is no floor point.
+    ///     Array of the shape (..., 2, 14), in metres per unit of the parameter; NaN without a floor point.
     #[pyo3(
         signature = (u, v, **stream),
         text_signature = "($self, u, v, *, origin=None, stream_size=None, fit=None, crop=None)"
@@ -222,16 +223,16 @@ impl Camera {
         Ok(found)
     }
 
-    /// Points of space to pixels.
+    /// Projects world points to pixels.
     ///
     /// Args:
     ///     x, y, z: numbers or arrays, in metres.
-    ///     out: (u, v, status) to write to: contiguous arrays of float64, float64 and uint8.
-    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///     out: (u, v, status) for the results: contiguous arrays of float64, float64 and uint8.
+    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
-    ///     (u, v, status): pixels, and a `Status`, or arrays (statuses as uint8); NaN where the camera cannot show
-    ///     the point.
+    ///     (u, v, status): pixels, and a `Status`, or arrays (statuses as uint8). u and v are NaN if the camera cannot
+    ///     show the point.
     #[pyo3(
         signature = (x, y, z=None, *, out=None, **stream),
         text_signature = "($self, x, y, z=0.0, *, out=None, origin=None, stream_size=None, fit=None, crop=None)"
@@ -266,11 +267,11 @@ impl Camera {
         (u, v, status).into_pyobject(py)
     }
 
-    /// The rays that pixels show: they begin at `position`.
+    /// Computes the viewing rays of pixels. They start at `position`.
     ///
     /// Args:
     ///     u, v: numbers or arrays, in pixels.
-    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
     ///     Array of the shape (..., 3): unit vectors in the axes of the site; NaN outside the lens.
@@ -295,11 +296,11 @@ impl Camera {
         Ok(found)
     }
 
-    /// Where a camera of the same focal without distortion would show what this one shows at pixels.
+    /// Undistorts pixels: returns their position in a camera with the same focal length and no distortion.
     ///
     /// Args:
     ///     u, v: numbers or arrays, in pixels.
-    ///     origin, stream_size, fit, crop: which pixels, as the class says.
+    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
     /// Returns:
     ///     (u, v): arrays, in pixels of the same stream; NaN outside the lens.

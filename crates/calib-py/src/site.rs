@@ -1,4 +1,4 @@
-//! A site: its cameras, its findings, and its calibration.
+//! Site with its cameras, findings and calibration.
 
 use std::path::{Path, PathBuf};
 
@@ -15,13 +15,13 @@ use crate::camera::Camera;
 use crate::error::Finding;
 use crate::error::{of_camera, of_site, refused};
 
-/// A site of cameras, as its file has it: what was drawn, and what was solved.
+/// Site document: cameras with their annotations and solutions.
 ///
 /// Args:
-///     source: the document as a dict (arrays of NumPy in it are read, too) or as JSON text; `Site.open` reads a file.
+///     source: the document as a dict (NumPy arrays in it are accepted) or as JSON text. `Site.open` reads a file.
 ///
 /// Raises:
-///     CalibError: names the camera and the value that is wrong.
+///     CalibError: an invalid value, with its camera and field.
 #[pyclass(frozen, eq, module = "calib")]
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Site(pub(crate) calib_site::Site);
@@ -58,13 +58,13 @@ impl Site {
         Self::parse(py, &text, &name, true)
     }
 
-    /// The calibrated camera of an id.
+    /// Returns a calibrated camera.
     ///
     /// Args:
-    ///     id: of the camera.
-    ///     at: time (RFC 3339, such as "2026-05-01T08:00:00Z", or a datetime with a time zone); needed where a
-    ///         camera that was moved has several periods.
-    ///     origin, stream_size, fit, crop: the pixels that its calls speak of, as `Camera` says.
+    ///     id: id of the camera.
+    ///     at: time (RFC 3339, such as "2026-05-01T08:00:00Z", or a datetime with a time zone); required if the id has
+    ///         several periods, for example because the camera was moved.
+    ///     origin, stream_size, fit, crop: default kind of pixels of the camera's methods, see `Camera`.
     #[pyo3(
         signature = (id, at=None, **stream),
         text_signature = "($self, id, at=None, *, origin=None, stream_size=None, fit=None, crop=None)"
@@ -81,19 +81,19 @@ impl Site {
         Camera::of_entry(py, &self.0, entry)?.with_stream(stream)
     }
 
-    /// Ids of the calibrated cameras, in the order of the file; an id of several periods once.
+    /// Ids of the calibrated cameras, in the order of the file. An id with several periods appears once.
     #[getter]
     fn cameras(&self) -> Vec<&str> {
         self.0.calibrated()
     }
 
-    /// What an operator should know about the calibration: of all cameras, then of the site.
+    /// Findings about the calibration: of the cameras, then of the site.
     #[getter]
     fn findings(&self) -> Vec<Finding> {
         self.0.findings().map(|entry| Finding::of_entry(&entry)).collect()
     }
 
-    /// Points of the floor to pixels of the plan.
+    /// Converts floor points to pixels of the plan.
     ///
     /// Args:
     ///     x, y: numbers or arrays, in metres.
@@ -106,13 +106,13 @@ impl Site {
         array::each(x.py(), [x, y], ["x", "y"], to_plan)
     }
 
-    /// Metres that a pixel of the plan is wide, or None where the site has no plan.
+    /// Width of a pixel of the plan in metres; None without a plan.
     #[getter]
     fn plan_metres_per_px(&self) -> Option<f64> {
         self.0.plan.as_ref().map(|plan| plan.metres_per_px)
     }
 
-    /// Pixels of the plan to points of the floor.
+    /// Converts pixels of the plan to floor points.
     ///
     /// Args:
     ///     px, py: numbers or arrays, in pixels of the plan from its upper left corner, y down.
@@ -126,18 +126,18 @@ impl Site {
         array::each(px.py(), [px, py], ["px", "py"], to_floor)
     }
 
-    /// Calibrates the site from what is drawn and entered in it.
+    /// Calibrates the site from its annotations and entered values.
     ///
-    /// A camera that cannot be solved does not keep the others from it: `findings` says why.
+    /// A camera that cannot be solved does not prevent the others. Its reason is in `findings`.
     ///
     /// Args:
     ///     method: "ml" (maximum likelihood) or "paper".
-    ///     refine: improve all cameras together.
-    ///     prior: let a weak prior about the focal enter where the lines do not tell it.
+    ///     refine: whether to refine all cameras jointly.
+    ///     prior: whether to use a weak prior on the focal length if the lines do not determine it.
     ///     cameras: ids of the cameras to solve, or None for all.
     ///
     /// Returns:
-    ///     A new site, with the solutions written into it.
+    ///     A new site that contains the solutions.
     #[pyo3(signature = (*, method="ml", refine=true, prior=true, cameras=None))]
     fn calibrate(
         &self,
@@ -167,12 +167,12 @@ impl Site {
         Ok(Self(py.detach(|| self.0.calibrate(&options).write_into(&self.0))))
     }
 
-    /// The document as JSON text, as in a site file.
+    /// Returns the document as JSON text, as in a site file.
     fn to_json(&self) -> String {
         self.0.to_json()
     }
 
-    /// The document as a dict.
+    /// Returns the document as a dict.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         py.import("json")?.call_method1("loads", (self.0.to_json(),))
     }
@@ -195,7 +195,7 @@ impl Site {
         })
     }
 
-    /// A document from its text; where nobody wrote the text, no message says where in it something is.
+    /// Parses a document. If the program generated the text, error messages omit line and column.
     fn parse(py: Python<'_>, text: &str, file: &str, is_written: bool) -> PyResult<Self> {
         py.detach(|| calib_site::Site::from_json(text)).map(Self).map_err(|mut error| {
             if let Fault::Unreadable { at, .. } = &mut error.fault {
@@ -216,7 +216,7 @@ impl Site {
     }
 }
 
-/// The error of the system, with its number and the file, as Python's own are.
+/// Returns an `OSError` with number and file name, like Python's own.
 fn of_system(error: &std::io::Error, path: &Path) -> PyErr {
     match error.raw_os_error() {
         Some(number) => {
@@ -228,7 +228,7 @@ fn of_system(error: &std::io::Error, path: &Path) -> PyErr {
     }
 }
 
-/// A document of Python as text; arrays in it are lists.
+/// Converts a Python document to JSON text; arrays become lists.
 fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
     let py = source.py();
     let lists = py.import("operator")?.call_method1("methodcaller", ("tolist",))?;
@@ -242,7 +242,7 @@ fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
     text.extract()
 }
 
-/// A time as text, whether it is text or a datetime with a time zone.
+/// Converts a time to text; accepts text, or a datetime with a time zone.
 pub(crate) fn time(at: &Bound<'_, PyAny>, camera: Option<&str>) -> PyResult<String> {
     if at.is_instance_of::<PyString>() {
         return at.extract();

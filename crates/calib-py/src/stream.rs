@@ -1,4 +1,4 @@
-//! Which stream pixels are of, as the keywords of a call say it.
+//! Keywords of a call that select the stream of its pixels.
 
 use std::borrow::Cow;
 
@@ -12,11 +12,11 @@ use pyo3::types::PyDict;
 use crate::array::{self, Pair};
 use crate::error::refused;
 
-/// The keywords of pixels, and what they may say.
+/// Keywords of pixels with their values, for error messages.
 pub(crate) const KEYWORDS: &str =
     "origin (\"corner\" or \"centre\"), stream_size, fit (\"stretch\" or \"letterbox\") and crop";
 
-/// The keywords that every call takes which speaks of pixels; those left out are the camera's.
+/// Keywords about pixels that many calls accept. Absent keywords keep the value of the camera.
 #[derive(Clone, Debug, Default)]
 struct Pixels {
     origin: Option<String>,
@@ -25,7 +25,7 @@ struct Pixels {
     crop: Option<[f64; 4]>,
 }
 
-/// The camera for the pixels that the keywords of a call speak of.
+/// Returns the map for the pixels that the keywords of a call select.
 pub(crate) fn view_of<'a>(
     id: &str,
     view: &'a CameraView,
@@ -61,7 +61,7 @@ impl Pixels {
         self.origin.is_none() && self.stream_size.is_none() && self.fit.is_none() && self.crop.is_none()
     }
 
-    /// The stream that they speak of, where they say something, and the one before elsewhere.
+    /// Applies the keywords to a stream.
     fn over(&self, py: Python<'_>, id: Option<&str>, mut stream: Stream) -> PyResult<Stream> {
         if let Some(name) = &self.origin {
             stream.origin = named(py, id, "origin", name, PixelOrigin::of_name, "\"corner\" or \"centre\"")?;
@@ -87,17 +87,17 @@ impl Pixels {
     }
 }
 
-/// The stream that keywords speak of.
+/// Returns the stream that keywords describe.
 pub(crate) fn stream_of(keywords: &Bound<'_, PyDict>) -> PyResult<Stream> {
     Pixels::read(keywords)?.over(keywords.py(), None, Stream::default())
 }
 
-/// Pixels of a stream as pixels of the still of a camera, counted from its corner.
+/// Converts pixels of a stream to pixels of the camera's calibrated image, counted from its corner.
 ///
 /// Args:
 ///     u, v: numbers or arrays, in pixels of the stream.
-///     size: (width, height) of the still, in pixels.
-///     origin, stream_size, fit, crop: which pixels, as `Camera` says.
+///     size: (width, height) of the calibrated image, in pixels.
+///     origin, stream_size, fit, crop: kind of pixels, see `Camera`.
 #[pyfunction]
 #[pyo3(signature = (u, v, size, **stream), text_signature = "(u, v, size, *, origin=None, stream_size=None, fit=None, crop=None)")]
 pub(crate) fn to_still<'py>(
@@ -114,7 +114,7 @@ pub(crate) fn to_still<'py>(
     array::each(u.py(), [u, v], ["u", "v"], |u, v| [map.in_still(0, u), map.in_still(1, v)])
 }
 
-/// What a keyword says.
+/// Extracts the value of a keyword.
 fn said<'py, T: for<'a> FromPyObject<'a, 'py>>(
     keyword: &str,
     value: &Bound<'py, PyAny>,
@@ -126,7 +126,7 @@ fn said<'py, T: for<'a> FromPyObject<'a, 'py>>(
     })
 }
 
-/// The option of a name.
+/// Returns the option with this name.
 pub(crate) fn named<T>(
     py: Python<'_>,
     id: Option<&str>,

@@ -1,4 +1,5 @@
-//! Whole tables, of any library that speaks the C interface of Arrow, as `calib project` maps files.
+//! Mapping of whole tables, as `calib project` does for files. Tables of any library with Arrow's C interface
+//! work.
 
 use std::ffi::CString;
 
@@ -19,7 +20,7 @@ use crate::error::refused;
 use crate::site::{Site, time};
 use crate::stream::{KEYWORDS, stream_of};
 
-/// What is asked of a table, by keywords.
+/// Options of `Site.project`, from its keywords.
 #[derive(Debug)]
 struct Asked {
     camera: Option<String>,
@@ -119,7 +120,7 @@ impl Asked {
         }
     }
 
-    /// Refuses what does not go together.
+    /// Rejects contradicting options.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
         let both = |field: &str| {
             format!(
@@ -144,7 +145,7 @@ impl Asked {
         Ok(())
     }
 
-    /// The calibrations that hold, of the cameras that are asked for.
+    /// Returns the calibrations of the requested cameras at the requested time.
     fn calibrations(&self, py: Python<'_>, site: &calib_site::Site) -> PyResult<Calibrations> {
         let mut site = site.clone();
         let text = site.to_json();
@@ -200,26 +201,27 @@ fn of_table(py: Python<'_>, why: &TableError) -> PyErr {
 
 #[pymethods]
 impl Site {
-    /// Maps a whole table, row by row: every row by its camera, and by the calibration that held at its time.
+    /// Maps a whole table. Each row uses its camera, and the calibration that was valid at its time.
     ///
-    /// The other columns pass through with their types. Added are x_m, y_m and status (or u, v and status); with
-    /// sigma_px also sigma_x_m, sigma_y_m, rho of the pixel's part, and calibration_sigma_x_m and so on of the
-    /// calibration's. What has no answer is null.
+    /// Other columns pass through unchanged. The added columns are x_m, y_m and status (or u, v and status).
+    /// With sigma_px there are also sigma_x_m, sigma_y_m and rho for the part of the pixel, and
+    /// calibration_sigma_x_m and so on for the part of the calibration. Missing results are null.
     ///
     /// Args:
-    ///     table: of any library that speaks the C stream interface of Arrow: Polars, pandas, PyArrow, DuckDB.
-    ///     camera: id of the camera of all rows, or else
-    ///     camera_column: name of the column that says it.
-    ///     at: time at which the calibrations are to hold (RFC 3339, or a datetime with a time zone), or else
-    ///     at_column: name of the column that says it, and
-    ///     at_unit: what numbers in it count from 1970: "s", "ms", "us" or "ns"; by default what its name ends with.
+    ///     table: table of any library with Arrow's C stream interface: Polars, pandas, PyArrow, DuckDB.
+    ///     camera: id of the camera of all rows; alternative to camera_column.
+    ///     camera_column: name of the column with the camera's id.
+    ///     at: time of all rows (RFC 3339, or a datetime with a time zone); alternative to at_column.
+    ///     at_column: name of the column with the time.
+    ///     at_unit: unit of numbers in that column, counted from 1970: "s", "ms", "us" or "ns"; by default the ending of
+    ///         its name.
     ///     to: "floor" (columns u, v, or the boxes x, y, w, h) or "pixel" (columns x_m, y_m, z_m).
-    ///     columns: "points", "boxes" or "auto": points if there are u and v, else boxes.
-    ///     height: of the plane, in metres.
+    ///     columns: "points", "boxes" or "auto" (points if there are u and v, otherwise boxes).
+    ///     height: height of the plane above the floor, in metres.
     ///     sigma_px: standard deviation of a detection, in pixels of the stream.
-    ///     replace: write columns anew that the table has already.
-    ///     bad_rows: "fail", or "status": the status of rows with cells that are no numbers says so.
-    ///     origin, stream_size, fit, crop: which pixels, as `Camera` says.
+    ///     replace: whether to replace existing columns of the table.
+    ///     bad_rows: "fail" raises for a cell that is not a number; "status" reports it in the status of its row.
+    ///     origin, stream_size, fit, crop: kind of pixels, see `Camera`.
     ///
     /// Returns:
     ///     A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
@@ -274,7 +276,7 @@ fn warn(py: Python<'_>, note: &str) -> PyResult<()> {
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)
 }
 
-/// Rows of Arrow are whole.
+/// Returns rows that are all complete, as in Arrow tables.
 fn whole<'a>(place: Place<'a>) -> Rows<'a> {
     Rows { place, is_broken: &|_| false }
 }

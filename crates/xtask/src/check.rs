@@ -89,7 +89,7 @@ const CHECKS: &[Check] = &[
         ..PLAIN
     },
     Check {
-        name: "core without serde",
+        name: "core without optional features",
         command: &["cargo", "check", "--package", "calib-core", "--no-default-features"],
         ..PLAIN
     },

@@ -65,7 +65,7 @@ enum Wish {
 /// The panel.
 pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Lines", "residual, px");
-    app.lit = None;
+    app.hover.lit = None;
     let Some(entry) = app.editor.session().entry() else { return };
     let annotations = entry.annotations.clone();
     let sigma = entry.sigma_px.unwrap_or(1.0);
@@ -194,12 +194,12 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
     let label = format!("Line {name}");
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, &label));
     if response.hovered() {
-        app.lit = Some((index, segment));
+        app.hover.lit = Some((index, segment));
     }
     if selected {
         ui.painter().rect_filled(rect, 0.0, palette.accent_bg);
     } else if suspect {
-        let since = ui.input(|i| i.time) - app.suspect_since;
+        let since = ui.input(|i| i.time) - app.hover.suspect_since;
         let lit = crate::paint::is_lit(ui.ctx(), since);
         ui.painter().rect_filled(rect, 0.0, palette.bad_bg.gamma_multiply(if lit { 1.0 } else { 0.4 }));
     } else if response.hovered() {

@@ -55,7 +55,7 @@ fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
     let proposed = app.shown_proposal().filter(|_| is_shown)?;
     // Of two that explain the edges alike the horizons tell which it is.
     let is_believed = proposed.verdict != Verdict::None || proposed.alternative.is_some();
-    Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.lit_group })
+    Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.hover.lit_group })
 }
 
 /// What lies on the image of a camera.
@@ -67,8 +67,8 @@ pub(crate) fn overlay<'a>(
     place: Place,
 ) -> Overlay<'a> {
     let cursor =
-        app.panes.cursor.and_then(|(pane, at)| (pane == Pane::Image(camera)).then(|| Pixel::from(at)));
-    let lit = app.lit.filter(|_| camera == app.editor.session().camera).or_else(|| {
+        app.view.panes.cursor.and_then(|(pane, at)| (pane == Pane::Image(camera)).then(|| Pixel::from(at)));
+    let lit = app.hover.lit.filter(|_| camera == app.editor.session().camera).or_else(|| {
         let pose = app.editor.session().solved.pose(camera);
         let near = mapping.units(theme::HIT);
         let over = cursor.filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle());
@@ -91,7 +91,7 @@ pub(crate) fn overlay<'a>(
         session: app.editor.session(),
         camera,
         mapping,
-        layers: app.layers,
+        layers: app.view.layers,
         cursor: cursor.filter(|_| app.editor.tool().is_idle()),
         lit,
         holding: !app.editor.tool().is_idle(),
@@ -99,7 +99,7 @@ pub(crate) fn overlay<'a>(
             && TOOLS
                 .get(app.editor.tool_row())
                 .is_some_and(|row| !row.acts_on_plan() && row.icon != Icon::Link),
-        time: ui.input(|i| i.time) - app.suspect_since,
+        time: ui.input(|i| i.time) - app.hover.suspect_since,
         family: app
             .editor
             .family()
@@ -112,7 +112,7 @@ pub(crate) fn overlay<'a>(
         suggested: Vec::new(),
         proposed: ghosts(app, camera, place),
         changed: None,
-        names_elements: app.mode == Mode::All,
+        names_elements: app.view.mode == Mode::All,
         named: RefCell::default(),
         labels: place != Place::Tile || mapping.rect.width() > 300.0,
         lines: place != Place::Tile || app.editor.tool_kind().is_some(),

@@ -57,7 +57,7 @@ pub(crate) fn minimap_ui(app: &mut App, ui: &Ui, camera: usize, mapping: &Mappin
     let key = (Place::Main, Pane::Image(camera));
     // What is drawn or dragged may have to go there.
     let rect = rect(mapping, size).filter(|_| app.editor.tool().is_idle());
-    app.panes.minimap = rect.map(|rect| (key, rect));
+    app.view.panes.minimap = rect.map(|rect| (key, rect));
     let Some(rect) = rect else { return };
     let small = Mapping::new(View::of([0.0, 0.0], size, rect, false, true), rect);
     let painter = ui.painter().with_clip_rect(rect);
@@ -77,7 +77,7 @@ pub(crate) fn minimap_ui(app: &mut App, ui: &Ui, camera: usize, mapping: &Mappin
         if is_window {
             app.look_at(to.into());
         } else {
-            app.panes.views.insert(key, View { centre: mapping.flat(to), ..mapping.view });
+            app.view.panes.views.insert(key, View { centre: mapping.flat(to), ..mapping.view });
         }
     }
     if response.hovered() {

@@ -170,7 +170,7 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
         .session()
         .entry()
         .is_some_and(|entry| entry.image.is_some() && entry.annotations.is_empty());
-    let waits = app.proposing.is_none() && app.editor.session().proposed().is_none();
+    let waits = app.jobs.proposing.is_none() && app.editor.session().proposed().is_none();
     if is_blank
         && waits
         && ui.button("Propose lines   Shift+P").on_hover_text("From the edges of the image").clicked()

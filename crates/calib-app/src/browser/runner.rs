@@ -172,7 +172,7 @@ impl Shown {
             // Tests look at what the page says then.
             Wish::Command(name) if name == "panic" && self.stage.tested => panic!("as a test asked"),
             Wish::Files(files) => {
-                app.arriving.push(Task::wait(ctx, async move { read_all(&files).await }));
+                app.jobs.arriving.push(Task::wait(ctx, async move { read_all(&files).await }));
             }
             Wish::Command(_) | Wish::Press(_) => {}
         }
@@ -200,7 +200,7 @@ impl eframe::App for Shown {
         let Some(app) = app.as_mut() else { return };
         app.show_ui(ui);
         preference::keep(ui.ctx(), &mut self.theme);
-        let unkept = app.shelf.as_ref().is_some_and(|shelf| shelf.is_behind());
+        let unkept = app.storage.shelf.as_ref().is_some_and(|shelf| shelf.is_behind());
         page::PAGE.with(|page| page.set_unkept(unkept && !app.editor.session().is_saved()));
         self.frames += 1;
         // The first frame lays out, the second is whole.
@@ -258,7 +258,7 @@ fn report(app: &App) -> Value {
         .rects
         .iter()
         .map(|(key, rect)| {
-            let view = app.panes.views.get(key);
+            let view = app.view.panes.views.get(key);
             json!({
                 "place": format!("{:?}", key.0),
                 "pane": format!("{:?}", key.1),
@@ -275,10 +275,10 @@ fn report(app: &App) -> Value {
         "panes": panes,
         "site": serde_json::from_str::<Value>(&solved.to_json()).unwrap_or(Value::Null),
         "generation": session.generation,
-        "behind": app.shelf.as_ref().is_some_and(|shelf| shelf.is_behind()),
-        "reading": app.pictures.loading() + app.edges.looking() + app.arriving.len(),
-        "refining": app.refining.is_some(),
-        "proposing": app.proposing.is_some(),
+        "behind": app.storage.shelf.as_ref().is_some_and(|shelf| shelf.is_behind()),
+        "reading": app.pictures.loading() + app.edges.looking() + app.jobs.arriving.len(),
+        "refining": app.jobs.refining.is_some(),
+        "proposing": app.jobs.proposing.is_some(),
         "proposed": session.proposed().map(|own| json!({"verdict": own.verdict.name(), "lines": own.count()})),
         "comparing": app.is_comparing(),
         "newer": app.editor.newer_in_hand().map(|own| own.comparison.became.name()),

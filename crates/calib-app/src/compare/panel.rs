@@ -28,17 +28,18 @@ pub(crate) fn paint(
     mapping: &Mapping,
     [w, h]: [f64; 2],
 ) -> Option<f32> {
-    let is_shown = place == Place::Main && app.mode == Mode::Image && camera == app.editor.session().camera;
+    let is_shown =
+        place == Place::Main && app.view.mode == Mode::Image && camera == app.editor.session().camera;
     let name = app.editor.newer(camera).filter(|_| is_shown)?.image.clone();
-    let split = split(app.glance, painter, mapping, w);
+    let split = split(app.view.glance, painter, mapping, w);
     let images = &app.editor.session().images;
     let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name))?;
     let right = painter.with_clip_rect(painter.clip_rect().intersect(right_of(split)));
     for piece in picture.pieces(painter.ctx()) {
         piece.paint(&right, mapping, Color32::WHITE);
     }
-    if app.glance.showing == Showing::Wipe {
-        let ends = [0.0, h].map(|v| mapping.screen([w * f64::from(app.glance.share), v]));
+    if app.view.glance.showing == Showing::Wipe {
+        let ends = [0.0, h].map(|v| mapping.screen([w * f64::from(app.view.glance.share), v]));
         line(painter, &ends.map(|end| egui::pos2(split, end.y)), Pen::new(on_image::WHITE, 1.5));
     }
     Some(split)
@@ -49,16 +50,16 @@ pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (w
     /// How far beside it a press still takes it, in points.
     const BESIDE: f32 = 6.0;
     let is_free =
-        app.glance.showing == Showing::Wipe && app.editor.tool_row() == 0 && app.editor.tool().is_idle();
+        app.view.glance.showing == Showing::Wipe && app.editor.tool_row() == 0 && app.editor.tool().is_idle();
     let strip = Rect::everything_right_of(split - BESIDE).with_max_x(split + BESIDE).intersect(mapping.rect);
     let strip = Some(strip).filter(|strip| is_free && strip.is_positive());
-    app.panes.wipe = strip.map(|strip| ((Place::Main, Pane::Image(camera)), strip));
+    app.view.panes.wipe = strip.map(|strip| ((Place::Main, Pane::Image(camera)), strip));
     let Some(strip) = strip else { return };
     let response = ui.interact(strip, ui.scope_id().with("wipe"), Sense::drag());
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "The line between the stills"));
     if let Some(to) = response.interact_pointer_pos() {
         let [u, _] = mapping.document(to);
-        app.glance.share = (u / width).clamp(0.0, 1.0) as f32;
+        app.view.glance.share = (u / width).clamp(0.0, 1.0) as f32;
     }
     if response.hovered() || response.dragged() {
         ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
@@ -83,7 +84,9 @@ fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f3
 
 /// The panel, while there is one.
 pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
-    let Some(newer) = app.editor.newer_in_hand().filter(|_| app.mode == Mode::Image).cloned() else { return };
+    let Some(newer) = app.editor.newer_in_hand().filter(|_| app.view.mode == Mode::Image).cloned() else {
+        return;
+    };
     let is_held = app.is_recovering_in_hand();
     section(ui, |ui| {
         heading(ui, "Newer still", &newer.title);
@@ -187,14 +190,14 @@ fn glance(app: &mut App, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         for (showing, word) in Showing::ALL {
-            ui.selectable_value(&mut app.glance.showing, showing, word);
+            ui.selectable_value(&mut app.view.glance.showing, showing, word);
         }
     });
-    if app.glance.showing == Showing::Wipe {
+    if app.view.glance.showing == Showing::Wipe {
         let palette = theme::palette(ui.ctx());
         ui.horizontal(|ui| {
             let label = ui.label(RichText::new("Old | new").color(palette.text2));
-            let slider = Slider::new(&mut app.glance.share, 0.0..=1.0).show_value(false);
+            let slider = Slider::new(&mut app.view.glance.share, 0.0..=1.0).show_value(false);
             ui.add(slider).labelled_by(label.id);
         });
     }

@@ -10,13 +10,13 @@ use crate::state::{App, PathField};
 
 impl App {
     pub(crate) fn poll_dialog(&mut self, ctx: &Context) {
-        let Some(dialog) = &mut self.dialog else { return };
+        let Some(dialog) = &mut self.dialogs.dialog else { return };
         let Some(chosen) = dialog.poll() else {
             ctx.request_repaint_after(std::time::Duration::from_millis(100));
             return;
         };
         let (purpose, is_just_opened) = (dialog.purpose, dialog.is_just_opened());
-        self.dialog = None;
+        self.dialogs.dialog = None;
         if chosen.is_empty() && is_just_opened {
             self.type_path(purpose);
             return;
@@ -29,12 +29,12 @@ impl App {
         let own = self.editor.session().path.as_ref().map(|path| path.display().to_string());
         let text =
             own.filter(|_| matches!(purpose, Purpose::SaveSite | Purpose::OpenSite)).unwrap_or_default();
-        self.path_field = Some(PathField { purpose, text });
+        self.dialogs.path_field = Some(PathField { purpose, text });
     }
 
     /// Takes a path that was typed.
     pub(crate) fn typed(&mut self, ctx: &Context, typed: Option<PathField>) {
-        self.path_field = None;
+        self.dialogs.path_field = None;
         let Some(PathField { purpose, text }) = typed.filter(|typed| !typed.text.trim().is_empty()) else {
             return;
         };
@@ -55,7 +55,7 @@ impl App {
             Purpose::AddImages => chosen.into_iter().for_each(|file| self.add_still(ctx, file)),
             Purpose::LoadPlan => self.load_plan(ctx, chosen),
             Purpose::ReplaceStill => {
-                chosen.into_iter().for_each(|file| self.replacing = Some(self.read_still(ctx, file)));
+                chosen.into_iter().for_each(|file| self.jobs.replacing = Some(self.read_still(ctx, file)));
             }
             Purpose::NewerStill => self.add_newer(ctx, chosen),
             Purpose::Compare => chosen.into_iter().for_each(|file| self.compare_with(file)),

@@ -72,18 +72,18 @@ impl App {
             self.act(Action::Complain(error));
             None
         });
-        self.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
+        self.jobs.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
     }
 
     pub(crate) fn poll_plan(&mut self) {
-        let Some(planning) = self.planning.take() else { return };
+        let Some(planning) = self.jobs.planning.take() else { return };
         match planning.picture.poll() {
-            None => self.planning = Some(planning),
+            None => self.jobs.planning = Some(planning),
             Some(Ok(still)) => {
                 let still = self.stored(still);
                 self.act(Action::LoadPlan(still, planning.told));
                 self.show(Mode::Plan);
-                self.panes.views.clear();
+                self.view.panes.views.clear();
             }
             Some(Err(error)) => self.act(Action::Complain(error)),
         }
@@ -114,7 +114,7 @@ impl App {
     /// Begins to read a still that becomes a camera.
     pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
         let task = self.read_still(ctx, file);
-        self.adding.push(task);
+        self.jobs.adding.push(task);
     }
 
     /// Begins to compare newer stills: each with the camera that its name begins with, else with that in hand.
@@ -124,7 +124,7 @@ impl App {
             let named = self.named_by(&file.name).or_else(|| in_hand.clone());
             if let Some(camera) = named {
                 let opening = self.read_still(ctx, file);
-                self.comparing.push_back(Comparing::new(camera, opening));
+                self.jobs.comparing.push_back(Comparing::new(camera, opening));
             }
         }
     }
@@ -169,8 +169,8 @@ impl App {
     pub(crate) fn poll_stills(&mut self) {
         let was_empty = self.editor.site().cameras.is_empty();
         // Threads finish in any order; cameras come in that of their files.
-        while let Some(still) = self.adding.first().and_then(Task::outcome) {
-            self.adding.remove(0);
+        while let Some(still) = self.jobs.adding.first().and_then(Task::outcome) {
+            self.jobs.adding.remove(0);
             match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
                 Ok(picture) => {
                     let still = self.stored(picture);
@@ -182,12 +182,12 @@ impl App {
         if was_empty && !self.editor.site().cameras.is_empty() {
             self.act(Action::Choose(0));
         }
-        if let Some(task) = self.replacing.take() {
+        if let Some(task) = self.jobs.replacing.take() {
             match task.poll() {
-                None => self.replacing = Some(task),
+                None => self.jobs.replacing = Some(task),
                 Some(Ok(picture)) => {
                     let still = self.stored(picture);
-                    self.act(Action::ReplaceStill(self.replaced.clone(), still));
+                    self.act(Action::ReplaceStill(self.jobs.replaced.clone(), still));
                 }
                 Some(Err(error)) => self.act(Action::Complain(error)),
             }

@@ -17,29 +17,30 @@ impl App {
     /// Asks about images outside the folder of the site, whenever the site names others than before.
     pub(crate) fn watch_outside(&mut self) {
         let names = image_names(self.editor.site());
-        if names == self.outside.names {
+        if names == self.dialogs.outside.names {
             return;
         }
         let images = &self.editor.session().images;
         let reach = images.reach();
         let files = names.iter().filter_map(|name| images.file(name));
         let beyond = files.filter(|file| !reach.holds(file, Here::real)).filter_map(|file| Here::real(&file));
-        self.outside.asked = beyond.filter(|file| !self.outside.left.contains(file)).collect();
-        self.outside.names = names;
+        self.dialogs.outside.asked =
+            beyond.filter(|file| !self.dialogs.outside.left.contains(file)).collect();
+        self.dialogs.outside.names = names;
     }
 
     /// Reads the images outside the folder, for as long as this site is open, or leaves them out.
     pub(crate) fn settle_outside(&mut self, allows: bool) {
-        let asked = std::mem::take(&mut self.outside.asked);
+        let asked = std::mem::take(&mut self.dialogs.outside.asked);
         if !allows {
             let note = "Left out: the site keeps the names of its images. \u{201c}Read images again\u{201d} asks again.";
             self.act(Action::Note(note.into()));
-            self.outside.left.extend(asked);
+            self.dialogs.outside.left.extend(asked);
             return;
         }
         let images = &self.editor.session().images;
         let is_asked = |name: &String| images.file(name).and_then(|file| Here::real(&file));
-        for name in &self.outside.names {
+        for name in &self.dialogs.outside.names {
             if is_asked(name).is_some_and(|file| asked.contains(&file)) {
                 self.pictures.forget(name);
             }
@@ -49,8 +50,8 @@ impl App {
 
     /// Asks again about what was left out.
     pub(crate) fn ask_outside_again(&mut self) {
-        self.outside.left.clear();
-        self.outside.names.clear();
+        self.dialogs.outside.left.clear();
+        self.dialogs.outside.names.clear();
     }
 
     /// A file that the operator chose is read wherever it is.
@@ -71,13 +72,13 @@ impl App {
 
 /// The sheet that asks, if there is one.
 pub(crate) fn asked_ui(app: &mut App, ctx: &Context) {
-    if let Some(conflict) = app.conflict.clone() {
+    if let Some(conflict) = app.dialogs.conflict.clone() {
         sheet("A file is not written", ctx, |ui| decide(app, ui, &conflict));
     }
-    if let Some(field) = app.path_field.clone() {
+    if let Some(field) = app.dialogs.path_field.clone() {
         sheet("A path", ctx, |ui| path(app, ui, field));
     }
-    if !app.outside.asked.is_empty() {
+    if !app.dialogs.outside.asked.is_empty() {
         sheet("Images elsewhere", ctx, |ui| outside(app, ui));
     }
 }
@@ -95,7 +96,8 @@ fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
 fn outside(app: &mut App, ui: &mut Ui) {
     const MOST: usize = 8;
     let palette = theme::palette(ui.ctx());
-    let files: Vec<String> = app.outside.asked.iter().map(|file| file.display().to_string()).collect();
+    let files: Vec<String> =
+        app.dialogs.outside.asked.iter().map(|file| file.display().to_string()).collect();
     ui.set_max_width(420.0);
     let path = app.editor.session().path.as_deref().and_then(std::path::Path::file_name);
     let site = path.map_or_else(|| "The site".into(), std::ffi::OsStr::to_string_lossy);
@@ -201,5 +203,5 @@ fn path(app: &mut App, ui: &mut Ui, mut field: PathField) {
         None if !typed.has_focus() && field.text.is_empty() => typed.request_focus(),
         None => {}
     }
-    app.path_field = Some(field);
+    app.dialogs.path_field = Some(field);
 }

@@ -27,24 +27,25 @@ impl App {
 
     fn open(&mut self, opened: Opened) {
         self.put_aside();
-        (self.held, self.as_held, self.conflict) = (None, None, None);
-        self.kept = u64::from(opened.is_unsaved);
+        (self.storage.held, self.storage.as_held, self.dialogs.conflict) = (None, None, None);
+        self.storage.kept = u64::from(opened.is_unsaved);
         self.act(Action::Open(Box::new(opened)));
-        if let Some(shelf) = &mut self.shelf {
+        if let Some(shelf) = &mut self.storage.shelf {
             shelf.begin();
         }
         self.pictures.clear();
         self.edges.clear();
-        self.panes = Panes::default();
-        self.orbit = None;
+        self.view.panes = Panes::default();
+        self.view.orbit = None;
         // Nothing that was asked for the old site lands in the new one.
-        self.adding.clear();
-        (self.replacing, self.planning, self.refining, self.dialog) = (None, None, None, None);
+        self.jobs.adding.clear();
+        (self.jobs.replacing, self.jobs.planning, self.jobs.refining, self.dialogs.dialog) =
+            (None, None, None, None);
         self.stop_comparing();
-        (self.picture, self.pictured) = (None, None);
-        (self.export, self.tour) = (Sheet::default(), Tour::default());
-        self.outside = Outside::default();
-        self.compares_views = false;
+        (self.jobs.picture, self.jobs.pictured) = (None, None);
+        (self.dialogs.export, self.tour) = (Sheet::default(), Tour::default());
+        self.dialogs.outside = Outside::default();
+        self.view.compares_views = false;
     }
 
     /// Opens a site file; what is wrong with it is shown.
@@ -54,7 +55,7 @@ impl App {
                 let as_held = site.clone();
                 self.open_site(site, images, Some(path.to_path_buf()));
                 self.remember_recent(path, &as_held);
-                (self.held, self.as_held) = (Some(held), Some(as_held));
+                (self.storage.held, self.storage.as_held) = (Some(held), Some(as_held));
             }
             Err(error) => self.act(Action::Fail(error)),
         }
@@ -62,69 +63,69 @@ impl App {
 
     /// Remembers a site for the start page.
     pub(crate) fn remember_recent(&mut self, path: &Path, site: &Site) {
-        if let Some((folder, now)) = self.folder.as_deref().zip(Here::now()) {
-            self.recent = autosave::remember(folder, Recent::of(path, site, now));
+        if let Some((folder, now)) = self.storage.folder.as_deref().zip(Here::now()) {
+            self.storage.recent = autosave::remember(folder, Recent::of(path, site, now));
         }
     }
 
     /// Goes on with what a crashed session left.
     pub fn recover(&mut self, index: usize) {
-        if index >= self.found.len() {
+        if index >= self.storage.found.len() {
             return;
         }
-        let (slot, Found { site, images, path, held, .. }) = self.found.remove(index);
+        let (slot, Found { site, images, path, held, .. }) = self.storage.found.remove(index);
         // It differs from its file, and is kept already.
         self.open(Opened { site, images, path, is_unsaved: true });
-        (self.autosave, self.held) = (Some(slot), held);
+        (self.storage.autosave, self.storage.held) = (Some(slot), held);
     }
 
     /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
     fn put_aside(&mut self) {
-        let Some(slot) = self.autosave.clone() else { return };
+        let Some(slot) = self.storage.autosave.clone() else { return };
         let session = self.editor.session();
         if session.is_saved() {
             slot.forget();
             return;
         }
         let (images, path) = (session.images.clone(), session.path.clone());
-        let held = self.held;
-        self.found.push((slot, Found { site: session.kept(), images, path, held, at: Here::now() }));
-        self.autosave = None;
-        for slot in self.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
-            let is_taken = self.found.iter().any(|(found, _)| found.folder() == slot.folder());
-            let own = self.claims.iter().any(|(folder, _)| folder == slot.folder());
+        let held = self.storage.held;
+        self.storage.found.push((slot, Found { site: session.kept(), images, path, held, at: Here::now() }));
+        self.storage.autosave = None;
+        for slot in self.storage.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
+            let is_taken = self.storage.found.iter().any(|(found, _)| found.folder() == slot.folder());
+            let own = self.storage.claims.iter().any(|(folder, _)| folder == slot.folder());
             let claim = if own { None } else { Here::claim(slot.folder()) };
             if is_taken || !(own || claim.is_some()) || slot.find().is_some() {
                 continue;
             }
-            self.claims.extend(claim.map(|claim| (slot.folder().to_path_buf(), claim)));
+            self.storage.claims.extend(claim.map(|claim| (slot.folder().to_path_buf(), claim)));
             slot.forget();
-            self.autosave = Some(slot);
+            self.storage.autosave = Some(slot);
             return;
         }
     }
 
     /// Forgets what a crashed session left.
     pub fn discard_found(&mut self, index: usize) {
-        if index < self.found.len() {
-            self.found.remove(index).0.forget();
+        if index < self.storage.found.len() {
+            self.storage.found.remove(index).0.forget();
         }
     }
 
     /// What the shelf has to tell.
     pub(crate) fn poll_shelf(&mut self) {
-        while let Some(news) = self.shelf.as_mut().and_then(|shelf| shelf.news()) {
+        while let Some(news) = self.storage.shelf.as_mut().and_then(|shelf| shelf.news()) {
             match news {
                 News::Opened(found) => {
                     // It stays the shelf's: what follows is kept in its place.
-                    let shelf = self.shelf.take();
+                    let shelf = self.storage.shelf.take();
                     let Found { site, images, path, .. } = *found;
                     self.open(Opened { site, images, path, is_unsaved: true });
-                    self.shelf = shelf;
+                    self.storage.shelf = shelf;
                 }
                 News::Trouble(error) => self.act(Action::Fail(error)),
                 News::Note(note) => self.act(Action::Note(note)),
-                News::Again => self.kept = u64::MAX,
+                News::Again => self.storage.kept = u64::MAX,
             }
         }
     }
@@ -133,24 +134,24 @@ impl App {
     pub(crate) fn remember(&mut self) {
         let generation = self.editor.session().generation;
         // What was kept before its still was decoded is kept again with its picture.
-        let is_due = self.shelf.is_some() && self.thumbnail.is_due(&self.pictures);
-        if self.kept == generation && !is_due {
+        let is_due = self.storage.shelf.is_some() && self.storage.thumbnail.is_due(&self.pictures);
+        if self.storage.kept == generation && !is_due {
             return;
         }
-        self.kept = generation;
-        if self.autosave.is_none() && self.folder.is_some() && generation == 1 {
+        self.storage.kept = generation;
+        if self.storage.autosave.is_none() && self.storage.folder.is_some() && generation == 1 {
             let note = "Not kept against a crash: nine unsaved sites wait already. Save it as a file.";
             self.act(Action::Note(note.into()));
         }
         let session = self.editor.session();
         // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
         let site = session.kept();
-        if self.shelf.is_some() {
-            self.thumbnail.renew(&site, &self.pictures);
+        if self.storage.shelf.is_some() {
+            self.storage.thumbnail.renew(&site, &self.pictures);
         }
         let session = self.editor.session();
-        if let Some(shelf) = &mut self.shelf {
-            let thumbnail = self.thumbnail.of(&site);
+        if let Some(shelf) = &mut self.storage.shelf {
+            let thumbnail = self.storage.thumbnail.of(&site);
             let last = session.history.undo_name().unwrap_or_default();
             shelf.keep(Work {
                 site: &site,
@@ -160,8 +161,9 @@ impl App {
                 thumbnail,
             });
         }
-        let Some(autosave) = &self.autosave else { return };
-        if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.held) {
+        let Some(autosave) = &self.storage.autosave else { return };
+        if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.storage.held)
+        {
             self.act(Action::Fail(format!("Autosave: {error}")));
         }
     }
@@ -178,7 +180,7 @@ impl App {
 
     /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.
     pub(crate) fn write_export(&mut self, folder: &Path) {
-        let Some(files) = self.export.files() else { return };
+        let Some(files) = self.dialogs.export.files() else { return };
         let written = files.iter().try_for_each(|file| Here::write(&folder.join(&file.name), &file.bytes));
         let count = counted(files.len(), "file", "files");
         match written {
@@ -188,7 +190,7 @@ impl App {
                 } else {
                     format!("Wrote {count} to {}.", folder.display())
                 }));
-                self.export.close();
+                self.dialogs.export.close();
             }
             Err(error) => self.act(Action::Fail(error)),
         }
@@ -206,7 +208,7 @@ impl App {
     /// Saves to a file, which is the site's own from then on, unless that would take something away.
     pub(crate) fn save_to(&mut self, path: PathBuf) {
         match self.obstacle(&path) {
-            Some(why) => self.conflict = Some(Conflict { path, why }),
+            Some(why) => self.dialogs.conflict = Some(Conflict { path, why }),
             None => self.write_to(path),
         }
     }
@@ -220,7 +222,9 @@ impl App {
         let there = path.exists().then(|| Here::read(path).map_or(0, |bytes| files::stamp(&bytes)));
         let is_own = self.editor.session().path.as_deref() == Some(path);
         match there {
-            Some(now) if is_own && self.held != Some(now) => Some(Why::Changed(self.changes_of(path))),
+            Some(now) if is_own && self.storage.held != Some(now) => {
+                Some(Why::Changed(self.changes_of(path)))
+            }
             Some(_) if Here::is_read_only(path) => Some(Why::ReadOnly),
             _ => None,
         }
@@ -228,7 +232,7 @@ impl App {
 
     /// What a file has that was otherwise when it was read; where that is not known, against the open site.
     fn changes_of(&self, path: &Path) -> Vec<String> {
-        let before = self.as_held.as_ref().unwrap_or_else(|| self.editor.site());
+        let before = self.storage.as_held.as_ref().unwrap_or_else(|| self.editor.site());
         match files::open(path) {
             Ok((now, _)) => differences(before, &now),
             Err(error) => vec![error],
@@ -237,7 +241,7 @@ impl App {
 
     /// Does what the operator decided about a file that was not written.
     pub(crate) fn decide_on_file(&mut self, decision: Decision) {
-        let Some(Conflict { path, .. }) = self.conflict.take() else { return };
+        let Some(Conflict { path, .. }) = self.dialogs.conflict.take() else { return };
         match decision {
             Decision::Reload => self.open_path(&path),
             Decision::SaveAs => self.ask(Purpose::SaveSite),
@@ -249,8 +253,8 @@ impl App {
     /// What is being looked for goes on under the names that its images have beside the file.
     fn rebase_work(&mut self, folder: &Path) {
         let images = &self.editor.session().images;
-        let compared = self.comparing.iter_mut().flat_map(Comparing::images_mut);
-        let proposed = self.proposing.iter_mut().flat_map(Proposing::images_mut);
+        let compared = self.jobs.comparing.iter_mut().flat_map(Comparing::images_mut);
+        let proposed = self.jobs.proposing.iter_mut().flat_map(Proposing::images_mut);
         for name in compared.chain(proposed) {
             *name = images.rebased_name(name, folder);
         }
@@ -262,7 +266,7 @@ impl App {
         match files::save(&path, &solved, &session.images) {
             Ok(held) => {
                 self.remember_recent(&path, &solved);
-                (self.held, self.as_held) = (Some(held), Some(solved));
+                (self.storage.held, self.storage.as_held) = (Some(held), Some(solved));
             }
             Err(error) => {
                 self.act(Action::Fail(error));
@@ -278,10 +282,10 @@ impl App {
             self.rebase_work(folder);
         }
         self.act(Action::Saved { path, folder });
-        if let Some(autosave) = &self.autosave {
+        if let Some(autosave) = &self.storage.autosave {
             autosave.forget();
         }
-        self.kept = self.editor.session().generation;
+        self.storage.kept = self.editor.session().generation;
     }
 }
 
@@ -311,10 +315,10 @@ impl App {
     pub(crate) fn poll_arrivals(&mut self, ctx: &Context) {
         let dropped = ctx.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
         if !dropped.is_empty() {
-            self.arriving.push(Here::dropped(ctx, dropped));
+            self.jobs.arriving.push(Here::dropped(ctx, dropped));
         }
         let mut arrived = Vec::new();
-        self.arriving.retain(|task| task.poll().map(|files| arrived.push(files)).is_none());
+        self.jobs.arriving.retain(|task| task.poll().map(|files| arrived.push(files)).is_none());
         for files in arrived {
             let (on_disk, loose): (Vec<_>, Vec<_>) = files.into_iter().partition(|file| file.path.is_some());
             let (sites, mut others): (Vec<_>, Vec<_>) = on_disk.into_iter().partition(Chosen::is_site);

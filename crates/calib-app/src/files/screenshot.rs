@@ -22,18 +22,20 @@ impl App {
             let _ = sender.send(image);
             again.request_repaint();
         });
-        self.picture = Some(picture);
+        self.jobs.picture = Some(picture);
     }
 
     pub(crate) fn poll_picture(&mut self, ctx: &Context) {
-        let Some(image) = self.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else { return };
-        self.picture = None;
+        let Some(image) = self.jobs.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else {
+            return;
+        };
+        self.jobs.picture = None;
         let key = self.zoom_key();
-        let shown = self.panes.rects.get(&key).copied().filter(|_| self.mode != Mode::Scene);
+        let shown = self.view.panes.rects.get(&key).copied().filter(|_| self.view.mode != Mode::Scene);
         let points = ctx.pixels_per_point();
         let [w, h] = image.size.map(|side| side as f32 / points);
         let whole = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::Vec2::new(w, h));
-        let rect = shown.or(self.panes.middle).unwrap_or(whole).intersect(whole);
+        let rect = shown.or(self.view.panes.middle).unwrap_or(whole).intersect(whole);
         let image = image.region(&rect, Some(points));
         let [w, h] = image.size.map(|side| side as u32);
         let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
@@ -45,7 +47,7 @@ impl App {
             });
         match written {
             Ok(()) => {
-                self.pictured = Some(png.into_inner());
+                self.jobs.pictured = Some(png.into_inner());
                 self.ask(Purpose::SavePicture);
             }
             Err(error) => self.act(Action::Fail(error)),
@@ -53,7 +55,7 @@ impl App {
     }
 
     pub(crate) fn save_picture(&mut self, path: &Path) {
-        let Some(png) = self.pictured.take() else { return };
+        let Some(png) = self.jobs.pictured.take() else { return };
         match Here::write(path, &png) {
             Ok(()) => self.act(Action::Note(format!("Saved {}.", path.display()))),
             Err(error) => self.act(Action::Fail(error)),

@@ -163,8 +163,8 @@ fn choices(ui: &mut Ui) -> Option<Command> {
 /// Work that a crash left behind: which was chosen, and whether to go on with it.
 fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
     let mut recover = None;
-    for index in 0..app.found.len() {
-        let (slot, found) = &app.found[index];
+    for index in 0..app.storage.found.len() {
+        let (slot, found) = &app.storage.found[index];
         let image = found.site.cameras.iter().find_map(|camera| camera.image.clone());
         let image =
             image.map(|name| (format!("{}/{name}", slot.folder().display()), found.images.reader(&name)));
@@ -225,7 +225,7 @@ fn thumbnail(app: &mut App, ui: &mut Ui, image: Option<(String, Source)>) {
 fn recent(app: &mut App, ui: &mut Ui) {
     /// A screen holds no more.
     const SHOWN: usize = 4;
-    let list: Vec<Recent> = app.recent.iter().take(SHOWN).cloned().collect();
+    let list: Vec<Recent> = app.storage.recent.iter().take(SHOWN).cloned().collect();
     let Some(now) = Here::now().filter(|_| !list.is_empty()) else { return };
     ui.add_space(12.0);
     ui.allocate_ui(Vec2::new(ui.available_width(), 0.0), |ui| {
@@ -278,7 +278,7 @@ fn pictures(ui: &mut Ui) {
 fn kept(app: &mut App, ui: &mut Ui) {
     /// Four rows.
     const SHOWN: f32 = 232.0;
-    let entries = app.shelf.as_ref().map(|shelf| shelf.entries()).unwrap_or_default();
+    let entries = app.storage.shelf.as_ref().map(|shelf| shelf.entries()).unwrap_or_default();
     if entries.is_empty() {
         return;
     }
@@ -296,7 +296,7 @@ fn kept(app: &mut App, ui: &mut Ui) {
             for entry in &entries {
                 ui.horizontal(|ui| {
                     thumbnail(app, ui, still_of(entry));
-                    if let Some(shelf) = &mut app.shelf {
+                    if let Some(shelf) = &mut app.storage.shelf {
                         row(shelf.as_mut(), ui, entry);
                     }
                 });

@@ -18,7 +18,7 @@ const OVERLAP: f32 = 132.0;
 /// The part of the panel.
 pub fn agreement_ui(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
-    let before = app.editor.poses_before(app.show_before);
+    let before = app.editor.poses_before(app.view.show_before);
     let all = agreements(session, session.camera, &before);
     heading(ui, "Agreement", "");
     let lines = lines_off(session, session.camera);

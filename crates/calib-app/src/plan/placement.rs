@@ -246,8 +246,8 @@ pub fn plan(app: &mut App, ui: &mut Ui) {
         ui.label(format!("{:.0} %", 100.0 * opacity));
     });
     ui.horizontal(|ui| {
-        ui.checkbox(&mut app.blend, "all cameras");
-        ui.checkbox(&mut app.coverage, "coverage");
+        ui.checkbox(&mut app.view.blend, "all cameras");
+        ui.checkbox(&mut app.view.coverage, "coverage");
     });
 }
 

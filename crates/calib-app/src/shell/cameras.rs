@@ -25,7 +25,8 @@ use crate::widgets::number;
 /// The list, or (`rail`) a narrow strip of it.
 pub(crate) fn cameras_ui(app: &mut App, ui: &mut Ui, rail: bool) {
     let rows = rows(app);
-    if !rail && app.above && app.mode == Mode::Image && ui.available_height() > 2.0 * above::HEIGHT {
+    if !rail && app.view.above && app.view.mode == Mode::Image && ui.available_height() > 2.0 * above::HEIGHT
+    {
         let frame = egui::Frame::NONE.fill(theme::palette(ui.ctx()).panel);
         egui::Panel::bottom("above")
             .exact_size(above::HEIGHT)
@@ -73,17 +74,21 @@ fn header(app: &mut App, ui: &mut Ui) {
         // A few cameras need no finding.
         if app.editor.session().site.cameras.len() > 6 {
             let label = ui.label(RichText::new("Filter").small().color(palette.text3));
-            ui.add(TextEdit::singleline(&mut app.list.filter).hint_text("name").desired_width(f32::INFINITY))
-                .labelled_by(label.id);
+            ui.add(
+                TextEdit::singleline(&mut app.view.list.filter)
+                    .hint_text("name")
+                    .desired_width(f32::INFINITY),
+            )
+            .labelled_by(label.id);
             ui.horizontal(|ui| {
-                ui.checkbox(&mut app.list.unfinished, "unfinished");
-                let text = match app.list.order {
+                ui.checkbox(&mut app.view.list.unfinished, "unfinished");
+                let text = match app.view.list.order {
                     Order::Site => "in order",
                     Order::Missing => "missing",
                     Order::Sigma => "floor \u{b1}",
                 };
                 if ui.button(text).on_hover_text("Sort by").clicked() {
-                    app.list.order = match app.list.order {
+                    app.view.list.order = match app.view.list.order {
                         Order::Site => Order::Missing,
                         Order::Missing => Order::Sigma,
                         Order::Sigma => Order::Site,
@@ -95,7 +100,7 @@ fn header(app: &mut App, ui: &mut Ui) {
 }
 
 fn rows(app: &App) -> Vec<usize> {
-    let wanted = app.list.filter.to_lowercase();
+    let wanted = app.view.list.filter.to_lowercase();
     let mut rows: Vec<usize> = app
         .editor
         .session()
@@ -104,10 +109,10 @@ fn rows(app: &App) -> Vec<usize> {
         .iter()
         .enumerate()
         .filter(|(_, camera)| camera.id.to_lowercase().contains(&wanted))
-        .filter(|(index, _)| !app.list.unfinished || !steps::is_finished(app.editor.session(), *index))
+        .filter(|(index, _)| !app.view.list.unfinished || !steps::is_finished(app.editor.session(), *index))
         .map(|(index, _)| index)
         .collect();
-    match app.list.order {
+    match app.view.list.order {
         Order::Site => {}
         Order::Missing => rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing(app.editor.session(), i))),
         Order::Sigma => {
@@ -233,7 +238,7 @@ pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
                 ui.label(RichText::new(text).color(palette.warn));
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                     if is_tall && ui.button("Compare them").clicked() {
-                        app.compares_views = true;
+                        app.view.compares_views = true;
                     }
                 });
             });
@@ -277,7 +282,7 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
             }
         });
     });
-    app.compares_views = !fold;
+    app.view.compares_views = !fold;
     actions.into_iter().for_each(|action| app.send(action));
 }
 

@@ -55,7 +55,7 @@ pub fn window_ui(app: &mut App, ui: &mut Ui) {
     if has_site {
         let phone = ui.ctx().content_rect().width() < PHONE;
         let widths = Widths::of(ui.ctx().content_rect().width());
-        let rail = widths.has_rail || matches!(app.mode, Mode::Plan | Mode::All);
+        let rail = widths.has_rail || matches!(app.view.mode, Mode::Plan | Mode::All);
         let side = Frame::NONE.fill(palette.panel);
         Panel::left(if rail { "rail" } else { "cameras" })
             .resizable(!rail)
@@ -110,7 +110,7 @@ fn right(app: &mut App, ui: &mut Ui) {
         if app.editor.compared().is_some() {
             section(ui, |ui| distances::compared(app, ui));
         }
-        match app.mode {
+        match app.view.mode {
             Mode::Image => {
                 // Fields above what comes and goes: they stay under the pointer while one types.
                 section(ui, |ui| lens::lens_ui(app, ui));

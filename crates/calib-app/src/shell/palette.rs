@@ -11,13 +11,13 @@ use crate::theme;
 
 /// The sheets that are open.
 pub fn palette_ui(app: &mut App, ctx: &Context) {
-    if app.palette.is_open {
+    if app.dialogs.palette.is_open {
         commands(app, ctx);
     }
-    if app.shortcuts {
+    if app.dialogs.shortcuts {
         shortcuts(app, ctx);
     }
-    if app.about {
+    if app.dialogs.about {
         about(app, ctx);
     }
 }
@@ -29,7 +29,7 @@ fn is_match(text: &str, query: &str) -> bool {
 }
 
 fn commands(app: &mut App, ctx: &Context) {
-    let query = app.palette.query.clone();
+    let query = app.dialogs.palette.query.clone();
     let rows: Vec<command::Row> = command::all()
         .filter(|row| !matches!(row.command, Command::Palette))
         .filter(|row| is_match(&app.editor.words(row.command), &query))
@@ -39,26 +39,26 @@ fn commands(app: &mut App, ctx: &Context) {
         (pressed(Key::ArrowUp), pressed(Key::ArrowDown), pressed(Key::Enter), pressed(Key::Escape))
     });
     if down {
-        app.palette.row += 1;
+        app.dialogs.palette.row += 1;
     }
     if up {
-        app.palette.row = app.palette.row.saturating_sub(1);
+        app.dialogs.palette.row = app.dialogs.palette.row.saturating_sub(1);
     }
-    app.palette.row = app.palette.row.min(rows.len().saturating_sub(1));
-    let mut chosen = enter.then(|| rows.get(app.palette.row).map(|row| row.command)).flatten();
+    app.dialogs.palette.row = app.dialogs.palette.row.min(rows.len().saturating_sub(1));
+    let mut chosen = enter.then(|| rows.get(app.dialogs.palette.row).map(|row| row.command)).flatten();
     Window::new("Commands")
         .title_bar(false)
         .resizable(false)
         .anchor(Align2::CENTER_TOP, Vec2::new(0.0, 64.0))
         .fixed_size(Vec2::new(460.0, 360.0))
         .show(ctx, |ui| {
-            let field = TextEdit::singleline(&mut app.palette.query)
+            let field = TextEdit::singleline(&mut app.dialogs.palette.query)
                 .hint_text("What would you like to do?")
                 .desired_width(f32::INFINITY);
             let field = ui.add(field);
             field.request_focus();
             if field.changed() {
-                app.palette.row = 0;
+                app.dialogs.palette.row = 0;
             }
             ui.separator();
             ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
@@ -66,7 +66,7 @@ fn commands(app: &mut App, ctx: &Context) {
                     let keys = row.keys.map_or_else(String::new, |keys| {
                         shortcut_text(ui, keys::shortcut(row.command, keys))
                     });
-                    let lit = i == app.palette.row;
+                    let lit = i == app.dialogs.palette.row;
                     let button = egui::Button::new(app.editor.words(row.command))
                         .selected(lit)
                         .shortcut_text(keys)
@@ -82,7 +82,7 @@ fn commands(app: &mut App, ctx: &Context) {
             });
         });
     if chosen.is_some() || escape {
-        app.palette.close();
+        app.dialogs.palette.close();
     }
     if let Some(command) = chosen {
         app.tell(command);
@@ -146,7 +146,7 @@ fn shortcuts(app: &mut App, ctx: &Context) {
                 ui.label(RichText::new(line).color(palette.text2));
             }
         });
-    app.shortcuts &= open;
+    app.dialogs.shortcuts &= open;
 }
 
 fn about(app: &mut App, ctx: &Context) {
@@ -171,7 +171,7 @@ fn about(app: &mut App, ctx: &Context) {
                 });
             });
         });
-    app.about &= open;
+    app.dialogs.about &= open;
 }
 
 /// What everything that is part of this program asks to be said; only the lines that show are laid out.

@@ -24,7 +24,7 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
             _ if app.editor.session().site.cameras.is_empty() => {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
-            _ if app.layers.hidden && app.editor.tool().is_idle() => {
+            _ if app.view.layers.hidden && app.editor.tool().is_idle() => {
                 "What lies on the image is hidden.  H: show it".into()
             }
             _ => proposal_hint(app).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
@@ -88,12 +88,12 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
             *stop = true;
         }
     }
-    if let Some(refining) = &app.refining {
+    if let Some(refining) = &app.jobs.refining {
         ui.spinner();
         let text = format!("refining {}", counted(refining.from.cameras.len(), "camera", "cameras"));
         ui.label(RichText::new(text).color(palette.text2));
     }
-    if let Some(proposing) = &app.proposing {
+    if let Some(proposing) = &app.jobs.proposing {
         ui.spinner();
         ui.label(RichText::new(proposing.doing()).color(palette.text2));
     }
@@ -136,7 +136,7 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
 
 fn place(app: &App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let Some((pane, at)) = app.panes.cursor else { return };
+    let Some((pane, at)) = app.view.panes.cursor else { return };
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
     match pane {
         Pane::Image(camera) => {

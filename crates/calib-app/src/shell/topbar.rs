@@ -97,7 +97,7 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
     ui.spacing_mut().item_spacing.x = 4.0;
     for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
-        let is_on = app.mode == mode;
+        let is_on = app.view.mode == mode;
         // On a phone the icons speak for themselves.
         let phone = ui.ctx().content_rect().width() < crate::widgets::NARROW;
         let text = if phone { "     ".into() } else { format!("      {title}   {}", i + 1) };

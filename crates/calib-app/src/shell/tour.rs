@@ -9,7 +9,7 @@ use crate::theme;
 /// The strip of the step one is at; after the last one, what to do with one's own images.
 pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
     let Some(index) = app.tour.step else { return };
-    let open = app.tour.open(app.editor.session(), app.mode);
+    let open = app.tour.open(app.editor.session(), app.view.mode);
     if open.is_none() && index < STEPS.len() && app.editor.tool().is_idle() {
         app.tour.step = Some(index + 1);
         ui.ctx().request_repaint();

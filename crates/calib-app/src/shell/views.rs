@@ -20,13 +20,13 @@ const LEAST: f32 = 150.0;
 /// What the mode shows.
 pub fn views_ui(app: &mut App, ui: &mut Ui) {
     let rect = ui.max_rect();
-    app.panes.middle = Some(rect);
-    match app.mode {
+    app.view.panes.middle = Some(rect);
+    match app.view.mode {
         Mode::Image => {
             let camera = app.editor.session().camera;
             let is_tall = rect.height() > 1.8 * cameras::HEIGHT;
             let has_more = app.editor.find_family();
-            if has_more && is_tall && app.compares_views {
+            if has_more && is_tall && app.view.compares_views {
                 let (above, below) = rect.split_top_bottom_at_y(rect.bottom() - cameras::HEIGHT);
                 single(app, ui, above, camera, Place::Main);
                 ui.scope_builder(egui::UiBuilder::new().max_rect(below), |ui| cameras::dock_ui(app, ui));
@@ -38,7 +38,7 @@ pub fn views_ui(app: &mut App, ui: &mut Ui) {
             }
         }
         Mode::Plan => {
-            let right = beside(app, ui, rect, app.beside_plan);
+            let right = beside(app, ui, rect, app.view.beside_plan);
             header(
                 app,
                 ui,
@@ -50,7 +50,7 @@ pub fn views_ui(app: &mut App, ui: &mut Ui) {
         }
         Mode::All => all(app, ui, rect),
         Mode::Scene => {
-            let right = beside(app, ui, rect, app.beside_scene);
+            let right = beside(app, ui, rect, app.view.beside_scene);
             scene(app, ui, right);
         }
     }
@@ -131,7 +131,7 @@ fn camera_header(
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let (id, title) = (entry.id.clone(), entry.name.clone().unwrap_or_else(|| entry.id.clone()));
     let key = (place, Pane::Image(camera));
-    let zoom = app.panes.views.get(&key).map_or_else(String::new, |view| {
+    let zoom = app.view.panes.views.get(&key).map_or_else(String::new, |view| {
         // Of the screen's own pixels, not of points.
         let zoom = view.zoom * f64::from(ui.ctx().pixels_per_point());
         format!("{} %", number(100.0 * zoom, 0))
@@ -182,17 +182,17 @@ fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Comma
 /// A switch in a word, and whether it is on.
 const fn state(app: &App, command: Command) -> (&'static str, bool) {
     match command {
-        Command::Grid => ("Grid", app.layers.grid),
-        Command::Horizon => ("Horizon", app.layers.horizon),
-        Command::Field => ("Field", app.layers.field),
-        Command::Prism => ("Prism", app.layers.prism),
-        Command::Guide => ("Guide", app.layers.guide),
-        Command::Straighten => ("Straighten", app.layers.straight),
-        Command::NextWindow => ("Window", !matches!(app.looking, Looking::Whole)),
+        Command::Grid => ("Grid", app.view.layers.grid),
+        Command::Horizon => ("Horizon", app.view.layers.horizon),
+        Command::Field => ("Field", app.view.layers.field),
+        Command::Prism => ("Prism", app.view.layers.prism),
+        Command::Guide => ("Guide", app.view.layers.guide),
+        Command::Straighten => ("Straighten", app.view.layers.straight),
+        Command::NextWindow => ("Window", !matches!(app.view.looking, Looking::Whole)),
         Command::Snap => ("Snap", app.editor.session().snap),
-        Command::ColourByResidual => ("By residual", app.layers.by_residual),
-        Command::Coverage => ("Coverage", app.coverage),
-        Command::Blend => ("All images", app.blend),
+        Command::ColourByResidual => ("By residual", app.view.layers.by_residual),
+        Command::Coverage => ("Coverage", app.view.coverage),
+        Command::Blend => ("All images", app.view.blend),
         _ => ("", false),
     }
 }
@@ -203,7 +203,7 @@ fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
     let columns = columns(count, rect);
     let rows = count.div_ceil(columns);
     let size = Vec2::new(rect.width() / columns as f32, (rect.height() / rows as f32).max(LEAST + HEADER));
-    app.panes.tiles_overflow = size.y * rows as f32 > rect.height() + 1.0;
+    app.view.panes.tiles_overflow = size.y * rows as f32 > rect.height() + 1.0;
     ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.spacing_mut().item_spacing = Vec2::ZERO;
@@ -248,7 +248,7 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     app.ask_for_plan(ui.ctx());
     let response = ui.interact(rect, ui.scope_id().with("scene"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Scene"));
-    let mut orbit = app.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
+    let mut orbit = app.view.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
     let by = response.drag_delta();
     let pans = ui.input(|i| i.modifiers.shift || i.pointer.middle_down() || i.pointer.secondary_down());
     if by != Vec2::ZERO {
@@ -284,5 +284,5 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
         theme::regular(11.0),
         palette.text2,
     );
-    app.orbit = Some(orbit);
+    app.view.orbit = Some(orbit);
 }

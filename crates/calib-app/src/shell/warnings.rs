@@ -47,7 +47,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize) {
     if wanted {
         app.send(Action::Drop);
         app.send(Action::Choose(camera));
-        app.mode = Mode::Image;
+        app.view.mode = Mode::Image;
     }
 }
 

@@ -37,21 +37,14 @@ use crate::storage::autosave::{Autosave, Found, Slots};
 use crate::storage::dialog::Dialog;
 use crate::theme;
 
-/// What views read: the document, how it is looked at, and what is under way.
+/// How the document is viewed: mode, canvases, layers and switches.
 #[derive(Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
-pub struct App {
-    /// The document.
-    pub editor: Editor,
-    pub(crate) sent: Vec<Sent>,
+pub struct ViewState {
     /// What the middle shows.
     pub mode: Mode,
     /// How canvases are looked at.
     pub panes: Panes,
-    /// Decoded stills.
-    pub pictures: Pictures,
-    /// Straight edges of the stills.
-    pub edges: Edges,
     /// What lies on images.
     pub layers: Layers,
     /// How the images of fisheyes are looked at.
@@ -66,12 +59,21 @@ pub struct App {
     pub coverage: bool,
     /// The floor from above is shown beside the image.
     pub above: bool,
-    /// What other programs take.
-    pub export: Sheet,
     /// Poses before the joint solve are shown beside the new ones.
     pub show_before: bool,
     /// From where the scene is looked at.
     pub orbit: Option<Orbit>,
+    /// Two cameras that fit equally well are shown side by side.
+    pub compares_views: bool,
+    /// How the list of cameras is filtered and sorted.
+    pub list: List,
+    /// How a newer still is looked at.
+    pub glance: Glance,
+}
+
+/// Highlights that follow the pointer and the selection.
+#[derive(Debug)]
+pub struct Hover {
     /// The line whose row is under the cursor.
     pub lit: Option<(usize, usize)>,
     /// The group of proposed lines whose row is under the cursor.
@@ -79,50 +81,59 @@ pub struct App {
     /// When the suspect changed, for its blinking, in seconds.
     pub suspect_since: f64,
     pub(crate) suspect: Option<(usize, usize, usize)>,
-    /// Two cameras that fit equally well are shown side by side.
-    pub compares_views: bool,
     /// A field for text had the focus when the last frame ended.
     pub(crate) was_typing: bool,
+}
+
+/// Sheets and dialogs above the window.
+#[derive(Debug)]
+pub struct Dialogs {
+    /// What other programs take.
+    pub export: Sheet,
     /// The command palette.
     pub palette: Palette,
-    /// How far a newcomer has come.
-    pub tour: Tour,
     /// The shortcut sheet is open.
     pub shortcuts: bool,
     /// The about sheet is open.
     pub about: bool,
-    /// Between which links or marks the next distance is measured.
-    pub pair: [String; 2],
-    /// How the list of cameras is filtered and sorted.
-    pub list: List,
-    /// Work of crashed sessions, offered, each with where it is kept.
-    pub found: Vec<(Autosave, Found)>,
-    /// Sites that were opened or saved last.
-    pub recent: Vec<Recent>,
     /// How files are asked for.
     pub chooser: fn(Purpose) -> Dialog,
-    /// The small still by which the site is known where sites are kept.
-    pub(crate) thumbnail: Thumbnail,
-    /// Where a browser keeps sites.
-    pub shelf: Option<Box<dyn Shelf>>,
-    pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
-    pub(crate) autosave: Option<Autosave>,
-    /// What the site's own file held when it was read or written last.
-    pub(crate) held: Option<u64>,
-    /// The site as its file had it then.
-    pub(crate) as_held: Option<Site>,
     /// A file that waits for a decision.
     pub conflict: Option<Conflict>,
     /// Images that the site names outside its folder.
     pub outside: Outside,
     /// A path that is typed in place of a file chooser.
     pub path_field: Option<PathField>,
+    pub(crate) dialog: Option<Dialog>,
+}
+
+/// Files, autosaves and recent sites.
+#[derive(Debug)]
+pub struct Storage {
+    /// Work of crashed sessions, offered, each with where it is kept.
+    pub found: Vec<(Autosave, Found)>,
+    /// Sites that were opened or saved last.
+    pub recent: Vec<Recent>,
+    /// The small still by which the site is known where sites are kept.
+    pub(crate) thumbnail: Thumbnail,
+    /// Where a browser keeps sites.
+    pub shelf: Option<Box<dyn Shelf>>,
+    pub(crate) autosave: Option<Autosave>,
+    /// What the site's own file held when it was read or written last.
+    pub(crate) held: Option<u64>,
+    /// The site as its file had it then.
+    pub(crate) as_held: Option<Site>,
     /// Where autosaves are.
     pub(crate) folder: Option<PathBuf>,
     /// The autosaves that no other window touches while this one lives.
     pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
     pub(crate) kept: u64,
-    pub(crate) dialog: Option<Dialog>,
+}
+
+/// Work off the frame's path.
+#[derive(Debug)]
+pub struct Jobs {
+    pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
     pub(crate) pictured: Option<Vec<u8>>,
     pub(crate) adding: Vec<Task<Read>>,
@@ -132,12 +143,37 @@ pub struct App {
     pub(crate) planning: Option<Planning>,
     pub(crate) refining: Option<Refining>,
     pub(crate) proposing: Option<Proposing>,
-    /// How a newer still is looked at.
-    pub glance: Glance,
-    /// Seconds since 1970, for how old calibrations are.
-    pub clock: fn() -> u64,
     pub(crate) comparing: VecDeque<Comparing>,
     pub(crate) recovering: Option<Recovering>,
+}
+
+/// What views read: the document, how it is looked at, and what is under way.
+#[derive(Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
+pub struct App {
+    /// The document.
+    pub editor: Editor,
+    pub(crate) sent: Vec<Sent>,
+    /// Decoded stills.
+    pub pictures: Pictures,
+    /// Straight edges of the stills.
+    pub edges: Edges,
+    /// How far a newcomer has come.
+    pub tour: Tour,
+    /// Between which links or marks the next distance is measured.
+    pub pair: [String; 2],
+    /// Seconds since 1970, for how old calibrations are.
+    pub clock: fn() -> u64,
+    /// How the document is viewed: mode, canvases, layers and switches.
+    pub view: ViewState,
+    /// Highlights that follow the pointer and the selection.
+    pub hover: Hover,
+    /// Sheets and dialogs above the window.
+    pub dialogs: Dialogs,
+    /// Files, autosaves and recent sites.
+    pub storage: Storage,
+    /// Work off the frame's path.
+    pub jobs: Jobs,
 }
 
 impl App {
@@ -149,60 +185,64 @@ impl App {
         Self {
             editor: Editor::default(),
             sent: Vec::new(),
-            mode: Mode::Image,
-            panes: Panes::default(),
             pictures: Pictures::default(),
             edges: Edges::default(),
-            layers: Layers::default(),
-            looking: Looking::default(),
-            beside_plan: true,
-            beside_scene: false,
-            blend: false,
-            coverage: true,
-            above: true,
-            export: Sheet::default(),
-            show_before: true,
-            orbit: None,
-            lit: None,
-            lit_group: None,
-            suspect_since: 0.0,
-            suspect: None,
-            compares_views: false,
-            was_typing: false,
-            palette: Palette::default(),
             tour: Tour::default(),
-            shortcuts: false,
-            about: false,
             pair: Default::default(),
-            list: List::default(),
-            found,
-            recent: folder.as_deref().map(autosave::list).unwrap_or_default(),
-            chooser: Dialog::open,
-            thumbnail: Thumbnail::default(),
-            shelf: None,
-            arriving: Vec::new(),
-            autosave,
-            held: None,
-            as_held: None,
-            conflict: None,
-            outside: Outside::default(),
-            path_field: None,
-            folder,
-            claims,
-            kept: 0,
-            dialog: None,
-            picture: None,
-            pictured: None,
-            adding: Vec::new(),
-            replaced: Period::default(),
-            replacing: None,
-            planning: None,
-            refining: None,
-            proposing: None,
-            glance: Glance::default(),
             clock: || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
-            comparing: VecDeque::new(),
-            recovering: None,
+            view: ViewState {
+                mode: Mode::Image,
+                panes: Panes::default(),
+                layers: Layers::default(),
+                looking: Looking::default(),
+                beside_plan: true,
+                beside_scene: false,
+                blend: false,
+                coverage: true,
+                above: true,
+                show_before: true,
+                orbit: None,
+                compares_views: false,
+                list: List::default(),
+                glance: Glance::default(),
+            },
+            hover: Hover { lit: None, lit_group: None, suspect_since: 0.0, suspect: None, was_typing: false },
+            dialogs: Dialogs {
+                export: Sheet::default(),
+                palette: Palette::default(),
+                shortcuts: false,
+                about: false,
+                chooser: Dialog::open,
+                conflict: None,
+                outside: Outside::default(),
+                path_field: None,
+                dialog: None,
+            },
+            storage: Storage {
+                found,
+                recent: folder.as_deref().map(autosave::list).unwrap_or_default(),
+                thumbnail: Thumbnail::default(),
+                shelf: None,
+                autosave,
+                held: None,
+                as_held: None,
+                folder,
+                claims,
+                kept: 0,
+            },
+            jobs: Jobs {
+                arriving: Vec::new(),
+                picture: None,
+                pictured: None,
+                adding: Vec::new(),
+                replaced: Period::default(),
+                replacing: None,
+                planning: None,
+                refining: None,
+                proposing: None,
+                comparing: VecDeque::new(),
+                recovering: None,
+            },
         }
     }
 
@@ -254,7 +294,7 @@ impl App {
 
     /// Asks for files.
     pub fn ask(&mut self, purpose: Purpose) {
-        self.dialog = Some((self.chooser)(purpose));
+        self.dialogs.dialog = Some((self.dialogs.chooser)(purpose));
     }
 
     /// Asks for what is known of the lens of the camera in hand to be changed.
@@ -271,7 +311,7 @@ impl App {
         if !self.editor.is_at_rest() {
             self.act(Action::Drop);
         }
-        self.mode = mode;
+        self.view.mode = mode;
         // What draws on an image has nothing to do on the plan: there the handles are meant.
         let drew =
             self.editor.tool_kind().is_some() || TOOLS[self.editor.tool_row()].title == "Field of view";
@@ -282,21 +322,21 @@ impl App {
 
     /// Closes what is open above the window. Whether anything was.
     pub fn close_sheets(&mut self) -> bool {
-        let exported = self.export.close();
-        let was_asked = self.conflict.take().is_some()
-            | self.path_field.take().is_some()
-            | !self.outside.asked.is_empty();
-        if !self.outside.asked.is_empty() {
+        let exported = self.dialogs.export.close();
+        let was_asked = self.dialogs.conflict.take().is_some()
+            | self.dialogs.path_field.take().is_some()
+            | !self.dialogs.outside.asked.is_empty();
+        if !self.dialogs.outside.asked.is_empty() {
             self.decide_outside(false);
         }
         let was_open = exported
             || was_asked
-            || self.palette.is_open()
-            || self.shortcuts
-            || self.about
+            || self.dialogs.palette.is_open()
+            || self.dialogs.shortcuts
+            || self.dialogs.about
             || self.editor.error().is_some();
-        self.palette.close();
-        (self.shortcuts, self.about) = (false, false);
+        self.dialogs.palette.close();
+        (self.dialogs.shortcuts, self.dialogs.about) = (false, false);
         self.act(Action::CloseError);
         was_open
     }
@@ -305,7 +345,7 @@ impl App {
     #[must_use]
     pub fn zoom_key(&self) -> (Place, Pane) {
         let own = Pane::Image(self.editor.session().camera);
-        match (self.mode, self.panes.active) {
+        match (self.view.mode, self.view.panes.active) {
             (Mode::Image, _) => (Place::Main, own),
             (Mode::Plan, None) => (Place::Half, own),
             (_, None) => (Place::Tile, own),
@@ -323,13 +363,15 @@ impl App {
             .filter(|(part, _)| parts.contains(part))
             .map(|(_, pixel)| pixel.into())
             .collect();
-        let Some(mapping) = self.panes.mapping(key.0, key.1).filter(|_| !points.is_empty()) else { return };
+        let Some(mapping) = self.view.panes.mapping(key.0, key.1).filter(|_| !points.is_empty()) else {
+            return;
+        };
         let points: Vec<[f64; 2]> = points.into_iter().map(|at| mapping.flat(at)).collect();
         let low = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min);
         let high = |axis: usize| points.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max);
         let margin = 0.5 * (high(0) - low(0)).max(high(1) - low(1)).max(20.0);
         let (low, high) = ([low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]);
-        self.panes.views.insert(key, View::of(low, high, mapping.rect, false, false));
+        self.view.panes.views.insert(key, View::of(low, high, mapping.rect, false, false));
     }
 
     /// The edge of a camera's image under a pixel, while a tool that draws lines is in the hand.
@@ -338,7 +380,7 @@ impl App {
             .editor
             .tool_kind()
             .is_some_and(|kind| kind.row().shape != calib_core::single::Shape::Polyline);
-        if !draws || !self.layers.edges {
+        if !draws || !self.view.layers.edges {
             return None;
         }
         if camera == self.editor.session().camera
@@ -377,17 +419,20 @@ impl App {
         let (lens, focal, mount) = self.fisheye(camera)?;
         let size = self.editor.session().site.cameras.get(camera)?.size();
         let ahead = Looking::Toward([0.0, 0.0, 1.0]);
-        let looking =
-            if self.looking == Looking::Whole && self.layers.straight { ahead } else { self.looking };
+        let looking = if self.view.looking == Looking::Whole && self.view.layers.straight {
+            ahead
+        } else {
+            self.view.looking
+        };
         let window = looking.window(mount, lens_reach(&lens, focal, size))?;
         Some(Bend::Window { lens, focal, window })
     }
 
     /// Looks at the image in hand through another window: shown whole at first.
     pub(crate) fn look(&mut self, looking: Looking) {
-        self.looking = looking;
+        self.view.looking = looking;
         let own = Pane::Image(self.editor.session().camera);
-        self.panes.views.remove(&(Place::Main, own));
+        self.view.panes.views.remove(&(Place::Main, own));
     }
 
     /// Turns the window towards what a pixel of the image in hand shows.
@@ -411,7 +456,7 @@ impl App {
         let rel = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
         let is_needed =
             |next: &&DrawNext| rel.is_none_or(|rel| rel >= GOOD) || next.drawing == Some(Drawing::KnownSize);
-        next.filter(|next| self.layers.suggestion && is_needed(next))
+        next.filter(|next| self.view.layers.suggestion && is_needed(next))
     }
 
     /// Edges of the image in hand on which the proposed lines can be drawn; none while something is in the hand.
@@ -442,7 +487,7 @@ impl App {
     /// What the still of the camera in hand proposes, where its image is what is looked at.
     #[must_use]
     pub fn shown_proposal(&self) -> Option<&Proposed> {
-        self.editor.session().proposed().filter(|_| self.mode == Mode::Image)
+        self.editor.session().proposed().filter(|_| self.view.mode == Mode::Image)
     }
 
     /// Whether Enter and Escape mean the proposal: nothing is in the hand, and no button has the focus.

@@ -69,22 +69,22 @@ impl App {
     /// Whether newer stills are compared, or a camera is recovered.
     #[must_use]
     pub fn is_comparing(&self) -> bool {
-        !self.comparing.is_empty() || self.recovering.is_some()
+        !self.jobs.comparing.is_empty() || self.jobs.recovering.is_some()
     }
 
     /// Whether the camera in hand is being recovered: what that was asked with is not to change meanwhile.
     pub(crate) fn is_recovering_in_hand(&self) -> bool {
         let entry = self.editor.session().entry();
-        self.recovering.as_ref().zip(entry).is_some_and(|(own, entry)| own.of.is_of(entry))
+        self.jobs.recovering.as_ref().zip(entry).is_some_and(|(own, entry)| own.of.is_of(entry))
     }
 
     /// What is being done, in words.
     pub(crate) fn doing_newer(&self) -> Option<String> {
-        if let Some(recovering) = &self.recovering {
+        if let Some(recovering) = &self.jobs.recovering {
             return Some(format!("recovering {}", recovering.of.camera));
         }
-        let first = self.comparing.front()?;
-        let others = match self.comparing.len() {
+        let first = self.jobs.comparing.front()?;
+        let others = match self.jobs.comparing.len() {
             1 => String::new(),
             count => format!(", {} more wait", count - 1),
         };
@@ -93,16 +93,16 @@ impl App {
 
     /// Waits for nothing of it any more.
     pub(crate) fn stop_comparing(&mut self) {
-        self.comparing.clear();
-        self.recovering = None;
+        self.jobs.comparing.clear();
+        self.jobs.recovering = None;
         Here::stop_comparing();
     }
 
     /// Goes on with the first of them: each takes the memory of two images.
     pub(crate) fn poll_comparing(&mut self, ctx: &Context) {
-        let Some(Comparing { camera, step }) = self.comparing.pop_front() else { return };
+        let Some(Comparing { camera, step }) = self.jobs.comparing.pop_front() else { return };
         match self.advance(ctx, &camera, step) {
-            Ok(Some(step)) => self.comparing.push_front(Comparing { camera, step }),
+            Ok(Some(step)) => self.jobs.comparing.push_front(Comparing { camera, step }),
             // The next one begins with the next frame.
             Ok(None) => ctx.request_repaint(),
             Err(error) => self.act(Action::Complain(format!("{camera}: {error}"))),
@@ -184,7 +184,8 @@ impl App {
     pub(crate) fn recover_newer(&mut self, ctx: &Context) {
         let session = self.editor.session();
         let newer = self.editor.newer_in_hand().filter(|newer| newer.has_moved());
-        let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.recovering) else {
+        let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.jobs.recovering)
+        else {
             return;
         };
         let of = Period::of(entry);
@@ -215,13 +216,13 @@ impl App {
             comparison: newer.comparison,
             still: RecoveredStill { image: newer.image, since: newer.since.trim().to_owned() },
         };
-        self.recovering = Some(Recovering { of, from, task: Here::recover(ctx, asked, [old, new]) });
+        self.jobs.recovering = Some(Recovering { of, from, task: Here::recover(ctx, asked, [old, new]) });
     }
 
     pub(crate) fn poll_recovering(&mut self) {
-        let Some(recovering) = self.recovering.take() else { return };
+        let Some(recovering) = self.jobs.recovering.take() else { return };
         let Some(found) = recovering.task.outcome() else {
-            self.recovering = Some(recovering);
+            self.jobs.recovering = Some(recovering);
             return;
         };
         let Recovering { of, from, .. } = recovering;

@@ -60,5 +60,5 @@ impl Sheet {
 
 /// The formats that can be written.
 pub(crate) fn formats() -> impl Iterator<Item = &'static Format> {
-    FORMATS.iter().filter(|format| format.exports())
+    FORMATS.iter().filter(|format| format.can_export())
 }

@@ -9,7 +9,7 @@ mod comparing;
 mod app;
 mod work;
 
-pub use app::App;
+pub use app::{App, Dialogs, Hover, Jobs, Storage, ViewState};
 pub(crate) use comparing::{Comparing, Recovering};
 pub use export::Sheet;
 pub use files::{Conflict, Decision, Outside, PathField, Why};

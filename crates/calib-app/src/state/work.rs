@@ -18,15 +18,17 @@ impl App {
     /// How many files were chosen and are not taken yet.
     #[must_use]
     pub fn waiting(&self) -> usize {
-        self.adding.len() + usize::from(self.replacing.is_some()) + usize::from(self.planning.is_some())
+        self.jobs.adding.len()
+            + usize::from(self.jobs.replacing.is_some())
+            + usize::from(self.jobs.planning.is_some())
     }
 
     /// Whether images are being read, edges looked for, cameras refined.
     #[must_use]
     pub fn is_working(&self) -> bool {
         self.waiting() > 0
-            || self.refining.is_some()
-            || self.proposing.is_some()
+            || self.jobs.refining.is_some()
+            || self.jobs.proposing.is_some()
             || self.is_comparing()
             || self.pictures.loading() > 0
             || self.edges.looking() > 0
@@ -35,20 +37,20 @@ impl App {
     /// Whether something was asked for that changes the site when it comes.
     pub(crate) fn awaits(&self) -> bool {
         self.waiting() > 0
-            || self.dialog.is_some()
-            || self.refining.is_some()
-            || self.proposing.is_some()
+            || self.dialogs.dialog.is_some()
+            || self.jobs.refining.is_some()
+            || self.jobs.proposing.is_some()
             || self.is_comparing()
-            || !self.arriving.is_empty()
+            || !self.jobs.arriving.is_empty()
     }
 
     /// Waits no longer for images, edges and refined cameras.
     pub fn stop_work(&mut self) {
-        if self.refining.take().is_some() {
+        if self.jobs.refining.take().is_some() {
             self.act(Action::Note("Cancelled: no camera was moved.".into()));
             return;
         }
-        if self.proposing.take().is_some() {
+        if self.jobs.proposing.take().is_some() {
             self.act(Action::Note("Cancelled: nothing is proposed.".into()));
             return;
         }
@@ -60,8 +62,8 @@ impl App {
             return;
         }
         let count = self.waiting();
-        self.adding.clear();
-        (self.replacing, self.planning) = (None, None);
+        self.jobs.adding.clear();
+        (self.jobs.replacing, self.jobs.planning) = (None, None);
         self.pictures.stop();
         self.edges.stop();
         self.act(Action::Note(match count {
@@ -75,8 +77,8 @@ impl App {
 
     /// Begins to improve all cameras together.
     pub(crate) fn refine(&mut self, ctx: &Context) {
-        if self.refining.is_none() {
-            self.refining = Some(Refining::begin(ctx, self.editor.site()));
+        if self.jobs.refining.is_none() {
+            self.jobs.refining = Some(Refining::begin(ctx, self.editor.site()));
         }
     }
 
@@ -92,11 +94,11 @@ impl App {
             return self.act(Action::Note(note));
         };
         self.act(Action::Drop);
-        self.proposing = Some(Proposing::new(camera, image));
+        self.jobs.proposing = Some(Proposing::new(camera, image));
     }
 
     pub(crate) fn poll_proposing(&mut self, ctx: &Context) {
-        let Some(mut proposing) = self.proposing.take() else { return };
+        let Some(mut proposing) = self.jobs.proposing.take() else { return };
         let of = proposing.of();
         let camera = of.camera.clone();
         let is_asked =
@@ -115,16 +117,16 @@ impl App {
             Some(Err(error)) => {
                 self.act(Action::Complain(format!("{camera}: looking for a proposal stopped: {error}")));
             }
-            None => self.proposing = Some(proposing),
+            None => self.jobs.proposing = Some(proposing),
         }
     }
 
     pub(crate) fn poll_refining(&mut self) {
-        let Some(refining) = self.refining.take() else { return };
+        let Some(refining) = self.jobs.refining.take() else { return };
         match refining.poll() {
             Some(Ok(refined)) => self.act(Action::Refined(Box::new((refining.from.clone(), refined)))),
             Some(Err(error)) => self.act(Action::Complain(format!("Refining stopped: {error}"))),
-            None => self.refining = Some(refining),
+            None => self.jobs.refining = Some(refining),
         }
     }
 }

@@ -40,7 +40,7 @@ impl Desk {
             names.iter().filter_map(|name| images.file(name)).filter_map(|file| file.canonicalize().ok());
         images.allowed = files.collect();
         let mut app = App::new(&Context::default(), None);
-        app.chooser = |purpose| Dialog::answered(purpose, Vec::new());
+        app.dialogs.chooser = |purpose| Dialog::answered(purpose, Vec::new());
         app.open_site(site, images, None);
         let harness = Harness::builder()
             .with_size([1440.0, 900.0])
@@ -54,7 +54,7 @@ impl Desk {
     /// The file that the next chooser of this thread is answered with.
     pub(crate) fn answer(&mut self, path: Option<PathBuf>) {
         ANSWER.set(path);
-        self.app().chooser = |purpose| {
+        self.app().dialogs.chooser = |purpose| {
             let chosen = |path: PathBuf| Chosen {
                 name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
                 path: Some(path),
@@ -120,7 +120,7 @@ impl Desk {
 
     /// Where the screen shows a point of a pane.
     pub(crate) fn screen(&self, pane: Pane, at: [f64; 2]) -> Pos2 {
-        let panes = &self.harness.state().panes;
+        let panes = &self.harness.state().view.panes;
         let places = [Place::Main, Place::Half, Place::Tile];
         let shown = places.into_iter().find_map(|place| panes.mapping(place, pane));
         shown.expect("a pane that is shown").screen(at)

@@ -16,7 +16,7 @@ use arrow_array::types::{Float32Type, Float64Type};
 use arrow_array::{Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch};
 use arrow_cast::display::{ArrayFormatter, FormatOptions};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
-use calib_formats::runs_in_spreadsheets;
+use calib_formats::is_spreadsheet_formula;
 
 use super::arrow::in_utc;
 use super::{
@@ -243,7 +243,7 @@ pub(super) fn create<'a>(
 impl CsvSink<'_> {
     /// Writes a cell that a spreadsheet would run with an apostrophe before it, which makes it text there.
     fn write_text(&mut self, text: &[u8]) -> Result<(), Stop> {
-        if self.is_verbatim || !runs_in_spreadsheets(text) {
+        if self.is_verbatim || !is_spreadsheet_formula(text) {
             return Ok(self.writer.write_field(text)?);
         }
         self.quoted += 1;

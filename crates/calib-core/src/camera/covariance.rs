@@ -54,7 +54,6 @@ impl Covariance {
     }
 
     /// The same where nothing is known of the errors of some unknowns, by their indices.
-    #[cfg(feature = "serde")]
     pub fn without(mut self, unknown: &[usize]) -> Self {
         for &index in unknown {
             self.0[index] = [0.0; Self::SIZE];

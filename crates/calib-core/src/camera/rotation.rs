@@ -70,8 +70,7 @@ impl Movement {
 /// How a camera turned and zoomed in its place.
 ///
 /// The lens stays the map of pixels that it was.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Turn {
     /// The axis in the old camera's axes (right, down, forward), as long as the angle, in radians: what has the
     /// coordinates `x` in the old axes has `exp(vector) x` in the new ones.

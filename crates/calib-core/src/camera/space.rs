@@ -6,8 +6,8 @@ macro_rules! point {
     ($(#[$doc:meta])* $name:ident { $($(#[$coordinate_doc:meta])* $coordinate:ident),+ } = $array:ty, $text:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
-        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-        #[cfg_attr(feature = "serde", serde(from = $text, into = $text))]
+        #[derive(serde::Serialize, serde::Deserialize)]
+        #[serde(from = $text, into = $text)]
         pub struct $name {
             $($(#[$coordinate_doc])* pub $coordinate: f64),+
         }

@@ -10,9 +10,8 @@ use crate::outcome::code::{Code, Severity};
 use crate::outcome::subject::{Parameter, Source, Subject};
 
 /// A kind of drawing that can be suggested.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum Drawing {
     /// A vertical near the left edge of the image.

@@ -116,8 +116,7 @@ impl Fitted {
 }
 
 /// The orientation and focal that stage 1 estimates, by either method.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Orientation {
     /// In radians.
     pub roll: f64,

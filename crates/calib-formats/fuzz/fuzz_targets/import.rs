@@ -37,14 +37,14 @@ const FORMATS: &[(&str, Names)] = &[
 ];
 
 static FORMAT: LazyLock<&(&str, Names)> = LazyLock::new(|| {
-    let asked = std::env::var("CALIB_FORMAT").expect("CALIB_FORMAT names the format");
-    FORMATS.iter().find(|(name, _)| *name == asked).expect("CALIB_FORMAT is a format of the list")
+    let asked = std::env::var("CALIB_FORMAT").expect("CALIB_FORMAT must name the format");
+    FORMATS.iter().find(|(name, _)| *name == asked).expect("CALIB_FORMAT must be a format of the list")
 });
 
 /// Largest address space, in bytes, whether used or not. A size stated in a file is no reason to exceed it.
 const MEMORY: u64 = 2 << 30;
 
-fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("a limit of memory"), |bytes: &[u8]| {
+fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("the memory limit cannot be set"), |bytes: &[u8]| {
     let (name, names) = &**FORMAT;
     let file = |name: &str, bytes: &[u8]| File { name: name.into(), bytes: bytes.into() };
     let files: Vec<File> = match names {
@@ -56,10 +56,10 @@ fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("a limit of me
             vec![file(names[usize::from(first) % names.len()], rest)]
         }
     };
-    let format = calib_formats::format(name).expect("a format of the registry");
+    let format = calib_formats::format(name).expect("the format is missing in the registry");
     let Ok(imported) = import(format, &files) else { return };
     if let Err(error) = Site::from_json(&imported.site.to_json()) {
-        panic!("what was imported cannot be read: {error}");
+        panic!("the imported site is invalid: {error}");
     }
 });
 
