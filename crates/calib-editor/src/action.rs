@@ -1,4 +1,4 @@
-//! Everything that changes the document, or what the editor holds beside it.
+//! Requests of a view: every change of the document or of the editor's state outside it.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,231 +20,231 @@ use crate::planes::Planes;
 use crate::proposed::OnProposed;
 use crate::tools::{Pane, Pointer};
 
-/// A site to be opened.
+/// Site to be opened.
 #[derive(Clone, Debug)]
 pub struct Opened {
     /// The site.
     pub site: Site,
-    /// Where its images come from.
+    /// Source of its images.
     pub images: Images,
     /// Its file, if it has one.
     pub path: Option<PathBuf>,
-    /// It differs from its file, as work that a crash left does.
+    /// Whether it differs from its file, for example after a crash.
     pub is_unsaved: bool,
 }
 
-/// A picture that was read, to become a still or the plan.
+/// Image file that was read, to be used as the image of a camera or as the floor plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewStill {
-    /// What the site is to call it.
+    /// Name of the image in the site.
     pub image: String,
-    /// What the operator calls it.
+    /// Name of the image for the operator.
     pub title: String,
-    /// In pixels.
+    /// Size, in pixels.
     pub size: [u32; 2],
-    /// The disc outside of which it is black, of a fisheye's.
+    /// Image circle of a fisheye: the image is black outside it.
     pub image_circle: Option<ImageCircle>,
 }
 
-/// A number of a camera's place.
+/// Number of a camera's placement that can be fixed separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlaceNumber {
-    /// x of where it stands.
+    /// x of the camera position.
     X,
-    /// y of where it stands.
+    /// y of the camera position.
     Y,
-    /// How it is turned.
+    /// Rotation about the vertical.
     Turn,
-    /// How high it is.
+    /// Height above the floor.
     Height,
 }
 
-/// Something that the editor is to do. What changes a site is one gesture, which undo takes back.
+/// Request to the editor. Each change of the site is one undo step.
 #[derive(Clone, Debug)]
 pub enum Action {
-    /// Opens a site in place of the one that is open.
+    /// Opens a site and closes the current one.
     Open(Box<Opened>),
-    /// The site was written to its file; where images lie beside it, that is its folder.
+    /// Records that the site was written to its file. Relative image paths then start at its folder.
     Saved {
-        /// The file.
+        /// File that was written.
         path: PathBuf,
-        /// What its images are looked for beside, if files have folders.
+        /// Folder to which image paths are relative, if there is a file system.
         folder: Option<PathBuf>,
     },
-    /// Puts a changed site in place of what it was, as one gesture.
+    /// Replaces the site by a changed one, as one undo step.
     Change {
-        /// What it is to be.
+        /// Changed site.
         site: Box<Site>,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Images that the site names came in: the name in the site, and that under which they are stored.
+    /// Stores images under new names: pairs of the name in the site and the stored name.
     Attach(Vec<(String, String)>),
-    /// Something to be read in the status line.
+    /// Shows a note in the status line.
     Note(String),
-    /// One more thing went wrong: one error does not hide another.
+    /// Adds an error to the error that is shown.
     Complain(String),
-    /// Something went wrong; what was said before is past.
+    /// Shows an error and discards the previous one.
     Fail(String),
-    /// The error was read.
+    /// Closes the error message.
     CloseError,
 
-    /// What the pointer did on a canvas goes to the tool in hand.
+    /// Passes a pointer event on a canvas to the current tool.
     Pointer(Pointer),
-    /// Ends a gesture that is under way; the site is as it was before it.
+    /// Cancels the current gesture and restores the site.
     Drop,
-    /// A command on the gesture in hand.
+    /// Applies a command to the current gesture.
     Gesture(Gesture),
-    /// Puts a tool in the hand, by its index in the list.
+    /// Selects a tool by its index in the list.
     TakeTool(usize),
-    /// Which mark the tool of marks makes; it is taken in hand.
+    /// Sets the kind of mark that the mark tool creates, and selects the tool.
     MarkKind(MarkKind),
-    /// The length that was measured on the plan has been entered.
+    /// Records that the distance measured on the plan was entered.
     MeasuredDone,
 
-    /// Takes a camera in hand.
+    /// Selects a camera.
     Choose(usize),
-    /// Takes a camera in hand, and selects a part of it and nothing else.
+    /// Selects a camera and only this part of it.
     SelectOn(usize, Part),
-    /// Selects a part of the camera in hand and nothing else.
+    /// Selects only this part of the selected camera.
     Select(Part),
-    /// Selects a part, or no longer; what was selected stays.
+    /// Adds a part to the selection, or removes it.
     SelectMore(Part),
-    /// Selects what is at a pixel of a camera's image, unless it belongs to what is selected.
+    /// Selects the part at a pixel of a camera's image, unless it is already selected.
     SelectAt {
-        /// The camera.
+        /// Index of the camera.
         camera: usize,
-        /// The pixel.
+        /// Position, in pixels.
         at: [f64; 2],
-        /// How near to it, in pixels.
+        /// Search radius, in pixels.
         near: f64,
     },
-    /// A command on what is selected; lines are pulled onto the edges of `still`, if it is there.
+    /// Applies a command to the selected parts. The image, if available, is used to move lines onto edges.
     Selection(Selection, Option<Arc<RgbImage>>),
-    /// A small step.
+    /// Moves, rotates or scales the selection by a small step.
     Nudge {
-        /// Which.
+        /// Direction and kind of the step.
         step: Nudge,
-        /// Ten times as large.
+        /// Whether the step is ten times as large.
         coarse: bool,
-        /// The canvas it is meant for.
+        /// Canvas on which the key was pressed.
         pane: Option<Pane>,
     },
-    /// A command on lines.
+    /// Applies a command to lines.
     Lines(Lines),
 
-    /// The still of the camera of this id proposes this.
+    /// Stores the automatic calibration of a camera's image.
     Propose(Period, Box<Proposal>),
-    /// Decides on what the still of the camera in hand proposes.
+    /// Applies a decision about the automatic calibration of the selected camera.
     OnProposed(OnProposed),
-    /// A command on what is proposed.
+    /// Applies a command to the automatic calibration.
     Proposing(Proposing),
 
-    /// Does something with newer stills.
+    /// Applies an action on newer images.
     Newer(OnNewer),
 
-    /// A command on the list of cameras.
+    /// Applies a command to the list of cameras.
     Cameras(Cameras),
-    /// A still becomes a camera.
+    /// Adds a camera for an image.
     AddCamera(NewStill),
-    /// Another still of a camera: what is drawn stays where it is, in pixels.
+    /// Replaces the image of a camera. Annotations keep their pixel coordinates.
     ReplaceStill(Period, NewStill),
-    /// How much of the still that was replaced shows.
+    /// Sets the opacity of the replaced image, 0 to 1.
     BlendOldStill(f32),
-    /// The still that was replaced is no longer of interest.
+    /// Hides the replaced image.
     ForgetOldStill,
-    /// Brings what is drawn on the replaced still to the size of the new one.
+    /// Scales the annotations of the replaced image to the size of the new one.
     RescaleToStill,
-    /// Gives the camera in hand another id, everywhere.
+    /// Changes the id of the selected camera and all references to it.
     Rename(String),
-    /// Gives the camera in hand a name, or none.
+    /// Sets the name of the selected camera, or removes it if empty.
     Name(String),
 
-    /// Changes a drawn line.
+    /// Changes an annotation of the selected camera.
     Annotate {
-        /// Its index.
+        /// Index of the annotation.
         index: usize,
-        /// What it is to be.
+        /// Changed annotation.
         annotation: Box<Annotation>,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Changes what is known of the lens.
+    /// Changes the known lens parameters of the selected camera.
     Lens {
-        /// What is known from now on.
+        /// Changed lens entry.
         lens: Box<LensEntry>,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Changes what is known of the height of the camera in hand.
+    /// Changes the prior on the height of the selected camera.
     Height {
-        /// What is known from now on, in metres.
+        /// Height with its standard deviation, in metres.
         known: Option<Known>,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Shows another member of the family of cameras that fit as well: the first or second of those shown,
-    /// its horizontal field of view in degrees.
+    /// Shows another camera that fits equally well: the first or second one shown, with this horizontal field
+    /// of view in degrees.
     ShowView(usize, f64),
-    /// Believes a focal, in pixels, of the family of cameras that fit as well.
+    /// Sets a prior on the focal length, in pixels, to choose among cameras that fit equally well.
     UseFocal(f64),
 
-    /// Places a camera.
+    /// Places a camera on the floor.
     Place {
-        /// Which.
+        /// Index of the camera.
         camera: usize,
-        /// Where.
+        /// Placement of the camera.
         placement: Placement,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Holds the camera in hand where it is, or lets it go.
+    /// Fixes or unfixes the placement of the selected camera.
     HoldPlace,
-    /// Holds one number of the place of the camera in hand by itself, or releases it.
+    /// Fixes or unfixes one number of the placement of the selected camera.
     HoldNumber(PlaceNumber),
-    /// Forgets where the camera in hand stands.
+    /// Removes the placement of the selected camera.
     ForgetPlace,
-    /// A picture becomes the plan; it lies as a world file tells, if there is one.
+    /// Loads an image as the floor plan, positioned by the world file if there is one.
     LoadPlan(NewStill, Option<Plan>),
-    /// The plan lies as the file of this name tells.
+    /// Positions the plan by the world file of this name.
     LayPlan(Plan, String),
-    /// Changes how the plan lies.
+    /// Changes the position and scale of the plan.
     SetPlan {
-        /// How it lies from now on.
+        /// Changed plan.
         plan: Plan,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Changes a control point of the camera in hand.
+    /// Changes a control point of the selected camera.
     SetControl(usize, Box<ControlPointEntry>),
     /// Changes a link.
     SetLink(usize, Box<Link>),
     /// Changes a mark.
     SetMark {
-        /// Its index.
+        /// Index of the mark.
         index: usize,
-        /// What it is to be.
+        /// Changed mark.
         mark: Box<Mark>,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Changes a plane besides the floor, or what lies on one.
+    /// Changes a plane other than the floor, or the annotations on it.
     Planes(Planes),
-    /// Changes what was measured.
+    /// Changes the measured distances.
     SetDistances(Vec<Distance>),
 
-    /// Takes the lenses and cameras that files of another program hold; what there is to be known of them.
+    /// Imports lenses and cameras from files of another program, with notes for the operator.
     Import(Box<Site>, Vec<String>),
-    /// Takes over what refining the first gave: the second.
+    /// Applies a joint solution: the site that was solved, and the result.
     Refined(Box<(Site, Site)>),
-    /// How long a joint solve may take to be done on the way, after every gesture, in milliseconds.
+    /// Sets the largest duration of a joint solve that runs after every gesture, in milliseconds.
     JointMayTake(f64),
-    /// A saved version to compare with, or none.
+    /// Sets the saved version with which the site is compared, or none.
     Compare(Option<Box<Site>>),
-    /// Solving waits, or goes on.
+    /// Pauses or resumes solving.
     Pause,
-    /// What is dragged on the plan snaps to round numbers, or no longer.
+    /// Switches snapping to round numbers on the plan on or off.
     Snap,
-    /// Lengths are shown in the other unit.
+    /// Switches the unit of lengths.
     Feet,
 }

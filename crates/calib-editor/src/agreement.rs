@@ -1,6 +1,6 @@
-//! How a camera on the plan agrees with every other about the floor that both see.
+//! Agreement of placed cameras about the floor that they share.
 //!
-//! How far two views put one link from each other, and how far they may by their own uncertainty.
+//! Distances between the positions that two views give to one link, with their expected standard deviation.
 
 use std::collections::BTreeSet;
 
@@ -10,30 +10,31 @@ use calib_site::{Link, LinkKind, LinkSeen};
 
 use crate::session::Session;
 
-/// The distance between where two views put a link, of those that contradict each other most.
+/// Distance between the floor positions that two views give to a link; the largest of all pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apart {
-    /// In metres.
+    /// Distance, in metres.
     pub metres: f64,
-    /// Its standard deviation, in metres, as if the two cameras had nothing in common; `None` where nothing is
-    /// known of the errors of one of them.
+    /// Standard deviation of the distance, in metres, assuming independent cameras; `None` if the errors of
+    /// one camera are unknown.
     pub sigma: Option<f64>,
 }
 
 impl Apart {
-    /// Whether chance does not explain it.
+    /// Whether the distance exceeds three standard deviations.
     #[must_use]
     pub fn is_far(self) -> bool {
         self.clear() > 3.0
     }
 
-    /// The distance over its standard deviation; 0 where nothing is known of that.
+    /// Returns the distance over its standard deviation; 0 if that is unknown.
     fn clear(self) -> f64 {
         self.sigma.map_or(0.0, |sigma| self.metres / sigma)
     }
 }
 
-/// How far the views of a point are apart on the floor; none of what fewer than two placed cameras show.
+/// Returns the distance between the floor positions of a point link; `None` with fewer than two placed
+/// cameras.
 #[must_use]
 pub fn apart(session: &Session, link: &Link) -> Option<Apart> {
     if link.kind != LinkKind::Point {
@@ -47,13 +48,13 @@ pub fn apart(session: &Session, link: &Link) -> Option<Apart> {
     far.max_by(|a, b| a.clear().total_cmp(&b.clear()).then(a.metres.total_cmp(&b.metres)))
 }
 
-/// The plane on which a point of a link is.
+/// Returns the plane of a point link.
 fn plane_of(session: &Session, link: &Link) -> Plane {
     let plane = session.solved.plane(&session.site, link.plane.as_deref());
     plane.raised(link.height_m.unwrap_or(0.0))
 }
 
-/// Where a view puts a point, and how uncertain it is there.
+/// Returns the floor position of an observation and its standard deviation.
 fn place(session: &Session, seen: &LinkSeen, plane: &Plane) -> Option<(FloorPoint, Option<f64>)> {
     let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
     let (camera, px) = (session.solved.placed(index)?, seen.px?);
@@ -62,7 +63,7 @@ fn place(session: &Session, seen: &LinkSeen, plane: &Plane) -> Option<(FloorPoin
     Some((camera.pixel_to_plane(px, plane)?.on_floor(), sigma))
 }
 
-/// How far the points that two cameras show are apart on the floor, root mean square, and how far they may be.
+/// Returns the RMS floor distance of the point links that two cameras share, and its standard deviation.
 pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
     if !pair.iter().all(|&camera| session.site.has_shared(camera)) {
         return None;
@@ -86,9 +87,8 @@ pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
     (!all.is_empty()).then(|| Apart { metres: rms(&mut all.iter().map(|(metres, _)| *metres)), sigma })
 }
 
-/// How far the lines of the floor that a camera shows pass from where the others put them, as they stand now: root mean
-/// square of the distances of its ends from them in its image, in pixels, and how many lines that are. None where it
-/// shares none with a camera that stands somewhere.
+/// Returns the RMS distance, in pixels, of a camera's line links from the lines of the other cameras in its
+/// image, and the number of lines. `None` without a line that a placed camera shares.
 #[must_use]
 pub fn lines_off(session: &Session, camera: usize) -> Option<(f64, usize)> {
     if !session.site.has_shared(camera) {
@@ -102,7 +102,7 @@ pub fn lines_off(session: &Session, camera: usize) -> Option<(f64, usize)> {
     (count > 0.0).then(|| ((square / count).sqrt(), all.len()))
 }
 
-/// The distances of the points that a camera shows of a line from where every other camera puts it, in pixels.
+/// Returns the distances of a camera's observations of a line from the line of every other camera, in pixels.
 fn line_off(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
     let plane = plane_of(session, link);
     let id = &session.site.cameras[camera].id;
@@ -124,8 +124,7 @@ fn line_off(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
         .collect()
 }
 
-/// How far two cameras of these poses put the points that both show from each other on the floor: root mean
-/// square, in metres.
+/// Returns the RMS floor distance, in metres, of the points that two cameras with these poses share.
 #[must_use]
 pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2]) -> Option<f64> {
     if !pair.iter().all(|&camera| session.site.has_shared(camera)) {
@@ -143,7 +142,8 @@ pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2])
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// Of the links of which a camera shows a part: how many are farther apart than chance explains, and of how many.
+/// Returns the number of a camera's links whose distance exceeds three standard deviations, and the number of
+/// its links.
 #[must_use]
 pub fn far_links(session: &Session, camera: usize) -> (usize, usize) {
     if !session.site.has_shared(camera) {
@@ -155,24 +155,24 @@ pub fn far_links(session: &Session, camera: usize) -> (usize, usize) {
     known.fold((0, 0), |(far, all), apart| (far + usize::from(apart.is_far()), all + 1))
 }
 
-/// What a camera and another one have in common.
+/// Overlap and agreement of a camera with another one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// The other camera.
+    /// Index of the other camera.
     pub with: usize,
-    /// How much of the camera's own field the other one's covers, 0 to 1.
+    /// Fraction of the camera's field of view that the other one covers, 0 to 1.
     pub overlap: f64,
-    /// How far the links that both show are apart, root mean square; none where they share none.
+    /// RMS distance of the shared links; `None` without shared links.
     pub apart: Option<Apart>,
-    /// The same by the poses before, in metres.
+    /// RMS distance with the poses before, in metres.
     pub before: Option<f64>,
 }
 
-/// The cameras that share floor or links with one that is placed, in the order of the site: rows stay where they are
-/// while a camera is dragged. `before` are poses to compare with, or none.
+/// Returns the cameras that share floor or links with a placed camera, in the order of the site, so that rows
+/// keep their order while a camera is dragged. `before` contains poses to compare with, and may be empty.
 #[must_use]
 pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -> Vec<Agreement> {
-    // Links are of the newest stills: a period that ended agrees with nobody.
+    // Links belong to the newest images: an ended period has none.
     let Some(own) = field(session, camera).filter(|_| session.site.has_shared(camera)) else {
         return Vec::new();
     };
@@ -192,22 +192,22 @@ pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -
     others.filter(|found| found.overlap > 0.0 || found.apart.is_some()).collect()
 }
 
-/// The ids of the cameras that show a link which a camera shows, its own among them.
+/// Returns the ids of the cameras that share a link with a camera, including the camera itself.
 fn linked(session: &Session, camera: usize) -> BTreeSet<&str> {
     let own = &session.site.cameras[camera].id;
     let links = session.site.links.iter().filter(|link| link.seen.iter().any(|seen| seen.camera == *own));
     links.flat_map(|link| &link.seen).map(|seen| &*seen.camera).collect()
 }
 
-/// The field of a camera that stands on the plan.
+/// Returns the field of view of a placed camera, in floor metres.
 fn field(session: &Session, camera: usize) -> Option<&[FloorPoint]> {
     session.solved.placed(camera)?;
     session.solved.solution(camera).map(|solution| &*solution.efov_m)
 }
 
-/// Points that lie evenly in a polygon.
+/// Returns the points of a regular grid that are inside a polygon.
 fn points_within(polygon: &[FloorPoint]) -> Vec<FloorPoint> {
-    /// A side of the grid over it: a share is right to a percent or two.
+    /// Grid points per side of the bounding box: the fraction is accurate to 1 or 2 %.
     const STEPS: usize = 32;
     let [low, high] = bounds(polygon);
     let at = |i: usize, low: f64, high: f64| low + (i as f64 + 0.5) / STEPS as f64 * (high - low);
@@ -218,7 +218,7 @@ fn points_within(polygon: &[FloorPoint]) -> Vec<FloorPoint> {
         .collect()
 }
 
-/// The share of these points that lies in a polygon.
+/// Returns the fraction of these points that is inside a polygon.
 fn share(points: &[FloorPoint], polygon: &[FloorPoint]) -> f64 {
     let [low, high] = bounds(polygon);
     let is_near = |p: &&FloorPoint| p.x >= low.x && p.x <= high.x && p.y >= low.y && p.y <= high.y;
@@ -302,7 +302,8 @@ mod tests {
         let after = agreements(&moved, camera, &poses);
         let after = after.into_iter().find(|found| found.with == before.with).unwrap();
         let [then, now] = [&before, &after].map(|found| found.apart.unwrap().metres);
-        // What it shows was moved by half a metre, all of it: no less than that and what they were apart.
+        // All floor points of the camera moved by half a metre: the distance grows by at least that less the
+        // old distance.
         assert!(now > then && now >= 0.5 - then - 1e-6, "{before:?}, {after:?}");
         assert_eq!(after.before, before.before);
     }

@@ -1,7 +1,8 @@
-"""Detections of several cameras to tracks on the floor: python fuse_tracks.py SITE.json DETECTIONS.csv TRACKS.csv
+"""Fuses detections of several cameras to tracks on the floor: python fuse_tracks.py SITE.json DETECTIONS.csv TRACKS.csv
 
-The same tracker as `fuse_tracks.rs` of the core, which says more: a Kalman filter of position and velocity that considers
-the error of every calibration, which is common to all detections of its camera, but does not estimate it (Schmidt 1966).
+The same tracker as `fuse_tracks.rs` of calib-site, which has more comments. It is a Kalman filter of position and velocity
+that considers the error of each calibration, but does not estimate it (Schmidt 1966). This error is common to all
+detections of a camera.
 """
 
 import csv
@@ -44,7 +45,7 @@ def on_floor(camera: calib.Camera, u: Array, v: Array) -> list[tuple[Array, Arra
 
 
 def assign(tracks: list[Track], seen: list[tuple[Array, Array, Array]], camera: calib.Camera, at: float, ids: Iterator[int]) -> None:
-    # Of the place of a camera that a hand placed nothing is known: the tracks are on the floor where it put them.
+    # A camera placed by hand has infinite variances; its position is assumed to be exact.
     own, pairs = np.nan_to_num(camera.covariance, posinf=0.0), []
     for (t, track), (d, (point, noise, slopes)) in itertools.product(enumerate(tracks), enumerate(seen)):
         shared = track.shared.get(camera.id, np.zeros((4, len(own))))

@@ -37,7 +37,7 @@ pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64)
         let found = match value.getattr("shape").and_then(|shape| shape.str()) {
             Ok(shape) => format!("an array of the shape {}", shape.to_string_lossy()),
             Err(_) => {
-                value.repr().map_or_else(|_| "something else".into(), |text| short(&text.to_string_lossy()))
+                value.repr().map_or_else(|_| "another object".into(), |text| short(&text.to_string_lossy()))
             }
         };
         refused(value.py(), None, name, format_args!("found {found}, expected one number"))
@@ -47,8 +47,8 @@ pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64)
 
 /// Cuts a value for an error message.
 fn short(text: &str) -> String {
-    const MOST: usize = 60;
-    let short: String = text.chars().take(MOST).collect();
+    const MAX_CHARS: usize = 60;
+    let short: String = text.chars().take(MAX_CHARS).collect();
     if short.len() < text.len() { format!("{short}...") } else { short }
 }
 
@@ -118,13 +118,17 @@ pub(crate) fn columns<'py, const N: usize>(
     if arrays.iter().any(|array| array.shape() != arrays[0].shape()) {
         arrays = repeated(&arrays, &names.join(", "))?;
     }
-    arrays.try_into().map_err(|_| pyo3::exceptions::PySystemError::new_err("as many arrays as values"))
+    arrays
+        .try_into()
+        .map_err(|_| pyo3::exceptions::PySystemError::new_err("the numbers of arrays and values differ"))
 }
 
 fn repeated<'py>(arrays: &[Doubles<'py>], names: &str) -> PyResult<Vec<Doubles<'py>>> {
     let py = arrays[0].py();
     let shapes = arrays.iter().map(|array| shape_text(array.shape())).collect::<Vec<_>>().join(" and ");
-    let why = |_| refused(py, None, names, format_args!("arrays of the shapes {shapes} do not go together"));
+    let why = |_| {
+        refused(py, None, names, format_args!("arrays of the shapes {shapes} cannot be broadcast together"))
+    };
     let numpy = py.import("numpy")?;
     let together = numpy.call_method1("broadcast_arrays", PyTuple::new(py, arrays)?).map_err(why)?;
     let mut plain = Vec::with_capacity(arrays.len());

@@ -33,7 +33,7 @@ impl Camera {
             [shape @ .., 4] => shape.to_vec(),
             [0] => vec![0],
             found => {
-                let more = "; of rows such as x1, y1, x2, y2, confidence, class take boxes[..., :4]";
+                let more = "; for rows such as x1, y1, x2, y2, confidence, class pass boxes[..., :4]";
                 let more = if found.last().is_some_and(|&columns| columns > 4) { more } else { "" };
                 let what = format!("found the shape {}, expected (..., 4){more}", array::shape_text(found));
                 return Err(refused(py, id, "boxes", what));

@@ -136,12 +136,12 @@ impl Undistorter {
         let py = image.py();
         let (width, height) = self.size();
         let expected = format!(
-            "expected a uint8 array of the shape ({height}, {width}) or ({height}, {width}, 3 or 4), as its camera's stream is"
+            "expected a uint8 array of the shape ({height}, {width}) or ({height}, {width}, 3 or 4), the size of the camera's stream"
         );
         let Ok(given) = image.cast::<PyArrayDyn<u8>>() else {
             let found = match image.getattr("dtype") {
                 Ok(kind) => format!("an array of {kind}"),
-                Err(_) if image.is_none() => "None: was the file read?".to_owned(),
+                Err(_) if image.is_none() => "None (was the image file read?)".to_owned(),
                 Err(_) => format!("a {}", image.get_type().name()?),
             };
             return Err(self.refused(py, format_args!("found {found}, {expected}")));
@@ -151,7 +151,7 @@ impl Undistorter {
             [h, w] | [h, w, 1 | 3 | 4] => {
                 let what = format!(
                     "found an image of {w} x {h} pixels, this undistorter is for {width} x {height} pixels \
-                     ({expected}); stream_size=({w}, {h}) makes one for the image"
+                     ({expected}); create one with stream_size=({w}, {h})"
                 );
                 return Err(self.refused(py, what));
             }
@@ -209,7 +209,7 @@ impl Camera {
     /// Returns the camera at the size of its stream; fails if the stream is stretched.
     fn shown(&self, py: Python<'_>) -> PyResult<calib_core::Camera> {
         self.view.camera_in_stream().ok_or_else(|| {
-            let what = "a stretched stream has no one focal: ask the camera of the still";
+            let what = "a stretched stream has two focal lengths; use the camera of the calibrated image";
             refused(py, Some(&self.id), "fit", what)
         })
     }
@@ -440,7 +440,7 @@ impl Camera {
     #[pyo3(name = "_again")]
     fn again(py: Python<'_>, text: &str, id: &str, stream: &Bound<'_, PyDict>) -> PyResult<Self> {
         let site = Site::from_json(text).map_err(|error| of_site(py, "", &error))?;
-        let entry = site.camera(id).ok_or_else(|| of_camera(py, id, "is not in the text"))?;
+        let entry = site.camera(id).ok_or_else(|| of_camera(py, id, "is missing in the pickled site"))?;
         Self::of_entry(py, &site, entry)?.with_stream(Some(stream))
     }
 

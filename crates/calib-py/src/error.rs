@@ -11,8 +11,8 @@ create_exception!(
     calib,
     CalibError,
     PyValueError,
-    "What was given cannot be used.\n\n\
-     Attributes:\n    camera: id of the camera that it is about, or None.\n    \
+    "Invalid argument, file or value.\n\n\
+     Attributes:\n    camera: id of the camera with the error, or None.\n    \
      field: name of the argument, or JSON pointer of the value in the site file, or None."
 );
 

@@ -191,7 +191,7 @@ impl Site {
     fn plan(&self, py: Python<'_>) -> PyResult<PlanScale> {
         let plan = self.0.plan.as_ref().map(calib_site::Plan::scale);
         plan.ok_or_else(|| {
-            refused(py, None, "plan", "the site has none: give it \"plan\" with \"metres_per_px\"")
+            refused(py, None, "plan", "the site has no plan; add \"plan\" with \"metres_per_px\"")
         })
     }
 
@@ -212,7 +212,7 @@ impl Site {
             NoCamera::NoneThen | NoCamera::NotATime => return refused(py, Some(id), "at", why),
         }
         let ids: Vec<&str> = self.0.cameras.iter().map(|entry| entry.id.as_str()).collect();
-        of_camera(py, id, format_args!("{why}; it has {}", ids.join(", ")))
+        of_camera(py, id, format_args!("{why}; the site has {}", ids.join(", ")))
     }
 }
 

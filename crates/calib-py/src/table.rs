@@ -124,14 +124,13 @@ impl Asked {
     fn check(&self, py: Python<'_>) -> PyResult<()> {
         let both = |field: &str| {
             format!(
-                "found {field} and {field}_column, expected one of them: all rows have one {field}, or each its own"
+                "found {field} and {field}_column, expected one of them: one {field} for all rows, or one for each row"
             )
         };
         match (&self.camera, &self.camera_column) {
             (Some(_), Some(_)) => return Err(refused(py, None, "camera", both("camera"))),
             (None, None) => {
-                let what =
-                    "expected camera= with the id of a camera, or camera_column= with the column of ids";
+                let what = "expected camera= with the id of a camera, or camera_column= with the name of a column of ids";
                 return Err(refused(py, None, "camera", what));
             }
             _ => {}
@@ -140,7 +139,7 @@ impl Asked {
             return Err(refused(py, None, "at", both("at")));
         }
         if self.to == To::Pixel && self.sigma.is_some() {
-            return Err(refused(py, None, "sigma_px", "goes with to=\"floor\""));
+            return Err(refused(py, None, "sigma_px", "requires to=\"floor\""));
         }
         Ok(())
     }
@@ -242,7 +241,7 @@ impl Site {
                 None,
                 "table",
                 format_args!(
-                    "expected a table of Polars, PyArrow or DuckDB, or of pandas with PyArrow installed: {}",
+                    "expected a table of Polars, PyArrow, DuckDB or pandas (which needs PyArrow): {}",
                     why.value(py)
                 ),
             )

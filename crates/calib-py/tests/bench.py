@@ -1,7 +1,7 @@
-"""How fast it is beside OpenCV, on one thread, in one run: python bench.py prints JSON.
+"""Benchmark against OpenCV on one thread: `python bench.py` prints JSON.
 
-Keys end in _ns (a point) or _us (a call). `cargo xtask bench python` makes ratios of them, the core's own times from
-`cargo bench -p calib-core --bench floor_mapping` among them.
+Keys end in _ns (time per point) or _us (time per call). `cargo xtask bench python` computes ratios of them and of the
+core's times from `cargo bench -p calib-core --bench floor_mapping`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import calib
 
 COUNT = 1_000_000
-BENT = {"model": "brown-conrady", "k1": -0.2, "k2": 0.05, "p1": 0.001, "p2": -0.001, "k3": 0.01}
+DISTORTION = {"model": "brown-conrady", "k1": -0.2, "k2": 0.05, "p1": 0.001, "p2": -0.001, "k3": 0.01}
 
 
 def camera(**lens: object) -> calib.Camera:
@@ -43,16 +43,16 @@ def main() -> None:
     u, v = random.uniform(0, 1920, COUNT), random.uniform(0, 1080, COUNT)
     pairs = np.stack([u, v], axis=1)[:, None, :]
     out = (np.empty(COUNT), np.empty(COUNT), np.empty(COUNT, dtype="u1"))
-    plain, bent = camera(), camera(distortion=BENT)
+    plain, distorted = camera(), camera(distortion=DISTORTION)
     matrix = np.array([[1200, 0, 960], [0, 1200, 540], [0, 0, 1.0]])
-    lens = np.array([BENT[k] for k in ["k1", "k2", "p1", "p2", "k3"]])
+    lens = np.array([DISTORTION[k] for k in ["k1", "k2", "p1", "p2", "k3"]])
     homography = plain.floor_from_pixel
     ns = 1e9 / COUNT
     to_floor = ns * median(lambda: plain.to_floor(u, v, status=False, out=out[:2]))
     with_status = ns * median(lambda: plain.to_floor(u, v, out=out))
-    bent_to_floor = ns * median(lambda: bent.to_floor(u, v, status=False, out=out[:2]))
+    distorted_to_floor = ns * median(lambda: distorted.to_floor(u, v, status=False, out=out[:2]))
     new_arrays = ns * median(lambda: plain.to_floor(u, v))
-    undistort = ns * median(lambda: bent.undistort(u, v))
+    undistort = ns * median(lambda: distorted.undistort(u, v))
     cv_floor = ns * median(lambda: cv2.perspectiveTransform(pairs, homography))
     cv_undistort = ns * median(lambda: cv2.undistortPoints(pairs, matrix, lens, P=matrix))
     a, b = float(u[0]), float(v[0])
@@ -69,12 +69,12 @@ def main() -> None:
         "python_to_floor_ns": to_floor,
         "python_to_floor_with_status_ns": with_status,
         "python_to_floor_new_arrays_ns": new_arrays,
-        "python_distorted_to_floor_ns": bent_to_floor,
+        "python_distorted_to_floor_ns": distorted_to_floor,
         "python_undistort_ns": undistort,
         "perspective_transform_ns": cv_floor,
         "undistort_points_ns": cv_undistort,
         "python_single_us": single(plain),
-        "python_single_distorted_us": single(bent),
+        "python_single_distorted_us": single(distorted),
     }))
 
 

@@ -1,4 +1,4 @@
-"""The demonstration site and the golden points, where the checks wrote them."""
+"""Fixtures with the demonstration site and the golden points, which `cargo xtask golden` writes."""
 
 import os
 from pathlib import Path
@@ -12,7 +12,7 @@ FOLDER = Path(os.environ.get("CALIB_GOLDEN", Path(__file__).parents[3] / "target
 
 @pytest.fixture(scope="session")
 def folder() -> Path:
-    assert FOLDER.exists(), f"{FOLDER} is absent: `cargo xtask golden` writes it"
+    assert FOLDER.exists(), f"{FOLDER} is missing; run `cargo xtask golden`"
     return FOLDER
 
 

@@ -1,4 +1,4 @@
-"""The golden points: what the core maps, which every language must return bit for bit."""
+"""Golden points: results of the core that every language must reproduce bit for bit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SIGMA_PX = 1.5
 
 @dataclass(frozen=True)
 class Golden:
-    """One camera: its id, the keywords of its stream, the height of the plane, and the columns."""
+    """Camera id, keywords of its stream, height of the plane, and the columns of points."""
 
     id: str
     stream: dict[str, Any]

@@ -1,4 +1,4 @@
-"""From what trackers and detectors hand over to metres, on their own packages; five lines at most."""
+"""The adapters work with the packages that they are for, in at most five lines."""
 
 import ast
 import importlib
@@ -38,7 +38,7 @@ def test_every_adapter_has_five_lines_at_most() -> None:
     functions = [node for node in ast.parse(EXAMPLE.read_text()).body if isinstance(node, ast.FunctionDef)]
     assert len(functions) == 5
     for function in functions:
-        body = function.body[1:]  # what it is for is said first
+        body = function.body[1:]  # without the docstring
         assert (body[-1].end_lineno or 0) - body[0].lineno < 5, function.name
 
 
@@ -57,7 +57,7 @@ def test_ultralytics(camera: calib.Camera, expected: np.ndarray) -> None:
     results = importlib.import_module("ultralytics.engine.results")
     frame = np.zeros((1080, 1920, 3), dtype="u1")
     with_scores = np.concatenate([BOXES, [[0.9, 0], [0.8, 0]]], axis=1)
-    # As it comes from the network: a tensor.
+    # A tensor, as the network returns it.
     boxes = importlib.import_module("torch").tensor(with_scores)
     result = results.Results(frame, path="", names={0: "person"}, boxes=boxes)
     np.testing.assert_allclose(ADAPTERS.of_ultralytics(camera, result), expected, rtol=1e-9)
@@ -66,7 +66,7 @@ def test_ultralytics(camera: calib.Camera, expected: np.ndarray) -> None:
 def test_norfair(camera: calib.Camera, expected: np.ndarray) -> None:
     norfair = pytest.importorskip("norfair")
     tracker = norfair.Tracker(distance_function="mean_euclidean", distance_threshold=1.0, initialization_delay=0)
-    tracks = tracker.update(detections=ADAPTERS.of_norfair(camera, BOXES))  # in metres: a threshold is one, too
+    tracks = tracker.update(detections=ADAPTERS.of_norfair(camera, BOXES))  # in metres, like the threshold
     found = {tuple(np.round(track.estimate[0], 6)) for track in tracks}
     assert found and found <= {tuple(np.round(point, 6)) for point in expected}
 

@@ -1,4 +1,4 @@
-"""Any dtype, any strides, any shape; and an exception, never a crash."""
+"""Arrays of any dtype, strides and shape: a result or an exception, and never a crash."""
 
 import random
 import threading
@@ -19,12 +19,12 @@ def assert_same(found: Any, expected: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", ["f2", "f4", "f8", ">f8", "<f4", "i2", "i4", "i8", "u2", "u4", "u8", ">i4", "g"])
-def test_any_type_of_number_is_read(camera: calib.Camera, kind: str) -> None:
+def test_any_numeric_type_is_accepted(camera: calib.Camera, kind: str) -> None:
     u, v = U.round().astype(kind), V.round().astype(kind)
     assert_same(camera.to_floor(u, v), camera.to_floor(u.astype(float), v.astype(float)))
 
 
-def test_strides_are_followed(camera: calib.Camera) -> None:
+def test_strides_are_respected(camera: calib.Camera) -> None:
     both = np.stack([U, V, U + 1, V + 2], axis=1)
     expected = camera.to_floor(U, V)
     assert_same(camera.to_floor(both[:, 0], both[:, 1]), expected)
@@ -36,7 +36,7 @@ def test_strides_are_followed(camera: calib.Camera) -> None:
     assert_same(camera.to_floor(raw, V), expected)
 
 
-def test_shapes_go_together_as_numpys_do(camera: calib.Camera) -> None:
+def test_shapes_are_broadcast(camera: calib.Camera) -> None:
     grid = camera.to_floor(U[None, :], V[:, None])
     assert [column.shape for column in grid] == [(60, 60)] * 3
     assert_same([column[7, 9] for column in grid], camera.to_floor(float(U[9]), float(V[7])))
@@ -46,7 +46,7 @@ def test_shapes_go_together_as_numpys_do(camera: calib.Camera) -> None:
     assert camera.to_pixel(U, V).__len__() == 3 and camera.to_pixel(U, V, 1.7)[0].shape == (60,)
 
 
-def test_nothing_is_copied_that_need_not_be(camera: calib.Camera) -> None:
+def test_unnecessary_copies_are_avoided(camera: calib.Camera) -> None:
     out = (np.empty(60), np.empty(60), np.empty(60, dtype="u1"))
     found = camera.to_floor(U, V, out=out)
     assert all(a is b for a, b in zip(found, out, strict=True))
@@ -65,7 +65,7 @@ def test_nothing_is_copied_that_need_not_be(camera: calib.Camera) -> None:
         camera.to_floor(U, V, out=(fixed, *out[1:]))
 
 
-def test_what_a_mask_hides_is_missing(camera: calib.Camera) -> None:
+def test_masked_values_are_missing(camera: calib.Camera) -> None:
     masked = np.ma.masked_array(U, mask=U > 1000)
     x, _, status = camera.to_floor(masked, V)
     assert np.isnan(x[U > 1000]).all() and (status[U > 1000] == calib.Status.MISSING).all()
@@ -75,13 +75,13 @@ def test_what_a_mask_hides_is_missing(camera: calib.Camera) -> None:
 @pytest.mark.parametrize(
     "wrong", ["text", ["a"], [None], object(), {}, [[1], [1, 2]], [1j], np.array(["2020-01-01"], "M8[D]"), b"x", [True]]
 )
-def test_what_is_no_number_is_refused_by_name(camera: calib.Camera, wrong: object) -> None:
+def test_non_numeric_values_are_rejected_by_name(camera: calib.Camera, wrong: object) -> None:
     with pytest.raises(calib.CalibError) as caught:
         camera.to_floor(wrong, V)  # type: ignore[call-overload]
     assert caught.value.field == "u"
 
 
-def test_boxes_of_every_form_stand_in_one_place(camera: calib.Camera) -> None:
+def test_boxes_of_every_form_have_the_same_foot_point(camera: calib.Camera) -> None:
     x, y, w, h = U, V - 200, np.full(60, 40.0), np.full(60, 200.0)
     expected = camera.to_floor(x + 0.5 * w, y + h)
     assert_same(camera.boxes_to_floor(np.stack([x, y, w, h], axis=1), form="xywh"), expected)
@@ -97,7 +97,7 @@ def test_boxes_of_every_form_stand_in_one_place(camera: calib.Camera) -> None:
 
 
 def anything(rng: random.Random) -> Any:
-    """An array of any type and shape, or none."""
+    """Returns an array of a random type and shape, or another object."""
     kinds = ["f2", "f4", "f8", "i1", "u8", ">f8", "c8", "?", "S3", "U2", "M8[s]", "O", "V5", "g"]
     shape = tuple(rng.choice([0, 1, 2, 3, 7]) for _ in range(rng.randrange(4)))
     kind = rng.choice(kinds)
@@ -110,7 +110,7 @@ def anything(rng: random.Random) -> Any:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_no_array_of_any_kind_ends_the_interpreter(camera: calib.Camera) -> None:
+def test_no_input_crashes_the_interpreter(camera: calib.Camera) -> None:
     rng = random.Random(20)
     calls = [
         lambda a, b, c: camera.to_floor(a, b, out=c if rng.random() < 0.2 else None),

@@ -1,4 +1,4 @@
-"""The same bits as Rust, for every camera, stream and lens."""
+"""Results are bit-identical to Rust, for every camera, stream and lens."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ def same(found: object, expected: object) -> None:
     np.testing.assert_array_equal(np.asarray(found, dtype=float), expected, strict=True)
 
 
-def test_every_point_has_the_bits_of_the_core(folder: Path, site: calib.Site) -> None:
+def test_every_point_is_bit_identical_to_the_core(folder: Path, site: calib.Site) -> None:
     points = 0
     for given in golden(folder):
         camera = site.camera(given.id, **given.stream)
@@ -34,7 +34,7 @@ def test_every_point_has_the_bits_of_the_core(folder: Path, site: calib.Site) ->
     assert points == 100_000
 
 
-def test_a_keyword_of_a_call_is_as_good_as_one_of_the_camera(folder: Path, site: calib.Site) -> None:
+def test_keywords_of_a_call_equal_keywords_of_the_camera(folder: Path, site: calib.Site) -> None:
     for given in golden(folder):
         u, v, x, y, *_ = given.columns
         found = site.camera(given.id).to_floor(u, v, given.height, **given.stream)
@@ -42,7 +42,7 @@ def test_a_keyword_of_a_call_is_as_good_as_one_of_the_camera(folder: Path, site:
         same(found[1], y)
 
 
-def test_a_single_point_is_that_of_an_array(folder: Path, site: calib.Site) -> None:
+def test_a_single_point_equals_an_array_of_one(folder: Path, site: calib.Site) -> None:
     for given in golden(folder):
         camera = site.camera(given.id, **given.stream)
         u, v, x, y, status, *_ = given.columns

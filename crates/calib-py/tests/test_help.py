@@ -1,4 +1,4 @@
-"""What `help()` says of everything there is: how it is called, what each argument is, in which shapes and units."""
+"""Completeness of the docstrings: signatures, arguments, shapes and units of the whole public interface."""
 
 import inspect
 import re
@@ -9,55 +9,55 @@ import pytest
 import calib
 
 UNITS = re.compile(r"pixels?|metres?|degrees|radians|uint8|seconds|RFC 3339")
-#: What is told by words alone.
-PLAIN = {
+#: Members without a unit.
+UNITLESS = {
     "Camera.id", "Camera.origin", "Camera.fit", "Camera.scale_known", "Camera.distortion", "Finding.camera", "Finding.code",
     "Finding.severity", "Finding.message", "Finding.advice", "Site.cameras", "Site.findings", "Site.calibrate", "Site.to_json",
     "Site.to_dict", "Status.text", "Site.open",
 }
-#: Keywords that the class says once for all of its calls.
-OF_PIXELS = {"origin", "stream_size", "fit", "crop"}
+#: Keywords that the class documents once for all methods.
+PIXEL_KEYWORDS = {"origin", "stream_size", "fit", "crop"}
 
 
-def everything() -> Iterator[tuple[str, object]]:
-    """Every public class and function, and every public member of the classes."""
+def public_items() -> Iterator[tuple[str, object]]:
+    """Returns every public class and function, and every public member of the classes."""
     for name in calib.__all__:
-        thing = getattr(calib, name)
-        if name.startswith("_") or inspect.isclass(thing) and issubclass(thing, Exception):
+        item = getattr(calib, name)
+        if name.startswith("_") or inspect.isclass(item) and issubclass(item, Exception):
             continue
-        yield name, thing
-        if inspect.isclass(thing):
-            members = (member for member in vars(thing) if not member.startswith("_"))
-            yield from ((f"{name}.{member}", getattr(thing, member)) for member in members if name != "Status" or member == "text")
+        yield name, item
+        if inspect.isclass(item):
+            members = (member for member in vars(item) if not member.startswith("_"))
+            yield from ((f"{name}.{member}", getattr(item, member)) for member in members if name != "Status" or member == "text")
 
 
-EVERYTHING = dict(everything())
+PUBLIC_ITEMS = dict(public_items())
 
 
-def test_everything_is_walked() -> None:
-    assert {"Undistorter", "Undistorter.apply", "Camera.to_floor", "Camera.scale_known", "camera_entry", "upright"} <= EVERYTHING.keys()
-    assert PLAIN <= EVERYTHING.keys()
+def test_all_public_items_are_found() -> None:
+    assert {"Undistorter", "Undistorter.apply", "Camera.to_floor", "Camera.scale_known", "camera_entry", "upright"} <= PUBLIC_ITEMS.keys()
+    assert UNITLESS <= PUBLIC_ITEMS.keys()
 
 
-@pytest.mark.parametrize("name", EVERYTHING)
-def test_help_says_what_it_is_in_units(name: str) -> None:
-    text = inspect.getdoc(EVERYTHING[name]) or ""
-    assert text.split("\n")[0], f"help(calib.{name}) says nothing"
-    assert name in PLAIN or inspect.isclass(EVERYTHING[name]) or UNITS.search(text), f"help(calib.{name}) says no unit"
+@pytest.mark.parametrize("name", PUBLIC_ITEMS)
+def test_docstrings_contain_a_summary_and_units(name: str) -> None:
+    text = inspect.getdoc(PUBLIC_ITEMS[name]) or ""
+    assert text.split("\n")[0], f"help(calib.{name}) is empty"
+    assert name in UNITLESS or inspect.isclass(PUBLIC_ITEMS[name]) or UNITS.search(text), f"help(calib.{name}) contains no unit"
 
 
-@pytest.mark.parametrize("name", [name for name, thing in EVERYTHING.items() if callable(thing) and name not in ("Finding", "Status", "Camera")])
-def test_help_says_how_it_is_called_and_what_each_argument_is(name: str) -> None:
-    thing = EVERYTHING[name]
-    text = inspect.getdoc(thing) or ""
-    for argument in inspect.signature(thing).parameters.values():  # type: ignore[arg-type]
+@pytest.mark.parametrize("name", [name for name, item in PUBLIC_ITEMS.items() if callable(item) and name not in ("Finding", "Status", "Camera")])
+def test_docstrings_describe_each_argument(name: str) -> None:
+    item = PUBLIC_ITEMS[name]
+    text = inspect.getdoc(item) or ""
+    for argument in inspect.signature(item).parameters.values():  # type: ignore[arg-type]
         if argument.name != "self":
-            assert re.search(rf"\b{argument.name}\b", text), f"help(calib.{name}) does not say what {argument.name} is"
+            assert re.search(rf"\b{argument.name}\b", text), f"help(calib.{name}) does not describe {argument.name}"
 
 
-def test_classes_that_calls_make_say_by_which() -> None:
+def test_camera_docstring_names_its_constructor_and_keywords() -> None:
     assert "Site.camera" in (calib.Camera.__doc__ or "")
-    assert all(keyword in (calib.Camera.__doc__ or "") for keyword in OF_PIXELS)
+    assert all(keyword in (calib.Camera.__doc__ or "") for keyword in PIXEL_KEYWORDS)
 
 
 @pytest.mark.parametrize(("name", "shape"), [
@@ -67,5 +67,5 @@ def test_classes_that_calls_make_say_by_which() -> None:
     ("Camera.covariance", "(14, 14)"), ("Camera.efov", "(n, 2)"), ("Undistorter.apply", "(height, width, 3)"),
     ("vertical", "(segments, points, 2)"), ("straight", "(points, 2)"),
 ])
-def test_help_says_the_shape(name: str, shape: str) -> None:
-    assert shape in (inspect.getdoc(EVERYTHING[name]) or "")
+def test_docstrings_contain_the_shape(name: str, shape: str) -> None:
+    assert shape in (inspect.getdoc(PUBLIC_ITEMS[name]) or "")

@@ -1,4 +1,4 @@
-"""What a careless call is told: which argument or field, what was found, and what to give."""
+"""Error messages of invalid calls: the argument or field, the value, and the expected value."""
 
 import datetime
 import re
@@ -21,7 +21,7 @@ NAIVE = datetime.datetime(2026, 5, 1, 8)
 Call = Callable[[calib.Site, calib.Camera], object]
 
 
-def said(call: Callable[[], object]) -> calib.CalibError:
+def raised(call: Callable[[], object]) -> calib.CalibError:
     with pytest.raises(calib.CalibError) as caught:
         call()
     return caught.value
@@ -32,10 +32,10 @@ def door(**options: object) -> dict[str, object]:
 
 
 @pytest.mark.parametrize(("call", "field", "words"), [
-    (lambda s, c: c.boxes_to_floor(np.ones((3, 6)), form="xyxy"), "boxes", "(3, 6), expected (..., 4); of rows such as x1, y1, x2, y2, confidence, class take boxes[..., :4]"),
+    (lambda s, c: c.boxes_to_floor(np.ones((3, 6)), form="xyxy"), "boxes", "(3, 6), expected (..., 4); for rows such as x1, y1, x2, y2, confidence, class pass boxes[..., :4]"),
     (lambda s, c: c.boxes_to_floor(np.ones((3, 3)), form="xyxy"), "boxes", "(3, 3), expected (..., 4)"),
     (lambda s, c: c.boxes_to_floor(None, form="xyxy"), "boxes", "found None, expected an array of numbers"),
-    (lambda s, c: c.boxes_covariance(np.ones(6), form="xyxy"), "boxes", "(6,), expected (..., 4); of rows"),
+    (lambda s, c: c.boxes_covariance(np.ones(6), form="xyxy"), "boxes", "(6,), expected (..., 4); for rows"),
     (lambda s, c: c.to_floor(None, [1.0]), "u", "found None"),
     (lambda s, c: c.to_floor([1.0, 2.0], [1.0, 2.0, 3.0]), "u, v", "(2,) and (3,)"),
     (lambda s, c: c.to_floor([1.0], [1.0], height="1.7 m"), "height", "found '1.7 m', expected one number"),
@@ -54,8 +54,8 @@ def door(**options: object) -> dict[str, object]:
     (lambda s, c: s.camera("camera-0", stream_size=(360, 640)), "stream_size", "640 x 360 has: are width and height swapped?"),
     (lambda s, c: c.undistorter(stream_size=(1280, 720))(np.zeros((1080, 1920, 3), "u1")), "image", "found an image of 1920 x 1080 pixels, this undistorter is for 1280 x 720 pixels"),
 ])
-def test_an_argument_is_named_with_what_to_give(site: calib.Site, call: Call, field: str, words: str) -> None:
-    error = said(lambda: call(site, site.camera("camera-0")))
+def test_an_invalid_argument_is_named_with_the_expected_value(site: calib.Site, call: Call, field: str, words: str) -> None:
+    error = raised(lambda: call(site, site.camera("camera-0")))
     assert error.field == field and words in str(error), error
 
 
@@ -63,7 +63,7 @@ def test_an_argument_is_named_with_what_to_give(site: calib.Site, call: Call, fi
     lambda s: s.camera("camera-0", letterbox=True), lambda s: s.camera("camera-0").to_floor(1.0, 2.0, size=(640, 640)),
     lambda s: s.project(TABLE, camera="camera-0", column="boxes"),
 ])
-def test_an_unknown_keyword_is_told_the_words_that_exist(site: calib.Site, call: Callable[[calib.Site], object]) -> None:
+def test_an_unknown_keyword_lists_the_valid_keywords(site: calib.Site, call: Callable[[calib.Site], object]) -> None:
     with pytest.raises(TypeError, match=r'fit \("stretch" or "letterbox"\)'):
         call(site)
     with pytest.raises(TypeError, match="camera_column, at, at_column"):
@@ -82,43 +82,43 @@ def test_an_unknown_keyword_is_told_the_words_that_exist(site: calib.Site, call:
     (lambda: calib.site_document([door()], camera=[]), "camera", "unexpected keyword"),
     (lambda: calib.site_document(door()), "cameras", "put [ ] around it"),
 ])
-def test_an_entry_is_refused_where_it_is_made(build: Callable[[], object], field: str, words: str) -> None:
-    error = said(build)
+def test_an_invalid_entry_is_rejected_on_creation(build: Callable[[], object], field: str, words: str) -> None:
+    error = raised(build)
     assert error.field == field and words in str(error), error
 
 
 def test_the_keywords_of_entries_are_the_fields_of_the_site_file() -> None:
     def fields(document: dict[str, object]) -> set[str]:
-        return set(re.findall("`(\\w+)`", str(said(lambda: calib.Site(document))).split("expected one of")[1]))
+        return set(re.findall("`(\\w+)`", str(raised(lambda: calib.Site(document))).split("expected one of")[1]))
 
     from calib import entries
 
     of_site = {**calib.site_document([]), "none": 1}
-    assert fields(of_site) == {*entries._OF_SITE, "format", "version", "cameras"}
+    assert fields(of_site) == {*entries._SITE_KEYS, "format", "version", "cameras"}
     of_camera = calib.site_document([{"id": "a", "size_px": [9, 9], "none": 1}])
-    assert fields(of_camera) == {*entries._OF_CAMERA, "id", "size_px", "annotations"}
+    assert fields(of_camera) == {*entries._CAMERA_KEYS, "id", "size_px", "annotations"}
     of_annotation = calib.site_document([calib.camera_entry("a", (9, 9), [{"kind": "vertical", "none": 1}])])
-    assert fields(of_annotation) == {*entries._OF_ANNOTATION, "kind", "segments", "points", "foot", "head"}
+    assert fields(of_annotation) == {*entries._ANNOTATION_KEYS, "kind", "segments", "points", "foot", "head"}
 
 
-def test_a_dict_that_is_no_site_is_told_the_path_and_no_column() -> None:
+def test_an_invalid_dict_is_reported_with_its_path_and_without_column() -> None:
     document = calib.site_document([door()])
     document["cameras"][0]["height_m"] = 3.88
-    error = said(lambda: calib.Site(document))
+    error = raised(lambda: calib.Site(document))
     assert error.field == "/cameras/0/height_m" and error.camera == "door"
     assert 'expected {"value": ..., "fixed": true}' in str(error) and "column" not in str(error)
     document["cameras"][0]["height_m"] = {"value": "tall", "fixed": True}
-    assert said(lambda: calib.Site(document)).field == "/cameras/0/height_m/value"
-    assert "line 2 column" in str(said(lambda: calib.Site('{\n "format": 7}')))
+    assert raised(lambda: calib.Site(document)).field == "/cameras/0/height_m/value"
+    assert "line 2 column" in str(raised(lambda: calib.Site('{\n "format": 7}')))
 
 
 @pytest.mark.parametrize(("name", "start", "what"), [
     ("tracks.csv", b"u,v\n1,2\n", "a table (CSV)"), ("still.png", b"\x89PNG\r\n\x1a\n", "a PNG image"), ("empty.json", b"", "empty"),
     ("tracks.parquet", b"PAR1\x15\x04", "a Parquet table"), ("still.jpg", b"\xff\xd8\xff\xe0", "a JPEG image"),
 ])
-def test_another_file_opened_as_a_site_is_called_by_its_kind(tmp_path: Path, name: str, start: bytes, what: str) -> None:
+def test_another_file_type_opened_as_a_site_is_named(tmp_path: Path, name: str, start: bytes, what: str) -> None:
     (tmp_path / name).write_bytes(start)
-    error = said(lambda: calib.Site.open(tmp_path / name))
+    error = raised(lambda: calib.Site.open(tmp_path / name))
     assert f"{name} is {what}, expected a site file" in str(error) and error.field == "path"
 
 
@@ -132,7 +132,7 @@ def swapped(lines: list[list[tuple[float, float]]]) -> list[list[tuple[float, fl
         calib.vertical(swapped(VERTICAL)), calib.parallel(swapped(TILES)), calib.perpendicular(swapped(RIGHT_ANGLES)),
     ], height_m={"value": 2.9, "sigma": 0.02}),
 ])
-def test_coordinates_that_are_swapped_are_found(entry: dict[str, object]) -> None:
+def test_swapped_coordinates_are_reported(entry: dict[str, object]) -> None:
     findings = calib.Site(calib.site_document([entry])).calibrate().findings
     found = [finding for finding in findings if "lie outside the image" in finding.message]
     assert len(found) == 1 and found[0].severity in ("warning", "error"), findings
@@ -141,15 +141,15 @@ def test_coordinates_that_are_swapped_are_found(entry: dict[str, object]) -> Non
     assert not any("outside" in finding.message for finding in calib.Site(calib.site_document([door()])).calibrate().findings)
 
 
-def test_an_undistorter_is_made_of_a_camera_too(site: calib.Site) -> None:
+def test_an_undistorter_can_be_constructed_from_a_camera(site: calib.Site) -> None:
     camera = site.camera("camera-2", stream_size=(960, 540))
     image = np.random.default_rng(1).integers(0, 255, (540, 960, 3), dtype="u1")
     made = calib.Undistorter(camera, "all-valid")
     np.testing.assert_array_equal(made.apply(image), camera.undistorter("all-valid")(image))
-    assert said(lambda: calib.Undistorter(camera, "best")).field == "view"  # type: ignore[arg-type]
+    assert raised(lambda: calib.Undistorter(camera, "best")).field == "view"  # type: ignore[arg-type]
 
 
-def test_boxes_are_as_uncertain_as_their_feet(camera: calib.Camera) -> None:
+def test_the_covariance_of_a_box_equals_that_of_its_foot_point(camera: calib.Camera) -> None:
     boxes = np.array([[[900.0, 500.0, 1000.0, 800.0], [300.0, 400.0, 380.0, 950.0]]])
     feet = (boxes[..., 0] + boxes[..., 2]) / 2, boxes[..., 3]
     for options in [{}, {"sigma_px": 2.5, "height": 0.4, "stream_size": (960, 540)}]:

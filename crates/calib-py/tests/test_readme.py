@@ -1,4 +1,4 @@
-"""What the README shows runs as it stands there."""
+"""The examples of the README run unchanged."""
 
 import re
 import shutil
@@ -33,6 +33,6 @@ def test_every_block_runs(folder: Path, tmp_path: Path, monkeypatch: pytest.Monk
     assert calib.Site.open("solved.json") == names["solved"] and "Traceback" not in capsys.readouterr().out
 
 
-def test_every_adapter_is_a_call_that_there_is() -> None:
+def test_every_adapter_calls_an_existing_method() -> None:
     calls = re.findall(r"camera\.(\w+)\(", README)
     assert len(calls) >= 7 and all(hasattr(calib.Camera, call) for call in calls)

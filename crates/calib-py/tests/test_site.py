@@ -27,7 +27,7 @@ LINES = [
 ]
 
 
-def test_a_site_drawn_in_python_is_calibrated() -> None:
+def test_a_site_created_in_python_is_calibrated() -> None:
     door = calib.camera_entry("door", (1920, 1080), LINES, placement={"move_m": [4.0, -2.0], "turn_deg": 33.0})
     site = calib.Site(calib.site_document([door], name="Shop"))
     assert site.cameras == []
@@ -47,7 +47,7 @@ def test_a_site_drawn_in_python_is_calibrated() -> None:
     np.testing.assert_allclose(shifted, [[(641.5, 465.0), (594.5, 105.3)]])
 
 
-def test_a_camera_that_cannot_be_solved_says_why() -> None:
+def test_a_camera_that_cannot_be_solved_has_a_reason() -> None:
     entry = calib.camera_entry("door", (1920, 1080), [calib.straight([(10, 20), (300, 24), (600, 21)])])
     solved = calib.Site(calib.site_document([entry])).calibrate()
     assert {found.camera for found in solved.findings} == {"door"}
@@ -74,7 +74,7 @@ def test_errors_name_the_camera_and_the_value(folder: Path, site: calib.Site, tm
             calib.Site(wrong)  # type: ignore[arg-type]
 
 
-def test_a_stream_of_a_wrong_size_is_refused_with_what_was_expected(site: calib.Site) -> None:
+def test_a_stream_of_a_wrong_size_is_rejected_with_the_expected_size(site: calib.Site) -> None:
     camera = site.camera("camera-0")
     with pytest.raises(calib.CalibError, match="640 x 360") as caught:
         camera.to_floor(1.0, 2.0, stream_size=(640, 640))
@@ -104,7 +104,7 @@ def test_a_period_is_chosen_by_a_time(site: calib.Site) -> None:
         moved.camera("camera-0", "noon")
 
 
-def test_everything_goes_to_other_processes(site: calib.Site) -> None:
+def test_all_objects_can_be_pickled(site: calib.Site) -> None:
     again = pickle.loads(pickle.dumps(site))
     assert again == site and json.loads(site.to_json()) == site.to_dict()
     for index in range(20):
@@ -122,7 +122,7 @@ def test_everything_goes_to_other_processes(site: calib.Site) -> None:
     assert weak.findings and set(pickle.loads(pickle.dumps(weak.findings))) == set(weak.findings)
 
 
-def test_the_matrices_of_a_stream_are_those_of_its_pixels(site: calib.Site) -> None:
+def test_the_matrices_of_a_stream_match_its_pixels(site: calib.Site) -> None:
     for keywords in [{}, {"stream_size": (960, 540), "origin": "centre"}, {"stream_size": (640, 640), "fit": "letterbox"}]:
         camera = site.camera("camera-2", **keywords)
         x, y = camera.to_floor(500.0, 480.0)[:2]
@@ -138,7 +138,7 @@ def test_the_matrices_of_a_stream_are_those_of_its_pixels(site: calib.Site) -> N
         site.camera("camera-2", stream_size=(640, 640), fit="stretch").camera_matrix
 
 
-def test_memory_that_is_not_there_is_an_exception(folder: Path) -> None:
+def test_a_failed_allocation_raises_an_exception(folder: Path) -> None:
     script = """
 import resource, sys
 import numpy as np
@@ -159,7 +159,7 @@ for call in [camera.to_floor, camera.floor_covariance, camera.floor_jacobian, ca
     subprocess.run([sys.executable, "-c", script, str(folder / "site.json")], check=True)
 
 
-def test_bulk_work_leaves_other_threads_to_run(site: calib.Site) -> None:
+def test_calls_on_arrays_release_the_gil(site: calib.Site) -> None:
     camera = site.camera("camera-2")
     boxes = np.tile([[900.0, 400.0, 960.0, 700.0]], (2_000_000, 1))
     ticks, done = [], threading.Event()
@@ -178,7 +178,7 @@ def test_bulk_work_leaves_other_threads_to_run(site: calib.Site) -> None:
     assert sum(begin < at < end for at in ticks) >= 3, f"{len(ticks)} ticks in {end - begin} s"
 
 
-def test_an_image_without_the_bend_of_its_lens(site: calib.Site) -> None:
+def test_an_image_is_undistorted(site: calib.Site) -> None:
     camera = site.camera("camera-2")
     straight = camera.undistorter("all-valid")
     image = np.random.default_rng(0).integers(0, 255, (1080, 1920, 3), dtype="u1")
@@ -194,7 +194,7 @@ def test_an_image_without_the_bend_of_its_lens(site: calib.Site) -> None:
             straight(wrong)  # type: ignore[arg-type]
 
 
-def test_the_plan_and_the_floor_are_one(folder: Path) -> None:
+def test_plan_and_floor_convert_both_ways(folder: Path) -> None:
     shop = calib.Site.open(folder / "demo" / "solved.json")
     x, y = np.array([[1.0, 4.0], [7.5, -2.0]]), np.array([[2.0, 3.0], [0.0, 1.0]])
     px, py = shop.floor_to_plan(x, y)
@@ -206,7 +206,7 @@ def test_the_plan_and_the_floor_are_one(folder: Path) -> None:
     assert calib.Site(calib.site_document([])).plan_metres_per_px is None
 
 
-def test_images_of_a_stream_are_undistorted_as_they_come(site: calib.Site) -> None:
+def test_images_of_a_stream_are_undistorted_directly(site: calib.Site) -> None:
     camera = site.camera("camera-2", stream_size=(960, 540))
     straight = camera.undistorter("all-valid")
     whole = site.camera("camera-2").undistorter("all-valid")
@@ -216,7 +216,7 @@ def test_images_of_a_stream_are_undistorted_as_they_come(site: calib.Site) -> No
         camera.with_stream(stream_size=(640, 640), fit="stretch").undistorter()
 
 
-def test_a_careless_call_is_told_what_it_gave_and_what_to_give(site: calib.Site, tmp_path: Path) -> None:
+def test_an_invalid_call_is_reported_with_found_and_expected_value(site: calib.Site, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="nowhere.json") as missing:
         calib.Site.open(tmp_path / "nowhere.json")
     assert missing.value.filename == tmp_path / "nowhere.json" and missing.value.errno == 2
@@ -227,13 +227,13 @@ def test_a_careless_call_is_told_what_it_gave_and_what_to_give(site: calib.Site,
     with pytest.raises(calib.CalibError, match="width, height"):
         site.camera("camera-2", stream_size=960)  # type: ignore[arg-type]
     straight = site.camera("camera-2").undistorter()
-    with pytest.raises(calib.CalibError, match="was the file read"):
+    with pytest.raises(calib.CalibError, match="was the image file read"):
         straight(None)  # type: ignore[arg-type]
     with pytest.raises(calib.CalibError, match="float32"):
         straight(np.zeros((1080, 1920, 3), dtype="f4"))  # type: ignore[arg-type]
 
 
-def test_what_was_drawn_on_a_stream_lies_where_it_lies_on_the_still() -> None:
+def test_annotations_of_a_stream_are_converted_to_the_image() -> None:
     def entry(scale: float, bar: float, **stream: object) -> dict[str, object]:
         at = lambda *pixels: [(scale * u, scale * v + bar) for u, v in pixels]
         return calib.camera_entry("door", (1920, 1080), [
@@ -267,13 +267,13 @@ def test_what_was_drawn_on_a_stream_lies_where_it_lies_on_the_still() -> None:
     (lambda: calib.camera_entry("door", (1080, 1920, 3)), "size_px"),
     (lambda: calib.camera_entry("door", (1920, 1080), calib.straight([(1, 2), (3, 4)])), "annotations"),
 ])
-def test_what_cannot_be_drawn_is_refused_by_name(build: Callable[[], object], field: str) -> None:
+def test_an_invalid_annotation_is_rejected_by_field(build: Callable[[], object], field: str) -> None:
     with pytest.raises(calib.CalibError, match=f"^{field}: ") as caught:
         build()
     assert re.fullmatch(field, caught.value.field or "")
 
 
-def test_a_camera_without_a_scale_says_so() -> None:
+def test_a_camera_without_a_scale_has_a_finding() -> None:
     line = calib.vertical([[(641.5, 465.0), (594.5, 105.3)], [(1325.2, 484.9), (1368.5, 105.5)]])
     tiles = calib.parallel([[(624.5, 759.5), (642.3, 421.9)], [(1325.8, 745.8), (1086.0, 411.5)]], id="tiles")
 
@@ -287,7 +287,7 @@ def test_a_camera_without_a_scale_says_so() -> None:
     assert "scale-assumed" not in codes(height_m={"value": 2.9, "sigma": 0.02})
 
 
-def test_metres_that_nobody_measured_have_an_error_that_nobody_knows() -> None:
+def test_the_covariance_is_unknown_without_a_scale() -> None:
     def camera(**options: object) -> calib.Camera:
         return calib.Site(calib.site_document([calib.camera_entry("door", (1920, 1080), LINES, **options)])).calibrate().camera("door")
 

@@ -29,7 +29,7 @@ def test_a_table_is_mapped_row_by_row(site: calib.Site) -> None:
     assert b"calib.site_sha256" in table.schema.metadata
 
 
-def test_a_table_is_what_the_command_line_writes(folder: Path, tmp_path: Path) -> None:
+def test_a_table_equals_the_output_of_the_command_line(folder: Path, tmp_path: Path) -> None:
     program = os.environ.get("CALIB")
     if program is None:
         pytest.skip("CALIB names no program: `cargo xtask py --test` does")
@@ -64,7 +64,7 @@ def test_polars_and_pandas_frames(site: calib.Site) -> None:
     assert pl.DataFrame(site.project(pl.DataFrame(columns).head(0), **options)).height == 0
 
 
-def test_what_cannot_be_mapped_is_said_in_pythons_words(site: calib.Site) -> None:
+def test_an_invalid_table_is_reported_with_python_keywords(site: calib.Site) -> None:
     table = pa.table({"u": ["a"], "v": ["1"], "t": [1]})
     with pytest.raises(calib.CalibError, match='bad_rows="status"'):
         site.project(table, camera="camera-0")

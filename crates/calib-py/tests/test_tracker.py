@@ -1,4 +1,4 @@
-"""The tracker in Python keeps the identities that the one in Rust keeps."""
+"""The tracker in Python assigns the same identities as the tracker in Rust."""
 
 import csv
 import runpy
@@ -14,7 +14,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(table))
 
 
-def test_identities_are_those_of_the_tracker_in_rust(folder: Path, tmp_path: Path) -> None:
+def test_identities_equal_those_of_the_rust_tracker(folder: Path, tmp_path: Path) -> None:
     demo = folder / "demo"
     main = runpy.run_path(str(EXAMPLES / "fuse_tracks.py"))["main"]
     main(str(demo / "solved.json"), str(demo / "detections.csv"), str(tmp_path / "tracks.csv"))

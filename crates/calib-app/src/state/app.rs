@@ -72,7 +72,7 @@ pub struct ViewState {
 }
 
 /// Highlights that follow the pointer and the selection.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Hover {
     /// The line whose row is under the cursor.
     pub lit: Option<(usize, usize)>,
@@ -131,7 +131,7 @@ pub struct Storage {
 }
 
 /// Work off the frame's path.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Jobs {
     pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
@@ -149,7 +149,6 @@ pub struct Jobs {
 
 /// What views read: the document, how it is looked at, and what is under way.
 #[derive(Debug)]
-#[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
 pub struct App {
     /// The document.
     pub editor: Editor,
@@ -176,6 +175,27 @@ pub struct App {
     pub jobs: Jobs,
 }
 
+impl Default for ViewState {
+    fn default() -> Self {
+        Self {
+            mode: Mode::Image,
+            panes: Panes::default(),
+            layers: Layers::default(),
+            looking: Looking::default(),
+            beside_plan: true,
+            beside_scene: false,
+            blend: false,
+            coverage: true,
+            above: true,
+            show_before: true,
+            orbit: None,
+            compares_views: false,
+            list: List::default(),
+            glance: Glance::default(),
+        }
+    }
+}
+
 impl App {
     /// The app with nothing open; what a crashed session left in `folder` is offered.
     #[must_use]
@@ -190,23 +210,8 @@ impl App {
             tour: Tour::default(),
             pair: Default::default(),
             clock: || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
-            view: ViewState {
-                mode: Mode::Image,
-                panes: Panes::default(),
-                layers: Layers::default(),
-                looking: Looking::default(),
-                beside_plan: true,
-                beside_scene: false,
-                blend: false,
-                coverage: true,
-                above: true,
-                show_before: true,
-                orbit: None,
-                compares_views: false,
-                list: List::default(),
-                glance: Glance::default(),
-            },
-            hover: Hover { lit: None, lit_group: None, suspect_since: 0.0, suspect: None, was_typing: false },
+            view: ViewState::default(),
+            hover: Hover::default(),
             dialogs: Dialogs {
                 export: Sheet::default(),
                 palette: Palette::default(),
@@ -230,19 +235,7 @@ impl App {
                 claims,
                 kept: 0,
             },
-            jobs: Jobs {
-                arriving: Vec::new(),
-                picture: None,
-                pictured: None,
-                adding: Vec::new(),
-                replaced: Period::default(),
-                replacing: None,
-                planning: None,
-                refining: None,
-                proposing: None,
-                comparing: VecDeque::new(),
-                recovering: None,
-            },
+            jobs: Jobs::default(),
         }
     }
 

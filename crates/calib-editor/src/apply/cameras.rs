@@ -1,6 +1,6 @@
-//! The list of cameras and their stills: chosen, added, replaced, renamed, removed.
+//! Actions on the list of cameras and their images: select, add, replace, rename, remove.
 //!
-//! What newer stills show: kept beside the site, and cameras recovered from them.
+//! Also results of comparisons with newer images, and cameras recovered from them.
 
 use calib_site::{LensEntry, Recovered, Site, SiteCamera};
 
@@ -46,7 +46,7 @@ impl Editor {
         site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
         let new = site.cameras.len() - 1;
         self.session.commit(format!("add {id}"));
-        // Of several the first is looked at; what is in the hand stays there.
+        // Of several new cameras the first is selected; an unfinished gesture is not interrupted.
         let is_begun =
             self.session.entry().is_some_and(|entry| !entry.annotations.is_empty() || entry.is_given());
         if is_begun && self.tool().is_idle() {
@@ -57,7 +57,7 @@ impl Editor {
     pub(super) fn replace_still(&mut self, of: Period, still: NewStill) {
         let NewStill { image, size, image_circle, .. } = still;
         let Some(entry) = self.session.site.cameras.iter_mut().find(|entry| of.is_of(entry)) else { return };
-        // One of another size is rescaled with what is drawn, if at all.
+        // The image circle of an image of another size is scaled together with the annotations.
         if entry.image_circle().is_none() && image_circle.is_some() && entry.size_px == size {
             entry.lens.get_or_insert_default().image_circle_px = image_circle;
         }
@@ -78,7 +78,7 @@ impl Editor {
         }
     }
 
-    /// Brings everything that is drawn on the replaced still to the size of the new one.
+    /// Scales all annotations of the replaced image to the size of the new one.
     pub(super) fn rescale_to_still(&mut self) {
         let Some(OldStill { of, size, .. }) = &mut self.old_still else { return };
         let (of, Some(from)) = (of.clone(), size.take()) else { return };
@@ -123,13 +123,13 @@ impl Editor {
         if let Some(still) = self.old_still.as_mut().filter(|still| still.of.camera == old) {
             id.clone_into(&mut still.of.camera);
         }
-        // Undone, it has its old id again.
+        // Undo restores the old id, so both ids are kept.
         for newer in self.newer.iter_mut().filter(|newer| newer.ids.contains(&old)) {
             newer.ids.insert(id.to_owned());
         }
     }
 
-    /// Removes the camera in hand and what refers to it.
+    /// Removes the selected camera and all references to it.
     fn remove_camera(&mut self) {
         let session = &mut self.session;
         if session.camera >= session.site.cameras.len() {
@@ -139,7 +139,7 @@ impl Editor {
         let removed = session.site.cameras.remove(session.camera);
         let of = Period::of(&removed);
         let id = removed.id;
-        // What was shared is drawn on the still of the first period alone.
+        // Links and marks belong to the image of the newest period only.
         if had_shared {
             edit::forget_shared(&mut session.site, &id);
         }
@@ -177,7 +177,7 @@ impl Editor {
     fn keep_newer(&mut self, newer: Newer) {
         let camera = newer.ids.first().cloned().unwrap_or_default();
         let became = newer.comparison.became;
-        // Stills are done in any order: the one taken last tells what is so now.
+        // Comparisons finish in any order: the newest image determines the current status.
         if let Some(known) = self.newer.iter().find(|known| newer.is_beside(known) && newer.is_before(known))
         {
             let (title, since) = (&known.title, &known.since);
@@ -195,7 +195,8 @@ impl Editor {
         self.newer.iter_mut().find(|newer| newer.is_of(entry))
     }
 
-    /// The site with a new period of a camera, in place of that from which it was found.
+    /// Replaces the site by one with a new period of the camera, unless the site changed since the
+    /// comparison.
     fn take_recovered(&mut self, camera: &str, from: &Site, found: Recovered) {
         self.cancel();
         if self.session.site != *from {

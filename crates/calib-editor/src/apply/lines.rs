@@ -1,4 +1,4 @@
-//! What is drawn on the image in hand, and what is known of its lens.
+//! Actions on the annotations of the selected image and on its lens.
 
 use calib_core::{Annotation, Kind};
 
@@ -36,8 +36,8 @@ impl Editor {
         }
     }
 
-    /// Puts the tool in the hand with which the suggested line is drawn. Nothing is drawn: what was not put on
-    /// pixels of the image says nothing.
+    /// Selects the tool for the suggested line. No line is added: only lines that the operator placed on
+    /// image pixels are evidence.
     fn take_suggestion(&mut self) {
         let Some(next) = self.session.proposal().cloned() else { return };
         let makes_it = |tool: &ToolRow| match next.kind {
@@ -46,7 +46,7 @@ impl Editor {
         };
         let Some(tool) = TOOLS.iter().position(makes_it) else { return };
         self.take_tool(tool);
-        // What is of one direction belongs together, and to no other.
+        // Lines of one direction form one annotation.
         self.session.fresh_group = next.segments_px.len() >= 2;
         self.session.note = Some(next.message);
     }
@@ -68,7 +68,7 @@ impl Editor {
         self.session.commit("tie two directions at right angles");
     }
 
-    /// Adds the copied annotations to the camera in hand, scaled to its image.
+    /// Adds the copied annotations to the selected camera, scaled to its image.
     fn paste_lines(&mut self) {
         let Some((copied, from)) = self.copied.clone() else { return };
         let Some(entry) = self.session.entry_mut() else { return };
@@ -78,7 +78,7 @@ impl Editor {
         for mut annotation in copied {
             edit::scale(&mut annotation, ratio);
             annotation.id.take_if(|id| taken.contains(id));
-            // What it was tied to has lost its id, or is another's by now.
+            // The referenced annotation lost its id, or the id belongs to another annotation here.
             annotation.at_right_angles_to.take_if(|id| taken.contains(id));
             entry.annotations.push(annotation);
         }
@@ -107,7 +107,7 @@ impl Editor {
         self.session.commit(name);
     }
 
-    /// A belief that can be seen and unlocked, not a hidden choice.
+    /// Sets a prior on the focal length, which the operator can see and remove.
     pub(super) fn believe_focal(&mut self, focal: f64, name: &str) {
         let lens = self.session.entry().and_then(|entry| entry.lens.clone()).unwrap_or_default();
         self.set_lens(LensEntry { focal_px: Some(Known::prior(focal, 0.05 * focal)), ..lens }, name);

@@ -1,4 +1,11 @@
-//! What actions do: the one place that changes the document.
+//! Effects of the actions: the only code that changes the document.
+//!
+//! - `selection`: pointer, tools, gestures and selected parts.
+//! - `lines`: annotations and lens of the selected camera.
+//! - `proposing`: automatic calibrations.
+//! - `cameras`: the camera list, images and newer images.
+//! - `places`: placements, the floor plan and planes.
+//! - `whole`: open, save and import; links, marks and control points.
 
 mod selection;
 mod lines;
@@ -11,7 +18,7 @@ use crate::action::Action;
 use crate::editor::Editor;
 
 impl Editor {
-    /// Does it. What changes the site ends as one gesture of the history.
+    /// Applies an action. A change of the site ends as one undo step.
     pub fn apply(&mut self, action: Action) {
         match action {
             Action::Open(opened) => self.open(*opened),

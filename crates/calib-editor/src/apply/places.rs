@@ -1,6 +1,6 @@
-//! Where cameras and the plan lie on the floor.
+//! Actions on the placements of cameras and on the floor plan.
 //!
-//! Planes besides the floor: added, named, known, drawn, and laid under what is selected.
+//! Also planes other than the floor: add, rename, change, and assign annotations to them.
 
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::single::Known;
@@ -12,7 +12,7 @@ use crate::editor::Editor;
 use crate::planes::{Planes, add_plane, delete_plane, lay, rename_plane, set_region};
 use crate::tools::tool_called;
 
-/// The other of two states.
+/// Inverts a flag and returns its new value.
 fn toggled(is_held: &mut bool) -> bool {
     *is_held = !*is_held;
     *is_held
@@ -25,7 +25,7 @@ impl Editor {
         self.session.commit(name);
     }
 
-    /// Turns or scales the camera in hand about its foot, as its handles on the plan do.
+    /// Rotates or scales the selected camera about its foot, as its handles on the plan do.
     pub(super) fn turn_or_scale(&mut self, verb: &str, change: impl FnOnce(&mut Placement)) {
         self.cancel();
         let session = &mut self.session;
@@ -42,7 +42,7 @@ impl Editor {
         session.commit(name);
     }
 
-    /// Moves the camera in hand on the floor by tenths of a metre.
+    /// Moves the selected camera on the floor by multiples of 0.1 m.
     pub(super) fn nudge_camera(&mut self, by: [f64; 2]) {
         let session = &mut self.session;
         let camera = session.camera;
@@ -68,7 +68,8 @@ impl Editor {
         session.commit(format!("{verb} {id}"));
     }
 
-    /// Of a place that is held as a whole the other numbers stay held, each by itself.
+    /// Fixes or unfixes one number of the placement. If the whole placement was fixed, its other numbers stay
+    /// fixed.
     pub(super) fn hold_number(&mut self, number: PlaceNumber) {
         self.cancel();
         let session = &mut self.session;
@@ -79,14 +80,14 @@ impl Editor {
         }
         let Some(entry) = session.entry_mut() else { return };
         let Some(placement) = &mut entry.placement else { return };
-        // To a millimetre: more is not known of any.
+        // Rounded to a millimetre: no height is known better.
         let height = (1e3 * STAGE_1_HEIGHT * now.scale).round() / 1e3;
         let was_whole = std::mem::take(&mut placement.fixed);
         if was_whole {
             placement.held = HeldEntry { x: true, y: true, turn: true };
         }
         if was_whole && number != PlaceNumber::Height {
-            // What was measured is not written over.
+            // A measured height is not overwritten.
             entry.height_m.get_or_insert(Known::fixed(height));
         }
         let (is_held, name) = match number {
@@ -193,7 +194,7 @@ impl Editor {
         }
     }
 
-    /// What was solved of it no longer holds.
+    /// Replaces a plane's entry and discards its solution.
     fn set_plane_entry(&mut self, index: usize, plane: PlaneEntry, name: String) {
         if let Some(own) = self.session.site.planes.get_mut(index) {
             *own = PlaneEntry { solution: None, ..plane };
@@ -201,7 +202,7 @@ impl Editor {
         self.session.commit(name);
     }
 
-    /// The corners that were drawn, where the camera shows them on the plane.
+    /// Sets the region of a plane to the camera's field of view, projected onto the plane.
     fn take_field(&mut self, index: usize) {
         let session = &mut self.session;
         let Some(id) = session.site.planes.get(index).map(|plane| plane.id.clone()) else { return };

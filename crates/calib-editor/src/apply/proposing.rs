@@ -1,4 +1,4 @@
-//! What the still of a camera proposes: taken, turned, left out, put aside.
+//! Actions on automatic calibrations: accept, change, dismiss.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::period::Period;
 use crate::proposed::{OnProposed, Proposed, ProposedGroup};
 
 impl Editor {
-    /// Shows what the still of a camera proposes, in place of what was shown before.
+    /// Shows the automatic calibration of a camera's image instead of an earlier one.
     pub(super) fn propose(&mut self, of: &Period, proposal: &Proposal) {
         self.cancel();
         let Some(entry) = self.session.site.cameras.iter().find(|entry| of.is_of(entry)) else { return };
@@ -20,7 +20,7 @@ impl Editor {
         let note = match (proposed.count(), proposed.verdict) {
             (0, Verdict::None) => Some(format!("The still of {camera} proposes nothing.")),
             (0, _) => Some(format!("What the still of {camera} proposes is drawn already.")),
-            // What keys do with it is said as long as it is there.
+            // The status line shows the available keys as long as the automatic calibration is undecided.
             _ => None,
         };
         let all = Arc::make_mut(&mut self.session.proposed);
@@ -31,11 +31,11 @@ impl Editor {
         self.session.note = note;
     }
 
-    /// A command on the group that is chosen, else on the one that would tell most.
+    /// Applies a command to the selected group, or to the group that reduces the floor error most.
     pub(super) fn proposing(&mut self, command: Proposing) {
         let mut group = || self.group_in_hand();
         let action = match command {
-            // Whoever has the pixels does it.
+            // The view runs this command, because it has the pixels.
             Proposing::Propose => None,
             Proposing::AcceptProposed => Some(OnProposed::AcceptAll),
             Proposing::DismissProposed => Some(OnProposed::Dismiss),
@@ -90,7 +90,7 @@ impl Editor {
         }
     }
 
-    /// Draws groups; what is left stays proposed, and nothing left is nothing proposed.
+    /// Accepts groups. The other groups stay undecided; if none remain, the automatic calibration is removed.
     fn accept(&mut self, which: impl Fn(usize) -> bool, verb: &str) {
         let Some(proposed) = self.session.proposed().cloned() else { return };
         let chosen = || (0..proposed.groups.len()).filter(|&group| which(group));
@@ -122,7 +122,7 @@ impl Editor {
         self.session.commit(format!("{verb} the proposed {title}"));
     }
 
-    /// Changes what is proposed for the camera in hand; without a group there is nothing proposed.
+    /// Changes the automatic calibration of the selected camera, and removes it if it has no groups left.
     fn change_proposed(&mut self, change: impl FnOnce(&mut Proposed)) {
         let Some(of) = self.session.entry().map(Period::of) else { return };
         let all = Arc::make_mut(&mut self.session.proposed);

@@ -1,6 +1,6 @@
-//! What is selected: chosen, deleted, copied, switched, pulled onto edges, nudged.
+//! Actions on selected parts: select, delete, duplicate, switch on or off, move onto edges, nudge.
 //!
-//! What is in the hand: the tool, and the gesture that is under way.
+//! Also the current tool and the current gesture.
 
 use std::collections::BTreeSet;
 
@@ -29,7 +29,8 @@ impl Editor {
         self.rest();
     }
 
-    /// Whether the press chooses a proposed line: what is drawn comes first, as does a tool that draws.
+    /// Whether a press selects a line of an automatic calibration. Annotations and drawing tools take
+    /// precedence.
     fn picks(&mut self, pointer: &Pointer) -> bool {
         let is_free = self.tool_row == 0 && self.tool.is_idle() && pointer.phase == Phase::Press;
         let session = &mut self.session;
@@ -48,7 +49,7 @@ impl Editor {
         session.picked.is_some()
     }
 
-    /// After what the hand did: a tool that has made what it makes is laid down.
+    /// Finishes a pointer event: a tool that is done is replaced by the selection tool.
     fn rest(&mut self) {
         if self.tool.is_over() {
             self.take_tool(0);
@@ -77,7 +78,7 @@ impl Editor {
 
     pub(super) fn gesture(&mut self, command: Gesture) {
         match command {
-            // What is in the hand is taken back first.
+            // An unfinished gesture is cancelled first.
             Gesture::Undo | Gesture::Redo if !self.tool().is_idle() => self.cancel(),
             Gesture::Undo => self.session.undo(),
             Gesture::Redo => self.session.redo(),
@@ -164,7 +165,7 @@ impl Editor {
         session.commit(format!("duplicate {name}"));
     }
 
-    /// Changes `off` and `keep` of everything that is selected, each once.
+    /// Changes the `off` and `keep` flags of all selected annotations, each once.
     fn flags(&mut self, parts: &BTreeSet<Part>, name: &str, change: impl Fn(&mut bool, &mut bool)) {
         let mut seen = BTreeSet::new();
         let site = &mut self.session.site;
@@ -223,7 +224,8 @@ impl Editor {
         }
     }
 
-    /// Moves what is selected by so many pixels; marks, and the camera where nothing is, by tenths of a metre.
+    /// Moves the selected parts in pixels. Marks move by multiples of 0.1 m, as does the camera if nothing is
+    /// selected.
     fn nudge_by(&mut self, by: [f64; 2], pane: Option<Pane>) {
         if !self.tool().is_idle() {
             self.cancel();

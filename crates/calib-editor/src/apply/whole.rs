@@ -1,6 +1,6 @@
-//! The document as a whole: opened, saved, joined by images and by what other programs know.
+//! Actions on the whole document: open, save, attach images, import from other programs.
 //!
-//! What cameras share, and control points: changed in their tables.
+//! Also links, marks, distances and control points that are changed in their tables.
 
 use std::path::PathBuf;
 
@@ -66,7 +66,7 @@ impl Editor {
     }
 
     pub(super) fn saved(&mut self, path: PathBuf, folder: Option<PathBuf>) {
-        // From now on images are looked for beside the file.
+        // Image paths are now relative to the folder of the file.
         if let Some(folder) = folder.filter(|folder| self.session.images.folder.as_ref() != Some(folder)) {
             let images = self.session.images.clone();
             let names = self.newer.iter_mut().flat_map(|newer| [Some(&mut newer.image), newer.old.as_mut()]);
@@ -102,7 +102,7 @@ impl Editor {
         let session = &mut self.session;
         session.site = rename(&session.site);
         session.history.map(rename);
-        // Whoever keeps the site keeps them with the next gesture, and what was kept before is complete again.
+        // Autosave stores the new images after this, and with the next gesture.
         session.generation += u64::from(session.generation > 0);
     }
 
@@ -131,7 +131,8 @@ impl Editor {
         self.session.note = Some(format!("{lenses_in_words} taken, {added_in_words} added.{notes}"));
     }
 
-    /// Takes a camera that comes in: its lens where it is known, else as a camera more. Whether it is one more.
+    /// Imports a camera: its lens if the camera exists, otherwise a new camera. Returns whether a camera was
+    /// added.
     fn take_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<bool, String> {
         let session = &mut self.session;
         let known = session.site.cameras.iter().position(|own| own.id == camera.id);

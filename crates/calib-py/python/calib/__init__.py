@@ -1,15 +1,15 @@
-"""Calibrated cameras: pixels of detectors to metres on the floor, with their uncertainty, and the calibration itself.
+"""Calibrated cameras: map detector pixels to metres on the floor, with uncertainty, and calibrate.
 
     import calib
 
     site = calib.Site.open("solved.json")
     camera = site.camera("door", stream_size=(1280, 720))
-    x, y, status = camera.boxes_to_floor(boxes, form="xyxy")   # metres; NaN where there is no floor
+    x, y, status = camera.boxes_to_floor(boxes, form="xyxy")   # metres; NaN without a floor point
     pixel, calibration = camera.floor_covariance(u, v, sigma_px=2.0)
 
-Axes, units and pixels are those of the site file: metres with z up and the floor at z = 0; pixels from the corner of the
-image, x right and y down, unless origin="centre" is said. See `Site`, `Camera` and `Status`; `vertical`, `parallel` and
-so on draw what a site is calibrated from.
+Axes and units are the same as in the site file: metres, with z up and the floor at z = 0. Pixels count from the corner of
+the image, x right and y down, unless origin="centre" is passed. See `Site`, `Camera` and `Status`. `vertical`, `parallel`
+and so on create annotations for a calibration.
 """
 
 from calib._calib import CalibError, Camera, Finding, Site, Undistorter, __version__

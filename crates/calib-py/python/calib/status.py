@@ -1,21 +1,21 @@
-"""What became of a pixel or a point that was mapped."""
+"""Status of a mapped pixel or point."""
 
 from enum import IntEnum
 
 
 class Status(IntEnum):
-    """What became of a pixel or a point that was mapped; arrays have these numbers as uint8.
+    """Status of a mapped pixel or point. Arrays contain these numbers as uint8.
 
-    With a point (or a pixel):
-        OK: mapped, inside the effective field of view or, of points of space, the image.
+    With a result:
+        OK: mapped; inside the effective field of view (EFOV), or, for world points, inside the image.
         OUTSIDE_EFOV: mapped, but outside the effective field of view.
-        OUTSIDE_IMAGE: mapped, but outside the image: a pixel that no detector has seen.
-    Without one, NaN:
-        ABOVE_HORIZON: the pixel shows nothing of the plane.
-        OUTSIDE_LENS: the lens shows nothing there.
+        OUTSIDE_IMAGE: mapped, but outside the image, where detectors have no pixels.
+    Without a result (NaN):
+        ABOVE_HORIZON: the pixel shows no point of the plane.
+        OUTSIDE_LENS: the pixel is outside the range of the lens model.
         BEHIND_CAMERA: the point is not in front of the camera.
-        MISSING: there was nothing to map: a coordinate is absent or not finite.
-        NO_CALIBRATION: no calibration holds for it.
+        MISSING: a coordinate is missing or not finite.
+        NO_CALIBRATION: the camera has no calibration at this time.
         ON_WALL: the pixel shows the wall of a pit, between its plane and the floor.
     """
 
@@ -31,5 +31,5 @@ class Status(IntEnum):
 
     @property
     def text(self) -> str:
-        """As it stands in tables: "above-horizon"."""
+        """Text of the status in tables, such as "above-horizon"."""
         return self.name.lower().replace("_", "-")
