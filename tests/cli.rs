@@ -7,7 +7,7 @@ use calib_core::{
 };
 
 use calib_demo::layout::Layout;
-use calib_demo::random::{Drawn, RandomScene};
+use calib_demo::random::{AnnotationSet, RandomScene};
 use calib_site::{DistortionEntry, Method, Site, SiteCamera, Solution, Stage};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 fn site() -> (Scratch, Site) {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let cameras = ["door", "yard"].map(|id| {
-        let scene = RandomScene::new(&mut random, Drawn::Directions, Some(80.0), Some(35.0));
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, Some(80.0), Some(35.0));
         SiteCamera {
             annotations: scene.noisy(&mut random, 0.7),
             sigma_px: Some(0.7),
@@ -291,7 +291,7 @@ fn a_data_uri_makes_a_site_one_file() {
     scratch.write("site.json", site.to_json());
     let undistort = ["undistort", "site.json", "--camera", "door", "-o", "x.png"];
     let unsolved = scratch.calib(&undistort).expect_code(4);
-    assert!(unsolved.stderr.contains("nothing tells its lens"), "{}", unsolved.stderr);
+    assert!(unsolved.stderr.contains("its lens is unknown"), "{}", unsolved.stderr);
     let lens = json!({"distortion": {"model": "division", "lambda": -0.1, "focal_px": 2}});
     site.cameras[0].lens = Some(serde_json::from_value(lens).unwrap());
     scratch.write("site.json", site.to_json());
@@ -336,7 +336,7 @@ fn given(count: usize) -> (Vec<Camera>, Site) {
             lens: if index % 2 == 0 { bent } else { pinhole },
             covariance: Covariance::EXACT,
         };
-        let solution = Solution::of(&camera, Method::Given, Stage::Placed);
+        let solution = Solution::from_camera(&camera, Method::Given, Stage::Placed);
         let id = format!("c{index}");
         site.cameras.push(SiteCamera { solution: Some(solution), ..SiteCamera::new(id, [1920, 1080]) });
         cameras.push(camera);
@@ -501,7 +501,7 @@ fn solving_tells_how_the_cameras_agree() {
         let centimetres = format!("{:.1}", 100.0 * pair["floor_rms_m"].as_f64().unwrap());
         assert!(row.contains(&centimetres), "{row}: {centimetres}");
     }
-    let worst = &of_site[of_site.find("worst of links").unwrap()..of_site.find("more views").unwrap()];
+    let worst = &of_site[of_site.find("worst links").unwrap()..of_site.find("more views").unwrap()];
     assert!(!worst.contains("link p4 "), "what was set aside is no error of the site: {worst}");
     assert!(of_site.contains("outlier: Link \"p4\""), "{of_site}");
     // The solutions by id, and nothing else: an id may be any name.
@@ -557,7 +557,7 @@ fn the_gate_is_on_the_site_too() {
     site.links.clear();
     scratch.write("solved.json", site.to_json());
     let untold = check(&["--max-overlap-m", "1"], 4).json();
-    assert!(untold["site"]["faults"].to_string().contains("nothing tells"), "{untold}");
+    assert!(untold["site"]["faults"].to_string().contains("are unknown"), "{untold}");
 }
 
 #[test]

@@ -851,7 +851,7 @@ fn the_table_is_borne_out_by_the_demonstration_a_month_later_with_two_cameras_th
     let cameras = run.json()["cameras"].clone();
     for camera in cameras.as_array().unwrap() {
         println!("{camera}");
-        let moved = calib_demo::moved().into_iter().find(|(id, _)| camera["camera"] == *id);
+        let moved = calib_demo::changed_cameras().into_iter().find(|(id, _)| camera["camera"] == *id);
         let Some((_, turn)) = moved else {
             assert_eq!(camera["verdict"], "unchanged", "{camera}");
             continue;
@@ -875,7 +875,7 @@ fn the_command_finds_the_zoom_of_one_camera_and_solves_it_again() {
     let demo = calib_demo::demo_site();
     let index = demo.site.cameras.iter().position(|camera| camera.id == "store").unwrap();
     let (entry, truth) = (demo.site.cameras[index].clone(), demo.truth[index].1);
-    let turn = calib_demo::moved()[1].1;
+    let turn = calib_demo::changed_cameras()[1].1;
     calib_demo::render(&truth, entry.size_px).save(scratch.path("d/store.png")).unwrap();
     let later = calib_demo::render_later(&turn.applied(&truth), entry.size_px);
     later.save(scratch.path("d/later/store_20260601_0900.png")).unwrap();
@@ -901,7 +901,7 @@ fn recovered(scratch: &Scratch, ids: &[&str]) {
     let text = std::fs::read_to_string(scratch.path("d/new.json")).unwrap();
     let site = Site::from_json(&text).unwrap();
     let truth = calib_demo::demo_site().truth;
-    for (id, turn) in calib_demo::moved().into_iter().filter(|(id, _)| ids.contains(id)) {
+    for (id, turn) in calib_demo::changed_cameras().into_iter().filter(|(id, _)| ids.contains(id)) {
         let entry = site.camera_at(id, Some("2026-07-01T00:00:00Z")).unwrap();
         let old = site.camera_at(id, Some("2026-05-01T00:00:00Z")).unwrap();
         assert_eq!(entry.valid_from.as_deref(), Some("2026-06-01T09:00:00Z"));

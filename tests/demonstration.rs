@@ -77,7 +77,11 @@ fn without_a_plan_links_and_marks_find_the_shop() {
 fn the_first_command_of_the_readme_writes_what_it_says() {
     let scratch = Scratch::new();
     let run = scratch.calib(&["demo"]).expect_code(0);
-    assert!(run.stdout.contains("Errors against the truth") && run.stdout.contains("barn"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("Errors against ground truth") && run.stdout.contains("barn"),
+        "{}",
+        run.stdout
+    );
     let site =
         Site::from_json(&std::fs::read_to_string(scratch.path("calib-demo/site.json")).unwrap()).unwrap();
     for camera in &site.cameras {

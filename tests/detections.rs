@@ -58,7 +58,10 @@ fn a_column_that_is_there_is_written_anew_only_when_that_is_wanted() {
     scratch.write("in.csv", "u,v,status\n900,700,mine\n");
     let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(3);
     assert!(run.stdout.is_empty() && run.stderr.contains("in.csv: "), "{run:?}");
-    assert!(run.stderr.contains("column status already") && run.stderr.contains("--replace"), "{run:?}");
+    assert!(
+        run.stderr.contains("already has a column status") && run.stderr.contains("--replace"),
+        "{run:?}"
+    );
     let run = scratch.calib(&to_floor(&["-i", "in.csv", "--replace"])).expect_code(0);
     assert_eq!(rows(&run.stdout)[0]["status"], "ok");
 }
@@ -136,7 +139,7 @@ fn rows_that_are_not_whole_end_the_run_or_say_so() {
     assert!(run.stderr.contains("in.csv") && run.stderr.contains("--bad-rows status"), "{run:?}");
     let args = to_floor(&["-i", "in.csv", "--bad-rows", "status"]);
     let run = scratch.calib(&args).expect_code(0);
-    assert!(run.stderr.contains("3 rows are not whole"), "{run:?}");
+    assert!(run.stderr.contains("3 rows are incomplete"), "{run:?}");
     let status: Vec<&str> = rows(&run.stdout).iter().map(|row| row["status"]).collect();
     assert_eq!(status, ["ok", "missing", "missing", "missing", "ok"]);
     assert!(run.stdout.contains("\n2,900,,,,,missing\n"), "what is there stays: {run:?}");
@@ -346,7 +349,7 @@ fn with_planes() -> (Site, Scratch) {
     let mut known = camera();
     known.covariance.0[Covariance::X][Covariance::X] = 1e-24;
     let mut entry = entry("a", &known);
-    entry.solution.as_mut().unwrap().covariance = CovarianceEntry::of(&known);
+    entry.solution.as_mut().unwrap().covariance = CovarianceEntry::from_camera(&known);
     let site = Site { cameras: vec![entry], planes, ..Site::new() };
     scratch.write("planes.json", site.to_json());
     (site, scratch)

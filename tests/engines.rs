@@ -1,5 +1,4 @@
-//! Engines that exist map an archive as the program does: the SQL view in `DuckDB` and in Spark, and Spark
-//! through the program itself, a worker of which is killed.
+//! `DuckDB` maps an archive like `calib project`, with the SQL view.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -135,29 +134,6 @@ fn the_view_takes_the_calibration_of_the_time() {
     let Some(found) = python("engines_duckdb.py", &[&scratch.path("").to_string_lossy()]) else { return };
     assert_eq!(found["b"]["rows"], 25_000);
     assert!(found["b"]["relative"].as_f64().unwrap() < 1e-9, "{found}");
-}
-
-#[test]
-fn spark_maps_an_archive_as_one_machine_does_even_when_a_worker_dies() {
-    if engines_python().is_none() {
-        return;
-    }
-    let (scratch, _) = prepared(&site(), &[], 12, 250_000);
-    let examples = root().join("crates/calib-cli/examples");
-    let arguments = [
-        program().to_string_lossy(),
-        examples.to_string_lossy(),
-        scratch.path("").to_string_lossy().into_owned().into(),
-    ];
-    let Some(found) = python("engines_spark.py", &arguments.each_ref().map(|text| &**text)) else { return };
-    println!("{found}");
-    assert_eq!((&found["rows"], &found["different"]), (&json!(3_000_000), &json!(0)), "{found}");
-    assert_eq!(found["killed"], true, "{found}");
-    assert_eq!(found["view_rows"], found["view_expected"], "{found}");
-    assert!(
-        found["view_rows"].as_u64().unwrap() > 1_000_000 && found["view_off"].as_f64().unwrap() < 1e-9,
-        "{found}"
-    );
 }
 
 #[test]

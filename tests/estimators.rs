@@ -11,7 +11,7 @@ use calib_core::outcome::Drawing;
 
 use calib_core::single::{FixedParameters, Known, paper_minimum};
 
-use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
+use calib_demo::random::{AnnotationSet, RandomScene, SIZE, normal};
 use calib_site::{LensEntry, Method, Options, PlacementEntry, SceneEntry, Site, SiteCamera, Solution};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -20,7 +20,7 @@ fn lens() -> Lens {
     Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]))
 }
 
-fn scenes(drawn: Drawn, count: usize, seed: u64) -> Vec<RandomScene> {
+fn scenes(drawn: AnnotationSet, count: usize, seed: u64) -> Vec<RandomScene> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     (0..count).map(|_| RandomScene::new(&mut random, drawn, None, None)).collect()
 }
@@ -42,7 +42,7 @@ fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> F
 
 #[test]
 fn the_papers_method_finds_exact_scenes() {
-    for drawn in [Drawn::Directions, Drawn::Lengths] {
+    for drawn in [AnnotationSet::Directions, AnnotationSet::Lengths] {
         for scene in scenes(drawn, 40, 21) {
             let evidence = Constraints::new(&scene.annotations, &lens(), SceneErrors::EXACT);
             let (at, _) = paper_minimum(&evidence, FixedParameters::default(), SIZE[0]).unwrap();
@@ -59,7 +59,7 @@ fn the_papers_method_finds_exact_scenes() {
 
 #[test]
 fn the_fit_finds_exact_scenes() {
-    for drawn in [Drawn::Directions, Drawn::Lengths] {
+    for drawn in [AnnotationSet::Directions, AnnotationSet::Lengths] {
         for scene in scenes(drawn, 100, 22) {
             let fit = fit(&scene.annotations, &scene, Some(1.0));
             let focal = (fit.camera.focal / scene.camera.focal - 1.0).abs();
@@ -74,9 +74,12 @@ fn the_fit_finds_exact_scenes() {
 #[test]
 fn the_fit_reaches_the_cramer_rao_bound_and_its_sigmas_are_true() {
     const DRAWS: usize = 12;
-    for (drawn, noise) in
-        [(Drawn::Directions, 0.5), (Drawn::Directions, 2.0), (Drawn::Lengths, 0.5), (Drawn::Lengths, 2.0)]
-    {
+    for (drawn, noise) in [
+        (AnnotationSet::Directions, 0.5),
+        (AnnotationSet::Directions, 2.0),
+        (AnnotationSet::Lengths, 0.5),
+        (AnnotationSet::Lengths, 2.0),
+    ] {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let mut ratios: [Vec<f64>; 3] = Default::default();
         let (mut covered, mut trials) = ([0; 3], 0);
@@ -123,7 +126,7 @@ fn the_fit_reaches_the_cramer_rao_bound_and_its_sigmas_are_true() {
 fn one_wrong_line_is_named_and_good_ones_are_not() {
     let mut random = ChaCha8Rng::seed_from_u64(31);
     let (mut trials, mut named, mut wild, mut accused, mut good) = (0, 0, 0, 0, 0);
-    for scene in scenes(Drawn::Directions, 120, 32) {
+    for scene in scenes(AnnotationSet::Directions, 120, 32) {
         let clean = fit(&scene.annotations, &scene, Some(1.0));
         if clean.dof < 6 {
             continue;
@@ -560,7 +563,7 @@ fn the_operators_move_turn_and_scale_place_the_camera() {
         turn_deg: 33.0,
         scale: Some(1.5),
         fixed: false,
-        held: calib_site::HeldEntry::default(),
+        held: calib_site::FixedEntry::default(),
     });
     let solution = solve(camera);
     assert_eq!(solution.position_m, Some(WorldPoint::new(4.0, -2.0, 4.5)));

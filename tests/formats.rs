@@ -34,7 +34,7 @@ fn any_distortion() -> impl Strategy<Value = Distortion> {
 
 /// A solved site of one camera.
 fn site(camera: &Camera) -> Site {
-    let solution = Solution::of(camera, Method::Given, Stage::Placed);
+    let solution = Solution::from_camera(camera, Method::Given, Stage::Placed);
     let entry = SiteCamera { solution: Some(solution), ..SiteCamera::new("yard", SIZE) };
     Site { cameras: vec![entry], ..Site::new() }
 }
@@ -584,9 +584,9 @@ fn table() -> String {
             format.pixels,
             format.units,
             format.axes,
-            format.holds,
+            format.contains,
             format.lacks,
-            format.drops,
+            format.ignored_by_import,
         ];
         text += &format!("| {} |\n", cells.join(" | "));
     }
@@ -782,7 +782,11 @@ fn an_import_says_what_it_leaves_and_merges_into_a_site() {
     scratch.write("drawn.json", drawn.to_json());
     let merge = ["import", "nvidia", "out/calibration.json", "--into", "drawn.json"];
     let run = scratch.calib(&merge).expect_code(3);
-    assert!(run.stderr.contains("\"yard\" already") && run.stderr.contains("--replace"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("already has camera \"yard\"") && run.stderr.contains("--replace"),
+        "{}",
+        run.stderr
+    );
     let run = scratch.calib(&[&merge[..], &["--replace"]].concat()).expect_code(0);
     let merged = Site::from_json(&run.stdout).unwrap();
     let ids: Vec<&str> = merged.cameras.iter().map(|camera| camera.id.as_str()).collect();

@@ -6,8 +6,8 @@ use calib_core::{Annotation, Code, Kind, Pixel};
 
 use calib_core::single::Known;
 
-use calib_demo::random::{Drawn, RandomScene};
-use calib_site::{HeldEntry, Options, PlacementEntry, SceneEntry, Site, SiteCamera, Solution};
+use calib_demo::random::{AnnotationSet, RandomScene};
+use calib_site::{FixedEntry, Options, PlacementEntry, SceneEntry, Site, SiteCamera, Solution};
 use calib_tests::Scratch;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -113,7 +113,7 @@ fn a_camera_beyond_its_side_is_not_taken_for_one_that_looks_up() {
     const ROLL: f64 = -120.0;
     let mut random = ChaCha8Rng::seed_from_u64(3);
     for _ in 0..10 {
-        let scene = RandomScene::new(&mut random, Drawn::Directions, Some(70.0), Some(30.0));
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, Some(70.0), Some(30.0));
         let roll = scene.camera.roll.to_degrees() + ROLL;
         let near = |of_roll: f64, pitch: f64| (of_roll - roll).abs() < 4.0 && (pitch - 30.0).abs() < 4.0;
         let is_true = |solution: &Solution| near(solution.roll_deg.unwrap(), solution.pitch_deg.unwrap());
@@ -140,7 +140,7 @@ fn a_camera_beyond_its_side_is_not_taken_for_one_that_looks_up() {
 fn a_line_drawn_again_says_nothing_more() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     for _ in 0..10 {
-        let scene = RandomScene::new(&mut random, Drawn::Directions, None, None);
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, None);
         let mut once = SiteCamera::new("a", SIZE);
         (once.annotations, once.efov_px) = (scene.noisy(&mut random, 1.0), Some(scene.efov.clone()));
         let mut often = once.clone();
@@ -350,7 +350,7 @@ fn residuals_that_no_noise_explains_leave_the_errors_unknown() {
     let mut random = ChaCha8Rng::seed_from_u64(19);
     let (mut beyond, mut within) = (0, 0);
     for round in 0..60 {
-        let scene = RandomScene::new(&mut random, Drawn::Directions, None, None);
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, None);
         let mut camera = SiteCamera::new("a", SIZE);
         let noise = [1.0, 40.0, 80.0][round % 3];
         (camera.annotations, camera.efov_px) = (scene.noisy(&mut random, noise), Some(scene.efov.clone()));
@@ -378,7 +378,7 @@ fn few_residuals_widen_what_they_tell_by_students_factor() {
     let mut random = ChaCha8Rng::seed_from_u64(23);
     let mut compared = 0;
     for _ in 0..300 {
-        let scene = RandomScene::new(&mut random, Drawn::Directions, None, None);
+        let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, None);
         let mut camera = SiteCamera::new("a", SIZE);
         (camera.annotations, camera.efov_px) = (scene.noisy(&mut random, 4.0), Some(scene.efov.clone()));
         camera.scene = Some(SceneEntry::EXACT);
@@ -588,7 +588,7 @@ fn of_a_place_that_a_hand_gave_nothing_is_claimed_until_its_numbers_are_held() {
         let camera = solved.camera(&entry.id).unwrap().camera().unwrap();
         let scale = Some(camera.position.z / 3.0);
         let (move_m, turn_deg) = (camera.position.on_floor(), camera.yaw.to_degrees());
-        let (fixed, held) = (false, HeldEntry::default());
+        let (fixed, held) = (false, FixedEntry::default());
         entry.placement = Some(PlacementEntry { move_m, turn_deg, scale, fixed, held });
     }
     let claims = |site: &Site| {
@@ -605,7 +605,7 @@ fn of_a_place_that_a_hand_gave_nothing_is_claimed_until_its_numbers_are_held() {
     assert!(claims(&site).iter().all(|said| *said == (true, false)), "{:?}", claims(&site));
     for entry in &mut site.cameras {
         let placement = entry.placement.as_mut().unwrap();
-        placement.held = HeldEntry { x: true, y: true, turn: true };
+        placement.held = FixedEntry { x: true, y: true, turn: true };
         entry.height_m.get_or_insert(Known::fixed(placement.scale.unwrap() * 3.0));
     }
     assert!(claims(&site).iter().all(|said| *said == (false, true)), "{:?}", claims(&site));

@@ -14,10 +14,10 @@ use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::single::Known;
 
 use calib_demo::layout::Layout;
-use calib_demo::random::{Drawn, RandomScene, SIZE, normal};
+use calib_demo::random::{AnnotationSet, RandomScene, SIZE, normal};
 use calib_site::{
-    Distance, DistortionEntry, LensEntry, Link, LinkKind, LinkSeen, Mark, MarkSeen, Options, PlacementEntry,
-    Report, Scale, SceneEntry, Site, SiteCamera, Stage,
+    Distance, DistortionEntry, LensEntry, Link, LinkKind, LinkObservation, Mark, MarkObservation, Options,
+    PlacementEntry, Report, Scale, SceneEntry, Site, SiteCamera, Stage,
 };
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -182,7 +182,7 @@ fn a_chain_drifts_and_a_loop_closes_it() {
 /// A scene whose lens bends, drawn with noise of one pixel, with edges that are straight in space.
 fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera) {
     let hfov = random.random_range(60.0..95.0);
-    let scene = RandomScene::new(random, Drawn::Directions, Some(hfov), None);
+    let scene = RandomScene::new(random, AnnotationSet::Directions, Some(hfov), None);
     let [w, h] = SIZE;
     let (beside, above) = (0.1 * w, 0.1 * h);
     let corners = [[-beside, -above], [w + beside, -above], [w + beside, h + above], [-beside, h + above]];
@@ -261,7 +261,7 @@ fn a_lens_fitted_together_with_stage_1_reaches_the_bound_and_its_sigmas_are_true
                 let report = site.calibrate(&Options::default());
                 let Ok(solution) = &report.cameras[0].1 else { continue };
                 let found = solution.camera().unwrap();
-                let given = DistortionEntry::of(&truth.lens, truth.focal).unwrap();
+                let given = DistortionEntry::from_lens(&truth.lens, truth.focal).unwrap();
                 let (fit, sigma) = (solution.distortion.as_ref().unwrap(), solution.sigma.as_ref().unwrap());
                 let degrees = |a: f64, b: f64| (a - b).to_degrees();
                 let off = |a: Option<f64>, b: Option<f64>| a.unwrap_or(0.0) - b.unwrap_or(0.0);
@@ -302,8 +302,8 @@ fn shown(layout: &Layout, camera: usize, at: [f64; 3]) -> Pixel {
     layout.truth[camera].world_to_pixel(at.into()).unwrap()
 }
 
-fn seen(layout: &Layout, camera: usize) -> LinkSeen {
-    LinkSeen::new(&layout.site.cameras[camera].id)
+fn seen(layout: &Layout, camera: usize) -> LinkObservation {
+    LinkObservation::new(&layout.site.cameras[camera].id)
 }
 
 /// Cameras stand where they stand, to a hair.
@@ -331,7 +331,7 @@ fn posts_tie_cameras() {
         let mut posts = layout.clone();
         for (i, [x, y]) in [[0.5, 0.3], [-0.8, 0.4], [0.2, -0.9]].into_iter().enumerate() {
             let length = 0.6 + 0.2 * i as f64;
-            let seen = (0..3).map(|camera| LinkSeen {
+            let seen = (0..3).map(|camera| LinkObservation {
                 foot: Some(shown(&posts, camera, [x, y, 0.0])),
                 head: Some(shown(&posts, camera, [x, y, length])),
                 ..seen(&posts, camera)
@@ -391,7 +391,7 @@ fn marks_tie_cameras_and_give_the_scale() {
             for point in ["b0", "b1", "b2", "t0", "t1", "t2", "t3"] {
                 let px = shown(&marks, camera, shape.point(point).unwrap().into());
                 let camera = marks.site.cameras[camera].id.clone();
-                seen_of_box.push(MarkSeen { camera, point: point.into(), px });
+                seen_of_box.push(MarkObservation { camera, point: point.into(), px });
             }
         }
         marks.site.marks.push(Mark {
@@ -432,7 +432,7 @@ fn pieces_of_floor_lines_tie_cameras() {
                 turn_deg: truth.yaw.to_degrees() + 3.0,
                 scale: Some(truth.position.z / STAGE_1_HEIGHT),
                 fixed: false,
-                held: calib_site::HeldEntry::default(),
+                held: calib_site::FixedEntry::default(),
             });
         }
         lines.place_first();
@@ -442,7 +442,7 @@ fn pieces_of_floor_lines_tie_cameras() {
             let seen = (0..3).map(|camera| {
                 let from = 0.5 * camera as f64 - 0.8;
                 let ends = [point(from), point(from + 0.7)].map(|at| shown(&lines, camera, at));
-                LinkSeen { segment: Some(ends.to_vec()), ..seen(&lines, camera) }
+                LinkObservation { segment: Some(ends.to_vec()), ..seen(&lines, camera) }
             });
             let seen = seen.collect();
             lines.site.links.push(Link::new(Some(format!("line {i}")), LinkKind::Line, seen));

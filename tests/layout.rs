@@ -10,7 +10,11 @@ use calib_tests::root;
 fn modules(table: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(table).unwrap();
     let name = |line: &str| {
-        line.strip_prefix("pub ").unwrap_or(line).strip_prefix("mod ")?.strip_suffix(';').map(str::to_owned)
+        line.trim_start_matches("pub(crate) ")
+            .trim_start_matches("pub ")
+            .strip_prefix("mod ")?
+            .strip_suffix(';')
+            .map(str::to_owned)
     };
     text.lines().filter_map(name).collect()
 }
@@ -57,56 +61,29 @@ fn items(list: &str) -> Vec<&str> {
     items
 }
 
-#[test]
-fn a_folder_of_the_core_uses_only_folders_above_it() {
-    uses_only_what_is_above("calib-core");
+/// Returns the names of all crates with sources.
+fn packages() -> Vec<String> {
+    let entries = std::fs::read_dir(root().join("crates")).unwrap().map(|entry| entry.unwrap());
+    let crates = entries.filter(|entry| entry.path().join("src").is_dir());
+    crates.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()
 }
 
 #[test]
-fn a_file_of_the_site_uses_only_files_above_it() {
-    uses_only_what_is_above("calib-site");
+fn modules_of_every_crate_use_only_modules_above_them() {
+    let packages = packages();
+    assert!(packages.len() > 15, "{packages:?}");
+    packages.iter().for_each(|package| uses_only_what_is_above(package));
 }
 
-#[test]
-fn a_file_of_health_uses_only_files_above_it() {
-    uses_only_what_is_above("calib-health");
-}
-
-#[test]
-fn a_file_of_the_editor_uses_only_files_above_it() {
-    uses_only_what_is_above("calib-editor");
-}
-
-#[test]
-fn a_file_of_the_app_uses_only_files_above_it() {
-    uses_only_what_is_above("calib-app");
-}
-
-#[test]
-fn a_file_that_reads_pixels_uses_only_files_above_it() {
-    uses_only_what_is_above("calib-image");
-}
-
-#[test]
-fn a_file_of_the_report_uses_only_files_above_it() {
-    uses_only_what_is_above("calib-report");
-}
-
-#[test]
-fn a_file_of_the_demonstration_uses_only_files_above_it() {
-    uses_only_what_is_above("calib-demo");
-}
-
-#[test]
-fn a_development_command_uses_only_files_above_it() {
-    uses_only_what_is_above("xtask");
+/// Returns the file that declares the modules of a crate.
+fn crate_root(source: &Path) -> PathBuf {
+    ["lib.rs", "main.rs"].map(|name| source.join(name)).into_iter().find(|path| path.exists()).unwrap()
 }
 
 fn uses_only_what_is_above(package: &str) {
     let source = root().join("crates").join(package).join("src");
-    let table = ["lib.rs", "main.rs"].map(|name| source.join(name)).into_iter().find(|path| path.exists());
-    let order = modules(&table.unwrap());
-    assert!(order.len() > 3, "the list is read");
+    let order = modules(&crate_root(&source));
+    assert!(!order.is_empty(), "the list is read");
     let mut wrong = Vec::new();
     for (index, folder) in order.iter().enumerate() {
         let mut found = Vec::new();
@@ -129,16 +106,14 @@ fn uses_only_what_is_above(package: &str) {
 }
 
 #[test]
-fn a_file_of_a_folder_uses_only_files_above_it() {
-    in_folders_uses_only_what_is_above("calib-core");
-    in_folders_uses_only_what_is_above("calib-app");
-    in_folders_uses_only_what_is_above("calib-image");
+fn files_of_every_folder_use_only_files_above_them() {
+    packages().iter().for_each(|package| in_folders_uses_only_what_is_above(package));
 }
 
 fn in_folders_uses_only_what_is_above(package: &str) {
     let source = root().join("crates").join(package).join("src");
     let mut wrong = Vec::new();
-    for folder in modules(&source.join("lib.rs")).iter().filter(|name| source.join(name).is_dir()) {
+    for folder in modules(&crate_root(&source)).iter().filter(|name| source.join(name).is_dir()) {
         let order = modules(&source.join(folder).join("mod.rs"));
         assert!(!order.is_empty(), "{folder} has a table of contents");
         for (index, file) in order.iter().enumerate() {
@@ -238,6 +213,7 @@ fn panels_ask_and_only_the_platform_knows_the_system() {
 fn the_top_level_is_the_one_that_was_agreed() {
     let allowed = [
         "crates",
+        "docs",
         "tests",
         "Cargo.toml",
         "Cargo.lock",

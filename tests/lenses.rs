@@ -717,5 +717,5 @@ fn a_road_that_curves_is_no_lens_and_is_told() {
         }
         Err(failure) => panic!("{failure:?}"),
     };
-    assert!(said.iter().any(|message| message.contains("what they follow curves")), "{said:?}");
+    assert!(said.iter().any(|message| message.contains("a curved edge, or a misplaced point")), "{said:?}");
 }

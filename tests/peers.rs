@@ -11,7 +11,7 @@ use calib_core::{
 };
 
 use calib_core::single::{FixedParameters, paper_minimum};
-use calib_demo::random::{Drawn, RandomScene, SIZE};
+use calib_demo::random::{AnnotationSet, RandomScene, SIZE};
 use calib_tests::{peers_python, root, shared};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -110,7 +110,7 @@ fn median(mut errors: Vec<f64>) -> f64 {
 
 #[test]
 fn the_papers_method_is_as_good_as_in_scipy() {
-    for (drawn, seed) in [(Drawn::Directions, 11), (Drawn::Lengths, 12)] {
+    for (drawn, seed) in [(AnnotationSet::Directions, 11), (AnnotationSet::Lengths, 12)] {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let scenes: Vec<(RandomScene, Vec<Annotation>)> = (0..200)
             .map(|_| {

@@ -8,8 +8,8 @@ use calib_core::single::Known;
 
 use calib_demo::random::normal;
 use calib_site::{
-    Link, LinkKind, LinkSeen, Options, PlacementEntry, PlaneEntry, PlaneNumber, SceneEntry, Site, SiteCamera,
-    TiltEntry,
+    Link, LinkKind, LinkObservation, Options, PlacementEntry, PlaneEntry, PlaneNumber, SceneEntry, Site,
+    SiteCamera, TiltEntry,
 };
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -137,7 +137,7 @@ fn placed(entry: SiteCamera, camera: &Camera, fixed: bool) -> SiteCamera {
         turn_deg: camera.yaw.to_degrees(),
         scale: Some(camera.position.z / 3.0),
         fixed,
-        held: calib_site::HeldEntry::default(),
+        held: calib_site::FixedEntry::default(),
     };
     SiteCamera { placement: Some(placement), ..entry }
 }
@@ -161,7 +161,8 @@ fn pair(plane: &Plane, noise: f64, seed: u64) -> Site {
         })
         .collect();
     let mut link = |at: WorldPoint, plane: Option<String>| {
-        let seen = (0..2).map(|i| LinkSeen { px: Some(hands[i].pixel(at)), ..LinkSeen::new(ids[i]) });
+        let seen =
+            (0..2).map(|i| LinkObservation { px: Some(hands[i].pixel(at)), ..LinkObservation::new(ids[i]) });
         Link { plane, ..Link::new(None, LinkKind::Point, seen.collect()) }
     };
     let floor = [[-1.0, 7.0], [1.0, 7.5], [0.0, 8.5], [1.5, 5.0]];

@@ -576,6 +576,6 @@ fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
     scratch.calib(&["propose", "stills/noise.png", "--accept", "sure"]).expect_code(4);
     std::fs::create_dir(scratch.path("elsewhere")).unwrap();
     let run = scratch.calib(&["propose", "stills/noise.png", "-o", "elsewhere/site.json"]).expect_code(4);
-    let told = "stills outside the folder of elsewhere/site.json: 1 of 1";
+    let told = "1 of 1 images are outside the folder of elsewhere/site.json";
     assert!(run.stderr.contains(told) && run.stderr.contains("--allow-outside"), "{}", run.stderr);
 }

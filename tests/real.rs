@@ -14,7 +14,7 @@ use calib_core::outcome::Source;
 use calib_core::single::{Edge, Known, straightness_rms};
 
 use calib_site::{
-    ControlPointEntry, Distance, DistortionEntry, LensEntry, Link, LinkKind, LinkSeen, Options, Site,
+    ControlPointEntry, Distance, DistortionEntry, LensEntry, Link, LinkKind, LinkObservation, Options, Site,
     SiteCamera, Stage,
 };
 use calib_tests::{Scratch, map_distance, shared};
@@ -331,7 +331,8 @@ fn links_and_one_distance_recover_the_shelter_in_one_frame() {
 }
 
 fn link(id: u64, seen: &[(String, Pixel)], height: f64) -> Link {
-    let seen = seen.iter().map(|(camera, px)| LinkSeen { px: Some(*px), ..LinkSeen::new(camera) });
+    let seen =
+        seen.iter().map(|(camera, px)| LinkObservation { px: Some(*px), ..LinkObservation::new(camera) });
     let link = Link::new(Some(id.to_string()), LinkKind::Point, seen.collect());
     Link { height_m: Some(height), ..link }
 }

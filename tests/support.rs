@@ -201,7 +201,7 @@ pub const LENSES: [Distortion; 3] = [
 /// A camera of a site that is given with its place.
 #[must_use]
 pub fn entry(id: &str, camera: &Camera) -> SiteCamera {
-    let solution = Solution::of(camera, Method::Given, Stage::Placed);
+    let solution = Solution::from_camera(camera, Method::Given, Stage::Placed);
     SiteCamera { solution: Some(solution), ..SiteCamera::new(id, SIZE) }
 }
 
@@ -229,7 +229,7 @@ pub fn peers_python() -> Option<PathBuf> {
     None
 }
 
-/// The Python that has the engines (`DuckDB`, Spark); says so and gives `None` when there is none.
+/// The Python that has the engines (`DuckDB`); says so and gives `None` when there is none.
 #[must_use]
 pub fn engines_python() -> Option<PathBuf> {
     let python = root().join("target/engines-venv/bin/python");

@@ -13,7 +13,7 @@ use std::process::Command;
 use calib_core::{Camera, Covariance, Distortion};
 
 use calib_demo::random::normal;
-use calib_demo::{DemoSite, Seen, Walk, demo_site, walk};
+use calib_demo::{DemoSite, FootDetection, Walk, demo_site, walk};
 use calib_site::Options;
 use calib_tests::{Scratch, root};
 use fuse_tracks::{Detection, Track, Tracker};
@@ -54,7 +54,7 @@ fn follow(believed: &[(String, Camera)], walk: &Walk) -> Followed {
     let mut before: BTreeMap<usize, u32> = BTreeMap::new();
     for (moment, people) in walk.truth.iter().enumerate() {
         let at_s = moment as f64 * Walk::STEP;
-        let seen: Vec<_> = walk.seen.iter().filter(|seen| seen.moment == moment).collect();
+        let seen: Vec<_> = walk.detections.iter().filter(|seen| seen.moment == moment).collect();
         let detections: Vec<Detection> = seen
             .iter()
             .map(|s| Detection { at_s, camera: believed[s.camera].0.clone(), pixel: s.pixel })
@@ -80,7 +80,7 @@ fn follow(believed: &[(String, Camera)], walk: &Walk) -> Followed {
             used.insert(track.id);
             before.insert(person, track.id);
             // Where a camera sees the person now the filter is judged, not its patience.
-            let sees = |s: &&&Seen| s.person == Some(person);
+            let sees = |s: &&&FootDetection| s.person == Some(person);
             let cameras: BTreeSet<usize> = seen.iter().filter(sees).map(|s| s.camera).collect();
             let Some(truth) = people[person].filter(|_| !cameras.is_empty()) else { continue };
             let error = Vector2::new(truth.x - track.state.x, truth.y - track.state.y);
@@ -185,7 +185,7 @@ fn the_program_reads_detections_and_writes_tracks() {
     let scratch = Scratch::new();
     scratch.write("site.json", demo.site.to_json());
     let mut rows = String::from("at_s,camera,u,v\n");
-    for seen in &walk.seen {
+    for seen in &walk.detections {
         let (at_s, id) = (seen.moment as f64 * Walk::STEP, &demo.truth[seen.camera].0);
         writeln!(rows, "{at_s},{id},{},{}", seen.pixel.u, seen.pixel.v).unwrap();
     }

@@ -64,7 +64,7 @@ fn as_claimed(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
 /// One walker of the demonstration, before cameras as they truly are.
 fn walked(truth: &[Sized], seed: u64) -> Vec<Sighting> {
     let walk = walk(truth, seed);
-    let of_one = walk.seen.iter().filter(|seen| seen.person == Some(0));
+    let of_one = walk.detections.iter().filter(|seen| seen.person == Some(0));
     let seen = of_one.map(|seen| Sighting {
         at: (seen.moment as f64 * calib_demo::Walk::STEP * SECOND as f64) as i64,
         camera: seen.camera,
@@ -80,7 +80,7 @@ fn result(believed: &[Sized], seen: &[Sighting]) -> WalkResult {
     let cameras: Vec<(Camera, [f64; 2])> =
         believed.iter().map(|(c, size)| (*c, size.map(f64::from))).collect();
     let mut walk = Walk::new(&cameras);
-    seen.iter().for_each(|one| walk.see(one));
+    seen.iter().for_each(|one| walk.add_sighting(one));
     walk.result()
 }
 
@@ -109,7 +109,7 @@ fn who_keeps_what_they_claim_is_not_accused() {
 #[test]
 fn a_fault_that_the_walk_can_tell_is_named() {
     let believed = believed();
-    let smallest = result(&believed, &walked(&believed, 1)).smallest;
+    let smallest = result(&believed, &walked(&believed, 1)).smallest_detectable;
     let (mut right, mut count) = (0, 0);
     for parameter in [Covariance::Z, Covariance::YAW, Covariance::PITCH, Covariance::FOCAL] {
         for of in 0..believed.len() {
@@ -154,7 +154,7 @@ fn of_the_floor(believed: &[Sized], seen: &[Sighting], (of, parameter): (usize, 
 fn the_table_of_walks() {
     let believed = believed();
     let first = walked(&believed, 1);
-    let smallest = result(&believed, &first).smallest;
+    let smallest = result(&believed, &first).smallest_detectable;
     let trials: u64 =
         std::env::var("CALIB_WALK_TRIALS").ok().and_then(|text| text.parse().ok()).unwrap_or(12);
     println!(

@@ -8,9 +8,9 @@ use calib_core::Camera;
 
 use calib_core::camera::Movement;
 
-use calib_health::{CameraHealth, Sighting, Verdict, Watch};
+use calib_health::{CameraHealth, DriftStatus, Sighting, Watch};
 
-use calib_demo::{Crowd, Moved, SECOND, demo_site};
+use calib_demo::{Crowd, PoseChange, SECOND, demo_site};
 use calib_site::{Method, Site, Solution, Stage};
 use calib_tests::Scratch;
 
@@ -28,7 +28,7 @@ fn watched(cameras: &[(Camera, [u32; 2])], seen: &[Sighting]) -> Vec<CameraHealt
     let cameras: Vec<(Camera, [f64; 2])> =
         cameras.iter().map(|(camera, size)| (*camera, size.map(f64::from))).collect();
     let mut watch = Watch::new(&cameras);
-    seen.iter().for_each(|sighting| watch.see(sighting));
+    seen.iter().for_each(|sighting| watch.add_sighting(sighting));
     watch.health()
 }
 
@@ -47,7 +47,7 @@ fn archive(camera: usize, by: Movement, after: usize) -> (Crowd, i64) {
     let share = 0.25;
     let at = MAY + (14.0 * DAY as f64 * (1.0 - share)) as i64;
     let people = (6.0 * after as f64 / share) as usize;
-    (Crowd { moved: Some(Moved { camera, at, by }), season: 0.01, ..Crowd::new(people, span) }, at)
+    (Crowd { change: Some(PoseChange { camera, at, by }), season: 0.01, ..Crowd::new(people, span) }, at)
 }
 
 fn clearest(health: &CameraHealth) -> f64 {
@@ -75,7 +75,7 @@ fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
             let date = of.change.map(|change| (change.since - at) as f64 / DAY as f64);
             println!(
                 "{camera} {by:.3?}: {index} {} {:.1} {} tracks, {date:?} days off, {:.2?}",
-                of.verdict.name(),
+                of.status.name(),
                 clearest(of),
                 of.tracks,
                 of.change.map(|change| change.movement)
@@ -152,7 +152,11 @@ fn the_table_of_cameras_that_moved() {
                 let health = watched(&cameras, &crowd.sightings(&cameras, seed));
                 if std::env::var_os("CALIB_WATCH_VERBOSE").is_some() {
                     let of = &health[camera];
-                    println!("{camera} {name}: {:.1} clear, at least {:.4?}", clearest(of), of.smallest);
+                    println!(
+                        "{camera} {name}: {:.1} clear, at least {:.4?}",
+                        clearest(of),
+                        of.smallest_detectable
+                    );
                 }
                 row.add(camera, at, &health);
             }
@@ -171,7 +175,7 @@ fn the_table_of_rows_a_second() {
         cameras.iter().map(|(camera, size)| (*camera, size.map(f64::from))).collect();
     let mut watch = Watch::new(&cameras);
     let start = std::time::Instant::now();
-    seen.iter().for_each(|sighting| watch.see(sighting));
+    seen.iter().for_each(|sighting| watch.add_sighting(sighting));
     let rate = seen.len() as f64 / start.elapsed().as_secs_f64();
     let start = std::time::Instant::now();
     let health = watch.health();
@@ -212,7 +216,7 @@ fn too_few_people_are_no_verdict() {
     let cameras = cameras();
     let crowd = Crowd::new(60, [MAY, MAY + DAY]);
     let health = watched(&cameras, &crowd.sightings(&cameras, 3));
-    assert!(health.iter().all(|of| of.verdict == Verdict::CannotTell), "{health:?}");
+    assert!(health.iter().all(|of| of.status == DriftStatus::CannotTell), "{health:?}");
 }
 
 /// The demonstration with its true cameras.
@@ -220,7 +224,7 @@ fn site() -> Site {
     let demo = demo_site();
     let mut site = demo.site;
     for (entry, (_, camera)) in site.cameras.iter_mut().zip(&demo.truth) {
-        entry.solution = Some(Solution::of(camera, Method::Given, Stage::Placed));
+        entry.solution = Some(Solution::from_camera(camera, Method::Given, Stage::Placed));
     }
     site
 }

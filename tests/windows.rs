@@ -101,7 +101,7 @@ fn windows_that_cannot_be_are_refused_before_anything_is_written() {
     let (scratch, _) = ceiling();
     let run = |args: &[&str]| scratch.calib(&[&UNDISTORT[..], args].concat());
     let nothing = run(&["--look=30,0,60", "--look=0,170,40", "-o", "a.png"]).expect_code(2);
-    assert!(nothing.stderr.contains("sees nothing there"), "{}", nothing.stderr);
+    assert!(nothing.stderr.contains("does not see this direction"), "{}", nothing.stderr);
     assert!(!scratch.path("a-look-1.png").exists(), "all of them or none");
     for wrong in ["--look=1,2", "--look=0,0,180", "--look=a,b,c", "--look=nan,0,90"] {
         run(&[wrong, "-o", "a.png"]).expect_code(2);
@@ -109,7 +109,11 @@ fn windows_that_cannot_be_are_refused_before_anything_is_written() {
     run(&["--size", "64x64", "-o", "a.png"]).expect_code(2);
     run(&["--look=0,0,90", "--crop", "all-valid", "-o", "a.png"]).expect_code(2);
     let round = run(&["--crop", "all-valid", "-o", "a.png"]).expect_code(2);
-    assert!(round.stderr.contains("no flat image") && round.stderr.contains("--look"), "{}", round.stderr);
+    assert!(
+        round.stderr.contains("a flat image cannot show") && round.stderr.contains("--look"),
+        "{}",
+        round.stderr
+    );
     run(&["--quadrants", "-o", "-"]).expect_code(2);
     scratch.write("b.json", "mine");
     run(&["--look=30,0,60", "-o", "b.png"]).expect_code(1);

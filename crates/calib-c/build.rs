@@ -1,4 +1,4 @@
-//! What programs that link to the shared library ask the system for.
+//! Build script that sets the soname of the shared library.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

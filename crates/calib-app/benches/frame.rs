@@ -1,6 +1,5 @@
-//! How long a frame takes without painting: sixteen cameras, all views live, a mark dragged; and how
-//! long one camera's solve while a line is dragged, or a straight edge of its lens. One JSON object on stdout;
-//! `cargo xtask bench` gathers it.
+//! Duration of a frame without painting, with sixteen cameras in all views and a mark being dragged; and of a
+//! solve while a line or a straight edge is dragged. Prints a JSON object; `cargo xtask bench` collects it.
 #![allow(clippy::unwrap_used, reason = "a measurement that cannot be made fails")]
 
 #[path = "../tests/desk/mod.rs"]
@@ -18,10 +17,10 @@ use calib_site::Site;
 use desk::{Desk, demo};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2};
 
-/// Frames, and solves, that are measured.
+/// Number of measured frames and solves.
 const COUNT: usize = 1000;
 
-/// Three shop cameras again and again, sixteen in all, each with a still of its own.
+/// Returns a site of sixteen cameras, made of three shop cameras, each with its own image.
 fn sixteen() -> (Site, Images) {
     let mut site = demo();
     let shop = site.cameras[..3].to_vec();
@@ -39,7 +38,7 @@ fn sixteen() -> (Site, Images) {
     (site, images)
 }
 
-/// A still of one grey in the store.
+/// Stores a uniform grey image.
 fn still(images: &mut Images, [w, h]: [u32; 2], grey: u8) -> String {
     let picture = image::RgbImage::from_pixel(w, h, image::Rgb([grey; 3]));
     let mut bytes = std::io::Cursor::new(Vec::new());
@@ -47,7 +46,7 @@ fn still(images: &mut Images, [w, h]: [u32; 2], grey: u8) -> String {
     images.store(bytes.into_inner().into(), "image/png", None)
 }
 
-/// A desk where every still has arrived.
+/// Returns a desk with all images decoded.
 fn arrived(site: Site, images: Images, view: Key) -> Desk {
     let mut desk = Desk::with(site, images);
     desk.key(view);
@@ -56,12 +55,12 @@ fn arrived(site: Site, images: Images, view: Key) -> Desk {
         desk.harness.step();
         assert!(patience.elapsed().as_secs() < 120, "the stills do not arrive");
     }
-    // Tiles go to the graphics card one a frame.
+    // One tile per frame is uploaded.
     desk.harness.run_steps(64);
     desk
 }
 
-/// Milliseconds of every frame while a mark is dragged in one view and shown in all.
+/// Returns the milliseconds of every frame while a mark is dragged in one of all views.
 fn frames() -> Vec<f64> {
     let (site, images) = sixteen();
     let mut desk = arrived(site, images, Key::Num3);
@@ -74,7 +73,8 @@ fn frames() -> Vec<f64> {
     took
 }
 
-/// Milliseconds of every frame while a button held at `at` moves around on an ellipse of these half axes.
+/// Returns the milliseconds of every frame while a button held at `at` moves on an ellipse with these half
+/// axes.
 fn dragged(desk: &mut Desk, at: Pos2, button: PointerButton, [a, b]: [f32; 2]) -> Vec<f64> {
     let modifiers = Modifiers::NONE;
     desk.harness.event(Event::PointerMoved(at));
@@ -90,7 +90,7 @@ fn dragged(desk: &mut Desk, at: Pos2, button: PointerButton, [a, b]: [f32; 2]) -
     (0..COUNT).map(frame).collect()
 }
 
-/// Milliseconds of every solve while a point of the first drawing on a camera is dragged.
+/// Returns the milliseconds of every solve while a point of the camera's first annotation is dragged.
 fn solves(camera: usize) -> Vec<f64> {
     let mut session = Session::new(demo(), Images::default(), None);
     let end = [Part::Vertex { annotation: 0, segment: 0, vertex: 1 }].into();
@@ -104,7 +104,7 @@ fn solves(camera: usize) -> Vec<f64> {
     (0..COUNT).map(solve).collect()
 }
 
-/// The first camera of the demonstration on which straight edges were drawn, and the last, which has a fisheye.
+/// Returns the first camera of the demonstration with straight edges, and the last one, a fisheye.
 fn with_edges() -> [usize; 2] {
     let site = demo();
     let has_edges = |camera: &usize| site.cameras[*camera].annotations[0].kind == Kind::Straight;
@@ -117,7 +117,8 @@ fn median(mut took: Vec<f64>) -> f64 {
     took[took.len() / 2]
 }
 
-/// Milliseconds of every frame while a photograph of twelve megapixels is panned at four times its fit.
+/// Returns the milliseconds of every frame while a 12-megapixel image is panned at four times its fitted
+/// zoom.
 fn pans() -> Vec<f64> {
     let (mut site, mut images) = (demo(), Images::default());
     site.cameras.truncate(1);
@@ -134,7 +135,7 @@ fn pans() -> Vec<f64> {
     took
 }
 
-/// Milliseconds of every frame while the wheel zooms a plan of forty cameras.
+/// Returns the milliseconds of every frame while the wheel zooms a plan with forty cameras.
 fn wheels() -> Vec<f64> {
     let mut site = demo();
     let all = site.cameras.clone();

@@ -1,48 +1,48 @@
-//! Where on the screen a canvas shows its document: pan, zoom, screen from document and back.
+//! Mapping between a document and its canvas on the screen: pan, zoom, undistortion and fisheye windows.
 
 use calib_core::{Lens, Pixel, UndistortedPixel, Window};
 use egui::{Pos2, Rect, Vec2};
 
-/// What a canvas looks at. Document units are pixels of an image, or metres of the floor.
+/// View of a canvas. Document units are pixels of an image, or metres of the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// The document point in the middle of the canvas.
+    /// Document point in the middle of the canvas.
     pub centre: [f64; 2],
     /// Screen points per document unit.
     pub zoom: f64,
-    /// Whether the document's second axis points up, as the floor's does.
+    /// Whether the second axis points up, as on the floor.
     pub y_up: bool,
 }
 
-/// A view with the rectangle it fills: maps both ways.
+/// View in its rectangle; maps document points to the screen and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mapping {
-    /// What is looked at.
+    /// View.
     pub view: View,
-    /// Where on the screen.
+    /// Rectangle on the screen.
     pub rect: Rect,
-    /// What is taken out of what is shown.
+    /// Undistortion or window that is applied to the image.
     pub bend: Option<Bend>,
 }
 
-/// What is between the pixels of an image and a canvas on which what is straight in space is straight.
+/// Map from raw pixels to a canvas on which straight lines in space are straight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bend {
-    /// The bend of a lens.
+    /// Undistortion by a lens.
     Lens(Lens),
-    /// A window onto what a fisheye of this lens and focal shows: its pixels are what the canvas looks at.
+    /// Virtual view of a fisheye image; document points are pixels of the window.
     Window {
-        /// Of the camera.
+        /// Lens of the camera.
         lens: Lens,
-        /// Of the camera, in pixels.
+        /// Focal of the camera, in pixels.
         focal: f64,
-        /// Flat or round.
+        /// Flat or cylindrical window.
         window: Window,
     },
 }
 
 impl Bend {
-    /// Where the canvas has a pixel of the image, if it shows it.
+    /// Maps a raw pixel to the canvas; `None` if the canvas does not show it.
     fn straight(&self, at: Pixel) -> Option<[f64; 2]> {
         match self {
             Self::Lens(lens) => lens.undistort(at).map(|pixel| [pixel.u, pixel.v]),
@@ -50,7 +50,8 @@ impl Bend {
                 window.of_raw(lens, *focal, at).map(Into::into)
             }
             Self::Window { lens, focal, window } => {
-                // What is beside and behind a window is far off it, where it would leave.
+                // Margin around a window, as a fraction of its size, beyond which points are not clamped to
+                // its border.
                 const BESIDE: f64 = 0.02;
                 let [x, y, z] = lens.bearing(at)?;
                 let direction = [x / focal, y / focal, z];
@@ -68,7 +69,7 @@ impl Bend {
         }
     }
 
-    /// The pixel of the image that is at a point of the canvas, if there is one.
+    /// Maps a canvas point to the raw pixel; `None` if no pixel is there.
     fn bent(&self, [x, y]: [f64; 2]) -> Option<Pixel> {
         match self {
             Self::Lens(lens) => lens.distort(UndistortedPixel::new(x, y)),
@@ -76,7 +77,7 @@ impl Bend {
         }
     }
 
-    /// The size of what is looked at whole, in pixels: that of the window, if it is one.
+    /// Returns the size of the window, in pixels; `None` for an undistorted image.
     #[must_use]
     pub fn size(&self) -> Option<[f64; 2]> {
         match self {
@@ -85,7 +86,7 @@ impl Bend {
         }
     }
 
-    /// Pixels of the canvas once round, where it goes round.
+    /// Returns the pixels of a full circle for a panorama.
     fn round(&self) -> Option<f64> {
         match self {
             Self::Window { window, .. } if window.is_round => Some(std::f64::consts::TAU * window.focal),
@@ -94,14 +95,15 @@ impl Bend {
     }
 }
 
-/// How much of the canvas a document fills that is shown whole.
+/// Fraction of the canvas that a fitted document fills.
 const ROOM: f64 = 0.94;
 
-/// Beyond these the numbers of a point no longer fit in a coordinate of the screen.
+/// Zoom range; beyond it, screen coordinates lose precision.
 const ZOOMS: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
 impl View {
-    /// The view that shows `[low, high]` whole, or (`fill`) fills the rectangle with its middle.
+    /// Returns the view that shows `[low, high]` completely or, with `fill`, fills the rectangle with its
+    /// middle.
     #[must_use]
     pub fn of(low: [f64; 2], high: [f64; 2], rect: Rect, y_up: bool, fill: bool) -> Self {
         let size = [(high[0] - low[0]).abs().max(1e-6), (high[1] - low[1]).abs().max(1e-6)];
@@ -123,13 +125,13 @@ impl View {
 }
 
 impl Mapping {
-    /// A view in its rectangle, bent as the lens bends it.
+    /// Creates the mapping of a view in its rectangle, without undistortion.
     #[must_use]
     pub const fn new(view: View, rect: Rect) -> Self {
         Self { view, rect, bend: None }
     }
 
-    /// Where a document point lies once the lens's bend is taken out; far off a window that does not show it.
+    /// Maps a document point to the undistorted canvas; far away for points outside a window.
     #[must_use]
     pub fn flat(&self, at: [f64; 2]) -> [f64; 2] {
         const OFF: [f64; 2] = [-1e6, -1e6];
@@ -141,14 +143,14 @@ impl Mapping {
         self.bend.and_then(|bend| bend.straight(at.into()))
     }
 
-    /// Where the screen shows a document point.
+    /// Maps a document point to the screen.
     #[must_use]
     pub fn screen(&self, at: [f64; 2]) -> Pos2 {
         self.screen_of_flat(self.flat(at))
     }
 
-    /// The way on the screen of a line of the document. On a canvas that goes round it leaves at one side rather than cross
-    /// to the other; through a window straight lines of the image are bent, and end where it shows nothing.
+    /// Maps a line to the screen. In a panorama it is split at the seam. In a window, straight lines of the
+    /// image are curved, and end where the window ends.
     #[must_use]
     pub fn path(&self, points: &[Pixel]) -> Vec<Pos2> {
         let Some(bend) = self.bend.filter(|bend| bend.size().is_some()) else {
@@ -168,24 +170,24 @@ impl Mapping {
     fn screen_of_flat(&self, [x, y]: [f64; 2]) -> Pos2 {
         let View { centre, zoom, .. } = self.view;
         let (dx, dy) = ((x - centre[0]) * zoom, self.view.sign() * (y - centre[1]) * zoom);
-        // Far off the screen the painter needs no more than the direction.
+        // Far outside the screen, the painter needs only the direction.
         let clamp = |value: f64| value.clamp(-1e7, 1e7) as f32;
         self.rect.center() + Vec2::new(clamp(dx), clamp(dy))
     }
 
-    /// The document point at a point of the screen.
+    /// Maps a screen point to the document.
     #[must_use]
     pub fn document(&self, at: Pos2) -> [f64; 2] {
         self.bent_at(at).map_or_else(|| self.beyond(at), Into::into)
     }
 
-    /// The pixel of the image at a point of the screen, where its bend is taken out and there is one.
+    /// Maps a screen point to the raw pixel of an undistorted image or window; `None` if no pixel is there.
     #[must_use]
     pub fn bent_at(&self, at: Pos2) -> Option<Pixel> {
         self.bend.and_then(|bend| bend.bent(self.flat_at(at)))
     }
 
-    /// The document point where no pixel is: beside a window, off the image.
+    /// Returns a document point off the image for a screen point without a pixel.
     fn beyond(&self, at: Pos2) -> [f64; 2] {
         match self.bend {
             Some(Bend::Window { lens, .. }) => {
@@ -196,14 +198,14 @@ impl Mapping {
         }
     }
 
-    /// What is at a point of the screen once the lens's bend is taken out.
+    /// Maps a screen point to the undistorted canvas.
     fn flat_at(&self, at: Pos2) -> [f64; 2] {
         let View { centre, zoom, .. } = self.view;
         let by = at - self.rect.center();
         [centre[0] + f64::from(by.x) / zoom, centre[1] + self.view.sign() * f64::from(by.y) / zoom]
     }
 
-    /// Screen points as document units.
+    /// Converts screen points to document units.
     #[must_use]
     pub fn units(&self, points: f32) -> f64 {
         let units = f64::from(points) / self.view.zoom;
@@ -213,7 +215,7 @@ impl Mapping {
         }
     }
 
-    /// The view after zooming by `factor` with what is under `at` staying there.
+    /// Returns the view zoomed by `factor` about `at`.
     #[must_use]
     pub fn zoomed(&self, at: Pos2, factor: f64) -> View {
         let fixed = self.flat_at(at);
@@ -225,7 +227,7 @@ impl Mapping {
     }
 }
 
-/// Points with more between them, no farther apart than a line that a window bends may leave its chord.
+/// Subdivides a line so that a window can curve it.
 fn fine(points: &[Pixel]) -> impl Iterator<Item = Pixel> {
     const STEP: f64 = 16.0;
     const MOST: f64 = 400.0;
@@ -298,7 +300,7 @@ mod tests {
             let along = (b - a).normalized();
             let off = |at: &Pos2| ((*at - a).x * along.y - (*at - a).y * along.x).abs();
             assert!(path.iter().map(off).fold(0.0, f32::max) < 0.5, "straight in the window");
-            // What is behind the window is nowhere near its canvas.
+            // A point behind the window is far from its canvas.
             let behind = window.direction(window.principal_point).map(|part| -part);
             if let Some(pixel) = lens.shown([lens.focal * behind[0], lens.focal * behind[1], behind[2]]) {
                 assert!(!mapping.rect.expand(2000.0).contains(mapping.screen(pixel.into())), "{pixel:?}");

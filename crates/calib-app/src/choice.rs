@@ -1,63 +1,63 @@
-//! What files are asked for, and those that were chosen.
+//! Purposes of file choosers, and chosen files.
 
 use std::path::{Path, PathBuf};
 
 use calib_editor::images::has_ending;
 
-/// What the chosen files are for.
+/// Purpose of the chosen files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// A site to open.
+    /// Site to open.
     OpenSite,
-    /// Where to save the site.
+    /// File for the site.
     SaveSite,
-    /// Where to save the site without its images.
+    /// File for the site without its images.
     SavePlain,
-    /// Stills of new cameras.
+    /// Images of new cameras.
     AddImages,
-    /// The floor plan.
+    /// Floor plan.
     LoadPlan,
-    /// Another still of the camera in hand.
+    /// Replacement for the image of the current camera.
     ReplaceStill,
-    /// Newer stills of cameras.
+    /// Newer images of cameras.
     NewerStill,
-    /// A saved version to compare with.
+    /// Saved version to compare with.
     Compare,
     /// Lenses or cameras of another program.
     Import,
-    /// The folder for what other programs take.
+    /// Folder for exported files.
     Export,
-    /// Where to save a picture of a view.
+    /// File for a screenshot.
     SavePicture,
-    /// Where to save the report.
+    /// File for the report.
     SaveReport,
 }
 
-/// A file that was chosen.
+/// Chosen file.
 #[derive(Clone, Debug)]
 pub struct Chosen {
-    /// Its name without folders.
+    /// Name without folders.
     pub name: String,
-    /// Where it is; not in the browser.
+    /// Path; `None` in the browser.
     pub path: Option<PathBuf>,
-    /// What is in it; only in the browser.
+    /// Content; only in the browser.
     pub bytes: Option<Vec<u8>>,
 }
 
 impl Chosen {
-    /// A file on a disk.
+    /// Creates a chosen file from a path.
     pub(crate) fn of_path(path: PathBuf) -> Self {
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         Self { name, path: Some(path), bytes: None }
     }
 
-    /// Whether it is a site, by its name.
+    /// Whether the file is a site, by its ending.
     pub(crate) fn is_site(&self) -> bool {
         has_ending(Path::new(&self.name), "json")
     }
 }
 
-/// Endings of stills.
+/// Endings of images.
 pub(crate) const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
 /// Endings of plans.
 pub(crate) const PLANS: &[&str] = &["png", "jpg", "jpeg", "svg"];

@@ -1,9 +1,9 @@
-//! What commands do: those on the document are actions of the editor, those on the view are done here.
+//! Commands: those on the document are sent to the editor, those on the view are carried out here.
 
 use calib_editor::command::{
     Files, Gesture, Group, Newer, Nudge, Proposing, Selection, Solving, Switch, View,
 };
-use calib_editor::{Action, OnNewer, OnProposed, Pane, Period};
+use calib_editor::{Action, CalibrationDecision, NewerAction, Pane, Period};
 use egui::{Context, Modifiers, Vec2};
 
 pub use calib_editor::Command;
@@ -12,33 +12,33 @@ pub use calib_editor::command::{COMMANDS, Row, all};
 use crate::choice::Purpose;
 use crate::state::{App, Looking, Mode, Orbit, Tour};
 
-/// Whether a command would do something now.
+/// Whether a command has an effect now.
 #[must_use]
 pub fn is_enabled(app: &App, command: Command) -> bool {
     app.is_enabled(command)
 }
 
-/// The words of a command now: undo says what it takes back.
+/// Returns the current label of a command; undo names the change it reverts.
 #[must_use]
 pub fn words(app: &App, command: Command) -> String {
-    app.editor.words(command)
+    app.editor.command_text(command)
 }
 
-/// Does it. This is the one place that acts.
+/// Runs a command. All commands are run here.
 pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers) {
     if !app.is_enabled(command) {
         return;
     }
     match command.group() {
-        Group::Tool(index) => app.act(Action::TakeTool(index)),
+        Group::Tool(index) => app.act(Action::SelectTool(index)),
         Group::Files(command) => on_files(app, ctx, command),
-        // What is open above the window is closed first.
+        // Escape closes sheets first.
         Group::Gesture(Gesture::Cancel) if app.close_sheets() => {}
         Group::Gesture(Gesture::Cancel) if app.decides_proposal(ctx) => {
-            app.act(Action::OnProposed(OnProposed::Dismiss));
+            app.act(Action::DecideCalibration(CalibrationDecision::Dismiss));
         }
         Group::Gesture(Gesture::Accept) if app.decides_proposal(ctx) => {
-            app.act(Action::OnProposed(OnProposed::AcceptAll));
+            app.act(Action::DecideCalibration(CalibrationDecision::AcceptAll));
         }
         Group::Gesture(command) => app.act(Action::Gesture(command)),
         Group::Selection(command) => on_selection(app, command),
@@ -55,7 +55,7 @@ pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers)
 }
 
 fn on_files(app: &mut App, ctx: &Context, command: Files) {
-    app.act(Action::Drop);
+    app.act(Action::CancelGesture);
     match command {
         Files::NewSite => app.open_site(calib_site::Site::new(), calib_editor::Images::default(), None),
         Files::Demo => open_demonstration(app, false),
@@ -67,7 +67,7 @@ fn on_files(app: &mut App, ctx: &Context, command: Files) {
         Files::AddImages => app.ask(Purpose::AddImages),
         Files::LoadPlan => app.ask(Purpose::LoadPlan),
         Files::ReplaceStill => {
-            app.jobs.replaced = app.editor.session().entry().map(Period::of).unwrap_or_default();
+            app.jobs.replaced = app.editor.session().entry().map(Period::from_camera).unwrap_or_default();
             app.ask(Purpose::ReplaceStill);
         }
         Files::Compare => app.ask(Purpose::Compare),
@@ -90,16 +90,16 @@ fn on_newer(app: &mut App, ctx: &Context, command: Newer) {
         Newer::NextLook => app.view.glance.showing = app.view.glance.showing.next(),
         Newer::Recover => app.recover_newer(ctx),
         Newer::DismissNewer if app.is_recovering_in_hand() => {
-            let note = "It is being recovered from: cancel that first, or put it aside afterwards.";
+            let note = "The recovery uses this image. Cancel the recovery first.";
             app.act(Action::Note(note.into()));
         }
-        Newer::DismissNewer => app.act(Action::Newer(OnNewer::Dismiss)),
+        Newer::DismissNewer => app.act(Action::Newer(NewerAction::Dismiss)),
     }
 }
 
 fn open_demonstration(app: &mut App, with_tour: bool) {
     let (mut site, images, truth) = crate::storage::demo::open_with_truth();
-    // With the tour the first camera is the newcomer's to do.
+    // In the tour, the newcomer calibrates the first camera.
     if let Some(camera) = site.cameras.first_mut().filter(|_| with_tour) {
         camera.annotations.clear();
         camera.control_points.clear();
@@ -136,12 +136,12 @@ fn nudge(app: &mut App, step: Nudge, coarse: bool) {
     }
 }
 
-/// The arrows turn the scene, or pan it, as a drag of some points does.
+/// Orbits or pans the scene with the arrow keys, like a short drag.
 fn orbit_by(app: &mut App, by: [f32; 2], pans: bool) {
-    /// Points of a drag.
+    /// Length of that drag, in points.
     const DRAG: f32 = 12.0;
     if !app.editor.tool().is_idle() {
-        app.act(Action::Drop);
+        app.act(Action::CancelGesture);
     }
     let mut orbit = app.view.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
     let by = Vec2::new(-DRAG * by[0], -DRAG * by[1]);
@@ -182,7 +182,7 @@ fn next_window(app: &mut App) {
         app.show(Mode::Image);
         app.look(app.view.looking.next());
     } else {
-        app.act(Action::Note("Windows are for fisheyes: the lens of this camera is none.".into()));
+        app.act(Action::Note("Windows need a fisheye lens. This camera has none.".into()));
     }
 }
 
@@ -202,19 +202,19 @@ fn zoom(app: &mut App, factor: f64) {
 }
 
 fn on_solving(app: &mut App, ctx: &Context, command: Solving) {
-    app.act(Action::Drop);
+    app.act(Action::CancelGesture);
     match command {
-        Solving::Pause => app.act(Action::Pause),
+        Solving::Pause => app.act(Action::TogglePause),
         Solving::Refine => app.refine(ctx),
         Solving::CompareBefore => app.view.show_before = !app.view.show_before,
-        Solving::FixPlacement => app.act(Action::HoldPlace),
-        Solving::ResetPlacement => app.act(Action::ForgetPlace),
+        Solving::FixPlacement => app.act(Action::TogglePlacementFixed),
+        Solving::ResetPlacement => app.act(Action::RemovePlacement),
     }
 }
 
 fn switch(app: &mut App, ctx: &Context, command: Switch) {
     if command == Switch::Straighten && app.is_fisheye(app.editor.session().camera) {
-        // What is shown then has pixels of its own.
+        // The undistorted view has its own pixels, so a fisheye window is left.
         app.look(Looking::Whole);
     }
     let layers = &mut app.view.layers;
@@ -233,8 +233,8 @@ fn switch(app: &mut App, ctx: &Context, command: Switch) {
         Switch::Blend => &mut app.view.blend,
         Switch::Shortcuts => &mut app.dialogs.shortcuts,
         Switch::About => &mut app.dialogs.about,
-        Switch::Snap => return app.act(Action::Snap),
-        Switch::Feet => return app.act(Action::Feet),
+        Switch::Snap => return app.act(Action::ToggleSnap),
+        Switch::Feet => return app.act(Action::ToggleUnits),
         Switch::Palette => return app.dialogs.palette.toggle(),
         Switch::Theme => {
             return ctx.set_theme(match ctx.theme() {

@@ -1,10 +1,10 @@
-//! SVG plans as pictures: drawn once, when they are loaded, and kept as PNG, so that every program that
-//! opens the site shows the same pixels.
+//! SVG plans: rasterised once when they are loaded and stored as PNG, so that every program shows the same
+//! pixels.
 
-/// Longer side of what is drawn, in pixels: a corridor of 60 m shows 2 cm.
+/// Longer side of the rasterised plan, in pixels; a corridor of 60 m then shows 2 cm.
 pub(crate) const SIDE: u32 = 3072;
 
-/// Whether bytes are an SVG drawing, not a picture.
+/// Whether a file is an SVG drawing.
 #[must_use]
 pub(crate) fn is_svg(bytes: &[u8]) -> bool {
     const HEAD: usize = 4096;

@@ -1,8 +1,5 @@
-//! The straight edges of every still, found once and off the frame's path.
-//!
-//! The joint solve of a whole site, off the frame's path.
-//!
-//! What a still proposes, looked for off the frame's path: first its edges, then what they have in common.
+//! Background searches: straight edges of images, joint refinement of a site, automatic calibration of an
+//! image.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -21,7 +18,7 @@ enum State {
     Found(Vec<Edge>),
 }
 
-/// The edges of every still that was asked for.
+/// Detected edges of all images.
 #[derive(Debug, Default)]
 pub struct Edges {
     stills: BTreeMap<String, State>,
@@ -29,7 +26,7 @@ pub struct Edges {
 }
 
 impl Edges {
-    /// The edges of a still; the first question starts the search.
+    /// Returns the edges of an image; the first call starts the detection.
     pub fn of(&mut self, ctx: &Context, name: &str, image: &Arc<RgbImage>) -> &[Edge] {
         if self.stopped && !self.stills.contains_key(name) {
             return &[];
@@ -41,7 +38,7 @@ impl Edges {
         }
     }
 
-    /// Begins a frame: finished work arrives, whether anybody asks for it or not.
+    /// Collects finished detections at the beginning of a frame.
     pub fn begin_frame(&mut self) {
         for state in self.stills.values_mut() {
             if let State::Looking(task) = state
@@ -52,49 +49,49 @@ impl Edges {
         }
     }
 
-    /// How many stills are being searched.
+    /// Returns the number of running detections.
     #[must_use]
     pub fn looking(&self) -> usize {
         self.stills.values().filter(|state| matches!(state, State::Looking(_))).count()
     }
 
-    /// Looks no further, until it is told to.
+    /// Starts no more detections until `resume`.
     pub fn stop(&mut self) {
         self.stopped = true;
         self.stills.retain(|_, state| matches!(state, State::Found(_)));
     }
 
-    /// Looks on.
+    /// Allows detections again.
     pub const fn resume(&mut self) {
         self.stopped = false;
     }
 
-    /// Forgets everything.
+    /// Removes all edges.
     pub fn clear(&mut self) {
         self.stills.clear();
         self.stopped = false;
     }
 }
 
-/// A joint solve that is under way.
+/// Joint refinement that is running.
 #[derive(Debug)]
 pub(crate) struct Refining {
-    /// What is refined.
+    /// The site at its start.
     pub from: Site,
     task: Task<Result<Site, String>>,
 }
 
 impl Refining {
-    /// Begins to refine a site.
+    /// Starts the refinement of a site.
     #[must_use]
     pub(crate) fn begin(ctx: &Context, site: &Site) -> Self {
         Self { from: site.clone(), task: Here::refine(ctx, site.clone()) }
     }
 
-    /// The refined site, once.
+    /// Returns the refined site once.
     #[must_use]
     pub(crate) fn poll(&self) -> Option<Result<Site, String>> {
-        let lost = |_| "the solve ended without a result".to_owned();
+        let lost = |_| "The refinement failed. Please report this.".to_owned();
         Some(self.task.outcome()?.map_err(lost).flatten())
     }
 }
@@ -113,50 +110,50 @@ enum Step {
     Grouping(Task<Result<Proposal, String>>),
 }
 
-/// A proposal that is being looked for.
+/// Automatic calibration that is running.
 #[derive(Debug)]
 pub(crate) struct Proposing {
-    /// The camera with nothing drawn.
+    /// The camera without annotations.
     camera: SiteCamera,
     image: String,
     step: Step,
 }
 
 impl Proposing {
-    /// Begins to look, as soon as the image is there.
+    /// Starts the calibration as soon as the image is decoded.
     #[must_use]
     pub(crate) const fn new(camera: SiteCamera, image: String) -> Self {
         Self { camera, image, step: Step::Reading }
     }
 
-    /// The camera.
+    /// Returns the camera period.
     #[must_use]
     pub(crate) fn of(&self) -> Period {
-        Period::of(&self.camera)
+        Period::from_camera(&self.camera)
     }
 
-    /// The names by which it knows images.
+    /// Returns the image names that it contains, to rename them.
     pub(crate) fn images_mut(&mut self) -> impl Iterator<Item = &mut String> {
         self.camera.image.iter_mut().chain([&mut self.image])
     }
 
-    /// The name of its image.
+    /// Returns the name of its image.
     #[must_use]
     pub(crate) fn image(&self) -> &str {
         &self.image
     }
 
-    /// How far it is.
+    /// Returns the running step as a phrase.
     #[must_use]
     pub(crate) const fn doing(&self) -> &'static str {
         match self.step {
-            Step::Reading => "proposing: reading the image",
-            Step::Measuring(_) => "proposing: measuring edges, 1 of 2",
-            Step::Grouping(_) => "proposing: finding directions, 2 of 2",
+            Step::Reading => "calibrating: reading the image",
+            Step::Measuring(_) => "calibrating: measuring edges, 1 of 2",
+            Step::Grouping(_) => "calibrating: finding directions, 2 of 2",
         }
     }
 
-    /// The proposal, once; the image is looked at when it is there.
+    /// Advances the calibration, and returns its result once.
     pub(crate) fn poll(
         &mut self,
         ctx: &Context,
@@ -181,5 +178,5 @@ impl Drop for Proposing {
 }
 
 fn ended<T: Send + 'static>(task: &Task<Result<T, String>>) -> Option<Result<T, String>> {
-    Some(task.outcome()?.map_err(|Lost| "it ended without a result".to_owned()).flatten())
+    Some(task.outcome()?.map_err(|Lost| "it failed without a result".to_owned()).flatten())
 }

@@ -1,4 +1,4 @@
-//! The calibration as other programs take it: what a format loses is told before anything is written.
+//! Export sheet: formats, and the losses of a format before anything is written.
 
 use calib_formats::{Export, ExportOptions, PlanImage};
 use egui::{Align2, ComboBox, Context, RichText, ScrollArea, Ui, Vec2, Window};
@@ -9,7 +9,7 @@ use crate::platform::Task;
 use crate::state::{App, Asked, formats};
 use crate::theme::{self, Palette};
 
-/// The sheet, if it is open.
+/// Shows the sheet if it is open.
 pub fn export_ui(app: &mut App, ctx: &Context) {
     if !app.dialogs.export.is_open {
         return;
@@ -33,7 +33,7 @@ pub fn export_ui(app: &mut App, ctx: &Context) {
     }
 }
 
-/// Makes what is asked for, off the frame's path, when it differs from what was.
+/// Starts the export in the background when the request changed.
 fn make(app: &mut App, ctx: &Context) {
     let Some(format) = formats().nth(app.dialogs.export.format) else { return };
     let plan = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
@@ -48,7 +48,7 @@ fn make(app: &mut App, ctx: &Context) {
         extension: sheet.extension,
         rectified: sheet.rectified,
         one: sheet.only_this.then_some(app.editor.session().camera),
-        generation: app.editor.session().generation,
+        generation: app.editor.session().revision.generation,
         has_plan: plan.is_some(),
     };
     if sheet.asked != Some(asked) {
@@ -112,10 +112,10 @@ fn choices(app: &mut App, ui: &mut Ui) {
     }
     ui.label(RichText::new(format.about).color(palette.text2));
     ui.horizontal(|ui| {
-        ui.checkbox(&mut sheet.rectified, "undistorted camera, and the map that makes its image");
+        ui.checkbox(&mut sheet.rectified, "undistorted camera, and the map for its image");
         ui.checkbox(&mut sheet.only_this, format!("only {camera}"));
     });
-    let about = format!("Holds {}. Has no place for: {}.", format.holds, format.lacks);
+    let about = format!("Contains {}. Does not contain: {}.", format.contains, format.lacks);
     ui.label(RichText::new(about).small().color(palette.text3));
 }
 
@@ -127,7 +127,7 @@ fn outcome(app: &mut App, ui: &mut Ui) {
         None => {
             ui.horizontal(|ui| {
                 ui.spinner();
-                ui.label(RichText::new("Writing in memory\u{2026}").color(palette.text2));
+                ui.label(RichText::new("Preparing the export\u{2026}").color(palette.text2));
             });
             return;
         }
@@ -139,7 +139,7 @@ fn outcome(app: &mut App, ui: &mut Ui) {
     };
     ScrollArea::vertical().max_height(260.0).show(ui, |ui| told(ui, palette, export));
     if !export.losses.is_empty() {
-        ui.checkbox(&mut sheet.agreed, "Write it all the same: what is lost is not needed");
+        ui.checkbox(&mut sheet.agreed, "Export anyway; the lost data is not needed");
     }
     let count = export.files.len();
     let text = format!("Write {}\u{2026}", calib_site::counted(count, "file", "files"));
@@ -150,7 +150,7 @@ fn outcome(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// What is lost, what is to be known, what is left out, what will be written.
+/// Lists losses, notes, omitted cameras and the files to write.
 fn told(ui: &mut Ui, palette: &Palette, export: &Export) {
     if !export.losses.is_empty() {
         egui::Frame::NONE.fill(palette.warn_bg).corner_radius(4).inner_margin(8).show(ui, |ui| {
@@ -165,7 +165,7 @@ fn told(ui: &mut Ui, palette: &Palette, export: &Export) {
         ui.label(RichText::new(note).color(palette.text2));
     }
     if !export.unsolved.is_empty() {
-        let text = format!("Left out, not calibrated: {}", export.unsolved.join(", "));
+        let text = format!("Not calibrated, therefore not exported: {}", export.unsolved.join(", "));
         ui.label(RichText::new(text).color(palette.warn));
     }
     for file in &export.files {

@@ -1,4 +1,4 @@
-//! The order of a frame.
+//! Sequence of a frame.
 
 use egui::{Context, Ui};
 
@@ -8,7 +8,7 @@ use crate::shell;
 use crate::state::{App, Sent};
 
 impl App {
-    /// One frame.
+    /// Runs and paints one frame.
     pub fn show_ui(&mut self, ui: &mut Ui) {
         self.logic(&ui.ctx().clone());
         self.editor.solve();
@@ -21,12 +21,12 @@ impl App {
         self.remember();
     }
 
-    /// What is done before anything is shown: finished work, dropped files, keys.
+    /// Handles finished work, dropped files and keys, before anything is painted.
     pub fn logic(&mut self, ctx: &Context) {
         self.pictures.begin_frame(ctx);
         self.edges.begin_frame();
-        // What comes in waits until the hand is empty: it would end the gesture that is under way.
-        if self.editor.tool().is_idle() && (!self.awaits() || self.editor.is_at_rest()) {
+        // Dropped and chosen files wait until the current gesture ends.
+        if self.editor.tool().is_idle() && (!self.awaits() || self.editor.is_settled()) {
             self.poll_dialog(ctx);
             self.poll_stills();
             self.poll_plan();
@@ -44,7 +44,7 @@ impl App {
         }
     }
 
-    /// Does what panels asked for.
+    /// Carries out the requests of the panels.
     fn grant(&mut self, ctx: &Context) {
         let sent = std::mem::take(&mut self.sent);
         if !sent.is_empty() {
@@ -64,7 +64,7 @@ impl App {
         }
     }
 
-    /// A new suspect begins to blink.
+    /// Restarts the blinking when the most suspicious line changes.
     fn watch_suspect(&mut self, ui: &Ui) {
         let camera = self.editor.session().camera;
         let suspect = self.editor.session().solution().and_then(|solution| {

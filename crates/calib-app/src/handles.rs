@@ -1,8 +1,4 @@
-//! A name for everything that can be held, for screen readers, the Tab key and tests.
-//!
-//! Commands of a menu, with their keys.
-//!
-//! What a right click or a long press on a canvas offers: first what can be done to what is under it.
+//! Named handles on canvases for screen readers, the Tab key and tests; and the context menu of a canvas.
 
 use calib_editor::{Action, Pane, Part, PlanHandle, hit, plan_handles};
 use egui::{
@@ -15,7 +11,7 @@ use crate::command::{COMMANDS, Command};
 use crate::state::{App, Place};
 use crate::{keys, theme};
 
-/// A name for every handle, for screen readers, the Tab key and tests.
+/// Registers the handles of an image under their names.
 pub(crate) fn on_image(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping) {
     let list = hit::handles(&app.editor.session().site, camera);
     let mut chosen = None;
@@ -53,7 +49,7 @@ fn handle_name(app: &App, part: Part) -> String {
     }
 }
 
-/// The handles of the camera in hand on the plan.
+/// Registers the handles of the current camera on the plan.
 pub(crate) fn on_plan(app: &App, ui: &Ui, mapping: &Mapping) {
     let Some(entry) = app.editor.session().entry() else { return };
     for (handle, at) in plan_handles(app.editor.session(), app.editor.session().camera) {
@@ -74,7 +70,7 @@ pub(crate) fn on_plan(app: &App, ui: &Ui, mapping: &Mapping) {
     }
 }
 
-/// Commands of a menu, a row each.
+/// Shows the commands of a menu, one per row.
 pub(crate) fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
     ui.set_min_width(260.0);
     let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
@@ -89,7 +85,7 @@ pub(crate) fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Optio
     }
 }
 
-/// Keys in the words of this platform.
+/// Returns the keys of a shortcut as text for this platform.
 #[must_use]
 pub(crate) fn shortcut_text(ui: &Ui, keys: KeyboardShortcut) -> String {
     match keys.logical_key {
@@ -125,11 +121,11 @@ const ON_IMAGE: [&[Command]; 5] = [
     &[Command::Fit, Command::SavePicture],
 ];
 
-/// The menu of a canvas, while it is open.
+/// Shows the context menu of a canvas while it is open.
 pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
     if response.long_touched() && app.view.panes.was_idle {
-        // The finger that is held draws nothing.
-        app.send(Action::Drop);
+        // A long press must not draw.
+        app.send(Action::CancelGesture);
         app.view.panes.forget_pointer();
     }
     if response.secondary_clicked() {
@@ -179,7 +175,7 @@ fn is_offered(app: &App, command: Command) -> bool {
     makes_sense && app.is_enabled(command)
 }
 
-/// Whether a selected line was set aside.
+/// Whether a selected line was rejected as an outlier.
 fn is_suspected(app: &App) -> bool {
     let residuals = app.editor.session().solution().map_or(&[][..], |solution| &solution.residuals);
     let lines = calib_editor::edit::lines_of(&app.editor.session().selection);

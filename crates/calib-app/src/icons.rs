@@ -1,10 +1,10 @@
-//! Icons: strokes on a grid of 16, and buttons that carry one and a spoken name.
+//! Icons: strokes on a grid of 16 units, and icon buttons with an accessible name.
 
 use egui::{Color32, CornerRadius, Pos2, Rect, Response, Role, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
 use crate::theme;
 
-/// A piece of an icon.
+/// Stroke, ring or dot of an icon.
 #[derive(Clone, Copy, Debug)]
 enum Piece {
     Line(&'static [[f32; 2]]),
@@ -15,7 +15,7 @@ use Piece::{Dot, Line, Ring};
 
 macro_rules! icons {
     ($($(#[$doc:meta])* $name:ident = [$($piece:expr),+ $(,)?]),+ $(,)?) => {
-        /// A picture of a thing or a deed.
+        /// Icon of an object or a command.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Icon { $($(#[$doc])* $name),+ }
 
@@ -62,7 +62,7 @@ icons! {
     Equal = [Line(&[[2.5, 5.0], [13.5, 5.0]]), Line(&[[2.5, 11.0], [13.5, 11.0]]), Line(&[[7.0, 2.8], [7.0, 7.2]]), Line(&[[9.0, 2.8], [9.0, 7.2]]), Line(&[[7.0, 8.8], [7.0, 13.2]]), Line(&[[9.0, 8.8], [9.0, 13.2]])],
     /// A dimension line.
     Known = [Line(&[[2.5, 4.0], [2.5, 12.0]]), Line(&[[13.5, 4.0], [13.5, 12.0]]), Line(&[[2.5, 8.0], [13.5, 8.0]]), Line(&[[5.0, 6.0], [2.5, 8.0], [5.0, 10.0]]), Line(&[[11.0, 6.0], [13.5, 8.0], [11.0, 10.0]])],
-    /// A bent edge with points.
+    /// A curved edge with points.
     Straight = [Line(&[[2.5, 12.5], [5.0, 7.5], [8.5, 5.0], [13.5, 3.5]]), Dot([2.5, 12.5], 1.5), Dot([7.0, 6.0], 1.5), Dot([13.5, 3.5], 1.5)],
     /// A foot and a head.
     Upright = [Line(&[[8.0, 12.5], [8.0, 5.5]]), Ring([8.0, 3.6], 1.9), Line(&[[4.5, 13.0], [11.5, 13.0]])],
@@ -102,31 +102,31 @@ icons! {
     Locked = [Line(&[[4.0, 7.5], [12.0, 7.5], [12.0, 13.5], [4.0, 13.5], [4.0, 7.5]]), Line(&[[5.5, 7.5], [5.5, 5.0], [6.5, 3.0], [9.5, 3.0], [10.5, 5.0], [10.5, 7.5]]), Dot([8.0, 10.5], 1.2)],
     /// An open lock.
     Unlocked = [Line(&[[4.0, 7.5], [12.0, 7.5], [12.0, 13.5], [4.0, 13.5], [4.0, 7.5]]), Line(&[[5.5, 7.5], [5.5, 4.5], [6.5, 2.5], [9.5, 2.5], [10.5, 4.0]])],
-    /// Back.
+    /// Arrow back.
     Undo = [Line(&[[6.0, 3.0], [3.0, 6.0], [6.0, 9.0]]), Line(&[[3.0, 6.0], [10.0, 6.0], [12.5, 7.5], [13.0, 10.0], [12.0, 12.0], [10.0, 12.8], [7.0, 12.8]])],
-    /// Forth.
+    /// Arrow forward.
     Redo = [Line(&[[10.0, 3.0], [13.0, 6.0], [10.0, 9.0]]), Line(&[[13.0, 6.0], [6.0, 6.0], [3.5, 7.5], [3.0, 10.0], [4.0, 12.0], [6.0, 12.8], [9.0, 12.8]])],
-    /// Wait.
+    /// Pause.
     Pause = [Line(&[[5.5, 3.0], [5.5, 13.0]]), Line(&[[10.5, 3.0], [10.5, 13.0]])],
-    /// Go on.
+    /// Play.
     Play = [Line(&[[4.5, 3.0], [12.5, 8.0], [4.5, 13.0], [4.5, 3.0]])],
     /// A magnifier.
     Search = [Ring([7.0, 7.0], 4.3), Line(&[[10.2, 10.2], [14.0, 14.0]])],
     /// A warning.
     Warn = [Line(&[[8.0, 2.5], [14.0, 13.0], [2.0, 13.0], [8.0, 2.5]]), Line(&[[8.0, 6.5], [8.0, 9.5]]), Dot([8.0, 11.3], 0.9)],
-    /// Done.
+    /// Check mark.
     Check = [Line(&[[3.0, 8.5], [6.5, 12.0], [13.0, 4.5]])],
-    /// Next.
+    /// Chevron.
     Chevron = [Line(&[[6.0, 4.0], [10.0, 8.0], [6.0, 12.0]])],
-    /// Not yet.
+    /// Empty circle.
     Open = [Ring([8.0, 8.0], 4.5)],
-    /// More.
+    /// Plus.
     Plus = [Line(&[[8.0, 3.0], [8.0, 13.0]]), Line(&[[3.0, 8.0], [13.0, 8.0]])],
-    /// Away with it.
+    /// Cross.
     Close = [Line(&[[4.0, 4.0], [12.0, 12.0]]), Line(&[[12.0, 4.0], [4.0, 12.0]])],
-    /// The menu.
+    /// Three lines of a menu.
     Menu = [Line(&[[2.5, 4.5], [13.5, 4.5]]), Line(&[[2.5, 8.0], [13.5, 8.0]]), Line(&[[2.5, 11.5], [13.5, 11.5]])],
-    /// The light theme.
+    /// Sun, for the light theme.
     Sun = [Ring([8.0, 8.0], 2.8), Line(&[[8.0, 1.8], [8.0, 3.4]]), Line(&[[8.0, 12.6], [8.0, 14.2]]), Line(&[[1.8, 8.0], [3.4, 8.0]]), Line(&[[12.6, 8.0], [14.2, 8.0]]), Line(&[[3.6, 3.6], [4.7, 4.7]]), Line(&[[11.3, 11.3], [12.4, 12.4]]), Line(&[[3.6, 12.4], [4.7, 11.3]]), Line(&[[11.3, 4.7], [12.4, 3.6]])],
 }
 
@@ -151,23 +151,23 @@ pub fn paint(painter: &egui::Painter, icon: Icon, rect: Rect, size: f32, colour:
     }
 }
 
-/// An icon in the text's own line.
+/// Shows an icon within a line of text.
 pub fn inline(ui: &mut Ui, icon: Icon, colour: Color32) -> Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::new(16.0, 16.0), Sense::hover());
     paint(ui.painter(), icon, rect, 14.0, colour);
     response
 }
 
-/// How a button is shown.
+/// Appearance of an icon button.
 #[derive(Clone, Copy, Debug)]
 pub struct Look {
-    /// Its size, in points.
+    /// Size, in points.
     pub size: Vec2,
-    /// Whether it is the chosen one.
+    /// Whether it is selected.
     pub chosen: bool,
-    /// Whether it can be used.
+    /// Whether it is enabled.
     pub enabled: bool,
-    /// Colour of the icon; the text's if absent.
+    /// Colour of the icon; by default that of the text.
     pub colour: Option<Color32>,
 }
 
@@ -177,7 +177,7 @@ impl Default for Look {
     }
 }
 
-/// A button with an icon; `label` is what a screen reader says, `tip` what a tooltip adds.
+/// Shows an icon button; `label` is its accessible name, `tip` the rest of its tooltip.
 pub fn button(ui: &mut Ui, icon: Icon, label: &str, tip: &str, look: Look) -> Response {
     let sense = if look.enabled { Sense::click() } else { Sense::hover() };
     let (rect, response) = ui.allocate_exact_size(look.size, sense);

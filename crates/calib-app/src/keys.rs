@@ -1,4 +1,4 @@
-//! Keys of the window as the document names them, and back.
+//! Conversion between keys of the window and keys of the document.
 
 use calib_editor::{Key, Modifiers, Shortcut};
 use egui::{Context, KeyboardShortcut};
@@ -6,20 +6,20 @@ use egui::{Context, KeyboardShortcut};
 use crate::command::{self, Command};
 use crate::platform::{Here, Platform as _};
 
-/// What is held with a press.
+/// Converts the modifier keys.
 pub(crate) const fn held(modifiers: egui::Modifiers) -> Modifiers {
     let egui::Modifiers { alt, ctrl, shift, mac_cmd: _, command } = modifiers;
     Modifiers { shift, ctrl, alt, command }
 }
 
-/// A key as the window has it.
+/// Converts a key of the document to a key of the window.
 #[must_use]
 pub fn key(key: Key) -> egui::Key {
-    // A test holds that every one is known.
+    // A test checks that every key has a counterpart.
     egui::Key::from_name(key.name()).unwrap_or(egui::Key::F35)
 }
 
-/// The keys of a command as the window has them.
+/// Converts a shortcut of a command.
 #[must_use]
 pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     let Modifiers { shift, ctrl, alt, command: cmd } = keys.modifiers;
@@ -28,10 +28,10 @@ pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     KeyboardShortcut::new(modifiers, key(keys.key))
 }
 
-/// The commands whose keys were pressed; typing in a field is not commanding.
+/// Returns the commands whose keys were pressed, except while a text field has the focus.
 ///
-/// `was_typing` says whether a field had the focus in the last frame: the Escape that has taken it away is the
-/// field's, as that which closes a menu is the menu's.
+/// `was_typing`: whether a text field had the focus in the last frame. The Escape that left it belongs to the
+/// field, as the Escape that closes a menu belongs to the menu.
 pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers)> {
     if ctx.text_edit_focused() {
         return Vec::new();
@@ -49,26 +49,26 @@ pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers
             if !(is_others && *key == egui::Key::Escape) {
                 found.push((row.command, *modifiers));
             }
-            // Enter still presses a button that has the focus, Escape still closes a menu.
+            // Enter presses a focused button, and Escape closes a menu.
             matches!(row.command, Command::Accept | Command::Cancel)
         });
     });
     found
 }
 
-/// What many hands know for redo, besides its own key.
+/// Second shortcut for redo, known from other programs.
 const OTHER_REDO: KeyboardShortcut = KeyboardShortcut::new(egui::Modifiers::COMMAND, egui::Key::Y);
 
 fn fits(keys: KeyboardShortcut, key: egui::Key, modifiers: egui::Modifiers) -> bool {
     use egui::Key;
     let is_nudge = matches!(key, Key::ArrowLeft | Key::ArrowRight | Key::ArrowUp | Key::ArrowDown);
-    // The sign of a key says whether Shift was needed to reach it.
+    // Whether Shift is needed for a sign depends on the keyboard layout.
     let is_sign = matches!(key, Key::Questionmark | Key::Plus);
     let same_key = keys.logical_key == key
         || keys.logical_key == Key::Plus && key == Key::Equals
         || keys.logical_key == Key::CloseBracket && key == Key::CloseCurlyBracket
         || keys.logical_key == Key::OpenBracket && key == Key::OpenCurlyBracket;
-    // Alt pulls the line onto its edge while Enter ends it.
+    // With Enter, Alt snaps the line to an edge.
     let is_end = key == Key::Enter && keys.logical_key == Key::Enter;
     same_key
         && modifiers.command == keys.modifiers.command

@@ -1,4 +1,4 @@
-//! The native window, and the canvas of the browser.
+//! Entry point: the native window, or the canvas of the browser.
 
 #[cfg(not(target_arch = "wasm32"))]
 fn main() -> std::process::ExitCode {
@@ -45,7 +45,7 @@ Options:
   -h, --help     say this
   -V, --version  say the version";
 
-/// Opens the window, and in it what was named.
+/// Opens the window, and the files named on the command line.
 #[cfg(not(target_arch = "wasm32"))]
 fn window(paths: Vec<std::path::PathBuf>) -> eframe::Result {
     let viewport = egui::ViewportBuilder::default()
@@ -61,7 +61,7 @@ fn window(paths: Vec<std::path::PathBuf>) -> eframe::Result {
             let folder = calib_app::storage::files::data_dir();
             let mut app = calib_app::App::new(&creation.egui_ctx, folder);
             for path in paths {
-                // A name on the command line is of the folder that one is in, not of the site's.
+                // Relative paths refer to the working directory, not to the site's folder.
                 let path = std::path::absolute(&path).unwrap_or(path);
                 app.take_path(&creation.egui_ctx, path);
             }

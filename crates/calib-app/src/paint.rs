@@ -1,12 +1,12 @@
-//! Strokes on images: every line lies on a dark one, so that it is legible on anything.
+//! Lines and labels on images; every line has a dark outline, so that it is legible on any background.
 
 use calib_draw::{Look, Outline};
 use egui::{Align2, Color32, CornerRadius, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::theme::{self, on_image};
 
-/// Whether what began to blink so many seconds ago is lit: once a second for a while, then steadily.
-/// Where motion is not wanted it is lit at once and stays so.
+/// Whether a line that started to blink at `since` is lit now: it blinks once a second for a while, then
+/// stays lit. With reduced motion it is lit at once.
 #[must_use]
 pub fn is_lit(ctx: &egui::Context, since: f64) -> bool {
     const BLINKS: f64 = 3.0;
@@ -17,27 +17,27 @@ pub fn is_lit(ctx: &egui::Context, since: f64) -> bool {
     since.rem_euclid(1.0) < 0.5
 }
 
-/// How a line looks.
+/// Appearance of a line.
 #[derive(Clone, Copy, Debug)]
 pub struct Pen {
-    /// Its colour.
+    /// Colour.
     pub colour: Color32,
-    /// Its width, in points.
+    /// Width, in points.
     pub width: f32,
-    /// Lengths of strokes and gaps; solid if empty.
+    /// Lengths of dashes and gaps, in points; solid if empty.
     pub dash: &'static [f64],
-    /// The dark line it lies on.
+    /// Colour of the outline.
     pub below: Color32,
 }
 
 impl Pen {
-    /// A solid line.
+    /// Creates a solid pen.
     #[must_use]
     pub const fn new(colour: Color32, width: f32) -> Self {
         Self { colour, width, dash: &[], below: on_image::OUTLINE }
     }
 
-    /// As a meaning looks.
+    /// Creates the pen of a look.
     #[must_use]
     pub fn of(look: Look) -> Self {
         let colour = theme::colour(look.colour);
@@ -49,35 +49,35 @@ impl Pen {
         }
     }
 
-    /// In another colour, as opaque as before.
+    /// Returns the pen in another colour with the same opacity.
     #[must_use]
     pub fn coloured(self, colour: Color32) -> Self {
         Self { colour: colour.gamma_multiply(f32::from(self.colour.a()) / 255.0), ..self }
     }
 
-    /// Strokes and gaps.
+    /// Returns the pen with dashes.
     #[must_use]
     pub const fn dashed(self, dash: &'static [f64]) -> Self {
         Self { dash, ..self }
     }
 
-    /// Without the dark line below.
+    /// Returns the pen without its outline.
     #[must_use]
     pub const fn bare(self) -> Self {
         Self { below: Color32::TRANSPARENT, ..self }
     }
 
-    /// With a dark line below that is hardly seen.
+    /// Returns the pen with a faint outline.
     #[must_use]
     pub const fn faint(self) -> Self {
         Self { below: Color32::from_black_alpha(56), ..self }
     }
 }
 
-/// Lines longer than this on the screen are cut to what can be seen, in points.
+/// Margin around the visible area to which lines are clipped, in points.
 const MARGIN: f32 = 64.0;
 
-/// Draws a polyline; parts far outside the clip rectangle are left out.
+/// Paints a polyline, clipped to the visible area.
 pub fn line(painter: &Painter, points: &[Pos2], pen: Pen) {
     for piece in clipped(points, painter.clip_rect().expand(MARGIN)) {
         if pen.below != Color32::TRANSPARENT {
@@ -97,7 +97,7 @@ fn dashes(points: &[Pos2], dash: &[f64], stroke: Stroke) -> Shape {
     Shape::Vec(Shape::dashed_line_with_offset(points, stroke, &strokes, &gaps, 0.0))
 }
 
-/// The pieces of a polyline inside a rectangle (Liang and Barsky 1984).
+/// Clips a polyline to a rectangle (Liang and Barsky 1984).
 fn clipped(points: &[Pos2], rect: Rect) -> Vec<Vec<Pos2>> {
     let mut pieces: Vec<Vec<Pos2>> = Vec::new();
     for pair in points.windows(2) {
@@ -147,12 +147,12 @@ fn clip(a: Pos2, b: Pos2, rect: Rect) -> Option<[Pos2; 2]> {
     })
 }
 
-/// A filled round handle with a dark rim.
+/// Paints a round handle with a dark rim.
 pub fn handle(painter: &Painter, at: Pos2, colour: Color32) {
     painter.circle(at, theme::HANDLE, colour, Stroke::new(1.0, on_image::OUTLINE));
 }
 
-/// A handle that is hovered, selected or held.
+/// Paints the ring of a handle that is hovered, selected or dragged.
 pub fn ring(painter: &Painter, at: Pos2, colour: Color32, held: bool) {
     let radius = if held { 9.0 } else { 6.0 };
     painter.circle_stroke(at, radius, Stroke::new(3.0, on_image::OUTLINE));
@@ -160,7 +160,7 @@ pub fn ring(painter: &Painter, at: Pos2, colour: Color32, held: bool) {
     painter.circle_filled(at, 2.0, Color32::WHITE);
 }
 
-/// Words on an image, on a dark ground.
+/// Paints a label with a dark background.
 pub fn tag(painter: &Painter, at: Pos2, align: Align2, text: &str, colour: Color32) -> Rect {
     let galley = painter.layout_no_wrap(text.to_owned(), theme::regular(11.0), colour);
     let size = galley.size() + Vec2::new(12.0, 4.0);
@@ -172,7 +172,7 @@ pub fn tag(painter: &Painter, at: Pos2, align: Align2, text: &str, colour: Color
     rect
 }
 
-/// A camera's letter on its colour.
+/// Paints a camera's letter on its colour.
 pub fn chip(painter: &Painter, at: Pos2, camera: usize) -> Rect {
     let rect = Rect::from_center_size(at, Vec2::new(16.0, 16.0));
     painter.rect_filled(rect, CornerRadius::same(3), theme::camera(camera));

@@ -1,4 +1,4 @@
-//! Canvases: what the pointer does on them goes to the tool, then they are painted.
+//! Canvases of images and plan: pointer events go to the tool, then the canvas is painted.
 
 use std::sync::Arc;
 
@@ -20,9 +20,9 @@ use crate::plan::floor::Floor;
 use crate::state::{App, Place};
 use crate::theme::{self, on_image};
 
-/// Movement less than this is a click, in points.
+/// Movement below which a press counts as a click, in points.
 const CLICK: f32 = 4.0;
-/// Two clicks within this are a double click, in seconds.
+/// Interval of a double click, in seconds.
 const DOUBLE: f64 = 0.4;
 
 fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mapping) {
@@ -38,7 +38,7 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
         let (middle, by) = (i.pointer.middle_down(), i.pointer.delta());
         (i.smooth_scroll_delta(), f64::from(i.zoom_delta()), by, space, middle, touch)
     });
-    // Where tiles overflow the wheel scrolls them, and zooms with Ctrl.
+    // If tiles overflow, the wheel scrolls them, and zooms with Ctrl.
     let scroll = if key.0 == Place::Tile && app.view.panes.tiles_overflow { Vec2::ZERO } else { scroll };
     let at = pointer.unwrap_or_else(|| mapping.rect.center());
     let factor = zoom * (f64::from(scroll.y) / 240.0).exp();
@@ -60,7 +60,7 @@ fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
     rect.contains(at) && ui.clip_rect().contains(at) && ui.ctx().layer_id_at(at) == Some(ui.layer_id())
 }
 
-/// Sends what the pointer did on this canvas to the tool.
+/// Sends the pointer events on this canvas to the tool.
 fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping) {
     let (events, time, modifiers) = ui.input(|i| (i.events.clone(), i.time, i.modifiers));
     let is_move = |event: &Event| matches!(event, Event::PointerMoved(_));
@@ -68,7 +68,7 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
         events.into_iter().filter(|e| is_move(e) || matches!(e, Event::PointerButton { .. })).peekable();
     while let Some(event) = events.next() {
         match event {
-            // Of several moves in a row the last one is seen.
+            // Of consecutive moves only the last one is handled.
             Event::PointerMoved(_) if events.peek().is_some_and(is_move) => {}
             Event::PointerMoved(at) => moved(app, ui, key, mapping, at, modifiers),
             Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: true, modifiers } => {
@@ -129,7 +129,7 @@ fn pressed(
 
 fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, modifiers: Modifiers) {
     let is_black = mapping.bend.is_some_and(|bend| bend.size().is_some()) && mapping.bent_at(at).is_none();
-    // Where a window shows nothing nothing is begun, and what was begun stays where it was last.
+    // A gesture cannot start outside a fisheye window; a running one stays at its last point.
     let at_px = match phase {
         Phase::Press if is_black => return,
         Phase::Drag | Phase::Release if is_black => app.view.panes.pointed,
@@ -148,16 +148,16 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
         phase,
         modifiers: keys::held(modifiers),
         radius: mapping.units(theme::HIT),
-        grain: mapping.units(1.0),
+        point_size: mapping.units(1.0),
         moved: app.view.panes.moved,
         double: app.view.panes.double,
-        offer,
-        still,
+        edge: offer,
+        image: still,
     };
     app.act(Action::Pointer(pointer));
 }
 
-/// Pans and zooms a canvas, sends the pointer to the tool, and clears it for painting.
+/// Pans and zooms a canvas, sends the pointer to the tool, and clears the canvas for painting.
 fn canvas(
     app: &mut App,
     ui: &Ui,
@@ -178,7 +178,7 @@ fn canvas(
     (mapping, painter)
 }
 
-/// What is taken out of the image of a camera: the bend of its lens, where that is asked for; a fisheye has windows.
+/// Returns the undistortion of a camera's image if it is switched on, or the window of a fisheye.
 fn bend(app: &App, camera: usize) -> Option<Bend> {
     if app.is_fisheye(camera) {
         return app.window(camera);
@@ -188,7 +188,7 @@ fn bend(app: &App, camera: usize) -> Option<Bend> {
     lens.filter(|lens| lens.distortion != Distortion::None).map(Bend::Lens)
 }
 
-/// The image of a camera.
+/// Shows the image of a camera.
 pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let (size, name) = (entry.size(), entry.image.clone());
@@ -212,9 +212,9 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         overlay.compare(split, app.editor.newer(camera));
     }
     overlay.paint(&painter);
-    // A box that selects is one of pixels; every other line is to become one of the scene.
+    // A selection box is a rectangle of pixels; every other preview is a line of the scene.
     let is_box = app.editor.tool_row() == 0;
-    for points in app.editor.tool().rubber(pane) {
+    for points in app.editor.tool().preview_lines(pane) {
         let pixels: Vec<Pixel> = points.iter().map(|&at| at.into()).collect();
         let points = if is_box { overlay.path(&pixels) } else { overlay.curve(&pixels) };
         line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
@@ -231,7 +231,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         }
         minimap::minimap_ui(app, ui, camera, &mapping, size);
     }
-    if let Some((held, at)) = app.editor.tool().held()
+    if let Some((held, at)) = app.editor.tool().dragged_point()
         && held == pane
         && app.view.panes.cursor.is_some_and(|(over, _)| over == pane)
     {
@@ -239,7 +239,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
 }
 
-/// The edge under the cursor, as a ghost that a click takes.
+/// Paints the detected edge under the pointer as a ghost that a click accepts.
 fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &Mapping) {
     let Some((_, at)) = app.view.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else {
         return;
@@ -264,7 +264,7 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
         return;
     }
-    let icon = match (app.editor.tool().held(), app.editor.tool_row(), pane) {
+    let icon = match (app.editor.tool().dragged_point(), app.editor.tool_row(), pane) {
         (Some((held, _)), _, _) if held == pane => CursorIcon::None,
         (_, 0, Pane::Image(camera)) => {
             let pose = app.editor.session().solved.pose(camera);
@@ -288,10 +288,10 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
     ui.ctx().set_cursor_icon(icon);
 }
 
-/// The floor from above, on its plan.
+/// Shows the plan.
 pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let key = (place, Pane::Plan);
-    // A plan whose picture has just arrived is looked at as a whole.
+    // A plan image that has just arrived is shown completely.
     let shown = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let shown = shown.filter(|name| app.pictures.ready(name).is_some() && app.editor.tool().is_idle());
     if shown.is_some()
@@ -305,7 +305,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     }
     let [low, high] = app.floor_bounds();
     let whole = View::of(low, high, rect, true, false);
-    // Once cameras are moved about, the floor under them stays put.
+    // Once cameras were moved, the view of the plan stays.
     let view = match app.view.panes.views.get(&key) {
         Some(view) if app.editor.session().history.depth() > 0 => *view,
         _ => app.view.panes.fitted_or_chosen(key, whole),
@@ -313,7 +313,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let (mapping, painter) = canvas(app, ui, key, Mapping::new(view, rect), "Floor plan");
     let palette = theme::palette(ui.ctx());
     let pieces = app.plan_pieces(ui.ctx());
-    let before = app.editor.poses_before(app.view.show_before);
+    let before = app.editor.ghost_poses(app.view.show_before);
     let floor = Floor {
         session: app.editor.session(),
         mapping,
@@ -327,9 +327,9 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     floor.paint_images(&painter, &app.pictures);
     let cursor = app.view.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);
-    // What is dragged says how it moves: names under it would hide that.
+    // During a drag, labels would hide its numbers.
     floor.paint_elements(&painter, cursor.filter(|_| app.editor.tool().is_idle()));
-    for points in app.editor.tool().rubber(Pane::Plan) {
+    for points in app.editor.tool().preview_lines(Pane::Plan) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();
         line(&painter, &points, Pen::new(on_image::WAITING, 2.0));
     }

@@ -1,4 +1,4 @@
-//! Stills: bytes to image off the frame's path, texture tiles no larger than the GL limit, thumbnails.
+//! Images: decoding in the background, textures in tiles no larger than the GL limit, small copies.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,27 +10,27 @@ use image::RgbImage;
 use crate::canvas::Mapping;
 use crate::platform::{Here, Platform as _, Task};
 
-/// In a browser there are 4 GB at most, and a phone has less.
+/// Whether memory is limited to 4 GB, as in a browser.
 const IS_SMALL: bool = cfg!(target_pointer_width = "32");
-/// Side of a tile, in pixels: WebGL2 promises no more.
+/// Side of a tile, in pixels; WebGL2 guarantees no more.
 const TILE: u32 = 2048;
-/// Longer side of the small copy that rails, plan and floor show, in pixels.
+/// Longer side of the small copy, in pixels.
 const OVERVIEW: u32 = 1024;
-/// Decoded pictures that are kept, in bytes; those not shown for longest go first.
+/// Budget for decoded images, in bytes. Those that were not shown for the longest time are dropped first.
 const BUDGET: usize = if IS_SMALL { 1 << 28 } else { 1 << 30 };
 
-/// Decoded, cut into tiles, not yet on the graphics card.
+/// Decoded image, cut into tiles that are not uploaded yet.
 struct Decoded {
     image: RgbImage,
     tiles: Vec<([u32; 2], ColorImage)>,
     overview: ColorImage,
 }
 
-/// One still.
+/// Image with its textures.
 pub struct Picture {
-    /// Its pixels.
+    /// Pixels.
     pub image: Arc<RgbImage>,
-    /// The whole of it, small.
+    /// Small copy of the whole image.
     pub overview: TextureHandle,
     waiting: Vec<([u32; 2], ColorImage)>,
     tiles: Vec<([u32; 2], [u32; 2], TextureHandle)>,
@@ -42,14 +42,14 @@ impl std::fmt::Debug for Picture {
     }
 }
 
-/// A texture and the pixels that it shows.
+/// Texture with the pixels that it covers.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece {
-    /// The first pixel.
+    /// First pixel.
     pub low: [f64; 2],
-    /// How many pixels.
+    /// Number of pixels.
     pub size: [f64; 2],
-    /// The texture.
+    /// Texture id.
     pub texture: egui::TextureId,
 }
 
@@ -61,11 +61,11 @@ enum State {
 
 struct Slot {
     state: State,
-    /// The frame that showed it last.
+    /// Last frame that showed the image.
     shown: u64,
 }
 
-/// Every still that was asked for, by its name in the site.
+/// Images that were requested, by their name in the site.
 #[derive(Default)]
 pub struct Pictures {
     slots: BTreeMap<String, Slot>,
@@ -83,7 +83,7 @@ fn cut(image: RgbImage) -> Decoded {
     let mut tiles = Vec::new();
     for y in (0..height).step_by(TILE as usize - 2) {
         for x in (0..width).step_by(TILE as usize - 2) {
-            // Neighbours share two pixels, so that filtering shows no seam.
+            // Neighbouring tiles overlap by two pixels, so that filtering shows no seam.
             let (w, h) = (TILE.min(width - x), TILE.min(height - y));
             let tile = image::imageops::crop_imm(&image, x, y, w, h).to_image();
             tiles.push(([x, y], ColorImage::from_rgb([w as usize, h as usize], &tile)));
@@ -106,7 +106,7 @@ impl Picture {
         Self { image: Arc::new(decoded.image), overview, waiting: decoded.tiles, tiles: Vec::new() }
     }
 
-    /// Its size, in pixels.
+    /// Returns the size, in pixels.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         self.image.dimensions().into()
@@ -116,7 +116,7 @@ impl Picture {
         self.image.len() + 4 * self.image.len() / 3
     }
 
-    /// Sends one more tile to the graphics card: all at once would be felt.
+    /// Uploads one more tile; all tiles in one frame would cause a delay.
     fn next_tile(&mut self, ctx: &Context) {
         let Some((at, tile)) = self.waiting.pop() else { return };
         let size = tile.size.map(|side| side as u32);
@@ -124,7 +124,7 @@ impl Picture {
         ctx.request_repaint();
     }
 
-    /// Textures with the pixels each shows; the small copy until all tiles have arrived.
+    /// Returns the textures with the pixels that they cover; the small copy until all tiles are uploaded.
     pub fn pieces(&mut self, ctx: &Context) -> Vec<Piece> {
         self.next_tile(ctx);
         if !self.waiting.is_empty() {
@@ -142,12 +142,12 @@ impl Picture {
         self.tiles.iter().map(piece).collect()
     }
 
-    /// Paints it where the mapping shows its pixels.
+    /// Paints the image at its position on the canvas.
     pub fn paint(&mut self, painter: &Painter, mapping: &Mapping, tint: Color32) {
         if mapping.bend.is_some_and(|bend| bend.size().is_some()) {
-            // As black as what is outside an image circle.
+            // Black, like the area outside an image circle.
             painter.rect_filled(mapping.rect.intersect(painter.clip_rect()), 0.0, Color32::BLACK);
-            // Below its tiles, for what lies across two of them.
+            // The small copy is painted below the tiles, for cells that cross two of them.
             let size = self.size().map(f64::from);
             Piece { low: [0.0, 0.0], size, texture: self.overview.id() }.paint(painter, mapping, tint);
         }
@@ -163,7 +163,7 @@ impl Picture {
 }
 
 impl Piece {
-    /// Paints it where the mapping shows its pixels: in small cells where the lens is taken out.
+    /// Paints the texture at its position on the canvas; an undistorted image is painted in small cells.
     pub fn paint(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
         const CELLS: u32 = 32;
         let at =
@@ -196,11 +196,12 @@ impl Piece {
         painter.add(egui::Shape::mesh(mesh));
     }
 
-    /// Paints what a window shows of it: small cells of the canvas, each corner looked up in the image.
+    /// Paints the part that a fisheye window shows, in small cells whose corners are looked up in the image.
     fn paint_window(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
         /// Side of a cell, in points.
         const CELL: f32 = 12.0;
-        /// How often a cell is halved through which the rim goes: to less than a point.
+        /// Number of halvings of a cell on the border of the visible area; the last cells are smaller than a
+        /// point.
         const FINER: u32 = 4;
         let rect = mapping.rect.intersect(painter.clip_rect());
         if !rect.is_positive() {
@@ -236,7 +237,7 @@ impl Piece {
         painter.add(egui::Shape::mesh(mesh));
     }
 
-    /// The quarters of a cell through which the rim of what is shown goes, and theirs.
+    /// Subdivides a cell that crosses the border of the visible area.
     fn add_finer(
         &self,
         mesh: &mut egui::Mesh,
@@ -262,7 +263,7 @@ impl Piece {
         }
     }
 
-    /// What of its texture a window shows at a point of the screen.
+    /// Returns the texture coordinates at a screen point of a window; `None` outside the image.
     fn uv(&self, mapping: &Mapping, pos: Pos2) -> Option<Pos2> {
         let at = mapping.bent_at(pos)?;
         let uv = [(at.u - self.low[0]) / self.size[0], (at.v - self.low[1]) / self.size[1]];
@@ -272,7 +273,7 @@ impl Piece {
 }
 
 impl Pictures {
-    /// Begins a frame: finished work arrives, what was not shown for long goes.
+    /// Collects finished images, and drops those that were not shown for long.
     pub fn begin_frame(&mut self, ctx: &Context) {
         self.frame += 1;
         for (name, slot) in &mut self.slots {
@@ -303,7 +304,7 @@ impl Pictures {
         }
     }
 
-    /// A still; the first question starts the decoding of what `bytes` fetches.
+    /// Returns an image; the first call starts decoding the bytes.
     pub fn get(&mut self, ctx: &Context, name: &str, bytes: impl FnOnce() -> Source) -> Option<&mut Picture> {
         let frame = self.frame;
         let slot = self.slots.entry(name.to_owned()).or_insert_with(|| Slot {
@@ -317,7 +318,7 @@ impl Pictures {
         }
     }
 
-    /// A still that is there already.
+    /// Returns an image that is already decoded.
     #[must_use]
     pub fn ready(&self, name: &str) -> Option<&Picture> {
         match &self.slots.get(name)?.state {
@@ -326,7 +327,7 @@ impl Pictures {
         }
     }
 
-    /// Why a still cannot be shown.
+    /// Returns the reason why an image cannot be shown.
     #[must_use]
     pub fn error(&self, name: &str) -> Option<&str> {
         match &self.slots.get(name)?.state {
@@ -335,36 +336,36 @@ impl Pictures {
         }
     }
 
-    /// How many stills are still being decoded.
+    /// Returns the number of images that are being decoded.
     #[must_use]
     pub fn loading(&self) -> usize {
         self.slots.values().filter(|slot| matches!(slot.state, State::Loading(_))).count()
     }
 
-    /// Reads no further: what is not there yet says so.
+    /// Cancels decoding; cancelled images show an error.
     pub fn stop(&mut self) {
         for slot in self.slots.values_mut().filter(|slot| matches!(slot.state, State::Loading(_))) {
             slot.state = State::Failed("Reading was cancelled.".into());
         }
     }
 
-    /// Forgets what could not be read, so that it is tried again.
+    /// Drops failed images, so that they are read again.
     pub fn retry(&mut self) {
         self.slots.retain(|_, slot| !matches!(slot.state, State::Failed(_)));
     }
 
-    /// Forgets every still.
+    /// Drops all images.
     pub fn clear(&mut self) {
         self.slots.clear();
     }
 
-    /// Forgets one still, so that it is read again.
+    /// Drops one image, so that it is read again.
     pub fn forget(&mut self, name: &str) {
         self.slots.remove(name);
     }
 }
 
-/// The rectangle of texture coordinates that shows `size` cropped to the shape of `rect`.
+/// Returns the texture coordinates that crop `size` to the aspect ratio of `rect`.
 #[must_use]
 pub fn cropped(size: Vec2, rect: Rect) -> Rect {
     let (image, wanted) = (size.x / size.y.max(1.0), rect.width() / rect.height().max(1.0));

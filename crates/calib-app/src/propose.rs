@@ -1,7 +1,8 @@
-//! What the still proposes: whether to believe it, and a row a group to accept, flip or delete.
+//! Panel: the automatic calibration of an image, with its confidence and a row per group to accept, flip or
+//! delete.
 
 use calib_core::Kind;
-use calib_editor::{Action, Hypothesis, OnProposed, Proposed, ProposedGroup, TOOLS};
+use calib_editor::{Action, CalibrationDecision, Hypothesis, PendingCalibration, PendingGroup, TOOLS};
 use calib_image::{Lies, Verdict};
 use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
@@ -11,7 +12,7 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, section};
 
-/// The panel, while something is proposed.
+/// Shows the panel while an automatic calibration is pending.
 pub fn propose_ui(app: &mut App, ui: &mut Ui) {
     app.editor.find_preview();
     app.hover.lit_group = None;
@@ -24,7 +25,7 @@ pub fn propose_ui(app: &mut App, ui: &mut Ui) {
         hypotheses(app, ui, &proposed, &mut wish);
         whole(app, ui, &proposed);
         let next = app.editor.preview().and_then(|preview| preview.next);
-        let picked = app.editor.session().picked().map(|(group, _)| group);
+        let picked = app.editor.session().picked_line().map(|(group, _)| group);
         for (index, group) in proposed.groups.iter().enumerate() {
             let row = Row {
                 index,
@@ -39,12 +40,12 @@ pub fn propose_ui(app: &mut App, ui: &mut Ui) {
         }
     });
     if let Some(wish) = wish {
-        app.send(Action::OnProposed(wish));
+        app.send(Action::DecideCalibration(wish));
     }
 }
 
-/// Whether to believe it, and why not.
-fn judgement(app: &App, ui: &mut Ui, proposed: &Proposed) {
+/// Shows the confidence and its reason.
+fn judgement(app: &App, ui: &mut Ui, proposed: &PendingCalibration) {
     let palette = theme::palette(ui.ctx());
     let solution = app.editor.preview().and_then(|preview| preview.solution.as_ref());
     let focal = solution.map(|solution| {
@@ -52,15 +53,15 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &Proposed) {
         let sure = sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {sigma:.0}"));
         format!("focal {:.0}{sure} px", solution.focal_px)
     });
-    let (fill, colour, icon, words) = match proposed.verdict {
+    let (fill, colour, icon, words) = match proposed.confidence {
         Verdict::Sure => (palette.raised, palette.ok, Icon::Check, "Sure"),
-        Verdict::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely, have a look"),
+        Verdict::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely; check it"),
         Verdict::None if proposed.alternative.is_some() => {
             (palette.warn_bg, palette.warn, Icon::Warn, "One of two cameras")
         }
-        Verdict::None => (palette.bad_bg, palette.bad, Icon::Warn, "No proposal for the camera"),
+        Verdict::None => (palette.bad_bg, palette.bad, Icon::Warn, "The camera could not be calibrated"),
     };
-    let words = match focal.filter(|_| proposed.verdict != Verdict::None) {
+    let words = match focal.filter(|_| proposed.confidence != Verdict::None) {
         Some(focal) => format!("{words}: {focal}"),
         None => words.to_owned(),
     };
@@ -79,8 +80,9 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &Proposed) {
     ui.add_space(4.0);
 }
 
-/// Where two cameras explain the edges alike: which it is, whoever looks at the image sees at once.
-fn hypotheses(app: &App, ui: &mut Ui, proposed: &Proposed, wish: &mut Option<OnProposed>) {
+/// Shows the choice between two cameras that explain the edges equally well; the image shows which one is
+/// right.
+fn hypotheses(app: &App, ui: &mut Ui, proposed: &PendingCalibration, wish: &mut Option<CalibrationDecision>) {
     let entry = app.editor.session().entry();
     let (Some(own), Some(other), Some(entry)) = (&proposed.orientation, &proposed.alternative, entry) else {
         return;
@@ -88,35 +90,35 @@ fn hypotheses(app: &App, ui: &mut Ui, proposed: &Proposed, wish: &mut Option<OnP
     ui.label("Which camera is it?");
     ui.horizontal_wrapped(|ui| {
         for (orientation, other) in [(own, false), (&other.orientation, true)] {
-            let words = Hypothesis::words(orientation, entry.size()[0]);
-            let tip = format!("It is so: focal {:.0} px, and the groups of this camera", orientation.focal);
+            let words = Hypothesis::description(orientation, entry.size()[0]);
+            let tip = format!("Use this camera (focal {:.0} px)", orientation.focal);
             if ui.button(words).on_hover_text(tip).clicked() {
-                *wish = Some(OnProposed::Decide { other });
+                *wish = Some(CalibrationDecision::Decide { other });
             }
         }
     });
     ui.add_space(4.0);
 }
 
-/// With a capital letter and a full stop.
+/// Returns the text with a capital letter and a full stop.
 fn sentence(words: &str) -> String {
     let mut letters = words.chars();
     let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
     format!("{first}{}.", letters.as_str())
 }
 
-/// One group.
+/// Row of a group.
 struct Row<'a> {
     index: usize,
-    group: &'a ProposedGroup,
+    group: &'a PendingGroup,
     directions: &'a [String],
     is_next: bool,
     is_picked: bool,
 }
 
 impl Row<'_> {
-    /// Shows it; whether the cursor is on it.
-    fn show(&self, ui: &mut Ui, wish: &mut Option<OnProposed>) -> bool {
+    /// Shows the row; returns whether the pointer is over it.
+    fn show(&self, ui: &mut Ui, wish: &mut Option<CalibrationDecision>) -> bool {
         let palette = theme::palette(ui.ctx());
         let fill = if self.is_picked { palette.accent_bg } else { Color32::TRANSPARENT };
         let frame = egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(egui::Margin::symmetric(4, 3));
@@ -141,12 +143,12 @@ impl Row<'_> {
             let name = RichText::new(capital(self.group.title())).font(theme::medium(12.0));
             ui.label(name);
             if self.is_next {
-                ui.label(RichText::new("tells most").small().color(palette.accent))
-                    .on_hover_text("Of the groups, the floor is known best with this one");
+                ui.label(RichText::new("matters most").small().color(palette.accent))
+                    .on_hover_text("Accepting this group reduces the floor error most");
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let count = self.group.lines.len();
-                // In a narrow panel the number speaks for itself.
+                // A narrow panel shows the number without its noun.
                 let noun = match (is_narrow, count) {
                     (true, _) => "",
                     (false, 1) => " line",
@@ -155,23 +157,23 @@ impl Row<'_> {
                 let label = ui.label(RichText::new(format!("{count}{noun}")).color(palette.text2));
                 if self.group.kind != Kind::Straight {
                     let share = 100.0 * self.group.probability();
-                    let lying = |so: Lies, words: &str| match self.group.lying(so) {
+                    let lying = |so: Lies, words: &str| match self.group.count_of_class(so) {
                         0 => String::new(),
                         count => format!("; {count} {words}"),
                     };
                     label.on_hover_text(format!(
-                        "They belong together with a probability of {share:.0} %{}{}",
-                        lying(Lies::Floor, "on the floor, as far as edges tell"),
-                        lying(Lies::Above, "above it")
+                        "Probability of this group: {share:.0} %{}{}",
+                        lying(Lies::Floor, "probably on the floor"),
+                        lying(Lies::Above, "above the floor")
                     ));
                 }
             });
         });
     }
 
-    fn buttons(&self, ui: &mut Ui, wish: &mut Option<OnProposed>) {
+    fn buttons(&self, ui: &mut Ui, wish: &mut Option<CalibrationDecision>) {
         let title = self.group.title();
-        let mut button = |ui: &mut Ui, word: &str, tip: &str, action: OnProposed| {
+        let mut button = |ui: &mut Ui, word: &str, tip: &str, action: CalibrationDecision| {
             let response = ui.small_button(word);
             let name = format!("{word} {title}");
             response.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, &name));
@@ -179,23 +181,25 @@ impl Row<'_> {
                 *wish = Some(action);
             }
         };
-        button(ui, "Accept", "Draw these lines", OnProposed::Accept(self.index));
+        button(ui, "Accept", "Draw these lines", CalibrationDecision::Accept(self.index));
         match self.group.kind {
-            Kind::Vertical => button(ui, "Flip", "They lie flat: floor lines", OnProposed::Flip(self.index)),
+            Kind::Vertical => {
+                button(ui, "Flip", "Make them floor lines", CalibrationDecision::Flip(self.index))
+            }
             Kind::Parallel => {
-                button(ui, "Flip", "They stand upright: verticals", OnProposed::Flip(self.index));
+                button(ui, "Flip", "Make them verticals", CalibrationDecision::Flip(self.index));
             }
             _ => {}
         }
-        button(ui, "Delete", "Leave these lines out", OnProposed::Delete(self.index));
-        // What is chosen can be told more of; in every row it would be noise.
+        button(ui, "Delete", "Remove these lines", CalibrationDecision::Delete(self.index));
+        // Only the selected row shows the choice of directions.
         if self.group.kind == Kind::Parallel && self.is_picked {
             self.direction(ui, wish);
         }
     }
 
-    /// Another floor direction.
-    fn direction(&self, ui: &mut Ui, wish: &mut Option<OnProposed>) {
+    /// Shows the choice of the floor direction.
+    fn direction(&self, ui: &mut Ui, wish: &mut Option<CalibrationDecision>) {
         let mut chosen = self.group.direction.clone();
         let salt = ui.scope_id().with(("direction", self.index));
         let menu = ComboBox::from_id_salt(salt).width(64.0).selected_text(self.group.direction.as_str());
@@ -204,9 +208,9 @@ impl Row<'_> {
                 ui.selectable_value(&mut chosen, direction.clone(), direction);
             }
         });
-        response.response.on_hover_text("The floor direction that they lead in");
+        response.response.on_hover_text("Their floor direction");
         if chosen != self.group.direction {
-            *wish = Some(OnProposed::Turn(self.index, chosen));
+            *wish = Some(CalibrationDecision::SetDirection(self.index, chosen));
         }
     }
 }
@@ -215,14 +219,14 @@ fn capital(words: &str) -> String {
     sentence(words).trim_end_matches('.').to_owned()
 }
 
-/// All of it at once.
-fn whole(app: &mut App, ui: &mut Ui, proposed: &Proposed) {
+/// Shows the buttons that accept or discard everything.
+fn whole(app: &mut App, ui: &mut Ui, proposed: &PendingCalibration) {
     ui.horizontal_wrapped(|ui| {
-        let is_offered = proposed.verdict != Verdict::None && !proposed.groups.is_empty();
+        let is_offered = proposed.confidence != Verdict::None && !proposed.groups.is_empty();
         if is_offered && ui.button("Accept all   Enter").clicked() {
             app.tell(Command::AcceptProposed);
         }
-        if ui.button("Dismiss   Esc").clicked() {
+        if ui.button("Discard   Esc").clicked() {
             app.tell(Command::DismissProposed);
         }
     });

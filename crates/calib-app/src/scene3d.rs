@@ -1,4 +1,4 @@
-//! The site in space: frusta, prisms, plan, marks, uncertainty; orbit, pan, zoom. Painted with egui's painter.
+//! 3-D view of the site: frusta, walls of the fields of view, plan, marks, uncertainty; orbit, pan and zoom.
 
 use calib_core::{Camera, ImageCircle, Pixel, WorldPoint};
 
@@ -13,7 +13,7 @@ use crate::plan::floor::{MAGNIFIED, SIGMAS};
 use crate::state::{NEAR, Orbit};
 use crate::theme::{self, on_image};
 
-/// Paints the scene; `plan` is its texture with its size in pixels.
+/// Paints the scene; `plan` is the texture of the plan with its size in pixels.
 pub fn paint(
     painter: &Painter,
     rect: Rect,
@@ -112,7 +112,7 @@ fn paint_camera(
     };
     let is_own = index == session.camera;
     let colour = theme::camera(index);
-    // On a light ground the colours of cameras are told by their outline.
+    // In the light theme, outlines separate the camera colours from the background.
     let thin = |width: f32| {
         let pen = Pen::new(colour, width);
         if is_dark { pen.bare() } else { pen }
@@ -124,12 +124,12 @@ fn paint_camera(
     for edge in session.prism_edges(index) {
         polyline(painter, rect, orbit, &edge, thin(1.25));
     }
-    // The frustum to a plane a little in front of the camera.
+    // The frustum ends a little in front of the camera.
     let depth = 0.25 * pose.position.z.abs().clamp(1.0, 6.0);
     let ends = frustum(entry, pose, depth);
     let pen = Pen::new(colour, if is_own { 2.5 } else { 1.5 });
     for (i, &end) in ends.iter().enumerate() {
-        // Of a round image as many spokes as a flat one has corners.
+        // A round image has as many spokes as a rectangular one has corners.
         if i % (ends.len() / 4).max(1) == 0 {
             polyline(painter, rect, orbit, &[pose.position, end], pen);
         }
@@ -151,7 +151,8 @@ fn paint_camera(
     }
 }
 
-/// What the image shows at a distance: its four corners, or of a lens that shows no corner the rim of its circle.
+/// Returns the outline of the image at a distance: its four corners, or the rim of the image circle if the
+/// corners are dark.
 fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> {
     const RIM: u32 = 48;
     let end = |pixel: Pixel| {
@@ -169,7 +170,7 @@ fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> 
     let ImageCircle { u, v, radius } = entry.image_circle().unwrap_or(inscribed);
     let on_rim = |step: u32| {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(RIM)).sin_cos();
-        // From the rim inward to what the lens shows.
+        // From the rim inwards to the first radius that the lens maps.
         (90..=99).rev().find_map(|share| {
             let radius = 0.01 * f64::from(share) * radius;
             end(Pixel::new(u + radius * cos, v + radius * sin))
@@ -178,7 +179,7 @@ fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> 
     (0..RIM).filter_map(on_rim).collect()
 }
 
-/// The camera that is shown near a point of the screen.
+/// Returns the camera near a screen point.
 #[must_use]
 pub fn pick(rect: Rect, orbit: &Orbit, session: &Session, at: Pos2) -> Option<usize> {
     let shown = (0..session.site.cameras.len()).filter_map(|index| {

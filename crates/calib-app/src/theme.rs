@@ -1,4 +1,4 @@
-//! Colours, type, radii and strokes, in a dark and a light theme.
+//! Colours, fonts, radii and line widths of the dark and the light theme.
 
 use std::sync::Arc;
 
@@ -8,40 +8,40 @@ use egui::{Color32, CornerRadius, FontData, FontFamily, FontId, Stroke, TextStyl
 
 use crate::platform::{Here, Platform as _};
 
-/// The colours of the chrome; lines on images have one colour in both themes.
+/// Colours of the window; lines on images have the same colours in both themes.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
-    /// Behind the panels.
+    /// Background of the window.
     pub bg: Color32,
-    /// Of a panel.
+    /// Background of panels.
     pub panel: Color32,
-    /// Of buttons and fields.
+    /// Background of buttons and fields.
     pub raised: Color32,
-    /// Between panels.
+    /// Lines between panels.
     pub line: Color32,
-    /// Around images.
+    /// Background around images.
     pub canvas: Color32,
-    /// Of what is read first.
+    /// Main text.
     pub text: Color32,
-    /// Of what is read second.
+    /// Secondary text.
     pub text2: Color32,
-    /// Of captions.
+    /// Captions.
     pub text3: Color32,
-    /// Of what is selected or in focus.
+    /// Selection and focus.
     pub accent: Color32,
-    /// Behind what is selected.
+    /// Background of a selection.
     pub accent_bg: Color32,
-    /// Of what is done.
+    /// Done.
     pub ok: Color32,
-    /// Of what wants a look.
+    /// Warning.
     pub warn: Color32,
-    /// Behind it.
+    /// Background of a warning.
     pub warn_bg: Color32,
-    /// Of what is wrong.
+    /// Error.
     pub bad: Color32,
-    /// Behind it.
+    /// Background of an error.
     pub bad_bg: Color32,
-    /// Residuals: as expected, to be looked at, suspect.
+    /// Residuals: as expected, large, suspicious.
     pub residual: [Color32; 3],
 }
 
@@ -49,13 +49,13 @@ const fn hex(rgb: u32) -> Color32 {
     Color32::from_rgb((rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8)
 }
 
-/// A colour of what is drawn, as the screen has it.
+/// Converts a colour.
 #[must_use]
 pub const fn colour(Rgb([red, green, blue]): Rgb) -> Color32 {
     Color32::from_rgb(red, green, blue)
 }
 
-/// The same so far opaque, from 0 to 255.
+/// Converts a colour with opacity `alpha`, 0 to 255.
 const fn over(Rgb(rgb): Rgb, alpha: u8) -> Color32 {
     const fn share(value: u8, alpha: u8) -> u8 {
         ((value as u32 * alpha as u32 + 127) / 255) as u8
@@ -64,7 +64,7 @@ const fn over(Rgb(rgb): Rgb, alpha: u8) -> Color32 {
     Color32::from_rgba_premultiplied(share(red, alpha), share(green, alpha), share(blue, alpha), alpha)
 }
 
-/// The dark theme.
+/// Dark theme.
 pub const DARK: Palette = Palette {
     bg: hex(0x0F1113),
     panel: hex(0x191C1F),
@@ -84,7 +84,7 @@ pub const DARK: Palette = Palette {
     residual: [hex(0x5F8FAE), hex(0xFFB020), hex(0xFF5470)],
 };
 
-/// The light theme.
+/// Light theme.
 pub const LIGHT: Palette = Palette {
     bg: hex(0xE9EBED),
     panel: hex(0xF7F8F9),
@@ -104,7 +104,7 @@ pub const LIGHT: Palette = Palette {
     residual: [hex(0x3E7FA8), hex(0xB87400), hex(0xC2183F)],
 };
 
-/// On every image, whatever the theme.
+/// Colours on images, independent of the theme.
 pub mod on_image {
     use calib_draw::Rgb;
     use egui::Color32;
@@ -113,45 +113,45 @@ pub mod on_image {
 
     /// Control points, marks, links, grid, horizon.
     pub const WHITE: Color32 = colour(Rgb::WHITE);
-    /// A link that waits for another view, and its epipolar line.
+    /// Link that needs another view, and its epipolar line.
     pub const WAITING: Color32 = colour(Rgb::WAITING);
-    /// What is not known yet.
+    /// Uncertain value.
     pub const DOUBT: Color32 = colour(Rgb::DOUBT);
-    /// A suspected line.
+    /// Suspicious line.
     pub const BAD: Color32 = colour(Rgb::BAD);
-    /// What is held or in focus.
+    /// Dragged or focused handle.
     pub const ACCENT: Color32 = colour(Rgb::ACCENT);
-    /// Under every line, 1 px to each side.
+    /// Outline of every line, 1 px on each side.
     pub const OUTLINE: Color32 = over(Rgb::OUTLINE, 153);
-    /// Behind tags.
+    /// Background of labels.
     pub const TAG: Color32 = over(Rgb::TAG, 209);
 }
 
-/// Drawn radius of a handle, and the radius within which it is hit, in points.
+/// Radius of a handle, in points.
 pub const HANDLE: f32 = 3.5;
-/// Radius within which a handle is hit, in points.
+/// Radius within which a press hits a handle, in points.
 pub const HIT: f32 = 8.0;
 
-/// The colour of lines of a kind on images.
+/// Returns the colour of an annotation kind on images.
 #[must_use]
 pub fn kind(kind: Kind) -> Color32 {
     colour(KindLook::of(kind).colour)
 }
 
-/// The colour of a kind's icon in the panels.
+/// Returns the icon colour of an annotation kind in panels.
 #[must_use]
 pub fn kind_icon(kind: Kind, dark: bool) -> Color32 {
     let look = KindLook::of(kind);
     colour(if dark { look.colour } else { look.on_light })
 }
 
-/// The colour of a camera.
+/// Returns the colour of a camera.
 #[must_use]
 pub fn camera(index: usize) -> Color32 {
     colour(Rgb::camera(index))
 }
 
-/// The letter that always goes with a camera's colour: A to Z, then AA, AB and so on.
+/// Returns the letter that accompanies a camera's colour: A to Z, then AA, AB and so on.
 #[must_use]
 pub fn camera_letter(index: usize) -> String {
     let letter = |i: usize| char::from(b'A' + (i % 26) as u8);
@@ -161,7 +161,7 @@ pub fn camera_letter(index: usize) -> String {
     }
 }
 
-/// The colours of the theme in use.
+/// Returns the colours of the current theme.
 #[must_use]
 pub fn palette(ctx: &egui::Context) -> &'static Palette {
     match ctx.theme() {
@@ -170,32 +170,32 @@ pub fn palette(ctx: &egui::Context) -> &'static Palette {
     }
 }
 
-/// Which of the three residual colours: by the residual over sigma.
+/// Returns the colour of a residual, given in sigmas.
 #[must_use]
 pub fn residual(palette: &Palette, over_sigma: f64) -> Color32 {
     palette.residual[if over_sigma > 3.0 { 2 } else { usize::from(over_sigma > 1.5) }]
 }
 
-/// Medium weight.
+/// Returns the medium font.
 #[must_use]
 pub fn medium(size: f32) -> FontId {
     FontId::new(size, FontFamily::Name("medium".into()))
 }
 
-/// Regular weight.
+/// Returns the regular font.
 #[must_use]
 pub fn regular(size: f32) -> FontId {
     FontId::proportional(size)
 }
 
-/// Installs type, spacing and both palettes.
+/// Installs fonts, spacing and both themes.
 pub fn install(ctx: &egui::Context) {
     let mut fonts = egui::FontDefinitions::default();
     let mut add = |name: &str, bytes: &'static [u8]| {
         fonts.font_data.insert(name.into(), Arc::new(FontData::from_static(bytes)));
     };
     add("plex", include_bytes!("../assets/IBMPlexSans-Regular.ttf"));
-    // A second weight would be a twentieth of the page.
+    // The browser page has one weight only, because a second one would add 5 % to its size.
     add("plex-medium", Here::MEDIUM_FONT);
     let fallback = fonts.families.get(&FontFamily::Proportional).cloned().unwrap_or_default();
     let before = |first: &str| -> Vec<String> {
@@ -203,7 +203,7 @@ pub fn install(ctx: &egui::Context) {
     };
     fonts.families.insert(FontFamily::Proportional, before("plex"));
     fonts.families.insert(FontFamily::Name("medium".into()), before("plex-medium"));
-    // Digits of one width are wanted of it, and ours have one.
+    // Monospace digits are needed; the digits of this font have equal width.
     fonts.families.entry(FontFamily::Monospace).or_default().push("plex".into());
     ctx.set_fonts(fonts);
     for (theme, palette) in [(Theme::Dark, &DARK), (Theme::Light, &LIGHT)] {
@@ -229,7 +229,7 @@ pub fn install(ctx: &egui::Context) {
     }
 }
 
-/// Whether nothing is to move by itself.
+/// Whether animations are off.
 #[must_use]
 pub fn is_still(ctx: &egui::Context) -> bool {
     ctx.global_style().animation_time <= 0.0
@@ -265,7 +265,7 @@ fn visuals(base: Visuals, p: &Palette) -> Visuals {
         state.corner_radius = radius;
         state.expansion = 0.0;
     }
-    // What has the focus is in this state, too: it is seen wherever the Tab key goes.
+    // Focused widgets have this state, too, so that keyboard focus is visible.
     w.active.bg_stroke = Stroke::new(1.5, p.accent);
     v
 }

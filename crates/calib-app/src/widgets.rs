@@ -8,13 +8,13 @@ pub use calib_report::decimals;
 
 use crate::theme;
 
-/// In a window narrower than this, a phone's, panels lie below each other.
+/// Window width of a phone, in points; narrower windows stack the panels.
 pub(crate) const PHONE: f32 = 640.0;
 
-/// In a window narrower than this the list of cameras is a rail, and words give way to icons.
+/// Window width below which the camera list is a rail and icons replace labels, in points.
 pub(crate) const NARROW: f32 = 1000.0;
 
-/// A part of a panel with a line below it.
+/// Shows a section of a panel with a line below it.
 pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
     let palette = theme::palette(ui.ctx());
     Frame::NONE.inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
@@ -25,7 +25,7 @@ pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
     ui.painter().hline(rect.x_range(), rect.bottom(), Stroke::new(1.0, palette.line));
 }
 
-/// The heading of a section, with a word on its right.
+/// Shows the heading of a section with a note on its right.
 pub fn heading(ui: &mut Ui, text: &str, right: &str) {
     let palette = theme::palette(ui.ctx());
     ui.horizontal(|ui| {
@@ -37,7 +37,7 @@ pub fn heading(ui: &mut Ui, text: &str, right: &str) {
     });
 }
 
-/// A field for a length in metres from `low` up, shown and typed in these units.
+/// Creates a field for a length of at least `low` metres, in the units of the site.
 pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
     const MOST: f64 = 1e5;
     let unit = units.metres();
@@ -50,12 +50,12 @@ pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
     DragValue::from_get_set(exchange)
         .speed(0.01)
         .range(low / unit..=MOST)
-        .suffix(format!(" {}", units.sign()))
+        .suffix(format!(" {}", units.symbol()))
         .max_decimals(3)
         .update_while_editing(false)
 }
 
-/// Title, number, its sigma and unit, each in its column.
+/// Shows a row of title, number, ± and unit in columns.
 pub(crate) fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>, unit: &str) {
     let palette = theme::palette(ui.ctx());
     let width = (ui.available_width() - 26.0).max(120.0);

@@ -35,7 +35,7 @@ fn draw(desk: &mut Desk, tool: usize) {
             desk.key(Key::Num2);
             desk.click(Pane::Plan, [10.0, 5.0]);
             desk.click(Pane::Plan, [14.0, 5.0]);
-            assert!(desk.app().editor.session().measured.is_some(), "two clicks measure");
+            assert!(desk.app().editor.session().tool.measured.is_some(), "two clicks measure");
             let label = desk.harness.get_by_label_contains("px are").rect();
             assert!(label.width() > 0.0);
             // The length is typed in the panel.
@@ -211,9 +211,14 @@ fn the_palette_finds_and_runs_a_command() {
 #[test]
 fn handles_have_names_for_screen_readers() {
     let desk = Desk::new(demo());
-    for name in
-        ["V1 point 1", "corner 1 of the field", "Vertical tool", "Camera shop-1", "Hold the focal", "Line V1"]
-    {
+    for name in [
+        "V1 point 1",
+        "corner 1 of the field of view",
+        "Vertical tool",
+        "Camera shop-1",
+        "Hold the focal",
+        "Line V1",
+    ] {
         assert!(desk.harness.query_by_label(name).is_some(), "{name}");
     }
 }

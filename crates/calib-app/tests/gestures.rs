@@ -245,7 +245,7 @@ fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
     for link in links.iter().filter(|link| link.kind == calib_site::LinkKind::Point) {
         for (i, seen) in link.seen.iter().enumerate() {
             let camera = camera_of(&seen.camera);
-            desk.app().act(Action::Choose(camera));
+            desk.app().act(Action::SelectCamera(camera));
             desk.harness.run_steps(2);
             let px = seen.px.unwrap();
             if i == 0 {
@@ -339,7 +339,7 @@ fn links_go_from_view_to_view() {
     // Another thing, one view at a time, the other camera chosen by key.
     let there = WorldPoint { x: there.x + 0.8, ..there };
     desk.key(Key::Enter);
-    desk.app().act(Action::Choose(0));
+    desk.app().act(Action::SelectCamera(0));
     desk.key(Key::Num1);
     for (camera, next) in [(0, true), (1, true), (2, false)] {
         let at = desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(there);
@@ -371,7 +371,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
             assert_eq!(desk.site().links[0].kind, calib_site::LinkKind::Line);
             desk.app().act(Action::Select(Part::Link { link: 0, seen: 0, point: 0 }));
             desk.harness.run_steps(2);
-            desk.harness.get_by_label("It is a post").click();
+            desk.harness.get_by_label("Make it a post").click();
             desk.harness.run_steps(2);
         }
     }

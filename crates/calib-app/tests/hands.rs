@@ -46,7 +46,7 @@ fn a_site_that_no_file_can_hold_is_put_back() {
     let known = Some(calib_core::single::Known::fixed(0.0));
     desk.app().act(Action::Height { known, name: "hold a height of nothing".into() });
     assert_eq!(*desk.site(), before);
-    assert!(desk.harness.state().editor.session().note.as_ref().unwrap().starts_with("Not possible"));
+    assert!(desk.harness.state().editor.session().note.as_ref().unwrap().starts_with("Change reverted"));
     assert_eq!(desk.harness.state().editor.session().history.depth(), 0);
 }
 
@@ -113,7 +113,7 @@ fn escape_in_a_field_leaves_the_field_and_nothing_else() {
 fn a_camera_is_turned_and_scaled_on_the_plan_by_keys() {
     let mut desk = Desk::new(demo());
     let free = desk.site().cameras.iter().position(|camera| camera.control_points.is_empty()).unwrap();
-    desk.app().act(Action::Choose(free));
+    desk.app().act(Action::SelectCamera(free));
     desk.key(Key::Num2);
     let before = desk.app().editor.session().placement(free).unwrap();
     desk.keys(Modifiers::COMMAND, Key::ArrowLeft);
@@ -142,7 +142,7 @@ fn a_right_click_offers_what_can_be_done_to_what_is_under_it() {
         desk.harness.step();
     }
     desk.harness.run_steps(2);
-    desk.harness.get_by_label_contains("Delete what is selected").click();
+    desk.harness.get_by_label_contains("Delete the selection").click();
     desk.harness.run_steps(2);
     assert!(desk.site().cameras[0].annotations != before.cameras[0].annotations, "it is deleted");
     desk.undo();

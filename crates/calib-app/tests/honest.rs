@@ -156,16 +156,16 @@ fn a_drawing_says_how_sure_it_is_and_a_camera_what_its_place_is_like() {
     desk.harness.get_by_label("Exact").click_accesskit();
     desk.harness.run_steps(3);
     assert!(drawn(&desk).exact);
-    desk.harness.get_by_label("As usual").click_accesskit();
+    desk.harness.get_by_label("Default").click_accesskit();
     desk.harness.run_steps(3);
-    assert!(!drawn(&desk).exact && desk.harness.query_by_label("As usual").is_none());
+    assert!(!drawn(&desk).exact && desk.harness.query_by_label("Default").is_none());
     desk.undo();
     assert!(drawn(&desk).exact);
     desk.undo();
     assert!(!drawn(&desk).exact);
     desk.harness.get_by_role_and_label(Role::ComboBox, "This camera").click_accesskit();
     desk.harness.run_steps(3);
-    desk.harness.get_by_label("Level floors").click_accesskit();
+    desk.harness.get_by_label("Level").click_accesskit();
     desk.harness.run_steps(3);
     let errors = |desk: &Desk, camera: usize| desk.site().scene_errors(&desk.site().cameras[camera]);
     assert!(

@@ -10,7 +10,7 @@ use calib_app::choice::Chosen;
 use calib_app::command::Command;
 use calib_app::state::Showing;
 use calib_core::{Camera, Covariance};
-use calib_editor::{Action, Images, OnNewer, Pane};
+use calib_editor::{Action, Images, NewerAction, Pane};
 use calib_image::Became;
 use calib_site::{Method, Options, Site, SiteCamera};
 use calib_tests::Scratch;
@@ -45,18 +45,18 @@ fn compare(desk: &mut Desk, file: PathBuf) {
 }
 
 fn became(desk: &Desk) -> Option<Became> {
-    Some(desk.harness.state().editor.newer_in_hand()?.comparison.became)
+    Some(desk.harness.state().editor.selected_newer()?.comparison.became)
 }
 
 fn since(desk: &mut Desk, time: &str) {
-    desk.app().act(Action::Newer(OnNewer::Since(time.into())));
+    desk.app().act(Action::Newer(NewerAction::SetSince(time.into())));
 }
 
 #[test]
 fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     let scratch = Scratch::new();
     let (entry, truth) = store();
-    let turn = calib_demo::moved()[1].1;
+    let turn = calib_demo::changed_cameras()[1].1;
     calib_demo::render(&truth, entry.size_px).save(scratch.path("store.png")).unwrap();
     let later = calib_demo::render_later(&turn.applied(&truth), entry.size_px);
     later.save(scratch.path("today.png")).unwrap();
@@ -98,7 +98,7 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     }
     assert!((now.focal / then.focal - 1.03).abs() < 0.01, "{} and {}", now.focal, then.focal);
     assert_eq!(became(&desk), None, "what it showed is the camera's own still now");
-    desk.app().act(Action::Choose(1));
+    desk.app().act(Action::SelectCamera(1));
     assert_eq!(became(&desk), None, "the old period has ended when it was taken");
     let after = desk.site().clone();
     desk.undo();
@@ -222,9 +222,9 @@ fn cameras_are_listed_with_the_age_of_their_calibration_and_their_newest_still()
         "Calibrations",
         "of 31 days ago",
         "of 3 days ago",
-        "of unknown age",
-        "Cannot tell: few edges",
-        "no newer still",
+        "age unknown",
+        "Unclear: few edges",
+        "no newer image",
     ] {
         assert!(words.iter().any(|word| word == told), "{told}: {words:?}");
     }

@@ -96,8 +96,8 @@ fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving
             assert!(error.contains("outside the folder"), "{round}, {name}: {error:?}");
         }
         assert_eq!(report(&mut desk, &scratch), 1, "{round}: the report holds the own one alone");
-        if desk.harness.query_by_label("Leave out").is_some() {
-            press(&mut desk, "Leave out");
+        if desk.harness.query_by_label("Skip").is_some() {
+            press(&mut desk, "Skip");
         }
     }
     assert!(desk.harness.state().dialogs.outside.asked.is_empty());
@@ -116,7 +116,7 @@ fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving
     assert_eq!(files_of(saved), files_of(all.clone()));
     // What was left out can be had later.
     desk.tell(Command::ReadAgain);
-    press(&mut desk, "Allow once for this site");
+    press(&mut desk, "Read them now");
     read(&mut desk);
     for name in &all {
         assert!(is_read(&mut desk, name), "{name}: {:?}", desk.app().pictures.error(name));
@@ -132,7 +132,7 @@ fn escape_leaves_out() {
     let mut desk = opened(&site(&scratch));
     desk.key(Key::Escape);
     desk.harness.run_steps(2);
-    assert!(desk.harness.query_by_label("Leave out").is_none());
+    assert!(desk.harness.query_by_label("Skip").is_none());
     assert!(!is_read(&mut desk, "link.png"));
 }
 
@@ -141,7 +141,7 @@ fn what_the_operator_chooses_is_read_without_asking_wherever_the_site_is_saved()
     let scratch = Scratch::new();
     let path = site(&scratch);
     let mut desk = opened(&path);
-    press(&mut desk, "Allow once for this site");
+    press(&mut desk, "Read them now");
     still(&scratch, "chosen.png", SIZE);
     desk.answer(Some(scratch.path("chosen.png")));
     desk.tell(Command::AddImages);
@@ -182,7 +182,7 @@ fn the_start_page_shows_no_still_from_elsewhere() {
     let mut desk = window_of(&folder);
     desk.app().open_path(&path);
     desk.harness.run_steps(3);
-    press(&mut desk, "Allow once for this site");
+    press(&mut desk, "Read them now");
     drop(desk);
     let mut desk = window_of(&folder);
     desk.harness.run_steps(3);
@@ -197,7 +197,7 @@ fn work_of_a_crashed_window_is_gone_on_with_as_it_was_decided() {
     let scratch = Scratch::new();
     let (path, folder) = (site(&scratch), scratch.path("kept"));
     let window = || window_of(&folder);
-    for (answer, asked) in [("Allow once for this site", 0), ("Leave out", 3)] {
+    for (answer, asked) in [("Read them now", 0), ("Skip", 3)] {
         let mut desk = window();
         desk.app().open_path(&path);
         desk.harness.run_steps(3);

@@ -9,7 +9,7 @@ use calib_app::state::{App, Mode, Place};
 use calib_app::theme;
 use calib_core::{Kind, Pixel};
 use calib_editor::{Pane, PlanHandle, plan_handles};
-use calib_site::{Link, LinkSeen, Mark, Site};
+use calib_site::{Link, LinkObservation, Mark, Site};
 use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2, Rect, Shape, Vec2};
 use egui_kittest::kittest::Queryable as _;
@@ -72,7 +72,7 @@ fn links_and_marks_say_their_names_in_every_view_that_shows_them() {
     let marks = site.marks.len();
     let is_point = |link: &&Link| link.seen.iter().all(|seen| seen.px.is_some());
     let link = site.links.iter().find(is_point).unwrap().clone();
-    let seen = [(0, 700.0), (1, 900.0)].map(|(camera, u)| LinkSeen {
+    let seen = [(0, 700.0), (1, 900.0)].map(|(camera, u)| LinkObservation {
         camera: site.cameras[camera].id.clone(),
         px: Some(Pixel::new(u, 600.0)),
         ..link.seen[0].clone()
@@ -240,7 +240,7 @@ fn a_handle_that_turns_says_by_how_much_and_what_it_was() {
     desk.take("Select");
     let (_, turn) = plan_handles(desk.app().editor.session(), 0)
         .into_iter()
-        .find(|(h, _)| *h == PlanHandle::Turn)
+        .find(|(h, _)| *h == PlanHandle::Rotate)
         .unwrap();
     let from = desk.screen(Pane::Plan, turn);
     desk.harness.event(egui::Event::PointerMoved(from));
@@ -270,7 +270,7 @@ fn every_number_of_a_placed_camera_has_its_sigma_and_its_lock() {
         desk.harness.get_by_label(label).click();
         desk.harness.run_steps(2);
     };
-    press(&mut desk, "Hold the height");
+    press(&mut desk, "Fix the height");
     let held = desk.site().cameras[0].height_m.unwrap();
     let z = desk.app().editor.session().solution().unwrap().position_m.unwrap().z;
     assert!(held.fixed && (held.value - z).abs() < 0.01, "{held:?}, {z}");
@@ -292,7 +292,7 @@ fn every_number_of_a_placed_camera_has_its_sigma_and_its_lock() {
     press(&mut desk, "Release the height");
     assert_eq!(desk.site().cameras[0].height_m, None);
     // Of a place that is held as a whole each number is released by itself.
-    press(&mut desk, "Hold here");
+    press(&mut desk, "Fix here");
     assert!(held(&desk).0);
     press(&mut desk, "Release the y");
     assert_eq!(held(&desk), (false, [true, false, true]));

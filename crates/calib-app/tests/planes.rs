@@ -6,7 +6,7 @@ mod desk;
 
 use calib_core::Kind;
 
-use calib_editor::planes::Planes;
+use calib_editor::planes::PlaneAction;
 use calib_editor::{Action, Pane, Part};
 use calib_site::PlaneNumber;
 use desk::{Desk, demo};
@@ -43,10 +43,10 @@ fn a_plane_is_added_and_a_line_laid_on_it_and_undo_takes_both_back() {
     desk.key(Key::Num2);
     click(&mut desk, "Add a plane");
     assert_eq!(desk.site().planes.len(), 1);
-    desk.app().act(Action::Planes(Planes::Rename(0, "ramp".into())));
+    desk.app().act(Action::Planes(PlaneAction::Rename(0, "ramp".into())));
     desk.key(Key::Num1);
     let line = select_parallel(&mut desk);
-    open(&mut desk, "Lies on");
+    open(&mut desk, "On plane");
     click(&mut desk, "ramp");
     assert_eq!(desk.site().cameras[0].annotations[line].plane.as_deref(), Some("ramp"));
     assert_eq!(desk.app().editor.session().history.depth(), 3);
@@ -65,7 +65,7 @@ fn removing_a_plane_lays_what_was_on_it_on_the_floor_in_one_step() {
     desk.key(Key::Num1);
     let line = select_parallel(&mut desk);
     let id = desk.site().planes[0].id.clone();
-    desk.app().act(Action::Planes(Planes::Lay(Some(id.clone()))));
+    desk.app().act(Action::Planes(PlaneAction::Assign(Some(id.clone()))));
     let laid = desk.site().clone();
     desk.key(Key::Num2);
     click(&mut desk, &format!("Remove plane {id}"));

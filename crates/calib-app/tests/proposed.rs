@@ -53,7 +53,7 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
     let mut desk = Desk::with(site, images);
     let mut as_good = 0;
     for (camera, (id, truth)) in demonstration.truth.iter().enumerate() {
-        desk.app().act(Action::Choose(camera));
+        desk.app().act(Action::SelectCamera(camera));
         desk.harness.run_steps(2);
         let began = std::time::Instant::now();
         desk.keys(Modifiers::SHIFT, Key::P);
@@ -64,15 +64,15 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
         let before = desk.app().editor.session().history.depth() - 1;
         let mut gestures = 2;
         let rival = proposed.alternative.as_ref().map(|rival| rival.orientation);
-        if let (Some(own), Some(rival), Verdict::None) = (proposed.orientation, rival, proposed.verdict) {
+        if let (Some(own), Some(rival), Verdict::None) = (proposed.orientation, rival, proposed.confidence) {
             // Two cameras explain the edges alike; whoever looks sees which of them it is.
             let near = |at: &Orientation| (at.focal / truth.focal).ln().abs();
             let seen = if near(&own) < near(&rival) { own } else { rival };
             desk.key(Key::Enter);
             let note = desk.app().editor.session().note.clone().unwrap();
-            assert!(note.contains("say which it is"), "{note}");
+            assert!(note.contains("Choose one"), "{note}");
             desk.harness
-                .get_by_label(&Hypothesis::words(
+                .get_by_label(&Hypothesis::description(
                     &seen,
                     f64::from(demonstration.site.cameras[camera].size_px[0]),
                 ))
@@ -80,7 +80,7 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
             desk.harness.run_steps(3);
             gestures += 1;
         }
-        let verdict = desk.app().editor.session().proposed().unwrap().verdict;
+        let verdict = desk.app().editor.session().proposed().unwrap().confidence;
         desk.key(Key::Enter);
         let session = desk.harness.state().editor.session();
         let (hand, by_hand) = by_hand(&demonstration.site.cameras[camera], truth);
@@ -120,7 +120,8 @@ fn proposed() -> Desk {
         drawn.filter(|drawn| matches!(drawn.kind, Kind::Vertical | Kind::Parallel)).map(group).collect();
     let nothing = Proposal::new(&Still::new(Vec::new(), [1920, 1080]));
     let proposal = Proposal { verdict: Verdict::Check, reasons: Vec::new(), groups, ..nothing };
-    desk.app().act(Action::Propose(Period { camera: "a".into(), from: None }, Box::new(proposal)));
+    desk.app()
+        .act(Action::SetAutomaticCalibration(Period { camera: "a".into(), from: None }, Box::new(proposal)));
     desk.harness.run_steps(3);
     desk
 }
@@ -134,8 +135,8 @@ fn every_group_has_its_row_whose_buttons_do_what_they_say() {
     let mut desk = proposed();
     let groups = left(&desk);
     assert!(groups >= 2, "{:?}", desk.app().editor.session().proposed());
-    assert!(desk.harness.query_by_label_contains("Likely, have a look").is_some());
-    assert_eq!(desk.harness.query_all_by_label("tells most").count(), 1);
+    assert!(desk.harness.query_by_label_contains("Likely; check it").is_some());
+    assert_eq!(desk.harness.query_all_by_label("matters most").count(), 1);
     desk.harness.get_by_label("Flip verticals").click();
     desk.harness.run_steps(3);
     assert!(desk.harness.query_by_label("Accept verticals").is_none(), "they are floor lines now");
@@ -163,7 +164,7 @@ fn escape_puts_it_aside_and_undo_brings_it_back_and_a_click_chooses_a_line() {
     let line = desk.app().editor.session().proposed().unwrap().groups[1].lines[0].clone();
     let at = [0.5 * (line[0].u + line[1].u), 0.5 * (line[0].v + line[1].v)];
     desk.click(Pane::Image(0), at);
-    assert_eq!(desk.app().editor.session().picked().map(|(group, _)| group), Some(1));
+    assert_eq!(desk.app().editor.session().picked_line().map(|(group, _)| group), Some(1));
     let count = desk.app().editor.session().proposed().unwrap().count();
     desk.key(Key::Delete);
     assert_eq!(desk.app().editor.session().proposed().unwrap().count(), count - 1, "it is left out");

@@ -23,7 +23,7 @@ fn what_is_out_of_date_says_so_everywhere_and_one_button_mends_it() {
     desk.refine();
     assert_eq!(stage(&desk, 0), Stage::Refined);
     // No time to solve it on the way.
-    desk.app().act(Action::JointMayTake(-1.0));
+    desk.app().act(Action::SetMaxJointSolveMs(-1.0));
     desk.take("Vertical");
     let plumb = desk.site().cameras[0].annotations[0].polylines().next().unwrap();
     desk.line(0, Pixel::new(plumb[0].u + 0.4, plumb[0].v), plumb[1]);
@@ -96,8 +96,8 @@ fn a_camera_that_does_not_fit_is_wrong_in_the_list_and_its_gravest_warning_is_op
     desk.harness.run_steps(3);
     assert_eq!(advice(&desk), warnings.len(), "and none is cut");
     assert_eq!(desk.harness.query_all_by_label("Show").count(), warnings.len(), "each can be shown");
-    let told = calib_editor::verdict(desk.app().editor.session(), 0);
-    assert_eq!(told.standing, calib_editor::Standing::Wrong, "{told:?}");
+    let told = calib_editor::camera_status(desk.app().editor.session(), 0);
+    assert_eq!(told.level, calib_editor::StatusLevel::Contradictory, "{told:?}");
 }
 
 #[test]

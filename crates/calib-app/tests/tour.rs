@@ -139,7 +139,7 @@ fn place(newcomer: &mut Newcomer) {
     newcomer.drag_handle(PlanHandle::Foot, |_, from| [from[0] + 1.0, from[1] + 1.0]);
     assert!(newcomer.says("Step 4 of 5"), "it is not there yet");
     newcomer.drag_handle(PlanHandle::Foot, |_, _| there);
-    newcomer.drag_handle(PlanHandle::Turn, |own, from| {
+    newcomer.drag_handle(PlanHandle::Rotate, |own, from| {
         let far = (from[0] - there[0]).hypot(from[1] - there[1]);
         [there[0] - far * own.eye.yaw.sin(), there[1] + far * own.eye.yaw.cos()]
     });

@@ -38,7 +38,7 @@ fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
     };
     assert!(shown(&mut desk).contains(" m"));
     desk.tell(Command::Feet);
-    assert_eq!(desk.app().editor.session().units, Units::Feet);
+    assert_eq!(desk.app().editor.session().tool.units, Units::Feet);
     let feet = shown(&mut desk);
     let metres = |line: &&str| {
         let mut words = line.split_whitespace().peekable();
@@ -353,10 +353,10 @@ fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
     let before = drawn(&desk);
     desk.answer(Some(scratch.path("new.png")));
     desk.tell(Command::ReplaceStill);
-    desk.wait(|app| app.editor.old_still().is_some());
+    desk.wait(|app| app.editor.replaced_image().is_some());
     assert_eq!(drawn(&desk), before, "nothing is rescaled that nobody asked for");
     desk.harness.run_steps(3);
-    assert!(desk.harness.query_by_label("Old still").is_some(), "old and new are blended");
+    assert!(desk.harness.query_by_label("Old image").is_some(), "old and new are blended");
     desk.harness.get_by_label_contains("Rescale what is drawn").click();
     desk.harness.run_steps(3);
     for (now, before) in drawn(&desk).iter().zip(before) {
@@ -415,7 +415,7 @@ fn a_drawing_becomes_a_plan_that_every_program_shows() {
     desk.tell(Command::LoadPlan);
     desk.wait(|app| app.editor.session().site.plan.is_some());
     let images = desk.app().editor.session().images.clone();
-    let saved = images.put_into(desk.site(), None);
+    let saved = images.embed_into(desk.site(), None);
     let image = saved.plan.and_then(|plan| plan.image).unwrap();
     assert!(image.starts_with("data:image/png;base64,"), "{}", &image[..40]);
 }
@@ -538,5 +538,5 @@ fn a_still_whose_rim_is_a_circle_brings_it_and_it_is_removed_and_found_again() {
     assert_eq!(circle(&desk), Some(found));
     let asked = desk.site().cameras[0].lens.as_ref().and_then(|lens| lens.distortion.clone()).unwrap();
     assert!(asked.model.row().is_wide && asked.distortion().is_none(), "{asked:?}");
-    assert!(words(&desk).contains("a fisheye, needs straight edges"), "{}", words(&desk));
+    assert!(words(&desk).contains("fisheye: needs straight edges"), "{}", words(&desk));
 }

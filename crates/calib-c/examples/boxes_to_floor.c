@@ -1,4 +1,4 @@
-/* Boxes of a detector to metres: boxes_to_floor SITE.json CAMERA */
+/* Maps boxes of a detector to metres: boxes_to_floor SITE.json CAMERA */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -45,7 +45,7 @@ int main(int argc, char **argv)
     char error[512];
     CalibSite *site = NULL;
     CalibCamera *camera = NULL;
-    /* The detector sees a stream of 1280 x 720 pixels. */
+    /* The detector's stream has 1280 x 720 pixels. */
     const CalibStream stream = {.origin = CALIB_ORIGIN_CORNER, .width = 1280, .height = 720};
     CalibResult result = calib_site_parse(text, length, &site, error, sizeof error);
     free(text);

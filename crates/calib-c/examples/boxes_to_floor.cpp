@@ -1,4 +1,4 @@
-// Boxes of a detector to metres, with the class for C++: boxes_to_floor SITE.json CAMERA
+// Maps boxes of a detector to metres with the C++ class: boxes_to_floor SITE.json CAMERA
 
 #include <cstdio>
 #include <exception>
@@ -16,7 +16,7 @@ try {
     }
     std::ifstream file(argv[1], std::ios::binary);
     const calib::Site site = calib::parse({std::istreambuf_iterator<char>(file), {}});
-    // The detector sees a stream of 1280 x 720 pixels.
+    // The detector's stream has 1280 x 720 pixels.
     CalibStream stream{};
     stream.width = 1280;
     stream.height = 720;

@@ -1,4 +1,4 @@
-// A camera of calib.h for C++: owned, moved, and with exceptions.
+// C++ wrapper of a camera of calib.h, with ownership, move semantics and exceptions.
 
 #pragma once
 
@@ -38,7 +38,7 @@ inline Site parse(const std::string &json)
     return Site(site);
 }
 
-// Points of the floor, in metres, and what became of each.
+// Floor points, in metres, and the status of each.
 struct Floor {
     std::vector<double> x, y;
     std::vector<std::uint8_t> status;
@@ -57,7 +57,7 @@ public:
     Floor to_floor(const std::vector<double> &u, const std::vector<double> &v, double height_m = 0.0) const
     {
         if (u.size() != v.size()) {
-            throw std::invalid_argument("as many u as v are expected");
+            throw std::invalid_argument("u and v must have the same size");
         }
         const std::size_t count = u.size();
         Floor floor{std::vector<double>(count), std::vector<double>(count), std::vector<std::uint8_t>(count)};
@@ -66,11 +66,11 @@ public:
         return floor;
     }
 
-    // Four numbers a box, as `form`, a CALIB_BOX, says.
+    // `boxes` contains four numbers for each box, in the order of `form`, a CALIB_BOX.
     Floor boxes_to_floor(std::uint32_t form, const std::vector<double> &boxes, double height_m = 0.0) const
     {
         if (boxes.size() % 4 != 0) {
-            throw std::invalid_argument("four numbers a box are expected");
+            throw std::invalid_argument("boxes must contain four numbers for each box");
         }
         const std::size_t count = boxes.size() / 4;
         Floor floor{std::vector<double>(count), std::vector<double>(count), std::vector<std::uint8_t>(count)};

@@ -1,10 +1,10 @@
-/* A probe on a GStreamer pad that puts the regions of interest of a detector on the floor, as a DeepStream probe does
- * with its object metadata (rect_params of NvDsObjectMeta): detectors add a GstVideoRegionOfInterestMeta to every buffer.
+/* Probe of a GStreamer pad that maps the regions of interest of a detector to the floor. Detectors add a
+ * GstVideoRegionOfInterestMeta to every buffer. A DeepStream probe does the same with rect_params of NvDsObjectMeta.
  *
  *     CalibProbe probe = {camera, print_point};
  *     gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, calib_probe, &probe, NULL);
  *
- * Make the camera with a CalibStream of the size in the pad's caps.
+ * Create the camera with a CalibStream of the size in the pad's caps.
  */
 
 #include <gst/gst.h>

@@ -1,8 +1,15 @@
-//! Calibrated cameras in C and C++: pixels to the floor and back, and the solve.
+//! C and C++ bindings: calibrated cameras, from pixels to the floor and back, and the calibration itself.
 //!
-//! What is computed stands in `calib-core`. Here are opaque handles, plain arrays, and checks of what C hands over:
-//! a null, misaligned or overlapping pointer is an answer, and so is a panic. `include/calib.h` is made from these
-//! sources.
+//! All computation is in `calib-core` and `calib-site`. This crate contains opaque handles, plain arrays, and
+//! checks of all arguments. A null, misaligned or overlapping pointer returns an error code, and so does a
+//! panic.
+//!
+//! - `raw`: pointers, error codes and constants.
+//! - `site`, `camera`: handles.
+//! - `about`: properties of a camera, and the plan.
+//! - `mapping`: pixels and points.
+//!
+//! `include/calib.h` is generated from these sources.
 
 mod raw;
 mod site;

@@ -1,4 +1,4 @@
-//! What a camera maps: arrays of pixels and points.
+//! Functions that map arrays of pixels and points by a camera.
 
 use calib_core::Covariance;
 
@@ -6,16 +6,18 @@ use calib_core::floor::BoxForm;
 
 use crate::camera::CalibCamera;
 use crate::raw;
-use crate::raw::{CalibResult, Fault, apart, bytes, guarded, handle, places, values};
+use crate::raw::{
+    CalibResult, CallError, bytes, catch_panic, check_overlap, handle, input_array, output_array,
+};
 
-/// Pixels to points of the plane `height_m` metres above the floor.
+/// Maps pixels to points of the plane `height_m` metres above the floor.
 ///
-/// All arrays have `count` values: pixels `u`, `v`; metres `x`, `y`, NaN where the pixel shows no point; and
-/// `status`, a `CALIB_STATUS`. Arrays that are written to overlap no other.
+/// All arrays have `count` values: pixels `u`, `v`; metres `x`, `y`, NaN without a point; and `status`, a
+/// `CALIB_STATUS`. Output arrays overlap no other array.
 ///
 /// # Safety
-/// `camera` is a handle that is not freed meanwhile; `count` values can be read of `u`, `v`, and written of `x`, `y`
-/// and `status`, and nobody else writes to them meanwhile.
+/// `camera` is a handle that is not freed during the call. `count` values of `u`, `v` can be read. `count`
+/// values of `x`, `y` and `status` can be written, and no other thread accesses them during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_to_floor(
     camera: *const CalibCamera,
@@ -27,31 +29,32 @@ pub unsafe extern "C" fn calib_camera_to_floor(
     y: *mut f64,
     status: *mut u8,
 ) -> CalibResult {
-    guarded(|| {
+    catch_panic(|| {
         let written = [bytes(x, count), bytes(y, count), bytes(status, count)];
-        apart(&written, &[bytes(u, count), bytes(v, count)])?;
-        // SAFETY: the caller says that it is a handle.
+        check_overlap(&written, &[bytes(u, count), bytes(v, count)])?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let pixels = unsafe { [values(u, count)?, values(v, count)?] };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let (floor, status) = unsafe { ([places(x, count)?, places(y, count)?], places(status, count)?) };
+        // SAFETY: the caller guarantees that they can be read.
+        let pixels = unsafe { [input_array(u, count)?, input_array(v, count)?] };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let (floor, status) =
+            unsafe { ([output_array(x, count)?, output_array(y, count)?], output_array(status, count)?) };
         view.to_floor(finite(height_m)?, pixels, floor, status);
         Ok(())
     })
 }
 
-fn finite(value: f64) -> Result<f64, Fault> {
+fn finite(value: f64) -> Result<f64, CallError> {
     if value.is_finite() { Ok(value) } else { Err(CalibResult::Refused.into()) }
 }
 
-/// Boxes of a detector to the points of the plane on which their contents stand: the middle of the lower edge.
+/// Maps boxes of a detector to points of the plane. The foot point of a box is the middle of its lower edge.
 ///
-/// `form` is a `CALIB_BOX`; `boxes` has four values for each of `count` boxes. The others are as for
-/// `calib_camera_to_floor`.
+/// `form` is a `CALIB_BOX`, and `boxes` contains four values for each of `count` boxes. Other arguments are
+/// as for `calib_camera_to_floor`.
 ///
 /// # Safety
-/// As for `calib_camera_to_floor`; four times `count` values can be read of `boxes`.
+/// As for `calib_camera_to_floor`. Four times `count` values of `boxes` can be read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_boxes_to_floor(
     camera: *const CalibCamera,
@@ -63,23 +66,24 @@ pub unsafe extern "C" fn calib_camera_boxes_to_floor(
     y: *mut f64,
     status: *mut u8,
 ) -> CalibResult {
-    guarded(|| {
+    catch_panic(|| {
         let form = box_form(form)?;
         let numbers = count.checked_mul(4).ok_or(CalibResult::Refused)?;
         let written = [bytes(x, count), bytes(y, count), bytes(status, count)];
-        apart(&written, &[bytes(boxes, numbers)])?;
-        // SAFETY: the caller says that it is a handle.
+        check_overlap(&written, &[bytes(boxes, numbers)])?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let boxes = unsafe { values(boxes, numbers)? };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let (floor, status) = unsafe { ([places(x, count)?, places(y, count)?], places(status, count)?) };
+        // SAFETY: the caller guarantees that they can be read.
+        let boxes = unsafe { input_array(boxes, numbers)? };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let (floor, status) =
+            unsafe { ([output_array(x, count)?, output_array(y, count)?], output_array(status, count)?) };
         view.boxes_to_floor(finite(height_m)?, (form, boxes.as_chunks().0), floor, status);
         Ok(())
     })
 }
 
-fn box_form(form: u32) -> Result<BoxForm, Fault> {
+fn box_form(form: u32) -> Result<BoxForm, CallError> {
     match form {
         raw::CALIB_BOX_CORNER_SIZE => Ok(BoxForm::CornerSize),
         raw::CALIB_BOX_CORNERS => Ok(BoxForm::Corners),
@@ -88,16 +92,18 @@ fn box_form(form: u32) -> Result<BoxForm, Fault> {
     }
 }
 
-/// How uncertain the points are that pixels show, for a standard deviation of `sigma_px` pixels of the stream.
+/// Computes the covariance of the floor points of pixels, for a standard deviation of `sigma_px` pixels of
+/// the stream.
 ///
-/// `pixel` and `calibration` get four values for each of `count` pixels: the covariances xx, xy, yx, yy in square
-/// metres. The pixel's part is independent from detection to detection; the calibration's is common to all of a
-/// camera, so that a filter must not average it away. NaN where there is no point, and in `calibration` where
-/// nothing is known of its errors, or nothing gives its scale (`calib_camera_scale_known`).
+/// `pixel` and `calibration` receive four values for each of `count` pixels: xx, xy, yx, yy in square metres.
+/// The part of the pixel is independent for each detection. The part of the calibration is common to all
+/// detections of a camera, so a filter must not average it away. Both are NaN without a point. `calibration`
+/// is also NaN if the errors of the calibration or its scale (`calib_camera_scale_known`) are unknown.
 ///
 /// # Safety
-/// `camera` is a handle that is not freed meanwhile; `count` values can be read of `u`, `v`, and four times as many
-/// written of `pixel` and `calibration`, and nobody else writes to them meanwhile.
+/// `camera` is a handle that is not freed during the call. `count` values of `u`, `v` can be read. Four times
+/// `count` values of `pixel` and `calibration` can be written, and no other thread accesses them during the
+/// call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_floor_covariance(
     camera: *const CalibCamera,
@@ -109,29 +115,31 @@ pub unsafe extern "C" fn calib_camera_floor_covariance(
     pixel: *mut f64,
     calibration: *mut f64,
 ) -> CalibResult {
-    guarded(|| {
+    catch_panic(|| {
         let numbers = count.checked_mul(4).ok_or(CalibResult::Refused)?;
         let read = [bytes(u, count), bytes(v, count)];
-        apart(&[bytes(pixel, numbers), bytes(calibration, numbers)], &read)?;
-        // SAFETY: the caller says that it is a handle.
+        check_overlap(&[bytes(pixel, numbers), bytes(calibration, numbers)], &read)?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let pixels = unsafe { [values(u, count)?, values(v, count)?] };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let (pixel, calibration) = unsafe { (places(pixel, numbers)?, places(calibration, numbers)?) };
+        // SAFETY: the caller guarantees that they can be read.
+        let pixels = unsafe { [input_array(u, count)?, input_array(v, count)?] };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let (pixel, calibration) =
+            unsafe { (output_array(pixel, numbers)?, output_array(calibration, numbers)?) };
         let parts = [pixel, calibration].map(|part| part.as_chunks_mut().0);
         view.covariances(finite(height_m)?, pixels, not_negative(sigma_px)?, parts);
         Ok(())
     })
 }
 
-/// How uncertain the points are on which the contents of boxes stand, for a standard deviation of `sigma_px` pixels of
-/// each coordinate of the middle of their lower edges.
+/// Computes the covariance of the foot points of boxes, for a standard deviation of `sigma_px` pixels of each
+/// coordinate of the foot point.
 ///
-/// `form` and `boxes` are as for `calib_camera_boxes_to_floor`, the others as for `calib_camera_floor_covariance`.
+/// `form` and `boxes` are as for `calib_camera_boxes_to_floor`, other arguments as for
+/// `calib_camera_floor_covariance`.
 ///
 /// # Safety
-/// As for `calib_camera_floor_covariance`; four times `count` values can be read of `boxes`.
+/// As for `calib_camera_floor_covariance`. Four times `count` values of `boxes` can be read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_boxes_covariance(
     camera: *const CalibCamera,
@@ -143,16 +151,17 @@ pub unsafe extern "C" fn calib_camera_boxes_covariance(
     pixel: *mut f64,
     calibration: *mut f64,
 ) -> CalibResult {
-    guarded(|| {
+    catch_panic(|| {
         let form = box_form(form)?;
         let numbers = count.checked_mul(4).ok_or(CalibResult::Refused)?;
-        apart(&[bytes(pixel, numbers), bytes(calibration, numbers)], &[bytes(boxes, numbers)])?;
-        // SAFETY: the caller says that it is a handle.
+        check_overlap(&[bytes(pixel, numbers), bytes(calibration, numbers)], &[bytes(boxes, numbers)])?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let boxes = unsafe { values(boxes, numbers)? };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let (pixel, calibration) = unsafe { (places(pixel, numbers)?, places(calibration, numbers)?) };
+        // SAFETY: the caller guarantees that they can be read.
+        let boxes = unsafe { input_array(boxes, numbers)? };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let (pixel, calibration) =
+            unsafe { (output_array(pixel, numbers)?, output_array(calibration, numbers)?) };
         let parts = [pixel, calibration].map(|part| part.as_chunks_mut().0);
         let boxes = (form, boxes.as_chunks().0);
         view.boxes_covariances(finite(height_m)?, boxes, not_negative(sigma_px)?, parts);
@@ -160,18 +169,18 @@ pub unsafe extern "C" fn calib_camera_boxes_covariance(
     })
 }
 
-fn not_negative(value: f64) -> Result<f64, Fault> {
+fn not_negative(value: f64) -> Result<f64, CallError> {
     if value.is_finite() && value >= 0.0 { Ok(value) } else { Err(CalibResult::Refused.into()) }
 }
 
-/// Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the errors
-/// of the calibration: their covariance is `calib_camera_covariance`.
+/// Computes the Jacobian of floor points with respect to the parameters of the camera.
 ///
-/// `jacobian` gets twice `CALIB_UNKNOWNS` values for each of `count` pixels: those of x, then those of y, in metres per
-/// unit of the unknown; NaN where there is no floor point.
+/// A Schmidt-Kalman filter uses it to include the errors of the calibration, whose covariance is
+/// `calib_camera_covariance`. `jacobian` receives twice `CALIB_UNKNOWNS` values for each of `count` pixels:
+/// the row of x, then the row of y, in metres per unit of the parameter. They are NaN without a floor point.
 ///
 /// # Safety
-/// As for `calib_camera_to_floor`; twice `CALIB_UNKNOWNS` times `count` values can be written of `jacobian`.
+/// As for `calib_camera_to_floor`. Twice `CALIB_UNKNOWNS` times `count` values of `jacobian` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_floor_jacobian(
     camera: *const CalibCamera,
@@ -180,25 +189,25 @@ pub unsafe extern "C" fn calib_camera_floor_jacobian(
     v: *const f64,
     jacobian: *mut f64,
 ) -> CalibResult {
-    guarded(|| {
+    catch_panic(|| {
         let numbers = count.checked_mul(2 * Covariance::SIZE).ok_or(CalibResult::Refused)?;
-        apart(&[bytes(jacobian, numbers)], &[bytes(u, count), bytes(v, count)])?;
-        // SAFETY: the caller says that it is a handle.
+        check_overlap(&[bytes(jacobian, numbers)], &[bytes(u, count), bytes(v, count)])?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let pixels = unsafe { [values(u, count)?, values(v, count)?] };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let jacobian = unsafe { places(jacobian, numbers)? };
+        // SAFETY: the caller guarantees that they can be read.
+        let pixels = unsafe { [input_array(u, count)?, input_array(v, count)?] };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let jacobian = unsafe { output_array(jacobian, numbers)? };
         let rows = jacobian.as_chunks_mut::<{ Covariance::SIZE }>().0.as_chunks_mut::<2>().0;
         view.floor_jacobians(pixels, rows);
         Ok(())
     })
 }
 
-/// Points of space, in metres, to pixels.
+/// Projects world points, in metres, to pixels.
 ///
-/// All arrays have `count` values; `u` and `v` are NaN where the camera cannot show the point, and `status`, a
-/// `CALIB_STATUS`, says why.
+/// All arrays have `count` values. `u` and `v` are NaN if the camera cannot show the point. `status`, a
+/// `CALIB_STATUS`, contains the reason.
 ///
 /// # Safety
 /// As for `calib_camera_to_floor`.
@@ -213,25 +222,26 @@ pub unsafe extern "C" fn calib_camera_to_pixel(
     v: *mut f64,
     status: *mut u8,
 ) -> CalibResult {
-    guarded(|| {
+    catch_panic(|| {
         let read = [bytes(x, count), bytes(y, count), bytes(z, count)];
-        apart(&[bytes(u, count), bytes(v, count), bytes(status, count)], &read)?;
-        // SAFETY: the caller says that it is a handle.
+        check_overlap(&[bytes(u, count), bytes(v, count), bytes(status, count)], &read)?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let points = unsafe { [values(x, count)?, values(y, count)?, values(z, count)?] };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let (pixels, status) = unsafe { ([places(u, count)?, places(v, count)?], places(status, count)?) };
+        // SAFETY: the caller guarantees that they can be read.
+        let points = unsafe { [input_array(x, count)?, input_array(y, count)?, input_array(z, count)?] };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let (pixels, status) =
+            unsafe { ([output_array(u, count)?, output_array(v, count)?], output_array(status, count)?) };
         view.to_pixels(points, pixels, status);
         Ok(())
     })
 }
 
-/// The rays that pixels show: `directions` gets three values for each of `count` pixels, a unit vector in the axes
-/// of the site; NaN outside the lens.
+/// Computes the viewing rays of pixels. `directions` receives three values for each of `count` pixels: a unit
+/// vector in the axes of the site, NaN outside the lens.
 ///
 /// # Safety
-/// As for `calib_camera_to_floor`; three times `count` values can be written of `directions`.
+/// As for `calib_camera_to_floor`. Three times `count` values of `directions` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_rays(
     camera: *const CalibCamera,
@@ -240,22 +250,22 @@ pub unsafe extern "C" fn calib_camera_rays(
     v: *const f64,
     directions: *mut f64,
 ) -> CalibResult {
-    guarded(|| {
+    catch_panic(|| {
         let numbers = count.checked_mul(3).ok_or(CalibResult::Refused)?;
-        apart(&[bytes(directions, numbers)], &[bytes(u, count), bytes(v, count)])?;
-        // SAFETY: the caller says that it is a handle.
+        check_overlap(&[bytes(directions, numbers)], &[bytes(u, count), bytes(v, count)])?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let pixels = unsafe { [values(u, count)?, values(v, count)?] };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let directions = unsafe { places(directions, numbers)? };
+        // SAFETY: the caller guarantees that they can be read.
+        let pixels = unsafe { [input_array(u, count)?, input_array(v, count)?] };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let directions = unsafe { output_array(directions, numbers)? };
         view.rays(pixels, directions.as_chunks_mut().0);
         Ok(())
     })
 }
 
-/// Where a camera of the same focal without distortion would show what this one shows at pixels; NaN outside the
-/// lens.
+/// Undistorts pixels: writes their position in a camera with the same focal length and no distortion, NaN
+/// outside the lens.
 ///
 /// # Safety
 /// As for `calib_camera_to_floor`.
@@ -268,14 +278,14 @@ pub unsafe extern "C" fn calib_camera_undistort(
     to_u: *mut f64,
     to_v: *mut f64,
 ) -> CalibResult {
-    guarded(|| {
-        apart(&[bytes(to_u, count), bytes(to_v, count)], &[bytes(u, count), bytes(v, count)])?;
-        // SAFETY: the caller says that it is a handle.
+    catch_panic(|| {
+        check_overlap(&[bytes(to_u, count), bytes(to_v, count)], &[bytes(u, count), bytes(v, count)])?;
+        // SAFETY: the caller guarantees a valid handle.
         let CalibCamera { view, .. } = unsafe { handle(camera)? };
-        // SAFETY: the caller says that they can be read.
-        let pixels = unsafe { [values(u, count)?, values(v, count)?] };
-        // SAFETY: the caller says that they can be written, and they are apart.
-        let straight = unsafe { [places(to_u, count)?, places(to_v, count)?] };
+        // SAFETY: the caller guarantees that they can be read.
+        let pixels = unsafe { [input_array(u, count)?, input_array(v, count)?] };
+        // SAFETY: the caller guarantees that they can be written, and they do not overlap.
+        let straight = unsafe { [output_array(to_u, count)?, output_array(to_v, count)?] };
         view.undistort(pixels, straight);
         Ok(())
     })

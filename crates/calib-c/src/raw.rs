@@ -1,7 +1,7 @@
-//! What C hands over, checked as far as it can be: null, alignment, length, overlap, and panics that must not
-//! leave Rust.
+//! Checks of arguments from C (null, alignment, length, overlap), and the conversion of panics to error
+//! codes.
 //!
-//! Constants that C names, and the words for them.
+//! Also the constants of the interface, and their texts.
 
 use std::ffi::{CStr, c_char};
 use std::ops::Range;
@@ -9,49 +9,49 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use calib_core::Status;
 
-/// How a call ended.
+/// Result of a call.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CalibResult {
-    /// All is done.
+    /// Success.
     Ok = 0,
-    /// A pointer is null that must not be.
+    /// A required pointer is null.
     Null = 1,
-    /// A pointer is not aligned for what it points to.
+    /// A pointer is not aligned for its type.
     Misaligned = 2,
-    /// An array that is written to overlaps another one.
+    /// An output array overlaps another array.
     Overlap = 3,
-    /// A buffer is too short: what is needed is told, and nothing is written.
+    /// A buffer is too small. The required size is returned, and the buffer is unchanged.
     Short = 4,
-    /// A text is not UTF-8.
+    /// A text is not valid UTF-8.
     NotText = 5,
-    /// A value cannot be used: the error says which, and what is expected.
+    /// A value is invalid; the error message names it and the expected value.
     Refused = 6,
-    /// A mistake in this library: please report it.
+    /// Internal error of this library: please report it.
     Panicked = 7,
 }
 
-/// Why a call cannot do what it is asked, with words where there are more than the result says.
-pub(crate) struct Fault {
+/// Failure of a call: the result, and a more detailed message if available.
+pub(crate) struct CallError {
     result: CalibResult,
-    what: Option<String>,
+    message: Option<String>,
 }
 
-impl Fault {
+impl CallError {
     pub(crate) fn refused(what: impl std::fmt::Display) -> Self {
-        Self { result: CalibResult::Refused, what: Some(what.to_string()) }
+        Self { result: CalibResult::Refused, message: Some(what.to_string()) }
     }
 }
 
-impl From<CalibResult> for Fault {
+impl From<CalibResult> for CallError {
     fn from(result: CalibResult) -> Self {
-        Self { result, what: None }
+        Self { result, message: None }
     }
 }
 
-/// Runs what may fail or panic.
-pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Fault>) -> CalibResult {
-    // Whoever calls has no value of ours in his hands but handles that are never changed.
+/// Runs a call and converts its failure or panic to a result.
+pub(crate) fn catch_panic(work: impl FnOnce() -> Result<(), CallError>) -> CalibResult {
+    // Unwind safe: callers only hold handles, and handles are immutable.
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => CalibResult::Ok,
         Ok(Err(fault)) => fault.result,
@@ -59,20 +59,20 @@ pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Fault>) -> CalibResult {
     }
 }
 
-/// As [`guarded`], and writes what is wrong into a buffer for words.
+/// Runs a call as [`catch_panic`] does, and writes a message on failure.
 ///
 /// # Safety
 /// `error` is null, or `size` bytes can be written there.
 pub(crate) unsafe fn report_error(
     error: *mut c_char,
     size: usize,
-    work: impl FnOnce() -> Result<(), Fault>,
+    work: impl FnOnce() -> Result<(), CallError>,
 ) -> CalibResult {
     let mut words = String::new();
-    let result = guarded(|| {
+    let result = catch_panic(|| {
         work().map_err(|fault| {
-            words = fault.what.unwrap_or_default();
-            Fault::from(fault.result)
+            words = fault.message.unwrap_or_default();
+            CallError::from(fault.result)
         })
     });
     if words.is_empty() {
@@ -80,37 +80,37 @@ pub(crate) unsafe fn report_error(
     }
     if !error.is_null() && size > 0 {
         let most = (0..=words.len().min(size - 1)).rev().find(|&at| words.is_char_boundary(at));
-        // SAFETY: not null, and the caller says that `size` bytes can be written.
+        // SAFETY: not null, and the caller guarantees that `size` bytes can be written.
         unsafe { fill(error, &words.as_bytes()[..most.unwrap_or(0)]) };
     }
     result
 }
 
-/// Writes a text with its final zero.
+/// Writes a text with its terminating zero.
 ///
 /// # Safety
-/// One byte more than `text` has can be written to `to`.
+/// `text.len() + 1` bytes can be written to `to`.
 unsafe fn fill(to: *mut c_char, text: &[u8]) {
-    // SAFETY: the caller says so; a text of ours cannot overlap a buffer of his.
+    // SAFETY: guaranteed by the caller; a text of this library cannot overlap the caller's buffer.
     unsafe {
         std::ptr::copy_nonoverlapping(text.as_ptr().cast::<c_char>(), to, text.len());
         to.add(text.len()).write(0);
     }
 }
 
-/// Writes a text with its final zero into a buffer, and how many bytes that needs.
+/// Writes a text with its terminating zero into a buffer, and the required size into `*needed`.
 ///
 /// # Safety
 /// `buffer` is null, or `size` bytes can be written there; `needed` is null, or can be written.
-pub(crate) unsafe fn give_text(
+pub(crate) unsafe fn write_text(
     text: &str,
     buffer: *mut c_char,
     size: usize,
     needed: *mut usize,
-) -> Result<(), Fault> {
+) -> Result<(), CallError> {
     if !needed.is_null() {
-        // SAFETY: checked, and the caller says that it can be written.
-        unsafe { give(needed, text.len() + 1)? };
+        // SAFETY: not null, and the caller guarantees that it can be written.
+        unsafe { write_value(needed, text.len() + 1)? };
     }
     if buffer.is_null() && size > 0 {
         return Err(CalibResult::Null.into());
@@ -118,7 +118,7 @@ pub(crate) unsafe fn give_text(
     if size <= text.len() {
         return Err(CalibResult::Short.into());
     }
-    // SAFETY: the buffer has room for the text and its zero.
+    // SAFETY: the buffer has enough bytes for the text and its zero.
     unsafe { fill(buffer, text.as_bytes()) };
     Ok(())
 }
@@ -131,74 +131,76 @@ fn check<T>(pointer: *const T) -> Result<(), CalibResult> {
     }
 }
 
-/// Writes a value to where a pointer leads.
+/// Writes a value through a pointer.
 ///
 /// # Safety
 /// `to` is null, or a `T` can be written there.
-pub(crate) unsafe fn give<T>(to: *mut T, value: T) -> Result<(), Fault> {
+pub(crate) unsafe fn write_value<T>(to: *mut T, value: T) -> Result<(), CallError> {
     check(to)?;
-    // SAFETY: neither null nor misaligned, and the caller says that it can be written.
+    // SAFETY: not null, aligned, and the caller guarantees that it can be written.
     unsafe { to.write(value) };
     Ok(())
 }
 
-/// What a handle is of.
+/// Returns a reference to the object of a handle.
 ///
 /// # Safety
 /// `handle` is null, or was made by this library and is not freed while the reference is used.
-pub(crate) unsafe fn handle<'a, T>(handle: *const T) -> Result<&'a T, Fault> {
+pub(crate) unsafe fn handle<'a, T>(handle: *const T) -> Result<&'a T, CallError> {
     check(handle)?;
-    // SAFETY: neither null nor misaligned, and the caller says that it is alive.
+    // SAFETY: not null, aligned, and the caller guarantees that it is alive.
     Ok(unsafe { &*handle })
 }
 
-/// Frees a handle; null is none.
+/// Frees a handle. Null is allowed.
 ///
 /// # Safety
 /// `handle` is null, or was made by this library and is not used any more.
 pub(crate) unsafe fn free<T>(handle: *mut T) {
     if check(handle).is_ok() {
-        // SAFETY: it was made by `Box::into_raw`, and nobody else frees it.
+        // SAFETY: it was made by `Box::into_raw`, and the caller frees it only once.
         drop(unsafe { Box::from_raw(handle) });
     }
 }
 
-/// A text that ends with a zero.
+/// Returns a zero-terminated text.
 ///
 /// # Safety
 /// `text` is null, or ends with a zero that can be read.
-pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<&'a str, Fault> {
+pub(crate) unsafe fn text<'a>(text: *const c_char) -> Result<&'a str, CallError> {
     check(text)?;
-    // SAFETY: not null, and the caller says that it ends.
+    // SAFETY: not null, and the caller guarantees a terminating zero.
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str().map_err(|_| CalibResult::NotText.into())
 }
 
-/// So many values, to be read.
+/// Returns an input array of `count` values.
 ///
 /// # Safety
-/// `first` is null, or `count` values can be read there, and nobody writes to them meanwhile.
-pub(crate) unsafe fn values<'a, T>(first: *const T, count: usize) -> Result<&'a [T], Fault> {
+/// `first` is null, or `count` values can be read there, and no other thread writes to them while the slice
+/// is used.
+pub(crate) unsafe fn input_array<'a, T>(first: *const T, count: usize) -> Result<&'a [T], CallError> {
     if count == 0 {
         return Ok(&[]);
     }
     check(first)?;
     fits::<T>(count)?;
-    // SAFETY: neither null nor misaligned nor too long, and the caller says that they can be read.
+    // SAFETY: not null, aligned, not too long, and the caller guarantees that they can be read.
     Ok(unsafe { std::slice::from_raw_parts(first, count) })
 }
 
-/// So many values, to be written.
+/// Returns an output array of `count` values.
 ///
 /// # Safety
-/// `first` is null, or `count` values can be written there, and nobody else reads or writes them meanwhile.
-pub(crate) unsafe fn places<'a, T>(first: *mut T, count: usize) -> Result<&'a mut [T], Fault> {
+/// `first` is null, or `count` values can be written there, and nobody else accesses them while the slice is
+/// used.
+pub(crate) unsafe fn output_array<'a, T>(first: *mut T, count: usize) -> Result<&'a mut [T], CallError> {
     if count == 0 {
         return Ok(&mut []);
     }
     check(first)?;
     fits::<T>(count)?;
-    // SAFETY: neither null nor misaligned nor too long, and the caller says that they are his alone.
+    // SAFETY: not null, aligned, not too long, and the caller guarantees exclusive access.
     Ok(unsafe { std::slice::from_raw_parts_mut(first, count) })
 }
 
@@ -207,14 +209,14 @@ fn fits<T>(count: usize) -> Result<(), CalibResult> {
     bytes.map(drop).ok_or(CalibResult::Refused)
 }
 
-/// The bytes of an array, by their addresses.
+/// Returns the address range of an array.
 pub(crate) fn bytes<T>(first: *const T, count: usize) -> Range<usize> {
     let start = first.addr();
     start..start.saturating_add(count.saturating_mul(size_of::<T>()))
 }
 
-/// Refuses arrays of which one that is written to shares bytes with another.
-pub(crate) fn apart(written: &[Range<usize>], read: &[Range<usize>]) -> Result<(), Fault> {
+/// Rejects output arrays that share bytes with another array.
+pub(crate) fn check_overlap(written: &[Range<usize>], read: &[Range<usize>]) -> Result<(), CallError> {
     let shares = |a: &Range<usize>, b: &Range<usize>| a.start < b.end && b.start < a.end;
     for (i, range) in written.iter().enumerate() {
         if written[i + 1..].iter().chain(read).any(|other| shares(range, other)) {
@@ -224,47 +226,47 @@ pub(crate) fn apart(written: &[Range<usize>], read: &[Range<usize>]) -> Result<(
     Ok(())
 }
 
-/// Moves a value to where C holds it.
+/// Moves a value to the heap and returns its handle.
 pub(crate) fn boxed<T>(value: T) -> *mut T {
     Box::into_raw(Box::new(value))
 }
 
-/// Pixels count from the corner of the image: the centre of the first one is (0.5, 0.5).
+/// Pixels count from the corner of the image: the centre of the first pixel is (0.5, 0.5).
 pub const CALIB_ORIGIN_CORNER: u32 = 0;
-/// Pixels count from the centre of the first one, as OpenCV's do.
+/// Pixels count from the centre of the first pixel, as in OpenCV.
 pub const CALIB_ORIGIN_CENTRE: u32 = 1;
-/// Nobody said how the image was brought to the size of the stream: refused where that matters.
+/// No fit stated. An error if the aspect ratio of the stream differs.
 pub const CALIB_FIT_UNSAID: u32 = 0;
-/// Each side by itself.
+/// Each side is scaled separately.
 pub const CALIB_FIT_STRETCH: u32 = 1;
-/// Both sides alike, with equal bars on two sides.
+/// Both sides have the same scale, with equal bars on two sides.
 pub const CALIB_FIT_LETTERBOX: u32 = 2;
-/// A box is its upper left corner, width and height.
+/// Box as upper left corner, width and height.
 pub const CALIB_BOX_CORNER_SIZE: u32 = 0;
-/// A box is its upper left and lower right corner.
+/// Box as upper left and lower right corner.
 pub const CALIB_BOX_CORNERS: u32 = 1;
-/// A box is its centre, width and height.
+/// Box as centre, width and height.
 pub const CALIB_BOX_CENTRE_SIZE: u32 = 2;
-/// Mapped, inside the EFOV or the image.
+/// Mapped; inside the effective field of view (EFOV), or, for world points, inside the image.
 pub const CALIB_STATUS_OK: u8 = 0;
-/// The pixel shows nothing of the plane: there is no point.
+/// No result: the pixel shows no point of the plane.
 pub const CALIB_STATUS_ABOVE_HORIZON: u8 = 1;
 /// Mapped, but outside the effective field of view.
 pub const CALIB_STATUS_OUTSIDE_EFOV: u8 = 2;
 /// Mapped, but outside the image.
 pub const CALIB_STATUS_OUTSIDE_IMAGE: u8 = 3;
-/// The lens shows nothing there: there is no point, or no pixel.
+/// No result: outside the range of the lens model.
 pub const CALIB_STATUS_OUTSIDE_LENS: u8 = 4;
-/// The point is not in front of the camera: there is no pixel.
+/// No result: the point is not in front of the camera.
 pub const CALIB_STATUS_BEHIND_CAMERA: u8 = 5;
-/// There was nothing to map: a coordinate is not finite.
+/// No result: a coordinate is not finite.
 pub const CALIB_STATUS_MISSING: u8 = 6;
-/// No calibration holds for it.
+/// No result: the camera has no calibration.
 pub const CALIB_STATUS_NO_CALIBRATION: u8 = 7;
-/// The pixel shows the wall of a pit, between its plane and the floor: there is no point.
+/// No result: the pixel shows the wall of a pit, between its plane and the floor.
 pub const CALIB_STATUS_ON_WALL: u8 = 8;
 
-/// The version of this library, as text.
+/// Returns the version of this library as text.
 #[unsafe(no_mangle)]
 pub extern "C" fn calib_version() -> *const c_char {
     const VERSION: &CStr =
@@ -275,7 +277,7 @@ pub extern "C" fn calib_version() -> *const c_char {
     VERSION.as_ptr()
 }
 
-/// What a result is, in words; of a number that is none, that.
+/// Returns a description of a `CalibResult`, or "unknown result" for any other value.
 #[unsafe(no_mangle)]
 pub extern "C" fn calib_result_text(result: i32) -> *const c_char {
     const ALL: [CalibResult; 8] = [
@@ -289,23 +291,23 @@ pub extern "C" fn calib_result_text(result: i32) -> *const c_char {
         CalibResult::Panicked,
     ];
     let known = ALL.into_iter().find(|&known| known as i32 == result);
-    known.map_or(c"no result of this library", text_of).as_ptr()
+    known.map_or(c"unknown result", text_of).as_ptr()
 }
 
 pub(crate) const fn text_of(result: CalibResult) -> &'static CStr {
     match result {
         CalibResult::Ok => c"",
-        CalibResult::Null => c"a pointer is null that must not be",
-        CalibResult::Misaligned => c"a pointer is not aligned for what it points to",
-        CalibResult::Overlap => c"an array that is written to overlaps another one",
-        CalibResult::Short => c"a buffer is too short",
-        CalibResult::NotText => c"a text is not UTF-8",
-        CalibResult::Refused => c"a value cannot be used",
-        CalibResult::Panicked => c"a mistake in this library: please report it",
+        CalibResult::Null => c"a required pointer is null",
+        CalibResult::Misaligned => c"a pointer is not aligned for its type",
+        CalibResult::Overlap => c"an output array overlaps another array",
+        CalibResult::Short => c"a buffer is too small",
+        CalibResult::NotText => c"a text is not valid UTF-8",
+        CalibResult::Refused => c"a value is invalid",
+        CalibResult::Panicked => c"internal error of calib: please report it",
     }
 }
 
-/// The name of a status as it stands in tables, such as "above-horizon"; null for a number that is none.
+/// Returns the name of a `CALIB_STATUS`, such as "above-horizon", or null for any other value.
 #[unsafe(no_mangle)]
 pub extern "C" fn calib_status_name(status: u8) -> *const c_char {
     const NAMES: [&CStr; Status::ALL.len()] = [
@@ -327,7 +329,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn statuses_have_the_numbers_and_the_names_of_the_core() {
+    fn statuses_match_the_core() {
         let numbers = [
             CALIB_STATUS_OK,
             CALIB_STATUS_ABOVE_HORIZON,
@@ -340,7 +342,7 @@ mod tests {
             CALIB_STATUS_ON_WALL,
         ];
         for (status, number) in Status::ALL.into_iter().zip(numbers) {
-            // SAFETY: a name of this library ends with a zero.
+            // SAFETY: names of this library end with a zero.
             let name = unsafe { CStr::from_ptr(calib_status_name(number)) };
             assert_eq!((status as u8, name.to_str()), (number, Ok(status.name())));
         }

@@ -1,4 +1,4 @@
-// The same bits as Rust, for every point of every camera, from several threads: golden FOLDER
+// Checks that results are bit-identical to Rust, for every point of every camera, from two threads: golden FOLDER
 
 #include <atomic>
 #include <cstdio>
@@ -22,7 +22,7 @@ void same(const char *what, const double *expected, double found)
 {
     const bool both_nan = *expected != *expected && found != found;
     if (!both_nan && std::memcmp(expected, &found, sizeof found) != 0 && wrong++ < 10) {
-        std::fprintf(stderr, "%s: %.17g, not %.17g\n", what, found, *expected);
+        std::fprintf(stderr, "%s: found %.17g, expected %.17g\n", what, found, *expected);
     }
 }
 
@@ -95,14 +95,14 @@ try {
             stream.crop[1] >> stream.crop[2] >> stream.crop[3] >> height;
         const double *columns = points.data() + cameras++ * COLUMNS * POINTS;
         if (!fields || columns + COLUMNS * POINTS > points.data() + points.size()) {
-            throw std::runtime_error("the golden files do not go together");
+            throw std::runtime_error("the golden files are inconsistent");
         }
         const calib::Camera camera(site, id, stream);
         std::thread other(check, std::cref(camera), height, columns);
         check(camera, height, columns);
         other.join();
     }
-    std::printf("%zu points of %zu cameras, %d not as the core maps them\n", cameras * POINTS, cameras, wrong.load());
+    std::printf("%zu points of %zu cameras, %d mismatches\n", cameras * POINTS, cameras, wrong.load());
     return cameras == 20 && wrong == 0 ? 0 : 1;
 } catch (const std::exception &error) {
     std::cerr << error.what() << '\n';

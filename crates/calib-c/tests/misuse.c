@@ -1,4 +1,4 @@
-/* What must not be handed over is an answer, never a crash: misuse SITE.json-text on stdin */
+/* Invalid arguments return an error code and never crash. Usage: misuse < SITE.json */
 
 #include <math.h>
 #include <stdio.h>
@@ -23,7 +23,7 @@ static void mapping(const CalibCamera *camera)
     uint8_t status[4];
     unsigned char bytes[64];
     memset(bytes, 0, sizeof bytes);
-    /* An address that no double has. */
+    /* A misaligned address. */
     double *odd = (double *)(void *)(bytes + 1 + (((uintptr_t)bytes & 7) == 7));
     EXPECT(calib_camera_to_floor(camera, 0.0, 4, u, v, x, y, status) == CALIB_RESULT_OK);
     EXPECT(status[3] == CALIB_STATUS_MISSING && isnan(x[3]));
@@ -78,7 +78,7 @@ static void getters(const CalibCamera *camera)
     EXPECT(calib_camera_covariance(camera, NULL) == CALIB_RESULT_NULL);
 }
 
-/* J C J^T is the calibration's part of the covariance; a box stands where its foot does. */
+/* J C J^T is the calibration's part of the covariance, and a box has the covariance of its foot point. */
 static void covariances(const CalibCamera *camera)
 {
     const double u[1] = {960}, v[1] = {1000}, boxes[4] = {900, 600, 1020, 1000};
@@ -128,7 +128,7 @@ static void plan(const CalibSite *without)
     EXPECT(calib_site_floor_to_plan(without, 2, x, y, px, py) == CALIB_RESULT_REFUSED);
 }
 
-/* Every function that maps, by how many pointers it takes; the last may be to bytes. */
+/* Number of pointers of every mapping function, and the number of byte pointers among them, which come last. */
 static const struct {
     int pointers, bytes;
 } FUNCTIONS[] = {{5, 1}, {4, 1}, {4, 0}, {6, 1}, {3, 0}, {3, 0}, {3, 0}, {4, 0}};
@@ -172,14 +172,14 @@ static void pointers(const CalibCamera *camera)
                 EXPECT(call(function, camera, 1, bad) == CALIB_RESULT_MISALIGNED);
             }
         }
-        /* What is written overlaps nothing else. */
+        /* Output arrays must not overlap other arrays. */
         memcpy(bad, good, sizeof good);
         bad[count - 1] = good[count - 2];
         EXPECT(call(function, camera, 4, bad) == CALIB_RESULT_OVERLAP);
     }
 }
 
-/* Any bits are numbers, and any count that there is room for is one. */
+/* Any bit pattern is a valid number. */
 static void any_numbers(const CalibCamera *camera)
 {
     static double places[6][4 * 24];
@@ -191,7 +191,7 @@ static void any_numbers(const CalibCamera *camera)
     for (int round = 0; round < 50000; round++) {
         for (size_t i = 0; i < 6 * 16; i++) {
             state ^= state << 13, state ^= state >> 7, state ^= state << 17;
-            /* Half of them near what pixels and metres are. */
+            /* Half of the numbers are in the range of pixels and metres. */
             const double usual = (double)(state % 4000) - 1000.0;
             memcpy(&places[i / 16][i % 16], state >> 63 ? (const void *)&usual : (const void *)&state, sizeof usual);
         }

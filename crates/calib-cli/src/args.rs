@@ -1,6 +1,5 @@
-//! Arguments that several subcommands have in common.
-//!
-//! Which pixels detections are of, as the command line says it.
+//! Arguments that several subcommands share: the site, the output file, and the pixel coordinates of
+//! detections.
 
 use std::path::Path;
 
@@ -8,52 +7,53 @@ use clap::ValueEnum;
 use image::RgbImage;
 
 use crate::site_file::SiteFile;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 use crate::{files, picture};
 
-/// Longest side of a stream that is asked for, in pixels.
-const MAX_SIDE: u32 = 16_384;
+/// Largest accepted side of a stream, in pixels.
+const MAX_STREAM_SIDE_PX: u32 = 16_384;
 
-/// Width and height of a stream, as in 1280x720.
+/// Parses the width and height of a stream, as in 1280x720.
 pub(crate) fn size(text: &str) -> Result<[u32; 2], String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_STREAM_SIDE_PX).contains(side));
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
-    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_SIDE}"))
+    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, such as 1280x720, up to {MAX_STREAM_SIDE_PX}"))
 }
 
-/// The site that a command reads.
+/// Arguments for the site that a command reads.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SiteArgs {
     /// Site file, or - for stdin; cameras without a solution are solved
     site: String,
-    /// Calibrations that hold at this time (RFC 3339)
+    /// Use the calibrations that are valid at this time (RFC 3339)
     #[arg(long, value_name = "TIME")]
     at: Option<String>,
     #[command(flatten)]
     images: ImageArgs,
 }
 
-/// Which images of a site are read.
+/// Arguments for the images of a site.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct ImageArgs {
-    /// Read images that stand outside the folder of the site, too
+    /// Also read images outside the site's folder
     #[arg(long)]
     pub(crate) allow_outside: bool,
 }
 
 impl SiteArgs {
-    /// Reads, checks and solves the site; cameras that do not hold at the time are left out. What is out of date is
-    /// told.
-    pub(crate) fn read(&self) -> Result<SiteFile, Stop> {
-        let file = self.read_to_judge()?;
-        file.tell_out_of_date();
+    /// Reads, checks and solves the site, and warns about outdated solutions. Cameras that are not valid at
+    /// the time are left out.
+    pub(crate) fn read(&self) -> Result<SiteFile, CommandError> {
+        let file = self.read_without_warnings()?;
+        file.warn_out_of_date();
         Ok(file)
     }
 
-    /// As [`Self::read`], for a command that says itself what is wrong.
-    pub(crate) fn read_to_judge(&self) -> Result<SiteFile, Stop> {
+    /// Reads the site as [`Self::read`] does, without warnings: for commands that report outdated solutions
+    /// themselves.
+    pub(crate) fn read_without_warnings(&self) -> Result<SiteFile, CommandError> {
         let file = SiteFile::read_solved(&self.site, self.at.as_deref())?;
-        Ok(file.allowing_outside(self.images.allow_outside))
+        Ok(file.with_outside_images(self.images.allow_outside))
     }
 
     /// Whether the site comes from stdin.
@@ -62,7 +62,7 @@ impl SiteArgs {
     }
 }
 
-/// The file that a command writes.
+/// Arguments for the file that a command writes.
 #[derive(Debug, clap::Args)]
 pub(crate) struct OutputArgs {
     /// File to write; - is stdout
@@ -74,22 +74,23 @@ pub(crate) struct OutputArgs {
 }
 
 impl OutputArgs {
-    /// Refuses a path that is taken, before any work is done for it.
-    pub(crate) fn check_free(&self) -> Result<(), Stop> {
+    /// Refuses an existing output file before any work is done.
+    pub(crate) fn check_free(&self) -> Result<(), CommandError> {
         files::check_free(&self.output, self.force)
     }
 
-    /// Writes the file whole or not at all.
-    pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), Stop> {
+    /// Writes the complete file, or nothing.
+    pub(crate) fn write(&self, bytes: &[u8]) -> Result<(), CommandError> {
         files::write(&self.output, bytes, self.force)
     }
 
-    /// Whether the file is stdout.
+    /// Whether the output is stdout.
     pub(crate) fn is_stdout(&self) -> bool {
         self.output == "-"
     }
 
-    /// The path of one of several files: that of the output with a name in front of its extension, if there is one.
+    /// Returns the path of one of several output files: the output path with `-name` before its extension. An
+    /// empty name returns the output path.
     pub(crate) fn named(&self, name: &str) -> String {
         let path = Path::new(&self.output);
         let (stem, extension) = (path.file_stem(), path.extension());
@@ -102,37 +103,37 @@ impl OutputArgs {
         path.with_file_name(format!("{stem}-{name}{extension}")).to_string_lossy().into_owned()
     }
 
-    /// Refuses one of several files that is there.
-    pub(crate) fn check_named(&self, path: &str) -> Result<(), Stop> {
+    /// Refuses an existing file at `path`, one of several output files.
+    pub(crate) fn check_path_free(&self, path: &str) -> Result<(), CommandError> {
         files::check_free(path, self.force)
     }
 
-    /// Writes one of several files whole or not at all.
-    pub(crate) fn write_named(&self, path: &str, bytes: &[u8]) -> Result<(), Stop> {
+    /// Writes one of several output files completely, or not at all.
+    pub(crate) fn write_to(&self, path: &str, bytes: &[u8]) -> Result<(), CommandError> {
         files::write(path, bytes, self.force)
     }
 
-    /// Writes an image in the format that the file's name asks for.
-    pub(crate) fn write_image(&self, image: &RgbImage) -> Result<(), Stop> {
-        self.write(&picture::encoded(image, &self.output)?)
+    /// Writes an image in the format given by the file name's extension.
+    pub(crate) fn write_image(&self, image: &RgbImage) -> Result<(), CommandError> {
+        self.write(&picture::encode(image, &self.output)?)
     }
 }
 
-/// Where pixels are counted from.
+/// Origin of pixel coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PixelOrigin {
-    /// From the corner of the image: the centre of the first pixel is (0.5, 0.5)
+    /// The corner of the image: the centre of the first pixel is (0.5, 0.5)
     Corner,
-    /// From the centre of the first pixel, which is (0, 0)
+    /// The centre of the first pixel, which is (0, 0)
     Centre,
 }
 
-/// How the image was brought to the size of the stream.
+/// Scaling of the image to the size of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Fit {
-    /// Each side by itself: the stream shows the whole image and nothing else
+    /// Each side is scaled separately: the stream shows the whole image without bars
     Stretch,
-    /// Both sides alike, with equal bars on two sides, as detectors do
+    /// Both sides are scaled equally, with equal bars on two sides, as detectors do
     Letterbox,
 }
 

@@ -1,4 +1,4 @@
-//! `calib check`: the quality gate.
+//! `calib check`: the quality gate for the cameras and the site.
 
 use calib_core::Code;
 
@@ -8,8 +8,8 @@ use crate::args::SiteArgs;
 use crate::files;
 use crate::site_file::SiteFile;
 use crate::solve::Format;
-use crate::stop::Stop;
-use crate::stop::visible;
+use crate::stop::CommandError;
+use crate::stop::escape_control_characters;
 use calib_report::{centimetres, few, planes_text, together, worst_first};
 
 /// Arguments of `calib check`.
@@ -17,54 +17,55 @@ use calib_report::{centimetres, few, planes_text, together, worst_first};
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Largest predicted relative error of lengths on the floor: 0.03 is 3 %
+    /// Maximum predicted relative error of lengths on the floor: 0.03 is 3 %
     #[arg(long, value_name = "REL", default_value_t = 0.03)]
     max_floor_error: f64,
-    /// Largest root mean square of the residuals, in pixels; 5 where it is not given, of cameras that have any
+    /// Maximum RMS residual, in pixels [default: 5]
     #[arg(long, value_name = "P")]
     max_rms_px: Option<f64>,
-    /// Let this finding pass, by its code (misfit, two-solutions, ...); several with commas, or one by one
+    /// Accept a finding by its code (misfit, two-solutions, ...); separate several with commas, or repeat
     #[arg(long, value_name = "CODE", value_delimiter = ',', value_parser = code)]
     allow: Vec<Code>,
-    /// Say of every camera what failed or was allowed, and what to do about it
+    /// List all failed and accepted findings of each camera, with advice
     #[arg(long)]
     explain: bool,
-    /// Largest distance on the floor, in metres, between where two cameras put what both show (root mean square of
-    /// a pair); with it, a camera that nothing ties to the rest and an unknown scale fail, too
+    /// Maximum distance on the floor, in metres, between the positions of one link or mark from two cameras
+    /// (RMS of a pair); also fails for an unconnected camera and an unknown scale
     #[arg(long, value_name = "M")]
     max_overlap_m: Option<f64>,
-    /// How to report
+    /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
 }
 
-/// The most of [`Args::max_rms_px`] where it is not given: hands and edges err by a pixel or two.
-const MAX_RMS_PX: f64 = 5.0;
+/// Default of [`Args::max_rms_px`], in pixels: annotations and edges typically have errors of one or two
+/// pixels.
+const DEFAULT_MAX_RMS_PX: f64 = 5.0;
 
-/// A code that can fail the check.
+/// Parses a finding code that can fail the check.
 fn code(text: &str) -> Result<Code, String> {
     let failing = || Code::ALL.iter().copied().filter(|code| code.fails_check());
     failing().find(|code| code.as_str() == text).ok_or_else(|| {
         let names: Vec<&str> = failing().map(Code::as_str).collect();
-        format!("no finding that fails a check; those are {}", names.join(", "))
+        format!("not a finding that fails a check; expected one of {}", names.join(", "))
     })
 }
 
-/// What keeps a camera from passing.
+/// Reason why a camera fails the check.
 struct Fault {
-    /// Of the finding; none of a number over its limit.
+    /// Code of the finding; absent if a number exceeds its limit.
     code: Option<Code>,
     message: String,
     advice: String,
 }
 
 impl Fault {
-    fn of_number(message: impl Into<String>, advice: &str) -> Self {
+    fn from_number(message: impl Into<String>, advice: &str) -> Self {
         Self { code: None, message: message.into(), advice: advice.into() }
     }
 
-    /// As a report has it.
-    fn short(&self) -> String {
+    /// Formats the failure for a report: code and message.
+    fn summary(&self) -> String {
         match self.code {
             Some(code) => format!("{code}: {}", self.message.trim_end_matches('.')),
             None => self.message.clone(),
@@ -83,67 +84,67 @@ impl From<&Warning> for Fault {
     }
 }
 
-/// A camera, and what is wrong with it.
-struct Verdict<'a> {
+/// Camera with its failed and accepted findings.
+struct CameraResult<'a> {
     camera: &'a SiteCamera,
     faults: Vec<Fault>,
     allowed: Vec<Fault>,
 }
 
-impl<'a> Verdict<'a> {
+impl<'a> CameraResult<'a> {
     fn new(site: &Site, index: usize, camera: &'a SiteCamera, args: &Args) -> Self {
         let all = faults(site, index, camera, args);
         let (allowed, faults) = all.into_iter().partition(|fault| fault.is_allowed(args));
         Self { camera, faults, allowed }
     }
 
-    fn short(&self) -> Vec<String> {
-        self.faults.iter().map(Fault::short).collect()
+    fn summaries(&self) -> Vec<String> {
+        self.faults.iter().map(Fault::summary).collect()
     }
 }
 
-/// Checks every camera against the gates.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Checks every camera and the site against the limits.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if !(args.max_floor_error > 0.0 && args.max_floor_error <= 1.0) {
         let message = format!(
-            "--max-floor-error: found {}, expected a share up to 1: 0.03 is 3 %",
+            "--max-floor-error: found {}, expected a fraction above 0, at most 1: 0.03 is 3 %",
             args.max_floor_error
         );
-        return Err(Stop::Usage(message));
+        return Err(CommandError::Usage(message));
     }
     if args.max_rms_px.is_some_and(|most| most.is_nan() || most <= 0.0) {
-        return Err(Stop::Usage("--max-rms-px: expected a number of pixels above 0".into()));
+        return Err(CommandError::Usage("--max-rms-px: expected a number of pixels above 0".into()));
     }
     if args.max_overlap_m.is_some_and(|most| most.is_nan() || most <= 0.0) {
-        return Err(Stop::Usage("--max-overlap-m: expected metres above 0".into()));
+        return Err(CommandError::Usage("--max-overlap-m: expected metres above 0".into()));
     }
-    let file = args.site.read_to_judge()?;
+    let file = args.site.read_without_warnings()?;
     let cameras = file.site.cameras.iter().enumerate();
-    let verdicts: Vec<Verdict> =
-        cameras.map(|(index, camera)| Verdict::new(&file.site, index, camera, args)).collect();
+    let verdicts: Vec<CameraResult> =
+        cameras.map(|(index, camera)| CameraResult::new(&file.site, index, camera, args)).collect();
     if verdicts.is_empty() {
-        return Err(Stop::Unsolved(format!("{} has no cameras to check", file.path)));
+        return Err(CommandError::Unsolved(format!("{} has no cameras to check", file.path)));
     }
     let of_site = args.max_overlap_m.map(|most| site_faults(&file, most, &args.allow));
     report(&file, &verdicts, of_site.as_deref(), args)?;
     let failed = verdicts.iter().filter(|verdict| !verdict.faults.is_empty()).count();
     match (failed, of_site.is_none_or(|faults| faults.is_empty())) {
         (0, true) => Ok(()),
-        (0, false) => Err(Stop::Unsolved("the site fails".into())),
-        (_, true) => Err(Stop::Unsolved(format!("{failed} of {} cameras fail", verdicts.len()))),
+        (0, false) => Err(CommandError::Unsolved("the site fails".into())),
+        (_, true) => Err(CommandError::Unsolved(format!("{failed} of {} cameras fail", verdicts.len()))),
         (_, false) => {
-            Err(Stop::Unsolved(format!("the site and {failed} of {} cameras fail", verdicts.len())))
+            Err(CommandError::Unsolved(format!("the site and {failed} of {} cameras fail", verdicts.len())))
         }
     }
 }
 
-/// Prints what was found; of the site, if it was judged.
+/// Prints the results of the cameras, and of the site if it was checked.
 fn report(
     file: &SiteFile,
-    verdicts: &[Verdict],
+    verdicts: &[CameraResult],
     of_site: Option<&[String]>,
     args: &Args,
-) -> Result<(), Stop> {
+) -> Result<(), CommandError> {
     if args.format == Format::Json {
         return files::print(&format!("{:#}\n", as_json(verdicts, of_site, args)));
     }
@@ -151,20 +152,20 @@ fn report(
         if faults.is_empty() { "ok".into() } else { format!("FAILED: {}", faults.join("; ")) }
     };
     for verdict in verdicts {
-        let judged = verdict.camera.solution.as_ref().map(judged).unwrap_or_default();
-        files::print(&format!("{}: {}{judged}\n", verdict.camera.id, said(&verdict.short())))?;
+        let judged = verdict.camera.solution.as_ref().map(checked_numbers).unwrap_or_default();
+        files::print(&format!("{}: {}{judged}\n", verdict.camera.id, said(&verdict.summaries())))?;
         if args.explain {
-            files::print(&explained(verdict))?;
+            files::print(&explanation(verdict))?;
         }
     }
-    files::print(&visible(planes_text(&file.site).trim_start_matches('\n')))?;
+    files::print(&escape_control_characters(planes_text(&file.site).trim_start_matches('\n')))?;
     let Some(faults) = of_site else { return Ok(()) };
-    let judged = file.site.solution.as_ref().map(judged_site).unwrap_or_default();
+    let judged = file.site.solution.as_ref().map(checked_site_numbers).unwrap_or_default();
     files::print(&format!("the site: {}{judged}\n", said(faults)))
 }
 
-/// Line by line, with what to do.
-fn explained(verdict: &Verdict) -> String {
+/// Formats each finding on its own line with its advice.
+fn explanation(verdict: &CameraResult) -> String {
     let line = |fate: &str, fault: &Fault| {
         let code = fault.code.map_or_else(String::new, |code| format!("{code}: "));
         format!("  {fate} {code}{} {}\n", fault.message, fault.advice)
@@ -173,10 +174,10 @@ fn explained(verdict: &Verdict) -> String {
     failed.chain(verdict.allowed.iter().map(|fault| line("allowed:", fault))).collect()
 }
 
-fn as_json(verdicts: &[Verdict], of_site: Option<&[String]>, args: &Args) -> serde_json::Value {
+fn as_json(verdicts: &[CameraResult], of_site: Option<&[String]>, args: &Args) -> serde_json::Value {
     let told = |fault: &Fault| serde_json::json!({ "code": fault.code, "message": fault.message, "advice": fault.advice });
-    let camera = |verdict: &Verdict| {
-        let (id, faults) = (&verdict.camera.id, verdict.short());
+    let camera = |verdict: &CameraResult| {
+        let (id, faults) = (&verdict.camera.id, verdict.summaries());
         let mut value = serde_json::json!({ "camera": id, "ok": faults.is_empty(), "faults": faults });
         if args.explain {
             value["failed"] = verdict.faults.iter().map(told).collect();
@@ -194,7 +195,7 @@ fn as_json(verdicts: &[Verdict], of_site: Option<&[String]>, args: &Args) -> ser
     value
 }
 
-/// What keeps the cameras from being one site whose positions can be relied on.
+/// Returns the reasons why the positions of the cameras in the site are not reliable.
 fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     let solution = file.site.solution.as_ref();
     let overlaps = solution.map_or(&[][..], |solution| &solution.overlaps[..]);
@@ -206,11 +207,13 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
         .collect();
     if !far.is_empty() {
         let pairs = few(far.iter().map(String::as_str));
-        faults.push(format!("apart on the floor {pairs}, allowed {} cm", centimetres(most)));
+        faults.push(format!("distances on the floor {pairs}, allowed {} cm", centimetres(most)));
     }
     let is_measured = overlaps.iter().any(|pair| pair.floor_rms_m.is_some());
     if !is_measured && file.site.cameras.len() > 1 {
-        faults.push("no two cameras show the same link or mark: nothing tells how far they are apart".into());
+        faults.push(
+            "no link or mark is visible in two cameras, so their distances on the floor are unknown".into(),
+        );
     }
     let warnings = solution.iter().flat_map(|s| &s.warnings);
     let warnings = warnings.filter(|w| w.code.fails_check() && !allow.contains(&w.code));
@@ -218,8 +221,8 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     faults
 }
 
-/// The numbers of the site that were judged.
-fn judged_site(solution: &SiteSolution) -> String {
+/// Formats the checked numbers of the site.
+fn checked_site_numbers(solution: &SiteSolution) -> String {
     let worst = worst_first(&solution.overlaps)
         .into_iter()
         .find_map(|pair| Some(format!("at most {} cm apart on the floor", centimetres(pair.floor_rms_m?))));
@@ -235,51 +238,51 @@ fn faults(site: &Site, index: usize, camera: &SiteCamera, args: &Args) -> Vec<Fa
             faults
         }
         (None, Some(failure)) => {
-            vec![Fault::of_number(format!("not solved: {}", failure.message), &failure.advice)]
+            vec![Fault::from_number(format!("not solved: {}", failure.message), &failure.advice)]
         }
-        (None, None) => vec![Fault::of_number("not solved", "Solve the site first.")],
+        (None, None) => vec![Fault::from_number("not solved", "Solve the site first.")],
     }
 }
 
-/// The findings of its solution that fail a check, and those that a pose and where things are drawn show by
-/// themselves: a camera that was imported has no others.
+/// Returns the failing findings of a camera: the warnings of its solution, and findings that follow from pose
+/// and annotations only. An imported camera has no others.
 fn findings(site: &Site, index: usize, camera: &SiteCamera, solution: &Solution) -> Vec<Fault> {
     let mut warnings: Vec<Warning> = solution.warnings.clone();
     for finding in camera.pose_findings().into_iter().chain(site.points_outside(camera)) {
         if warnings.iter().all(|warning| warning.code != finding.code()) {
-            warnings.push(site.in_english(Some(index), &finding, Names::InFile));
+            warnings.push(site.describe_finding(Some(index), &finding, Names::InFile));
         }
     }
     warnings.iter().filter(|warning| warning.code.fails_check()).map(Fault::from).collect()
 }
 
-/// The numbers that were judged.
-fn judged(solution: &Solution) -> String {
+/// Formats the checked numbers of a camera.
+fn checked_numbers(solution: &Solution) -> String {
     let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
     let floor = floor.map_or_else(String::new, |rel| format!(", floor \u{b1} {:.1} %", 100.0 * rel));
-    let rms = solution.rms_px.map_or_else(String::new, |rms| format!(", residuals {rms:.2} px rms"));
+    let rms = solution.rms_px.map_or_else(String::new, |rms| format!(", RMS residual {rms:.2} px"));
     format!(" ({}{floor}{rms})", crate::solve::stage_name(solution.stage))
 }
 
-/// The numbers that are over their limits.
+/// Returns the failures for numbers that exceed their limits.
 fn over_limit(solution: &Solution, args: &Args) -> Vec<Fault> {
     let mut faults = Vec::new();
     let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
     if let Some(rel) = floor.filter(|&rel| rel > args.max_floor_error) {
         let most = 100.0 * args.max_floor_error;
-        faults.push(Fault::of_number(
+        faults.push(Fault::from_number(
             format!("floor lengths \u{b1} {:.1} %, allowed {most:.1} %", 100.0 * rel),
             solution.draw_next.as_ref().map_or("Draw more lines.", |next| &next.message),
         ));
     }
-    let most = args.max_rms_px.unwrap_or(MAX_RMS_PX);
+    let most = args.max_rms_px.unwrap_or(DEFAULT_MAX_RMS_PX);
     match solution.rms_px {
-        Some(rms) if rms > most => faults.push(Fault::of_number(
-            format!("residuals {rms:.2} px rms, allowed {most:.2} px"),
-            "Look at the lines with the largest residuals.",
+        Some(rms) if rms > most => faults.push(Fault::from_number(
+            format!("RMS residual {rms:.2} px, allowed {most:.2} px"),
+            "Check the lines with the largest residuals.",
         )),
         None if args.max_rms_px.is_some() => {
-            faults.push(Fault::of_number("there are no residuals", "Draw lines on the image."));
+            faults.push(Fault::from_number("no residuals are available", "Draw lines on the image."));
         }
         _ => {}
     }

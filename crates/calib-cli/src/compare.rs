@@ -1,8 +1,7 @@
-//! `calib compare`: what became of cameras, by a newer still of each.
+//! `calib compare`: detects changed cameras from newer images, and recovers their calibrations.
 //!
-//! Cameras that moved, calibrated anew from what was drawn on their old stills.
-//!
-//! A newer still with the places of the old one: where they are found again, and where they are not.
+//! A recovery transfers the annotations of the old image to the newer one and solves the camera again. A
+//! rendered comparison shows which edges of the old image were found again.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,18 +10,18 @@ use anyhow::Context as _;
 use calib_core::{Camera, Pixel};
 use calib_image::{Became, Comparison, OtherSize, drawn_edges, recovered};
 use calib_report::{decimals, few};
-use calib_site::{NewStill, Site, SiteCamera};
+use calib_site::{NewImage, Site, SiteCamera};
 use image::{Rgb, RgbImage};
 use jiff::Timestamp;
 
 use crate::args::SiteArgs;
 use crate::files::ThreadsArgs;
-use crate::files::say;
+use crate::files::print_message;
 use crate::progress::Pulse;
-use crate::site_file::{SiteFile, beside};
+use crate::site_file::{SiteFile, path_relative_to_file};
 use crate::solve::Format;
-use crate::stop::Stop;
-use crate::stop::visible;
+use crate::stop::CommandError;
+use crate::stop::escape_control_characters;
 use crate::{files, picture, site_file};
 
 /// Arguments of `calib compare`.
@@ -30,73 +29,76 @@ use crate::{files, picture, site_file};
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Compare this camera; without it a still is of the camera that its name begins with
+    /// Compare this camera; by default the camera is found from the start of the image's name
     #[arg(long, value_name = "ID")]
     camera: Option<String>,
-    /// Newer stills (PNG, JPEG), or folders of them, in the order of the times in their names (2026-05-01T0830, UTC) or their EXIF data
+    /// Newer images (PNG, JPEG) or folders of images, ordered by the time in their names (2026-05-01T0830,
+    /// UTC) or their EXIF data
     #[arg(long = "still", required = true, num_args = 1.., value_name = "FILE")]
     stills: Vec<PathBuf>,
-    /// How to report
+    /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-    /// Draw every newest still with the places that are found again and those that are not, into this folder
+    /// Draw the newest image of each camera, with matched and missing edges, into this folder
     #[arg(long, value_name = "DIR")]
     render: Option<PathBuf>,
-    /// Carry what was drawn to the new still, and solve the cameras that moved from it
+    /// Transfer the annotations to the newer images, and solve the cameras that moved
     #[arg(long, requires = "output", conflicts_with = "at")]
     recover: bool,
-    /// Write the site with the cameras that were recovered here
+    /// Write the site with the recovered cameras to this file
     #[arg(short, long, value_name = "FILE", requires = "recover")]
     output: Option<String>,
-    /// Since when the new calibrations hold (RFC 3339); without it since the first still that shows the camera moved
+    /// Start of validity of the new calibrations (RFC 3339) [default: time of the first image after the
+    /// change]
     #[arg(long, value_name = "TIME", requires = "recover")]
     since: Option<Timestamp>,
-    /// Overwrite the output file and pictures
+    /// Overwrite the output file and rendered images
     #[arg(long)]
     force: bool,
     #[command(flatten)]
     threads: ThreadsArgs,
 }
 
-/// A still of a camera, compared.
-pub(crate) struct Seen {
+/// Comparison of one newer image with the calibrated image of its camera.
+pub(crate) struct ImageComparison {
     pub(crate) path: PathBuf,
     pub(crate) time: Option<Timestamp>,
     pub(crate) comparison: Comparison,
 }
 
-/// A camera with its newer stills, the oldest first.
-pub(crate) struct Compared {
-    /// Of its entry in the site.
+/// Comparisons of one camera with its newer images, oldest first.
+pub(crate) struct CameraComparison {
+    /// Index of the camera's entry in the site.
     pub(crate) index: usize,
     pub(crate) id: String,
     pub(crate) camera: Camera,
-    pub(crate) seen: Vec<Seen>,
+    pub(crate) images: Vec<ImageComparison>,
 }
 
-impl Compared {
-    /// What is to be said of it: by its newest still.
-    pub(crate) fn last(&self) -> Option<&Seen> {
-        self.seen.last()
+impl CameraComparison {
+    /// Returns the newest comparison, which determines the status of the camera.
+    pub(crate) fn newest(&self) -> Option<&ImageComparison> {
+        self.images.last()
     }
 
-    /// The first still that shows it as the newest does, and after which none shows it unchanged.
-    pub(crate) fn since(&self) -> Option<&Seen> {
-        let last = self.last()?.comparison.became;
-        let still = self.seen.iter().rposition(|seen| seen.comparison.became == Became::Unchanged);
-        let after = &self.seen[still.map_or(0, |index| index + 1)..];
+    /// Returns the first image of the current state: it has the newest image's status, and no later image
+    /// shows the camera unchanged.
+    pub(crate) fn first_changed(&self) -> Option<&ImageComparison> {
+        let last = self.newest()?.comparison.became;
+        let still = self.images.iter().rposition(|seen| seen.comparison.became == Became::Unchanged);
+        let after = &self.images[still.map_or(0, |index| index + 1)..];
         after.iter().find(|seen| seen.comparison.became.name() == last.name())
     }
 }
 
-/// Compares, reports, recovers.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Compares, reports and recovers cameras.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
     let file = args.site.read()?;
     let mut compared = Vec::new();
-    for (index, taken) in of_cameras(args, &file)? {
+    for (index, taken) in images_by_camera(args, &file)? {
         let pulse = Pulse::new("comparing");
         compared.push(compare(&file, index, taken, args.threads)?);
         drop(pulse);
@@ -112,26 +114,26 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if changed.is_empty() {
         return Ok(());
     }
-    Err(Stop::Unsolved(format!("not as calibrated, or not known to be: {}", few(changed))))
+    Err(CommandError::Unsolved(format!("changed, or could not be checked: {}", few(changed))))
 }
 
-fn has_changed(of: &Compared) -> bool {
-    of.last().is_some_and(|seen| seen.comparison.became != Became::Unchanged)
+fn has_changed(of: &CameraComparison) -> bool {
+    of.newest().is_some_and(|seen| seen.comparison.became != Became::Unchanged)
 }
 
-/// A still, by when it was taken.
-type Taken = (Option<Timestamp>, PathBuf);
+/// Image with its capture time, if known.
+type DatedImage = (Option<Timestamp>, PathBuf);
 
-/// The stills of every camera that has some, in order of time, by its entry.
-fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Taken>)>, Stop> {
-    let mut of: Vec<(usize, Vec<Taken>)> = Vec::new();
-    for path in site_file::listed(&args.stills)? {
+/// Groups the newer images by the index of the camera's entry, each group in order of time.
+fn images_by_camera(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<DatedImage>)>, CommandError> {
+    let mut of: Vec<(usize, Vec<DatedImage>)> = Vec::new();
+    for path in site_file::list_images(&args.stills)? {
         let id = match &args.camera {
             Some(id) => id.clone(),
-            None => named(file, &path)?,
+            None => camera_id_of_image(file, &path)?,
         };
-        let time = site_file::time(&path)?;
-        let index = entry(file, &id, time)?;
+        let time = site_file::capture_time(&path)?;
+        let index = entry_index(file, &id, time)?;
         match of.iter_mut().find(|(other, _)| *other == index) {
             Some((_, taken)) => taken.push((time, path)),
             None => of.push((index, vec![(time, path)])),
@@ -142,89 +144,99 @@ fn of_cameras(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Taken>)>, 
     Ok(of)
 }
 
-/// The camera whose id the name of a still is, or begins with.
-fn named(file: &SiteFile, path: &Path) -> Result<String, Stop> {
-    let found = file.site.camera_of_name(&site_file::stem(path));
+/// Returns the id of the camera at the start of the image's name.
+fn camera_id_of_image(file: &SiteFile, path: &Path) -> Result<String, CommandError> {
+    let found = file.site.camera_id_from_name(&site_file::stem(path));
     found.map(str::to_owned).ok_or_else(|| {
         let what = format!(
-            "{}: of which camera is this? Give --camera, or begin its name with one of {}",
+            "{}: unknown camera. Give --camera, or start the file name with one of {}",
             path.display(),
             few(file.site.cameras.iter().map(|camera| camera.id.as_str()))
         );
-        Stop::Usage(what)
+        CommandError::Usage(what)
     })
 }
 
-/// The period of a camera that holds when a still was taken.
-fn entry(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usize, Stop> {
+/// Returns the index of the camera's entry that is valid at the image's time.
+fn entry_index(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usize, CommandError> {
     file.has_camera(id)?;
     let time = time.map(|time| time.to_string());
-    file.site.entry_at(id, time.as_deref()).ok_or_else(|| {
-        Stop::Usage(format!("--camera {id}: several periods have this id; choose one with --at TIME"))
+    file.site.entry_index_at(id, time.as_deref()).ok_or_else(|| {
+        CommandError::Usage(format!("--camera {id}: several periods have this id; choose one with --at TIME"))
     })
 }
 
-fn compare(file: &SiteFile, index: usize, taken: Vec<Taken>, threads: ThreadsArgs) -> Result<Compared, Stop> {
+fn compare(
+    file: &SiteFile,
+    index: usize,
+    taken: Vec<DatedImage>,
+    threads: ThreadsArgs,
+) -> Result<CameraComparison, CommandError> {
     let entry = &file.site.cameras[index];
     let not_calibrated =
-        || Stop::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
+        || CommandError::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
     let camera = entry.camera().ok_or_else(not_calibrated)?;
     let old = file.camera_image(entry)?;
     let drawn = drawn_edges(entry);
-    let of_still = |(time, path): Taken| {
-        let new = still(entry, &path)?;
-        let comparison =
-            Comparison::new(&camera, &drawn, &old, &new).map_err(|error| other_size(&path, entry, error))?;
-        Ok::<_, Stop>(Seen { time, path, comparison })
+    let of_still = |(time, path): DatedImage| {
+        let new = read_newer_image(entry, &path)?;
+        let comparison = Comparison::new(&camera, &drawn, &old, &new)
+            .map_err(|error| size_mismatch(&path, entry, error))?;
+        Ok::<_, CommandError>(ImageComparison { time, path, comparison })
     };
     let seen = threads.run(taken, of_still, |_| ())?;
-    Ok(Compared { index, id: entry.id.clone(), camera, seen })
+    Ok(CameraComparison { index, id: entry.id.clone(), camera, images: seen })
 }
 
-/// A picture of the newest still of every camera.
-fn draw(file: &SiteFile, compared: &[Compared], folder: &Path, force: bool) -> Result<(), Stop> {
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-    for (of, seen) in compared.iter().filter_map(|of| Some((of, of.last()?))) {
-        let image = drawn(of, seen, still(&file.site.cameras[of.index], &seen.path)?);
+/// Renders the newest image of every camera.
+fn draw(
+    file: &SiteFile,
+    compared: &[CameraComparison],
+    folder: &Path,
+    force: bool,
+) -> Result<(), CommandError> {
+    std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
+    for (of, seen) in compared.iter().filter_map(|of| Some((of, of.newest()?))) {
+        let image = draw_edges(of, seen, read_newer_image(&file.site.cameras[of.index], &seen.path)?);
         let name = folder.join(format!("{}.png", of.id)).to_string_lossy().into_owned();
-        files::write(&name, &picture::encoded(&image, &name)?, force)?;
+        files::write(&name, &picture::encode(&image, &name)?, force)?;
     }
     Ok(())
 }
 
-/// A newer still of a camera; one of another size is refused before it is decoded.
-pub(crate) fn still(entry: &SiteCamera, path: &Path) -> Result<RgbImage, Stop> {
-    let bytes = site_file::bytes(path)?;
-    let wrong = |error| Stop::invalid(path.display(), error);
-    let new = calib_input::size_of(&bytes).map_err(wrong)?;
+/// Reads a newer image of a camera. An image of another size is refused before it is decoded.
+pub(crate) fn read_newer_image(entry: &SiteCamera, path: &Path) -> Result<RgbImage, CommandError> {
+    let bytes = site_file::read_image_bytes(path)?;
+    let wrong = |error| CommandError::invalid(path.display(), error);
+    let new = calib_input::image_size(&bytes).map_err(wrong)?;
     if new != entry.size_px {
-        return Err(other_size(path, entry, OtherSize { old: entry.size_px, new }));
+        return Err(size_mismatch(path, entry, OtherSize { old: entry.size_px, new }));
     }
     calib_input::decode(&bytes).map_err(wrong)
 }
 
-fn other_size(path: &Path, entry: &SiteCamera, error: OtherSize) -> Stop {
-    Stop::invalid(path.display(), format!("camera \"{}\": {error}", entry.id))
+fn size_mismatch(path: &Path, entry: &SiteCamera, error: OtherSize) -> CommandError {
+    CommandError::invalid(path.display(), format!("camera \"{}\": {error}", entry.id))
 }
 
-fn report(args: &Args, compared: &[Compared]) -> Result<(), Stop> {
-    // stdout is the site where it is asked for there.
+fn report(args: &Args, compared: &[CameraComparison]) -> Result<(), CommandError> {
+    // With the site on stdout, the report goes to stderr.
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
-        Format::Text if to_stdout => say(text(compared)),
-        Format::Text => files::print(&visible(&text(compared)))?,
+        Format::Text if to_stdout => print_message(text(compared)),
+        Format::Text => files::print(&escape_control_characters(&text(compared)))?,
         Format::Json if to_stdout => {}
         Format::Json => files::print(&format!("{:#}\n", json(args, compared)))?,
     }
     Ok(())
 }
 
-/// One camera that was asked for with one still is one object; else a list.
-fn json(args: &Args, compared: &[Compared]) -> serde_json::Value {
-    let of = |of: &Compared| {
-        let stills: Vec<_> = of.seen.iter().map(|seen| of_still(of, seen)).collect();
+/// Returns one object for one image of a camera chosen with `--camera`, otherwise a list.
+fn json(args: &Args, compared: &[CameraComparison]) -> serde_json::Value {
+    let of = |of: &CameraComparison| {
+        let stills: Vec<_> = of.images.iter().map(|seen| image_json(of, seen)).collect();
         let mut value = stills.last().cloned().unwrap_or_default();
-        value["since"] = of.since().and_then(|seen| seen.time).map(|time| time.to_string()).into();
+        value["since"] = of.first_changed().and_then(|seen| seen.time).map(|time| time.to_string()).into();
         if stills.len() > 1 {
             value["stills"] = stills.into();
         }
@@ -236,7 +248,10 @@ fn json(args: &Args, compared: &[Compared]) -> serde_json::Value {
     }
 }
 
-fn of_still(of: &Compared, Seen { path, time, comparison }: &Seen) -> serde_json::Value {
+fn image_json(
+    of: &CameraComparison,
+    ImageComparison { path, time, comparison }: &ImageComparison,
+) -> serde_json::Value {
     let became = comparison.became;
     let known = |value: f64| Some(value).filter(|value| became.is_aligned() && value.is_finite());
     let (turned, turned_sigma) = comparison.angle(&of.camera);
@@ -267,17 +282,17 @@ fn of_still(of: &Compared, Seen { path, time, comparison }: &Seen) -> serde_json
     })
 }
 
-fn text(compared: &[Compared]) -> String {
+fn text(compared: &[CameraComparison]) -> String {
     let mut out = String::new();
     let names = compared.iter().map(|of| of.id.chars().count());
     let width = names.max().unwrap_or(0).max(6);
     let _ = writeln!(
         out,
         "{:width$}  {:11} {:>23} {:>22} {:>8} {:>8} {:>8} {:>6}",
-        "camera", "verdict", "turned deg", "zoom", "yaw", "pitch", "roll", "found"
+        "camera", "status", "rotation deg", "zoom", "yaw", "pitch", "roll", "found"
     );
     for of in compared {
-        for seen in &of.seen {
+        for seen in &of.images {
             let _ = writeln!(out, "{:width$}  {}", of.id, row(of, &seen.comparison));
             let time = seen.time.map(|time| format!(" ({time})")).unwrap_or_default();
             let _ =
@@ -287,15 +302,15 @@ fn text(compared: &[Compared]) -> String {
     out
 }
 
-/// A value and its standard deviation, to two digits of that.
+/// Formats a value and its standard deviation, with two significant digits of the latter.
 fn with_sigma(value: f64, sigma: f64) -> String {
-    /// Of a value that has none.
-    const MOST: usize = 7;
-    let decimals = if sigma > 0.0 { decimals(sigma) } else { MOST };
+    /// Number of decimals of a value without uncertainty.
+    const DEFAULT_DECIMALS: usize = 7;
+    let decimals = if sigma > 0.0 { decimals(sigma) } else { DEFAULT_DECIMALS };
     format!("{value:.decimals$} \u{b1} {sigma:.decimals$}")
 }
 
-fn row(of: &Compared, comparison: &Comparison) -> String {
+fn row(of: &CameraComparison, comparison: &Comparison) -> String {
     let became = comparison.became;
     if !became.is_aligned() {
         return format!(
@@ -322,17 +337,17 @@ fn row(of: &Compared, comparison: &Comparison) -> String {
     )
 }
 
-/// An edge that is where it is told.
-const FOUND: Rgb<u8> = Rgb([40, 220, 90]);
-/// One that is not: something stands before it, or it moved by itself.
-const LOST: Rgb<u8> = Rgb([255, 90, 40]);
+/// Colour of an edge that was found at its predicted position.
+const FOUND_COLOUR: Rgb<u8> = Rgb([40, 220, 90]);
+/// Colour of an edge that was not found: it is hidden, or the object moved.
+const MISSING_COLOUR: Rgb<u8> = Rgb([255, 90, 40]);
 
-/// The newer still with a dot at every place of an edge.
-pub(crate) fn drawn(of: &Compared, seen: &Seen, mut still: RgbImage) -> RgbImage {
+/// Draws a dot on the newer image at the predicted position of every edge.
+pub(crate) fn draw_edges(of: &CameraComparison, seen: &ImageComparison, mut still: RgbImage) -> RgbImage {
     let turned = seen.comparison.turn.at(&of.camera);
     for (place, found) in &seen.comparison.seen {
         if let (Some(found), Some(at)) = (found, turned.pixel(*place)) {
-            dot(&mut still, at, if *found { FOUND } else { LOST });
+            dot(&mut still, at, if *found { FOUND_COLOUR } else { MISSING_COLOUR });
         }
     }
     still
@@ -349,57 +364,62 @@ fn dot(image: &mut RgbImage, at: Pixel, colour: Rgb<u8>) {
     }
 }
 
-/// Writes the site with every camera that moved recovered; one that cannot be stays as it is, and is named.
+/// Writes the site with all changed cameras recovered. A camera that cannot be recovered stays unchanged and
+/// is reported.
 pub(crate) fn write_recovered(
     file: &SiteFile,
-    compared: &[Compared],
+    compared: &[CameraComparison],
     since: Option<Timestamp>,
     output: &str,
     force: bool,
-) -> Result<(), Stop> {
-    // Paths are those of the file that is written.
-    let mut site = file.seen_from(&file.site, output);
+) -> Result<(), CommandError> {
+    // Image paths are relative to the output file.
+    let mut site = file.with_paths_relative_to(&file.site, output);
     let mut count = 0;
     let has_changed =
-        |of: &&Compared| of.last().is_some_and(|seen| seen.comparison.became != Became::Unchanged);
+        |of: &&CameraComparison| of.newest().is_some_and(|seen| seen.comparison.became != Became::Unchanged);
     for of in compared.iter().filter(has_changed) {
-        match of_camera(file, &site, of, since, output)? {
+        match recover_camera(file, &site, of, since, output)? {
             Ok(with) => {
                 site = with;
                 count += 1;
             }
-            Err(why) => say(format_args!("calib: camera \"{}\" is not recovered: {why}", of.id)),
+            Err(why) => print_message(format_args!("calib: camera \"{}\" was not recovered: {why}", of.id)),
         }
     }
     if count == 0 {
-        say(format_args!("calib: no camera was recovered; {output} is not written"));
+        print_message(format_args!("calib: no camera was recovered; {output} was not written"));
         return Ok(());
     }
     files::write(output, site.to_json().as_bytes(), force)
 }
 
-/// The site with one camera recovered, or why that would be a guess; an error where its stills cannot be read.
-fn of_camera(
+/// Returns the site with one camera recovered, or the reason why it cannot be. Fails if the images cannot be
+/// read.
+fn recover_camera(
     file: &SiteFile,
     site: &Site,
-    of: &Compared,
+    of: &CameraComparison,
     since: Option<Timestamp>,
     output: &str,
-) -> Result<Result<Site, String>, Stop> {
-    let Some(seen) = of.last() else { return Ok(Err("it has no newer still".into())) };
-    let Some(since) = since.or_else(|| of.since().and_then(|seen| seen.time)) else {
-        return Ok(Err("the name of its still says no time; give --since TIME".into()));
+) -> Result<Result<Site, String>, CommandError> {
+    let Some(seen) = of.newest() else { return Ok(Err("it has no newer image".into())) };
+    let Some(since) = since.or_else(|| of.first_changed().and_then(|seen| seen.time)) else {
+        return Ok(Err("its image has no capture time; give --since TIME".into()));
     };
     let entry = &file.site.cameras[of.index];
-    let (old, new) = (file.camera_image(entry)?, still(entry, &seen.path)?);
-    let newer = NewStill { image: beside(&seen.path, output), since: since.to_string() };
+    let (old, new) = (file.camera_image(entry)?, read_newer_image(entry, &seen.path)?);
+    let newer = NewImage { image: path_relative_to_file(&seen.path, output), since: since.to_string() };
     let pulse = Pulse::new("solving");
     let found = recovered(site, of.index, &seen.comparison, [&old, &new], &newer);
     drop(pulse);
     Ok(found.map_err(|refusal| refusal.to_string()).map(|found| {
         if !found.left_out.is_empty() {
             let names = few(found.left_out.iter().map(String::as_str));
-            say(format_args!("calib: camera \"{}\": not on the new still, left out: {names}", of.id));
+            print_message(format_args!(
+                "calib: camera \"{}\": not found in the newer image, left out: {names}",
+                of.id
+            ));
         }
         found.site
     }))
@@ -410,7 +430,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sigma_has_two_digits_and_its_value_as_many_decimals() {
+    fn standard_deviation_has_two_digits_and_value_equal_decimals() {
         assert_eq!(with_sigma(0.999_991_3, 0.000_003_24), "0.9999913 \u{b1} 0.0000032");
         assert_eq!(with_sigma(2.014_9, 0.031), "2.015 \u{b1} 0.031");
         assert_eq!(with_sigma(12.34, 25.0), "12 \u{b1} 25");

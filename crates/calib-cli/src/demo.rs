@@ -1,4 +1,5 @@
-//! `calib demo`: the demonstration site, written, solved, rendered and compared with its truth.
+//! `calib demo`: writes, solves and renders the demonstration site, and compares the result with ground
+//! truth.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +11,7 @@ use calib_demo::{DemoSite, Walk};
 use calib_site::{Options, Sigmas, Site, SiteCamera, Stage};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::files::{self, say};
+use crate::files::{self, print_message};
 use crate::painting::draw_on;
 use crate::picture;
 use crate::plan_ground::plan_view;
@@ -18,10 +19,10 @@ use crate::progress::Pulse;
 use crate::render::{Extras, camera_view};
 use crate::site_file::SiteFile;
 use crate::solve::Format;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// By which a folder is known as one that this command wrote.
-const STAMP: &str = ".calib-demo";
+/// Name of the file that marks a folder written by this command.
+const MARKER_FILE: &str = ".calib-demo";
 
 /// Arguments of `calib demo`.
 #[derive(Debug, clap::Args)]
@@ -29,13 +30,14 @@ pub(crate) struct Args {
     /// Folder to write to
     #[arg(value_name = "DIR", default_value = "calib-demo")]
     folder: String,
-    /// The same site without its plan: links and marks tie the cameras
+    /// Write the site without a plan, tied together by links and marks only
     #[arg(long)]
     no_plan: bool,
-    /// Besides, stills of a month later in the folder later: one camera turned, one zoomed, a shelf moved, other people and light
+    /// Also write images of one month later to the folder later: one camera rotated, one zoomed, a shelf
+    /// moved, other people and light
     #[arg(long)]
     moved: bool,
-    /// How to report the errors
+    /// Output format of the errors
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
     /// Overwrite a folder that this command did not write
@@ -43,13 +45,13 @@ pub(crate) struct Args {
     force: bool,
 }
 
-/// Writes, solves, renders, compares.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Writes, solves, renders and compares the demonstration site.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let folder = Path::new(&args.folder);
-    claim(folder, args.force)?;
+    prepare_folder(folder, args.force)?;
     let demo = if args.no_plan { calib_demo::demo_site_without_plan() } else { calib_demo::demo_site() };
     let steps = demo.site.cameras.len() * if args.moved { 3 } else { 2 } + 2;
-    let _pulse = Pulse::beside_a_bar("rendering the demonstration");
+    let _pulse = Pulse::unless_terminal("rendering the demonstration");
     let progress = ProgressBar::new(steps as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
         progress.set_style(style);
@@ -58,13 +60,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         progress.set_message(format!("rendering {id}"));
         let image = calib_demo::render(truth, camera.size_px);
         let name = camera.image.as_deref().unwrap_or("image.png");
-        files::write_atomically(&folder.join(name), &picture::encoded(&image, name)?)?;
+        files::write_atomically(&folder.join(name), &picture::encode(&image, name)?)?;
         progress.inc(1);
     }
     let stale = folder.join("plan.png");
     match demo.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) {
         Some(plan) => files::write_atomically(&folder.join(plan), &picture::png(&demo.plan)?)?,
-        // Left by a run with a plan, it would look as if it belonged to this one.
+        // A plan left by an earlier run would seem to belong to this site.
         None if stale.exists() => {
             std::fs::remove_file(&stale).context("removing the plan of an earlier run")?;
         }
@@ -82,27 +84,27 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     }
     progress.finish_and_clear();
     files::print(&comparison(&demo, &solved, args.format))?;
-    say(format_args!(
-        "\nWrote {}: site.json (as drawn), solved.json, detections.csv (feet of people who walk through the shop), and overlay-*.png, sigma-*.png and overlay-plan.png to look at.",
+    print_message(format_args!(
+        "\nWrote {}: site.json (annotations only), solved.json, detections.csv (feet of people who walk through the shop), and the images overlay-*.png, sigma-*.png and overlay-plan.png.",
         folder.display()
     ));
     if args.moved {
         let folder = folder.display();
-        say(format_args!(
-            "calib compare {folder}/solved.json --still {folder}/later finds the cameras that moved."
+        print_message(format_args!(
+            "To find the cameras that moved: calib compare {folder}/solved.json --still {folder}/later"
         ));
     }
     let cameras: Vec<&SiteCamera> = solved.cameras.iter().collect();
-    crate::solve::unsolved(&cameras)
+    crate::solve::check_all_solved(&cameras)
 }
 
-/// Stills of a month later, named by camera and time.
-fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
+/// Writes images of one month later, named by camera and time.
+fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result<(), CommandError> {
     let later = folder.join("later");
-    std::fs::create_dir_all(&later).with_context(|| format!("making {}", later.display()))?;
+    std::fs::create_dir_all(&later).with_context(|| format!("creating {}", later.display()))?;
     for (entry, (id, truth)) in demo.site.cameras.iter().zip(&demo.truth) {
         progress.set_message(format!("rendering {id}, a month later"));
-        let moved = calib_demo::moved();
+        let moved = calib_demo::changed_cameras();
         let turn = moved.iter().find(|(moved, _)| moved == id).map(|(_, turn)| *turn).unwrap_or_default();
         let image = calib_demo::render_later(&turn.applied(truth), entry.size_px);
         files::write_atomically(&later.join(format!("{id}_20260601_0900.png")), &picture::png(&image)?)?;
@@ -111,20 +113,21 @@ fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result
     Ok(())
 }
 
-/// Makes the folder, or takes one that this command wrote before.
-fn claim(folder: &Path, force: bool) -> Result<(), Stop> {
-    let ours = folder.join(STAMP);
+/// Creates the folder, or accepts one that this command wrote before.
+fn prepare_folder(folder: &Path, force: bool) -> Result<(), CommandError> {
+    let ours = folder.join(MARKER_FILE);
     let is_empty = std::fs::read_dir(folder).map_or(true, |mut entries| entries.next().is_none());
     if !is_empty && !ours.exists() && !force {
         let message =
             format!("{} exists and was not written by this command; --force overwrites it", folder.display());
-        return Err(Stop::Failed(anyhow::anyhow!(message)));
+        return Err(CommandError::Failed(anyhow::anyhow!(message)));
     }
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+    std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
     files::write_atomically(&ours, b"This folder was written by `calib demo`, which overwrites it.\n")
 }
 
-/// Feet of people who walk through the site, as a detector finds them in every camera.
+/// Returns the foot points of people who walk through the site, as a detector would report them in every
+/// camera.
 fn detections(demo: &DemoSite) -> String {
     let cameras: Vec<(Camera, [u32; 2])> = demo
         .truth
@@ -132,17 +135,17 @@ fn detections(demo: &DemoSite) -> String {
         .zip(&demo.site.cameras)
         .map(|((_, camera), entry)| (*camera, entry.size_px))
         .collect();
-    let row = |seen: calib_demo::Seen| {
+    let row = |seen: calib_demo::FootDetection| {
         let (at_s, id, Pixel { u, v }) =
             (seen.moment as f64 * Walk::STEP, &demo.truth[seen.camera].0, seen.pixel);
         format!("{at_s:.1},{id},{u:.1},{v:.1}\n")
     };
-    let rows: String = calib_demo::walk(&cameras, 1).seen.into_iter().map(row).collect();
+    let rows: String = calib_demo::walk(&cameras, 1).detections.into_iter().map(row).collect();
     format!("at_s,camera,u,v\n{rows}")
 }
 
-/// Overlays of every camera and of the plan, and the floor shaded by its error.
-fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
+/// Writes overlays of every camera and of the plan, and images of the floor error.
+fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), CommandError> {
     let file = SiteFile::read(&folder.join("solved.json").to_string_lossy())?;
     for camera in &file.site.cameras {
         progress.set_message(format!("drawing {}", camera.id));
@@ -162,21 +165,22 @@ fn draw(folder: &Path, progress: &ProgressBar) -> Result<(), Stop> {
     Ok(())
 }
 
-/// How far one camera's result is from the truth, each error with the sigma predicted for it.
+/// Errors of one camera against ground truth, each with its predicted standard deviation.
 struct Errors {
     roll_deg: (f64, Option<f64>),
     pitch_deg: (f64, Option<f64>),
     focal_percent: (f64, Option<f64>),
     yaw_deg: Option<(f64, Option<f64>)>,
-    /// Absent where nothing told the place.
+    /// Position error, in metres; absent if the position is unknown.
     position_m: Option<(f64, Option<f64>)>,
     floor_m: Option<f64>,
-    /// Where the top of the image of a camera heads that looks straight down: there roll and yaw are one turn.
+    /// Error of the heading of the image's top edge, in degrees, for a camera that looks straight down. Roll
+    /// and yaw are then one rotation.
     image_top_deg: Option<(f64, Option<f64>)>,
 }
 
 impl Errors {
-    fn of(entry: &SiteCamera, truth: &Camera) -> Option<Self> {
+    fn new(entry: &SiteCamera, truth: &Camera) -> Option<Self> {
         let (found, solution) = (entry.camera()?, entry.solution.as_ref()?);
         let sigma = |value: fn(&Sigmas) -> Option<f64>| solution.sigma.as_ref().and_then(value);
         let half = std::f64::consts::PI;
@@ -230,7 +234,7 @@ impl Errors {
         let placed = |pair: Option<(f64, Option<f64>)>| pair.map_or_else(|| "-".into(), cell);
         let own_turn = |cell: String| if self.image_top_deg.is_some() { "-".into() } else { cell };
         let top = self.image_top_deg.map_or_else(String::new, |top| {
-            format!("\n{id:10} looks straight down: the top of its image heads {} degrees off", cell(top))
+            format!("\n{id:10} looks straight down; heading error of the image's top edge: {} deg", cell(top))
         });
         format!(
             "{id:10} {:>16} {:>16} {:>18} {:>16} {:>16} {:>12}{top}",
@@ -244,11 +248,11 @@ impl Errors {
     }
 }
 
-/// Every error against the truth; a sigma is missing where a hand placed the camera.
+/// Formats every error against ground truth. Standard deviations are missing for cameras placed by hand.
 fn comparison(demo: &DemoSite, solved: &Site, format: Format) -> String {
     let cameras = || {
         let pairs = solved.cameras.iter().zip(&demo.truth);
-        pairs.map(|(entry, (id, truth))| (id, Errors::of(entry, truth)))
+        pairs.map(|(entry, (id, truth))| (id, Errors::new(entry, truth)))
     };
     if format == Format::Json {
         let map: serde_json::Map<String, serde_json::Value> = cameras()
@@ -257,7 +261,7 @@ fn comparison(demo: &DemoSite, solved: &Site, format: Format) -> String {
         return format!("{:#}\n", serde_json::Value::Object(map));
     }
     let head = format!(
-        "Errors against the truth (\u{b1} the predicted sigma; none where a hand placed the camera, or where it holds the base system)\n\
+        "Errors against ground truth (\u{b1} predicted standard deviation; missing for cameras placed by hand or fixed as reference)\n\
          {:10} {:>16} {:>16} {:>18} {:>16} {:>16} {:>12}\n",
         "camera", "roll deg", "pitch deg", "focal %", "yaw deg", "position m", "floor m",
     );
@@ -268,7 +272,7 @@ fn comparison(demo: &DemoSite, solved: &Site, format: Format) -> String {
     table + &agreement(solved)
 }
 
-/// How well links and marks agree in the views that show them.
+/// Formats how well links and marks agree between their views.
 fn agreement(solved: &Site) -> String {
     let links = solved.links.iter().filter_map(|link| Some(("links", link.solution.as_ref()?)));
     let marks = solved.marks.iter().filter_map(|mark| Some(("marks", mark.solution.as_ref()?)));
@@ -279,11 +283,12 @@ fn agreement(solved: &Site) -> String {
         *most = solution.residuals.iter().map(|seen| seen.px).fold(*most, f64::max);
     }
     worst.iter().fold(String::new(), |text, (what, (count, px))| {
-        format!("{text}{count} {what} agree within {px:.1} px in every view that shows them\n")
+        format!("{text}{count} {what} agree within {px:.1} px in all their views\n")
     })
 }
 
-/// Root mean square distance on the floor between what both cameras see at pixels of the EFOV.
+/// Computes the RMS distance, in metres, between the floor points of the estimated and the true camera, at
+/// sample pixels of the EFOV.
 fn floor_error(entry: &SiteCamera, found: &Camera, truth: &Camera) -> Option<f64> {
     let corners = entry.efov_px.as_ref()?;
     let centre = corners

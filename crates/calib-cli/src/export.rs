@@ -1,4 +1,5 @@
-//! `calib export`: the calibration as other programs have it, and what they cannot hold.
+//! `calib export`: writes the calibration in formats of other programs, and reports the data that a format
+//! loses.
 
 use std::path::{Path, PathBuf};
 
@@ -10,56 +11,56 @@ use crate::args::{SiteArgs, size};
 use crate::files;
 use crate::picture;
 use crate::site_file::SiteFile;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// A type of the table that the formats leave to this program: it has what writes it.
+/// File type of the camera table that this program encodes itself.
 const PARQUET: &str = "parquet";
 
 /// Arguments of `calib export`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Which format
-    #[arg(value_parser = formats(Format::exports))]
+    /// Format to export
+    #[arg(value_parser = formats(Format::can_export))]
     format: String,
     #[command(flatten)]
     site: SiteArgs,
-    /// Folder to write into, or a file where there is but one; - is stdout
+    /// Folder to write to, or a file if there is only one; - is stdout
     #[arg(short, long, value_name = "PATH")]
     output: String,
-    /// Only this camera
+    /// Export only this camera
     #[arg(long, value_name = "ID")]
     camera: Option<String>,
-    /// Write even what the format cannot hold as it is
+    /// Export even if the format loses data
     #[arg(long)]
     allow_lossy: bool,
-    /// The camera of the undistorted image, and the map that makes it (for cv2.remap)
+    /// Export the camera of the undistorted image, with the undistortion map (for cv2.remap)
     #[arg(long)]
     rectified: bool,
-    /// For a stream of this size, in pixels
+    /// Export for a stream of this size, in pixels
     #[arg(long, value_name = "WxH", value_parser = size)]
     rescale: Option<[u32; 2]>,
-    /// One of the format's file types (a table may be parquet, too); by default that of PATH, or else the format's first
+    /// File type of the format (a table may also be parquet); by default the extension of PATH, otherwise the format's first type
     #[arg(long, value_name = "EXTENSION")]
     file_type: Option<String>,
-    /// Overwrite files that are there
+    /// Overwrite existing files
     #[arg(long)]
     force: bool,
 }
 
-/// The names of the formats with what reads them, for the help.
+/// Lists the format names with descriptions, for the help.
 pub(crate) fn formats(which: fn(&Format) -> bool) -> PossibleValuesParser {
     let known = FORMATS.iter().filter(|format| which(format));
     PossibleValuesParser::new(known.map(|format| PossibleValue::new(format.name).help(format.about)))
 }
 
-/// A format by a name that was checked already.
-pub(crate) fn named(name: &str) -> Result<&'static Format, Stop> {
-    calib_formats::format(name).ok_or_else(|| Stop::Usage(format!("{name}: no such format")))
+/// Returns a format by its name, which was checked before.
+pub(crate) fn format_named(name: &str) -> Result<&'static Format, CommandError> {
+    calib_formats::format(name).ok_or_else(|| CommandError::Usage(format!("{name}: unknown format")))
 }
 
-/// Writes the files of a format, once nothing is lost or that is agreed to.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    let format = named(&args.format)?;
+/// Writes the files of a format if it loses no data, or the loss is allowed.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
+    let format = format_named(&args.format)?;
     let file = args.site.read()?;
     if let Some(id) = &args.camera {
         file.camera(id)?;
@@ -68,45 +69,52 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let is_parquet = format.is_table && options.extension.take_if(|asked| asked == PARQUET).is_some();
     let mut export = calib_formats::export(format, &file.site, &options).map_err(|error| {
         let nothing = file.site.cameras.iter().all(|camera| camera.camera().is_none());
-        if nothing { Stop::Unsolved(error.to_string()) } else { Stop::Usage(error.to_string()) }
+        if nothing {
+            CommandError::Unsolved(error.to_string())
+        } else {
+            CommandError::Usage(error.to_string())
+        }
     })?;
     if is_parquet {
         for file in &mut export.files {
             (file.name, file.bytes) = ("cameras.parquet".into(), as_parquet(&file.bytes)?);
         }
     }
-    agree(args, format, &export)?;
-    let targets = targets(args, format, &export)?;
+    check_losses(args, format, &export)?;
+    let targets = output_paths(args, format, &export)?;
     for (path, file) in targets.iter().zip(&export.files) {
         if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+            std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
         }
         files::write(&path.to_string_lossy(), &file.bytes, args.force)?;
     }
     for note in &export.notes {
-        files::say(note);
+        files::print_message(note);
     }
-    files::say(format_args!("{} holds {}; it has no place for: {}", format.name, format.holds, format.lacks));
+    files::print_message(format_args!(
+        "{} holds {}; it has no place for: {}",
+        format.name, format.contains, format.lacks
+    ));
     if !export.unsolved.is_empty() {
         let ids = export.unsolved.join(", ");
-        return Err(Stop::Unsolved(format!("left out because they are not calibrated: {ids}")));
+        return Err(CommandError::Unsolved(format!("left out because they are not calibrated: {ids}")));
     }
     Ok(())
 }
 
 #[cfg(feature = "archives")]
-use crate::project::encode as as_parquet;
+use crate::project::encode_parquet as as_parquet;
 
 #[cfg(not(feature = "archives"))]
-fn as_parquet(_: &[u8]) -> Result<Vec<u8>, Stop> {
-    Err(Stop::Usage("parquet: this program was built without its feature `archives`".into()))
+fn as_parquet(_: &[u8]) -> Result<Vec<u8>, CommandError> {
+    Err(CommandError::Usage("parquet: not supported by this build (feature `archives` is off)".into()))
 }
 
-fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOptions, Stop> {
+fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOptions, CommandError> {
     let of_path = extension(&args.output).filter(|found| is_type(format, found));
     let plan = if format.shows_plan { file.plan_image()? } else { None };
     let plan = plan.map(|image| {
-        Ok::<_, Stop>(PlanImage { size: [image.width(), image.height()], png: picture::png(&image)? })
+        Ok::<_, CommandError>(PlanImage { size: [image.width(), image.height()], png: picture::png(&image)? })
     });
     Ok(ExportOptions {
         rectified: args.rectified,
@@ -118,13 +126,13 @@ fn options(args: &Args, format: &Format, file: &SiteFile) -> Result<ExportOption
     })
 }
 
-/// Whether PATH is a file's name, or stdout, and no folder.
+/// Whether PATH is a file name or stdout, not a folder.
 fn is_one_file(args: &Args, format: &Format) -> bool {
     let is_named = extension(&args.output).is_some_and(|found| is_type(format, &found));
     args.output == "-" || is_named && !Path::new(&args.output).is_dir()
 }
 
-/// Whether a format is written as files that end so.
+/// Whether a format has files with this extension.
 fn is_type(format: &Format, extension: &str) -> bool {
     format.extensions.contains(&extension) || format.is_table && extension == PARQUET
 }
@@ -133,22 +141,25 @@ fn extension(path: &str) -> Option<String> {
     Some(Path::new(path).extension()?.to_string_lossy().to_lowercase())
 }
 
-/// Refuses what would mislead, unless that is agreed to.
-fn agree(args: &Args, format: &Format, export: &Export) -> Result<(), Stop> {
+/// Refuses a lossy export unless it is allowed.
+fn check_losses(args: &Args, format: &Format, export: &Export) -> Result<(), CommandError> {
     if export.losses.is_empty() {
         return Ok(());
     }
     let list: Vec<String> = export.losses.iter().map(|loss| format!("  {loss}")).collect();
     let list = list.join("\n");
     if args.allow_lossy {
-        files::say(format_args!("{} loses\n{list}", format.name));
+        files::print_message(format_args!("{} loses\n{list}", format.name));
         return Ok(());
     }
-    Err(Stop::Lossy(format!("{} would lose\n{list}\n--allow-lossy writes it all the same", format.name)))
+    Err(CommandError::Lossy(format!(
+        "{} would lose\n{list}\nAdd --allow-lossy to export anyway.",
+        format.name
+    )))
 }
 
-/// Where every file goes: PATH itself, if it is a file's name, else into the folder PATH.
-fn targets(args: &Args, format: &Format, export: &Export) -> Result<Vec<PathBuf>, Stop> {
+/// Returns the path of every file: PATH itself if it is a file name, otherwise inside the folder PATH.
+fn output_paths(args: &Args, format: &Format, export: &Export) -> Result<Vec<PathBuf>, CommandError> {
     let path = Path::new(&args.output);
     if is_one_file(args, format) {
         if let [_] = export.files[..] {
@@ -157,7 +168,7 @@ fn targets(args: &Args, format: &Format, export: &Export) -> Result<Vec<PathBuf>
         let count = export.files.len();
         let one = if args.camera.is_none() { ", or choose one with --camera ID" } else { "" };
         let what = format!("--output {}: {count} files; give a folder{one}", args.output);
-        return Err(Stop::Usage(what));
+        return Err(CommandError::Usage(what));
     }
     let targets: Vec<PathBuf> = export.files.iter().map(|file| path.join(&file.name)).collect();
     for target in &targets {

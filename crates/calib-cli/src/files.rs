@@ -1,6 +1,5 @@
-//! Writing files whole or not at all, and what is said to the operator.
-//!
-//! Work on many files at once, by as many threads as are asked for.
+//! Output files that are written completely or not at all, messages on stderr, and parallel work on many
+//! files.
 
 use std::fs::File;
 use std::io::Write;
@@ -10,80 +9,80 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
-use calib_input::{NoPlace, Part, place};
+use calib_input::{PartialFile, PathError, resolve_target};
 
-use crate::stop::{Stop, visible};
+use crate::stop::{CommandError, escape_control_characters};
 
-/// Writes a file whole or not at all; `-` is stdout. A file that is there needs `force`.
-pub(crate) fn write(path: &str, bytes: &[u8], force: bool) -> Result<(), Stop> {
+/// Writes a complete file or nothing; `-` is stdout. Overwriting a file requires `force`.
+pub(crate) fn write(path: &str, bytes: &[u8], force: bool) -> Result<(), CommandError> {
     if path == "-" {
         return print_bytes(bytes);
     }
     write_through(Path::new(path), force, |mut file| Ok(file.write_all(bytes)?))
 }
 
-/// Refuses a path that is taken, before any work is done for it.
-pub(crate) fn check_free(path: &str, force: bool) -> Result<(), Stop> {
+/// Refuses an existing output file before any work is done.
+pub(crate) fn check_free(path: &str, force: bool) -> Result<(), CommandError> {
     let is_free = path == "-" || is_stream(Path::new(path));
-    if is_free { Ok(()) } else { target(Path::new(path), force).map(drop) }
+    if is_free { Ok(()) } else { resolve_output(Path::new(path), force).map(drop) }
 }
 
-/// Whether a path leads to a pipe or a device: nothing to replace.
+/// Whether a path is a pipe or a device, which is not replaced.
 fn is_stream(path: &Path) -> bool {
     path.metadata().is_ok_and(|about| !about.is_file() && !about.is_dir())
 }
 
-/// Where what is written to a path ends up.
-fn target(path: &Path, force: bool) -> Result<PathBuf, Stop> {
-    place(path, force).map_err(|refused| match refused {
-        NoPlace::Taken(path) => taken(&path),
-        NoPlace::DeadLink(_) => Stop::Failed(refused.into()),
+/// Returns the path that output is written to, with links resolved.
+fn resolve_output(path: &Path, force: bool) -> Result<PathBuf, CommandError> {
+    resolve_target(path, force).map_err(|refused| match refused {
+        PathError::Exists(path) => exists_error(&path),
+        PathError::BrokenLink(_) => CommandError::Failed(refused.into()),
     })
 }
 
-fn taken(path: &Path) -> Stop {
-    Stop::Failed(anyhow::anyhow!("{} exists; --force overwrites it", path.display()))
+fn exists_error(path: &Path) -> CommandError {
+    CommandError::Failed(anyhow::anyhow!("{} exists; --force overwrites it", path.display()))
 }
 
-/// Writes out of sight, then puts the file in its place over what may be there: a killed run leaves the old one
-/// or the new one.
-pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), Stop> {
+/// Writes to a temporary file, which then replaces the target. A killed run leaves either the old or the new
+/// file.
+pub(crate) fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), CommandError> {
     write_through(path, true, |mut file| Ok(file.write_all(bytes)?))
 }
 
-/// As [`write()`], what is written handed out piece by piece. Without `force` the place is taken in one step:
-/// of several runs that write one file, one does.
+/// Writes a file as [`write()`] does, through a callback. Without `force` the file is created in one step: if
+/// several runs write the same file, only one succeeds.
 pub(crate) fn write_through(
     path: &Path,
     force: bool,
-    fill: impl FnOnce(&File) -> Result<(), Stop>,
-) -> Result<(), Stop> {
+    fill: impl FnOnce(&File) -> Result<(), CommandError>,
+) -> Result<(), CommandError> {
     let writing = || format!("writing {}", path.display());
     if is_stream(path) {
         let stream = File::options().write(true).open(path).with_context(writing)?;
-        return fill(&stream).map_err(|stop| stop.while_doing(writing));
+        return fill(&stream).map_err(|stop| stop.add_context(writing));
     }
-    let target = target(path, force)?;
-    let part = Part::beside(&target).with_context(writing)?;
-    // A full disk is that of this file.
-    fill(part.file()).map_err(|stop| stop.while_doing(writing))?;
+    let target = resolve_output(path, force)?;
+    let part = PartialFile::new_for(&target).with_context(writing)?;
+    // Errors such as a full disk name this file.
+    fill(part.file()).map_err(|stop| stop.add_context(writing))?;
     part.persist(&target, force).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists if !force => taken(path),
-        _ => Stop::from(anyhow::Error::from(error).context(writing())),
+        std::io::ErrorKind::AlreadyExists if !force => exists_error(path),
+        _ => CommandError::from(anyhow::Error::from(error).context(writing())),
     })
 }
 
-/// stdout, for writers that wrap its errors in their own: it remembers that its reader has gone.
+/// stdout that records a closed pipe, for writers that wrap its errors in their own.
 #[derive(Clone, Default)]
 pub(crate) struct Stdout(Arc<AtomicBool>);
 
 impl Stdout {
-    /// How work on it ended: the reader's going is no failure.
-    pub(crate) fn ended(&self, work: Result<(), Stop>) -> Result<(), Stop> {
-        if self.0.load(Ordering::Relaxed) { Err(Stop::ReaderGone) } else { work }
+    /// Returns the result of the work; a closed pipe counts as [`CommandError::ReaderGone`].
+    pub(crate) fn finish(&self, work: Result<(), CommandError>) -> Result<(), CommandError> {
+        if self.0.load(Ordering::Relaxed) { Err(CommandError::ReaderGone) } else { work }
     }
 
-    fn watched<T>(&self, done: std::io::Result<T>) -> std::io::Result<T> {
+    fn record_broken_pipe<T>(&self, done: std::io::Result<T>) -> std::io::Result<T> {
         done.inspect_err(|error| {
             self.0.fetch_or(error.kind() == std::io::ErrorKind::BrokenPipe, Ordering::Relaxed);
         })
@@ -92,41 +91,41 @@ impl Stdout {
 
 impl Write for Stdout {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.watched(std::io::stdout().write(bytes))
+        self.record_broken_pipe(std::io::stdout().write(bytes))
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
-        self.watched(std::io::stdout().flush())
+        self.record_broken_pipe(std::io::stdout().flush())
     }
 }
 
 /// Prints text to stdout.
-pub(crate) fn print(text: &str) -> Result<(), Stop> {
+pub(crate) fn print(text: &str) -> Result<(), CommandError> {
     print_bytes(text.as_bytes())
 }
 
-fn print_bytes(data: &[u8]) -> Result<(), Stop> {
+fn print_bytes(data: &[u8]) -> Result<(), CommandError> {
     let written = std::io::stdout().lock().write_all(data);
-    written.map_err(|error| Stop::from(error).while_doing(|| "writing to stdout".to_owned()))
+    written.map_err(|error| CommandError::from(error).add_context(|| "writing to stdout".to_owned()))
 }
 
-/// Tells the operator something that is not data.
-pub(crate) fn say(text: impl std::fmt::Display) {
-    // A closed stderr leaves nobody to tell.
-    let _ = writeln!(std::io::stderr(), "{}", visible(&text.to_string()));
+/// Prints a message to stderr.
+pub(crate) fn print_message(text: impl std::fmt::Display) {
+    // stderr may be closed; the message is lost then.
+    let _ = writeln!(std::io::stderr(), "{}", escape_control_characters(&text.to_string()));
 }
 
-/// How many files are worked on at once.
+/// Argument for the number of parallel threads.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct ThreadsArgs {
-    /// Work on so many stills at once; each takes the memory of its image
+    /// Number of images to process in parallel; each needs the memory of its image
     #[arg(long, value_name = "N", default_value = "1")]
     threads: NonZeroUsize,
 }
 
 impl ThreadsArgs {
-    /// The results of all items, in their order; `done` is told of each as it ends. The first failure that is met ends
-    /// the work: what was begun is finished, nothing more is.
+    /// Processes all items and returns their results in order; `done` is called after each item. The first
+    /// error ends the run: items in progress are finished, and no others are started.
     pub(crate) fn run<T: Send, R: Send, E: Send>(
         self,
         items: Vec<T>,
@@ -150,7 +149,7 @@ impl ThreadsArgs {
                 });
             }
             drop(send);
-            // Whoever still works sends in vain once this loop is left.
+            // After an error, the results of other threads are discarded.
             for (index, result) in receive {
                 let result = result?;
                 done(&result);
@@ -167,7 +166,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn results_come_in_the_order_of_what_they_are_of() {
+    fn results_are_in_the_order_of_the_items() {
         for threads in [1, 3, 40] {
             let threads = ThreadsArgs { threads: NonZeroUsize::new(threads).unwrap() };
             let mut told = 0;

@@ -1,6 +1,5 @@
-//! `calib import`: cameras of another program as a site.
-//!
-//! Cameras of another program in a site that is there: its lines, links and marks stay.
+//! `calib import`: imports the cameras of another program as a site, or merges them into an existing site,
+//! whose annotations, links and marks stay.
 
 use std::path::Path;
 
@@ -8,15 +7,14 @@ use calib_formats::{File, Format, MAX_BYTES, MAX_FILES};
 use calib_report::few;
 use calib_site::{Plan, Site, SiteCamera};
 
-use crate::export::{formats, named};
+use crate::export::{format_named, formats};
 use crate::files;
-use crate::files::say;
+use crate::files::print_message;
 use crate::site_file::SiteFile;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// The site with the cameras and the plan that were imported. What is there already is replaced only when that
-/// is wanted.
-pub(crate) fn merged(file: SiteFile, imported: Site, replaces: bool) -> Result<Site, Stop> {
+/// Merges imported cameras and plan into a site. Existing ones are replaced only if `replaces` is set.
+pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Site, CommandError> {
     let SiteFile { mut site, path, .. } = file;
     let (mut added, mut taken) = (Vec::new(), Vec::new());
     for camera in imported.cameras {
@@ -28,27 +26,27 @@ pub(crate) fn merged(file: SiteFile, imported: Site, replaces: bool) -> Result<S
             }
             (Some(entry), None) => {
                 taken.push(camera.id.clone());
-                take(entry, camera, &path)?;
+                replace_camera(entry, camera, &path)?;
             }
             (Some(_), Some(_)) => {
                 let what =
-                    format!("several periods of camera \"{}\" are there; choose one by hand", camera.id);
-                return Err(Stop::invalid(path, what));
+                    format!("camera \"{}\" has several periods; edit the right one by hand", camera.id);
+                return Err(CommandError::invalid(path, what));
             }
         }
     }
     let mut there: Vec<String> = taken.iter().map(|id| format!("camera \"{id}\"")).collect();
     if let Some(plan) = imported.plan {
         there.extend(site.plan.is_some().then(|| "a plan".into()));
-        site.plan = Some(with_picture(plan, site.plan));
+        site.plan = Some(keep_plan_image(plan, site.plan));
     }
     if !replaces && !there.is_empty() {
         let what =
-            format!("has {} already; --replace takes lens and pose, or the plan, in its place", list(&there));
-        return Err(Stop::invalid(path, what));
+            format!("already has {}; add --replace to replace lens and pose, or the plan", list(&there));
+        return Err(CommandError::invalid(path, what));
     }
-    site.check().map_err(|error| Stop::invalid(&path, format!("merged, {error}")))?;
-    tell(&path, &added, &there);
+    site.check().map_err(|error| CommandError::invalid(&path, format!("after the merge: {error}")))?;
+    report_merge(&path, &added, &there);
     Ok(site)
 }
 
@@ -56,24 +54,28 @@ fn list(names: &[String]) -> String {
     few(names.iter().map(String::as_str))
 }
 
-fn tell(path: &str, added: &[String], replaced: &[String]) {
+fn report_merge(path: &str, added: &[String], replaced: &[String]) {
     if !added.is_empty() {
-        say(format_args!("added to {path}: {}", list(added)));
+        print_message(format_args!("added to {path}: {}", list(added)));
     }
     if !replaced.is_empty() {
-        say(format_args!("replaced in {path}: lens and pose, or scale and place, of {}", list(replaced)));
+        print_message(format_args!(
+            "replaced in {path}: lens and pose, or scale and position, of {}",
+            list(replaced)
+        ));
     }
 }
 
-/// What is drawn belongs to an image of one size.
-fn take(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Result<(), Stop> {
+/// Replaces the lens and the pose of a camera. Its annotations belong to an image of one size, so another
+/// size is refused.
+fn replace_camera(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Result<(), CommandError> {
     if entry.size_px != camera.size_px {
         let ([w, h], [found_w, found_h]) = (entry.size_px, camera.size_px);
         let what = format!(
-            "camera \"{}\" has {w} x {h} pixels, and what is imported {found_w} x {found_h}; scale it first",
+            "camera \"{}\" has {w} x {h} pixels, the imported one {found_w} x {found_h}; scale it first",
             entry.id
         );
-        return Err(Stop::invalid(path, what));
+        return Err(CommandError::invalid(path, what));
     }
     entry.lens = camera.lens;
     entry.solution = camera.solution.or(entry.solution.take());
@@ -85,29 +87,29 @@ fn take(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Result<(), St
     Ok(())
 }
 
-/// A world file names no picture that it knows to be there.
-fn with_picture(plan: Plan, there: Option<Plan>) -> Plan {
+/// Keeps the existing image of the plan, because a world file does not prove that its image exists.
+fn keep_plan_image(plan: Plan, there: Option<Plan>) -> Plan {
     let Some(there) = there else { return plan };
     Plan { image: there.image.or(plan.image), georeference: plan.georeference.or(there.georeference), ..plan }
 }
 
-/// Most bytes that a folder may have in the files of a format.
+/// Largest accepted total size of the files of a folder, in bytes.
 const MAX_FOLDER_BYTES: usize = 512 << 20;
-/// Folders in folders that are looked into.
+/// Largest accepted depth of nested folders.
 const MAX_DEPTH: usize = 4;
 
 /// Arguments of `calib import`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Which format
-    #[arg(value_parser = formats(Format::imports))]
+    /// Format to import
+    #[arg(value_parser = formats(Format::can_import))]
     format: String,
     /// File, or a folder with the files of the format
     file: String,
-    /// Site that the cameras are merged into, or the plan; what is drawn there stays
+    /// Site to merge the cameras or the plan into; its annotations stay
     #[arg(long, value_name = "SITE")]
     into: Option<String>,
-    /// With --into: take lens and pose, or the plan, in place of those that are there
+    /// With --into: replace the existing lens and pose, or the plan
     #[arg(long, requires = "into")]
     replace: bool,
     /// Site file to write; - is stdout
@@ -118,43 +120,44 @@ pub(crate) struct Args {
     force: bool,
 }
 
-/// Writes the site of what a file has.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    let format = named(&args.format)?;
+/// Imports a file or folder and writes the site.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
+    let format = format_named(&args.format)?;
     files::check_free(&args.output, args.force)?;
     let path = Path::new(&args.file);
     let mut found = Vec::new();
     if path.is_dir() {
-        gather(path, "", format, 0, &mut found)?;
+        collect_files(path, "", format, 0, &mut found)?;
     } else {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         found.push(read(path, name)?);
-        beside(path, format, &mut found)?;
+        add_companions(path, format, &mut found)?;
     }
-    let imported = calib_formats::import(format, &found).map_err(|error| Stop::Invalid(error.to_string()))?;
+    let imported =
+        calib_formats::import(format, &found).map_err(|error| CommandError::Invalid(error.to_string()))?;
     for note in &imported.notes {
-        say(note);
+        print_message(note);
     }
     let site = match &args.into {
         None => {
-            say("to merge this with a site, name it: --into SITE");
+            print_message("to merge this into a site, add --into SITE");
             imported.site
         }
         Some(into) => {
-            let file = SiteFile::read(into)?.moved_to(&args.output);
-            merged(file, imported.site, args.replace)?
+            let file = SiteFile::read(into)?.relative_to(&args.output);
+            merge(file, imported.site, args.replace)?
         }
     };
     files::write(&args.output, site.to_json().as_bytes(), args.force)
 }
 
-fn read(path: &Path, name: String) -> Result<File, Stop> {
+fn read(path: &Path, name: String) -> Result<File, CommandError> {
     let read = calib_input::read(path, MAX_BYTES as u64);
-    Ok(File { name, bytes: read.map_err(|error| Stop::invalid(path.display(), error))? })
+    Ok(File { name, bytes: read.map_err(|error| CommandError::invalid(path.display(), error))? })
 }
 
-/// Of a model in several files one brings the others.
-fn beside(path: &Path, format: &Format, found: &mut Vec<File>) -> Result<(), Stop> {
+/// Adds the other files of a model that consists of several files.
+fn add_companions(path: &Path, format: &Format, found: &mut Vec<File>) -> Result<(), CommandError> {
     for name in format.companions {
         let other = path.with_file_name(name);
         if !path.ends_with(name) && other.exists() {
@@ -164,15 +167,15 @@ fn beside(path: &Path, format: &Format, found: &mut Vec<File>) -> Result<(), Sto
     Ok(())
 }
 
-/// The files of a format in a folder and those below it, in the order of their names.
-fn gather(
+/// Collects the files of a format in a folder and its subfolders, sorted by name.
+fn collect_files(
     folder: &Path,
     prefix: &str,
     format: &Format,
     depth: usize,
     found: &mut Vec<File>,
-) -> Result<(), Stop> {
-    let wrong = |error: std::io::Error| Stop::invalid(folder.display(), error);
+) -> Result<(), CommandError> {
+    let wrong = |error: std::io::Error| CommandError::invalid(folder.display(), error);
     let mut entries =
         std::fs::read_dir(folder).map_err(wrong)?.collect::<Result<Vec<_>, _>>().map_err(wrong)?;
     entries.sort_by_key(std::fs::DirEntry::file_name);
@@ -181,7 +184,7 @@ fn gather(
         let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
         if path.is_dir() {
             if depth < MAX_DEPTH {
-                gather(&path, &format!("{name}/"), format, depth + 1, found)?;
+                collect_files(&path, &format!("{name}/"), format, depth + 1, found)?;
             }
             continue;
         }
@@ -193,8 +196,8 @@ fn gather(
         let bytes: usize = found.iter().map(|file| file.bytes.len()).sum();
         if found.len() > MAX_FILES || bytes > MAX_FOLDER_BYTES {
             let most = MAX_FOLDER_BYTES >> 20;
-            let what = format!("more than {MAX_FILES} files or {most} MiB, the most that is read");
-            return Err(Stop::invalid(folder.display(), what));
+            let what = format!("more than the limit of {MAX_FILES} files or {most} MiB");
+            return Err(CommandError::invalid(folder.display(), what));
         }
     }
     Ok(())

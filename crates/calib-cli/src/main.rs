@@ -1,9 +1,18 @@
-//! `calib`: calibrate the cameras of a site from one still image each.
+//! The `calib` command line: calibrates the cameras of a site from one image each.
 //!
-//! stdout is data, stderr is messages. Exit codes: 0 ok; 1 failed; 2 usage; 3 the input is invalid;
-//! 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
+//! Results go to stdout, messages to stderr. Exit codes: 0 success; 1 failure; 2 usage error; 3 invalid
+//! input; 4 a camera could not be solved or a quality gate failed; 5 a lossy export was refused.
+//!
+//! Each subcommand has a file with its name. Shared files:
+//! - `args`: arguments of several subcommands
+//! - `site_file`: the site file and the images of its cameras
+//! - `files`, `picture`, `archive`: safe output files, encoded images, and tables in CSV, NDJSON, Arrow and
+//!   Parquet
+//! - `painting`, `plan_ground`, `sigma_map`: overlays, plan backgrounds and error maps
+//! - `progress`: progress bars
+//! - `stop`: errors with their exit codes
 
-#![cfg_attr(not(feature = "archives"), allow(dead_code, reason = "what reads archives uses it"))]
+#![cfg_attr(not(feature = "archives"), allow(dead_code, reason = "used by the archive readers"))]
 
 mod stop;
 mod files;
@@ -44,9 +53,9 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// Calibrate the cameras of a site from one still image each: no patterns, no video, no server.
+/// Calibrate the cameras of a site from one image each: no patterns, no video, no server.
 #[derive(Debug, Parser)]
 #[command(name = "calib", version, propagate_version = true, max_term_width = 100)]
 struct Cli {
@@ -54,59 +63,62 @@ struct Cli {
     command: Command,
 }
 
-/// One subcommand a file; the list is the registry.
+/// Subcommands, one file each.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Write the demonstration site, solve it, render it, and print the errors against the truth
+    /// Write a demonstration site, calibrate it, render it, and print the errors against ground truth
     Demo(demo::Args),
-    /// Calibrate a site: text report, or the solutions as JSON
+    /// Calibrate a site; print a text report, or the solutions as JSON
     Solve(solve::Args),
-    /// Propose the calibration of stills from the edges in them; exit 4 where one has none that is accepted
+    /// Calibrate images automatically from their edges; exit 4 if a result is not accepted
     Propose(propose::Args),
-    /// Map tables of detections to the floor, or of points of space to pixels: CSV, NDJSON, Arrow, Parquet
+    /// Map tables of detections to the floor, or 3D points to pixels (CSV, NDJSON, Arrow, Parquet)
     #[cfg(feature = "archives")]
     Project(project::Args),
-    /// Write a camera's image without lens distortion, or windows that look anywhere in it (PNG, or JPEG for .jpg)
+    /// Write an image without lens distortion, or virtual views in any direction (PNG, or JPEG for .jpg)
     Undistort(undistort::Args),
-    /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan (PNG, or JPEG for .jpg)
+    /// Draw annotations, horizon, metre grid, EFOV and marks on an image, or all cameras on the plan (PNG, or
+    /// JPEG for .jpg)
     Render(render::Args),
-    /// Quality gate: exit 4 when a camera is unsolved, or camera or site are worse than asked
+    /// Quality gate: exit 4 if a camera is unsolved, or a camera or the site exceeds a limit
     Check(check::Args),
-    /// Find cameras that moved by the people that they see: since when, by how much; exit 4 when one did
+    /// Find cameras that were moved, from detections of people: since when and by how much; exit 4 if any
+    /// moved
     #[cfg(feature = "archives")]
     Watch(watch::Args),
-    /// Find cameras that turned, zoomed or were replaced, by a newer still of each; exit 4 when one did
+    /// Find cameras that were rotated, zoomed or replaced, from newer images; exit 4 if any changed
     Compare(compare::Args),
-    /// Acceptance by a walker whom several cameras see: floor error by zone, cameras that disagree; exit 4 when it fails
+    /// Acceptance test by a walk through the site: floor error by zone and cameras that disagree; exit 4 if
+    /// it fails
     #[cfg(feature = "archives")]
     Walk(walk::Args),
-    /// Write one self-contained HTML page to hand over: every overlay, number and warning
+    /// Write a self-contained HTML report with every overlay, number and warning
     Report(report::Args),
-    /// Write the calibration as other programs have it; exit 5 when the format cannot hold it
+    /// Export the calibration for another program; exit 5 if the format cannot hold all of it
     Export(export::Args),
-    /// Read cameras of another program into a site
+    /// Import the cameras of another program into a site
     Import(import::Args),
     /// Print the JSON Schema of the site file
     Schema,
-    /// Print the licence of this program and the notices of everything that is part of it
+    /// Print the licence of this program and the notices of its components
     Licenses,
-    /// Print completions for a shell
+    /// Print shell completions
     Completions {
-        /// Which shell
+        /// Shell to print completions for
         shell: clap_complete::Shell,
     },
 }
 
-/// What the command line asks for; ends where that is nothing, or not understood.
-fn parsed() -> Cli {
+/// Parses the command line; exits with usage help if it is empty or invalid.
+fn parse_args() -> Cli {
     let command = Cli::command();
     #[cfg(feature = "archives")]
-    let command = command.mut_subcommand("report", |report| report.mut_args(walk::goes_with_a_walk));
+    let command = command.mut_subcommand("report", |report| report.mut_args(walk::require_walk));
     Cli::from_arg_matches_mut(&mut command.get_matches()).unwrap_or_else(|error| error.exit())
 }
 
 fn main() -> ExitCode {
-    let result = match parsed().command {
+    let result = match parse_args().command {
         Command::Demo(args) => demo::run(&args),
         Command::Solve(args) => solve::run(&args),
         Command::Propose(args) => propose::run(&args),
@@ -131,26 +143,26 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(stop) => {
             if let Some(message) = stop.message() {
-                // A closed stderr leaves nobody to tell.
-                let _ = writeln!(std::io::stderr(), "calib: {}", stop::visible(&message));
+                // stderr may be closed; the message is lost then.
+                let _ = writeln!(std::io::stderr(), "calib: {}", stop::escape_control_characters(&message));
             }
             ExitCode::from(stop.code())
         }
     }
 }
 
-fn schema() -> Result<(), Stop> {
+fn schema() -> Result<(), CommandError> {
     let mut text = serde_json::to_string_pretty(&calib_site::Site::json_schema())?;
     text.push('\n');
     files::print(&text)
 }
 
-fn licenses() -> Result<(), Stop> {
+fn licenses() -> Result<(), CommandError> {
     let own = "calib is licensed under MIT or Apache-2.0, at your option.\n\n";
     files::print(&format!("{own}{}", include_str!("../THIRD-PARTY.txt")))
 }
 
-fn completions(shell: clap_complete::Shell) -> Result<(), Stop> {
+fn completions(shell: clap_complete::Shell) -> Result<(), CommandError> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "calib", &mut script);
     files::print(&String::from_utf8_lossy(&script))

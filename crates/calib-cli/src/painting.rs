@@ -1,4 +1,4 @@
-//! A drawing onto an image, by way of resvg.
+//! Rendering of SVG overlays onto images, with resvg.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use image::RgbImage;
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg;
 
-/// Draws onto an image of the same size.
+/// Renders an SVG onto an image of the same size.
 pub(crate) fn draw_on(svg: &Svg, image: &RgbImage) -> anyhow::Result<RgbImage> {
     let mut fonts = usvg::fontdb::Database::new();
     fonts.load_font_data(epaint_default_fonts::UBUNTU_LIGHT.to_vec());
@@ -22,14 +22,14 @@ pub(crate) fn draw_on(svg: &Svg, image: &RgbImage) -> anyhow::Result<RgbImage> {
         fontdb: Arc::new(fonts),
         ..usvg::Options::default()
     };
-    let tree = usvg::Tree::from_str(&svg.finish(""), &options).context("drawing")?;
+    let tree = usvg::Tree::from_str(&svg.finish(""), &options).context("rendering the overlay")?;
     let (width, height) = image.dimensions();
-    let mut pixmap = Pixmap::new(width, height).context("an image of no size")?;
+    let mut pixmap = Pixmap::new(width, height).context("the image has no pixels")?;
     for (to, from) in pixmap.data_mut().as_chunks_mut::<4>().0.iter_mut().zip(image.pixels()) {
         let [r, g, b] = from.0;
         *to = [r, g, b, 255];
     }
     resvg::render(&tree, Transform::identity(), &mut pixmap.as_mut());
     let colours = pixmap.data().as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-    RgbImage::from_raw(width, height, colours).context("an image of no size")
+    RgbImage::from_raw(width, height, colours).context("the image has no pixels")
 }

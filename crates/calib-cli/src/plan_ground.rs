@@ -1,21 +1,21 @@
-//! The ground of a site seen from above, as pixels.
+//! Pixels of the plan view of a site.
 
 use calib_report::{GROUND, Ground, PLAN_SHARE, Svg};
 use calib_site::Site;
 use image::{Rgb, RgbImage, imageops};
 
-/// The ground with the plan's picture, if there is one, and the drawing of a site seen from above.
+/// Returns the background of the plan view, with the plan's image if it exists, and the overlay of the site.
 pub(crate) fn plan_view(site: &Site, picture: Option<RgbImage>) -> (RgbImage, Svg) {
     let (Ground { size: [w, h], has_picture }, svg) =
         calib_report::plan_view(site, picture.as_ref().map(|picture| picture.dimensions().into()));
     let mut ground = RgbImage::from_pixel(w, h, Rgb(GROUND));
     if let Some(picture) = picture.filter(|_| has_picture) {
-        imageops::replace(&mut ground, &lightened(picture), 0, 0);
+        imageops::replace(&mut ground, &lighten(picture), 0, 0);
     }
     (ground, svg)
 }
 
-fn lightened(mut image: RgbImage) -> RgbImage {
+fn lighten(mut image: RgbImage) -> RgbImage {
     for pixel in image.pixels_mut() {
         let mix = |value: u8| f64::from(value) * PLAN_SHARE + 255.0 * (1.0 - PLAN_SHARE);
         pixel.0 = pixel.0.map(|value| mix(value).round() as u8);

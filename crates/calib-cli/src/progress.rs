@@ -1,6 +1,4 @@
-//! A bar for work over a second on a terminal, a line now and then elsewhere.
-//!
-//! A line now and then while work goes on that says nothing by itself.
+//! Progress of long work: a bar on a terminal, otherwise messages at intervals.
 
 use std::cell::Cell;
 use std::io::IsTerminal as _;
@@ -10,45 +8,45 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::files::say;
+use crate::files::print_message;
 
-/// How long nothing is shown: most work is done by then.
-const QUIET: Duration = Duration::from_secs(1);
+/// Time before a bar is shown; most work takes less.
+const BAR_DELAY: Duration = Duration::from_secs(1);
 
-/// How far a table is read.
+/// Progress of reading a table.
 pub(crate) struct Progress {
     start: Instant,
-    /// What counts: bytes read, or else rows.
+    /// Number of bytes read so far, if progress is measured in bytes.
     bytes: Option<Rc<Cell<u64>>>,
-    all: Option<u64>,
+    total: Option<u64>,
     rows: u64,
     bar: Option<ProgressBar>,
-    /// When a line was written last, where there is no terminal.
-    line: Option<Instant>,
+    /// Time of the last message; absent on a terminal.
+    last_message: Option<Instant>,
 }
 
 impl Progress {
-    /// Of a table of so many rows, if that is known, or else of so many bytes.
+    /// Creates a progress bar over `rows` if their number is known, otherwise over `bytes`.
     pub(crate) fn new(rows: Option<u64>, bytes: Option<u64>, read: Rc<Cell<u64>>) -> Self {
         let by_bytes = rows.is_none();
         let bytes_read = by_bytes.then_some(read);
-        let all = rows.or(bytes);
+        let total = rows.or(bytes);
         let start = Instant::now();
-        let line = (!std::io::stderr().is_terminal()).then_some(start);
-        Self { start, bytes: bytes_read, all, rows: 0, bar: None, line }
+        let last_message = (!std::io::stderr().is_terminal()).then_some(start);
+        Self { start, bytes: bytes_read, total, rows: 0, bar: None, last_message }
     }
 
-    /// So many rows more are done.
+    /// Adds `rows` to the progress.
     pub(crate) fn step(&mut self, rows: usize) {
         self.rows += rows as u64;
-        if let Some(line) = &mut self.line {
-            if line.elapsed() >= LINES {
+        if let Some(line) = &mut self.last_message {
+            if line.elapsed() >= MESSAGE_INTERVAL {
                 *line = Instant::now();
-                say(format_args!("calib: {}", self.text()));
+                print_message(format_args!("calib: {}", self.text()));
             }
             return;
         }
-        if self.bar.is_none() && self.start.elapsed() > QUIET {
+        if self.bar.is_none() && self.start.elapsed() > BAR_DELAY {
             self.bar = Some(self.bar());
         }
         if let Some(bar) = &self.bar {
@@ -57,20 +55,20 @@ impl Progress {
         }
     }
 
-    /// As much as `all`, when all is done.
+    /// Returns the progress in the unit of `all`.
     fn done(&self) -> u64 {
         self.bytes.as_ref().map_or(self.rows, |bytes| bytes.get())
     }
 
-    /// How far it is, in a line.
+    /// Formats the progress as a message.
     fn text(&self) -> String {
-        let share = self.all.filter(|&all| all > 0).map(|all| 100.0 * self.done() as f64 / all as f64);
+        let share = self.total.filter(|&all| all > 0).map(|all| 100.0 * self.done() as f64 / all as f64);
         let share = share.map_or_else(String::new, |share| format!(", {share:.0} %"));
         format!("{} rows{share}, {} s", self.rows, self.start.elapsed().as_secs())
     }
 
     fn bar(&self) -> ProgressBar {
-        let (bar, template) = match self.all {
+        let (bar, template) = match self.total {
             Some(all) => (ProgressBar::new(all), "{bar:30} {percent} %, {msg}, {eta} left"),
             None => (ProgressBar::new_spinner(), "{spinner} {msg}"),
         };
@@ -89,30 +87,30 @@ impl Drop for Progress {
     }
 }
 
-/// Between two lines of a log.
-pub(crate) const LINES: Duration = Duration::from_secs(10);
+/// Time between two messages in a log.
+pub(crate) const MESSAGE_INTERVAL: Duration = Duration::from_secs(10);
 
-/// Says every ten seconds that work goes on of which nobody knows how much is left, until it is dropped.
+/// Message at intervals during work of unknown length, until it is dropped.
 pub(crate) struct Pulse {
-    /// Dropped with the pulse, which ends the thread that listens.
+    /// Channel that ends the message thread when it is dropped.
     _end: Sender<()>,
 }
 
 impl Pulse {
-    /// Of this work.
+    /// Starts the messages for `work`.
     pub(crate) fn new(work: &'static str) -> Self {
         let (end, ends) = channel::<()>();
         let start = Instant::now();
         std::thread::spawn(move || {
-            while ends.recv_timeout(LINES) == Err(RecvTimeoutError::Timeout) {
-                say(format_args!("calib: {work}, {} s", start.elapsed().as_secs()));
+            while ends.recv_timeout(MESSAGE_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                print_message(format_args!("calib: {work}, {} s", start.elapsed().as_secs()));
             }
         });
         Self { _end: end }
     }
 
-    /// As [`Self::new`], where no bar on a terminal says it.
-    pub(crate) fn beside_a_bar(work: &'static str) -> Option<Self> {
+    /// Starts the messages as [`Self::new`] does, unless a terminal shows a progress bar.
+    pub(crate) fn unless_terminal(work: &'static str) -> Option<Self> {
         (!std::io::stderr().is_terminal()).then(|| Self::new(work))
     }
 }

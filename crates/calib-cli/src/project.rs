@@ -1,6 +1,7 @@
-//! `calib project`: tables of pixels to the floor, and of points of space to pixels, of any size.
+//! `calib project`: maps tables of pixels to the floor, or of 3D points to pixels, in batches, so that tables
+//! may have any size.
 //!
-//! The table of cameras as Apache Parquet, for engines: what its JSON says, lists as lists.
+//! Also encodes the table of cameras as Apache Parquet for query engines, with the values of its JSON form.
 
 use std::io::{BufWriter, Write};
 use std::path::Path;
@@ -14,20 +15,21 @@ use arrow_array::{
 use arrow_schema::{Field, Schema};
 use calib_core::floor::Stream;
 use calib_table::{
-    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Rows, To, Wanted, Wording,
+    AtColumn, AtUnit, BadCells, BadRows, CalibrationRequest, Calibrations, CameraSource, Columns, Mapping,
+    Rows, To, Wording,
 };
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use parquet::arrow::ArrowWriter;
 use serde_json::{Map, Value};
 
-use crate::archive::{FORMATS, Format, Input, Output, Packing, Purpose, Sink, Source};
+use crate::archive::{FORMATS, Format, Input, Output, OutputOptions, ReadOptions, Sink, Source};
 use crate::args::{Fit, PixelOrigin, SiteArgs, size};
 use crate::files;
 use crate::progress::Progress;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// The rows of the table's document; what it says beside them becomes metadata.
-pub(crate) fn encode(json: &[u8]) -> Result<Vec<u8>, Stop> {
+/// Encodes the table of cameras as Parquet. Fields outside the rows become metadata.
+pub(crate) fn encode_parquet(json: &[u8]) -> Result<Vec<u8>, CommandError> {
     let mut about: Map<String, Value> = serde_json::from_slice(json)?;
     let Some(Value::Array(rows)) = about.remove("cameras") else { return Ok(Vec::new()) };
     let first = rows.first().and_then(Value::as_object).into_iter().flatten();
@@ -49,8 +51,8 @@ pub(crate) fn encode(json: &[u8]) -> Result<Vec<u8>, Stop> {
     Ok(bytes)
 }
 
-/// One value of every row; the first row's says what they are. Matrices are lists of numbers, polygons lists of
-/// points; what is absent in the first row is text.
+/// Builds the column of one key; the first row determines its type. Matrices are lists of numbers and
+/// polygons are lists of points. A value that is missing in the first row makes a text column.
 fn column(key: &str, first: &Value, rows: &[Value]) -> ArrayRef {
     let values = rows.iter().map(|row| row.get(key));
     let numbers = |value: &Value| Some(value.as_array()?.iter().map(Value::as_f64).collect::<Vec<_>>());
@@ -77,10 +79,10 @@ fn column(key: &str, first: &Value, rows: &[Value]) -> ArrayRef {
     }
 }
 
-/// What the help says last.
-const METADATA: &str = "Parquet and Arrow say in their metadata what they were mapped with: calib.site_sha256 (of \
-the site file), calib.version, calib.camera, calib.valid_from, calib.valid_to, and where there are several, all of \
-them in calib.calibrations (JSON). CSV and NDJSON have no place for that.";
+/// Note about metadata at the end of the help.
+const METADATA: &str = "Parquet and Arrow outputs contain metadata: calib.version, calib.site_sha256 (of the site \
+file), and calib.calibrations (JSON). With a single calibration they also contain calib.camera, calib.valid_from and \
+calib.valid_to. CSV and NDJSON have no metadata.";
 
 /// Arguments of `calib project`.
 #[derive(Debug, clap::Args)]
@@ -88,61 +90,64 @@ them in calib.calibrations (JSON). CSV and NDJSON have no place for that.";
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Which camera
+    /// Camera of all rows
     #[arg(long, value_name = "ID", required_unless_present = "camera_column")]
     camera: Option<String>,
-    /// Column that names the camera of every row; rows of cameras that are not calibrated get the status no-calibration
+    /// Column with the camera of every row; rows of uncalibrated cameras get the status no-calibration
     #[arg(long, value_name = "NAME", conflicts_with = "camera")]
     camera_column: Option<String>,
-    /// Column of times (timestamps, or RFC 3339 text; without an offset they count as UTC): every row is mapped by the calibration that held then
+    /// Column of times (timestamps, or RFC 3339 text; UTC without an offset): each row is mapped by the
+    /// calibration valid at its time
     #[arg(long, value_name = "NAME", conflicts_with = "at")]
     at_column: Option<String>,
-    /// What numbers of that column count from 1970; by default what its name ends with (_s, _ms, _us, _ns)
+    /// Unit of numbers in that column, counted from 1970; by default taken from the end of its name (_s, _ms,
+    /// _us, _ns)
     #[arg(long, value_enum, value_name = "UNIT", requires = "at_column")]
     at_unit: Option<AtUnit>,
-    /// Which way to map
+    /// Direction of the mapping
     #[arg(long, value_enum)]
     to: To,
     /// Whether pixels are points or boxes
     #[arg(long, value_enum, default_value_t = Columns::Auto)]
     columns: Columns,
-    /// Where pixels are counted from
+    /// Origin of pixel coordinates
     #[arg(long, value_enum, default_value_t = PixelOrigin::Corner)]
     pixel_origin: PixelOrigin,
-    /// Height of the plane above the floor, in metres; with --to pixel, where there is no `z_m`
+    /// Height of the plane above the floor, in metres; with --to pixel, used if the column `z_m` is missing
     #[arg(long, value_name = "H", default_value_t = 0.0, allow_negative_numbers = true)]
     height_m: f64,
-    /// Width and height of the stream that the pixels are of, where it is not the still's
+    /// Width and height of the stream that the pixels belong to, if it differs from the image
     #[arg(long, value_name = "WxH", value_parser = size)]
     stream_size: Option<[u32; 2]>,
-    /// How the image was fitted into that stream; needed where their sides are in different proportions
+    /// Scaling of the image to that stream; needed if the aspect ratios differ
     #[arg(long, value_enum, requires = "stream_size")]
     stream_fit: Option<Fit>,
-    /// Standard deviation of a detection, in pixels of its stream: adds `sigma_x_m,sigma_y_m,rho` of the pixel's part and the same of the calibration's, `calibration_sigma_x_m` and so on, empty where nothing is known of it
+    /// Standard deviation of a detection, in pixels of its stream: adds `sigma_x_m,sigma_y_m,rho` for the
+    /// pixel and `calibration_sigma_x_m` and so on for the calibration; the latter are empty if unknown
     #[arg(long, value_name = "P")]
     sigma_px: Option<f64>,
-    /// Rows with a cell that is no number or no time
+    /// Rows with a cell that is not a number or not a time
     #[arg(long, value_enum, default_value_t = BadRows::Fail)]
     bad_rows: BadRows,
-    /// Write columns anew that the table has already
+    /// Replace columns that the table already has
     #[arg(long)]
     replace: bool,
     /// Input table; - is stdin
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     input: String,
-    /// Format of the input; by default that of its name, or what its first bytes look like
+    /// Format of the input; by default taken from its name or its first bytes
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     from: Option<String>,
     /// Output table; - is stdout
     #[arg(short, long, value_name = "FILE", default_value = "-")]
     output: String,
-    /// Format of the output; by default that of its name, or that of the input
+    /// Format of the output; by default taken from its name, or the same as the input
     #[arg(long, value_name = "FORMAT", value_parser = formats())]
     format: Option<String>,
-    /// Keep this column of CSV as text, though its first cells look like numbers (repeat for more)
+    /// Keep this CSV column as text, even if its first cells look like numbers (repeat for more)
     #[arg(long, value_name = "NAME")]
     as_text: Vec<String>,
-    /// Write every cell of CSV as it is, even one that a spreadsheet would take for a formula
+    /// Write CSV cells unchanged, even if a spreadsheet would read them as formulas
     #[arg(long)]
     verbatim: bool,
     /// Overwrite the output file
@@ -155,31 +160,31 @@ fn formats() -> PossibleValuesParser {
 }
 
 /// Maps every row of a table.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     check(args)?;
     files::check_free(&args.output, args.force)?;
     let mut calibrations = calibrations(args)?;
     let mut input = Input::open(&args.input)?;
-    let [from, to] = formats_of(args, &mut input)?;
-    let packed = to.packed(&args.output)?;
+    let [from, to] = input_and_output_formats(args, &mut input)?;
+    let packed = to.compression_for(&args.output)?;
     let (bytes, read) = (input.bytes, input.counter());
     let name = input.name.clone();
     let source = from.open(
         input,
-        Purpose { to, as_text: &args.as_text, keeps_broken: args.bad_rows == BadRows::Status },
+        ReadOptions { to, as_text: &args.as_text, keeps_incomplete: args.bad_rows == BadRows::Status },
     )?;
     let mut table = Table { name, source, mapping: mapping(args), is_verbatim: args.verbatim };
     let mut progress = Progress::new(table.source.rows(), bytes, read);
     let mut pass = |output: Output<'_>| {
         let output = match packed {
-            Some(packed) => packed.pack(output)?,
+            Some(packed) => packed.encoder(output)?,
             None => output,
         };
-        table.pass(&mut calibrations, to, output, &mut progress)
+        table.convert(&mut calibrations, to, output, &mut progress)
     };
     if args.output == "-" {
         let stdout = files::Stdout::default();
-        stdout.ended(pass(Box::new(BufWriter::with_capacity(1 << 16, stdout.clone()))))?;
+        stdout.finish(pass(Box::new(BufWriter::with_capacity(1 << 16, stdout.clone()))))?;
     } else {
         let path = Path::new(&args.output);
         files::write_through(path, args.force, |file| {
@@ -187,23 +192,23 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         })?;
     }
     drop(progress);
-    for note in table.mapping.bad.notes().into_iter().chain(calibrations.lost()) {
-        files::say(format_args!("calib: {note}"));
+    for note in table.mapping.bad.notes().into_iter().chain(calibrations.uncalibrated_notes()) {
+        files::print_message(format_args!("calib: {note}"));
     }
     Ok(())
 }
 
-/// Refuses what does not go together.
-fn check(args: &Args) -> Result<(), Stop> {
-    let refused = |what: &str| Err(Stop::Usage(what.into()));
+/// Refuses arguments that contradict each other.
+fn check(args: &Args) -> Result<(), CommandError> {
+    let refused = |what: &str| Err(CommandError::Usage(what.into()));
     if !args.height_m.is_finite() {
         return refused("--height-m: expected a number of metres");
     }
     if args.to == To::Pixel && args.columns == Columns::Boxes {
-        return refused("--columns boxes: goes with --to floor");
+        return refused("--columns boxes requires --to floor");
     }
     if args.to == To::Pixel && args.sigma_px.is_some() {
-        return refused("--sigma-px: goes with --to floor");
+        return refused("--sigma-px requires --to floor");
     }
     if args.sigma_px.is_some_and(|sigma| !(sigma >= 0.0 && sigma.is_finite())) {
         return refused("--sigma-px: expected a number of pixels, 0 or more");
@@ -214,15 +219,15 @@ fn check(args: &Args) -> Result<(), Stop> {
     Ok(())
 }
 
-/// The format that is read, and the one that is written.
-fn formats_of(args: &Args, input: &mut Input) -> Result<[&'static Format; 2], Stop> {
+/// Returns the formats of the input and of the output.
+fn input_and_output_formats(args: &Args, input: &mut Input) -> Result<[&'static Format; 2], CommandError> {
     let from = match (&args.from, Format::of_path(&args.input)) {
-        (Some(name), _) => Format::named(name)?,
+        (Some(name), _) => Format::from_name(name)?,
         (None, Some(format)) => format,
         (None, None) => input.format()?,
     };
     let to = match (&args.format, Format::of_path(&args.output)) {
-        (Some(name), _) => Format::named(name)?,
+        (Some(name), _) => Format::from_name(name)?,
         (None, Some(format)) => format,
         (None, None) => from,
     };
@@ -240,7 +245,7 @@ fn mapping(args: &Args) -> Mapping {
     }
 }
 
-fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
+fn calibrations(args: &Args) -> Result<Calibrations, CommandError> {
     let file = args.site.read()?;
     let camera = match (&args.camera, &args.camera_column) {
         (Some(id), _) => {
@@ -249,22 +254,23 @@ fn calibrations(args: &Args) -> Result<Calibrations, Stop> {
             } else {
                 file.camera(id)?;
             }
-            ByCamera::Only(id.clone())
+            CameraSource::Only(id.clone())
         }
-        (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
+        (None, column) => CameraSource::Column(column.clone().unwrap_or_default()),
     };
     let at = args.at_column.clone().map(|name| AtColumn::new(name, args.at_unit, Wording::Flags));
     let origin = args.pixel_origin.into();
     let stream = Stream { origin, size: args.stream_size, fit: args.stream_fit.map(Into::into), crop: None };
-    let wanted = Wanted { camera, at, height: args.height_m, stream, wording: Wording::Flags };
-    let calibrations = Calibrations::of(&file.site, file.sha256.clone(), wanted).map_err(Stop::of_table)?;
-    calibrations.notes().iter().for_each(|note| files::say(format_args!("calib: {note}")));
+    let wanted = CalibrationRequest { camera, at, height: args.height_m, stream, wording: Wording::Flags };
+    let calibrations = Calibrations::from_site(&file.site, file.sha256.clone(), wanted)
+        .map_err(CommandError::from_table_error)?;
+    calibrations.notes().iter().for_each(|note| files::print_message(format_args!("calib: {note}")));
     Ok(calibrations)
 }
 
-/// A table on its way from one format to another.
+/// Table that is converted from one format to another.
 struct Table {
-    /// For messages.
+    /// Name of the input, for messages.
     name: String,
     source: Box<dyn Source>,
     mapping: Mapping,
@@ -272,13 +278,13 @@ struct Table {
 }
 
 impl Table {
-    fn pass(
+    fn convert(
         &mut self,
         calibrations: &mut Calibrations,
         to: &Format,
         output: Output<'_>,
         progress: &mut Progress,
-    ) -> Result<(), Stop> {
+    ) -> Result<(), CommandError> {
         let mut output = Some(output);
         let mut sink: Option<Box<dyn Sink + '_>> = None;
         while let Some(batch) = self.source.next() {
@@ -293,7 +299,7 @@ impl Table {
             progress.step(batch.num_rows());
         }
         if let Some(mut output) = output {
-            // No row: a header, where there is one.
+            // An empty table gets a header if the format has one.
             let Some(schema) = self.source.schema() else { return Ok(output.flush()?) };
             let mapped = self.map(&RecordBatch::new_empty(schema), calibrations)?;
             sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
@@ -301,20 +307,22 @@ impl Table {
         sink.map_or(Ok(()), Sink::finish)
     }
 
-    /// How it is written: as it was packed, if it was.
-    fn packing(&self) -> Packing {
-        let mut packing = self.source.packing();
+    /// Returns the compression of the output, which is the same as the input's.
+    fn packing(&self) -> OutputOptions {
+        let mut packing = self.source.output_options();
         packing.is_verbatim = self.is_verbatim;
         packing
     }
 
-    fn map(&self, batch: &RecordBatch, calibrations: &mut Calibrations) -> Result<RecordBatch, Stop> {
-        let place = |row: usize| self.source.place(row);
+    fn map(&self, batch: &RecordBatch, calibrations: &mut Calibrations) -> Result<RecordBatch, CommandError> {
+        let place = |row: usize| self.source.row_name(row);
         let is_broken = |row: usize| self.source.is_broken(row);
-        let rows = Rows { place: &place, is_broken: &is_broken };
-        self.mapping.map(batch, calibrations, rows).map_err(|error| match Stop::of_table(error) {
-            Stop::Invalid(what) => Stop::invalid(&self.name, what),
-            stop => stop,
+        let rows = Rows { row_name: &place, is_incomplete: &is_broken };
+        self.mapping.map(batch, calibrations, rows).map_err(|error| {
+            match CommandError::from_table_error(error) {
+                CommandError::Invalid(what) => CommandError::invalid(&self.name, what),
+                stop => stop,
+            }
         })
     }
 }

@@ -1,4 +1,4 @@
-//! `calib propose`: the calibration that stills propose by themselves, or none.
+//! `calib propose`: calibrates images automatically from their edges.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -14,28 +14,28 @@ use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::files::ThreadsArgs;
-use crate::files::{self, say};
+use crate::files::{self, print_message};
 use crate::painting::draw_on;
 use crate::picture;
 use crate::site_file;
-use crate::site_file::beside;
+use crate::site_file::path_relative_to_file;
 use crate::solve::Format;
-use crate::stop::Stop;
-use crate::stop::visible;
+use crate::stop::CommandError;
+use crate::stop::escape_control_characters;
 
-/// Which proposals are taken.
+/// Lowest confidence of accepted automatic calibrations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Accept {
-    /// Those that may be used as they are
+    /// Only results that can be used without review
     Sure,
-    /// Those that want a look, too
+    /// Also results that need review
     Check,
-    /// Whatever was found
+    /// Every result, even a rejected one
     All,
 }
 
 impl Accept {
-    fn takes(self, proposal: &Proposal) -> bool {
+    fn accepts(self, proposal: &Proposal) -> bool {
         match self {
             Self::Sure => proposal.verdict == Verdict::Sure,
             Self::Check => proposal.verdict != Verdict::None,
@@ -47,90 +47,93 @@ impl Accept {
 /// Arguments of `calib propose`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Stills (PNG, JPEG), or folders of them
-    #[arg(required = true, value_name = "STILL")]
+    /// Images (PNG, JPEG), or folders of images
+    #[arg(required = true, value_name = "IMAGE")]
     stills: Vec<PathBuf>,
-    /// Write the site here (- is stdout)
+    /// Write the site to this file (- is stdout)
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
-    /// Which proposals are taken into the site
+    /// Automatic calibrations to accept into the site
     #[arg(long, value_enum, default_value = "check")]
     accept: Accept,
-    /// Draw what is proposed on every still, into this folder
+    /// Draw every image with its automatic calibration into this folder
     #[arg(long, value_name = "DIR")]
     render: Option<PathBuf>,
-    /// How to report
+    /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
-    /// Overwrite the output file and pictures
+    /// Overwrite the output file and rendered images
     #[arg(long)]
     force: bool,
     #[command(flatten)]
     threads: ThreadsArgs,
 }
 
-/// A still with what it proposes.
-struct Proposed {
+/// Image with its automatic calibration.
+struct ImageCalibration {
     path: PathBuf,
     size: [u32; 2],
-    /// Of a fisheye, in raw pixels.
+    /// Image circle of a fisheye lens, in raw pixels.
     image_circle: Option<ImageCircle>,
-    proposal: Proposal,
-    is_taken: bool,
+    calibration: Proposal,
+    is_accepted: bool,
 }
 
-/// Proposes, writes, reports.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Calibrates the images, writes the site and reports.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
-    let stills = site_file::listed(&args.stills)?;
+    let stills = site_file::list_images(&args.stills)?;
     let ids = ids(&stills);
-    let mut progress = Steps::new(stills.len());
-    let proposed =
-        args.threads.run(stills, |path| of_still(path, args.accept), |still| progress.done(&still.path))?;
+    let mut progress = BatchProgress::new(stills.len());
+    let proposed = args.threads.run(
+        stills,
+        |path| calibrate_image(path, args.accept),
+        |still| progress.done(&still.path),
+    )?;
     drop(progress);
     let output = args.output.as_deref().unwrap_or("-");
     let cameras = proposed.iter().zip(ids).map(|(still, id)| camera(still, id, output)).collect();
     let site = solved(Site { cameras, ..Site::new() }, &proposed);
     if let Some(output) = &args.output {
         files::write(output, site.to_json().as_bytes(), args.force)?;
-        tell_what_is_outside(&site, output);
+        warn_about_outside_images(&site, output);
     }
     if let Some(folder) = &args.render {
         draw(&site, &proposed, folder, args.force)?;
     }
     report(args, &site, &proposed)?;
-    unaccepted(&site, &proposed)
+    check_all_accepted(&site, &proposed)
 }
 
-/// Tells of stills that other commands will not read from this site without being told to.
-fn tell_what_is_outside(site: &Site, output: &str) {
+/// Warns about images that other commands read only with `--allow-outside`.
+fn warn_about_outside_images(site: &Site, output: &str) {
     let is_outside = |image: &str| Path::new(image).is_absolute() || Path::new(image).starts_with("..");
     let outside =
         site.cameras.iter().filter(|camera| camera.image.as_deref().is_some_and(is_outside)).count();
     if outside > 0 && output != "-" {
-        say(format_args!(
-            "calib: stills outside the folder of {output}: {outside} of {}; other commands read them with \
-             --allow-outside, and without it where the site is written beside them",
+        print_message(format_args!(
+            "calib: {outside} of {} images are outside the folder of {output}. Write the site to their folder, or give \
+             --allow-outside to other commands",
             site.cameras.len()
         ));
     }
 }
 
-/// What one still proposes.
-fn of_still(path: PathBuf, accept: Accept) -> Result<Proposed, Stop> {
-    let image = site_file::read(&path)?;
+/// Calibrates one image automatically.
+fn calibrate_image(path: PathBuf, accept: Accept) -> Result<ImageCalibration, CommandError> {
+    let image = site_file::read_image(&path)?;
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
     let principal_point = image_circle.map(ImageCircle::centre);
     let still = Still::new(line_segments(&image), size);
     let proposal = Proposal::new(&Still { principal_point, image_circle, ..still });
-    let is_taken = accept.takes(&proposal);
-    Ok(Proposed { path, size, image_circle, proposal, is_taken })
+    let is_taken = accept.accepts(&proposal);
+    Ok(ImageCalibration { path, size, image_circle, calibration: proposal, is_accepted: is_taken })
 }
 
-/// A name for every still: that of its file, numbered where it is taken.
+/// Returns a unique id for every image: its file name, with a number if the name is already used.
 fn ids(stills: &[PathBuf]) -> Vec<String> {
     let mut taken = BTreeSet::new();
     let mut id = |path: &PathBuf| {
@@ -145,25 +148,26 @@ fn ids(stills: &[PathBuf]) -> Vec<String> {
     stills.iter().map(&mut id).collect()
 }
 
-/// The camera of a still, with what is proposed if it is taken.
-fn camera(still: &Proposed, id: String, output: &str) -> SiteCamera {
-    let drawn = still.proposal.camera.clone().filter(|_| still.is_taken);
+/// Returns the camera of an image, with the automatic calibration if it was accepted.
+fn camera(still: &ImageCalibration, id: String, output: &str) -> SiteCamera {
+    let drawn = still.calibration.camera.clone().filter(|_| still.is_accepted);
     let mut drawn = drawn.unwrap_or_else(|| SiteCamera::new(String::new(), still.size));
-    if still.is_taken {
-        // They say nothing while the lens is given; without it they tell it.
-        drawn.annotations.extend(still.proposal.straight.iter().cloned().map(Annotation::of_points));
+    if still.is_accepted {
+        // The straight edges determine the distortion if it is later estimated; they have no effect while the
+        // lens is fixed.
+        drawn.annotations.extend(still.calibration.straight.iter().cloned().map(Annotation::of_points));
     }
     if still.image_circle.is_some() {
         let lens = drawn.lens.get_or_insert_default();
-        // Its middle is the principal point, until the lens is fitted with one.
+        // The circle's centre is the principal point unless the fitted lens has one.
         (lens.image_circle_px, lens.principal_point_px) = (still.image_circle, None);
     }
-    SiteCamera { id, image: Some(beside(&still.path, output)), ..drawn }
+    SiteCamera { id, image: Some(path_relative_to_file(&still.path, output)), ..drawn }
 }
 
-/// The site with every camera solved whose proposal is taken.
-fn solved(site: Site, proposed: &[Proposed]) -> Site {
-    let cameras = site.cameras.iter().zip(proposed).filter(|(_, proposed)| proposed.is_taken);
+/// Solves the cameras with an accepted automatic calibration.
+fn solved(site: Site, proposed: &[ImageCalibration]) -> Site {
+    let cameras = site.cameras.iter().zip(proposed).filter(|(_, proposed)| proposed.is_accepted);
     let cameras: Vec<String> = cameras.map(|(camera, _)| camera.id.clone()).collect();
     if cameras.is_empty() {
         return site;
@@ -171,11 +175,11 @@ fn solved(site: Site, proposed: &[Proposed]) -> Site {
     site.calibrate(&Options { cameras: Some(cameras), ..Options::default() }).write_into(&site)
 }
 
-/// A picture of every still with what is proposed on it, taken or not.
-fn draw(site: &Site, proposed: &[Proposed], folder: &Path, force: bool) -> Result<(), Stop> {
-    std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+/// Draws every image with its automatic calibration, whether accepted or not.
+fn draw(site: &Site, proposed: &[ImageCalibration], folder: &Path, force: bool) -> Result<(), CommandError> {
+    std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
     for (camera, proposed) in site.cameras.iter().zip(proposed) {
-        let Proposed { path, proposal, .. } = proposed;
+        let ImageCalibration { path, calibration: proposal, .. } = proposed;
         let shown = SiteCamera {
             annotations: proposal.groups.iter().map(|group| group.annotation.clone()).collect(),
             solution: camera.solution.clone().or_else(|| proposal.solution.clone()),
@@ -183,44 +187,44 @@ fn draw(site: &Site, proposed: &[Proposed], folder: &Path, force: bool) -> Resul
         };
         let alone = Site { cameras: vec![shown], ..Site::new() };
         let shown = &alone.cameras[0];
-        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &site_file::read(path)?)?;
+        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &site_file::read_image(path)?)?;
         let name = folder.join(format!("{}.png", camera.id)).to_string_lossy().into_owned();
-        files::write(&name, &picture::encoded(&picture, &name)?, force)?;
+        files::write(&name, &picture::encode(&picture, &name)?, force)?;
     }
     Ok(())
 }
 
-/// stdout is the site where it is asked for there: the report goes where messages go.
-fn report(args: &Args, site: &Site, proposed: &[Proposed]) -> Result<(), Stop> {
+/// Prints the report; to stderr if the site goes to stdout.
+fn report(args: &Args, site: &Site, proposed: &[ImageCalibration]) -> Result<(), CommandError> {
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
-        Format::Text if to_stdout => say(text(site, proposed)),
-        Format::Text => files::print(&visible(&text(site, proposed)))?,
+        Format::Text if to_stdout => print_message(text(site, proposed)),
+        Format::Text => files::print(&escape_control_characters(&text(site, proposed)))?,
         Format::Json if to_stdout => {}
         Format::Json => files::print(&json(site, proposed)?)?,
     }
     Ok(())
 }
 
-/// Why a proposal is not sure; nothing where it is.
+/// Returns the reasons why an automatic calibration is not sure; empty if it is.
 fn reason(proposal: &Proposal) -> String {
     proposal.reasons.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-fn text(site: &Site, proposed: &[Proposed]) -> String {
+fn text(site: &Site, proposed: &[ImageCalibration]) -> String {
     let mut out = String::new();
     let width = site.cameras.iter().map(|camera| camera.id.chars().count()).max().unwrap_or(0).max(6);
     let _ = writeln!(
         out,
-        "{:width$}  {:7} {:>7} {:>9} {:>10} {:>14} {:>8}",
-        "camera", "verdict", "strokes", "roll deg", "pitch deg", "focal px", "sigma"
+        "{:width$}  {:10} {:>7} {:>9} {:>10} {:>14} {:>8}",
+        "camera", "confidence", "lines", "roll deg", "pitch deg", "focal px", "sigma"
     );
-    for (camera, Proposed { proposal, .. }) in site.cameras.iter().zip(proposed) {
+    for (camera, ImageCalibration { calibration: proposal, .. }) in site.cameras.iter().zip(proposed) {
         let strokes: usize = proposal.groups.iter().map(|group| group.probabilities.len()).sum();
-        let _ = write!(out, "{:width$}  {:7} {strokes:>7}", camera.id, proposal.verdict.name());
+        let _ = write!(out, "{:width$}  {:10} {strokes:>7}", camera.id, proposal.verdict.name());
         if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
             let angle = |angle: Option<f64>| angle.map_or_else(|| "-".into(), |angle| format!("{angle:.2}"));
-            // Straight down roll is a part of where the image's top heads.
+            // Roll belongs to the heading of the image's top edge if the camera looks straight down.
             let roll = solution.roll_deg.filter(|_| straight_down(solution).is_none());
             let (roll, pitch) = (angle(roll), angle(solution.pitch_deg));
             let _ =
@@ -234,7 +238,7 @@ fn text(site: &Site, proposed: &[Proposed]) -> String {
     out
 }
 
-fn json(site: &Site, proposed: &[Proposed]) -> Result<String, Stop> {
+fn json(site: &Site, proposed: &[ImageCalibration]) -> Result<String, CommandError> {
     let group = |(index, group): (usize, &Group)| {
         serde_json::json!({
             "annotation": index,
@@ -244,7 +248,10 @@ fn json(site: &Site, proposed: &[Proposed]) -> Result<String, Stop> {
             "lies": group.lies,
         })
     };
-    let of = |(camera, Proposed { proposal, is_taken, .. }): (&SiteCamera, &Proposed)| {
+    let of = |(camera, ImageCalibration { calibration: proposal, is_accepted: is_taken, .. }): (
+        &SiteCamera,
+        &ImageCalibration,
+    )| {
         let groups: Vec<_> = proposal.groups.iter().enumerate().map(group).collect();
         serde_json::json!({
             "id": camera.id,
@@ -268,55 +275,55 @@ fn json(site: &Site, proposed: &[Proposed]) -> Result<String, Stop> {
     Ok(text)
 }
 
-/// Exit 4 when a still has no proposal that is accepted, naming every one.
-fn unaccepted(site: &Site, proposed: &[Proposed]) -> Result<(), Stop> {
-    let without = site.cameras.iter().zip(proposed).filter(|(_, proposed)| !proposed.is_taken);
+/// Fails with exit code 4 if an image has no accepted calibration, and names all such images.
+fn check_all_accepted(site: &Site, proposed: &[ImageCalibration]) -> Result<(), CommandError> {
+    let without = site.cameras.iter().zip(proposed).filter(|(_, proposed)| !proposed.is_accepted);
     let without: Vec<&str> = without.map(|(camera, _)| camera.id.as_str()).collect();
     if without.is_empty() {
         return Ok(());
     }
-    Err(Stop::Unsolved(format!(
-        "{} of {} stills have no proposal that is accepted: {}; draw on them, or look at what --accept all takes",
+    Err(CommandError::Unsolved(format!(
+        "{} of {} images have no accepted calibration: {}. Annotate them, or review the results of --accept all",
         without.len(),
         proposed.len(),
         few(without.iter().copied())
     )))
 }
 
-/// How far a batch is: a bar on a terminal, a line now and then elsewhere.
-struct Steps {
+/// Progress of a batch: a bar on a terminal, otherwise a message every few seconds.
+struct BatchProgress {
     bar: ProgressBar,
     done: usize,
-    all: usize,
-    said: Instant,
+    total: usize,
+    last_message: Instant,
 }
 
-impl Steps {
-    /// Between two lines of a log.
-    const LINES: Duration = Duration::from_secs(10);
+impl BatchProgress {
+    /// Time between two messages in a log.
+    const MESSAGE_INTERVAL: Duration = Duration::from_secs(10);
 
-    fn new(all: usize) -> Self {
-        let bar = ProgressBar::new(all as u64);
+    fn new(total: usize) -> Self {
+        let bar = ProgressBar::new(total as u64);
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}, {eta} left") {
             bar.set_style(style);
         }
-        // Seen before the first still is done.
+        // The bar is shown before the first image is done.
         bar.tick();
-        Self { bar, done: 0, all, said: Instant::now() }
+        Self { bar, done: 0, total, last_message: Instant::now() }
     }
 
     fn done(&mut self, still: &Path) {
         self.done += 1;
-        self.bar.set_message(visible(&still.to_string_lossy()).into_owned());
+        self.bar.set_message(escape_control_characters(&still.to_string_lossy()).into_owned());
         self.bar.set_position(self.done as u64);
-        if self.bar.is_hidden() && self.said.elapsed() >= Self::LINES {
-            self.said = Instant::now();
-            say(format_args!("calib: {} of {} stills", self.done, self.all));
+        if self.bar.is_hidden() && self.last_message.elapsed() >= Self::MESSAGE_INTERVAL {
+            self.last_message = Instant::now();
+            print_message(format_args!("calib: {} of {} images", self.done, self.total));
         }
     }
 }
 
-impl Drop for Steps {
+impl Drop for BatchProgress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }

@@ -1,4 +1,4 @@
-//! `calib render`: overlays on an image, or all cameras on the plan.
+//! `calib render`: draws overlays on an image, or all cameras on the plan.
 
 use calib_report::{Svg, is_fitted, overlay};
 use calib_site::SiteCamera;
@@ -10,7 +10,7 @@ use crate::plan_ground::plan_view;
 use crate::progress::Pulse;
 use crate::sigma_map;
 use crate::site_file::SiteFile;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
 /// Arguments of `calib render`.
 #[derive(Debug, clap::Args)]
@@ -30,19 +30,19 @@ pub(crate) struct Args {
     output: OutputArgs,
 }
 
-/// What is drawn on a camera's image only when it is wanted.
+/// Optional overlays of a camera's image.
 #[derive(Clone, Copy, Debug, Default, clap::Args)]
 pub(crate) struct Extras {
-    /// Shade the floor by its predicted error
+    /// Colour the floor by its predicted error
     #[arg(long, conflicts_with = "plan")]
     pub(crate) sigma: bool,
-    /// Draw a grid that is straight in the scene as the lens bends it; without the flag, where the lens was fitted
+    /// Draw a regular grid distorted by the lens; always drawn if the lens was fitted
     #[arg(long, conflicts_with = "plan")]
     pub(crate) lens_grid: bool,
 }
 
-/// Draws and writes a PNG.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Renders and writes the image.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.output.check_free()?;
     let file = args.site.read()?;
     if let Some(id) = &args.camera {
@@ -56,17 +56,17 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     args.output.write_image(&draw_on(&svg, &ground)?)
 }
 
-/// A camera's image and what is drawn on it.
+/// Returns a camera's image with its overlays.
 pub(crate) fn camera_view(
     file: &SiteFile,
     entry: &SiteCamera,
     Extras { sigma, lens_grid }: Extras,
-) -> Result<(RgbImage, Svg), Stop> {
+) -> Result<(RgbImage, Svg), CommandError> {
     let mut image = file.camera_image(entry)?;
-    // Under the shades of the error a second grid is only in the way.
+    // A second grid would hide the colours of the error.
     let mut svg = overlay(&file.site, entry, lens_grid || (!sigma && is_fitted(entry)));
     if sigma {
-        let not_calibrated = || Stop::Unsolved(format!("camera \"{}\" is not calibrated", entry.id));
+        let not_calibrated = || CommandError::Unsolved(format!("camera \"{}\" is not calibrated", entry.id));
         let camera = entry.camera().ok_or_else(not_calibrated)?;
         sigma_map::shade(&mut image, &mut svg, entry, &camera);
     }

@@ -1,4 +1,4 @@
-//! `calib report`: one self-contained page to hand over.
+//! `calib report`: writes one self-contained HTML page for handover.
 
 use base64::Engine as _;
 use calib_report::{Picture, Shown, WalkPage};
@@ -6,13 +6,13 @@ use calib_site::SiteCamera;
 use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
-use crate::files::say;
+use crate::files::print_message;
 use crate::picture;
 use crate::progress::Pulse;
 use crate::site_file::SiteFile;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 #[cfg(feature = "archives")]
-use crate::walk::{Judged, WalkedArgs};
+use crate::walk::{WalkArgs, WalkTest};
 
 /// Arguments of `calib report`.
 #[derive(Debug, clap::Args)]
@@ -23,17 +23,17 @@ pub(crate) struct Args {
     output: OutputArgs,
     #[cfg(feature = "archives")]
     #[command(flatten)]
-    walk: WalkedArgs,
+    walk: WalkArgs,
 }
 
 /// Writes the page.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.output.check_free()?;
     let file = args.site.read()?;
     #[cfg(feature = "archives")]
-    let judged = args.walk.judged(&file)?;
+    let judged = args.walk.test(&file)?;
     #[cfg(feature = "archives")]
-    let walk = judged.as_ref().map(Judged::page);
+    let walk = judged.as_ref().map(WalkTest::page);
     #[cfg(not(feature = "archives"))]
     let walk = None;
     let pulse = Pulse::new("drawing the page");
@@ -41,21 +41,21 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     drop(pulse);
     args.output.write(page.as_bytes())?;
     let cameras: Vec<&SiteCamera> = file.site.cameras.iter().collect();
-    crate::solve::unsolved(&cameras)?;
+    crate::solve::check_all_solved(&cameras)?;
     #[cfg(feature = "archives")]
     if let Some(judged) = &judged {
-        judged.verdict()?;
+        judged.check_passed()?;
     }
     Ok(())
 }
 
-/// The whole page; what is wrong with a picture is told, and stands in its place.
-fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, Stop> {
+/// Builds the page. An unreadable image is reported, and the page shows the reason instead.
+fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, CommandError> {
     let mut ended = None;
-    let mut pictures = |shown: Shown<'_>| match shown_in(file, shown) {
+    let mut pictures = |shown: Shown<'_>| match read_picture(file, shown) {
         Ok(picture) => Ok(picture),
-        Err(Stop::Invalid(message)) => {
-            say(format_args!("calib: {message}"));
+        Err(CommandError::Invalid(message)) => {
+            print_message(format_args!("calib: {message}"));
             Err(message)
         }
         Err(stop) => {
@@ -67,18 +67,18 @@ fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, Stop> {
     ended.map_or(Ok(page), Err)
 }
 
-fn shown_in(file: &SiteFile, shown: Shown<'_>) -> Result<Picture, Stop> {
+fn read_picture(file: &SiteFile, shown: Shown<'_>) -> Result<Picture, CommandError> {
     match shown {
-        Shown::Camera(camera) => embedded(&file.camera_image(camera)?),
+        Shown::Camera(camera) => embed(&file.camera_image(camera)?),
         Shown::Plan => {
             let plan = file.plan_image()?;
-            embedded(&plan.ok_or_else(|| Stop::Invalid("the plan has no picture".into()))?)
+            embed(&plan.ok_or_else(|| CommandError::Invalid("the plan has no image".into()))?)
         }
     }
 }
 
-/// A picture as the page has it.
-fn embedded(image: &RgbImage) -> Result<Picture, Stop> {
+/// Encodes an image for the page.
+fn embed(image: &RgbImage) -> Result<Picture, CommandError> {
     let data = base64::engine::general_purpose::STANDARD.encode(picture::jpeg(image)?);
     Ok(Picture { href: format!("data:image/jpeg;base64,{data}"), size: image.dimensions().into() })
 }

@@ -1,4 +1,4 @@
-//! The floor shaded by its predicted error, with a legend.
+//! Colour map of the predicted floor error, with a legend.
 
 use calib_core::{Camera, Pixel};
 
@@ -7,13 +7,14 @@ use calib_report::{Anchor, Svg};
 use calib_site::SiteCamera;
 use image::RgbImage;
 
-/// Pixels per side of a shaded cell.
-const CELL: u32 = 4;
-/// Share of the shade over the image.
-const COVER: f64 = 0.55;
-/// Errors of the legend, in centimetres: from better than a foot to lost.
-const STEPS: [f64; 6] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
-/// From good to bad, light to dark, told apart by colour-blind eyes (after viridis, reversed).
+/// Side of a coloured cell, in pixels.
+const CELL_PX: u32 = 4;
+/// Opacity of the colours over the image.
+const OPACITY: f64 = 0.55;
+/// Errors in the legend, in centimetres: from below the length of a foot to unusable.
+const LEGEND_STEPS_CM: [f64; 6] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
+/// Colours from small to large error, light to dark, distinguishable with colour blindness (viridis,
+/// reversed).
 const COLOURS: [Rgb; 7] = [
     Rgb([253, 231, 37]),
     Rgb([159, 218, 58]),
@@ -24,22 +25,23 @@ const COLOURS: [Rgb; 7] = [
     Rgb([70, 50, 126]),
 ];
 
-/// Shades the floor of an image by the standard deviation of its points in their worst direction, for
-/// a detection as sharp as the drawing, and adds the legend.
+/// Colours the floor of an image by the standard deviation of its points in their worst direction, and adds
+/// the legend. A detection is assumed to be as precise as an annotation.
 pub(crate) fn shade(image: &mut RgbImage, svg: &mut Svg, entry: &SiteCamera, camera: &Camera) {
     let sigma = entry.sigma_px.unwrap_or(1.0);
     let (width, height) = image.dimensions();
-    for y in (0..height).step_by(CELL as usize) {
-        for x in (0..width).step_by(CELL as usize) {
-            let centre = Pixel { u: f64::from(x + CELL / 2), v: f64::from(y + CELL / 2) };
+    for y in (0..height).step_by(CELL_PX as usize) {
+        for x in (0..width).step_by(CELL_PX as usize) {
+            let centre = Pixel { u: f64::from(x + CELL_PX / 2), v: f64::from(y + CELL_PX / 2) };
             let covariance = camera.floor_covariance(centre, sigma);
             let Some(worst) = covariance.and_then(|covariance| covariance.worst_sigma()) else { continue };
             let Rgb(colour) = colour(100.0 * worst);
-            for v in y..(y + CELL).min(height) {
-                for u in x..(x + CELL).min(width) {
+            for v in y..(y + CELL_PX).min(height) {
+                for u in x..(x + CELL_PX).min(width) {
                     let image::Rgb(below) = *image.get_pixel(u, v);
-                    let mix =
-                        |i: usize| (f64::from(below[i]) * (1.0 - COVER) + f64::from(colour[i]) * COVER) as u8;
+                    let mix = |i: usize| {
+                        (f64::from(below[i]) * (1.0 - OPACITY) + f64::from(colour[i]) * OPACITY) as u8
+                    };
                     image.put_pixel(u, v, image::Rgb([mix(0), mix(1), mix(2)]));
                 }
             }
@@ -49,7 +51,7 @@ pub(crate) fn shade(image: &mut RgbImage, svg: &mut Svg, entry: &SiteCamera, cam
 }
 
 fn colour(centimetres: f64) -> Rgb {
-    COLOURS[STEPS.iter().take_while(|&&step| centimetres > step).count()]
+    COLOURS[LEGEND_STEPS_CM.iter().take_while(|&&step| centimetres > step).count()]
 }
 
 fn legend(svg: &mut Svg, [w, h]: [f64; 2], sigma: f64) {
@@ -59,7 +61,7 @@ fn legend(svg: &mut Svg, [w, h]: [f64; 2], sigma: f64) {
     for (index, &colour) in COLOURS.iter().enumerate() {
         let x = left + cell * index as f64;
         svg.fill(&[[x, top], [x + cell, top], [x + cell, top + tall], [x, top + tall]], colour, 1.0);
-        if let Some(step) = STEPS.get(index) {
+        if let Some(step) = LEGEND_STEPS_CM.get(index) {
             svg.text(
                 [x + cell, top + tall + 15.0 * svg.scale],
                 &format!("{step}"),
@@ -68,6 +70,6 @@ fn legend(svg: &mut Svg, [w, h]: [f64; 2], sigma: f64) {
             );
         }
     }
-    let title = format!("error on the floor, cm (one sigma, pixel \u{b1} {sigma} px)");
+    let title = format!("floor error, cm (one sigma, detection \u{b1} {sigma} px)");
     svg.text([left, top - 7.0 * svg.scale], &title, Rgb::WHITE, Anchor::Start);
 }

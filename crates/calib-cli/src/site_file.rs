@@ -1,29 +1,28 @@
-//! A site with the images that belong to it, read within limits.
-//!
-//! Stills that the command line names: files, folders of them, and when they were taken.
+//! Site file with the images of its cameras, read within size limits; image files and folders from the
+//! command line with their capture times.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use base64::Engine as _;
 use calib_core::Code;
-use calib_input::{FileError, decode, size_of};
+use calib_input::{FileError, decode, image_size};
 use calib_report::few;
 use calib_site::{MAX_BYTES, Names, Options, Site, SiteCamera, Warning};
 use image::RgbImage;
 use jiff::Timestamp;
 use sha2::{Digest as _, Sha256};
 
-use crate::files::say;
+use crate::files::print_message;
 use crate::progress::Pulse;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// A site with the folder that its images are relative to.
+/// Site with the folder that its image paths are relative to.
 pub(crate) struct SiteFile {
     pub(crate) site: Site,
     pub(crate) path: String,
     folder: PathBuf,
-    /// Whether images may stand elsewhere than in that folder.
+    /// Whether images outside that folder may be read.
     allows_outside: bool,
     /// SHA-256 of the file, in hexadecimal digits.
     pub(crate) sha256: String,
@@ -31,41 +30,44 @@ pub(crate) struct SiteFile {
 
 impl SiteFile {
     /// Reads and checks a site file; `-` is stdin, with images relative to the current folder.
-    pub(crate) fn read(path: &str) -> Result<Self, Stop> {
+    pub(crate) fn read(path: &str) -> Result<Self, CommandError> {
         let most = MAX_BYTES as u64;
         let bytes = if path == "-" {
             calib_input::read_from(std::io::stdin().lock(), most)
-                .map_err(|why| Stop::invalid("stdin", why))?
+                .map_err(|why| CommandError::invalid("stdin", why))?
         } else {
-            calib_input::read(Path::new(path), most).map_err(|why| Stop::invalid(path, pipe_advice(why)))?
+            calib_input::read(Path::new(path), most)
+                .map_err(|why| CommandError::invalid(path, file_error_message(why)))?
         };
         let sha256 = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-        let text = calib_input::document(bytes).map_err(|why| Stop::invalid(path, why))?;
-        let site = Site::from_json(&text).map_err(|error| Stop::invalid(path, error))?;
+        let text = calib_input::json_document(bytes).map_err(|why| CommandError::invalid(path, why))?;
+        let site = Site::from_json(&text).map_err(|error| CommandError::invalid(path, error))?;
         let folder = Path::new(path).parent().unwrap_or(Path::new("")).to_owned();
         Ok(Self { site, path: path.to_owned(), folder, allows_outside: false, sha256 })
     }
 
-    /// With images wherever they stand, if that is wanted.
-    pub(crate) fn allowing_outside(self, allows_outside: bool) -> Self {
+    /// Sets whether images outside the site's folder may be read.
+    pub(crate) fn with_outside_images(self, allows_outside: bool) -> Self {
         Self { allows_outside, ..self }
     }
 
-    /// As [`Self::read`], with every camera solved, and of those the ones whose calibration holds at a time.
-    pub(crate) fn read_solved(path: &str, time: Option<&str>) -> Result<Self, Stop> {
-        let file = Self::read(path)?.noting_out_of_date();
-        let holds = |camera: &SiteCamera| holds_at(camera, time);
-        let mut holds = file.site.cameras.iter().map(holds).collect::<Result<Vec<bool>, Stop>>()?.into_iter();
-        // What other periods show belongs to the site, too.
-        let mut file = file.solved();
+    /// Reads a site as [`Self::read`] does, solves unsolved cameras, and keeps the calibrations that are
+    /// valid at `time`.
+    pub(crate) fn read_solved(path: &str, time: Option<&str>) -> Result<Self, CommandError> {
+        let file = Self::read(path)?.with_out_of_date_warnings();
+        let holds = |camera: &SiteCamera| is_valid_at(camera, time);
+        let mut holds =
+            file.site.cameras.iter().map(holds).collect::<Result<Vec<bool>, CommandError>>()?.into_iter();
+        // All periods are solved first, because their views also constrain the site.
+        let mut file = file.solve_new_cameras();
         file.site.cameras.retain(|_| holds.next().unwrap_or_default());
         Ok(file)
     }
 
-    /// With a warning in every solution that is not of what is drawn.
-    fn noting_out_of_date(mut self) -> Self {
+    /// Adds a warning to every solution that does not match the current annotations.
+    fn with_out_of_date_warnings(mut self) -> Self {
         for (index, finding) in self.site.out_of_date() {
-            let warning = self.site.in_english(Some(index), &finding, Names::InFile);
+            let warning = self.site.describe_finding(Some(index), &finding, Names::InFile);
             if let Some(solution) = &mut self.site.cameras[index].solution {
                 solution.warnings.push(warning);
             }
@@ -73,41 +75,42 @@ impl SiteFile {
         self
     }
 
-    /// Says which solutions are not of what is drawn.
-    pub(crate) fn tell_out_of_date(&self) {
+    /// Prints the warnings of solutions that do not match the current annotations.
+    pub(crate) fn warn_out_of_date(&self) {
         for camera in &self.site.cameras {
             let warnings = camera.solution.iter().flat_map(|solution| &solution.warnings);
             for Warning { message, advice, .. } in warnings.filter(|warning| warning.code == Code::OutOfDate)
             {
-                say(format_args!("calib: camera \"{}\": {message} {advice}", camera.id));
+                print_message(format_args!("calib: camera \"{}\": {message} {advice}", camera.id));
             }
         }
     }
 
-    /// Refuses an id that no camera has.
-    pub(crate) fn has_camera(&self, id: &str) -> Result<(), Stop> {
+    /// Refuses an unknown camera id.
+    pub(crate) fn has_camera(&self, id: &str) -> Result<(), CommandError> {
         if self.site.cameras.iter().any(|camera| camera.id == id) {
             return Ok(());
         }
         let ids = few(self.site.cameras.iter().map(|camera| camera.id.as_str()));
         let has = if ids.is_empty() { "no cameras".into() } else { format!("the cameras {ids}") };
-        Err(Stop::Usage(format!("--camera {id}: {} has {has}", self.path)))
+        Err(CommandError::Usage(format!("--camera {id}: unknown camera; {} has {has}", self.path)))
     }
 
-    /// The one camera of this id.
-    pub(crate) fn camera(&self, id: &str) -> Result<&SiteCamera, Stop> {
+    /// Returns the only camera with this id.
+    pub(crate) fn camera(&self, id: &str) -> Result<&SiteCamera, CommandError> {
         self.has_camera(id)?;
         let found: Vec<&SiteCamera> = self.site.cameras.iter().filter(|camera| camera.id == id).collect();
         match found[..] {
             [camera] => Ok(camera),
-            _ => Err(Stop::Usage(format!(
+            _ => Err(CommandError::Usage(format!(
                 "--camera {id}: several periods have this id; choose one with --at TIME"
             ))),
         }
     }
 
-    /// Solves the cameras that nobody tried to solve yet, so that every command works on a fresh site.
-    fn solved(mut self) -> Self {
+    /// Solves the cameras that have neither a solution nor an error, so that every command accepts a new
+    /// site.
+    fn solve_new_cameras(mut self) -> Self {
         let is_fresh = |camera: &SiteCamera| camera.solution.is_none() && camera.error.is_none();
         let fresh: Vec<String> =
             self.site.cameras.iter().filter(|c| is_fresh(c)).map(|c| c.id.clone()).collect();
@@ -122,9 +125,9 @@ impl SiteFile {
         self
     }
 
-    /// A site with the images of this one, as a file elsewhere names them. On stdout they stay as they are: nobody knows
-    /// where that ends.
-    pub(crate) fn seen_from(&self, site: &Site, file: &str) -> Site {
+    /// Returns `site` with image paths relative to `file`. Paths stay unchanged if `file` is stdout, because
+    /// its folder is unknown.
+    pub(crate) fn with_paths_relative_to(&self, site: &Site, file: &str) -> Site {
         let own = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
         let is_same = own.canonicalize().ok() == folder_of(file).canonicalize().ok();
         let mut site = site.clone();
@@ -134,107 +137,117 @@ impl SiteFile {
         let plan = site.plan.iter_mut().filter_map(|plan| plan.image.as_mut());
         let images = site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan);
         for image in images.filter(|image| !image.starts_with("data:") && Path::new(image).is_relative()) {
-            *image = beside(&own.join(&*image), file);
+            *image = path_relative_to_file(&own.join(&*image), file);
         }
         site
     }
 
-    /// With its images as a file elsewhere names them.
-    pub(crate) fn moved_to(self, file: &str) -> Self {
-        Self { site: self.seen_from(&self.site, file), ..self }
+    /// Makes the image paths relative to `file`.
+    pub(crate) fn relative_to(self, file: &str) -> Self {
+        Self { site: self.with_paths_relative_to(&self.site, file), ..self }
     }
 
-    /// The bytes of an image of this site: a path relative to the site file, or a `data:` URI.
-    pub(crate) fn image_bytes(&self, image: &str) -> Result<Vec<u8>, Stop> {
+    /// Returns the bytes of an image of this site: a path relative to the site file, or a `data:` URI.
+    pub(crate) fn image_bytes(&self, image: &str) -> Result<Vec<u8>, CommandError> {
         if let Some(data) = image.strip_prefix("data:") {
             let (_, encoded) = data.split_once(";base64,").ok_or_else(|| {
-                Stop::invalid(&self.path, "an image is a data: URI without \";base64,\", expected base64")
+                CommandError::invalid(
+                    &self.path,
+                    "an image is a data: URI without \";base64,\"; encode it as base64",
+                )
             })?;
-            return base64::engine::general_purpose::STANDARD
-                .decode(encoded.trim())
-                .map_err(|error| Stop::invalid(&self.path, format!("an image is not base64: {error}")));
+            return base64::engine::general_purpose::STANDARD.decode(encoded.trim()).map_err(|error| {
+                CommandError::invalid(
+                    &self.path,
+                    format!("the data: URI of an image is not valid base64: {error}"),
+                )
+            });
         }
-        if let Some(why) = self.out_of_reach(image) {
-            return Err(Stop::invalid(image, why));
+        if let Some(why) = self.unreadable_reason(image) {
+            return Err(CommandError::invalid(image, why));
         }
         let path = self.folder.join(image);
-        calib_input::read(&path, MAX_BYTES as u64).map_err(|error| Stop::invalid(path.display(), error))
+        calib_input::read(&path, MAX_BYTES as u64)
+            .map_err(|error| CommandError::invalid(path.display(), error))
     }
 
-    /// Why an image is not read: it is not there, or stands, or leads by a link, elsewhere than in the folder of
-    /// the site. Whoever made the site would see any picture of this machine in what is handed back.
-    fn out_of_reach(&self, image: &str) -> Option<String> {
+    /// Returns the reason why an image is not read: it is missing, or its real path is outside the site's
+    /// folder. Otherwise a site from a stranger could copy any image of this machine into the output.
+    fn unreadable_reason(&self, image: &str) -> Option<String> {
         if image.starts_with("data:") {
             return None;
         }
         let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
         let Ok(real) = self.folder.join(image).canonicalize() else {
-            return Some(format!("is not there; images are looked for beside {}", self.path));
+            return Some(format!("was not found; image paths are relative to {}", self.path));
         };
         let is_inside =
             self.allows_outside || folder.canonicalize().is_ok_and(|folder| real.starts_with(folder));
-        let outside =
-            || format!("is outside the folder of {}; --allow-outside reads it all the same", self.path);
+        let outside = || format!("is outside the folder of {}; add --allow-outside to read it", self.path);
         (!is_inside).then(outside)
     }
 
-    /// Compares the size of every image that is there with the one in the site file; what is missing is told.
-    pub(crate) fn check_images(&self) -> Result<(), Stop> {
+    /// Compares the size of every image with the site file, and reports missing images.
+    pub(crate) fn check_images(&self) -> Result<(), CommandError> {
         for camera in &self.site.cameras {
             let Some(name) = camera.image.as_deref() else { continue };
-            if let Some(why) = self.out_of_reach(name) {
-                say(format_args!(
-                    "calib: camera \"{}\": its image {name} {why}; solved without it",
+            if let Some(why) = self.unreadable_reason(name) {
+                print_message(format_args!(
+                    "calib: camera \"{}\": solved without its image: {name} {why}",
                     camera.id
                 ));
                 continue;
             }
-            let found = size_of(&self.image_bytes(name)?)
-                .map_err(|error| Stop::invalid(shown(name), format!("camera \"{}\": {error}", camera.id)))?;
+            let found = image_size(&self.image_bytes(name)?).map_err(|error| {
+                CommandError::invalid(image_label(name), format!("camera \"{}\": {error}", camera.id))
+            })?;
             self.check_size(camera, name, found)?;
         }
         Ok(())
     }
 
-    fn check_size(&self, camera: &SiteCamera, name: &str, found: [u32; 2]) -> Result<(), Stop> {
+    fn check_size(&self, camera: &SiteCamera, name: &str, found: [u32; 2]) -> Result<(), CommandError> {
         if found == camera.size_px {
             return Ok(());
         }
         let [w, h] = camera.size_px;
         let what = format!(
-            "the image is {} x {} pixels, and size_px of camera \"{}\" in {} says {w} x {h}; correct the one that is wrong",
+            "the image has {} x {} pixels, but size_px of camera \"{}\" in {} is {w} x {h}; correct one of them",
             found[0], found[1], camera.id, self.path
         );
-        Err(Stop::invalid(shown(name), what))
+        Err(CommandError::invalid(image_label(name), what))
     }
 
-    /// A camera's image, turned as its EXIF data says; its size must be the one in the site file.
-    pub(crate) fn camera_image(&self, camera: &SiteCamera) -> Result<RgbImage, Stop> {
+    /// Reads a camera's image, rotated according to its EXIF data. Its size must match the site file.
+    pub(crate) fn camera_image(&self, camera: &SiteCamera) -> Result<RgbImage, CommandError> {
         let name = camera.image.as_deref().ok_or_else(|| {
-            Stop::invalid(
+            CommandError::invalid(
                 &self.path,
                 format!("camera \"{}\" has no image, and this command needs one", camera.id),
             )
         })?;
         let bytes = self.image_bytes(name)?;
-        let wrong = |error| Stop::invalid(shown(name), format!("camera \"{}\": {error}", camera.id));
-        // Before the pixels are decoded.
-        self.check_size(camera, name, size_of(&bytes).map_err(wrong)?)?;
+        let wrong =
+            |error| CommandError::invalid(image_label(name), format!("camera \"{}\": {error}", camera.id));
+        // The size is checked before the pixels are decoded.
+        self.check_size(camera, name, image_size(&bytes).map_err(wrong)?)?;
         decode(&bytes).map_err(wrong)
     }
 
-    /// The plan's picture, if the site has one.
-    pub(crate) fn plan_image(&self) -> Result<Option<RgbImage>, Stop> {
+    /// Reads the image of the plan, if the site has one.
+    pub(crate) fn plan_image(&self) -> Result<Option<RgbImage>, CommandError> {
         let Some(name) = self.site.plan.as_ref().and_then(|plan| plan.image.as_deref()) else {
             return Ok(None);
         };
         let bytes = self.image_bytes(name)?;
-        decode(&bytes).map(Some).map_err(|error| Stop::invalid(shown(name), format!("the plan: {error}")))
+        decode(&bytes)
+            .map(Some)
+            .map_err(|error| CommandError::invalid(image_label(name), format!("the plan: {error}")))
     }
 }
 
-/// A path as a site in this file names it: as seen from its folder.
-pub(crate) fn beside(path: &Path, file: &str) -> String {
+/// Returns `path` relative to the folder of `file`, as the site in `file` refers to it.
+pub(crate) fn path_relative_to_file(path: &Path, file: &str) -> String {
     if file == "-" {
         return path.to_string_lossy().into_owned();
     }
@@ -250,31 +263,31 @@ fn folder_of(file: &str) -> &Path {
     folder.unwrap_or(Path::new("."))
 }
 
-/// Whether a calibration holds at a time, if one is asked for.
-pub(crate) fn holds_at(camera: &SiteCamera, time: Option<&str>) -> Result<bool, Stop> {
+/// Whether a calibration is valid at a time; always if no time is given.
+pub(crate) fn is_valid_at(camera: &SiteCamera, time: Option<&str>) -> Result<bool, CommandError> {
     let Some(time) = time else { return Ok(true) };
-    camera.is_valid_at(time).map_err(|error| Stop::Usage(format!("--at: {}", error.message())))
+    camera.is_valid_at(time).map_err(|error| CommandError::Usage(format!("--at: {}", error.message())))
 }
 
-/// A data: URI does not fill the screen.
-fn shown(name: &str) -> &str {
+/// Returns an image name for messages; a `data:` URI is shortened.
+fn image_label(name: &str) -> &str {
     if name.starts_with("data:") { "data: image" } else { name }
 }
 
-/// A site is read whole, and what a pipe brings has no length.
-fn pipe_advice(error: FileError) -> String {
+/// Formats a file error; for a pipe it advises stdin, because a site is read whole and a pipe has no length.
+fn file_error_message(error: FileError) -> String {
     match error {
-        FileError::NotAFile("a pipe") => format!("{error}; give the site on stdin, as -"),
+        FileError::NotAFile("a pipe") => format!("{error}; pass the site on stdin, with -"),
         error => error.to_string(),
     }
 }
 
-/// The stills that are asked for, those of folders in the order of their names.
-pub(crate) fn listed(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Stop> {
+/// Lists the given images; images in folders are sorted by name.
+pub(crate) fn list_images(asked: &[PathBuf]) -> Result<Vec<PathBuf>, CommandError> {
     let mut found = Vec::new();
     for path in asked {
         if !path.exists() {
-            return Err(Stop::invalid(path.display(), "there is no such still or folder"));
+            return Err(CommandError::invalid(path.display(), "no such image or folder"));
         }
         if !path.is_dir() {
             found.push(path.clone());
@@ -284,41 +297,44 @@ pub(crate) fn listed(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Stop> {
         let entries = std::fs::read_dir(path).with_context(reading)?;
         let paths = entries.map(|entry| entry.map(|entry| entry.path()));
         let mut inside = paths.collect::<Result<Vec<PathBuf>, _>>().with_context(reading)?;
-        inside.retain(|path| is_still(path));
+        inside.retain(|path| is_image_path(path));
         inside.sort();
         if inside.is_empty() {
-            return Err(Stop::invalid(path.display(), "no stills are in this folder (.png, .jpg, .jpeg)"));
+            return Err(CommandError::invalid(
+                path.display(),
+                "this folder contains no images (.png, .jpg, .jpeg)",
+            ));
         }
         found.extend(inside);
     }
     Ok(found)
 }
 
-fn is_still(path: &Path) -> bool {
+fn is_image_path(path: &Path) -> bool {
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     path.is_file() && matches!(extension.as_deref(), Some("png" | "jpg" | "jpeg"))
 }
 
-/// The pixels of a still, within limits.
-pub(crate) fn read(path: &Path) -> Result<RgbImage, Stop> {
-    decode(&bytes(path)?).map_err(|error| Stop::invalid(path.display(), error))
+/// Reads an image within size limits.
+pub(crate) fn read_image(path: &Path) -> Result<RgbImage, CommandError> {
+    decode(&read_image_bytes(path)?).map_err(|error| CommandError::invalid(path.display(), error))
 }
 
-/// The bytes of a still, within limits.
-pub(crate) fn bytes(path: &Path) -> Result<Vec<u8>, Stop> {
-    calib_input::read(path, MAX_BYTES as u64).map_err(|error| Stop::invalid(path.display(), error))
+/// Reads the bytes of an image within size limits.
+pub(crate) fn read_image_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
+    calib_input::read(path, MAX_BYTES as u64).map_err(|error| CommandError::invalid(path.display(), error))
 }
 
-/// When a still was taken: as its name says, else as the clock of its camera.
-pub(crate) fn time(path: &Path) -> Result<Option<Timestamp>, Stop> {
+/// Returns the capture time of an image, from its name or otherwise its EXIF data.
+pub(crate) fn capture_time(path: &Path) -> Result<Option<Timestamp>, CommandError> {
     let told = match calib_input::time_in_name(&stem(path)) {
         Some(time) => Some(time),
-        None => calib_input::taken(&bytes(path)?),
+        None => calib_input::capture_time(&read_image_bytes(path)?),
     };
     Ok(told.and_then(|time| time.parse().ok()))
 }
 
-/// The name of a still without its folder and its ending.
+/// Returns the file name without folder and extension.
 pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -1,6 +1,4 @@
-//! `calib solve`: the whole calibration.
-//!
-//! What `calib solve` prints of the site as a whole.
+//! `calib solve`: calibrates a site and reports the result.
 
 use std::fmt::Write as _;
 
@@ -13,14 +11,14 @@ use clap::ValueEnum;
 use crate::args::ImageArgs;
 use crate::progress::Pulse;
 use crate::site_file::SiteFile;
-use crate::stop::{Stop, visible};
+use crate::stop::{CommandError, escape_control_characters};
 use crate::{files, site_file};
 
-/// Rows of each table: the worst, whatever the size of the site.
-const ROWS: usize = 5;
+/// Maximum number of rows of a table in the summary; the worst rows are shown.
+const MAX_ROWS: usize = 5;
 
-/// What hangs together, how far cameras disagree, the worst links, what the operator should know; nothing
-/// for a site of which there is nothing to say.
+/// Formats the joint solution: connected cameras, disagreement between cameras, the worst links, and
+/// warnings. Empty if the site has no joint solution.
 pub(crate) fn site_summary(site: &Site) -> String {
     let mut out = String::new();
     let Some(solution) = &site.solution else { return out };
@@ -39,31 +37,31 @@ fn overlaps(out: &mut String, overlaps: &[Overlap]) {
         return;
     }
     let sorted = worst_first(overlaps);
-    let shown = &sorted[..sorted.len().min(ROWS)];
+    let shown = &sorted[..sorted.len().min(MAX_ROWS)];
     let names: Vec<String> = shown.iter().map(|pair| pair.cameras.join(" \u{2013} ")).collect();
     let width = names.iter().map(|name| name.chars().count()).chain([30]).max().unwrap_or(0);
-    let _ = writeln!(out, "\n  {:width$} {:>9} {:>10}", "apart on the floor, cm", "measured", "predicted");
+    let _ = writeln!(out, "\n  {:width$} {:>9} {:>10}", "distance on the floor, cm", "measured", "predicted");
     for (pair, name) in shown.iter().zip(&names) {
         let cell = |value: Option<f64>| value.map_or_else(|| "-".into(), centimetres);
         let _ =
             writeln!(out, "  {name:width$} {:>9} {:>10}", cell(pair.floor_rms_m), cell(pair.floor_sigma_m));
     }
-    more(out, sorted.len() - shown.len(), "pair", "pairs");
+    write_hidden_rows(out, sorted.len() - shown.len(), "pair", "pairs");
     let _ = writeln!(
         out,
-        "  (predicted: one sigma of the calibration alone; what is measured has the noise of pixels, too)"
+        "  (predicted: standard deviation of the calibration alone; measured: also contains pixel noise)"
     );
 }
 
-/// What is not shown.
-fn more(out: &mut String, hidden: usize, one: &str, many: &str) {
+/// Writes the number of rows that are not shown.
+fn write_hidden_rows(out: &mut String, hidden: usize, one: &str, many: &str) {
     if hidden > 0 {
         let what = if hidden == 1 { one } else { many };
         let _ = writeln!(out, "  and {hidden} more {what}, none worse");
     }
 }
 
-/// Views of what took part, the worst in the image first.
+/// Returns the views of all used links and marks, with the largest reprojection error first.
 fn worst_views<'a>(elements: &'a [Element<'a>]) -> Vec<(&'a Element<'a>, &'a View<'a>)> {
     let used = elements.iter().filter(|element| element.is_used());
     let mut views: Vec<_> =
@@ -77,18 +75,18 @@ fn errors(out: &mut String, elements: &[Element]) {
     if views.is_empty() {
         return;
     }
-    let shown = &views[..views.len().min(ROWS)];
+    let shown = &views[..views.len().min(MAX_ROWS)];
     let names: Vec<String> = shown
         .iter()
         .map(|(element, view)| format!("{} {} in {}", element.what, element.id, view.entry.id))
         .collect();
     let width = names.iter().map(|name| name.chars().count()).chain([30]).max().unwrap_or(0);
-    let _ = writeln!(out, "\n  {:width$} {:>9} {:>10}", "worst of links and marks", "px", "cm");
+    let _ = writeln!(out, "\n  {:width$} {:>9} {:>10}", "worst links and marks", "px", "cm");
     for ((_, view), name) in shown.iter().zip(&names) {
         let floor = view.floor_m().map_or_else(|| "-".into(), centimetres);
         let _ = writeln!(out, "  {name:width$} {:>9.2} {floor:>10}", view.px());
     }
-    more(out, views.len() - shown.len(), "view", "views");
+    write_hidden_rows(out, views.len() - shown.len(), "view", "views");
 }
 
 fn warnings(out: &mut String, warnings: &[Warning]) {
@@ -103,21 +101,21 @@ fn warnings(out: &mut String, warnings: &[Warning]) {
     }
 }
 
-/// How stage 1 is solved.
+/// Method of stage 1.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum MethodArg {
-    /// Maximum likelihood in pixels, with sigmas
+    /// Maximum likelihood in pixels, with standard deviations
     Ml,
-    /// The paper's criterion, minimised by Nelder-Mead
+    /// The criterion of the paper, minimised by Nelder-Mead
     Paper,
 }
 
-/// How a command reports.
+/// Output format of a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
-    /// For reading
+    /// Text for people
     Text,
-    /// For programs
+    /// JSON for programs
     Json,
 }
 
@@ -128,25 +126,25 @@ pub(crate) struct Args {
     site: String,
     #[command(flatten)]
     images: ImageArgs,
-    /// Write the solved site here (- is stdout)
+    /// Write the solved site to this file (- is stdout)
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
-    /// Solve this camera only (repeat for more)
+    /// Solve only this camera (repeat for more)
     #[arg(long, value_name = "ID")]
     camera: Vec<String>,
-    /// Report the calibrations that hold at this time only (RFC 3339)
+    /// Report only the calibrations that are valid at this time (RFC 3339)
     #[arg(long, value_name = "TIME")]
     at: Option<String>,
-    /// How stage 1 is solved
+    /// Method of stage 1
     #[arg(long, value_enum, default_value = "ml")]
     method: MethodArg,
-    /// Keep every camera as it was solved by itself
+    /// Solve each camera separately; skip joint refinement
     #[arg(long)]
     no_refine: bool,
-    /// Do not let a weak belief about the focal help where the lines do not tell it
+    /// Disable the weak prior on the focal length
     #[arg(long)]
     no_prior: bool,
-    /// How to report
+    /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
     /// Overwrite the output file
@@ -154,9 +152,9 @@ pub(crate) struct Args {
     force: bool,
 }
 
-/// Solves a site and reports.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
-    let file = SiteFile::read(&args.site)?.allowing_outside(args.images.allow_outside);
+/// Solves a site and prints the report.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
+    let file = SiteFile::read(&args.site)?.with_outside_images(args.images.allow_outside);
     file.check_images()?;
     for id in &args.camera {
         file.has_camera(id)?;
@@ -165,7 +163,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         files::check_free(output, args.force)?;
     }
     if let Some(camera) = file.site.cameras.first() {
-        site_file::holds_at(camera, args.at.as_deref())?;
+        site_file::is_valid_at(camera, args.at.as_deref())?;
     }
     let options = Options {
         method: match args.method {
@@ -181,41 +179,41 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     drop(pulse);
     let solved = report.write_into(&file.site);
     if let Some(output) = &args.output {
-        files::write(output, file.seen_from(&solved, output).to_json().as_bytes(), args.force)?;
+        files::write(output, file.with_paths_relative_to(&solved, output).to_json().as_bytes(), args.force)?;
     }
-    let mut asked: Vec<Asked> = Vec::new();
+    let mut asked: Vec<CameraReport> = Vec::new();
     for ((index, _), found) in report.cameras.iter().zip(&report.findings) {
         let camera = &solved.cameras[*index];
-        if site_file::holds_at(camera, args.at.as_deref())? {
-            asked.push(Asked { camera, findings: found.as_deref().unwrap_or_default() });
+        if site_file::is_valid_at(camera, args.at.as_deref())? {
+            asked.push(CameraReport { camera, findings: found.as_deref().unwrap_or_default() });
         }
     }
     let cameras: Vec<&SiteCamera> = asked.iter().map(|asked| asked.camera).collect();
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
-        // stdout is the site: the report goes where messages go.
-        Format::Text if to_stdout => files::say(text(&solved, &asked)),
+        // With the site on stdout, the report goes to stderr.
+        Format::Text if to_stdout => files::print_message(text(&solved, &asked)),
         Format::Text => files::print(&text(&solved, &asked))?,
         Format::Json if to_stdout => {}
         Format::Json => files::print(&json(&cameras)?)?,
     }
-    unsolved(&cameras)
+    check_all_solved(&cameras)
 }
 
-/// A camera that was asked for, and what is to be said of its result.
-struct Asked<'a> {
+/// Solved camera with its findings.
+struct CameraReport<'a> {
     camera: &'a SiteCamera,
     findings: &'a [Finding],
 }
 
-/// Exit 4 when a camera has no solution, naming every one.
-pub(crate) fn unsolved(cameras: &[&SiteCamera]) -> Result<(), Stop> {
+/// Fails with exit code 4 if a camera has no solution, and names all such cameras.
+pub(crate) fn check_all_solved(cameras: &[&SiteCamera]) -> Result<(), CommandError> {
     let failed: Vec<&str> =
         cameras.iter().filter(|camera| camera.solution.is_none()).map(|camera| camera.id.as_str()).collect();
     if failed.is_empty() {
         return Ok(());
     }
-    Err(Stop::Unsolved(format!(
+    Err(CommandError::Unsolved(format!(
         "{} of {} cameras could not be solved: {}",
         failed.len(),
         cameras.len(),
@@ -223,15 +221,15 @@ pub(crate) fn unsolved(cameras: &[&SiteCamera]) -> Result<(), Stop> {
     )))
 }
 
-/// The solutions by id; a camera without one has its error.
-pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, Stop> {
+/// Formats the solutions by camera id; an unsolved camera has its error instead.
+pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, CommandError> {
     let mut map = serde_json::Map::new();
     for camera in cameras {
         let value = match (&camera.solution, &camera.error) {
             (Some(solution), _) => serde_json::to_value(solution)?,
             (None, error) => serde_json::json!({ "error": error }),
         };
-        // An id may repeat with periods that do not overlap.
+        // An id may repeat for periods that do not overlap.
         let period = camera.valid_from.as_deref().unwrap_or("before");
         let key =
             if map.contains_key(&camera.id) { format!("{} {period}", camera.id) } else { camera.id.clone() };
@@ -242,11 +240,11 @@ pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, Stop> {
     Ok(text)
 }
 
-/// What marks a height that is assumed, and what rests on it.
-const ASSUMED: &str = "*";
+/// Mark of an assumed height and of values that depend on it.
+const ASSUMED_MARK: &str = "*";
 
-/// The report for reading: a table, then what the operator should know.
-fn text(site: &Site, asked: &[Asked]) -> String {
+/// Formats the text report: a table of cameras, then warnings and advice.
+fn text(site: &Site, asked: &[CameraReport]) -> String {
     let mut out = String::new();
     if let Some(name) = &site.name {
         let _ = writeln!(out, "{name}\n");
@@ -257,35 +255,33 @@ fn text(site: &Site, asked: &[Asked]) -> String {
         "{:width$}  {:8} {:>14} {:>14} {:>14} {:>18} {:>9} {:>7} {:>6}",
         "camera", "stage", "roll deg", "pitch deg", "yaw deg", "focal px", "height m", "floor", "rms px",
     );
-    for Asked { camera, .. } in asked {
+    for CameraReport { camera, .. } in asked {
         match (&camera.solution, &camera.error) {
             (Some(solution), _) => row(&mut out, width, camera, solution, site.scale_is_known(camera)),
             (None, Some(failure)) => failed(&mut out, width, camera, failure),
             (None, None) => {}
         }
     }
-    let is_assumed = |asked: &Asked| asked.camera.solution.is_some() && !site.scale_is_known(asked.camera);
+    let is_assumed =
+        |asked: &CameraReport| asked.camera.solution.is_some() && !site.scale_is_known(asked.camera);
     if asked.iter().any(is_assumed) {
-        let _ = writeln!(
-            out,
-            "{ASSUMED} height assumed; the floor's \u{b1} is that of its shape, without the scale."
-        );
+        let _ = writeln!(out, "{ASSUMED_MARK} assumed height; the \u{b1} of the floor excludes the scale.");
     }
-    for Asked { camera, .. } in asked {
+    for CameraReport { camera, .. } in asked {
         if let Some(down) = camera.solution.as_ref().and_then(straight_down) {
             let _ = writeln!(out, "{:width$}  {down}", camera.id);
         }
     }
-    for Asked { camera, findings } in asked {
+    for CameraReport { camera, findings } in asked {
         let Some(solution) = &camera.solution else { continue };
         remarks(&mut out, camera, solution, findings);
     }
     out.push_str(&planes_text(site));
     out.push_str(&site_summary(site));
-    visible(&out).into_owned()
+    escape_control_characters(&out).into_owned()
 }
 
-/// How far a solution got, in a word.
+/// Returns the name of a stage.
 pub(crate) fn stage_name(stage: Stage) -> &'static str {
     match stage {
         Stage::Lens => "lens",
@@ -304,8 +300,8 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution,
     };
     let stage = stage_name(solution.stage);
     let placed = solution.stage >= Stage::Placed;
-    let assumed = if scale_is_known { "" } else { ASSUMED };
-    // Roll and yaw are one turn there.
+    let assumed = if scale_is_known { "" } else { ASSUMED_MARK };
+    // Roll and yaw are one rotation for a camera that looks straight down.
     let is_down = straight_down(solution).is_some();
     let own_turn = |angle: Option<f64>| angle.filter(|_| !is_down);
     let _ = writeln!(
@@ -340,7 +336,7 @@ fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, findings:
     }
     let _ = writeln!(out, "\n{}", camera.id);
     if let Some((rms, worst, count)) = worst {
-        let _ = writeln!(out, "  {count} control points: {rms:.2} px rms, the worst {worst:.2} px");
+        let _ = writeln!(out, "  {count} control points: RMS {rms:.2} px, largest {worst:.2} px");
     }
     for warning in &solution.warnings {
         let _ = writeln!(out, "  {}: {}\n    {}", warning.code, warning.message, warning.advice);
@@ -351,7 +347,7 @@ fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, findings:
     }
 }
 
-/// Root mean square, worst and number of the residuals of the control points that were used.
+/// Returns the RMS and largest residual, in pixels, and the number of used control points.
 fn worst_control_point(camera: &SiteCamera, residuals: &[Residual]) -> Option<(f64, f64, usize)> {
     let off = camera.control_points.iter().enumerate().filter(|(_, point)| point.off);
     let off: Vec<String> = off.map(|(index, point)| point.label(index)).collect();

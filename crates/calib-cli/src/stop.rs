@@ -1,6 +1,4 @@
-//! Why a command ends early, and with which exit code.
-//!
-//! Words as they may be shown on a terminal.
+//! Errors of commands with their exit codes, and text that is safe to show on a terminal.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -8,24 +6,24 @@ use std::fmt;
 #[cfg(feature = "archives")]
 use calib_table::TableError;
 
-/// The end of a command that is not success.
+/// Reason why a command did not succeed, with its exit code.
 #[derive(Debug)]
-pub(crate) enum Stop {
-    /// Something went wrong that is not the input's fault: 1.
+pub(crate) enum CommandError {
+    /// General failure that is not caused by the input: exit code 1.
     Failed(anyhow::Error),
-    /// The command line asks for something that does not exist: 2.
+    /// Invalid arguments on the command line: exit code 2.
     Usage(String),
-    /// The input is invalid: 3.
+    /// Invalid input: exit code 3.
     Invalid(String),
-    /// A camera could not be solved or a gate failed; results are written: 4.
+    /// Unsolved camera or failed quality gate; results are written: exit code 4.
     Unsolved(String),
-    /// A format cannot hold the calibration, and nobody agreed to that: 5.
+    /// Export refused because the format loses data: exit code 5.
     Lossy(String),
-    /// The reader of our output has gone: success, silently.
+    /// Reader of the output closed the pipe: success, without a message.
     ReaderGone,
 }
 
-impl Stop {
+impl CommandError {
     pub(crate) fn code(&self) -> u8 {
         match self {
             Self::Failed(_) => 1,
@@ -48,9 +46,9 @@ impl Stop {
         }
     }
 
-    /// Why a table cannot be mapped.
+    /// Converts an error of a table.
     #[cfg(feature = "archives")]
-    pub(crate) fn of_table(error: TableError) -> Self {
+    pub(crate) fn from_table_error(error: TableError) -> Self {
         match error {
             TableError::Usage(what) => Self::Usage(what),
             TableError::Invalid(what) => Self::Invalid(what),
@@ -59,21 +57,21 @@ impl Stop {
         }
     }
 
-    /// A failure with what was being done; ends of other kinds say all that there is.
-    pub(crate) fn while_doing(self, what: impl FnOnce() -> String) -> Self {
+    /// Adds the current operation to a general failure; other errors are already complete.
+    pub(crate) fn add_context(self, what: impl FnOnce() -> String) -> Self {
         match self {
             Self::Failed(error) => Self::Failed(error.context(what())),
             other => other,
         }
     }
 
-    /// Invalid input in a file.
+    /// Creates an error for invalid input in a file.
     pub(crate) fn invalid(file: impl fmt::Display, what: impl fmt::Display) -> Self {
         Self::Invalid(format!("{file}: {what}"))
     }
 }
 
-impl<E: Into<anyhow::Error>> From<E> for Stop {
+impl<E: Into<anyhow::Error>> From<E> for CommandError {
     fn from(error: E) -> Self {
         let error = error.into();
         let is_gone = |e: &std::io::Error| e.kind() == std::io::ErrorKind::BrokenPipe;
@@ -84,10 +82,10 @@ impl<E: Into<anyhow::Error>> From<E> for Stop {
     }
 }
 
-/// Text as it may be shown on a terminal: names come from anywhere, and what would move the cursor, colour the
-/// screen or turn the direction of writing is spelt out.
-pub(crate) fn visible(text: &str) -> Cow<'_, str> {
-    let is_shown = |c: char| matches!(c, '\n' | '\t') || !(c.is_control() || turns_writing(c));
+/// Escapes characters that could move the cursor, change colours or reverse the writing direction on a
+/// terminal. Names in a site may contain any character.
+pub(crate) fn escape_control_characters(text: &str) -> Cow<'_, str> {
+    let is_shown = |c: char| matches!(c, '\n' | '\t') || !(c.is_control() || is_direction_mark(c));
     if text.chars().all(is_shown) {
         return Cow::Borrowed(text);
     }
@@ -95,8 +93,9 @@ pub(crate) fn visible(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(spelt).collect())
 }
 
-/// Marks, embeddings, overrides and isolates of the direction of writing (Unicode standard annex 9).
-fn turns_writing(c: char) -> bool {
+/// Whether a character is a mark, embedding, override or isolate of writing direction (Unicode Standard Annex
+/// 9).
+fn is_direction_mark(c: char) -> bool {
     matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
@@ -105,9 +104,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_terminal_would_obey_is_spelt_out() {
-        assert_eq!(visible("Tür 3\n\tok"), "Tür 3\n\tok");
-        assert_eq!(visible("a\u{1b}[2Jb\r\u{9b}31m"), "a\\u{1b}[2Jb\\u{d}\\u{9b}31m");
-        assert_eq!(visible("gnp.\u{202e}exe"), "gnp.\\u{202e}exe");
+    fn control_characters_are_escaped() {
+        assert_eq!(escape_control_characters("Tür 3\n\tok"), "Tür 3\n\tok");
+        assert_eq!(escape_control_characters("a\u{1b}[2Jb\r\u{9b}31m"), "a\\u{1b}[2Jb\\u{d}\\u{9b}31m");
+        assert_eq!(escape_control_characters("gnp.\u{202e}exe"), "gnp.\\u{202e}exe");
     }
 }

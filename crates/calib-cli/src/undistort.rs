@@ -1,4 +1,4 @@
-//! `calib undistort`: a camera's image without lens distortion, whole or in windows.
+//! `calib undistort`: writes a camera's image without lens distortion, completely or as virtual views.
 
 use calib_core::{Distortion, Undistortion};
 
@@ -8,18 +8,18 @@ use image::RgbImage;
 
 use crate::args::{OutputArgs, SiteArgs};
 use crate::files;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 use crate::windows::{self, WindowArgs};
 use calib_report::lens_of;
 
-/// Which part of the undistorted plane to show.
+/// Part of the undistorted plane in the image.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CropArg {
     /// The centre keeps its scale
     SameFocal,
-    /// The largest view without a blank pixel
+    /// The largest view without blank pixels
     AllValid,
-    /// Every pixel of the image, blank beyond
+    /// All pixels of the image, with blank margins
     AllPixels,
 }
 
@@ -28,10 +28,10 @@ enum CropArg {
 pub(crate) struct Args {
     #[command(flatten)]
     site: SiteArgs,
-    /// Which camera
+    /// Camera to undistort
     #[arg(long, value_name = "ID")]
     camera: String,
-    /// Which part to show
+    /// Part of the undistorted image to show
     #[arg(long, value_enum, default_value = "same-focal")]
     crop: CropArg,
     #[command(flatten)]
@@ -40,22 +40,23 @@ pub(crate) struct Args {
     output: OutputArgs,
 }
 
-/// Writes the image, and says which focal and principal point it has; or the windows that are asked for.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Writes the undistorted image and prints its focal length and principal point, or writes the requested
+/// views.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.windows.check()?;
-    if !args.windows.is_asked() {
+    if !args.windows.is_requested() {
         args.output.check_free()?;
     }
     let file = args.site.read()?;
     let entry = file.camera(&args.camera)?;
     let lens = lens_of(entry);
     if let (None, Distortion::None, Some(error)) = (&entry.solution, lens.distortion, &entry.error) {
-        let what = format!("camera \"{}\": nothing tells its lens: {}", entry.id, error.message);
-        return Err(Stop::Unsolved(what));
+        let what = format!("camera \"{}\": its lens is unknown: {}", entry.id, error.message);
+        return Err(CommandError::Unsolved(what));
     }
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px);
     let image = file.camera_image(entry)?;
-    if args.windows.is_asked() {
+    if args.windows.is_requested() {
         return windows::run(&args.windows, &args.output, entry, &image);
     }
     let crop = match args.crop {
@@ -64,13 +65,13 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
         CropArg::AllPixels => Crop::AllPixels,
     };
     let (width, height) = image.dimensions();
-    let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be mapped");
+    let too_small = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be undistorted");
     let made = |crop| Undistortion::new(&lens, width as usize, height as usize, crop);
     let is_round = made(crop).is_none() && made(Crop::SameFocal).is_some();
     if is_round {
-        return Err(Stop::Usage(format!(
-            "camera \"{}\": no flat image holds all that its lens shows. Leave --crop out, or take --look, --quadrants or \
-             --panorama",
+        return Err(CommandError::Usage(format!(
+            "camera \"{}\": a flat image cannot show its whole field of view. Omit --crop, or use --look, \
+             --quadrants or --panorama",
             entry.id
         )));
     }
@@ -79,10 +80,10 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     let straight = RgbImage::from_raw(width, height, bytes).ok_or_else(too_small)?;
     args.output.write_image(&straight)?;
     if lens.distortion == Distortion::None {
-        files::say("the camera has no distortion: the image is as it was");
+        files::print_message("the camera has no distortion; the image is unchanged");
     }
     let centre = map.principal_point();
     let focal = focal.map_or_else(|| "unknown".into(), |focal| format!("{:.2} px", map.focal(focal)));
-    files::say(format_args!("focal {focal}, principal point {:.2}, {:.2}", centre.u, centre.v));
+    files::print_message(format_args!("focal {focal}, principal point {:.2}, {:.2}", centre.u, centre.v));
     Ok(())
 }

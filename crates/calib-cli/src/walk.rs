@@ -1,4 +1,4 @@
-//! `calib walk`: acceptance by a walker whom several cameras see.
+//! `calib walk`: acceptance test from detections of one person who walks through the site.
 
 use calib_core::FloorPoint;
 
@@ -10,7 +10,7 @@ use crate::detections::{DetectionArgs, Detections, TableArgs};
 use crate::files;
 use crate::site_file::SiteFile;
 use crate::solve::Format;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
 /// Arguments of `calib walk`.
 #[derive(Debug, clap::Args)]
@@ -19,7 +19,7 @@ pub(crate) struct Args {
     site: SiteArgs,
     #[command(flatten)]
     detections: DetectionArgs,
-    /// Write a page to hand over and sign
+    /// Write an HTML acceptance report for signature
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
     /// Overwrite the page
@@ -27,24 +27,24 @@ pub(crate) struct Args {
     force: bool,
     #[command(flatten)]
     limits: Limits,
-    /// How to report
+    /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
 }
 
-/// Over what is said of the walk that a report takes in.
-const HEADING: &str = "The walk that the page takes in";
+/// Help heading of the walk arguments of `calib report`.
+const HEADING: &str = "Walk test in the report";
 
-/// An argument of a report; what is said of the walk wants one.
-pub(crate) fn goes_with_a_walk(arg: clap::Arg) -> clap::Arg {
+/// Makes an argument under the walk heading require `--walk`.
+pub(crate) fn require_walk(arg: clap::Arg) -> clap::Arg {
     if arg.get_help_heading() == Some(HEADING) && arg.get_id() != "walk" { arg.requires("walk") } else { arg }
 }
 
-/// A walk that a report takes in.
+/// Arguments for a walk in a report.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = HEADING)]
-pub(crate) struct WalkedArgs {
-    /// Table of detections of one person who walked through the site, judged as by `calib walk`; - is stdin
+pub(crate) struct WalkArgs {
+    /// Table of detections of one person who walked through the site, tested as by `calib walk`; - is stdin
     #[arg(long, value_name = "FILE")]
     walk: Option<String>,
     #[command(flatten)]
@@ -53,34 +53,34 @@ pub(crate) struct WalkedArgs {
     table: TableArgs,
 }
 
-impl WalkedArgs {
-    /// What it shows of a site, if there is one.
-    pub(crate) fn judged(&self, file: &SiteFile) -> Result<Option<Judged>, Stop> {
+impl WalkArgs {
+    /// Tests the walk, if one was given.
+    pub(crate) fn test(&self, file: &SiteFile) -> Result<Option<WalkTest>, CommandError> {
         self.limits.check()?;
-        let of = |table: &String| judged(file, self.table.open(table, file)?, &self.limits);
+        let of = |table: &String| test_walk(file, self.table.open(table, file)?, &self.limits);
         self.walk.as_ref().map(of).transpose()
     }
 }
 
-/// What a walk must keep to.
+/// Limits of the acceptance test.
 #[derive(Debug, clap::Args)]
 struct Limits {
-    /// Largest floor error of a zone, in metres, beyond its ±
+    /// Maximum floor error of a zone, in metres; an error within its uncertainty passes
     #[arg(long, value_name = "M", default_value_t = 0.5)]
     max_error_m: f64,
-    /// Length of a side of the zones, in metres
+    /// Side length of the zones, in metres
     #[arg(long, value_name = "M", default_value_t = 2.0)]
     zone_m: f64,
-    /// Least share of the zones that cameras cover where somebody must have walked
+    /// Minimum fraction of the covered zones that the person must visit
     #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
     min_walked: f64,
 }
 
-/// Moments that several cameras must have seen: fewer tell nothing.
-const MOMENTS: usize = 20;
+/// Minimum number of times when two or more cameras detect the person.
+const MIN_MOMENTS: usize = 20;
 
-/// A walk that was judged.
-pub(crate) struct Judged {
+/// Tested walk.
+pub(crate) struct WalkTest {
     title: String,
     names: Vec<String>,
     result: WalkResult,
@@ -88,14 +88,14 @@ pub(crate) struct Judged {
     faults: Vec<String>,
 }
 
-/// Reads the walk, and judges.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Reads the walk, tests it and reports.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.limits.check()?;
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
     let file = args.site.read()?;
-    let judged = judged(&file, args.detections.open(&file)?, &args.limits)?;
+    let judged = test_walk(&file, args.detections.open(&file)?, &args.limits)?;
     let page = judged.page();
     if let Some(output) = &args.output {
         files::write(output, page.html().as_bytes(), args.force)?;
@@ -103,75 +103,76 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     match args.format {
         _ if args.output.as_deref() == Some("-") => {}
         Format::Json => files::print(&format!("{:#}\n", as_json(&page)))?,
-        Format::Text => files::print(&crate::stop::visible(&page.text()))?,
+        Format::Text => files::print(&crate::stop::escape_control_characters(&page.text()))?,
     }
-    judged.verdict()
+    judged.check_passed()
 }
 
 impl Limits {
-    /// Refuses limits that are none.
-    fn check(&self) -> Result<(), Stop> {
+    /// Refuses limits that are not positive.
+    fn check(&self) -> Result<(), CommandError> {
         if self.zone_m > 0.0 && self.max_error_m > 0.0 {
             return Ok(());
         }
-        Err(Stop::Usage("--zone-m, --max-error-m: expected lengths above 0".into()))
+        Err(CommandError::Usage("--zone-m, --max-error-m: expected lengths above 0".into()))
     }
 }
 
-/// What a table of one walker shows of a site.
-fn judged(file: &SiteFile, mut detections: Detections, limits: &Limits) -> Result<Judged, Stop> {
+/// Tests a table of detections of one person against the limits.
+fn test_walk(file: &SiteFile, mut detections: Detections, limits: &Limits) -> Result<WalkTest, CommandError> {
     let cameras: Vec<_> = detections.calibrations.cameras().map(|c| (c.camera, c.size)).collect();
     let mut walk = Walk::new(&cameras);
     detections.each(0, |seen, _| {
-        seen.iter().for_each(|sighting| walk.see(sighting));
+        seen.iter().for_each(|sighting| walk.add_sighting(sighting));
         Ok(())
     })?;
     let (names, result) = (detections.names(), walk.result());
-    refuse_a_crowd(&names, &result)?;
+    check_single_person(&names, &result)?;
     let efovs: Vec<Vec<FloorPoint>> = detections.calibrations.efovs().map(<[_]>::to_vec).collect();
     let zones = Zones::new(&result.moments, &efovs, limits.zone_m);
     let faults = faults(limits, &names, &result, &zones);
     let title = file.site.name.clone().unwrap_or_else(|| "Cameras".into());
-    Ok(Judged { title, names, result, zones, faults })
+    Ok(WalkTest { title, names, result, zones, faults })
 }
 
-impl Judged {
-    /// It as a page.
+impl WalkTest {
+    /// Returns the data of the HTML page.
     pub(crate) fn page(&self) -> WalkPage<'_> {
         let Self { title, names, result, zones, faults } = self;
         WalkPage { title, names, result, zones, faults }
     }
 
-    /// Exit 4 where it failed, with why.
-    pub(crate) fn verdict(&self) -> Result<(), Stop> {
+    /// Fails with exit code 4 and the reasons if the walk failed.
+    pub(crate) fn check_passed(&self) -> Result<(), CommandError> {
         if self.faults.is_empty() {
             return Ok(());
         }
-        Err(Stop::Unsolved(format!("failed: {}", self.faults.join("; "))))
+        Err(CommandError::Unsolved(format!("failed: {}", self.faults.join("; "))))
     }
 }
 
-/// A table of several people says nothing of a walker: whom one camera sees need not be whom another sees.
-fn refuse_a_crowd(names: &[String], result: &WalkResult) -> Result<(), Stop> {
-    /// Of what a camera saw: so much may be a second box of one person.
-    const SHARE: f64 = 0.02;
+/// Refuses a table of several people, because detections of two cameras could then be of different people.
+fn check_single_person(names: &[String], result: &WalkResult) -> Result<(), CommandError> {
+    /// Maximum fraction of a camera's detections with a second person at the same time; fewer may be duplicate boxes.
+    const MAX_CROWDED_FRACTION: f64 = 0.02;
     let is_crowd = |&camera: &usize| {
-        result.crowded[camera] as f64 > SHARE * result.seen[camera] as f64 && result.crowded[camera] > 1
+        result.crowded_moments[camera] as f64 > MAX_CROWDED_FRACTION * result.seen[camera] as f64
+            && result.crowded_moments[camera] > 1
     };
     let Some(camera) = (0..names.len()).find(is_crowd) else { return Ok(()) };
-    Err(Stop::Invalid(format!(
-        "{} saw more than one person at {} times, and a walk is of one: give the rows of the walker alone",
-        names[camera], result.crowded[camera]
+    Err(CommandError::Invalid(format!(
+        "{} detected several people at {} times; give only the rows of the person who walked",
+        names[camera], result.crowded_moments[camera]
     )))
 }
 
-/// What keeps the walk from passing.
+/// Returns the reasons why the walk fails.
 fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones) -> Vec<String> {
     let mut faults = Vec::new();
     let together = result.moments.iter().filter(|moment| moment.seen.len() > 1).count();
-    if together < MOMENTS {
+    if together < MIN_MOMENTS {
         faults.push(format!(
-            "{together} moments at which two cameras saw the walker, and {MOMENTS} are needed: walk where views overlap"
+            "two cameras detected the person at {together} times, at least {MIN_MOMENTS} are needed: walk where views overlap"
         ));
     }
     let accused = result.disagreements.iter();
@@ -189,7 +190,7 @@ fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones)
     let share = walked / zones.list.len().max(1) as f64;
     if share < limits.min_walked {
         faults.push(format!(
-            "{:.0} % of the zones were walked, {:.0} % asked",
+            "{:.0} % of the zones were walked, {:.0} % required",
             100.0 * share,
             100.0 * limits.min_walked
         ));
@@ -201,14 +202,14 @@ fn as_json(page: &WalkPage<'_>) -> serde_json::Value {
     let WalkPage { names, result, zones, faults, .. } = page;
     let found = |camera: usize| result.disagreements.iter().find(|one| one.camera == camera);
     let camera = |index: usize| {
-        let verdict = match (found(index), result.together[index]) {
+        let verdict = match (found(index), result.shared_moments[index]) {
             (Some(_), _) => "disagrees",
             (None, 0) => "not-tested",
             (None, _) => "agrees",
         };
         let mut value = serde_json::json!({
             "id": names[index], "verdict": verdict,
-            "moments": result.seen[index], "together": result.together[index],
+            "moments": result.seen[index], "together": result.shared_moments[index],
         });
         if let Some(one) = found(index) {
             value["fault"] = fault_json(one);
@@ -219,7 +220,7 @@ fn as_json(page: &WalkPage<'_>) -> serde_json::Value {
         let covered_by: Vec<&String> = zone.covered_by.iter().map(|&camera| &names[camera]).collect();
         serde_json::json!({
             "zone": zone_name(zone), "corner_m": [zone.corner.x, zone.corner.y], "moments": zone.moments,
-            "together": zone.together, "error_m": zone.error, "error_sigma_m": zone.error_sigma,
+            "together": zone.shared_moments, "error_m": zone.error, "error_sigma_m": zone.error_sigma,
             "covered_by": covered_by,
         })
     };
@@ -235,7 +236,7 @@ fn as_json(page: &WalkPage<'_>) -> serde_json::Value {
 fn fault_json(one: &Disagreement) -> serde_json::Value {
     let [x, y, z, yaw, pitch, roll, focal] = one.errors;
     serde_json::json!({
-        "sigmas_clear": one.sigmas_clear, "shift_m": one.shift, "shift_sigma_m": one.shift_sigma,
+        "sigmas_clear": one.significance, "shift_m": one.shift, "shift_sigma_m": one.shift_sigma,
         "says": direction(one),
         "likeliest": {
             "x_m": x, "y_m": y, "z_m": z, "yaw_deg": yaw.to_degrees(), "pitch_deg": pitch.to_degrees(),

@@ -1,4 +1,4 @@
-//! `calib watch`: cameras that moved, found by the people that they see.
+//! `calib watch`: detects moved cameras from detections of people.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,7 +7,7 @@ use calib_core::Camera;
 
 use calib_core::camera::Movement;
 
-use calib_health::{CameraHealth, Change, Memory, Verdict, Watch};
+use calib_health::{CameraHealth, Change, DriftStatus, Memory, Watch};
 use calib_report::WatchedCamera;
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ use crate::args::SiteArgs;
 use crate::detections::{DetectionArgs, Detections, instant};
 use crate::files;
 use crate::solve::Format;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
 /// Arguments of `calib watch`.
 #[derive(Debug, clap::Args)]
@@ -24,50 +24,50 @@ pub(crate) struct Args {
     site: SiteArgs,
     #[command(flatten)]
     detections: DetectionArgs,
-    /// Write a page with a plot of every camera
+    /// Write an HTML page with a plot of every camera
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
     /// Overwrite the page
     #[arg(long)]
     force: bool,
-    /// Remember here what was seen, and go on with it: rows of a table that were read already are left out
+    /// Load and save the accumulated statistics in this file; rows that were already read are skipped
     #[arg(long, value_name = "FILE")]
     state: Option<String>,
-    /// How to report
+    /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
 }
 
-/// Rows after which the state is written, at least.
-const SAVED: u64 = 1 << 21;
-/// Most bytes of a state.
-const MOST: u64 = 1 << 30;
+/// Minimum number of rows between two saves of the state.
+const SAVE_INTERVAL_ROWS: u64 = 1 << 21;
+/// Largest accepted state file, in bytes.
+const MAX_STATE_BYTES: u64 = 1 << 30;
 
-/// What a run leaves for the next one.
+/// Saved state for the next run.
 #[derive(Debug, Serialize, Deserialize)]
 struct State {
     format: String,
     version: u32,
-    /// SHA-256 of the site file: another calibration is another watch.
+    /// SHA-256 of the site file. The state is valid for this calibration only.
     site_sha256: String,
     cameras: Vec<String>,
-    /// Rows of every table that were read.
+    /// Number of rows read, by table.
     read: BTreeMap<String, u64>,
     memory: Memory,
 }
 
-/// Reads the table, and reports.
-pub(crate) fn run(args: &Args) -> Result<(), Stop> {
+/// Reads the table and reports.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if args.site.is_stdin() && args.detections.input == "-" {
         let what = "the site and the table cannot both come from stdin; give --input FILE";
-        return Err(Stop::Usage(what.into()));
+        return Err(CommandError::Usage(what.into()));
     }
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
     let file = args.site.read()?;
     let mut detections = args.detections.open(&file)?;
-    let mut watching = Watching::new(args, &detections, &file.sha256)?;
+    let mut watching = WatchRun::new(args, &detections, &file.sha256)?;
     watching.read(&mut detections)?;
     let health = watching.watch.health();
     let names = detections.names();
@@ -81,24 +81,24 @@ pub(crate) fn run(args: &Args) -> Result<(), Stop> {
     if args.output.as_deref() != Some("-") {
         report(args.format, &names, &from, &health)?;
     }
-    let moved = names.iter().zip(&health).filter(|(_, health)| health.verdict == Verdict::Moved);
+    let moved = names.iter().zip(&health).filter(|(_, health)| health.status == DriftStatus::Moved);
     let moved: Vec<&str> = moved.map(|(id, _)| id.as_str()).collect();
     if moved.is_empty() {
         return Ok(());
     }
-    Err(Stop::Unsolved(format!("moved: {}", calib_report::few(moved))))
+    Err(CommandError::Unsolved(format!("moved: {}", calib_report::few(moved))))
 }
 
-/// A watch with where it is remembered.
-struct Watching<'a> {
+/// Drift detection with its saved state.
+struct WatchRun<'a> {
     watch: Watch,
     state: State,
     path: Option<&'a Path>,
     input: &'a str,
 }
 
-impl<'a> Watching<'a> {
-    fn new(args: &'a Args, detections: &Detections, site_sha256: &str) -> Result<Self, Stop> {
+impl<'a> WatchRun<'a> {
+    fn new(args: &'a Args, detections: &Detections, site_sha256: &str) -> Result<Self, CommandError> {
         let cameras: Vec<(Camera, [f64; 2])> =
             detections.calibrations.cameras().map(|camera| (camera.camera, camera.size)).collect();
         let watch = Watch::new(&cameras);
@@ -114,31 +114,30 @@ impl<'a> Watching<'a> {
         let Some(found) = path.filter(|path| path.exists()) else {
             return Ok(Self { watch, state: fresh, path, input });
         };
-        let wrong = |what: &str| Stop::invalid(found.display(), what);
-        let bytes = calib_input::read(found, MOST).map_err(|why| wrong(&why.to_string()))?;
+        let wrong = |what: &str| CommandError::invalid(found.display(), what);
+        let bytes = calib_input::read(found, MAX_STATE_BYTES).map_err(|why| wrong(&why.to_string()))?;
         let state: State = serde_json::from_slice(&bytes)
-            .map_err(|error| wrong(&format!("not what calib watch remembers: {error}")))?;
+            .map_err(|error| wrong(&format!("not a state file of calib watch: {error}")))?;
         if state.site_sha256 != fresh.site_sha256 || state.cameras != fresh.cameras {
-            let what =
-                "is of another calibration or other cameras; name another file, or remove it to begin anew";
+            let what = "belongs to another calibration or other cameras; choose another file, or delete it to start again";
             return Err(wrong(what));
         }
         let watch = watch.with_memory(state.memory.clone());
-        let watch = watch.ok_or_else(|| wrong("is of other cameras; remove it to begin anew"))?;
+        let watch = watch.ok_or_else(|| wrong("belongs to other cameras; delete it to start again"))?;
         Ok(Self { watch, state, path, input })
     }
 
-    fn read(&mut self, detections: &mut Detections) -> Result<(), Stop> {
-        // What comes through a pipe is new every time.
+    fn read(&mut self, detections: &mut Detections) -> Result<(), CommandError> {
+        // Rows from a pipe are always new.
         let is_file = self.input != "-";
         let skip = if is_file { self.state.read.get(self.input).copied().unwrap_or(0) } else { 0 };
         let mut saved = skip;
         detections.each(skip, |seen, rows| {
-            seen.iter().for_each(|sighting| self.watch.see(sighting));
+            seen.iter().for_each(|sighting| self.watch.add_sighting(sighting));
             if is_file {
                 self.state.read.insert(self.input.to_owned(), rows);
             }
-            if rows > saved + SAVED {
+            if rows > saved + SAVE_INTERVAL_ROWS {
                 saved = rows;
                 self.save()?;
             }
@@ -147,7 +146,7 @@ impl<'a> Watching<'a> {
         self.save()
     }
 
-    fn save(&mut self) -> Result<(), Stop> {
+    fn save(&mut self) -> Result<(), CommandError> {
         let Some(path) = self.path else { return Ok(()) };
         self.state.memory = self.watch.memory().clone();
         files::write_atomically(path, &serde_json::to_vec(&self.state)?)
@@ -159,7 +158,7 @@ fn report(
     names: &[String],
     from: &[Option<&str>],
     health: &[CameraHealth],
-) -> Result<(), Stop> {
+) -> Result<(), CommandError> {
     let cameras = || names.iter().zip(from).zip(health);
     if format == Format::Json {
         let list: Vec<_> = cameras().map(|((id, from), health)| as_json(id, *from, health)).collect();
@@ -167,7 +166,7 @@ fn report(
     }
     for ((id, _), health) in cameras() {
         let text = calib_report::watch_text(health, &instant);
-        files::print(&crate::stop::visible(&format!("{id}: {text}\n")))?;
+        files::print(&crate::stop::escape_control_characters(&format!("{id}: {text}\n")))?;
     }
     Ok(())
 }
@@ -175,13 +174,13 @@ fn report(
 fn as_json(id: &str, from: Option<&str>, health: &CameraHealth) -> serde_json::Value {
     let mut value = serde_json::json!({
         "id": id,
-        "verdict": health.verdict.name(),
+        "verdict": health.status.name(),
         "since": health.change.map(|change| instant(change.since)),
         "since_low": health.change.map(|change| instant(change.between[0])),
         "since_high": health.change.map(|change| instant(change.between[1])),
         "tracks": health.tracks,
         "matches": health.matches,
-        "would_find": parameters(health.smallest, health.smallest.map(|_| 0.0)),
+        "would_find": parameters(health.smallest_detectable, health.smallest_detectable.map(|_| 0.0)),
     });
     if let Some(from) = from {
         value["valid_from"] = from.into();
@@ -194,18 +193,19 @@ fn as_json(id: &str, from: Option<&str>, health: &CameraHealth) -> serde_json::V
 
 fn change_json(change: &Change) -> serde_json::Value {
     let Movement { pan, tilt, roll, zoom } = change.movement;
-    let told = [("heights", change.by_heights), ("other-cameras", change.by_others)];
+    let told = [("heights", change.is_seen_in_heights), ("other-cameras", change.is_seen_by_others)];
     let told: Vec<&str> = told.into_iter().filter(|(_, tells)| *tells).map(|(name, _)| name).collect();
     serde_json::json!({
         "by": parameters([pan, tilt, roll, zoom], change.sigmas),
         "sigma": parameters(change.sigmas, change.sigmas),
-        "sigmas_clear": change.sigmas_clear,
+        "sigmas_clear": change.significance,
         "false_alarm": change.false_alarm,
         "told_by": told,
     })
 }
 
-/// In degrees and as a share of the focal; null where nothing is known.
+/// Formats angles in degrees and the zoom relative to the focal length; null if a value or its standard
+/// deviation is unknown.
 fn parameters(values: [f64; Movement::SIZE], sigmas: [f64; Movement::SIZE]) -> serde_json::Value {
     let known =
         |i: usize, scale: f64| Some(values[i] * scale).filter(|v| v.is_finite() && sigmas[i].is_finite());

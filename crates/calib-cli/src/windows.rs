@@ -1,4 +1,5 @@
-//! `calib undistort` of wide lenses: windows that look anywhere, each an image with its pinhole camera beside it.
+//! `calib undistort` for wide lenses: virtual views in any direction, each an image with the numbers of its
+//! pinhole or cylindrical camera.
 
 use std::path::Path;
 
@@ -16,42 +17,43 @@ use serde_json::json;
 use crate::args::{OutputArgs, size};
 use crate::files;
 use crate::picture;
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// How a camera hangs.
+/// Mounting of a camera.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum MountArg {
-    /// It looks down: four windows look outward, and the panorama goes round its axis
+    /// Looks down: four views look outward, and the panorama goes around the camera's axis
     Ceiling,
-    /// It looks level: windows and panorama are upright as its image is
+    /// Looks level: views and panorama have the orientation of the image
     Wall,
 }
 
-/// Windows that are asked for.
+/// Arguments for virtual views.
 #[derive(Debug, clap::Args)]
 pub(crate) struct WindowArgs {
-    /// A flat window instead, of any lens: where it looks from the camera's own axis, and how wide it is, in degrees; may be
-    /// given again. As in a site, pitch is positive down and yaw positive to the left; a roll may follow
+    /// Write a flat view: its direction from the camera's axis and its width, in degrees (repeat for more).
+    /// As in a site, pitch is positive down and yaw positive to the left; a roll may follow
     #[arg(long, value_name = "PITCH,YAW,HFOV", value_parser = look, allow_hyphen_values = true, conflicts_with = "crop")]
     look: Vec<Look>,
-    /// Four flat windows round the camera's axis
+    /// Write four flat views around the camera's axis
     #[arg(long, conflicts_with = "crop")]
     quadrants: bool,
-    /// All round, unrolled: a cylinder
+    /// Write a cylindrical panorama
     #[arg(long, conflicts_with = "crop")]
     panorama: bool,
-    /// How the camera hangs, for --quadrants and --panorama; by default a ceiling where it is known to look down
+    /// Mounting of the camera, for --quadrants and --panorama; by default wall for a known pitch up to
+    /// 45°, otherwise ceiling
     #[arg(long, value_enum)]
     mount: Option<MountArg>,
-    /// Size of a window [default: 1280x720, 2400x800 for --panorama]
+    /// Size of a view [default: 1280x720, 2400x800 for --panorama]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
-    /// Write the map from every window to the raw image, too (NPY, for cv2.remap)
+    /// Also write the map from every view to the raw image (NPY, for cv2.remap)
     #[arg(long)]
     remap: bool,
 }
 
-/// A look, such as 45,-90,80.
+/// Parses a view direction, such as 45,-90,80.
 fn look(text: &str) -> Result<Look, String> {
     let wrong = || {
         "expected PITCH,YAW,HFOV or PITCH,YAW,HFOV,ROLL in degrees, such as 45,-90,80; HFOV up to 170"
@@ -69,31 +71,31 @@ fn look(text: &str) -> Result<Look, String> {
     Window::flat(asked, [1, 1]).map(|_| asked).ok_or_else(wrong)
 }
 
-/// A window with its name, which is empty where it is the only one.
-type Named = (String, Window);
+/// View with its name; the name is empty for a single view.
+type NamedWindow = (String, Window);
 
 impl WindowArgs {
-    /// Whether any window is asked for.
-    pub(crate) fn is_asked(&self) -> bool {
+    /// Whether any view is requested.
+    pub(crate) fn is_requested(&self) -> bool {
         !self.look.is_empty() || self.quadrants || self.panorama
     }
 
-    /// Refuses what would do nothing.
-    pub(crate) fn check(&self) -> Result<(), Stop> {
+    /// Refuses arguments that have no effect.
+    pub(crate) fn check(&self) -> Result<(), CommandError> {
         let alone =
             [("--mount", self.mount.is_some()), ("--size", self.size.is_some()), ("--remap", self.remap)];
-        match alone.into_iter().find(|(_, is_given)| *is_given && !self.is_asked()) {
+        match alone.into_iter().find(|(_, is_given)| *is_given && !self.is_requested()) {
             Some((name, _)) => {
-                Err(Stop::Usage(format!("{name} needs --look, --quadrants or --panorama beside it")))
+                Err(CommandError::Usage(format!("{name} requires --look, --quadrants or --panorama")))
             }
             None => Ok(()),
         }
     }
 
-    fn windows(&self, mount: Mount, reach: f64) -> Option<Vec<Named>> {
+    fn windows(&self, mount: Mount, reach: f64) -> Option<Vec<NamedWindow>> {
         let sized = |usual: [u32; 2]| self.size.unwrap_or(usual).map(|side| side as usize);
         let usual = sized([1280, 720]);
-        let mut found: Vec<Named> = Vec::new();
+        let mut found: Vec<NamedWindow> = Vec::new();
         for (index, &look) in self.look.iter().enumerate() {
             found.push((format!("look-{}", index + 1), Window::flat(look, usual)?));
         }
@@ -111,24 +113,24 @@ impl WindowArgs {
     }
 }
 
-/// The lens and focal of a camera whose windows are asked for.
-fn seen_through(entry: &SiteCamera) -> Result<(Lens, f64), Stop> {
+/// Returns the lens and the focal length of a camera, in pixels.
+fn lens_and_focal(entry: &SiteCamera) -> Result<(Lens, f64), CommandError> {
     let lens = lens_of(entry);
     let own = (lens.distortion != Distortion::None).then_some(lens.focal);
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px).or(own);
     let unknown =
-        || Stop::Unsolved(format!("camera \"{}\": nothing tells its focal: solve it first", entry.id));
+        || CommandError::Unsolved(format!("camera \"{}\" has no focal length: solve it first", entry.id));
     Ok((lens, focal.ok_or_else(unknown)?))
 }
 
-/// Writes every window, and beside it the camera that it is.
+/// Writes every view with the numbers of its camera.
 pub(crate) fn run(
     args: &WindowArgs,
     output: &OutputArgs,
     entry: &SiteCamera,
     image: &RgbImage,
-) -> Result<(), Stop> {
-    let (lens, focal) = seen_through(entry)?;
+) -> Result<(), CommandError> {
+    let (lens, focal) = lens_and_focal(entry)?;
     let camera = entry.camera();
     let mount = match (args.mount, &camera) {
         (Some(MountArg::Ceiling), _) => Mount::Ceiling,
@@ -138,53 +140,55 @@ pub(crate) fn run(
     };
     let (width, height) = image.dimensions();
     let reach = lens_reach(&lens, focal, [f64::from(width), f64::from(height)]);
-    let windows = args.windows(mount, reach).ok_or_else(|| Stop::Usage("a window has no size".into()))?;
+    let windows = args
+        .windows(mount, reach)
+        .ok_or_else(|| CommandError::Usage("the size of a view is invalid".into()))?;
     if windows.len() > 1 && output.is_stdout() {
-        return Err(Stop::Usage("several windows are several files: -o FILE names them".into()));
+        return Err(CommandError::Usage("several views need several files: give -o FILE".into()));
     }
     let (lens, camera) = (&lens, camera.as_ref());
     let seen = windows
         .iter()
-        .map(|(name, window)| (output.named(name), Seen { window, lens, focal, camera, entry, reach }));
-    let seen: Vec<(String, Seen<'_>)> = seen.collect();
-    // All of them or none.
+        .map(|(name, window)| (output.named(name), View { window, lens, focal, camera, entry, reach }));
+    let seen: Vec<(String, View<'_>)> = seen.collect();
+    // Every view and file is checked before the first is written.
     for (file, window) in &seen {
         window.check([width, height])?;
         let extensions: &[&str] = if args.remap { &["json", "remap.npy"] } else { &["json"] };
-        let others = extensions.iter().map(|extension| beside(file, extension));
+        let others = extensions.iter().map(|extension| companion_path(file, extension));
         let others = others.filter(|_| !output.is_stdout());
-        std::iter::once(file.clone()).chain(others).try_for_each(|file| output.check_named(&file))?;
+        std::iter::once(file.clone()).chain(others).try_for_each(|file| output.check_path_free(&file))?;
     }
     seen.iter().try_for_each(|(file, window)| window.write(args, output, file, image))
 }
 
-/// The name of what stands beside an image.
-fn beside(file: &str, extension: &str) -> String {
+/// Returns the path of a file that accompanies an image.
+fn companion_path(file: &str, extension: &str) -> String {
     Path::new(file).with_extension(extension).to_string_lossy().into_owned()
 }
 
-/// A window of one camera.
-struct Seen<'a> {
+/// View of one camera.
+struct View<'a> {
     window: &'a Window,
     lens: &'a Lens,
     focal: f64,
     camera: Option<&'a Camera>,
     entry: &'a SiteCamera,
-    /// Radians from the axis.
+    /// Largest angle of the image from the optical axis, in radians.
     reach: f64,
 }
 
-impl Seen<'_> {
+impl View<'_> {
     fn write(
         &self,
         args: &WindowArgs,
         output: &OutputArgs,
         file: &str,
         image: &RgbImage,
-    ) -> Result<(), Stop> {
+    ) -> Result<(), CommandError> {
         let size = [image.width(), image.height()].map(|side| side as usize);
         let [width, height] = self.window.size;
-        let too_large = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be made");
+        let too_large = || anyhow::anyhow!("an image of {width} x {height} pixels cannot be created");
         let map = self.window.remap(self.lens, self.focal, size).ok_or_else(too_large)?;
         let mut bytes = vec![0; 3 * width * height];
         if !map.apply_into(image.as_raw(), &mut bytes) {
@@ -195,43 +199,45 @@ impl Seen<'_> {
             return output.write_image(&picture);
         }
         let numbers = format!("{:#}\n", self.numbers(image));
-        output.write_named(file, &picture::encoded(&picture, file)?)?;
-        output.write_named(&beside(file, "json"), numbers.as_bytes())?;
+        output.write_to(file, &picture::encode(&picture, file)?)?;
+        output.write_to(&companion_path(file, "json"), numbers.as_bytes())?;
         if args.remap {
-            let npy = remap_npy(self.window.size.map(|side| side as u32), |pixel| self.raw(pixel));
-            output.write_named(&beside(file, "remap.npy"), &npy)?;
+            let npy = remap_npy(self.window.size.map(|side| side as u32), |pixel| self.to_raw(pixel));
+            output.write_to(&companion_path(file, "remap.npy"), &npy)?;
         }
         let Pixel { u, v } = self.window.principal_point;
-        let kind = if self.window.is_round { "pixels for a radian" } else { "focal" };
-        files::say(format_args!(
+        let kind = if self.window.is_round { "pixels per radian" } else { "focal" };
+        files::print_message(format_args!(
             "{file}: {kind} {:.2} px, principal point {u:.2}, {v:.2}",
             self.window.focal
         ));
         Ok(())
     }
 
-    fn raw(&self, pixel: Pixel) -> Option<Pixel> {
+    fn to_raw(&self, pixel: Pixel) -> Option<Pixel> {
         self.window.raw(self.lens, self.focal, pixel)
     }
 
-    /// Refuses a window that none of the raw image is in.
-    fn check(&self, [width, height]: [u32; 2]) -> Result<(), Stop> {
+    /// Refuses a view that contains no part of the raw image.
+    fn check(&self, [width, height]: [u32; 2]) -> Result<(), CommandError> {
         const STEPS: u32 = 24;
         let [w, h] = self.window.size.map(|side| side as f64 / f64::from(STEPS));
         let within =
             |p: Pixel| p.u >= 0.0 && p.v >= 0.0 && p.u <= f64::from(width) && p.v <= f64::from(height);
         let at = |i: u32| Pixel::new(w * (f64::from(i % STEPS) + 0.5), h * (f64::from(i / STEPS) + 0.5));
-        if (0..STEPS * STEPS).any(|i| self.raw(at(i)).is_some_and(within)) {
+        if (0..STEPS * STEPS).any(|i| self.to_raw(at(i)).is_some_and(within)) {
             return Ok(());
         }
         let (id, reach) = (&self.entry.id, self.reach.to_degrees());
-        Err(Stop::Usage(format!("camera \"{id}\" sees nothing there: up to {reach:.0}\u{b0} off its axis")))
+        Err(CommandError::Usage(format!(
+            "camera \"{id}\" does not see this direction: its image reaches {reach:.0}\u{b0} from its axis"
+        )))
     }
 
-    /// The window as a camera: its numbers, under the names that the table of `calib export` has for them.
+    /// Returns the numbers of the view's camera, with the keys of the table of `calib export`.
     fn numbers(&self, image: &RgbImage) -> serde_json::Value {
         let window = self.window;
-        // Of a camera that nothing places the world is its own.
+        // The world coordinates of a camera that is not placed are arbitrary.
         let is_placed = self.entry.solution.as_ref().is_some_and(|solution| solution.stage > Stage::Partial);
         let placed = self.camera.filter(|_| is_placed);
         let pinhole = placed.and_then(|camera| window.camera(camera));
@@ -259,7 +265,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn looks_are_angles_in_degrees() {
+    fn view_directions_are_in_degrees() {
         let asked = look("45,-90, 80").unwrap();
         assert!((asked.pitch - 0.25 * std::f64::consts::PI).abs() < 1e-12);
         assert!((asked.yaw + 0.5 * std::f64::consts::PI).abs() < 1e-12 && asked.roll == 0.0);

@@ -5,7 +5,7 @@ mod measure;
 use std::hint::black_box;
 
 use calib_core::{Annotation, Constraints, Fit, FitOptions, Lens, Pixel, SceneErrors};
-use calib_demo::random::{Drawn, RandomScene, SIZE};
+use calib_demo::random::{AnnotationSet, RandomScene, SIZE};
 use measure::{median, report};
 use rand::SeedableRng as _;
 
@@ -16,7 +16,7 @@ fn fit(annotations: &[Annotation], scene: &RandomScene) -> Option<Fit> {
 }
 
 /// Microseconds a solve.
-fn solve(drawn: Drawn) -> f64 {
+fn solve(drawn: AnnotationSet) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(700);
     let scenes: Vec<(RandomScene, Vec<Annotation>)> = (0..15)
         .map(|_| {
@@ -37,7 +37,7 @@ fn solve(drawn: Drawn) -> f64 {
 
 fn main() {
     report(&[
-        ("solve_option1_us", &|| solve(Drawn::Directions)),
-        ("solve_option2_us", &|| solve(Drawn::Lengths)),
+        ("solve_option1_us", &|| solve(AnnotationSet::Directions)),
+        ("solve_option2_us", &|| solve(AnnotationSet::Lengths)),
     ]);
 }

@@ -9,25 +9,25 @@ use crate::shape::Shape;
 use crate::stage::Stage;
 use crate::vector::{Vec3, vec3};
 
-/// The aisle between the kerbs: y from, y to, in metres.
+/// Range of y of the aisle between the kerbs, in metres.
 pub(crate) const AISLE: [f32; 2] = [-8.25, -4.25];
 /// Width and height of the kerbs, in metres.
 pub(crate) const KERB: [f32; 2] = [0.18, 0.16];
-/// Distance between timber posts along the aisle, in metres; the first stands at this x.
+/// Distance between timber posts along the aisle, and x of the first one, in metres.
 pub(crate) const BAY: f32 = 5.0;
 /// Side of a timber post, in metres.
 pub(crate) const POST: f32 = 0.2;
 /// Height of the rails above the floor, in metres.
 pub(crate) const RAILS: [f32; 3] = [0.5, 0.82, 1.14];
-/// The inner walls of the barn, y, in metres.
+/// y of the inner walls of the barn, in metres.
 const WALLS: [f32; 2] = [-12.2, -0.34];
-/// From where to where the pens go, along x, in metres.
+/// Range of x of the pens, in metres.
 pub(crate) const PENS: [f32; 2] = [2.5, 29.0];
 
 /// The two sides of the aisle: y of the kerb's face, direction away from the aisle, y of the wall.
 const SIDES: [(f32, f32, f32); 2] = [(AISLE[0], -1.0, WALLS[0]), (AISLE[1], 1.0, WALLS[1])];
 
-/// Puts the barn's fittings on the stage.
+/// Adds the fittings of the barn to the stage.
 pub(crate) fn build(stage: &mut Stage) {
     let mut random = ChaCha8Rng::seed_from_u64(77);
     kerbs(stage);
@@ -71,7 +71,7 @@ fn kerbs(stage: &mut Stage) {
     }
 }
 
-/// Posts beside the aisle, ties across it, purlins and rafters under the roof.
+/// Adds posts along the aisle, ties across it, purlins and rafters under the roof.
 fn frames(stage: &mut Stage) {
     let wood = timber();
     let [ridge_y, ridge_z] = RIDGE;
@@ -108,11 +108,13 @@ fn rafter(stage: &mut Stage, from: [f32; 3], to: [f32; 3], wood: Material) {
     let along = (b - a).unit();
     let across = vec3(1.0, 0.0, 0.0);
     let half = vec3(0.06, 0.5 * (b - a).length(), 0.1);
-    stage
-        .put(Shape::Turned { centre: (a + b) * 0.5, axes: [across, along, across.cross(along)], half }, wood);
+    stage.add(
+        Shape::RotatedBox { centre: (a + b) * 0.5, axes: [across, along, across.cross(along)], half },
+        wood,
+    );
 }
 
-/// Posts and rails along the pens, and rails between one pen and the next.
+/// Adds posts and rails along the pens, and rails between neighbouring pens.
 fn fence(stage: &mut Stage, y: f32, [kerb, wall]: [f32; 2]) {
     let [from, to] = PENS;
     let count = ((to - from) / 2.65).round() as usize;
@@ -150,12 +152,12 @@ fn bedding(stage: &mut Stage, random: &mut ChaCha8Rng, y: f32, side: f32, wall: 
     }
 }
 
-/// A windrow of hay along the kerb, on the aisle's side, and stalks that blew away.
+/// Adds a windrow of hay along the kerb, on the aisle's side, and scattered stalks.
 fn feed(stage: &mut Stage, random: &mut ChaCha8Rng, y: f32, side: f32) {
     let hay = Material::matt(0xb9_a568).with(Finish::Straw);
     let mut x = PENS[0] + 0.2;
     while x < PENS[1] - 0.3 {
-        // Thick rods deep in the floor are flat heaps.
+        // A thick rod deep in the floor looks like a flat heap.
         let (radius, rise) = (random.random_range(0.18..0.34_f32), random.random_range(0.05..0.12_f32));
         let off = random.random_range(0.04..0.12);
         let shift = random.random_range(-0.09..0.09);
@@ -198,10 +200,15 @@ fn bales(stage: &mut Stage) {
     .enumerate()
     {
         let shade = 0.9 + 0.05 * (i % 4) as f32;
-        stage.turned([x, y, z], turn, [1.0, 0.5, 0.45], Material { colour: straw.colour * shade, ..straw });
+        stage.rotated_block(
+            [x, y, z],
+            turn,
+            [1.0, 0.5, 0.45],
+            Material { colour: straw.colour * shade, ..straw },
+        );
         for side in [-0.22, 0.22] {
             let (sin, cos) = turn.sin_cos();
-            stage.turned(
+            stage.rotated_block(
                 [x + side * cos, y + side * sin, z],
                 turn,
                 [0.012, 0.508, 0.456],
@@ -211,11 +218,11 @@ fn bales(stage: &mut Stage) {
     }
     for [x, y] in [[12.0, -11.2], [22.4, -1.4]] {
         let shape = Shape::Drum { from: vec3(x - 0.6, y, 0.7), to: vec3(x + 0.6, y, 0.7), radius: 0.62 };
-        stage.put(shape, straw);
+        stage.add(shape, straw);
     }
 }
 
-/// A cow with its feet about `[x, y]`, its head `turn` radians from +x.
+/// Adds a cow with its feet around `[x, y]`. Its head points `turn` radians counter-clockwise from +x.
 fn cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
     let (sin, cos) = turn.sin_cos();
     let at =
@@ -225,7 +232,7 @@ fn cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
     let dark = Material::matt(0x2c_2623);
     let pink = Material::matt(0xc9_9a8c);
     let mut limb = |from: Vec3, to: Vec3, radii: [f32; 2], material: Material| {
-        stage.put(Shape::Cone { from, to, radii }, material);
+        stage.add(Shape::Cone { from, to, radii }, material);
     };
     for left in [-0.1, 0.1] {
         limb(at(-0.62, left, 1.06), at(0.55, left, 1.02), [0.31, 0.29], fur);
@@ -246,11 +253,11 @@ fn cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
     limb(at(-0.9, 0.0, 1.15), at(-0.98, 0.02, 0.55), [0.03, 0.035], coat);
 }
 
-/// A barrow, buckets and a fork by the wall.
+/// Adds a barrow, buckets and a fork by the wall.
 fn tools(stage: &mut Stage) {
     for ([x, y], rgb) in [([3.2, -5.0], 0x3f_6a8c), ([3.6, -4.8], 0x9c_3a30), ([15.3, -7.7], 0x55_5a5e)] {
         let foot = vec3(x, y, 0.0);
-        stage.put(
+        stage.add(
             Shape::Cone { from: foot + Vec3::UP * 0.13, to: foot + Vec3::UP * 0.2, radii: [0.12, 0.15] },
             Material::matt(rgb),
         );

@@ -1,49 +1,50 @@
-//! The building: walls with doors and windows, floors, ceilings, columns, roof; the plan draws the same lists.
+//! The building: walls with doors and windows, floors, ceilings, columns, roof. The plan uses the same lists.
 
 use crate::material::{Finish, Material};
 use crate::shape::Shape;
 use crate::stage::{Lamp, Stage};
 use crate::vector::vec3;
 
-/// What fills a hole in a wall.
+/// Filling of a hole in a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Filling {
-    /// A closed leaf, hinged at the lower end of the coordinate and opening to the positive side, or not.
+    /// Closed leaf, hinged at the end with the lower coordinate; `positive` states the side to which it
+    /// opens.
     Door { positive: bool },
-    /// A closed shutter.
+    /// Closed shutter.
     Shutter,
-    /// Glass, or nothing.
+    /// Glass, or an open hole.
     Open,
 }
 
-/// A hole in a wall, in metres.
+/// Hole in a wall, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Opening {
-    /// From and to, along the wall.
+    /// Range along the wall.
     pub(crate) span: [f32; 2],
-    /// Heights of its lower and upper edge.
+    /// Heights of the lower and the upper edge.
     pub(crate) sill: f32,
     pub(crate) head: f32,
     pub(crate) filling: Filling,
 }
 
-/// A wall along x or y (its longer side), in metres.
+/// Wall with its longer side along x or y, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wall {
-    /// x0, y0, x1, y1.
+    /// Footprint: x0, y0, x1, y1.
     pub(crate) foot: [f32; 4],
     pub(crate) height: f32,
     pub(crate) openings: &'static [Opening],
 }
 
 impl Wall {
-    /// Whether it runs along x.
+    /// Whether the wall runs along x.
     pub(crate) fn is_along_x(&self) -> bool {
         let [x0, y0, x1, y1] = self.foot;
         x1 - x0 > y1 - y0
     }
 
-    /// The rectangle of a stretch of it, as x0, y0, x1, y1.
+    /// Returns the footprint of a part of the wall, as x0, y0, x1, y1.
     pub(crate) fn stretch(&self, from: f32, to: f32) -> [f32; 4] {
         let [x0, y0, x1, y1] = self.foot;
         if self.is_along_x() { [from, y0, to, y1] } else { [x0, from, x1, to] }
@@ -62,7 +63,7 @@ const fn vent(from: f32) -> Opening {
     hole(from, from + 3.0, 1.9, 2.9, Filling::Open)
 }
 
-/// Every wall.
+/// All walls.
 pub(crate) const WALLS: [Wall; 9] = [
     Wall {
         foot: [-0.3, 14.4, 30.3, 14.7],
@@ -115,18 +116,18 @@ pub(crate) const WALLS: [Wall; 9] = [
 
 /// Half the width of a column, in metres.
 pub(crate) const COLUMN: f32 = 0.2;
-/// Middles of the columns of the shop, in metres.
+/// Centres of the columns of the shop, in metres.
 pub(crate) const COLUMNS: [[f32; 2]; 4] = [[4.2, 9.6], [13.2, 9.6], [13.2, 4.8], [20.4, 9.6]];
 /// Height of the shop's ceiling, in metres.
 pub(crate) const CEILING: f32 = 4.6;
 /// Pitch of the shop's tiles, in metres; a joint runs through world (0, 0).
 pub(crate) const TILE: f32 = 0.6;
-/// The ridge of the barn: y and z, in metres.
+/// Ridge of the barn: y and z, in metres.
 pub(crate) const RIDGE: [f32; 2] = [-6.25, 6.0];
 /// Height of the barn's eaves, in metres.
 const EAVES: f32 = 3.4;
 
-/// Puts the building on the stage.
+/// Adds the building to the stage.
 pub(crate) fn build(stage: &mut Stage) {
     floors(stage);
     for wall in &WALLS {
@@ -179,7 +180,7 @@ fn build_wall(stage: &mut Stage, wall: &Wall) {
     }
 }
 
-/// Frame and leaf of an opening: the frame stands out of the wall a little on both sides.
+/// Adds the frame and the leaf of an opening. The frame projects slightly on both sides of the wall.
 fn fill(stage: &mut Stage, wall: &Wall, opening: &Opening) {
     const FRAME: f32 = 0.07;
     const PROUD: f32 = 0.02;
@@ -216,7 +217,7 @@ fn fill(stage: &mut Stage, wall: &Wall, opening: &Opening) {
     }
 }
 
-/// Skirting, the coloured band of the shop, the boards of the barn.
+/// Adds the skirting, the coloured band of the shop, and the boards of the barn.
 fn lining(stage: &mut Stage) {
     const THICK: f32 = 0.02;
     let skirting = Material::matt(0x7d_7a75);
@@ -278,7 +279,7 @@ fn ceilings(stage: &mut Stage) {
     }
 }
 
-/// A luminaire whose upper side is at `top`.
+/// Adds a luminaire with its upper side at `top`.
 fn lamp(stage: &mut Stage, top: [f32; 3], [hx, hy]: [f32; 2], radiance: f32) {
     const THICK: f32 = 0.06;
     let [x, y, z] = top;
@@ -293,7 +294,7 @@ fn lamp(stage: &mut Stage, top: [f32; 3], [hx, hy]: [f32; 2], radiance: f32) {
     stage.lamps.push(Lamp { centre: vec3(x, y, low - 0.005), half: [hx, hy], radiance: colour * radiance });
 }
 
-/// Two slopes of sheets; the one towards the shop has gaps for daylight.
+/// Adds the two slopes of the roof. The slope toward the shop has gaps for daylight.
 fn roof(stage: &mut Stage) {
     let sheet = Material::matt(0x8d_9094).with(Finish::Ribs { pitch: 0.3 });
     let [ridge_y, ridge_z] = RIDGE;
@@ -308,7 +309,10 @@ fn roof(stage: &mut Stage) {
             let middle =
                 vec3(0.5 * (x0 + x1), eaves_y, EAVES) + down * (0.5 * (from + to) * slope) + up * 0.05;
             let half = vec3(0.5 * (x1 - x0), 0.5 * (to - from) * slope, 0.04);
-            stage.put(Shape::Turned { centre: middle, axes: [vec3(1.0, 0.0, 0.0), down, up], half }, sheet);
+            stage.add(
+                Shape::RotatedBox { centre: middle, axes: [vec3(1.0, 0.0, 0.0), down, up], half },
+                sheet,
+            );
         };
         strip(-0.4, 30.4, 0.0, if gaps { 0.22 } else { 1.01 });
         if gaps {
@@ -322,7 +326,7 @@ fn roof(stage: &mut Stage) {
     }
 }
 
-/// What the windows and the gate show: paving, a lawn, a hedge, a house or two.
+/// Adds the surroundings in view of windows and gate: paving, a lawn, a hedge, houses.
 fn outside(stage: &mut Stage) {
     let paving = Material::matt(0xa8_a49c).with(Finish::Concrete { pitch: 1.0 });
     let lawn = Material::matt(0xa3_b088).with(Finish::Green);

@@ -1,10 +1,11 @@
-//! The site held against the truth: what is drawn is there, and says what it claims to say.
+//! Tests of the demonstration site against the truth: annotations match the scene and their stated
+//! properties.
 
 use calib_core::{Annotation, Camera, Distortion, Kind, MarkShape, Pixel};
 
 use calib_core::floor::STAGE_1_HEIGHT;
 
-use calib_site::{LinkSeen, Site, SiteCamera};
+use calib_site::{LinkObservation, Site, SiteCamera};
 
 use crate::element::marks;
 use crate::hand::TREMOR;
@@ -14,7 +15,7 @@ use crate::site::{KnownLens, site};
 use crate::vector::{Vec3, vec3};
 use crate::world::{is_inside, world};
 
-/// Rounding to a hundredth of a pixel, on lines of a hundred pixels and more.
+/// Largest angle error by rounding to a hundredth of a pixel, for lines of at least a hundred pixels.
 const ANGLE: f64 = 2e-3;
 
 fn clean() -> Vec<(Camera, SiteCamera)> {
@@ -22,7 +23,7 @@ fn clean() -> Vec<(Camera, SiteCamera)> {
     truth.zip(site(KnownLens::Given, 0.0).cameras).collect()
 }
 
-/// Direction of a level line in the plane of two rays.
+/// Returns the direction of a level line in the plane of two rays.
 fn level(camera: &Camera, segment: &[Pixel]) -> [f64; 2] {
     let ray = |pixel: &Pixel| camera.pixel_to_ray(*pixel).unwrap().direction;
     let (a, b) = (ray(&segment[0]), ray(segment.last().unwrap()));
@@ -35,7 +36,7 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] * b[1] - a[1] * b[0]).abs()
 }
 
-/// Largest angle of the ray of a point from the plane of those of the ends, in pixels on the axis.
+/// Returns the largest angle of a point's ray from the plane of the end points' rays, in pixels at the axis.
 fn bend(camera: &Camera, points: &[Pixel]) -> f64 {
     let rays: Vec<Vec3> = points.iter().map(|&p| ray(camera, p)).collect();
     let plane = normal(rays[0], rays[rays.len() - 1]);
@@ -47,7 +48,7 @@ fn ray(camera: &Camera, pixel: Pixel) -> Vec3 {
     vec3(x as f32, y as f32, z as f32)
 }
 
-/// The unit normal of the plane of two rays.
+/// Returns the unit normal of the plane of two rays.
 fn normal(a: Vec3, b: Vec3) -> Vec3 {
     vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x).unit()
 }
@@ -57,7 +58,7 @@ fn of_kind(camera: &SiteCamera, kind: Kind) -> impl Iterator<Item = &Annotation>
 }
 
 #[test]
-fn the_site_is_valid_and_survives_its_file() {
+fn the_site_is_valid_and_round_trips() {
     for lens in [KnownLens::Given, KnownLens::Fitted] {
         let site = site(lens, TREMOR);
         assert_eq!(site.check(), Ok(()));
@@ -81,7 +82,7 @@ fn the_tremor_is_within_four_sigmas() {
 }
 
 #[test]
-fn plumb_lines_are_plumb_and_parallel_ones_parallel() {
+fn verticals_are_vertical_and_parallels_are_parallel() {
     for (camera, entry) in clean() {
         for segment in of_kind(&entry, Kind::Vertical).flat_map(Annotation::polylines) {
             let plane = normal(ray(&camera, segment[0]), ray(&camera, segment[segment.len() - 1]));
@@ -109,7 +110,7 @@ fn plumb_lines_are_plumb_and_parallel_ones_parallel() {
 }
 
 #[test]
-fn lengths_and_heights_are_what_they_are_said_to_be() {
+fn lengths_and_heights_match_their_stated_values() {
     for (camera, entry) in clean() {
         let length = |line: &[Pixel]| {
             let floor = |p: &Pixel| camera.pixel_to_floor(*p, 0.0).unwrap();
@@ -134,7 +135,7 @@ fn lengths_and_heights_are_what_they_are_said_to_be() {
 }
 
 #[test]
-fn straight_edges_are_bent_by_the_lens_alone() {
+fn straight_edges_are_straight_after_undistortion() {
     for (camera, entry) in clean() {
         let bent = camera.lens.distortion != Distortion::None;
         let lines: Vec<Vec<Pixel>> =
@@ -147,7 +148,7 @@ fn straight_edges_are_bent_by_the_lens_alone() {
 }
 
 #[test]
-fn placement_is_as_good_as_a_hand_can_do() {
+fn placement_errors_are_small() {
     for (camera, entry) in clean() {
         let placed = entry.placement.unwrap();
         assert!(placed.move_m.distance(camera.position.on_floor()) < 0.11, "{}", entry.id);
@@ -174,7 +175,7 @@ fn efovs_lie_on_the_floor_and_inside_the_image() {
 }
 
 #[test]
-fn points_with_names_are_shown_where_they_are() {
+fn named_points_match_their_projection() {
     let site = site(KnownLens::Given, 0.0);
     let truth = cameras();
     for (entry, (id, camera, _)) in site.cameras.iter().zip(&truth) {
@@ -186,7 +187,7 @@ fn points_with_names_are_shown_where_they_are() {
     assert!(site.links.len() >= 7);
     for link in &site.links {
         assert!(link.seen.len() >= 2, "{:?}", link.id);
-        let floor = |seen: &LinkSeen| {
+        let floor = |seen: &LinkObservation| {
             let (_, camera, _) = truth.iter().find(|(id, ..)| *id == seen.camera).unwrap();
             camera.pixel_to_floor(seen.px.or(seen.foot).unwrap(), 0.0).unwrap()
         };
@@ -197,7 +198,7 @@ fn points_with_names_are_shown_where_they_are() {
 }
 
 #[test]
-fn marks_stand_where_things_stand() {
+fn marks_coincide_with_objects() {
     let top = |x: f64, y: f64, from: f32| {
         let line = Line::new(vec3(x as f32, y as f32, from), -Vec3::UP);
         world().tree.nearest(&line, 10.0).map(|hit| from - hit.distance)
@@ -210,7 +211,7 @@ fn marks_stand_where_things_stand() {
             Some("customer") => (size[0], 2.5),
             _ => continue,
         };
-        // Beside the middle: cartons meet there.
+        // Off the centre, where cartons meet.
         let found = top(at.x + 0.03, at.y + 0.03, from).unwrap();
         assert!((f64::from(found) - height).abs() < 0.03, "{:?}: {found} for {height}", mark.id);
     }

@@ -1,4 +1,4 @@
-//! The edges of the scene that an operator would draw along, exactly as they are.
+//! Exact edges of the scene for the simulated operator.
 
 use calib_core::WorldPoint;
 
@@ -7,7 +7,7 @@ use crate::building::{CEILING, COLUMN, COLUMNS, TILE, WALLS};
 use crate::shop::{self, FRIDGE, FRIDGES, GONDOLA_HALF, GONDOLA_HEIGHT, GONDOLAS, WALL_SHELF, WALL_SHELVES};
 use crate::store::{LANE, RACK_HEIGHT, RACKS};
 
-/// A straight edge from one point to another.
+/// Straight edge between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Edge {
     pub(crate) from: WorldPoint,
@@ -19,7 +19,7 @@ impl Edge {
         Self { from: from.into(), to: to.into() }
     }
 
-    /// From one end (`t` = 0) to the other (`t` = 1).
+    /// Returns the point from one end (`t` = 0) to the other (`t` = 1).
     pub(crate) fn at(&self, t: f64) -> WorldPoint {
         let mix = |a: f64, b: f64| a + t * (b - a);
         WorldPoint {
@@ -29,20 +29,20 @@ impl Edge {
         }
     }
 
-    /// In metres.
+    /// Returns the length, in metres.
     pub(crate) fn length(&self) -> f64 {
         self.from.distance(self.to)
     }
 }
 
-/// Directions that edges of the building have.
+/// Directions of the edges of the building.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Axis {
     X,
     Y,
 }
 
-/// A length of the building's tables, in metres, to the tenth of a millimetre it was written with.
+/// Converts a length of the building's tables, in metres, to the nearest tenth of a millimetre.
 pub(crate) fn exact(value: f32) -> f64 {
     (f64::from(value) * 1e4).round() / 1e4
 }
@@ -51,7 +51,7 @@ fn plumb(x: f64, y: f64, low: f64, high: f64) -> Edge {
     Edge::new([x, y, low], [x, y, high])
 }
 
-/// Every plumb edge.
+/// Returns all vertical edges.
 pub(crate) fn verticals() -> Vec<Edge> {
     let mut edges = columns();
     edges.extend(openings().into_iter().flat_map(|(edges, _)| edges));
@@ -93,7 +93,8 @@ fn columns() -> Vec<Edge> {
         .collect()
 }
 
-/// Of every door and window, on both faces of its wall: the outer edges of its posts, and its upper edge.
+/// Returns edges of every door and window, on both faces of its wall: the outer edges of its posts, and its
+/// upper edge.
 fn openings() -> Vec<([Edge; 2], Edge)> {
     const PROUD: f64 = 0.02;
     let mut edges = Vec::new();
@@ -113,7 +114,7 @@ fn openings() -> Vec<([Edge; 2], Edge)> {
     edges
 }
 
-/// Level edges of the shop along an axis: tile joints, skirting, shelves, windows.
+/// Returns level edges of the shop along an axis: tile joints, skirting, shelves, windows.
 pub(crate) fn shop_floor(axis: Axis) -> Vec<Edge> {
     let (width, depth) = (24.0, 14.4);
     let tile = exact(TILE);
@@ -133,7 +134,7 @@ pub(crate) fn shop_floor(axis: Axis) -> Vec<Edge> {
     edges
 }
 
-/// Level edges of the store along an axis: the marked lane, saw cuts, walls, beams of the racks.
+/// Returns level edges of the store along an axis: the marked lane, saw cuts, walls, beams of the racks.
 pub(crate) fn store_floor(axis: Axis) -> Vec<Edge> {
     const HALF: f64 = 0.04;
     let [x0, y0, x1, y1] = LANE.map(exact);
@@ -162,7 +163,7 @@ pub(crate) fn store_floor(axis: Axis) -> Vec<Edge> {
     }
 }
 
-/// Level edges of the barn along an axis: kerbs, gutters, walls; saw cuts, the gate.
+/// Returns level edges of the barn along an axis: kerbs, gutters, walls, saw cuts, the gate.
 pub(crate) fn barn_floor(axis: Axis) -> Vec<Edge> {
     let [y0, y1] = AISLE.map(exact);
     match axis {
@@ -190,7 +191,7 @@ pub(crate) fn barn_floor(axis: Axis) -> Vec<Edge> {
     }
 }
 
-/// Every long straight edge there is, whatever its direction: to see the bend of a lens by.
+/// Returns all long straight edges of any direction, for polylines that constrain distortion.
 pub(crate) fn straight() -> Vec<Edge> {
     let mut edges = verticals();
     for axis in [Axis::X, Axis::Y] {

@@ -1,24 +1,24 @@
-//! Virtual elements that coincide with things of the scene.
+//! Marks that coincide with objects of the scene.
 //!
-//! Points of the scene that can be told from a picture: for control points and for links.
+//! Also points that are recognisable in images, for control points and links.
 
 use calib_core::{MarkKind, Pixel, WorldPoint};
-use calib_site::{ControlPointEntry, Link, LinkKind, LinkSeen, Mark};
+use calib_site::{ControlPointEntry, Link, LinkKind, LinkObservation, Mark};
 
 use crate::building::{CEILING, COLUMN, COLUMNS};
 use crate::edge::exact;
 use crate::figure::PEOPLE;
-use crate::hand::{Hand, spread};
+use crate::hand::{Operator, spread};
 use crate::shop::{
     BARREL, CHECKOUT, CHECKOUTS, GONDOLA_HALF, GONDOLA_HEIGHT, GONDOLAS, PALLET, PALLET_SIZE, POLE,
     POLE_HEIGHT, RUG,
 };
 
-/// A point with a name.
+/// Point with a name.
 pub(crate) type Landmark = (String, WorldPoint);
 
-/// Points of the shop, on the floor and above it.
-pub(crate) fn of_the_shop() -> Vec<Landmark> {
+/// Returns points of the shop, on the floor and above it.
+pub(crate) fn shop_landmarks() -> Vec<Landmark> {
     let mut points = Vec::new();
     let mut add = |name: String, x: f64, y: f64, z: f64| points.push((name, WorldPoint { x, y, z }));
     let sides = [("SW", -1.0, -1.0), ("SE", 1.0, -1.0), ("NE", 1.0, 1.0), ("NW", -1.0, 1.0)];
@@ -62,8 +62,8 @@ pub(crate) fn of_the_shop() -> Vec<Landmark> {
     points
 }
 
-/// Points of the barn: feet of its posts, ends of saw cuts, corners of the gate.
-pub(crate) fn of_the_barn() -> Vec<Landmark> {
+/// Returns points of the barn: feet of its posts, ends of saw cuts, corners of the gate.
+pub(crate) fn barn_landmarks() -> Vec<Landmark> {
     let mut points = Vec::new();
     for i in 1..6 {
         let x = 5.0 * f64::from(i);
@@ -80,9 +80,9 @@ pub(crate) fn of_the_barn() -> Vec<Landmark> {
     points
 }
 
-/// Up to `count` landmarks as control points of a camera, spread over its image.
+/// Returns up to `count` landmarks as control points of a camera, spread over its image.
 pub(crate) fn control_points(
-    hand: &mut Hand,
+    hand: &mut Operator,
     landmarks: &[Landmark],
     count: usize,
 ) -> Vec<ControlPointEntry> {
@@ -94,7 +94,7 @@ pub(crate) fn control_points(
     spread(&seen, count, |(_, pixel)| *pixel, |_| 1.0)
         .into_iter()
         .filter_map(|((name, point), _)| {
-            let px = hand.touch(*point)?;
+            let px = hand.annotate_point(*point)?;
             Some(ControlPointEntry {
                 id: Some(name.clone()),
                 name: None,
@@ -111,15 +111,15 @@ pub(crate) fn control_points(
         .collect()
 }
 
-/// Floor points that two or more of the hands' cameras show, spread over the floor, and the pole.
-pub(crate) fn links(hands: &mut [(&str, Hand)], count: usize) -> Vec<Link> {
-    /// Makes metres of the floor comparable to the pixels that `spread` was made for.
+/// Returns links to floor points that at least two cameras show, spread over the floor, and to the pole.
+pub(crate) fn links(hands: &mut [(&str, Operator)], count: usize) -> Vec<Link> {
+    /// Scale that makes floor distances comparable to the pixels of `spread`.
     const PIXELS_PER_METRE: f64 = 100.0;
-    let shared: Vec<(Landmark, usize)> = of_the_shop()
+    let shared: Vec<(Landmark, usize)> = shop_landmarks()
         .into_iter()
         .filter(|(_, point)| point.z == 0.0)
         .map(|landmark| {
-            // The fisheye sees nearly all of them: what the others share is what ties them.
+            // The fisheye shows nearly all points, so only observations by the other cameras count.
             let others = hands.iter().filter(|(_, hand)| !hand.camera.lens.distortion.is_wide());
             let count = others.filter(|(_, hand)| hand.sees(landmark.1)).count();
             (landmark, count)
@@ -138,30 +138,34 @@ pub(crate) fn links(hands: &mut [(&str, Hand)], count: usize) -> Vec<Link> {
     links
 }
 
-fn point_link(hands: &mut [(&str, Hand)], name: &str, point: WorldPoint) -> Link {
+fn point_link(hands: &mut [(&str, Operator)], name: &str, point: WorldPoint) -> Link {
     let seen = hands
         .iter_mut()
         .filter(|(_, hand)| hand.sees(point))
-        .map(|(id, hand)| LinkSeen { px: hand.touch(point), ..LinkSeen::new(*id) })
+        .map(|(id, hand)| LinkObservation { px: hand.annotate_point(point), ..LinkObservation::new(*id) })
         .collect();
     Link::new(Some(name.into()), LinkKind::Point, seen)
 }
 
-/// The pole with the sign, from the middle of its foot to its top.
-fn pole(hands: &mut [(&str, Hand)]) -> Link {
+/// Returns a link to the pole with the sign, from the centre of its foot to its top.
+fn pole(hands: &mut [(&str, Operator)]) -> Link {
     let [x, y] = POLE.map(exact);
     let (foot, head) = (WorldPoint { x, y, z: 0.0 }, WorldPoint { x, y, z: exact(POLE_HEIGHT) });
-    // The foot plate hides the middle of the foot, and nobody minds.
-    let shows = |hand: &Hand, point| crate::world::visible(&hand.camera, hand.size, point, 0.3);
+    // The foot plate hides the centre of the foot, which is ignored.
+    let shows = |hand: &Operator, point| crate::world::visible(&hand.camera, hand.size, point, 0.3);
     let seen = hands
         .iter_mut()
         .filter(|(_, hand)| shows(hand, foot) && shows(hand, head))
-        .map(|(id, hand)| LinkSeen { foot: hand.touch(foot), head: hand.touch(head), ..LinkSeen::new(*id) })
+        .map(|(id, hand)| LinkObservation {
+            foot: hand.annotate_point(foot),
+            head: hand.annotate_point(head),
+            ..LinkObservation::new(*id)
+        })
         .collect();
     Link::new(Some("sign pole".into()), LinkKind::Post, seen)
 }
 
-/// The marks of the site.
+/// Returns the marks of the site.
 pub(crate) fn marks() -> Vec<Mark> {
     let half = 0.5;
     let [column_x, column_y] = COLUMNS[1].map(exact);

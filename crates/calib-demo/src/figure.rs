@@ -1,26 +1,26 @@
-//! People: figures of balls and tapering limbs.
+//! People as figures of balls and tapering limbs.
 
 use crate::material::Material;
 use crate::shape::Shape;
 use crate::stage::Stage;
 use crate::vector::{Vec3, vec3};
 
-/// A person that stands or walks.
+/// Standing or walking person.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Person {
-    /// Middle between the feet, in metres.
+    /// Midpoint between the feet, in metres.
     pub(crate) at: [f32; 2],
-    /// Where they look, counter-clockwise from +x, in radians.
+    /// Viewing direction, in radians counter-clockwise from +x.
     pub(crate) turn: f32,
-    /// To the top of the head, in metres.
+    /// Height to the top of the head, in metres.
     pub(crate) height: f32,
-    /// Half a step, in metres for a body of 1 m; 0 stands.
+    /// Half a step, relative to the height; 0 for a standing person.
     pub(crate) stride: f32,
     /// Colours of jacket, trousers, skin and hair.
     pub(crate) colours: [u32; 4],
 }
 
-/// Everyone there is.
+/// All people of the scene.
 pub(crate) const PEOPLE: [Person; 7] = [
     person([13.8, 11.6], -2.6, 1.76, 0.13, [0x2f_4a6b, 0x39_3a3f, 0xd0_a184, 0x3a_2a1e]),
     person([14.6, 2.4], -0.4, 1.68, 0.05, [0xa8_3f38, 0x2d_3442, 0xd8_ad92, 0x6a_4526]),
@@ -31,7 +31,7 @@ pub(crate) const PEOPLE: [Person; 7] = [
     person([11.6, -6.7], 0.2, 1.75, 0.14, [0x3f_5a7a, 0x31_3c4e, 0xd0_a184, 0x5a_4630]),
 ];
 
-/// Everyone there is a month later.
+/// All people a month later.
 pub(crate) const PEOPLE_LATER: [Person; 8] = [
     person([10.2, 9.4], 1.2, 1.81, 0.12, [0x7a_3b34, 0x30_3236, 0xd0_a184, 0x22_1c18]),
     person([16.9, 5.2], 2.9, 1.62, 0.0, [0x3e_6b8a, 0x44_4038, 0xd8_ad92, 0x8a_6a42]),
@@ -47,7 +47,7 @@ const fn person(at: [f32; 2], turn: f32, height: f32, stride: f32, colours: [u32
     Person { at, turn, height, stride, colours }
 }
 
-/// Puts the people on the stage.
+/// Adds people to the stage.
 pub(crate) fn build(stage: &mut Stage, people: &[Person]) {
     for person in people {
         person.build(stage);
@@ -55,7 +55,7 @@ pub(crate) fn build(stage: &mut Stage, people: &[Person]) {
 }
 
 impl Person {
-    /// A point of the body: ahead, to the left and up, as shares of the height.
+    /// Returns a point of the body: ahead, to the left and up, relative to the height.
     fn body(&self, ahead: f32, left: f32, up: f32) -> Vec3 {
         let (sin, cos) = self.turn.sin_cos();
         let h = self.height;
@@ -73,7 +73,7 @@ impl Person {
                 to: self.body(to[0], to[1], to[2]),
                 radii: radii.map(|r| r * h),
             };
-            stage.put(shape, material);
+            stage.add(shape, material);
         };
         let s = self.stride;
         for side in [-1.0, 1.0] {

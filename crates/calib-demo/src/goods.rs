@@ -1,4 +1,4 @@
-//! Goods on shelves: runs of packets, tins, jars and bottles, a little untidy.
+//! Goods on shelves: slightly untidy runs of packets, tins, jars and bottles.
 
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -6,14 +6,14 @@ use rand_chacha::ChaCha8Rng;
 use crate::material::{Finish, Material, paint};
 use crate::stage::Stage;
 
-/// The front edge of a shelf that goods stand on, in metres.
+/// Front edge of a shelf with goods, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
-    /// The end with the lower coordinate.
+    /// End with the lower coordinate.
     pub(crate) start: [f32; 3],
-    /// Along x, else along y.
+    /// Whether it runs along x; otherwise along y.
     pub(crate) along_x: bool,
-    /// The front looks to the positive side of the other axis.
+    /// Whether the front faces the positive side of the other axis.
     pub(crate) faces_positive: bool,
     pub(crate) length: f32,
     pub(crate) depth: f32,
@@ -22,7 +22,7 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    /// The point `along` the edge, `deep` behind it, `up` above it.
+    /// Returns the point `along` the edge, `deep` behind it, `up` above it.
     pub(crate) fn at(&self, along: f32, deep: f32, up: f32) -> [f32; 3] {
         let [x, y, z] = self.start;
         let back = if self.faces_positive { -deep } else { deep };
@@ -30,7 +30,7 @@ impl Row {
     }
 }
 
-/// What a shelf holds.
+/// Goods of a shelf.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Range {
     /// Packets, tins and jars.
@@ -51,7 +51,7 @@ const DRINKS: [u32; 7] = [0x3d_5a34, 0x6b_3f22, 0xc7_8a2c, 0x8f_b4a6, 0x7b_2430,
 const CHILLED: [u32; 7] = [0xf1_efe9, 0xe7_e9ee, 0xcf_dfe9, 0xe9_cfd2, 0xdf_e6cb, 0x4f_7fae, 0xe8_d9a6];
 const BREAD: [u32; 4] = [0xa8_713a, 0x8a_5528, 0xc2_9154, 0x6e_4320];
 
-/// Fills a row from end to end, with gaps where something is sold out.
+/// Fills a row from end to end, with gaps for sold-out goods.
 pub(crate) fn fill(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range: Range) {
     const MARGIN: f32 = 0.03;
     let mut along = MARGIN;
@@ -64,7 +64,7 @@ pub(crate) fn fill(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range:
     }
 }
 
-/// One product beside itself, a few times; gives where it ends.
+/// Adds several items of one product side by side, and returns the end of the run.
 fn run(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range: Range, start: f32) -> f32 {
     let colours: &[u32] = match range {
         Range::Dry => &DRY,
@@ -125,7 +125,7 @@ fn article(
         );
         let radii = [radius * 0.95, 0.014];
         let shape = crate::shape::Shape::Cone { from: shoulder.into(), to: neck.into(), radii };
-        stage.put(shape, material.with(Finish::Plain));
+        stage.add(shape, material.with(Finish::Plain));
     } else if round {
         stage.drum(row.at(along + radius, set_back + radius, 0.0), radius, height, material);
     } else {

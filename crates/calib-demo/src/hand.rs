@@ -1,7 +1,7 @@
-//! The operator's hand: finds what can be seen, chooses lines that are long and far apart, and draws
-//! them with a small tremor.
+//! Simulated operator who annotates the images of the site.
 //!
-//! What the operator draws on every image.
+//! The operator finds visible edges, selects long lines that are far apart, and annotates them with a small
+//! random error (the tremor).
 
 use calib_core::single::Known;
 use calib_core::{Annotation, Camera, Distortion, Kind, Pixel, WorldPoint};
@@ -13,16 +13,17 @@ use crate::figure::PEOPLE;
 use crate::random::normal;
 use crate::world::{is_shown, visible};
 
-/// Standard deviation of a usual tremor, in pixels.
+/// Standard deviation of the usual tremor, in pixels.
 pub(crate) const TREMOR: f64 = 0.7;
-/// How far from the image's border lines end, in pixels.
+/// Distance of line ends from the image border, in pixels.
 const MARGIN: f64 = 14.0;
-/// What may hide the last stretch of the way to a point, in metres: the corner the point lies on.
+/// Length of the last part of a line of sight in which occlusion is ignored, in metres. The point itself may
+/// lie on a corner.
 const SLACK: f64 = 0.02;
 
-/// Somebody who draws on the image of one camera.
+/// Operator who annotates the image of one camera.
 #[derive(Debug)]
-pub(crate) struct Hand {
+pub(crate) struct Operator {
     pub(crate) camera: Camera,
     pub(crate) size: [u32; 2],
     /// Standard deviation of the tremor, in pixels.
@@ -30,17 +31,17 @@ pub(crate) struct Hand {
     pub(crate) random: ChaCha8Rng,
 }
 
-/// The part of an edge that an image shows.
+/// Visible part of an edge in an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
-    /// Where it lies in space.
+    /// The visible part in space.
     pub(crate) edge: Edge,
-    /// Its ends on the image, exact.
+    /// Its exact ends in the image.
     pub(crate) ends: [Pixel; 2],
 }
 
 impl Run {
-    /// In pixels.
+    /// Returns the length in the image, in pixels.
     pub(crate) fn length(&self) -> f64 {
         self.ends[0].distance(self.ends[1])
     }
@@ -51,29 +52,29 @@ impl Run {
     }
 }
 
-impl Hand {
-    /// Whether the image shows a point of an edge.
+impl Operator {
+    /// Whether a point of an edge is visible in the image.
     pub(crate) fn sees(&self, point: WorldPoint) -> bool {
         self.pixel(point).is_some_and(|pixel| is_shown(&self.camera, self.size, pixel, MARGIN))
             && visible(&self.camera, self.size, point, SLACK)
     }
 
-    /// Where a point is on the image, exactly.
+    /// Projects a point exactly.
     pub(crate) fn pixel(&self, point: WorldPoint) -> Option<Pixel> {
         self.camera.world_to_pixel(point)
     }
 
-    /// Where the hand puts a point of the scene.
-    pub(crate) fn touch(&mut self, point: WorldPoint) -> Option<Pixel> {
+    /// Projects a point and adds the tremor.
+    pub(crate) fn annotate_point(&mut self, point: WorldPoint) -> Option<Pixel> {
         let Pixel { u, v } = self.pixel(point)?;
         let mut shaken = |value: f64| {
-            // A hundredth of a pixel is what a screen resolves.
+            // Coordinates are rounded to a hundredth of a pixel.
             ((value + self.tremor * normal(&mut self.random)) * 100.0).round() / 100.0
         };
         Some(Pixel { u: shaken(u), v: shaken(v) })
     }
 
-    /// The longest unbroken part of an edge that the image shows.
+    /// Returns the longest uninterrupted visible part of an edge.
     pub(crate) fn run(&self, edge: &Edge) -> Option<Run> {
         const STEPS: usize = 160;
         let seen: Vec<bool> = (0..=STEPS).map(|i| self.sees(edge.at(i as f64 / STEPS as f64))).collect();
@@ -94,27 +95,28 @@ impl Hand {
         Some(Run { edge, ends: [self.pixel(edge.from)?, self.pixel(edge.to)?] })
     }
 
-    /// The parts of edges that are at least `least` pixels long on the image.
+    /// Returns the visible parts of edges with a length of at least `least` pixels.
     pub(crate) fn runs(&self, edges: &[Edge], least: f64) -> Vec<Run> {
         edges.iter().filter_map(|edge| self.run(edge)).filter(|run| run.length() >= least).collect()
     }
 
-    /// Points along a run, at equal steps on the image: two, and more on long lines that a lens bends.
-    pub(crate) fn stroke(&mut self, run: &Run) -> Vec<Pixel> {
+    /// Annotates a run with points at equal distances in the image: two, or more on long lines of a distorted
+    /// image.
+    pub(crate) fn annotate_run(&mut self, run: &Run) -> Vec<Pixel> {
         const STEP: f64 = 140.0;
         const MOST: usize = 5;
         let bent = self.camera.lens.distortion != Distortion::None;
         self.polyline(run, if bent { ((run.length() / STEP) as usize + 1).clamp(2, MOST) } else { 2 })
     }
 
-    /// Two or more points along a run, at equal steps on the image.
+    /// Annotates a run with `count` points at equal distances in the image.
     pub(crate) fn polyline(&mut self, run: &Run, count: usize) -> Vec<Pixel> {
         let points = along(&self.camera, &run.edge, count);
-        points.into_iter().filter_map(|point| self.touch(point)).collect()
+        points.into_iter().filter_map(|point| self.annotate_point(point)).collect()
     }
 }
 
-/// `count` points of an edge at equal steps on the image.
+/// Returns `count` points of an edge at equal distances in the image.
 fn along(camera: &Camera, edge: &Edge, count: usize) -> Vec<WorldPoint> {
     const FINE: usize = 400;
     let steps: Vec<Pixel> =
@@ -134,14 +136,14 @@ fn along(camera: &Camera, edge: &Edge, count: usize) -> Vec<WorldPoint> {
         .collect()
 }
 
-/// Up to `count` of `items`, each worth much and far from those before it.
+/// Selects up to `count` items one by one, by their worth and their distance from those selected before.
 pub(crate) fn spread<T: Copy>(
     items: &[T],
     count: usize,
     middle: impl Fn(&T) -> Pixel,
     worth: impl Fn(&T) -> f64,
 ) -> Vec<T> {
-    /// Farther apart than this, in pixels, is far enough.
+    /// Distance above which more distance adds no value, in pixels.
     const FAR: f64 = 900.0;
     let mut chosen: Vec<T> = Vec::new();
     for _ in 0..count {
@@ -158,43 +160,43 @@ pub(crate) fn spread<T: Copy>(
     chosen
 }
 
-/// Which lines a camera gets, besides verticals and two directions of the floor.
+/// Annotations of a camera other than verticals and two floor directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Extra {
-    /// Tile edges of one length.
+    /// Tile edges of equal length.
     EqualLength,
-    /// The width of the shutter.
+    /// Width of the marked lane.
     KnownLength,
-    /// A person, by index.
+    /// Person with this index.
     Upright(usize),
 }
 
-/// What is drawn on the image of one camera.
+/// Annotations of the image of one camera.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Plot {
+pub(crate) struct AnnotationPlan {
     pub(crate) floor: fn(Axis) -> Vec<Edge>,
-    /// Number of lines along x and along y.
+    /// Numbers of lines along x and along y.
     pub(crate) lines: [usize; 2],
     pub(crate) verticals: usize,
-    /// Where the lines of the right angle cross.
+    /// Kind of edges for the right angle.
     pub(crate) corner: Corner,
     pub(crate) extras: &'static [Extra],
-    /// Polylines along straight edges.
+    /// Number of polylines along straight edges.
     pub(crate) polylines: usize,
 }
 
-/// How a right angle is found.
+/// Kind of edges that form a right angle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Corner {
-    /// Along two tile joints.
+    /// Two tile joints.
     Tiles,
-    /// Along a line of each direction of the floor.
+    /// A floor line of each direction.
     Lines,
 }
 
-/// What is drawn on the image of the camera with this id.
-pub(crate) fn plot(id: &str) -> Plot {
-    let shop = Plot {
+/// Returns the annotations for the camera with this id.
+pub(crate) fn annotation_plan(id: &str) -> AnnotationPlan {
+    let shop = AnnotationPlan {
         floor: shop_floor,
         lines: [4, 4],
         verticals: 6,
@@ -203,11 +205,11 @@ pub(crate) fn plot(id: &str) -> Plot {
         polylines: 0,
     };
     match id {
-        "shop-1" => Plot { extras: &[Extra::EqualLength, Extra::Upright(0)], ..shop },
-        "shop-2" => Plot { lines: [4, 3], verticals: 5, polylines: 8, ..shop },
-        "shop-3" => Plot { lines: [3, 4], extras: &[Extra::EqualLength], ..shop },
-        "checkouts" => Plot { polylines: 8, ..shop },
-        "store" => Plot {
+        "shop-1" => AnnotationPlan { extras: &[Extra::EqualLength, Extra::Upright(0)], ..shop },
+        "shop-2" => AnnotationPlan { lines: [4, 3], verticals: 5, polylines: 8, ..shop },
+        "shop-3" => AnnotationPlan { lines: [3, 4], extras: &[Extra::EqualLength], ..shop },
+        "checkouts" => AnnotationPlan { polylines: 8, ..shop },
+        "store" => AnnotationPlan {
             floor: store_floor,
             lines: [4, 3],
             verticals: 5,
@@ -215,7 +217,7 @@ pub(crate) fn plot(id: &str) -> Plot {
             extras: &[Extra::KnownLength],
             ..shop
         },
-        _ => Plot {
+        _ => AnnotationPlan {
             floor: barn_floor,
             lines: [4, 3],
             verticals: 6,
@@ -226,9 +228,9 @@ pub(crate) fn plot(id: &str) -> Plot {
     }
 }
 
-impl Plot {
-    /// The annotations, in the order a person would draw them.
-    pub(crate) fn draw(&self, hand: &mut Hand) -> Vec<Annotation> {
+impl AnnotationPlan {
+    /// Creates the annotations in the order of a person's work.
+    pub(crate) fn annotate(&self, hand: &mut Operator) -> Vec<Annotation> {
         let mut annotations = Vec::new();
         if self.polylines > 0 && hand.camera.lens.distortion != Distortion::None {
             annotations.extend(polylines(hand, self.polylines));
@@ -252,17 +254,17 @@ impl Plot {
     }
 }
 
-/// Up to `count` of the edges, drawn where they can be seen over `least` pixels.
-fn segments(hand: &mut Hand, kind: Kind, edges: &[Edge], count: usize, least: f64) -> Annotation {
-    /// Longer does not make a line worth more than this many pixels.
+/// Annotates up to `count` of the edges that are visible over at least `least` pixels.
+fn segments(hand: &mut Operator, kind: Kind, edges: &[Edge], count: usize, least: f64) -> Annotation {
+    /// Length above which a longer line adds no value, in pixels.
     const LONG: f64 = 500.0;
     let runs = hand.runs(edges, least);
     let chosen = spread(&runs, count, Run::middle, |run| run.length().min(LONG));
-    Annotation::of_segments(kind, chosen.iter().map(|run| hand.stroke(run)).collect())
+    Annotation::of_segments(kind, chosen.iter().map(|run| hand.annotate_run(run)).collect())
 }
 
-/// Polylines along long straight edges, near the border of the image rather than in its middle.
-fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
+/// Annotates polylines along long straight edges, preferably near the image border.
+fn polylines(hand: &mut Operator, count: usize) -> Vec<Annotation> {
     const STEP: f64 = 110.0;
     let centre = hand.camera.lens.principal_point;
     let half = centre.u.hypot(centre.v);
@@ -270,7 +272,8 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
     let is_wide = hand.camera.lens.distortion.is_wide();
     let worth = |run: &Run| {
         let out = 0.15 + run.middle().distance(centre) / half;
-        // What runs through the middle of a fisheye is straight whatever its lens.
+        // A line through the centre of a fisheye image is straight for every lens, so it does not constrain
+        // the distortion.
         run.length().min(1400.0) * if is_wide { bow(hand, run) * out } else { out }
     };
     let chosen = spread(&runs, count, Run::middle, worth);
@@ -283,22 +286,22 @@ fn polylines(hand: &mut Hand, count: usize) -> Vec<Annotation> {
         .collect()
 }
 
-/// How far the image of a run is from its chord, in pixels.
-fn bow(hand: &Hand, run: &Run) -> f64 {
+/// Returns the largest distance between the image of a run and its chord, in pixels.
+fn bow(hand: &Operator, run: &Run) -> f64 {
     let [a, b] = run.ends;
     let off = |p: Pixel| ((b.u - a.u) * (p.v - a.v) - (b.v - a.v) * (p.u - a.u)).abs() / a.distance(b);
     let inner = (1..8).filter_map(|i| hand.pixel(run.edge.at(f64::from(i) / 8.0)));
     inner.map(off).fold(0.0, f64::max)
 }
 
-/// A stretch of the floor, if all of it can be seen.
-fn whole(hand: &Hand, edge: &Edge) -> Option<Run> {
+/// Returns a floor segment if it is completely visible.
+fn fully_visible(hand: &Operator, edge: &Edge) -> Option<Run> {
     let run = hand.run(edge)?;
     (run.edge == *edge).then_some(run)
 }
 
-/// Stretches of `tiles` tiles along the joints, from crossing to crossing.
-fn stretches(hand: &Hand, axis: Axis, tiles: i32) -> Vec<Run> {
+/// Returns visible segments along the tile joints with a length of `tiles` tiles, from crossing to crossing.
+fn stretches(hand: &Operator, axis: Axis, tiles: i32) -> Vec<Run> {
     let tile = exact(TILE);
     let length = tile * f64::from(tiles);
     let [dx, dy] = if axis == Axis::X { [length, 0.0] } else { [0.0, length] };
@@ -306,12 +309,12 @@ fn stretches(hand: &Hand, axis: Axis, tiles: i32) -> Vec<Run> {
         .step_by(2)
         .flat_map(|i| (2..22).step_by(2).map(move |j| [f64::from(i) * tile, f64::from(j) * tile]))
         .map(|[x, y]| Edge::new([x, y, 0.0], [x + dx, y + dy, 0.0]))
-        .filter_map(|edge| whole(hand, &edge))
+        .filter_map(|edge| fully_visible(hand, &edge))
         .collect()
 }
 
-/// Two floor lines at right angles, with ends close together and both long on the image.
-fn right_angle(hand: &mut Hand, plot: &Plot) -> Option<Annotation> {
+/// Annotates two perpendicular floor lines that are long in the image and have ends close together.
+fn right_angle(hand: &mut Operator, plot: &AnnotationPlan) -> Option<Annotation> {
     let (xs, ys) = match plot.corner {
         Corner::Tiles => (stretches(hand, Axis::X, 4), stretches(hand, Axis::Y, 4)),
         Corner::Lines => (hand.runs(&(plot.floor)(Axis::X), 150.0), hand.runs(&(plot.floor)(Axis::Y), 90.0)),
@@ -324,8 +327,8 @@ fn right_angle(hand: &mut Hand, plot: &Plot) -> Option<Annotation> {
     Some(Annotation::of_segments(Kind::Perpendicular, best.iter().map(|run| hand.polyline(run, 2)).collect()))
 }
 
-/// Edges of three tiles each, near and far, in both directions.
-fn equal_length(hand: &mut Hand) -> Option<Annotation> {
+/// Annotates edges of three tiles each, near and far, in both directions.
+fn equal_length(hand: &mut Operator) -> Option<Annotation> {
     let mut chosen = Vec::new();
     for axis in [Axis::X, Axis::Y] {
         let long: Vec<Run> = stretches(hand, axis, 3).into_iter().filter(|run| run.length() > 60.0).collect();
@@ -338,20 +341,21 @@ fn equal_length(hand: &mut Hand) -> Option<Annotation> {
     })
 }
 
-/// The lane of the store, from the outer edge of one line to that of the other.
-fn known_length(hand: &mut Hand) -> Option<Annotation> {
+/// Annotates the width of the store's lane, between the outer edges of its lines.
+fn known_length(hand: &mut Operator) -> Option<Annotation> {
     let [x0, y0, _, y1] = crate::store::LANE.map(exact);
     let edge = Edge::new([x0 - 0.04, y0 - 0.04, 0.002], [x0 - 0.04, y1 + 0.04, 0.002]);
-    let strokes = vec![[edge.from, edge.to].into_iter().filter_map(|point| hand.touch(point)).collect()];
+    let strokes =
+        vec![[edge.from, edge.to].into_iter().filter_map(|point| hand.annotate_point(point)).collect()];
     let annotation = Annotation::of_segments(Kind::KnownLength, strokes);
     Some(Annotation { name: Some("Lane".into()), length_m: Some(edge.length()), ..annotation })
 }
 
-/// A person whose height is known roughly.
-fn upright(hand: &mut Hand, index: usize) -> Option<Annotation> {
+/// Annotates a person of approximately known height.
+fn upright(hand: &mut Operator, index: usize) -> Option<Annotation> {
     let person = PEOPLE.get(index)?;
     let [x, y] = person.at.map(exact);
-    let mut touch = |z: f64| hand.touch(WorldPoint { x, y, z });
+    let mut touch = |z: f64| hand.annotate_point(WorldPoint { x, y, z });
     let (foot, head): (Pixel, Pixel) = (touch(0.0)?, touch(exact(person.height))?);
     let height_m = Some(Known::prior(1.75, 0.05));
     Some(Annotation { foot: Some(foot), head: Some(head), height_m, ..Annotation::new(Kind::Upright) })

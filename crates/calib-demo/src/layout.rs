@@ -1,23 +1,23 @@
-//! Random sites of several cameras that share points of the floor, for measuring the joint fit.
+//! Random sites of several cameras with shared floor points, for measuring the joint solution.
 
 use std::f64::consts::{PI, TAU};
 
 use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
-use calib_site::{Link, LinkKind, LinkSeen, SceneEntry, Site, SiteCamera};
+use calib_site::{Link, LinkKind, LinkObservation, SceneEntry, Site, SiteCamera};
 use rand::Rng;
 
-use crate::random::{Drawn, RandomScene, SIZE, normal};
+use crate::random::{AnnotationSet, RandomScene, SIZE, normal};
 
-/// A site without plan or placement, and the cameras it was made with.
+/// Site without plan and placements, and its true cameras.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// Noisy lines and links.
+    /// Site with noisy lines and links.
     pub site: Site,
     /// The true cameras.
     pub truth: Vec<Camera>,
 }
 
-/// Where a camera stands and where on the floor it looks.
+/// Position of a camera, and the floor point that it looks at.
 #[derive(Clone, Copy, Debug)]
 struct Station {
     at: FloorPoint,
@@ -25,8 +25,8 @@ struct Station {
 }
 
 impl Layout {
-    /// Cameras on a circle of 6.35 m, 11 m apart for three of them, that look at its middle; `points`
-    /// shared points there, noise of `sigma` pixels in everything drawn.
+    /// Creates cameras on a circle with a radius of 6.35 m (11 m apart for three of them) that look at its
+    /// centre. They share `points` points there. All annotations have noise of `sigma` pixels.
     pub fn ring(random: &mut impl Rng, cameras: usize, points: usize, sigma: f64) -> Self {
         const RADIUS: f64 = 6.35;
         let start = random.random_range(0.0..TAU);
@@ -47,8 +47,8 @@ impl Layout {
         layout
     }
 
-    /// Cameras in a row along the wall of a corridor, or around a courtyard if it is to be closed, that
-    /// share `points` points with the next one only.
+    /// Creates cameras in a row along the wall of a corridor, or around a courtyard if `closed`. Each shares
+    /// `points` points only with the next one.
     pub fn chain(random: &mut impl Rng, cameras: usize, closed: bool, points: usize, sigma: f64) -> Self {
         const STEP: f64 = 4.0;
         let radius = cameras as f64 * STEP / TAU;
@@ -75,8 +75,8 @@ impl Layout {
         layout
     }
 
-    /// Cameras over the squares of a hall that look the same way; neighbours' views overlap by about a
-    /// third, and share `points` points.
+    /// Creates cameras over the squares of a hall with the same viewing direction. Views of neighbours
+    /// overlap by about a third and share `points` points.
     pub fn grid(random: &mut impl Rng, [columns, rows]: [usize; 2], points: usize, sigma: f64) -> Self {
         const STEP: f64 = 4.0;
         let stations: Vec<Station> = (0..columns * rows)
@@ -98,7 +98,7 @@ impl Layout {
     }
 
     fn stations(random: &mut impl Rng, stations: &[Station], sigma: f64) -> Self {
-        // The scenes are built exactly.
+        // Objects of these scenes have exact dimensions.
         let site = Site { scene: Some(SceneEntry::EXACT), ..Site::new() };
         let mut layout = Self { site, truth: Vec::new() };
         for (index, Station { at, toward }) in stations.iter().enumerate() {
@@ -106,8 +106,9 @@ impl Layout {
             let height = random.random_range(3.0..5.0);
             let pitch = f64::atan2(height, away) + random.random_range(-0.05..0.05);
             let hfov = random.random_range(70.0..95.0);
-            let scene = RandomScene::new(random, Drawn::Directions, Some(hfov), Some(pitch.to_degrees()));
-            // Lines of the floor are what they are at any height: the room is scaled to this one.
+            let scene =
+                RandomScene::new(random, AnnotationSet::Directions, Some(hfov), Some(pitch.to_degrees()));
+            // Floor lines look the same at any height, so the room is scaled to this height.
             let camera = Camera {
                 position: WorldPoint { x: at.x, y: at.y, z: height },
                 yaw: (at.x - toward.x).atan2(toward.y - at.y) + random.random_range(-0.1..0.1),
@@ -123,7 +124,7 @@ impl Layout {
         layout
     }
 
-    /// Shares points of the floor that both cameras show well.
+    /// Adds links to floor points in view of both cameras.
     fn link_pair(&mut self, random: &mut impl Rng, pair: [usize; 2], points: usize, sigma: f64) {
         let goal = self.site.links.len() + points;
         let camera = self.truth[pair[0]];
@@ -137,7 +138,7 @@ impl Layout {
         }
     }
 
-    /// A link to a point of the floor, if as many of these cameras show it near enough.
+    /// Adds a link to a floor point if at least `least` of these cameras show it within reach.
     fn link(&mut self, random: &mut impl Rng, at: FloorPoint, cameras: &[usize], least: usize, sigma: f64) {
         const REACH: f64 = 15.0;
         let shown = |&index: &usize| {
@@ -150,16 +151,16 @@ impl Layout {
         if seen.len() < least {
             return;
         }
-        let seen = seen.into_iter().map(|(index, pixel)| LinkSeen {
+        let seen = seen.into_iter().map(|(index, pixel)| LinkObservation {
             px: Some(Pixel { u: pixel.u + sigma * normal(random), v: pixel.v + sigma * normal(random) }),
-            ..LinkSeen::new(&self.site.cameras[index].id)
+            ..LinkObservation::new(&self.site.cameras[index].id)
         });
         let seen = seen.collect();
         let id = format!("p{}", self.site.links.len());
         self.site.links.push(Link::new(Some(id), LinkKind::Point, seen));
     }
 
-    /// Puts the first camera where it stands in truth: the gauge of a site without plan.
+    /// Places the first camera at its true pose, which is the gauge of a site without plan.
     pub fn place_first(&mut self) {
         let camera = &self.truth[0];
         self.site.cameras[0].placement = Some(calib_site::PlacementEntry {
@@ -167,7 +168,7 @@ impl Layout {
             turn_deg: (camera.yaw + PI).rem_euclid(TAU).to_degrees() - 180.0,
             scale: Some(camera.position.z / calib_core::floor::STAGE_1_HEIGHT),
             fixed: false,
-            held: calib_site::HeldEntry::default(),
+            held: calib_site::FixedEntry::default(),
         });
     }
 }

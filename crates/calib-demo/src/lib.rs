@@ -1,18 +1,27 @@
-//! The demonstration site: a farm shop, its store and a barn, of which everything is known.
+//! Demonstration site with known truth: a farm shop, its store room and a barn.
 //!
-//! A small ray tracer of our own shows the scene as six cameras see it, through their lenses; the
-//! plan and the operator's drawings come from the same lists of walls and things. So a calibration
-//! can be held against the truth:
+//! A small ray tracer renders the scene for six cameras with their lenses. The plan and the simulated
+//! operator's annotations use the same lists of walls and objects. So a calibration can be compared with the
+//! truth:
 //!
 //! ```no_run
 //! let demo = calib_demo::demo_site();
 //! for ((id, camera), entry) in demo.truth.iter().zip(&demo.site.cameras) {
-//!     let picture = calib_demo::render(camera, entry.size_px);
-//!     picture.save(format!("{id}.png")).unwrap();
+//!     let image = calib_demo::render(camera, entry.size_px);
+//!     image.save(format!("{id}.png")).unwrap();
 //! }
 //! ```
+//!
+//! # Files
+//!
+//! - `random`, `layout`: random rooms and sites for measuring estimators.
+//! - `vector`, `texture`, `material`, `shape`, `stage`: basic types of the renderer.
+//! - `building`, `goods`, `shop`, `produce`, `store`, `barn`, `figure`: objects of the scene.
+//! - `tree`, `world`, `light`, `picture`: rendering.
+//! - `edge`, `hand`, `element`, `plan`, `site`: annotations, plan and site document.
+//! - `walk`: walking people and their detections.
 
-// A module uses only those above it.
+// Modules use only modules above them in this list.
 pub mod random;
 pub mod layout;
 mod vector;
@@ -41,6 +50,6 @@ mod walk;
 mod checks;
 
 pub use picture::{render, render_later};
-pub use site::{DemoSite, KnownLens, demo_site, demo_site_with, demo_site_without_plan, moved};
-pub use walk::{Crowd, Moved, SECOND, Seen, Walk, walk};
+pub use site::{DemoSite, KnownLens, changed_cameras, demo_site, demo_site_with, demo_site_without_plan};
+pub use walk::{Crowd, FootDetection, PoseChange, SECOND, Walk, walk};
 pub use world::visible;

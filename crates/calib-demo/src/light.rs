@@ -1,4 +1,4 @@
-//! Light: the sun, the sky, lamps, what walls and floors throw back, and how much of it a place gets.
+//! Light of sun, sky and lamps, reflections of walls and floors, and its computation at a point.
 
 use crate::building::CEILING;
 use crate::shape::Line;
@@ -7,7 +7,7 @@ use crate::texture::chance;
 use crate::vector::{Vec3, vec3};
 use crate::world::World;
 
-/// Part of the scene with light of its own.
+/// Part of the scene with its own light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Room {
     Shop,
@@ -16,50 +16,51 @@ pub(crate) enum Room {
     Outside,
 }
 
-/// The light at a place, in units of what a white wall well lit sends.
+/// Light at a point, relative to a well-lit white wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Light {
-    /// Falls on it from lamps, sky and surroundings: what a white surface would send.
+    /// Light from lamps, sky and surroundings that a white surface would reflect.
     pub(crate) diffuse: Vec3,
-    /// Comes from where a mirror would look.
+    /// Light from the direction of a mirror reflection.
     pub(crate) mirror: Vec3,
 }
 
-/// A point of a surface that asks for light.
+/// Point of a surface whose light is computed.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct LightQuery {
     pub(crate) point: Vec3,
     pub(crate) normal: Vec3,
-    /// Direction in which it is looked at.
+    /// Viewing direction.
     pub(crate) view: Vec3,
-    /// Whether what it mirrors counts.
+    /// Whether the mirror reflection is computed.
     pub(crate) mirrors: bool,
-    /// Decides the rays' directions: neighbours with numbers in a row look in directions between each other's.
+    /// Index that selects ray directions. Neighbours with consecutive numbers use directions between each
+    /// other's.
     pub(crate) turn: u32,
 }
 
-impl Place {
-    /// Two numbers from 0 to 1 for the ray with this number. Over the turns of neighbours they fill the
-    /// square evenly (Roberts' sequence), so that the mean of neighbours has little noise.
+impl LightQuery {
+    /// Returns two numbers from 0 to 1 for the ray with this index. Over the values of `turn` of neighbours
+    /// they fill the square evenly (Roberts' sequence), so the mean of neighbours has little noise.
     fn even(&self, ray: u32) -> [f32; 2] {
         let turn = self.turn as f32;
         [(0.754_877_7 * turn + chance(ray)).fract(), (0.569_840_3 * turn + chance(ray ^ 0xabcd)).fract()]
     }
 }
 
-/// Towards the sun.
+/// Direction toward the sun.
 const SUN: Vec3 = vec3(-0.4194, 0.6990, 0.5791);
-/// Sunlight on a white surface at right angles to it.
+/// Sunlight on a white surface perpendicular to it.
 const SUNLIGHT: Vec3 = vec3(2.5, 2.25, 1.85);
-/// Rays start this far above the surface they leave, in metres.
+/// Distance of ray origins above their surface, in metres.
 const LIFT: f32 = 1e-3;
-/// Surroundings farther than this are the mean of their room, in metres.
+/// Distance above which surroundings are replaced by the mean of their room, in metres.
 const REACH: f32 = 2.6;
-/// Farther than any two points of the scene, in metres.
+/// Distance larger than any in the scene, in metres.
 const FAR: f32 = 400.0;
 
-/// The room that a point lies in; under the roof of the barn is the barn.
-pub(crate) fn room_of(p: Vec3) -> Room {
+/// Returns the room of a point; the space under the roof of the barn belongs to the barn.
+pub(crate) fn room_at(p: Vec3) -> Room {
     let within = |x0: f32, x1: f32, y0: f32, y1: f32| p.x > x0 && p.x < x1 && p.y > y0 && p.y < y1;
     if p.z < -0.25 {
         Room::Outside
@@ -74,13 +75,13 @@ pub(crate) fn room_of(p: Vec3) -> Room {
     }
 }
 
-/// The sky's light from a direction.
+/// Returns the light of the sky from a direction.
 pub(crate) fn sky(direction: Vec3) -> Vec3 {
     let up = direction.z.clamp(0.0, 1.0).sqrt();
     vec3(1.65, 1.72, 1.76).towards(vec3(0.75, 1.1, 1.7), up)
 }
 
-/// The mean light that comes from a direction in a room.
+/// Returns the mean light from a direction in a room.
 fn ambient(room: Room, direction: Vec3) -> Vec3 {
     let mixed = |low: Vec3, high: Vec3| low.towards(high, 0.5 + 0.5 * direction.z);
     match room {
@@ -98,7 +99,7 @@ fn ambient(room: Room, direction: Vec3) -> Vec3 {
     }
 }
 
-/// The light that falls on a surface outside, without shadows, or inside on the mean.
+/// Returns the light on a surface: unshadowed outside, the mean inside.
 fn mean_light(room: Room, normal: Vec3) -> Vec3 {
     match room {
         Room::Outside => vec3(0.95, 1.05, 1.2) + SUNLIGHT * SUN.dot(normal).max(0.0),
@@ -106,13 +107,13 @@ fn mean_light(room: Room, normal: Vec3) -> Vec3 {
     }
 }
 
-/// What a ray sees, without asking for shadows: enough for light that is thrown back and for mirrors.
-/// Lamps are left out where their light is counted by itself.
-fn rough(world: &World, line: &Line, reach: f32, home: Room, lamps: bool) -> Vec3 {
+/// Returns the light along a ray without shadows, which is sufficient for indirect light and mirrors. Lamps
+/// are excluded if their light is computed separately.
+fn trace_unshadowed(world: &World, line: &Line, reach: f32, home: Room, lamps: bool) -> Vec3 {
     match world.tree.nearest(line, reach) {
         None if reach < FAR => {
-            let end = room_of(line.at(reach));
-            // Thin air between two rooms is a window or a gate.
+            let end = room_at(line.at(reach));
+            // Empty space between two rooms is a window or a gate.
             ambient(if end == home { home } else { end }, line.direction)
         }
         None => sky(line.direction),
@@ -121,14 +122,14 @@ fn rough(world: &World, line: &Line, reach: f32, home: Room, lamps: bool) -> Vec
             let point = line.at(hit.distance);
             let normal = solid.shape.normal(point);
             let material = &solid.material;
-            let room = room_of(point + normal * 0.02);
+            let room = room_at(point + normal * 0.02);
             let glow = if lamps { material.glow } else { material.glow.min(1.0) };
             material.colour * (mean_light(room, normal) + Vec3::grey(glow))
         }
     }
 }
 
-/// Direct sunlight on a surface: a ray of its own, so that its shadows are sharp.
+/// Computes direct sunlight on a surface with a separate ray, so that shadows are sharp.
 pub(crate) fn sunlight(world: &World, point: Vec3, normal: Vec3) -> Vec3 {
     let slant = SUN.dot(normal);
     if slant <= 0.0 || !world.tree.is_clear(&Line::new(point + normal * LIFT, SUN), FAR) {
@@ -137,11 +138,12 @@ pub(crate) fn sunlight(world: &World, point: Vec3, normal: Vec3) -> Vec3 {
     SUNLIGHT * slant
 }
 
-/// The light at a place by `4 x rows` rays into the half space above it, and one to most lamps.
-pub(crate) fn gather(world: &World, place: &Place, rows: u32) -> Light {
-    let Place { normal, view, .. } = *place;
+/// Computes the light at a point with `4 x rows` rays into the half space above it, and one ray to most
+/// lamps.
+pub(crate) fn gather(world: &World, place: &LightQuery, rows: u32) -> Light {
+    let LightQuery { normal, view, .. } = *place;
     let origin = place.point + normal * LIFT;
-    let home = room_of(place.point + normal * 0.02);
+    let home = room_at(place.point + normal * 0.02);
     if home == Room::Outside {
         return Light { diffuse: vec3(0.95, 1.05, 1.2), mirror: Vec3::ZERO };
     }
@@ -155,7 +157,7 @@ pub(crate) fn gather(world: &World, place: &Place, rows: u32) -> Light {
             let ((sin, cos), radius) = (turn.sin_cos(), square.sqrt());
             let direction =
                 tangent * (radius * cos) + other * (radius * sin) + normal * (1.0 - square).sqrt();
-            diffuse += rough(world, &Line::new(origin, direction), REACH, home, false);
+            diffuse += trace_unshadowed(world, &Line::new(origin, direction), REACH, home, false);
         }
     }
     diffuse = diffuse * (0.25 / rows as f32) + lamplight(world, origin, place, home);
@@ -167,18 +169,18 @@ pub(crate) fn gather(world: &World, place: &Place, rows: u32) -> Light {
         for i in 0..RAYS {
             let [a, b] = place.even(100 + i);
             let bent = tangent * (ROUGH * (a - 0.5)) + other * (ROUGH * (b - 0.5));
-            mirror += rough(world, &Line::new(origin, (ahead + bent).unit()), FAR, home, true)
+            mirror += trace_unshadowed(world, &Line::new(origin, (ahead + bent).unit()), FAR, home, true)
                 * (1.0 / RAYS as f32);
         }
     }
     Light { diffuse, mirror }
 }
 
-/// Light of the lamps of a room. Faint lamps are asked now and then, and count for more.
-fn lamplight(world: &World, origin: Vec3, place: &Place, home: Room) -> Vec3 {
+/// Computes the light of the lamps of a room. Faint lamps are sampled occasionally with a higher weight.
+fn lamplight(world: &World, origin: Vec3, place: &LightQuery, home: Room) -> Vec3 {
     const ALWAYS: f32 = 0.025;
     let mut sum = Vec3::ZERO;
-    for (i, lamp) in world.lamps.iter().enumerate().filter(|(_, lamp)| room_of(lamp.centre) == home) {
+    for (i, lamp) in world.lamps.iter().enumerate().filter(|(_, lamp)| room_at(lamp.centre) == home) {
         let ray = 200 + 2 * i as u32;
         let (way, light) = from_lamp(lamp, origin, place.normal, place.even(ray));
         let share = (light / ALWAYS).min(1.0);
@@ -193,7 +195,7 @@ fn lamplight(world: &World, origin: Vec3, place: &Place, home: Room) -> Vec3 {
     sum
 }
 
-/// The way to a point of the lamp, and how bright its light is if nothing is in between.
+/// Returns the vector to a point of the lamp, and the brightness of its light without occlusion.
 fn from_lamp(lamp: &Lamp, origin: Vec3, normal: Vec3, [a, b]: [f32; 2]) -> (Vec3, f32) {
     let [hx, hy] = lamp.half;
     let off = vec3((2.0 * a - 1.0) * hx, (2.0 * b - 1.0) * hy, 0.0);
@@ -204,7 +206,7 @@ fn from_lamp(lamp: &Lamp, origin: Vec3, normal: Vec3, [a, b]: [f32; 2]) -> (Vec3
     (way, lamp.radiance.luminance() * area * cosines / (square.max(0.04) * std::f32::consts::PI))
 }
 
-/// Two directions at right angles to a normal and to each other.
+/// Returns two directions perpendicular to a normal and to each other.
 fn axes(normal: Vec3) -> (Vec3, Vec3) {
     let aside = if normal.x.abs() > 0.8 { vec3(0.0, 1.0, 0.0) } else { vec3(1.0, 0.0, 0.0) };
     let tangent = normal.cross(aside).unit();

@@ -1,21 +1,21 @@
-//! Paints and surfaces: what colour a point of a solid has.
+//! Materials, and the colour at a point of a solid.
 
 use crate::texture::{cell, chance, clouds, joint, step};
 use crate::vector::{Vec3, vec3};
 
-/// What a surface is made of.
+/// Material of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
-    /// Reflectance, linear.
+    /// Linear reflectance.
     pub(crate) colour: Vec3,
     pub(crate) finish: Finish,
-    /// Share of light that is mirrored at right angles; 0 is matt.
+    /// Fraction of light reflected at perpendicular incidence; 0 is matt.
     pub(crate) gloss: f32,
-    /// Light of its own, in units of a white wall well lit.
+    /// Emitted light, relative to a well-lit white wall.
     pub(crate) glow: f32,
 }
 
-/// The pattern on a surface.
+/// Pattern on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Finish {
     Plain,
@@ -23,12 +23,12 @@ pub(crate) enum Finish {
     Tiles {
         pitch: f32,
     },
-    /// Cast concrete with saw cuts at the multiples of the pitch along x.
+    /// Cast concrete with saw cuts at multiples of the pitch along x, in metres.
     Concrete {
         pitch: f32,
     },
     Plaster,
-    /// Ceiling panels at the multiples of the pitch.
+    /// Ceiling panels at multiples of the pitch, in metres.
     Panels {
         pitch: f32,
     },
@@ -45,39 +45,39 @@ pub(crate) enum Finish {
     Label {
         band: Vec3,
     },
-    /// Sheets with ribs of this pitch: level ones on walls.
+    /// Sheets with ribs of this pitch, horizontal on walls.
     Ribs {
         pitch: f32,
     },
-    /// Fur in patches of black.
+    /// Fur with black patches.
     Patches,
     /// Grass or leaves.
     Green,
 }
 
-/// A place on a solid, and how much of it one pixel sees.
+/// Point on a solid, and the area that one pixel covers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) point: Vec3,
     pub(crate) normal: Vec3,
-    /// From the lower corner of the solid's bounds, in metres.
+    /// Position relative to the lower corner of the solid's bounds, in metres.
     pub(crate) local: Vec3,
     /// Size of the solid's bounds, in metres.
     pub(crate) size: Vec3,
-    /// Tells solids apart that are made alike.
+    /// Seed that varies solids of the same kind.
     pub(crate) seed: u32,
-    /// What a pixel covers along every axis, in metres.
+    /// Extent of a pixel along every axis, in metres.
     pub(crate) footprint: Vec3,
 }
 
-/// The linear colour of `0xRRGGBB` as screens have it.
+/// Converts a display colour `0xRRGGBB` to linear light.
 pub(crate) fn paint(rgb: u32) -> Vec3 {
     let linear = |shift: u32| (((rgb >> shift) & 255) as f32 / 255.0).powf(2.2);
     vec3(linear(16), linear(8), linear(0))
 }
 
 impl Material {
-    /// Matt paint of the colour `0xRRGGBB`.
+    /// Returns matt paint of the colour `0xRRGGBB`.
     pub(crate) fn matt(rgb: u32) -> Self {
         Self { colour: paint(rgb), finish: Finish::Plain, gloss: 0.0, glow: 0.0 }
     }
@@ -94,7 +94,7 @@ impl Material {
         Self { glow, ..self }
     }
 
-    /// Reflectance of a place on a solid of this material.
+    /// Returns the reflectance at a point of a solid.
     pub(crate) fn albedo(&self, s: &Surface) -> Vec3 {
         let width = s.footprint.x.max(s.footprint.y).max(s.footprint.z);
         match self.finish {

@@ -1,28 +1,28 @@
-//! A picture of the scene: first what every pixel shows, then its light, its colours, its edges.
+//! Rendering of an image: visible surfaces, then light, colours and edges.
 //!
-//! Soft light is worked out at every fourth pixel of every fourth row and shared by the pixels of
-//! the same surface; textures, sunlight and edges are each pixel's own.
+//! Soft light is computed at every fourth pixel of every fourth row, and shared by pixels of the same
+//! surface. Textures, sunlight and edges are computed for every pixel.
 //!
-//! From light to the bytes of an image: tone curve, falling off to the corners, the sensor's noise.
+//! Conversion of light to image bytes: tone curve, vignetting, sensor noise.
 //!
-//! Work on the rows of a picture, on as many threads as there are, and in the browser on one.
+//! Rows are rendered in parallel on all threads, and in the browser on one.
 
 use calib_core::Camera;
 use image::{Rgb, RgbImage};
 
-use crate::light::{Light, Place, gather, sky, sunlight};
+use crate::light::{Light, LightQuery, gather, sky, sunlight};
 use crate::material::Surface;
 use crate::shape::Line;
 use crate::shape::Rays;
 use crate::texture::{cell, chance, mix};
 use crate::tree::Hit;
 use crate::vector::{Vec3, vec3};
-use crate::world::{World, later, world};
+use crate::world::{World, world, world_later};
 
-/// A picture of `width x height` whose rows `fill` makes, each by itself: so the number of threads
-/// does not show in the result.
+/// Computes an image of `width x height`. `fill` computes each row independently, so the result does not
+/// depend on the number of threads.
 #[cfg(not(target_arch = "wasm32"))]
-pub(crate) fn rows_of<T, F>(width: usize, height: usize, fill: F) -> Vec<T>
+pub(crate) fn render_rows<T, F>(width: usize, height: usize, fill: F) -> Vec<T>
 where
     T: Clone + Default + Send,
     F: Fn(usize, &mut [T]) + Sync,
@@ -31,7 +31,7 @@ where
 
     let mut all = vec![T::default(); width * height];
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    // Rows differ in what they cost: a thread takes the next one when it has done its own.
+    // Rows have different costs, so each thread takes the next row when it is free.
     let rows = Mutex::new(all.chunks_mut(width.max(1)).enumerate());
     let next = || rows.lock().ok().and_then(|mut rows| rows.next());
     let work = || {
@@ -48,9 +48,9 @@ where
     all
 }
 
-/// A picture of `width x height` whose rows `fill` makes.
+/// Computes an image of `width x height`; `fill` computes each row.
 #[cfg(target_arch = "wasm32")]
-pub(crate) fn rows_of<T, F>(width: usize, height: usize, fill: F) -> Vec<T>
+pub(crate) fn render_rows<T, F>(width: usize, height: usize, fill: F) -> Vec<T>
 where
     T: Clone + Default + Send,
     F: Fn(usize, &mut [T]) + Sync,
@@ -62,20 +62,21 @@ where
     all
 }
 
-/// The curve of film: dark tones as they are, lights that roll off. Linear in, what the screen shows out.
+/// Applies a film-like tone curve, from linear light to display values: it keeps shadows and compresses
+/// highlights.
 pub(crate) fn tone(light: Vec3) -> Vec3 {
     const EXPOSURE: f32 = 1.28;
-    // Narkowicz's fit to the reference curve of the Academy.
+    // Narkowicz's fit to the ACES reference curve.
     let curve = |x: f32| {
         let x = x * EXPOSURE;
         ((x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)).clamp(0.0, 1.0).sqrt()
     };
     let shown = light.map(curve);
-    // A camera's colours are paler than paints: a part of every pixel is grey.
+    // Camera colours are less saturated than paints, so a part of every pixel is grey.
     Vec3::grey(shown.luminance()).towards(shown, 0.82)
 }
 
-/// The finished image.
+/// Converts light to the final image.
 pub(crate) fn develop(picture: &[Vec3], [width, height]: [u32; 2]) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         let colour = picture[(y * width + x) as usize];
@@ -88,36 +89,37 @@ pub(crate) fn develop(picture: &[Vec3], [width, height]: [u32; 2]) -> RgbImage {
     })
 }
 
-/// Noise of the sensor: mostly in brightness, more of it in the shadows.
+/// Computes sensor noise, mainly in brightness, and stronger in shadows.
 fn noise(seed: u32, brightness: f32) -> Vec3 {
     let amount = 0.012 - 0.007 * brightness.clamp(0.0, 1.0);
-    // The sum of three even chances is as good as a bell here.
+    // The sum of three uniform numbers approximates a normal distribution.
     let bell = |s: u32| chance(seed ^ s) + chance(seed ^ (s << 8)) + chance(seed ^ (s << 16)) - 1.5;
     (Vec3::grey(bell(0x11)) + vec3(bell(0x23), bell(0x35), bell(0x47)) * 0.4) * (2.0 * amount)
 }
 
-/// Pixels between the places where soft light is worked out.
+/// Distance between the pixels with computed soft light.
 const PITCH: usize = 4;
-/// Farther than anything in the scene, in metres.
+/// Distance larger than any in the scene, in metres.
 const FAR: f32 = 400.0;
 
-/// The scene as a camera with an image of `size` pixels sees it.
+/// Renders the scene for a camera with an image of `size` pixels.
 ///
-/// The same on every machine with any number of threads, up to the rounding of its functions.
+/// The result is the same on every machine and for any number of threads, up to rounding of mathematical
+/// functions.
 #[must_use]
 pub fn render(camera: &Camera, size: [u32; 2]) -> RgbImage {
-    rendered(world(), camera, size)
+    render_world(world(), camera, size)
 }
 
-/// The same a month later: a shelf has moved, other people are there, and the light is another.
+/// Renders the scene a month later, with a moved shelf, other people and other light.
 #[must_use]
 pub fn render_later(camera: &Camera, size: [u32; 2]) -> RgbImage {
-    rendered(later(), camera, size)
+    render_world(world_later(), camera, size)
 }
 
-fn rendered(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage {
+fn render_world(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage {
     let view = View::new(world, camera, size);
-    let hits = rows_of(view.width, view.height, |y, row: &mut [Option<Hit>]| {
+    let hits = render_rows(view.width, view.height, |y, row: &mut [Option<Hit>]| {
         for (x, hit) in row.iter_mut().enumerate() {
             *hit = view
                 .line(x as f32 + 0.5, y as f32 + 0.5)
@@ -125,7 +127,7 @@ fn rendered(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage 
         }
     });
     let probes = view.probes(&hits);
-    let first = rows_of(view.width, view.height, |y, row: &mut [Vec3]| {
+    let first = render_rows(view.width, view.height, |y, row: &mut [Vec3]| {
         for (x, colour) in row.iter_mut().enumerate() {
             let (u, v) = (x as f32 + 0.5, y as f32 + 0.5);
             if let Some(line) = view.line(u, v) {
@@ -133,7 +135,7 @@ fn rendered(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage 
             }
         }
     });
-    let smooth = rows_of(view.width, view.height, |y, row: &mut [Vec3]| {
+    let smooth = render_rows(view.width, view.height, |y, row: &mut [Vec3]| {
         for (x, colour) in row.iter_mut().enumerate() {
             *colour = first[y * view.width + x];
             if is_edge(&first, view.width, view.height, x, y) {
@@ -144,16 +146,16 @@ fn rendered(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbImage 
     develop(&smooth, size)
 }
 
-/// Soft light at a place, and which surface it holds for.
+/// Soft light at a point, and the surface that it applies to.
 #[derive(Clone, Copy, Debug, Default)]
 struct Probe {
     point: Vec3,
-    /// Zero where there is no surface.
+    /// Normal of the surface; zero without a surface.
     normal: Vec3,
     light: Light,
 }
 
-/// What the steps of a picture share.
+/// Data shared by the steps of rendering.
 struct View {
     world: &'static World,
     rays: Rays,
@@ -163,7 +165,7 @@ struct View {
     angle: f32,
 }
 
-/// A surface that a ray meets.
+/// Point where a ray meets a surface.
 struct Spot {
     surface: Surface,
     solid: usize,
@@ -200,13 +202,13 @@ impl View {
         Spot { surface, solid, distance: hit.distance }
     }
 
-    fn place(&self, line: &Line, spot: &Spot, turn: u32) -> Place {
+    fn place(&self, line: &Line, spot: &Spot, turn: u32) -> LightQuery {
         let mirrors = self.world.solids[spot.solid].material.gloss > 0.0;
         let Surface { point, normal, .. } = spot.surface;
-        Place { point, normal, view: line.direction, mirrors, turn }
+        LightQuery { point, normal, view: line.direction, mirrors, turn }
     }
 
-    /// Columns and rows of the places where soft light is worked out.
+    /// Returns the number of columns and rows of points with computed soft light.
     const fn grid(&self) -> [usize; 2] {
         [self.width.div_ceil(PITCH), self.height.div_ceil(PITCH)]
     }
@@ -214,14 +216,14 @@ impl View {
     fn probes(&self, hits: &[Option<Hit>]) -> Vec<Probe> {
         const ROWS: u32 = 2;
         let [columns, rows] = self.grid();
-        rows_of(columns, rows, |j, row: &mut [Probe]| {
+        render_rows(columns, rows, |j, row: &mut [Probe]| {
             for (i, probe) in row.iter_mut().enumerate() {
                 let x = (i * PITCH + PITCH / 2).min(self.width - 1);
                 let y = (j * PITCH + PITCH / 2).min(self.height - 1);
                 let Some(line) = self.line(x as f32 + 0.5, y as f32 + 0.5) else { continue };
                 let Some(hit) = hits[y * self.width + x] else { continue };
                 let spot = self.spot(&line, hit);
-                // Every block of 4 x 4 probes has every turn once.
+                // Every block of 4 x 4 probes contains each value of `turn` once.
                 let place = self.place(&line, &spot, (4 * (j % 4) + (i + j) % 4) as u32);
                 let light = gather(self.world, &place, ROWS);
                 *probe = Probe { point: place.point, normal: place.normal, light };
@@ -229,14 +231,15 @@ impl View {
         })
     }
 
-    /// Soft light at a spot from the probes on its surface, or its own where there are none.
+    /// Returns soft light at a spot, interpolated from probes on its surface, or computed if there are none.
     fn light(&self, line: &Line, spot: &Spot, [u, v]: [f32; 2], probes: &[Probe]) -> Light {
         const ROWS: u32 = 2;
         let Surface { point, normal, .. } = spot.surface;
         let [columns, rows] = self.grid().map(|n| n as i32);
         let (x, y) = ((u - 0.5) / PITCH as f32 - 0.5, (v - 0.5) / PITCH as f32 - 0.5);
         let (i0, j0) = ((x - 1.5).floor() as i32, (y - 1.5).floor() as i32);
-        // A trapezoid as wide as a block of turns: on an even surface every turn weighs the same.
+        // Trapezoidal weights as wide as a block: on an even surface every value of `turn` has the same
+        // weight.
         let share = |gap: f32| (2.5 - gap.abs()).clamp(0.0, 1.0);
         let thick = 0.012 + 0.004 * spot.distance;
         let (mut sum, mut total) = (Light::default(), 0.0);
@@ -275,13 +278,13 @@ impl View {
         if material.gloss == 0.0 {
             return colour;
         }
-        // Schlick's rule; half of it, as no floor is polished like glass.
+        // Schlick's approximation, halved because floors are less polished than glass.
         let grazing = (1.0 - line.direction.dot(normal).abs()).max(0.0).powi(5);
         let share = material.gloss + 0.5 * (1.0 - material.gloss) * grazing;
         colour * (1.0 - share) + light.mirror * share
     }
 
-    /// The mean of a pixel's middle and three more points of it.
+    /// Returns the mean of a pixel's centre and three more points of the pixel.
     fn refine(&self, middle: Vec3, x: usize, y: usize, probes: &[Probe]) -> Vec3 {
         const POINTS: [[f32; 2]; 3] = [[0.35, 0.1], [0.9, 0.45], [0.2, 0.85]];
         let more = POINTS.map(|[dx, dy]| {
@@ -295,7 +298,7 @@ impl View {
     }
 }
 
-/// Whether a pixel differs from one beside, above or below it as far as the eye can tell.
+/// Whether a pixel visibly differs from one of its neighbours.
 fn is_edge(picture: &[Vec3], width: usize, height: usize, x: usize, y: usize) -> bool {
     const VISIBLE: f32 = 0.05;
     let here = picture[y * width + x];
@@ -315,7 +318,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_camera_sees_light_and_shade_and_the_same_twice() {
+    fn every_image_has_contrast_and_is_deterministic() {
         for (id, camera, size) in crate::site::cameras() {
             let small = 96.0 / f64::from(size[0]);
             let camera = crate::site::resized(&camera, small);

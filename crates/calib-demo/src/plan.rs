@@ -1,20 +1,20 @@
-//! The floor plan, drawn from the same lists as the scene.
+//! Floor plan image, from the same lists as the scene.
 
 use calib_core::PlanPixel;
 use calib_site::Plan;
 use image::{Rgb, RgbImage};
 
 use crate::building::{COLUMN, COLUMNS, Filling, Opening, WALLS, Wall};
-use crate::picture::rows_of;
+use crate::picture::render_rows;
 use crate::world::world;
 
 /// Plan pixels in a metre.
 const SCALE: f32 = 40.0;
-/// Paper about the building, in metres.
+/// Border around the building, in metres.
 const BORDER: f32 = 1.0;
-/// West, south, east and north end of the building, in metres.
+/// West, south, east and north ends of the building, in metres.
 const EXTENT: [f32; 4] = [-0.3, -12.5, 30.3, 14.7];
-/// Points of a plan pixel along x and y that are looked at.
+/// Number of samples of a plan pixel along x and y.
 const FINE: usize = 4;
 
 const PAPER: f32 = 255.0;
@@ -22,7 +22,7 @@ const WALL: f32 = 58.0;
 const FURNITURE: f32 = 176.0;
 const LINE: f32 = 120.0;
 
-/// The plan as the site file has it.
+/// Returns the plan entry of the site file.
 pub(crate) fn plan_entry() -> Plan {
     let origin = [BORDER - EXTENT[0], BORDER + EXTENT[3]].map(|metres| f64::from((metres * SCALE).round()));
     Plan {
@@ -34,17 +34,17 @@ pub(crate) fn plan_entry() -> Plan {
     }
 }
 
-/// The picture of the plan: walls dark, doors with the arcs of their leaves, furniture in light grey.
+/// Draws the image of the plan: dark walls, doors with arcs of their leaves, furniture in light grey.
 pub(crate) fn plan() -> RgbImage {
     let width = ((EXTENT[2] - EXTENT[0] + 2.0 * BORDER) * SCALE).round() as usize;
     let height = ((EXTENT[3] - EXTENT[1] + 2.0 * BORDER) * SCALE).round() as usize;
     let PlanPixel { x: origin_x, y: origin_y } = plan_entry().origin_px;
     let at = |column: f32, row: f32| ink((column - origin_x as f32) / SCALE, (origin_y as f32 - row) / SCALE);
-    let shades = rows_of(width, height, |row, shades: &mut [u8]| {
+    let shades = render_rows(width, height, |row, shades: &mut [u8]| {
         let corners: Vec<f32> =
             (0..2 * width + 2).map(|i| at((i / 2) as f32, (row + i % 2) as f32)).collect();
         for (column, shade) in shades.iter_mut().enumerate() {
-            // Nothing is so small that it fits between the corners of a pixel.
+            // Every object is larger than a pixel, so equal corners mean a uniform pixel.
             let around = &corners[2 * column..2 * column + 4];
             if around.iter().all(|&corner| corner == around[0]) {
                 *shade = around[0] as u8;
@@ -64,7 +64,7 @@ pub(crate) fn plan() -> RgbImage {
     })
 }
 
-/// How bright the plan is at a point, in metres.
+/// Returns the brightness of the plan at a point, in metres.
 fn ink(x: f32, y: f32) -> f32 {
     let within = |[x0, y0, x1, y1]: [f32; 4]| x >= x0 && x < x1 && y >= y0 && y < y1;
     for [cx, cy] in COLUMNS {
@@ -95,7 +95,7 @@ fn ink(x: f32, y: f32) -> f32 {
     }
 }
 
-/// Leaf and arc of a door, panes of a window, gap of a gate.
+/// Draws the leaf and arc of a door, the panes of a window, or the gap of a gate.
 fn opening_ink(wall: &Wall, x: f32, y: f32) -> Option<f32> {
     let (along, across) = if wall.is_along_x() { (x, y) } else { (y, x) };
     let [x0, y0, x1, y1] = wall.foot;
@@ -126,7 +126,7 @@ fn on_rim(across: f32, low: f32, high: f32) -> bool {
     across - low < 0.025 || high - across < 0.025
 }
 
-/// The leaf stands open at right angles to the wall; `out` counts from the wall's face.
+/// Draws a leaf that is open at right angles to the wall; `out` counts from the wall's face.
 fn door_ink(opening: &Opening, along: f32, out: f32) -> Option<f32> {
     const HALF: f32 = 0.02;
     let [from, to] = opening.span;

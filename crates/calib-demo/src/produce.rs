@@ -24,7 +24,7 @@ const KINDS: [(u32, f32); 9] = [
     (0xd9_6b25, 0.030),
 ];
 
-/// Puts the tables on the stage.
+/// Adds the tables to the stage.
 pub(crate) fn build(stage: &mut Stage) {
     let mut random = ChaCha8Rng::seed_from_u64(23);
     let wood = Material::matt(0x7d_5c3c).with(Finish::Timber);
@@ -42,7 +42,7 @@ pub(crate) fn build(stage: &mut Stage) {
             for j in 0..2 {
                 let (colour, radius) = KINDS[(2 * t + 3 * i + 5 * j) % KINDS.len()];
                 let corner = [x + 0.6 * i as f32, y + 0.6 * j as f32, height];
-                crate_of(stage, &mut random, corner, Material::matt(colour).gloss(0.015), radius);
+                add_crate(stage, &mut random, corner, Material::matt(colour).gloss(0.015), radius);
             }
         }
         let (px, py) = (x + 0.5 * width, y + 0.5 * depth);
@@ -55,8 +55,8 @@ pub(crate) fn build(stage: &mut Stage) {
     }
 }
 
-/// A crate of 0.6 m x 0.6 m with a heap in it.
-fn crate_of(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], fruit: Material, radius: f32) {
+/// Adds a crate of 0.6 m x 0.6 m with a heap of fruit.
+fn add_crate(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], fruit: Material, radius: f32) {
     const SIDE: f32 = 0.575;
     const HEIGHT: f32 = 0.2;
     const WALL: f32 = 0.015;

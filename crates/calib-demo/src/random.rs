@@ -1,5 +1,6 @@
-//! Random rooms with annotations, for measuring estimators: one camera 2.5 to 6 m high, 1920 x 1080,
-//! horizontal field of view 50 to 100 degrees, pitch 15 to 60 degrees, roll up to 5 degrees.
+//! Random rooms with annotations, for measuring estimators. One camera is 2.5 to 6 m high, with an image of
+//! 1920 x 1080 pixels. Its horizontal field of view is 50 to 100 degrees, pitch 15 to 60 degrees, roll up to
+//! 5 degrees.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -9,29 +10,30 @@ use rand::Rng;
 /// Width and height of every image, in pixels.
 pub const SIZE: [f64; 2] = [1920.0, 1080.0];
 
-/// What is drawn.
+/// Kind of annotations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Drawn {
-    /// The paper's option 1: parallel and perpendicular floor lines, verticals.
+pub enum AnnotationSet {
+    /// Option 1 of the paper: parallel and perpendicular floor lines, verticals.
     Directions,
-    /// The paper's option 2: floor segments of equal length, verticals.
+    /// Option 2 of the paper: floor segments of equal length, verticals.
     Lengths,
 }
 
-/// A room seen by one camera, annotated without noise.
+/// Room with one camera and exact annotations.
 #[derive(Clone, Debug)]
 pub struct RandomScene {
-    /// The true camera, over (0, 0), yaw 0.
+    /// True camera, above (0, 0), with yaw 0.
     pub camera: Camera,
     /// Exact annotations.
     pub annotations: Vec<Annotation>,
-    /// The polygon of the effective field of view.
+    /// Polygon of the effective field of view (EFOV).
     pub efov: Vec<Pixel>,
 }
 
 impl RandomScene {
-    /// A scene with these drawings; `hfov` and `pitch` in degrees where they are not to be random.
-    pub fn new(random: &mut impl Rng, drawn: Drawn, hfov: Option<f64>, pitch: Option<f64>) -> Self {
+    /// Creates a random scene with these annotations. `hfov` and `pitch` are in degrees, and random if
+    /// absent.
+    pub fn new(random: &mut impl Rng, drawn: AnnotationSet, hfov: Option<f64>, pitch: Option<f64>) -> Self {
         loop {
             if let Some(scene) = Self::attempt(random, drawn, hfov, pitch) {
                 return scene;
@@ -39,7 +41,12 @@ impl RandomScene {
         }
     }
 
-    fn attempt(random: &mut impl Rng, drawn: Drawn, hfov: Option<f64>, pitch: Option<f64>) -> Option<Self> {
+    fn attempt(
+        random: &mut impl Rng,
+        drawn: AnnotationSet,
+        hfov: Option<f64>,
+        pitch: Option<f64>,
+    ) -> Option<Self> {
         let hfov = hfov.unwrap_or_else(|| random.random_range(50.0..100.0));
         let pitch = pitch.unwrap_or_else(|| random.random_range(15.0..60.0));
         let height = random.random_range(2.5..6.0);
@@ -59,14 +66,14 @@ impl RandomScene {
         let verticals: Option<Vec<_>> = (0..count).map(|_| room.vertical(random)).collect();
         let mut annotations = vec![Annotation::of_segments(Kind::Vertical, verticals?)];
         match drawn {
-            Drawn::Directions => annotations.extend(room.directions(random, azimuth)?),
-            Drawn::Lengths => annotations.push(room.lengths(random, azimuth)?),
+            AnnotationSet::Directions => annotations.extend(room.directions(random, azimuth)?),
+            AnnotationSet::Lengths => annotations.push(room.lengths(random, azimuth)?),
         }
         let efov = room.efov()?;
         Some(Self { camera, annotations, efov })
     }
 
-    /// The annotations with normal noise of `sigma` pixels on every coordinate.
+    /// Returns the annotations with normal noise of `sigma` pixels on every coordinate.
     pub fn noisy(&self, random: &mut impl Rng, sigma: f64) -> Vec<Annotation> {
         let mut annotations = self.annotations.clone();
         for pixel in annotations.iter_mut().flat_map(|a| a.segments.iter_mut().flatten().flatten()) {
@@ -77,7 +84,7 @@ impl RandomScene {
     }
 }
 
-/// A standard normal number (Box and Muller 1958).
+/// Returns a standard normal number (Box and Muller 1958).
 pub fn normal(random: &mut impl Rng) -> f64 {
     let radius = (-2.0 * (1.0 - random.random::<f64>()).ln()).sqrt();
     radius * (2.0 * PI * random.random::<f64>()).cos()
@@ -91,7 +98,7 @@ struct Room {
 type Segment = Vec<Pixel>;
 
 impl Room {
-    /// A point of the room at this height that the camera shows.
+    /// Returns a random point of the room at this height that the camera shows.
     fn point(&self, random: &mut impl Rng, height: f64) -> Option<WorldPoint> {
         let pixel = Pixel {
             u: random.random_range(20.0..SIZE[0] - 20.0),
@@ -101,7 +108,7 @@ impl Room {
         (floor.x.hypot(floor.y) < self.depth).then(|| floor.at_height(height))
     }
 
-    /// A segment as the camera shows it, if both ends are inside the image and far enough apart.
+    /// Projects a segment; `None` unless both ends are in the image and more than `least` pixels apart.
     fn shown(&self, ends: [WorldPoint; 2], least: f64) -> Option<Segment> {
         let [a, b] = ends.map(|end| self.camera.world_to_pixel(end));
         let inside = |p: &Pixel| p.u > 4.0 && p.v > 4.0 && p.u < SIZE[0] - 4.0 && p.v < SIZE[1] - 4.0;
@@ -168,7 +175,7 @@ impl Room {
         Some(Annotation::of_segments(Kind::EqualLength, lines?))
     }
 
-    /// Bottom corners, and the two far corners where the room ends.
+    /// Returns the bottom corners of the image, and the two corners at the far end of the room.
     fn efov(&self) -> Option<Vec<Pixel>> {
         let far = |u: f64| {
             let rows = (0..(SIZE[1] / 5.0) as usize).map(|i| 5.0 * i as f64);

@@ -1,18 +1,18 @@
-//! The shapes of the scene and where a ray meets them.
+//! Shapes of the scene and their intersection with rays.
 //!
-//! The rays of an image: exact at the nodes of a mesh, in between by blending.
+//! Also the rays of an image: exact at the nodes of a mesh, and interpolated between them.
 
 use calib_core::{Camera, Lens, Pixel};
 
 use crate::vector::{Vec3, greater, lesser, vec3};
 
-/// A half line of the renderer.
+/// Ray of the renderer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     pub(crate) origin: Vec3,
     /// Unit vector.
     pub(crate) direction: Vec3,
-    /// One over every coordinate of the direction.
+    /// Reciprocals of the coordinates of the direction.
     pub(crate) inverse: Vec3,
 }
 
@@ -26,7 +26,7 @@ impl Line {
     }
 }
 
-/// A box along the world axes.
+/// Box along the world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bounds {
     pub(crate) min: Vec3,
@@ -49,13 +49,14 @@ impl Bounds {
         self.max - self.min
     }
 
-    /// Half the surface, in square metres.
+    /// Returns half the surface area, in square metres.
     pub(crate) fn half_area(self) -> f32 {
         let s = self.size();
         s.x * s.y + s.y * s.z + s.z * s.x
     }
 
-    /// Where the line enters and leaves; it misses when the first is greater.
+    /// Returns the distances where the ray enters and leaves the box. The ray misses the box if the first is
+    /// greater.
     #[inline]
     pub(crate) fn span(&self, line: &Line) -> (f32, f32) {
         let a = (self.min - line.origin) * line.inverse;
@@ -65,20 +66,20 @@ impl Bounds {
     }
 }
 
-/// What a solid looks like without its paint.
+/// Geometry of a solid.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Shape {
-    /// A box along the world axes.
+    /// Box along the world axes.
     Box(Bounds),
-    /// A box along axes of its own (unit vectors), with its half lengths.
-    Turned { centre: Vec3, axes: [Vec3; 3], half: Vec3 },
-    /// The hull of two balls.
+    /// Rotated box with its axes (unit vectors) and half lengths.
+    RotatedBox { centre: Vec3, axes: [Vec3; 3], half: Vec3 },
+    /// Hull of two balls.
     Cone { from: Vec3, to: Vec3, radii: [f32; 2] },
-    /// A cylinder with flat ends.
+    /// Cylinder with flat ends.
     Drum { from: Vec3, to: Vec3, radius: f32 },
 }
 
-/// Hits nearer than this are the surface a ray starts on, in metres.
+/// Smallest distance of an intersection, in metres. Nearer ones are the surface on which the ray starts.
 const NEAREST: f32 = 1e-4;
 
 impl Shape {
@@ -89,7 +90,7 @@ impl Shape {
     pub(crate) fn bounds(&self) -> Bounds {
         match *self {
             Self::Box(bounds) => bounds,
-            Self::Turned { centre, axes, half } => {
+            Self::RotatedBox { centre, axes, half } => {
                 let reach =
                     |i: usize| axes.iter().enumerate().map(|(k, a)| a.axis(i).abs() * half.axis(k)).sum();
                 let reach = vec3(reach(0), reach(1), reach(2));
@@ -107,14 +108,14 @@ impl Shape {
         }
     }
 
-    /// Distance along the line to the surface, between 0 and `limit` metres.
+    /// Returns the distance along the ray to the surface, between 0 and `limit` metres.
     pub(crate) fn hit(&self, line: &Line, limit: f32) -> Option<f32> {
         let distance = match *self {
             Self::Box(bounds) => {
                 let (near, far) = bounds.span(line);
                 (near <= far).then_some(near)
             }
-            Self::Turned { centre, axes, half } => {
+            Self::RotatedBox { centre, axes, half } => {
                 let from = line.origin - centre;
                 let own = |v: Vec3| vec3(v.dot(axes[0]), v.dot(axes[1]), v.dot(axes[2]));
                 let (near, far) =
@@ -127,11 +128,11 @@ impl Shape {
         distance.filter(|&t| t > NEAREST && t < limit)
     }
 
-    /// Outward normal at a point of the surface.
+    /// Returns the outward normal at a point of the surface.
     pub(crate) fn normal(&self, point: Vec3) -> Vec3 {
         match *self {
             Self::Box(bounds) => box_normal(point - bounds.middle(), bounds.size() * 0.5),
-            Self::Turned { centre, axes, half } => {
+            Self::RotatedBox { centre, axes, half } => {
                 let v = point - centre;
                 let n = box_normal(vec3(v.dot(axes[0]), v.dot(axes[1]), v.dot(axes[2])), half);
                 axes[0] * n.x + axes[1] * n.y + axes[2] * n.z
@@ -151,7 +152,7 @@ impl Shape {
     }
 }
 
-/// Normal of the face of a box that a point, relative to its middle, lies on.
+/// Returns the normal of the nearest face of a box; `v` is relative to its centre.
 fn box_normal(v: Vec3, half: Vec3) -> Vec3 {
     let depth = vec3(half.x - v.x.abs(), half.y - v.y.abs(), half.z - v.z.abs());
     if depth.x < depth.y && depth.x < depth.z {
@@ -163,15 +164,15 @@ fn box_normal(v: Vec3, half: Vec3) -> Vec3 {
     }
 }
 
-/// Single precision is lost in squares of long distances: start beside the shape.
-fn beside(line: &Line, middle: Vec3) -> (f32, Vec3) {
+/// Moves the origin of a ray close to a shape, because squares of long distances lose single precision.
+fn shift_origin(line: &Line, middle: Vec3) -> (f32, Vec3) {
     let shift = (middle - line.origin).dot(line.direction);
     (shift, line.at(shift))
 }
 
-/// Hull of two balls, in closed form: the flank where it is met between them, else the nearer ball.
+/// Intersects the hull of two balls in closed form: its flank between the balls, otherwise the nearer ball.
 fn hit_cone(line: &Line, from: Vec3, to: Vec3, [ra, rb]: [f32; 2]) -> Option<f32> {
-    let (shift, origin) = beside(line, (from + to) * 0.5);
+    let (shift, origin) = shift_origin(line, (from + to) * 0.5);
     let (ba, oa, ob, rd) = (to - from, origin - from, origin - to, line.direction);
     let ball = |o: Vec3, r: f32| {
         let b = o.dot(rd);
@@ -217,7 +218,7 @@ fn cone_normal(point: Vec3, from: Vec3, to: Vec3, [ra, rb]: [f32; 2]) -> Vec3 {
 }
 
 fn hit_drum(line: &Line, from: Vec3, to: Vec3, radius: f32) -> Option<f32> {
-    let (shift, origin) = beside(line, (from + to) * 0.5);
+    let (shift, origin) = shift_origin(line, (from + to) * 0.5);
     let length = (to - from).length();
     let axis = (to - from) * length.recip();
     let oa = origin - from;
@@ -239,17 +240,18 @@ fn hit_drum(line: &Line, from: Vec3, to: Vec3, radius: f32) -> Option<f32> {
     (t.is_finite() && p.dot(p) < radius * radius).then_some(shift + t)
 }
 
-/// Pixels between the nodes. The bend of a lens over so short a way is below 0.01 pixels.
+/// Distance of mesh nodes, in pixels. Over this distance, interpolation errors by distortion are below 0.01
+/// pixels.
 const PITCH: usize = 4;
 
-/// The rays of one camera.
+/// Rays of one camera.
 #[derive(Debug)]
 pub(crate) struct Rays {
     origin: Vec3,
-    /// Directions at the nodes, row by row; not numbers outside the lens.
+    /// Directions at the nodes, row by row; NaN outside the lens.
     nodes: Vec<Vec3>,
     columns: usize,
-    /// Middle and radius of the image circle of a fisheye, in pixels.
+    /// Centre and radius of the image circle of a fisheye, in pixels.
     rim: Option<[f32; 3]>,
 }
 
@@ -258,11 +260,12 @@ impl Rays {
         let columns = width as usize / PITCH + 2;
         let rows = height as usize / PITCH + 2;
         let node = |i: usize| Pixel::new(((i % columns) * PITCH) as f64, ((i / columns) * PITCH) as f64);
-        // A node outside the image circle is at the corner of a cell that reaches into it.
+        // Cells at the border of the image circle need nodes outside it.
         let beyond = Camera { lens: Lens { image_circle: None, ..camera.lens }, ..*camera };
         let direction = |i: usize| {
             let [x, y, z] = beyond.pixel_to_ray(node(i))?.direction;
-            // Equal depth, not equal length, is what blends linearly; beside a fisheye there is no depth.
+            // Directions with equal depth, not equal length, interpolate linearly. Rays to the side of a
+            // fisheye have no depth.
             let ahead = camera.rotation()[2];
             let depth = x * ahead[0] + y * ahead[1] + z * ahead[2];
             let depth = if camera.lens.distortion.is_wide() { 1.0 } else { depth };
@@ -274,7 +277,7 @@ impl Rays {
         Self { origin: camera.position.into(), nodes, columns, rim }
     }
 
-    /// The ray through a point of the image, in pixels; `None` outside the lens.
+    /// Returns the ray through a point of the image, in pixels; `None` outside the lens.
     pub(crate) fn through(&self, u: f32, v: f32) -> Option<Line> {
         if self.rim.is_some_and(|[cu, cv, radius]| (u - cu).hypot(v - cv) > radius) {
             return None;
@@ -300,7 +303,7 @@ mod tests {
         let axes = [vec3(0.6, 0.8, 0.0), vec3(-0.8, 0.6, 0.0), Vec3::UP];
         let shapes = [
             Shape::Box(Bounds { min: vec3(1.0, 1.0, 0.0), max: vec3(2.0, 2.5, 1.5) }),
-            Shape::Turned { centre: vec3(1.5, 1.5, 1.0), axes, half: vec3(0.5, 0.4, 0.6) },
+            Shape::RotatedBox { centre: vec3(1.5, 1.5, 1.0), axes, half: vec3(0.5, 0.4, 0.6) },
             Shape::Cone { from: vec3(1.2, 1.4, 0.5), to: vec3(1.5, 1.5, 1.8), radii: [0.5, 0.4] },
             Shape::ball(vec3(1.5, 1.5, 1.5), 0.5),
             Shape::Drum { from: vec3(1.5, 1.5, 0.5), to: vec3(1.5, 1.4, 1.9), radius: 0.4 },
@@ -308,7 +311,7 @@ mod tests {
         let origin = vec3(-10.0, -10.0, -10.0);
         let line = Line::new(origin, vec3(third, third, third));
         for shape in shapes {
-            let t = shape.hit(&line, 100.0).unwrap_or_else(|| panic!("{shape:?} is missed"));
+            let t = shape.hit(&line, 100.0).unwrap_or_else(|| panic!("the ray misses {shape:?}"));
             let point = line.at(t);
             let normal = shape.normal(point);
             assert!((normal.length() - 1.0).abs() < 1e-4 && normal.dot(line.direction) < 0.0, "{shape:?}");
@@ -322,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mesh_shows_what_the_camera_shows() {
+    fn mesh_rays_match_the_camera() {
         for (_, camera, size) in crate::site::cameras() {
             let rays = Rays::new(&camera, size);
             for i in 0..200 {

@@ -1,4 +1,4 @@
-//! The furniture of the shop: shelves, fridges, counters, checkouts, what stands about.
+//! Furniture of the shop: shelves, fridges, counters, checkouts, small objects.
 
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -7,44 +7,44 @@ use crate::goods::{Range, Row, fill};
 use crate::material::{Finish, Material};
 use crate::stage::Stage;
 
-/// Rows of shelves in the middle of the shop: x from, x to, y of their back panel, in metres.
+/// Rows of shelves in the middle of the shop: range of x, and y of their back panel, in metres.
 pub(crate) const GONDOLAS: [[f32; 3]; 2] = [[4.8, 12.0, 3.6], [4.8, 12.0, 6.6]];
-/// The same a month later: somebody has moved one of them.
+/// Rows of shelves a month later: one has been moved.
 pub(crate) const GONDOLAS_LATER: [[f32; 3]; 2] = [[4.8, 12.0, 3.6], [5.3, 12.5, 6.95]];
-/// Length of a shelf from upright to upright, in metres.
+/// Length of a shelf between its uprights, in metres.
 pub(crate) const BAY: f32 = 1.2;
-/// Height of those rows, in metres.
+/// Height of the rows of shelves, in metres.
 pub(crate) const GONDOLA_HEIGHT: f32 = 1.6;
-/// Half their depth, in metres.
+/// Half the depth of the rows of shelves, in metres.
 pub(crate) const GONDOLA_HALF: f32 = 0.45;
-/// The shelves along the south wall: x from, x to, in metres.
+/// Range of x of the shelves along the south wall, in metres.
 pub(crate) const WALL_SHELVES: [f32; 2] = [4.8, 12.0];
-/// Their depth and height, in metres.
+/// Depth and height of the wall shelves, in metres.
 pub(crate) const WALL_SHELF: [f32; 2] = [0.5, 2.2];
-/// The fridges along the south wall: x from, x to, in metres.
+/// Range of x of the fridges along the south wall, in metres.
 pub(crate) const FRIDGES: [f32; 2] = [15.6, 19.2];
-/// Their depth and height, in metres.
+/// Depth and height of the fridges, in metres.
 pub(crate) const FRIDGE: [f32; 2] = [0.8, 2.1];
-/// The service counter along the west wall: x from, x to, y from, y to, in metres.
+/// Service counter along the west wall: range of x, then range of y, in metres.
 pub(crate) const COUNTER: [f32; 4] = [1.8, 2.6, 2.4, 7.8];
 /// Lower left corners of the checkouts, in metres; they run along y.
 pub(crate) const CHECKOUTS: [[f32; 2]; 2] = [[6.6, 10.8], [9.0, 10.8]];
 /// Width, length and height of a checkout, in metres.
 pub(crate) const CHECKOUT: [f32; 3] = [0.7, 2.1, 0.88];
-/// Foot of the pole with the sign, in metres; its height and radius.
+/// Foot of the pole with the sign, in metres.
 pub(crate) const POLE: [f32; 2] = [15.6, 10.8];
-/// Height of that pole, in metres.
+/// Height of the pole, in metres.
 pub(crate) const POLE_HEIGHT: f32 = 2.0;
 /// Lower left corner of the pallet with cartons, in metres.
 pub(crate) const PALLET: [f32; 2] = [18.0, 11.4];
 /// Width, depth and height of the pallet and its cartons, in metres.
 pub(crate) const PALLET_SIZE: [f32; 3] = [1.2, 0.8, 0.944];
-/// Middle, radius and height of the barrel, in metres.
+/// Centre, radius and height of the barrel, in metres.
 pub(crate) const BARREL: [f32; 4] = [14.4, 7.8, 0.35, 0.9];
-/// Middle and radius of the round rug, in metres.
+/// Centre and radius of the round rug, in metres.
 pub(crate) const RUG: [f32; 3] = [3.6, 12.0, 0.75];
 
-/// Puts the furniture on the stage.
+/// Adds the furniture to the stage.
 pub(crate) fn build(stage: &mut Stage, gondolas: [[f32; 3]; 2]) {
     let mut random = ChaCha8Rng::seed_from_u64(11);
     for [from, to, y] in gondolas {
@@ -174,7 +174,7 @@ fn fridges(stage: &mut Stage, random: &mut ChaCha8Rng) {
     }
 }
 
-/// The baker's counter and the bread on the wall behind it.
+/// Adds the baker's counter, and the bread on the wall behind it.
 fn counter(stage: &mut Stage, random: &mut ChaCha8Rng) {
     let [x0, x1, y0, y1] = COUNTER;
     stage.outline(x0, y0, x1, y1);
@@ -242,7 +242,7 @@ fn checkout(stage: &mut Stage, [x, y]: [f32; 2]) {
     }
 }
 
-/// The pallet of cartons, the pole with its sign, the barrel.
+/// Adds the pallet of cartons, the pole with its sign, and the barrel.
 fn display(stage: &mut Stage) {
     let [x, y] = PALLET;
     let [width, depth, height] = PALLET_SIZE;
@@ -276,7 +276,7 @@ fn display(stage: &mut Stage) {
     stage.drum([rx, ry, 0.0], r - 0.12, 0.006, Material::matt(0xc9_b892));
 }
 
-/// A pallet of 1.2 m x 0.8 m, 0.144 m high, with its lower left corner at `at`.
+/// Adds a pallet of 1.2 m x 0.8 m, 0.144 m high, with its lower left corner at `at`.
 pub(crate) fn pallet(stage: &mut Stage, [x, y, z]: [f32; 3]) {
     let wood = Material::matt(0xc0_a070).with(Finish::Timber);
     for b in [0.0, 0.35, 0.7] {
@@ -291,7 +291,7 @@ pub(crate) fn pallet(stage: &mut Stage, [x, y, z]: [f32; 3]) {
     }
 }
 
-/// Mat, baskets, plants, a bench, signs, an extinguisher, posters, a clock.
+/// Adds a mat, baskets, plants, a bench, signs, an extinguisher, posters, a clock.
 fn details(stage: &mut Stage) {
     stage.block([2.4, 12.9, 0.0], [4.8, 14.35, 0.008], Material::matt(0x3b_3d3c));
     for i in 0..7 {
@@ -336,6 +336,6 @@ fn plant(stage: &mut Stage, [x, y]: [f32; 2], tall: f32) {
         let tip = [x + out * turn.cos(), y + out * turn.sin(), 0.5 + (tall - 0.5) * t];
         let from: [f32; 3] = [x, y, 0.45 + 0.5 * (tall - 0.5) * t];
         let shape = crate::shape::Shape::Cone { from: from.into(), to: tip.into(), radii: [0.008, 0.034] };
-        stage.put(shape, green);
+        stage.add(shape, green);
     }
 }

@@ -1,9 +1,9 @@
-//! The site: what the operator entered, and the truth.
+//! Demonstration site document: the entered data, and the truth.
 //!
-//! The same site for an operator who has no plan: the cameras of the shop are tied by links and by
-//! virtual elements put on real things; store and barn share nothing with them.
+//! Also the same site without a plan: the cameras of the shop are connected by links and marks, and store and
+//! barn are not connected to them.
 //!
-//! The cameras as they truly are: what calibration should find.
+//! Also the true cameras, which a calibration should recover.
 
 use calib_core::camera::{Coefficient, Turn};
 use calib_core::floor::STAGE_1_HEIGHT;
@@ -13,21 +13,21 @@ use calib_core::{
     WorldPoint,
 };
 use calib_site::{
-    Distance, DistortionEntry, Format, LensEntry, Mark, MarkSeen, PlacementEntry, Site, SiteCamera,
+    Distance, DistortionEntry, Format, LensEntry, Mark, MarkObservation, PlacementEntry, Site, SiteCamera,
 };
 use image::RgbImage;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
 use crate::edge::Edge;
-use crate::element::{control_points, links, marks, of_the_barn, of_the_shop};
-use crate::hand::plot;
-use crate::hand::{Hand, TREMOR};
+use crate::element::{barn_landmarks, control_points, links, marks, shop_landmarks};
+use crate::hand::annotation_plan;
+use crate::hand::{Operator, TREMOR};
 use crate::plan::{plan, plan_entry};
 use crate::random::normal;
 use crate::world::{is_shown, visible};
 
-/// Id, camera and image size in pixels of every camera.
+/// Returns id, true camera and image size in pixels of every camera.
 pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
     const HD: [u32; 2] = [1920, 1080];
     const SQUARE: [u32; 2] = [1440, 1440];
@@ -43,10 +43,11 @@ pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
     ]
 }
 
-/// How far from its axis the fisheye sees, in degrees: 185 across its image circle.
+/// Largest angle of the fisheye from its axis, in degrees: 185 across its image circle.
 const HALF_FIELD: f64 = 92.5;
 
-/// A fisheye under the ceiling, with yaw, pitch and roll in degrees; its image circle has a little room to the border.
+/// Returns a fisheye camera under the ceiling, with yaw, pitch and roll in degrees. Its image circle has a
+/// small margin to the image border.
 fn ceiling(at: [f64; 3], degrees: [f64; 3], size: [u32; 2]) -> Camera {
     let mut camera = camera(at, degrees, 454.0, None, size);
     let distortion = Distortion::KannalaBrandt { k: [-0.02, 0.001, 0.0, 0.0] };
@@ -58,21 +59,22 @@ fn ceiling(at: [f64; 3], degrees: [f64; 3], size: [u32; 2]) -> Camera {
     camera
 }
 
-/// Whether a camera with this id looks into the shop.
+/// Whether the camera with this id shows the shop.
 pub(crate) fn is_in_shop(id: &str) -> bool {
     id.starts_with("shop") || id == "checkouts"
 }
 
-/// Id and turn of the cameras that are not a month later what they were: one was bumped, one zoomed.
+/// Returns the cameras that changed within the month, with their rotation and zoom: one was bumped, and one
+/// zoomed.
 #[must_use]
-pub fn moved() -> [(&'static str, Turn); 2] {
-    /// In degrees.
+pub fn changed_cameras() -> [(&'static str, Turn); 2] {
+    /// Angle of the bump, in degrees.
     const BUMP: f64 = 1.3;
     let bump = [0.6, 0.7483, -0.2828].map(|part| part * BUMP.to_radians());
     [("shop-1", Turn { vector: bump, zoom: 0.0 }), ("store", Turn { vector: [0.0; 3], zoom: 1.03_f64.ln() })]
 }
 
-/// A camera at a place, with yaw, pitch and roll in degrees; `lens` refers to its focal.
+/// Returns a camera at a position, with yaw, pitch and roll in degrees; `lens` refers to its focal length.
 fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady>, size: [u32; 2]) -> Camera {
     let [yaw, pitch, roll] = degrees.map(f64::to_radians);
     let principal_point = Pixel::new(f64::from(size[0]) / 2.0, f64::from(size[1]) / 2.0);
@@ -85,7 +87,7 @@ fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady
     Camera { position: WorldPoint::from(at), yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
 }
 
-/// The same camera with an image `factor` times as large.
+/// Returns the same camera with an image `factor` times as large.
 #[cfg(test)]
 pub(crate) fn resized(camera: &Camera, factor: f64) -> Camera {
     let Pixel { u, v } = camera.lens.principal_point;
@@ -96,12 +98,13 @@ pub(crate) fn resized(camera: &Camera, factor: f64) -> Camera {
     Camera { focal: camera.focal * factor, lens, ..*camera }
 }
 
-/// What may hide the last stretch of the way to a point of a mark, in metres: the thing it stands in.
+/// Length of the last part of a line of sight to a mark in which occlusion is ignored, in metres. The mark's
+/// object may hide it.
 const SLACK: f64 = 0.35;
 
-/// Takes plan, placements and control points away, and has the marks seen instead.
+/// Removes plan, placements and control points, and adds observations of the marks.
 ///
-/// The first camera keeps its place, exactly: it is the base system that everything else is told in.
+/// The first camera keeps its exact placement, which is the gauge of the site.
 pub(crate) fn without_plan(mut site: Site) -> Site {
     site.plan = None;
     site.georeference = None;
@@ -109,19 +112,19 @@ pub(crate) fn without_plan(mut site: Site) -> Site {
         camera.control_points.clear();
         camera.placement = (index == 0).then(|| Placement::of(&truth).into());
     }
-    let mut hands: Vec<(&str, Hand)> = cameras()
+    let mut hands: Vec<(&str, Operator)> = cameras()
         .into_iter()
         .enumerate()
         .filter(|(_, (id, ..))| is_in_shop(id))
         .map(|(i, (id, camera, size))| {
             let random = ChaCha8Rng::seed_from_u64(3000 + i as u64);
-            (id, Hand { camera, size, tremor: TREMOR, random })
+            (id, Operator { camera, size, tremor: TREMOR, random })
         })
         .collect();
     let mut random = ChaCha8Rng::seed_from_u64(4000);
     for mark in &mut site.marks {
-        mark.seen = seen(mark, &mut hands);
-        // Dropped about where the thing stands; the fit moves it there.
+        mark.seen = mark_observations(mark, &mut hands);
+        // The mark is placed approximately, and the joint solution moves it.
         let WorldPoint { x, y, z } = mark.at_m;
         let mut off =
             |sigma: f64, value: f64| ((value + sigma * normal(&mut random)) * 100.0).round() / 100.0;
@@ -131,8 +134,8 @@ pub(crate) fn without_plan(mut site: Site) -> Site {
     site
 }
 
-/// Named points of a mark that stand for something that can be seen.
-fn names(kind: MarkKind) -> &'static [&'static str] {
+/// Returns the named points of a mark that are visible in images.
+fn visible_point_names(kind: MarkKind) -> &'static [&'static str] {
     match kind {
         MarkKind::Cross => &["centre"],
         MarkKind::Post => &["base"],
@@ -144,80 +147,81 @@ fn names(kind: MarkKind) -> &'static [&'static str] {
     }
 }
 
-fn seen(mark: &Mark, hands: &mut [(&str, Hand)]) -> Vec<MarkSeen> {
+fn mark_observations(mark: &Mark, hands: &mut [(&str, Operator)]) -> Vec<MarkObservation> {
     let shape = mark.shape();
     let mut seen = Vec::new();
-    for name in names(mark.kind) {
+    for name in visible_point_names(mark.kind) {
         let Some(point) = shape.point(name) else { continue };
         for (id, hand) in hands.iter_mut() {
-            // The middle of a thing is seen through its own side.
+            // The centre of an object is visible through its own surface.
             let slack = if matches!(mark.kind, MarkKind::Box | MarkKind::Grid) { 0.03 } else { SLACK };
             if !visible(&hand.camera, hand.size, point, slack) {
                 continue;
             }
-            if let Some(px) = hand.touch(point) {
-                seen.push(MarkSeen { camera: (*id).into(), point: (*name).into(), px });
+            if let Some(px) = hand.annotate_point(point) {
+                seen.push(MarkObservation { camera: (*id).into(), point: (*name).into(), px });
             }
         }
     }
     seen
 }
 
-/// The demonstration site and what is true of it.
+/// Demonstration site with its truth.
 #[derive(Clone, Debug)]
 pub struct DemoSite {
-    /// What the operator drew and entered: nothing is solved.
+    /// Entered data and annotations, without solutions.
     pub site: Site,
     /// Id and true camera, in the order of the site.
     pub truth: Vec<(String, Camera)>,
-    /// The floor plan's picture; the site may do without it.
+    /// Image of the floor plan; a site without a plan ignores it.
     pub plan: RgbImage,
 }
 
-/// What the site says about the lenses that bend lines.
+/// Knowledge of the site about the distorted lenses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KnownLens {
-    /// Their coefficients, and the focal those refer to; the camera's own focal stays unknown.
+    /// Fixed coefficients, with the focal length that they refer to. The camera's own focal length is
+    /// unknown.
     Given,
-    /// That k1 and k2 are to be fitted from the `straight` annotations.
+    /// k1 and k2 are fitted to the `straight` annotations.
     #[default]
     Fitted,
 }
 
-/// The demonstration site, its lenses to be fitted.
+/// Creates the demonstration site, with lenses to be fitted.
 #[must_use]
 pub fn demo_site() -> DemoSite {
     demo_site_with(KnownLens::default())
 }
 
-/// The demonstration site.
+/// Creates the demonstration site with this knowledge about the lenses.
 #[must_use]
 pub fn demo_site_with(lens: KnownLens) -> DemoSite {
     let truth = cameras().into_iter().map(|(id, camera, _)| (id.into(), camera)).collect();
     DemoSite { site: site(lens, TREMOR), truth, plan: plan() }
 }
 
-/// The demonstration site for an operator without a plan: links and marks alone tie its cameras.
+/// Creates the demonstration site without a plan: only links and marks connect its cameras.
 #[must_use]
 pub fn demo_site_without_plan() -> DemoSite {
     let demo = demo_site();
     DemoSite { site: without_plan(demo.site), ..demo }
 }
 
-/// What an operator with this tremor, in pixels, drew and entered.
+/// Creates the data that an operator with this tremor, in pixels, would enter.
 pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
     let cameras = cameras();
     let hand = |seed: usize, camera: &Camera, size: [u32; 2]| {
-        // One of its own for every image, so that one line more on one does not move those on others.
+        // Each image has its own random numbers, so an additional line does not change other images.
         let random = ChaCha8Rng::seed_from_u64(1000 + seed as u64);
-        Hand { camera: *camera, size, tremor, random }
+        Operator { camera: *camera, size, tremor, random }
     };
     let entries = cameras.iter().enumerate().map(|(i, (id, camera, size))| {
         let mut hand = hand(i, camera, *size);
         site_camera(id, &mut hand, lens)
     });
     let entries = entries.collect();
-    let mut hands: Vec<(&str, Hand)> = cameras
+    let mut hands: Vec<(&str, Operator)> = cameras
         .iter()
         .enumerate()
         .filter(|(_, (id, ..))| is_in_shop(id))
@@ -230,7 +234,7 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
         name: Some("Farm shop and barn".into()),
         plan: Some(plan_entry()),
         cameras: entries,
-        distances: taped(&links).into_iter().collect(),
+        distances: measured_distance(&links).into_iter().collect(),
         links,
         marks: marks(),
         georeference: None,
@@ -240,11 +244,11 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
     }
 }
 
-fn site_camera(id: &str, hand: &mut Hand, lens: KnownLens) -> SiteCamera {
-    let annotations = plot(id).draw(hand);
+fn site_camera(id: &str, hand: &mut Operator, lens: KnownLens) -> SiteCamera {
+    let annotations = annotation_plan(id).annotate(hand);
     let control_points = match id {
-        "shop-1" | "shop-3" => control_points(hand, &of_the_shop(), 7),
-        "barn" => control_points(hand, &of_the_barn(), 6),
+        "shop-1" | "shop-3" => control_points(hand, &shop_landmarks(), 7),
+        "barn" => control_points(hand, &barn_landmarks(), 6),
         _ => Vec::new(),
     };
     SiteCamera {
@@ -254,7 +258,7 @@ fn site_camera(id: &str, hand: &mut Hand, lens: KnownLens) -> SiteCamera {
         sigma_px: Some(TREMOR),
         annotations,
         efov_px: Some(efov(id, hand)),
-        placement: Some(placed(hand)),
+        placement: Some(placement_entry(hand)),
         control_points,
         ..SiteCamera::new(id, hand.size)
     }
@@ -297,8 +301,8 @@ fn lens_entry(camera: &Camera, known: KnownLens) -> Option<LensEntry> {
     Some(LensEntry { distortion: Some(distortion), image_circle_px, ..LensEntry::default() })
 }
 
-/// The floor that every camera is to watch, corner by corner, in metres.
-fn watched(id: &str) -> &'static [[f64; 2]] {
+/// Returns the corners of the floor area that a camera should cover, in metres.
+fn covered_area(id: &str) -> &'static [[f64; 2]] {
     match id {
         "shop-1" => &[[20.4, 13.2], [21.9, 10.2], [21.6, 1.8], [13.8, 1.2], [9.6, 9.0], [9.6, 13.8]],
         "shop-2" => &[[3.0, 1.2], [3.3, 9.6], [9.6, 13.2], [20.4, 12.0], [20.4, 1.8], [6.0, 1.2]],
@@ -309,11 +313,11 @@ fn watched(id: &str) -> &'static [[f64; 2]] {
     }
 }
 
-/// The watched floor on the image; corners that lie outside are drawn in towards the middle.
-fn efov(id: &str, hand: &Hand) -> Vec<Pixel> {
+/// Returns the covered floor area in the image. Corners outside the image are moved toward the centre.
+fn efov(id: &str, hand: &Operator) -> Vec<Pixel> {
     const MARGIN: f64 = 24.0;
     const STEPS: u32 = 50;
-    let corners = watched(id);
+    let corners = covered_area(id);
     let mean = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / corners.len() as f64;
     let middle = WorldPoint { x: mean(0), y: mean(1), z: 0.0 };
     let shown = |&[x, y]: &[f64; 2]| {
@@ -326,14 +330,14 @@ fn efov(id: &str, hand: &Hand) -> Vec<Pixel> {
     corners.iter().filter_map(shown).collect()
 }
 
-/// How well a hand drags a polygon over a plan.
-fn placed(hand: &mut Hand) -> PlacementEntry {
+/// Returns a placement with the errors of an operator who drags a polygon over a plan.
+fn placement_entry(hand: &mut Operator) -> PlacementEntry {
     const MOVE: f64 = 0.035;
     const TURN: f64 = 0.2;
     const SCALE: f64 = 0.003;
     let truth = Placement::of(&hand.camera);
     let mut off = |sigma: f64, digits: f64, value: f64| {
-        // Nobody drags farther off than twice what is usual without seeing it.
+        // Errors over two standard deviations would be visible to the operator.
         let error = sigma * normal(&mut hand.random).clamp(-2.0, 2.0);
         ((value + error) * digits).round() / digits
     };
@@ -342,14 +346,14 @@ fn placed(hand: &mut Hand) -> PlacementEntry {
         turn_deg: off(TURN, 1e2, truth.turn.to_degrees()),
         scale: Some(off(SCALE, 1e4, hand.camera.position.z / STAGE_1_HEIGHT)),
         fixed: false,
-        held: calib_site::HeldEntry::default(),
+        held: calib_site::FixedEntry::default(),
     }
 }
 
-/// A distance across the shop, measured with a tape: between the two links that are farthest apart.
-fn taped(links: &[calib_site::Link]) -> Option<Distance> {
+/// Returns a distance across the shop, measured with a tape between the two most distant links.
+fn measured_distance(links: &[calib_site::Link]) -> Option<Distance> {
     const TAPE: f64 = 0.01;
-    let points = of_the_shop();
+    let points = shop_landmarks();
     let known: Vec<&(String, WorldPoint)> =
         points.iter().filter(|(name, _)| links.iter().any(|link| link.id.as_ref() == Some(name))).collect();
     let pairs = known.iter().enumerate().flat_map(|(i, a)| known[..i].iter().map(move |b| (*a, *b)));

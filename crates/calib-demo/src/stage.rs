@@ -1,30 +1,30 @@
-//! The scene while it is built: solids, lamps, outlines for the plan.
+//! Scene under construction: solids, lamps, outlines for the plan.
 
 use crate::material::Material;
 use crate::shape::{Bounds, Shape};
 use crate::vector::{Vec3, vec3};
 
-/// A shape and its paint.
+/// Shape with its material.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Solid {
     pub(crate) shape: Shape,
     pub(crate) material: Material,
 }
 
-/// A rectangle under a ceiling that sends light down.
+/// Rectangular lamp under a ceiling that emits light downward.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lamp {
     pub(crate) centre: Vec3,
     /// Half lengths along x and y, in metres.
     pub(crate) half: [f32; 2],
-    /// Light that leaves it, linear.
+    /// Emitted light, linear.
     pub(crate) radiance: Vec3,
 }
 
-/// A rectangle that the plan outlines, in metres: x0, y0, x1, y1.
+/// Rectangle that the plan outlines, in metres: x0, y0, x1, y1.
 pub(crate) type Outline = [f32; 4];
 
-/// The scene while it is built.
+/// Scene under construction.
 #[derive(Debug, Default)]
 pub(crate) struct Stage {
     pub(crate) solids: Vec<Solid>,
@@ -33,42 +33,42 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    pub(crate) fn put(&mut self, shape: Shape, material: Material) {
+    pub(crate) fn add(&mut self, shape: Shape, material: Material) {
         self.solids.push(Solid { shape, material });
     }
 
-    /// A box between two opposite corners, in any order, in metres.
+    /// Adds a box between two opposite corners, in any order, in metres.
     pub(crate) fn block(&mut self, a: [f32; 3], b: [f32; 3], material: Material) {
         let (a, b) = (vec3(a[0], a[1], a[2]), vec3(b[0], b[1], b[2]));
-        self.put(Shape::Box(Bounds { min: a.min(b), max: a.max(b) }), material);
+        self.add(Shape::Box(Bounds { min: a.min(b), max: a.max(b) }), material);
     }
 
-    /// A box that stands on `foot`, turned counter-clockwise by `turn` radians; size is width, depth, height.
-    pub(crate) fn turned(&mut self, foot: [f32; 3], turn: f32, size: [f32; 3], material: Material) {
+    /// Adds a box on `foot`, rotated counter-clockwise by `turn` radians; size is width, depth, height.
+    pub(crate) fn rotated_block(&mut self, foot: [f32; 3], turn: f32, size: [f32; 3], material: Material) {
         let (sin, cos) = turn.sin_cos();
         let axes = [vec3(cos, sin, 0.0), vec3(-sin, cos, 0.0), Vec3::UP];
         let half = vec3(size[0], size[1], size[2]) * 0.5;
         let centre = vec3(foot[0], foot[1], foot[2] + half.z);
-        self.put(Shape::Turned { centre, axes, half }, material);
+        self.add(Shape::RotatedBox { centre, axes, half }, material);
     }
 
-    /// A rod with round ends, in metres.
+    /// Adds a rod with round ends, in metres.
     pub(crate) fn rod(&mut self, from: [f32; 3], to: [f32; 3], radius: f32, material: Material) {
         let shape = Shape::Cone { from: from.into(), to: to.into(), radii: [radius, radius] };
-        self.put(shape, material);
+        self.add(shape, material);
     }
 
-    /// An upright cylinder on `foot`, in metres.
+    /// Adds a vertical cylinder on `foot`, in metres.
     pub(crate) fn drum(&mut self, foot: [f32; 3], radius: f32, height: f32, material: Material) {
         let from = Vec3::from(foot);
-        self.put(Shape::Drum { from, to: from + Vec3::UP * height, radius }, material);
+        self.add(Shape::Drum { from, to: from + Vec3::UP * height, radius }, material);
     }
 
     pub(crate) fn ball(&mut self, centre: [f32; 3], radius: f32, material: Material) {
-        self.put(Shape::ball(centre.into(), radius), material);
+        self.add(Shape::ball(centre.into(), radius), material);
     }
 
-    /// Shows a rectangle on the plan.
+    /// Adds a rectangle to the plan.
     pub(crate) fn outline(&mut self, x0: f32, y0: f32, x1: f32, y1: f32) {
         self.outlines.push([x0, y0, x1, y1]);
     }

@@ -1,4 +1,4 @@
-//! The store room: racks with pallets and cartons, marked lanes, a pallet truck.
+//! Store room: racks with pallets and cartons, marked lanes, a pallet truck.
 
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -11,12 +11,12 @@ use crate::stage::Stage;
 pub(crate) const RACKS: [[f32; 4]; 2] = [[24.3, 0.1, 28.5, 1.2], [28.8, 6.0, 29.9, 8.3]];
 /// Height of the racks, in metres.
 pub(crate) const RACK_HEIGHT: f32 = 2.8;
-/// The lane marked on the floor: x0, y0, x1, y1 to the middles of its lines, in metres.
+/// Lane marked on the floor: x0, y0, x1, y1 of the centres of its lines, in metres.
 pub(crate) const LANE: [f32; 4] = [25.6, 2.4, 29.8, 5.4];
 /// Lower left corners of the pallets on the floor, in metres.
 pub(crate) const PALLETS: [[f32; 2]; 2] = [[26.0, 6.6], [27.4, 6.6]];
 
-/// Puts the store on the stage.
+/// Adds the store to the stage.
 pub(crate) fn build(stage: &mut Stage) {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     for rack in RACKS {
@@ -80,7 +80,7 @@ fn build_rack(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32
     }
 }
 
-/// Cartons side by side on a level of a rack.
+/// Adds cartons side by side on a level of a rack.
 fn shelf(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32; 4], z: f32) {
     let along_x = x1 - x0 > y1 - y0;
     let (mut here, end) = if along_x { (x0, x1) } else { (y0, y1) };
@@ -104,7 +104,7 @@ fn shelf(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32; 4],
     }
 }
 
-/// Layers of cartons on a pallet.
+/// Adds layers of cartons on a pallet.
 fn stack(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], layers: usize) {
     let carton = Material::matt(0xa9_8255).with(Finish::Carton);
     for layer in 0..layers {
@@ -118,7 +118,7 @@ fn stack(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], layers
     }
 }
 
-/// Yellow lines about the way from the shutter.
+/// Adds yellow lines along the way from the shutter.
 fn lane(stage: &mut Stage) {
     const HALF: f32 = 0.04;
     const THICK: f32 = 0.002;

@@ -1,14 +1,14 @@
-//! Patterns without pictures: hashes, noise, and joints that fade with distance instead of flickering.
+//! Procedural patterns: hashes, noise, and joints that fade with distance instead of flickering.
 
 use crate::vector::Vec3;
 
-/// A number from 0 to 1 that depends on an integer and looks like chance.
+/// Returns a pseudo-random number from 0 to 1 for an integer.
 #[inline]
 pub(crate) fn chance(seed: u32) -> f32 {
     (mix(seed) >> 8) as f32 / 16_777_216.0
 }
 
-/// Stirs the bits of an integer (the finaliser of `MurmurHash3`).
+/// Mixes the bits of an integer (the finaliser of `MurmurHash3`).
 #[inline]
 pub(crate) const fn mix(seed: u32) -> u32 {
     let mut h = seed;
@@ -17,13 +17,13 @@ pub(crate) const fn mix(seed: u32) -> u32 {
     h ^ (h >> 16)
 }
 
-/// One integer of the three of a cell.
+/// Hashes the three integers of a cell to one.
 #[inline]
 pub(crate) const fn cell(x: i32, y: i32, z: i32) -> u32 {
     (x as u32).wrapping_mul(0x9e37_79b1) ^ mix((y as u32).wrapping_mul(0x85eb_ca77) ^ mix(z as u32))
 }
 
-/// Smooth noise from 0 to 1 whose hills are one unit apart.
+/// Computes smooth noise from 0 to 1, with a wavelength of about one unit.
 pub(crate) fn noise(p: Vec3) -> f32 {
     let base = p.map(f32::floor);
     let f = (p - base).map(|t| t * t * (3.0 - 2.0 * t));
@@ -34,7 +34,8 @@ pub(crate) fn noise(p: Vec3) -> f32 {
     mixed(mixed(row(0, 0), row(1, 0), f.y), mixed(row(0, 1), row(1, 1), f.y), f.z)
 }
 
-/// Noise of several sizes, from -1 to 1: the coarsest of `scale` metres, down to what a pixel still shows.
+/// Computes noise of several scales, from -1 to 1. The coarsest has a scale of `scale` metres, and details
+/// below the footprint of a pixel are omitted.
 pub(crate) fn clouds(p: Vec3, scale: f32, footprint: f32) -> f32 {
     const OCTAVES: usize = 3;
     let (mut size, mut weight, mut sum) = (scale, 0.5, 0.0);
@@ -49,7 +50,8 @@ pub(crate) fn clouds(p: Vec3, scale: f32, footprint: f32) -> f32 {
     sum
 }
 
-/// Share of a stretch of `footprint` metres about `x` that joints of `width` at every `pitch` cover.
+/// Returns the fraction of a segment of `footprint` metres around `x` that joints cover; joints have this
+/// width and pitch.
 pub(crate) fn joint(x: f32, pitch: f32, width: f32, footprint: f32) -> f32 {
     let covered = |x: f32| {
         let shifted = x + 0.5 * width;
@@ -60,7 +62,7 @@ pub(crate) fn joint(x: f32, pitch: f32, width: f32, footprint: f32) -> f32 {
     ((covered(x + 0.5 * footprint) - covered(x - 0.5 * footprint)) / footprint).clamp(0.0, 1.0)
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// Returns 0 below `low`, 1 above `high`, and a smooth transition between.
 pub(crate) fn step(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -71,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn joints_cover_the_same_share_however_wide_the_pixel() {
+    fn joint_coverage_is_independent_of_pixel_width() {
         for footprint in [0.001, 0.05, 0.3, 1.1] {
             let mean = (0..6000).map(|i| joint(i as f32 * 1e-3, 0.6, 0.012, footprint)).sum::<f32>() / 6000.0;
             assert!((mean - 0.02).abs() < 1e-3, "{mean} at {footprint}");

@@ -1,42 +1,42 @@
-//! A tree of bounding boxes over the solids: the nearest hit, and whether anything is in the way.
+//! Tree of bounding boxes over the solids, for the nearest intersection and for occlusion.
 
 use std::ops::Range;
 
 use crate::shape::{Bounds, Line, Shape};
 use crate::vector::{greater, lesser};
 
-/// A solid that a line meets.
+/// Intersection of a ray and a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hit {
-    /// In metres along the line.
+    /// Distance along the ray, in metres.
     pub(crate) distance: f32,
-    /// Index of the solid in the list the tree was made of.
+    /// Index of the solid in the list from which the tree was made.
     pub(crate) solid: u32,
 }
 
-/// Four boxes side by side, coordinate by coordinate, so that one instruction tests all of them.
+/// Four boxes, stored coordinate by coordinate so that one instruction tests all of them.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     min: [[f32; 4]; 3],
     max: [[f32; 4]; 3],
-    /// Number of another node, or of the first shape of a leaf.
+    /// Index of another node, or of the first shape of a leaf.
     first: [u32; 4],
-    /// Shapes in a leaf; 0 for another node.
+    /// Number of shapes in a leaf; 0 for another node.
     count: [u32; 4],
 }
 
-/// Bounding boxes in bounding boxes, divided by the surface-area rule.
+/// Hierarchy of bounding boxes, divided by the surface-area heuristic.
 #[derive(Debug)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
     shapes: Vec<Shape>,
-    /// Index of every shape in the list the tree was made of.
+    /// Index of every shape in the list from which the tree was made.
     order: Vec<u32>,
 }
 
-/// Shapes in a leaf: a test of a shape costs about as much as one of a node.
+/// Largest number of shapes in a leaf. A test of a shape costs about as much as a test of a node.
 const LEAF: usize = 3;
-/// More than a tree of a million shapes leaves open on the way down.
+/// Size of the traversal stack, sufficient for a million shapes.
 const DEPTH: usize = 64;
 
 impl Tree {
@@ -67,7 +67,7 @@ impl Tree {
         Self { nodes, shapes, order }
     }
 
-    /// The first solid that the line meets nearer than `limit` metres.
+    /// Returns the first solid along the ray within `limit` metres.
     pub(crate) fn nearest(&self, line: &Line, limit: f32) -> Option<Hit> {
         let mut best = None;
         let mut reach = limit;
@@ -83,7 +83,7 @@ impl Tree {
         best
     }
 
-    /// Whether nothing is on the line nearer than `limit` metres.
+    /// Whether the ray meets no solid within `limit` metres.
     pub(crate) fn is_clear(&self, line: &Line, limit: f32) -> bool {
         let mut clear = true;
         self.walk(line, limit, |first, count| {
@@ -93,11 +93,11 @@ impl Tree {
         clear
     }
 
-    /// Visits the leaves on the line, nearer ones first, until `visit` gives no new limit.
+    /// Visits the leaves along the ray, nearer ones first, until `visit` returns no new limit.
     #[inline]
     fn walk(&self, line: &Line, limit: f32, mut visit: impl FnMut(usize, usize) -> Option<f32>) {
         let mut limit = limit;
-        // First, count, distance.
+        // Entries: first index, count, distance.
         let mut open = [(0_u32, 0_u32, 0.0_f32); DEPTH];
         let mut depth = 1;
         while depth > 0 {
@@ -120,7 +120,7 @@ impl Tree {
                 if near[slot] > far[slot] {
                     continue;
                 }
-                // The nearest comes to lie on top.
+                // The nearest box goes to the top of the stack.
                 let mut at = depth;
                 while at > bottom && open[at - 1].2 < near[slot] {
                     open[at] = open[at - 1];
@@ -137,7 +137,7 @@ impl Node {
     const EMPTY: Self =
         Self { min: [[f32::INFINITY; 4]; 3], max: [[f32::NEG_INFINITY; 4]; 3], first: [0; 4], count: [0; 4] };
 
-    /// Where the line enters and leaves every box, between 0 and `limit`.
+    /// Returns the distances where the ray enters and leaves every box, between 0 and `limit`.
     #[inline(always)]
     fn spans(&self, line: &Line, limit: f32) -> ([f32; 4], [f32; 4]) {
         let (mut near, mut far) = ([0.0; 4], [limit; 4]);
@@ -157,7 +157,7 @@ impl Node {
     }
 }
 
-/// Divides a range of shapes into up to four, the largest first.
+/// Divides a range of shapes into up to four ranges, the largest first.
 fn quarters(order: &mut [u32], range: Range<usize>, bounds: &[Bounds]) -> Vec<Range<usize>> {
     let mut parts = vec![range];
     while parts.len() < 4 {
@@ -173,7 +173,7 @@ fn quarters(order: &mut [u32], range: Range<usize>, bounds: &[Bounds]) -> Vec<Ra
     parts
 }
 
-/// Sorts two or more shapes into two parts and gives the size of the first.
+/// Sorts two or more shapes into two parts, and returns the size of the first.
 fn divide(order: &mut [u32], bounds: &[Bounds]) -> usize {
     let sorted = |order: &mut [u32], axis: usize| {
         order.sort_by(|&a, &b| {
@@ -211,7 +211,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     #[test]
-    fn the_tree_says_what_a_search_through_all_says() {
+    fn the_tree_equals_an_exhaustive_search() {
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let mut point = |scale: f32| {
             let mut one = || random.random_range(-scale..scale);

@@ -1,10 +1,10 @@
-//! Three numbers at once: points, directions and colours of the renderer, in single precision.
+//! Vectors of the renderer in single precision: points, directions and colours.
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 use calib_core::WorldPoint;
 
-/// A point or direction (world axes, metres) or a linear colour (red, green, blue).
+/// Point or direction (world axes, metres), or linear colour (red, green, blue).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Vec3 {
     pub(crate) x: f32,
@@ -12,19 +12,19 @@ pub(crate) struct Vec3 {
     pub(crate) z: f32,
 }
 
-/// One instruction, where [`f32::min`] needs more to keep numbers from what is none.
+/// Returns the lesser number with one instruction; [`f32::min`] needs more because it handles NaN.
 #[inline]
 pub(crate) const fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// As [`lesser`].
+/// Returns the greater number, as [`lesser`] does.
 #[inline]
 pub(crate) const fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The vector with these coordinates.
+/// Returns the vector with these coordinates.
 pub(crate) const fn vec3(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3 { x, y, z }
 }
@@ -54,13 +54,13 @@ impl Vec3 {
         self * self.length().recip()
     }
 
-    /// The lesser of every coordinate.
+    /// Returns the lesser of each coordinate.
     #[inline]
     pub(crate) fn min(self, o: Self) -> Self {
         vec3(lesser(self.x, o.x), lesser(self.y, o.y), lesser(self.z, o.z))
     }
 
-    /// The greater of every coordinate.
+    /// Returns the greater of each coordinate.
     #[inline]
     pub(crate) fn max(self, o: Self) -> Self {
         vec3(greater(self.x, o.x), greater(self.y, o.y), greater(self.z, o.z))
@@ -70,7 +70,7 @@ impl Vec3 {
         vec3(f(self.x), f(self.y), f(self.z))
     }
 
-    /// Coordinate 0, 1 or 2.
+    /// Returns coordinate 0, 1 or 2.
     #[inline]
     pub(crate) const fn axis(self, index: usize) -> f32 {
         match index {
@@ -80,12 +80,12 @@ impl Vec3 {
         }
     }
 
-    /// From here (`t` = 0) to there (`t` = 1).
+    /// Interpolates between this vector (`t` = 0) and another one (`t` = 1).
     pub(crate) fn towards(self, there: Self, t: f32) -> Self {
         self + (there - self) * t
     }
 
-    /// How bright a colour is to the eye.
+    /// Returns the perceived brightness of a colour.
     pub(crate) fn luminance(self) -> f32 {
         0.2126 * self.x + 0.7152 * self.y + 0.0722 * self.z
     }
@@ -134,7 +134,7 @@ impl Mul<f32> for Vec3 {
     }
 }
 
-/// Coordinate by coordinate: light times reflectance.
+/// Multiplies coordinate by coordinate: light by reflectance.
 impl Mul for Vec3 {
     type Output = Self;
     #[inline]

@@ -1,7 +1,7 @@
-//! People who walk through the shop, and what a detector of feet sees of them.
+//! Walking people in the shop, and their detections by a simulated foot detector.
 //!
-//! The public of the demonstration site, day after day, and the boxes that a detector draws around it: feet hidden by
-//! shelves, children, seasons, and noise that grows with the box.
+//! Also visitors over many days, with the boxes of a simulated detector. It includes hidden feet, children,
+//! seasonal changes, and noise that grows with the box.
 
 use calib_core::camera::Movement;
 use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
@@ -12,37 +12,37 @@ use rand_chacha::ChaCha8Rng;
 use crate::random::normal;
 use crate::world::{is_shown, visible};
 
-/// A foot as a camera shows it.
+/// Detection of a foot by a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
-    /// Number of the moment.
+pub struct FootDetection {
+    /// Index of the time step.
     pub moment: usize,
     /// Index of the camera.
     pub camera: usize,
     /// Raw pixel.
     pub pixel: Pixel,
-    /// Who it is; `None` for a false detection.
+    /// Index of the person; `None` for a false detection.
     pub person: Option<usize>,
 }
 
-/// People walking, and what was detected.
+/// Walking people and their detections.
 #[derive(Clone, Debug)]
 pub struct Walk {
-    /// Where everybody is at every moment, by moment and person; `None` before they come and after they leave.
+    /// True positions by time step and person; `None` before a person enters and after they leave.
     pub truth: Vec<Vec<Option<FloorPoint>>>,
-    /// In order of time, then of cameras.
-    pub seen: Vec<Seen>,
+    /// Detections in the order of time, then of cameras.
+    pub detections: Vec<FootDetection>,
 }
 
 impl Walk {
-    /// Seconds from moment to moment.
+    /// Time step, in seconds.
     pub const STEP: f64 = 0.1;
     /// Standard deviation of a detected foot, in pixels.
     pub const NOISE: f64 = 2.0;
 }
 
-/// Ways through the shop, in metres: along the aisles, past each other, around the tables. Shelves and
-/// tables hide people from all cameras, but for less than 2 s.
+/// Ways through the shop, in metres: along the aisles, past each other, around the tables. Shelves and tables
+/// hide people from all cameras for less than 2 s.
 const WAYS: [&[[f64; 2]]; 5] = [
     &[
         [4.0, 13.6],
@@ -83,14 +83,14 @@ const WAYS: [&[[f64; 2]]; 5] = [
 ];
 /// Walking speed, in m/s.
 const SPEED: f64 = 1.25;
-/// How soon a walker turns to a new direction, in seconds.
+/// Time constant of a change of direction, in seconds.
 const TURN: f64 = 0.4;
-/// Share of feet that the detector misses.
+/// Probability that the detector misses a foot.
 const MISSED: f64 = 0.05;
-/// False detections of a camera, a moment.
+/// Expected number of false detections for each camera and time step.
 const FALSE: f64 = 0.01;
 
-/// Sends people through the shop for 60 s before these cameras with images of these sizes.
+/// Simulates 60 s of people walking through the shop, for these cameras with these image sizes.
 #[must_use]
 pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -98,7 +98,7 @@ pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
     let moments = (60.0 / Walk::STEP) as usize;
     let truth: Vec<Vec<Option<FloorPoint>>> = (0..moments)
         .map(|moment| {
-            // They come one after the other.
+            // People enter one after the other.
             let at = |(person, path): (usize, &Vec<[f64; 2]>)| {
                 let gone = moment.checked_sub(10 * person)?;
                 path.get(gone).map(|&[x, y]| FloorPoint { x, y })
@@ -117,22 +117,22 @@ pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
                 let Some(Pixel { u, v }) = camera.world_to_pixel(foot) else { continue };
                 let pixel =
                     Pixel::new(u + Walk::NOISE * normal(&mut random), v + Walk::NOISE * normal(&mut random));
-                seen.push(Seen { moment, camera: index, pixel, person: Some(person) });
+                seen.push(FootDetection { moment, camera: index, pixel, person: Some(person) });
             }
             if random.random_bool(FALSE) {
                 let [w, h] = size.map(f64::from);
-                // Below the horizon, as a detector's reflections and boxes of goods are.
+                // False detections are below the horizon, like reflections and boxes of goods.
                 let pixel = Pixel::new(random.random_range(0.0..w), random.random_range(0.3 * h..h));
                 if camera.pixel_to_ray(pixel).is_some() {
-                    seen.push(Seen { moment, camera: index, pixel, person: None });
+                    seen.push(FootDetection { moment, camera: index, pixel, person: None });
                 }
             }
         }
     }
-    Walk { truth, seen }
+    Walk { truth, detections: seen }
 }
 
-/// Where somebody is who walks along a way, from step to step.
+/// Returns the positions of a person along a way, for each time step.
 fn path(way: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let Some((&first, rest)) = way.split_first() else { return Vec::new() };
     let (mut at, mut speed) = (first, [0.0; 2]);
@@ -155,70 +155,72 @@ fn path(way: &[[f64; 2]]) -> Vec<[f64; 2]> {
     path
 }
 
-/// Nanoseconds of a second.
+/// Nanoseconds in a second.
 pub const SECOND: i64 = 1_000_000_000;
 
-/// A camera that moves at some time.
+/// Change of a camera's pose at some time.
 #[derive(Clone, Copy, Debug)]
-pub struct Moved {
+pub struct PoseChange {
     /// Index of the camera.
     pub camera: usize,
-    /// Nanoseconds since 1970.
+    /// Time, in nanoseconds since 1970.
     pub at: i64,
-    /// By how much.
+    /// Change of the pose.
     pub by: Movement,
 }
 
-/// Who comes, and what a detector makes of them.
+/// Visitors and properties of the detector.
 #[derive(Clone, Debug)]
 pub struct Crowd {
-    /// People that come.
+    /// Number of people.
     pub people: usize,
     /// First and last time, in nanoseconds since 1970.
     pub span: [i64; 2],
-    /// Camera before whom all of them walk; of all cameras in turn where there is none.
-    pub before: Option<usize>,
-    /// Seconds between frames.
+    /// Camera in front of which all people walk; absent: the cameras in rotation.
+    pub camera: Option<usize>,
+    /// Time between frames, in seconds.
     pub frame: f64,
-    /// Share of children.
+    /// Fraction of children.
     pub children: f64,
-    /// Boxes that end above the foot though nothing of the scene hides it: other people do, and goods.
+    /// Probability that a box ends above the foot although the scene does not hide it, for example behind
+    /// other people or goods.
     pub hidden: f64,
-    /// What everybody is taller at the end, as a share: shoes, hats.
+    /// Relative increase of body heights until the end, for example by shoes and hats.
     pub season: f64,
-    /// Standard deviation of the edges of a box: share of its height, of each box and of all of one person.
+    /// Standard deviation of box edges, relative to the box height: of each box, and common to all boxes of a
+    /// person.
     pub noise: [f64; 2],
-    /// A camera that moves.
-    pub moved: Option<Moved>,
-    /// Whether scene hides people: it takes long to tell.
+    /// Change of a camera's pose, if any.
+    pub change: Option<PoseChange>,
+    /// Whether the scene hides people, which is slow to compute.
     pub has_scene: bool,
 }
 
 impl Crowd {
-    /// A usual public of so many people.
+    /// Returns typical visitors: this number of people in this time span.
     #[must_use]
     pub const fn new(people: usize, span: [i64; 2]) -> Self {
         Self {
             people,
             span,
-            before: None,
+            camera: None,
             frame: 0.5,
             children: 0.12,
             hidden: 0.1,
             season: 0.0,
             noise: [0.025, 0.02],
-            moved: None,
+            change: None,
             has_scene: true,
         }
     }
 
-    /// What the cameras with images of these sizes see of them, in order of time.
+    /// Simulates the detections by cameras with these image sizes, in the order of time.
     #[must_use]
     pub fn sightings(&self, cameras: &[(Camera, [u32; 2])], seed: u64) -> Vec<Sighting> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut seen = Vec::new();
         for index in 0..self.people {
-            let before = self.before.unwrap_or(index % cameras.len());
+            let before = self.camera.unwrap_or(index % cameras.len());
             let walker = self.walker(&cameras[before], &mut random);
             self.follow(&walker, cameras, &mut random, &mut seen);
         }
@@ -226,13 +228,13 @@ impl Crowd {
         seen
     }
 
-    /// Somebody who walks between two places before a camera.
+    /// Creates a person who walks between two points in view of a camera.
     fn walker(&self, camera: &(Camera, [u32; 2]), random: &mut ChaCha8Rng) -> Walker {
         let ends = [(); 2].map(|()| self.place(camera, random));
         let length = (ends[1].x - ends[0].x).hypot(ends[1].y - ends[0].y);
         let seconds = (length / random.random_range(0.8..1.5)).max(2.0);
         let last = self.span[1] - (seconds * SECOND as f64) as i64;
-        // Frames are those of one clock.
+        // All frames use one clock.
         let frame = (self.frame * SECOND as f64) as i64;
         let start = random.random_range(self.span[0]..last) / frame * frame;
         let through = (start - self.span[0]) as f64 / (self.span[1] - self.span[0]) as f64;
@@ -246,7 +248,7 @@ impl Crowd {
         Walker { ends, start, seconds, tall: tall * (1.0 + self.season * through) }
     }
 
-    /// Somewhere on the floor that a camera shows.
+    /// Returns a random floor point in view of a camera.
     fn place(&self, (camera, size): &(Camera, [u32; 2]), random: &mut ChaCha8Rng) -> FloorPoint {
         let [w, h] = size.map(f64::from);
         loop {
@@ -275,20 +277,27 @@ impl Crowd {
             let at = walker.start + frame * (self.frame * SECOND as f64) as i64;
             let floor = walker.at(frame as f64 / frames as f64);
             for (index, (camera, size)) in cameras.iter().enumerate() {
-                let moved = self.moved.filter(|moved| moved.camera == index && at >= moved.at);
+                let moved = self.change.filter(|moved| moved.camera == index && at >= moved.at);
                 let camera = moved.map_or(*camera, |moved| moved.by.applied(camera));
-                let stands = Stands { floor, tall: walker.tall, own: own[index] };
-                seen.extend(self.box_of(&stands, &camera, *size, random).map(|(foot, head, width)| {
-                    Sighting { at, camera: index, foot, head: Some(head), width, person: None }
-                }));
+                let stands = PersonState { floor, tall: walker.tall, own: own[index] };
+                seen.extend(self.detection_box(&stands, &camera, *size, random).map(
+                    |(foot, head, width)| Sighting {
+                        at,
+                        camera: index,
+                        foot,
+                        head: Some(head),
+                        width,
+                        person: None,
+                    },
+                ));
             }
         }
     }
 
-    /// Foot, head and width of the box around somebody; `None` of who is not seen.
-    fn box_of(
+    /// Returns foot, head and width of a person's box; `None` if the person is not visible.
+    fn detection_box(
         &self,
-        of: &Stands,
+        of: &PersonState,
         camera: &Camera,
         size: [u32; 2],
         random: &mut ChaCha8Rng,
@@ -305,7 +314,7 @@ impl Crowd {
         if !is_shown(camera, size, head, 0.0) || !shows(at(0.92)) || foot.v < head.v + 15.0 {
             return None;
         }
-        // What hides the foot hides all that is below what is seen first from there.
+        // The box ends at the lowest visible point of the body.
         let hidden = if random.random_bool(self.hidden) { random.random_range(0.1..0.5) } else { 0.0 };
         let lowest = (0..9).map(|step| 0.1 * f64::from(step)).find(|&up| shows(at(up)) || up > 0.75)?;
         let low = camera.world_to_pixel(at(lowest.max(hidden)))?;
@@ -321,7 +330,7 @@ impl Crowd {
     }
 }
 
-/// Somebody who walks straight on.
+/// Person who walks along a straight line.
 struct Walker {
     ends: [FloorPoint; 2],
     start: i64,
@@ -336,8 +345,8 @@ impl Walker {
     }
 }
 
-/// Where somebody stands, and what is off in all of their boxes of one camera.
-struct Stands {
+/// Position of a person, and the errors common to all their boxes of one camera.
+struct PersonState {
     floor: FloorPoint,
     tall: f64,
     own: [f64; 2],

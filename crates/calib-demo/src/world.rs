@@ -1,4 +1,4 @@
-//! Everything that is there: solids, lamps, outlines for the plan, people.
+//! Complete scene: solids, lamps, outlines for the plan, people.
 
 use std::sync::OnceLock;
 
@@ -10,7 +10,7 @@ use crate::tree::Tree;
 use crate::vector::Vec3;
 use crate::{barn, building, figure, produce, shop, store};
 
-/// The scene.
+/// Complete scene.
 #[derive(Debug)]
 pub(crate) struct World {
     pub(crate) solids: Vec<Solid>,
@@ -26,26 +26,27 @@ impl From<Stage> for World {
     }
 }
 
-/// The scene, built once.
+/// Returns the scene, built once.
 pub(crate) fn world() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
-    WORLD.get_or_init(|| built(shop::GONDOLAS, &figure::PEOPLE).into())
+    WORLD.get_or_init(|| build_scene(shop::GONDOLAS, &figure::PEOPLE).into())
 }
 
-/// The scene a month later, built once: a shelf has moved, other people are there, and lamps have failed.
-pub(crate) fn later() -> &'static World {
+/// Returns the scene a month later, built once: one shelf has been moved, the people differ, and some lamps
+/// have failed.
+pub(crate) fn world_later() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
     WORLD.get_or_init(|| {
-        /// Of so many lamps one is dark.
+        /// One in this number of lamps has failed.
         const DARK: usize = 5;
-        let mut stage = built(shop::GONDOLAS_LATER, &figure::PEOPLE_LATER);
+        let mut stage = build_scene(shop::GONDOLAS_LATER, &figure::PEOPLE_LATER);
         let mut number = 0..;
         stage.lamps.retain(|_| number.next().unwrap_or(0) % DARK != 0);
         stage.into()
     })
 }
 
-fn built(gondolas: [[f32; 3]; 2], people: &[figure::Person]) -> Stage {
+fn build_scene(gondolas: [[f32; 3]; 2], people: &[figure::Person]) -> Stage {
     let mut stage = Stage::default();
     building::build(&mut stage);
     shop::build(&mut stage, gondolas);
@@ -56,24 +57,24 @@ fn built(gondolas: [[f32; 3]; 2], people: &[figure::Person]) -> Stage {
     stage
 }
 
-/// Whether a camera with an image of `size` pixels shows a point of space: inside the image, nothing before it.
+/// Whether a camera with an image of `size` pixels shows a world point: inside the image and not hidden.
 ///
-/// What hides the last `slack` metres of the way does not count: the point may lie on a surface, or
-/// in the middle of a foot.
+/// Occlusion in the last `slack` metres of the line of sight is ignored: the point may lie on a surface, or
+/// inside a foot.
 #[must_use]
 pub fn visible(camera: &Camera, size: [u32; 2], point: WorldPoint, slack: f64) -> bool {
     camera.world_to_pixel(point).is_some_and(|pixel| is_shown(camera, size, pixel, 0.0))
         && is_clear(camera, point, slack)
 }
 
-/// Whether a pixel lies inside the image of a camera, and inside the image circle of a fisheye, `margin` pixels from the
-/// border.
+/// Whether a pixel is inside the image, and inside the image circle of a fisheye, at least `margin` pixels
+/// from the border.
 pub(crate) fn is_shown(camera: &Camera, size: [u32; 2], pixel: Pixel, margin: f64) -> bool {
     let in_circle = |circle: ImageCircle| pixel.distance(circle.centre()) <= circle.radius - margin;
     is_inside(pixel, size, margin) && camera.lens.image_circle.is_none_or(in_circle)
 }
 
-/// Whether a pixel lies inside an image, `margin` pixels from its border.
+/// Whether a pixel is inside an image, at least `margin` pixels from its border.
 pub(crate) fn is_inside(pixel: Pixel, size: [u32; 2], margin: f64) -> bool {
     let [w, h] = size.map(f64::from);
     pixel.u >= margin && pixel.u <= w - margin && pixel.v >= margin && pixel.v <= h - margin

@@ -158,7 +158,7 @@ fn views<'a>(
 fn points_of_link(
     link: &Link,
     found: &ElementSolution,
-    seen: &calib_site::LinkSeen,
+    seen: &calib_site::LinkObservation,
     camera: &Camera,
     plane: &Plane,
 ) -> Vec<Sighting> {

@@ -65,7 +65,7 @@ impl<'a> PlanView<'a> {
         let count = self.scene.site().cameras.len();
         let uppermost = self.first.filter(|&camera| camera < count);
         let is_below =
-            move |&camera: &usize| Some(camera) != uppermost && !self.scene.site().is_followed(camera);
+            move |&camera: &usize| Some(camera) != uppermost && !self.scene.site().is_superseded(camera);
         let below = (0..count).filter(is_below);
         below.chain(uppermost).filter_map(|camera| {
             let solution =

@@ -14,10 +14,10 @@ use image::RgbImage;
 use crate::command::{Cameras, Gesture, Lines, Nudge, Proposing, Selection};
 use crate::hit::Part;
 use crate::images::Images;
-use crate::newer::OnNewer;
+use crate::newer::NewerAction;
 use crate::period::Period;
-use crate::planes::Planes;
-use crate::proposed::OnProposed;
+use crate::planes::PlaneAction;
+use crate::proposed::CalibrationDecision;
 use crate::tools::{Pane, Pointer};
 
 /// Site to be opened.
@@ -35,7 +35,7 @@ pub struct Opened {
 
 /// Image file that was read, to be used as the image of a camera or as the floor plan.
 #[derive(Clone, Debug, PartialEq)]
-pub struct NewStill {
+pub struct NewImage {
     /// Name of the image in the site.
     pub image: String,
     /// Name of the image for the operator.
@@ -48,13 +48,13 @@ pub struct NewStill {
 
 /// Number of a camera's placement that can be fixed separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PlaceNumber {
+pub enum PlacementNumber {
     /// x of the camera position.
     X,
     /// y of the camera position.
     Y,
     /// Rotation about the vertical.
-    Turn,
+    Rotation,
     /// Height above the floor.
     Height,
 }
@@ -68,7 +68,7 @@ pub enum Action {
     Saved {
         /// File that was written.
         path: PathBuf,
-        /// Folder to which image paths are relative, if there is a file system.
+        /// Base folder of image paths, if there is a file system.
         folder: Option<PathBuf>,
     },
     /// Replaces the site by a changed one, as one undo step.
@@ -83,27 +83,27 @@ pub enum Action {
     /// Shows a note in the status line.
     Note(String),
     /// Adds an error to the error that is shown.
-    Complain(String),
+    AddError(String),
     /// Shows an error and discards the previous one.
-    Fail(String),
+    SetError(String),
     /// Closes the error message.
     CloseError,
 
     /// Passes a pointer event on a canvas to the current tool.
     Pointer(Pointer),
     /// Cancels the current gesture and restores the site.
-    Drop,
+    CancelGesture,
     /// Applies a command to the current gesture.
     Gesture(Gesture),
     /// Selects a tool by its index in the list.
-    TakeTool(usize),
+    SelectTool(usize),
     /// Sets the kind of mark that the mark tool creates, and selects the tool.
     MarkKind(MarkKind),
     /// Records that the distance measured on the plan was entered.
-    MeasuredDone,
+    ClearMeasurement,
 
     /// Selects a camera.
-    Choose(usize),
+    SelectCamera(usize),
     /// Selects a camera and only this part of it.
     SelectOn(usize, Part),
     /// Selects only this part of the selected camera.
@@ -127,34 +127,34 @@ pub enum Action {
         step: Nudge,
         /// Whether the step is ten times as large.
         coarse: bool,
-        /// Canvas on which the key was pressed.
+        /// Canvas with the keyboard focus.
         pane: Option<Pane>,
     },
     /// Applies a command to lines.
     Lines(Lines),
 
     /// Stores the automatic calibration of a camera's image.
-    Propose(Period, Box<Proposal>),
+    SetAutomaticCalibration(Period, Box<Proposal>),
     /// Applies a decision about the automatic calibration of the selected camera.
-    OnProposed(OnProposed),
+    DecideCalibration(CalibrationDecision),
     /// Applies a command to the automatic calibration.
     Proposing(Proposing),
 
     /// Applies an action on newer images.
-    Newer(OnNewer),
+    Newer(NewerAction),
 
     /// Applies a command to the list of cameras.
     Cameras(Cameras),
     /// Adds a camera for an image.
-    AddCamera(NewStill),
+    AddCamera(NewImage),
     /// Replaces the image of a camera. Annotations keep their pixel coordinates.
-    ReplaceStill(Period, NewStill),
+    ReplaceImage(Period, NewImage),
     /// Sets the opacity of the replaced image, 0 to 1.
-    BlendOldStill(f32),
+    BlendReplacedImage(f32),
     /// Hides the replaced image.
-    ForgetOldStill,
+    HideReplacedImage,
     /// Scales the annotations of the replaced image to the size of the new one.
-    RescaleToStill,
+    RescaleToImage,
     /// Changes the id of the selected camera and all references to it.
     Rename(String),
     /// Sets the name of the selected camera, or removes it if empty.
@@ -187,7 +187,7 @@ pub enum Action {
     /// of view in degrees.
     ShowView(usize, f64),
     /// Sets a prior on the focal length, in pixels, to choose among cameras that fit equally well.
-    UseFocal(f64),
+    SetFocalPrior(f64),
 
     /// Places a camera on the floor.
     Place {
@@ -199,15 +199,15 @@ pub enum Action {
         name: String,
     },
     /// Fixes or unfixes the placement of the selected camera.
-    HoldPlace,
+    TogglePlacementFixed,
     /// Fixes or unfixes one number of the placement of the selected camera.
-    HoldNumber(PlaceNumber),
+    ToggleNumberFixed(PlacementNumber),
     /// Removes the placement of the selected camera.
-    ForgetPlace,
+    RemovePlacement,
     /// Loads an image as the floor plan, positioned by the world file if there is one.
-    LoadPlan(NewStill, Option<Plan>),
+    LoadPlan(NewImage, Option<Plan>),
     /// Positions the plan by the world file of this name.
-    LayPlan(Plan, String),
+    ApplyWorldFile(Plan, String),
     /// Changes the position and scale of the plan.
     SetPlan {
         /// Changed plan.
@@ -229,7 +229,7 @@ pub enum Action {
         name: String,
     },
     /// Changes a plane other than the floor, or the annotations on it.
-    Planes(Planes),
+    Planes(PlaneAction),
     /// Changes the measured distances.
     SetDistances(Vec<Distance>),
 
@@ -238,13 +238,13 @@ pub enum Action {
     /// Applies a joint solution: the site that was solved, and the result.
     Refined(Box<(Site, Site)>),
     /// Sets the largest duration of a joint solve that runs after every gesture, in milliseconds.
-    JointMayTake(f64),
-    /// Sets the saved version with which the site is compared, or none.
+    SetMaxJointSolveMs(f64),
+    /// Sets the saved version to compare with, or none.
     Compare(Option<Box<Site>>),
     /// Pauses or resumes solving.
-    Pause,
+    TogglePause,
     /// Switches snapping to round numbers on the plan on or off.
-    Snap,
+    ToggleSnap,
     /// Switches the unit of lengths.
-    Feet,
+    ToggleUnits,
 }

@@ -6,13 +6,13 @@ use std::collections::BTreeSet;
 
 use calib_core::floor::FloorLine;
 use calib_core::{Camera, Extent, FloorPoint, Plane};
-use calib_site::{Link, LinkKind, LinkSeen};
+use calib_site::{Link, LinkKind, LinkObservation};
 
 use crate::session::Session;
 
 /// Distance between the floor positions that two views give to a link; the largest of all pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Apart {
+pub struct LinkDistance {
     /// Distance, in metres.
     pub metres: f64,
     /// Standard deviation of the distance, in metres, assuming independent cameras; `None` if the errors of
@@ -20,15 +20,15 @@ pub struct Apart {
     pub sigma: Option<f64>,
 }
 
-impl Apart {
+impl LinkDistance {
     /// Whether the distance exceeds three standard deviations.
     #[must_use]
-    pub fn is_far(self) -> bool {
-        self.clear() > 3.0
+    pub fn is_significant(self) -> bool {
+        self.z_score() > 3.0
     }
 
     /// Returns the distance over its standard deviation; 0 if that is unknown.
-    fn clear(self) -> f64 {
+    fn z_score(self) -> f64 {
         self.sigma.map_or(0.0, |sigma| self.metres / sigma)
     }
 }
@@ -36,16 +36,18 @@ impl Apart {
 /// Returns the distance between the floor positions of a point link; `None` with fewer than two placed
 /// cameras.
 #[must_use]
-pub fn apart(session: &Session, link: &Link) -> Option<Apart> {
+pub fn link_distance(session: &Session, link: &Link) -> Option<LinkDistance> {
     if link.kind != LinkKind::Point {
         return None;
     }
     let plane = plane_of(session, link);
-    let places: Vec<_> = link.seen.iter().filter_map(|seen| place(session, seen, &plane)).collect();
+    let places: Vec<_> = link.seen.iter().filter_map(|seen| floor_position(session, seen, &plane)).collect();
     let pairs = places.iter().enumerate().flat_map(|(i, a)| places[..i].iter().map(move |b| (a, b)));
-    let far =
-        pairs.map(|(a, b)| Apart { metres: a.0.distance(b.0), sigma: a.1.zip(b.1).map(|(a, b)| a.hypot(b)) });
-    far.max_by(|a, b| a.clear().total_cmp(&b.clear()).then(a.metres.total_cmp(&b.metres)))
+    let far = pairs.map(|(a, b)| LinkDistance {
+        metres: a.0.distance(b.0),
+        sigma: a.1.zip(b.1).map(|(a, b)| a.hypot(b)),
+    });
+    far.max_by(|a, b| a.z_score().total_cmp(&b.z_score()).then(a.metres.total_cmp(&b.metres)))
 }
 
 /// Returns the plane of a point link.
@@ -55,24 +57,28 @@ fn plane_of(session: &Session, link: &Link) -> Plane {
 }
 
 /// Returns the floor position of an observation and its standard deviation.
-fn place(session: &Session, seen: &LinkSeen, plane: &Plane) -> Option<(FloorPoint, Option<f64>)> {
+fn floor_position(
+    session: &Session,
+    seen: &LinkObservation,
+    plane: &Plane,
+) -> Option<(FloorPoint, Option<f64>)> {
     let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-    let (camera, px) = (session.solved.placed(index)?, seen.px?);
+    let (camera, px) = (session.solved.placed_pose(index)?, seen.px?);
     let drawn = seen.sigma_px.or(session.site.cameras[index].sigma_px).unwrap_or(1.0);
     let sigma = camera.floor_covariance(px, drawn).and_then(|covariance| covariance.worst_sigma());
     Some((camera.pixel_to_plane(px, plane)?.on_floor(), sigma))
 }
 
 /// Returns the RMS floor distance of the point links that two cameras share, and its standard deviation.
-pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
-    if !pair.iter().all(|&camera| session.site.has_shared(camera)) {
+pub(crate) fn pair_link_distance(session: &Session, pair: [usize; 2]) -> Option<LinkDistance> {
+    if !pair.iter().all(|&camera| session.site.owns_links(camera)) {
         return None;
     }
     let both = |link: &Link| {
         let plane = plane_of(session, link);
         let [a, b] = pair.map(|camera| {
             let id = &session.site.cameras.get(camera)?.id;
-            place(session, link.seen.iter().find(|seen| seen.camera == *id)?, &plane)
+            floor_position(session, link.seen.iter().find(|seen| seen.camera == *id)?, &plane)
         });
         let ((a, sigma_a), (b, sigma_b)) = (a?, b?);
         Some((a.distance(b), sigma_a.zip(sigma_b).map(|(a, b)| a.hypot(b))))
@@ -84,37 +90,38 @@ pub(crate) fn pair(session: &Session, pair: [usize; 2]) -> Option<Apart> {
     };
     let sigmas: Option<Vec<f64>> = all.iter().map(|(_, sigma)| *sigma).collect();
     let sigma = sigmas.map(|sigmas| rms(&mut sigmas.into_iter()));
-    (!all.is_empty()).then(|| Apart { metres: rms(&mut all.iter().map(|(metres, _)| *metres)), sigma })
+    (!all.is_empty()).then(|| LinkDistance { metres: rms(&mut all.iter().map(|(metres, _)| *metres)), sigma })
 }
 
 /// Returns the RMS distance, in pixels, of a camera's line links from the lines of the other cameras in its
 /// image, and the number of lines. `None` without a line that a placed camera shares.
 #[must_use]
-pub fn lines_off(session: &Session, camera: usize) -> Option<(f64, usize)> {
-    if !session.site.has_shared(camera) {
+pub fn line_distance_rms(session: &Session, camera: usize) -> Option<(f64, usize)> {
+    if !session.site.owns_links(camera) {
         return None;
     }
     let lines = session.site.links.iter().filter(|link| !link.off && link.kind == LinkKind::Line);
     let all: Vec<Vec<f64>> =
-        lines.map(|link| line_off(session, link, camera)).filter(|off| !off.is_empty()).collect();
+        lines.map(|link| line_distances(session, link, camera)).filter(|off| !off.is_empty()).collect();
     let count = all.iter().flatten().count() as f64;
     let square: f64 = all.iter().flatten().map(|px| px * px).sum();
     (count > 0.0).then(|| ((square / count).sqrt(), all.len()))
 }
 
 /// Returns the distances of a camera's observations of a line from the line of every other camera, in pixels.
-fn line_off(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
+fn line_distances(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
     let plane = plane_of(session, link);
     let id = &session.site.cameras[camera].id;
-    let Some(own) = session.solved.placed(camera) else { return Vec::new() };
-    let put = |seen: &LinkSeen| {
+    let Some(own) = session.solved.placed_pose(camera) else { return Vec::new() };
+    let position = |seen: &LinkObservation| {
         let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-        let other = session.solved.placed(index)?;
+        let other = session.solved.placed_pose(index)?;
         let points = seen.segment.as_ref()?;
         let [a, b] = [points.first()?, points.last()?].map(|&px| other.pixel_to_plane(px, &plane));
         FloorLine::between(a?.on_floor(), b?.on_floor())
     };
-    let lines: Vec<FloorLine> = link.seen.iter().filter(|seen| seen.camera != *id).filter_map(put).collect();
+    let lines: Vec<FloorLine> =
+        link.seen.iter().filter(|seen| seen.camera != *id).filter_map(position).collect();
     let drawn =
         link.seen.iter().filter(|seen| seen.camera == *id).flat_map(|seen| seen.segment.iter().flatten());
     drawn
@@ -126,46 +133,47 @@ fn line_off(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
 
 /// Returns the RMS floor distance, in metres, of the points that two cameras with these poses share.
 #[must_use]
-pub fn pair_apart(session: &Session, poses: &[Option<Camera>], pair: [usize; 2]) -> Option<f64> {
-    if !pair.iter().all(|&camera| session.site.has_shared(camera)) {
+pub fn pair_rms_distance(session: &Session, poses: &[Option<Camera>], pair: [usize; 2]) -> Option<f64> {
+    if !pair.iter().all(|&camera| session.site.owns_links(camera)) {
         return None;
     }
-    let put = |link: &Link, camera: usize| {
+    let position = |link: &Link, camera: usize| {
         let id = &session.site.cameras.get(camera)?.id;
         let seen = link.seen.iter().find(|seen| seen.camera == *id)?;
-        let put = poses.get(camera)?.as_ref()?.pixel_to_plane(seen.px?, &plane_of(session, link))?;
-        Some(put.on_floor())
+        let position = poses.get(camera)?.as_ref()?.pixel_to_plane(seen.px?, &plane_of(session, link))?;
+        Some(position.on_floor())
     };
     let points = session.site.links.iter().filter(|link| !link.off && link.kind == LinkKind::Point);
-    let squares: Vec<f64> =
-        points.filter_map(|link| Some(put(link, pair[0])?.distance(put(link, pair[1])?).powi(2))).collect();
+    let squares: Vec<f64> = points
+        .filter_map(|link| Some(position(link, pair[0])?.distance(position(link, pair[1])?).powi(2)))
+        .collect();
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
 /// Returns the number of a camera's links whose distance exceeds three standard deviations, and the number of
 /// its links.
 #[must_use]
-pub fn far_links(session: &Session, camera: usize) -> (usize, usize) {
-    if !session.site.has_shared(camera) {
+pub fn inconsistent_links(session: &Session, camera: usize) -> (usize, usize) {
+    if !session.site.owns_links(camera) {
         return (0, 0);
     }
     let id = &session.site.cameras[camera].id;
     let own = |link: &&Link| !link.off && link.seen.iter().any(|seen| seen.camera == *id);
-    let known = session.site.links.iter().filter(own).filter_map(|link| apart(session, link));
-    known.fold((0, 0), |(far, all), apart| (far + usize::from(apart.is_far()), all + 1))
+    let known = session.site.links.iter().filter(own).filter_map(|link| link_distance(session, link));
+    known.fold((0, 0), |(far, all), apart| (far + usize::from(apart.is_significant()), all + 1))
 }
 
 /// Overlap and agreement of a camera with another one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
     /// Index of the other camera.
-    pub with: usize,
+    pub other: usize,
     /// Fraction of the camera's field of view that the other one covers, 0 to 1.
     pub overlap: f64,
     /// RMS distance of the shared links; `None` without shared links.
-    pub apart: Option<Apart>,
+    pub distance: Option<LinkDistance>,
     /// RMS distance with the poses before, in metres.
-    pub before: Option<f64>,
+    pub distance_before_m: Option<f64>,
 }
 
 /// Returns the cameras that share floor or links with a placed camera, in the order of the site, so that rows
@@ -173,7 +181,7 @@ pub struct Agreement {
 #[must_use]
 pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -> Vec<Agreement> {
     // Links belong to the newest images: an ended period has none.
-    let Some(own) = field(session, camera).filter(|_| session.site.has_shared(camera)) else {
+    let Some(own) = field(session, camera).filter(|_| session.site.owns_links(camera)) else {
         return Vec::new();
     };
     let (inside, linked) = (points_within(own), linked(session, camera));
@@ -182,14 +190,14 @@ pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -
         let overlap = share(&inside, other);
         let is_linked = linked.contains(&*session.site.cameras[with].id);
         let both = is_linked.then_some([camera, with]);
-        let apart = both.and_then(|both| pair(session, both));
-        let before = both.and_then(|both| pair_apart(session, before, both));
-        Some(Agreement { with, overlap, apart, before })
+        let apart = both.and_then(|both| pair_link_distance(session, both));
+        let before = both.and_then(|both| pair_rms_distance(session, before, both));
+        Some(Agreement { other: with, overlap, distance: apart, distance_before_m: before })
     };
     let others =
-        (0..session.site.cameras.len()).filter(|&with| with != camera && session.site.has_shared(with));
+        (0..session.site.cameras.len()).filter(|&with| with != camera && session.site.owns_links(with));
     let others = others.filter_map(of);
-    others.filter(|found| found.overlap > 0.0 || found.apart.is_some()).collect()
+    others.filter(|found| found.overlap > 0.0 || found.distance.is_some()).collect()
 }
 
 /// Returns the ids of the cameras that share a link with a camera, including the camera itself.
@@ -201,7 +209,7 @@ fn linked(session: &Session, camera: usize) -> BTreeSet<&str> {
 
 /// Returns the field of view of a placed camera, in floor metres.
 fn field(session: &Session, camera: usize) -> Option<&[FloorPoint]> {
-    session.solved.placed(camera)?;
+    session.solved.placed_pose(camera)?;
     session.solved.solution(camera).map(|solution| &*solution.efov_m)
 }
 
@@ -244,20 +252,20 @@ mod tests {
     use crate::images::Images;
 
     #[test]
-    fn a_link_put_on_another_thing_is_apart_and_the_others_are_not() {
+    fn wrong_link_is_inconsistent() {
         let mut site = calib_demo::demo_site().site;
         let is_point = |link: &&mut Link| link.kind == LinkKind::Point && link.seen.len() > 1;
         let link = site.links.iter_mut().find(is_point).unwrap();
         let (id, camera) = (link.id.clone(), link.seen[0].camera.clone());
         let before = Session::new(calib_demo::demo_site().site, Images::default(), None);
         let index = before.site.cameras.iter().position(|known| known.id == camera).unwrap();
-        let (far, all) = far_links(&before, index);
+        let (far, all) = inconsistent_links(&before, index);
         assert!(all > 0 && far < all, "{far} of {all}");
         link.seen[0].px.as_mut().unwrap().u += 300.0;
         let after = Session::new(site, Images::default(), None);
         let moved = after.site.links.iter().find(|link| link.id == id).unwrap();
-        assert!(apart(&after, moved).unwrap().is_far());
-        assert!(far_links(&after, index).0 > far);
+        assert!(link_distance(&after, moved).unwrap().is_significant());
+        assert!(inconsistent_links(&after, index).0 > far);
     }
 
     fn session() -> Session {
@@ -265,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn the_share_of_a_field_is_that_of_its_area() {
+    fn overlap_equals_the_fraction_of_the_area() {
         let square = |x: f64, side: f64| {
             [[x, 0.0], [x + side, 0.0], [x + side, side], [x, side]].map(|[x, y]| FloorPoint { x, y })
         };
@@ -277,34 +285,34 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_is_pushed_away_agrees_less_and_remembers_how_it_was() {
+    fn moved_camera_agrees_less_and_keeps_the_previous_distance() {
         let session = session();
         let poses: Vec<Option<Camera>> =
-            (0..session.site.cameras.len()).map(|i| session.solved.placed(i).copied()).collect();
+            (0..session.site.cameras.len()).map(|i| session.solved.placed_pose(i).copied()).collect();
         let shares = |camera: usize, session: &Session| {
             let all = agreements(session, camera, &poses);
-            all.into_iter().find(|found| found.apart.is_some())
+            all.into_iter().find(|found| found.distance.is_some())
         };
         let camera = (0..poses.len()).find(|&i| shares(i, &session).is_some()).unwrap();
         let before = shares(camera, &session).unwrap();
-        assert_eq!(before.apart.map(|apart| apart.metres), before.before, "nothing was moved");
+        assert_eq!(before.distance.map(|apart| apart.metres), before.distance_before_m, "nothing was moved");
         let mut site = session.site.clone();
         site.cameras[camera].control_points.clear();
         site.cameras[camera].placement =
-            session.solved.placed(camera).map(|pose| calib_site::PlacementEntry {
+            session.solved.placed_pose(camera).map(|pose| calib_site::PlacementEntry {
                 move_m: FloorPoint { x: pose.position.x + 0.5, y: pose.position.y },
                 turn_deg: pose.yaw.to_degrees(),
                 scale: Some(pose.position.z / calib_core::floor::STAGE_1_HEIGHT),
                 fixed: false,
-                held: calib_site::HeldEntry::default(),
+                held: calib_site::FixedEntry::default(),
             });
         let moved = Session::new(site, Images::default(), None);
         let after = agreements(&moved, camera, &poses);
-        let after = after.into_iter().find(|found| found.with == before.with).unwrap();
-        let [then, now] = [&before, &after].map(|found| found.apart.unwrap().metres);
+        let after = after.into_iter().find(|found| found.other == before.other).unwrap();
+        let [then, now] = [&before, &after].map(|found| found.distance.unwrap().metres);
         // All floor points of the camera moved by half a metre: the distance grows by at least that less the
         // old distance.
         assert!(now > then && now >= 0.5 - then - 1e-6, "{before:?}, {after:?}");
-        assert_eq!(after.before, before.before);
+        assert_eq!(after.distance_before_m, before.distance_before_m);
     }
 }

@@ -1,57 +1,58 @@
-//! Everything the program can be told: one list for keys, the palette, the shortcut sheet and tests.
+//! Table of all commands: the source of the keyboard shortcuts, the command palette, the shortcut sheet and
+//! the tests.
 //!
-//! The groups of the table are enums of their own, so that whoever acts on a group names every command in it:
-//! a command is added by its row here and its arm where its group is acted on.
+//! Each group of commands has its own enum, so that its handler must match every command in it. A new command
+//! needs a row here and an arm in the handler of its group.
 
 use crate::keys::{Key, Modifiers, Shortcut};
 use crate::tools::TOOLS;
 
-/// A row of the list.
+/// Row of the command table.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Which.
+    /// Command of the row.
     pub command: Command,
-    /// What it does, as the palette says it.
+    /// Text of the command in the palette.
     pub text: &'static str,
-    /// What has to be there for it to do anything.
+    /// Condition under which the command is enabled.
     pub needs: Needs,
-    /// The keys that give it.
+    /// Keyboard shortcut.
     pub keys: Option<Shortcut>,
 }
 
-/// What a command needs.
+/// Condition under which a command is enabled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Needs {
-    /// Nothing.
+    /// Always enabled.
     #[default]
     Nothing,
-    /// A camera of the site.
+    /// At least one camera in the site.
     Cameras,
-    /// A camera in hand.
+    /// A selected camera.
     Camera,
-    /// Something that is selected.
+    /// At least one selected part.
     Selection,
-    /// Something that is selected, or a proposed line that is chosen.
+    /// At least one selected part, or a selected line of an automatic calibration.
     Chosen,
-    /// Lines that the still proposes.
+    /// An undecided automatic calibration of the selected camera.
     Proposed,
-    /// A newer still of the camera in hand.
+    /// A newer image of the selected camera.
     Newer,
-    /// A newer still that shows the camera in hand moved.
+    /// A newer image that shows that the selected camera moved.
     Moved,
-    /// A gesture to take back.
+    /// A gesture to undo.
     Undo,
-    /// A gesture to do again.
+    /// A gesture to redo.
     Redo,
-    /// A line that the solution proposes.
+    /// A suggestion of what to draw next.
     Suggestion,
-    /// Another solution that fits as well.
+    /// A second solution that fits equally well.
     SecondSolution,
-    /// Lines that were copied, and a camera to paste them onto.
+    /// Copied annotations, and a camera to paste them onto.
     Copied,
-    /// Poses to compare with.
+    /// Earlier poses to compare with.
     Before,
-    /// Work that is under way.
+    /// A running background task.
     Work,
 }
 
@@ -78,14 +79,14 @@ macro_rules! needs {
     };
 }
 
-/// Names, words, needs and keys of the commands, by what they act on.
+/// Declares the commands by group: name, text, condition and shortcut.
 macro_rules! commands {
     ($(#[$doc:meta] $group:ident {
         $($name:ident $text:literal $([$needs:ident])? $($modifiers:ident $key:ident)?;)*
     })*) => {
-        /// Something the program can be told.
+        /// Command of the operator.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[expect(missing_docs, reason = "the table says what each does, in the operator's words")]
+        #[expect(missing_docs, reason = "the table describes each command")]
         pub enum Command {
             Tool(usize),
             $($($name,)*)*
@@ -94,20 +95,20 @@ macro_rules! commands {
         $(
             #[$doc]
             #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-            #[expect(missing_docs, reason = "the table says what each does, in the operator's words")]
+            #[expect(missing_docs, reason = "the table describes each command")]
             pub enum $group { $($name,)* }
         )*
 
-        /// A command as one of its group.
+        /// Command, typed by its group.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Group {
-            /// A tool is taken, by its index in the list.
+            /// Selects a tool, by its index in the list.
             Tool(usize),
             $(#[$doc] $group($group),)*
         }
 
         impl Command {
-            /// The group it belongs to.
+            /// Returns the command as a member of its group.
             #[must_use]
             pub const fn group(self) -> Group {
                 match self {
@@ -117,7 +118,7 @@ macro_rules! commands {
             }
         }
 
-        /// Every command but the tools, which have a list of their own.
+        /// All commands except the tools, which have their own table.
         pub const COMMANDS: &[Row] = &[$($(Row {
             command: Command::$name,
             text: $text,
@@ -128,94 +129,94 @@ macro_rules! commands {
 }
 
 commands! {
-    /// What is opened, saved, exchanged.
+    /// Commands that open, save, import and export.
     Files {
         NewSite "New site" CTRL N;
         Demo "Open the demonstration site";
-        Tour "Take the tour of the demonstration";
+        Tour "Start the tour of the demonstration";
         Open "Open a site\u{2026}" CTRL O;
         SaveAs "Save the site as\u{2026}" CTRL_SHIFT S;
         Save "Save the site" CTRL S;
         SavePlain "Save the site without its images\u{2026}";
         AddImages "Add images\u{2026}" CTRL I;
         LoadPlan "Load a floor plan\u{2026}" [Cameras];
-        ReplaceStill "Replace the still of this camera\u{2026}" [Camera];
+        ReplaceStill "Replace the image of this camera\u{2026}" [Camera];
         Compare "Compare with a saved version\u{2026}";
-        Import "Import lenses or cameras of another program\u{2026}";
+        Import "Import lenses or cameras from another program\u{2026}";
         Export "Export for other programs\u{2026}" [Cameras] CTRL E;
-        Report "Report: one page to hand over\u{2026}" [Cameras];
-        SavePicture "Save a picture of this view\u{2026}" CTRL_SHIFT P;
-        StopWork "Cancel what is under way: reading, finding edges, refining" [Work];
-        ReadAgain "Read images again, look for edges again";
+        Report "Create a one-page report\u{2026}" [Cameras];
+        SavePicture "Save this view as an image\u{2026}" CTRL_SHIFT P;
+        StopWork "Cancel the running task (reading, edge detection, refining)" [Work];
+        ReadAgain "Reload images and detect edges again";
     }
-    /// What is in the hand.
+    /// Commands on the current gesture and the history.
     Gesture {
         Redo "Redo" [Redo] CTRL_SHIFT Z;
         Undo "Undo" [Undo] CTRL Z;
-        Accept "End the line or polygon" NONE Enter;
-        Cancel "Put back what is held; deselect" NONE Escape;
-        StepBack "Take the last point back" NONE Backspace;
+        Accept "Finish the line or polygon" NONE Enter;
+        Cancel "Cancel the gesture, or deselect" NONE Escape;
+        StepBack "Remove the last point" NONE Backspace;
     }
-    /// What is selected.
+    /// Commands on the selected parts.
     Selection {
-        Delete "Delete what is selected" [Chosen] NONE Delete;
-        Duplicate "Duplicate the selected lines into a group of their own" [Selection] NONE D;
-        OnOff "Switch what is selected on or off" [Selection] NONE X;
-        UseAnyway "Use a suspected line anyway" [Selection];
-        SelectAll "Select everything on this image" [Camera] CTRL A;
+        Delete "Delete the selection" [Chosen] NONE Delete;
+        Duplicate "Duplicate the selected lines into a new group" [Selection] NONE D;
+        OnOff "Switch the selection on or off" [Selection] NONE X;
+        UseAnyway "Use a suspect line anyway" [Selection];
+        SelectAll "Select everything in this image" [Camera] CTRL A;
         Deselect "Deselect all" [Selection];
-        PullOntoEdge "Pull the selected lines onto the edge" [Selection] NONE J;
+        PullOntoEdge "Snap the selected lines to image edges" [Selection] NONE J;
     }
-    /// Small steps.
+    /// Small steps of the selected parts or of the camera.
     Nudge {
         NudgeLeft "Nudge left, 0.1 px (Shift 1 px)" NONE ArrowLeft;
         NudgeRight "Nudge right, 0.1 px (Shift 1 px)" NONE ArrowRight;
         NudgeUp "Nudge up, 0.1 px (Shift 1 px)" NONE ArrowUp;
         NudgeDown "Nudge down, 0.1 px (Shift 1 px)" NONE ArrowDown;
-        TurnLeft "Turn the camera on the plan left, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowLeft;
-        TurnRight "Turn the camera on the plan right, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowRight;
-        Grow "Enlarge the field on the plan, 0.1 % (Shift 1 %)" CTRL ArrowUp;
-        Shrink "Shrink the field on the plan, 0.1 % (Shift 1 %)" CTRL ArrowDown;
+        TurnLeft "Rotate the camera left on the plan, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowLeft;
+        TurnRight "Rotate the camera right on the plan, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowRight;
+        Grow "Enlarge the field of view on the plan, 0.1 % (Shift 1 %)" CTRL ArrowUp;
+        Shrink "Shrink the field of view on the plan, 0.1 % (Shift 1 %)" CTRL ArrowDown;
     }
-    /// What is drawn.
+    /// Commands on annotations.
     Lines {
-        NewGroup "Begin a new group with the next line" NONE W;
-        RightAngle "Tie the last two parallel groups at right angles";
-        TakeSuggestion "Take the tool for what helps most" [Suggestion] NONE N;
-        DismissSuggestion "Suggest something else" [Suggestion] SHIFT N;
+        NewGroup "Start a new group with the next line" NONE W;
+        RightAngle "Set the last two parallel groups at right angles";
+        TakeSuggestion "Select the tool for the suggested line" [Suggestion] NONE N;
+        DismissSuggestion "Show another suggestion" [Suggestion] SHIFT N;
         TakeSecondSolution "Use the second solution's field of view" [SecondSolution];
         CopyLines "Copy this camera's annotations" [Camera] CTRL_SHIFT C;
         PasteLines "Paste annotations onto this camera" [Copied] CTRL_SHIFT V;
     }
-    /// What the still proposes.
+    /// Commands on automatic calibrations.
     Proposing {
-        Propose "Propose lines from the edges of this image" [Camera] SHIFT P;
-        AcceptProposed "Accept all proposed lines" [Proposed];
-        DismissProposed "Dismiss all proposed lines" [Proposed];
-        AcceptGroup "Accept the chosen group of proposed lines" [Proposed];
-        FlipGroup "Flip the chosen group of proposed lines: verticals or floor lines" [Proposed];
-        DeleteGroup "Delete the chosen group of proposed lines" [Proposed];
+        Propose "Calibrate automatically from the edges of this image" [Camera] SHIFT P;
+        AcceptProposed "Accept all detected lines" [Proposed];
+        DismissProposed "Dismiss all detected lines" [Proposed];
+        AcceptGroup "Accept the selected group of detected lines" [Proposed];
+        FlipGroup "Switch the selected group between verticals and floor lines" [Proposed];
+        DeleteGroup "Delete the selected group of detected lines" [Proposed];
     }
-    /// What newer stills show.
+    /// Commands on newer images.
     Newer {
-        CompareStill "Compare with a newer still of this camera\u{2026}" [Camera] SHIFT C;
-        NextLook "Look at the newer still: old, new, both by turns, a wipe" [Newer] SHIFT B;
-        Recover "Recover: carry what is drawn to the newer still, solve from it" [Moved] SHIFT R;
-        DismissNewer "Put the newer still aside" [Newer];
+        CompareStill "Compare with a newer image of this camera\u{2026}" [Camera] SHIFT C;
+        NextLook "Switch the comparison: old, new, alternating, wipe" [Newer] SHIFT B;
+        Recover "Recover: transfer the annotations to the newer image and solve" [Moved] SHIFT R;
+        DismissNewer "Dismiss the newer image" [Newer];
     }
-    /// How it is looked at.
+    /// Commands on the view.
     View {
         ViewImage "View: image" NONE Num1;
         ViewPlan "View: plan" NONE Num2;
         ViewAll "View: all cameras" NONE Num3;
         ViewScene "View: scene" NONE Num4;
-        Beside "Show or hide the image beside the plan, or beside the scene" NONE Z;
+        Beside "Show or hide the image next to the plan or scene" NONE Z;
         Fit "Fit the view" NONE Home;
         ZoomIn "Zoom in" NONE Plus;
         ZoomOut "Zoom out" NONE Minus;
-        NextWindow "Look at a fisheye through the next window: four round it, all unrolled, the whole image" [Camera] SHIFT T;
+        NextWindow "Fisheye: next view (four windows, panorama, whole image)" [Camera] SHIFT T;
     }
-    /// Which camera is in hand.
+    /// Commands on the list of cameras.
     Cameras {
         NextUnfinished "Next unfinished camera" SHIFT CloseBracket;
         PreviousUnfinished "Previous unfinished camera" SHIFT OpenBracket;
@@ -223,38 +224,38 @@ commands! {
         PreviousCamera "Previous camera" [Cameras] NONE OpenBracket;
         RemoveCamera "Remove this camera" [Camera];
     }
-    /// Solving, and where cameras stand.
+    /// Commands on solving and on placements.
     Solving {
         Pause "Pause or resume solving" NONE F8;
-        Refine "Refine all cameras together" [Cameras] NONE F9;
+        Refine "Place and refine all cameras" [Cameras] NONE F9;
         CompareBefore "Show or hide the poses before Refine" [Before] NONE B;
-        FixPlacement "Hold or release this camera's place" [Camera];
-        ResetPlacement "Forget this camera's place" [Camera];
+        FixPlacement "Fix or unfix this camera's placement" [Camera];
+        ResetPlacement "Remove this camera's placement" [Camera];
     }
-    /// What is shown, and how.
+    /// Switches of the display.
     Switch {
-        HideOverlays "Hide or show what lies on the image" NONE H;
+        HideOverlays "Hide or show the overlays on the image" NONE H;
         Grid "Show or hide the metre grid" NONE G;
-        Edges "Offer or hide the edges that were found" NONE I;
-        Straighten "Take the bend of the lens out of the image" NONE T;
+        Edges "Show or hide the detected edges" NONE I;
+        Straighten "Show the image without distortion" NONE T;
         Horizon "Show or hide the horizon";
         Field "Show or hide the field of view";
         Prism "Show or hide the prism";
         Guide "Show or hide the person at the cursor";
-        ColourByResidual "Colour lines by kind or by residual";
-        Above "Show or hide the floor from above" NONE Y;
-        Coverage "Shade coverage on the plan";
-        Blend "Lay the images of all cameras on the plan";
+        ColourByResidual "Colour lines by kind or by error";
+        Above "Show or hide the top view of the floor" NONE Y;
+        Coverage "Show or hide coverage on the plan";
+        Blend "Show the images of all cameras on the plan";
         Snap "Snap to 10 cm and 5\u{b0} on the plan";
-        Feet "Metres or feet on screen";
+        Feet "Switch between metres and feet";
         Palette "Commands" CTRL K;
         Shortcuts "Keyboard shortcuts" SHIFT Questionmark;
-        About "About, and licences";
-        Theme "Light or dark theme";
+        About "About and licences";
+        Theme "Switch between light and dark theme";
     }
 }
 
-/// Every command: the table, then the tools.
+/// Returns all commands: the table, then the tools.
 pub fn all() -> impl Iterator<Item = Row> {
     let tools = TOOLS.iter().enumerate().map(|(index, tool)| Row {
         command: Command::Tool(index),
@@ -265,7 +266,7 @@ pub fn all() -> impl Iterator<Item = Row> {
     COMMANDS.iter().copied().chain(tools)
 }
 
-/// The row of a command.
+/// Returns the row of a command.
 #[must_use]
 pub fn row(command: Command) -> Option<Row> {
     all().find(|row| row.command == command)

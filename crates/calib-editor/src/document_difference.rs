@@ -1,28 +1,30 @@
-//! In what two versions of a site differ, in words: for an operator who has to choose one.
+//! Differences between two versions of a site, as text for an operator who has to choose one.
 
 use calib_site::{Site, SiteCamera};
 
-/// What is in `to` and was otherwise in `from`; what was solved is not looked at, for it follows.
+/// Returns the differences of `to` from `from`. Results are ignored, because they follow from the inputs.
 #[must_use]
 pub fn differences(from: &Site, to: &Site) -> Vec<String> {
-    let mut told: Vec<String> = to.cameras.iter().filter_map(|camera| of_camera(from, camera)).collect();
+    let mut differences: Vec<String> =
+        to.cameras.iter().filter_map(|camera| of_camera(from, camera)).collect();
     let is_there = |camera: &&SiteCamera| to.cameras.iter().any(|other| other.is_same_period(camera));
     let removed = from.cameras.iter().filter(|camera| !is_there(camera));
-    told.extend(removed.map(|camera| format!("{}: no longer there", camera.id)));
+    differences.extend(removed.map(|camera| format!("{}: removed", camera.id)));
     let counted = [
         ("links", from.links.len(), to.links.len(), unsolved(from).links != unsolved(to).links),
         ("marks", from.marks.len(), to.marks.len(), unsolved(from).marks != unsolved(to).marks),
         ("planes", from.planes.len(), to.planes.len(), unsolved(from).planes != unsolved(to).planes),
         ("distances", from.distances.len(), to.distances.len(), from.distances != to.distances),
     ];
-    told.extend(counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count(what, a, b)));
+    differences
+        .extend(counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count(what, a, b)));
     if from.plan != to.plan {
-        told.push("the plan".into());
+        differences.push("floor plan".into());
     }
     if from.name != to.name {
-        told.push("the name of the site".into());
+        differences.push("site name".into());
     }
-    told
+    differences
 }
 
 fn unsolved(site: &Site) -> Site {
@@ -34,12 +36,12 @@ fn unsolved(site: &Site) -> Site {
 }
 
 fn count(what: &str, a: usize, b: usize) -> String {
-    if a == b { format!("{what}: changed") } else { format!("{what}: {b}, were {a}") }
+    if a == b { format!("{what}: changed") } else { format!("{what}: {a} \u{2192} {b}") }
 }
 
 fn of_camera(from: &Site, camera: &SiteCamera) -> Option<String> {
     let own = from.cameras.iter().find(|own| own.is_same_period(camera));
-    let Some(own) = own else { return Some(format!("{}: new", camera.id)) };
+    let Some(own) = own else { return Some(format!("{}: added", camera.id)) };
     let lines = |camera: &SiteCamera| camera.annotations.iter().map(|a| a.polylines().count()).sum::<usize>();
     let mut parts = Vec::new();
     if own.annotations != camera.annotations {
@@ -48,10 +50,10 @@ fn of_camera(from: &Site, camera: &SiteCamera) -> Option<String> {
     let others = [
         ("lens", own.lens != camera.lens),
         ("field of view", own.efov_px != camera.efov_px || own.efov_plane != camera.efov_plane),
-        ("place", own.placement != camera.placement || own.height_m != camera.height_m),
+        ("placement", own.placement != camera.placement || own.height_m != camera.height_m),
         ("control points", own.control_points != camera.control_points),
         ("scene", own.scene != camera.scene),
-        ("still", own.size_px != camera.size_px),
+        ("image size", own.size_px != camera.size_px),
     ];
     parts.extend(others.into_iter().filter(|(_, differ)| *differ).map(|(what, _)| what.to_owned()));
     (!parts.is_empty()).then(|| format!("{}: {}", camera.id, parts.join(", ")))
@@ -64,14 +66,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_another_window_did_is_told_camera_by_camera() {
+    fn differences_are_listed_per_camera() {
         let mut from = Site::new();
         from.cameras = ["a", "b"].map(|id| SiteCamera::new(id, [640, 480])).to_vec();
         let mut to = from.clone();
         let line = vec![Pixel::new(1.0, 2.0), Pixel::new(3.0, 4.0)];
         to.cameras[0].annotations.push(Annotation::of_segments(Kind::Vertical, vec![line]));
         to.cameras[1] = SiteCamera::new("c", [640, 480]);
-        assert_eq!(differences(&from, &to), ["a: lines: 1, were 0", "c: new", "b: no longer there"]);
+        assert_eq!(differences(&from, &to), ["a: lines: 0 \u{2192} 1", "c: added", "b: removed"]);
         assert!(differences(&to, &to).is_empty());
     }
 }

@@ -13,7 +13,7 @@ use crate::session::Session;
 
 /// Prior on the height of an upright until the operator enters another, in metres: mean and standard
 /// deviation.
-const PERSON: Known = Known::prior(1.75, 0.07);
+const DEFAULT_HEIGHT_M: Known = Known::prior(1.75, 0.07);
 
 /// Returns the pixel of a movable point.
 pub fn pixel_mut(site: &mut Site, camera: usize, part: Part) -> Option<&mut Pixel> {
@@ -126,7 +126,7 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
             Part::Line { annotation: entry.annotations.len() - 1, segment: 0 }
         }
         Shape::FootAndHead => {
-            let height = last.and_then(|index| entry.annotations[index].height_m).unwrap_or(PERSON);
+            let height = last.and_then(|index| entry.annotations[index].height_m).unwrap_or(DEFAULT_HEIGHT_M);
             let (foot, head) = (line.first().copied(), line.last().copied());
             let drawn = Annotation { foot, head, height_m: Some(height), ..Annotation::new(kind) };
             entry.annotations.push(drawn);
@@ -178,16 +178,16 @@ pub fn delete(site: &mut Site, camera: usize, parts: &BTreeSet<Part>) {
             Part::Mark(mark) => delete_mark(site, mark),
             _ => {
                 if let Some(entry) = site.cameras.get_mut(camera) {
-                    delete_drawn(entry, part);
+                    delete_part(entry, part);
                 }
             }
         }
     }
     if let Some(entry) = site.cameras.get_mut(camera) {
-        sweep(entry);
+        remove_incomplete(entry);
     }
     site.links.retain(|link| !link.seen.is_empty());
-    keep_distances(site);
+    remove_dangling_distances(site);
 }
 
 fn delete_sighting(site: &mut Site, link: usize, seen: usize) {
@@ -205,7 +205,7 @@ fn delete_mark(site: &mut Site, mark: usize) {
 }
 
 /// Removes the distances whose links or marks no longer exist.
-pub(crate) fn keep_distances(site: &mut Site) {
+pub(crate) fn remove_dangling_distances(site: &mut Site) {
     let ids: BTreeSet<String> = site
         .links
         .iter()
@@ -215,7 +215,7 @@ pub(crate) fn keep_distances(site: &mut Site) {
     site.distances.retain(|distance| distance.between.iter().all(|id| ids.contains(id)));
 }
 
-fn delete_drawn(entry: &mut SiteCamera, part: Part) {
+fn delete_part(entry: &mut SiteCamera, part: Part) {
     match part {
         Part::Vertex { annotation, segment, vertex } => {
             let Some(drawn) = entry.annotations.get_mut(annotation) else { return };
@@ -249,7 +249,7 @@ fn delete_drawn(entry: &mut SiteCamera, part: Part) {
 }
 
 /// Removes incomplete annotations, and references to annotations that no longer exist.
-fn sweep(entry: &mut SiteCamera) {
+fn remove_incomplete(entry: &mut SiteCamera) {
     for annotation in &mut entry.annotations {
         if let Some(segments) = &mut annotation.segments {
             segments.retain(|line| line.len() >= 2);
@@ -312,7 +312,7 @@ pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
 }
 
 /// Removes the observations of a camera from links and marks. Links without observations are removed.
-pub(crate) fn forget_shared(site: &mut Site, id: &str) {
+pub(crate) fn remove_observations(site: &mut Site, id: &str) {
     for link in &mut site.links {
         link.seen.retain(|seen| seen.camera != id);
     }
@@ -324,7 +324,7 @@ pub(crate) fn forget_shared(site: &mut Site, id: &str) {
 
 /// Scales all annotations of a camera to an image of another size.
 pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
-    let has_shared = site.has_shared(index);
+    let has_shared = site.owns_links(index);
     let Some(entry) = site.cameras.get_mut(index) else { return };
     let id = entry.id.clone();
     for annotation in &mut entry.annotations {
@@ -369,8 +369,8 @@ impl Session {
             Part::Vertex { annotation, segment, .. } | Part::Line { annotation, segment } => {
                 calib_core::single::line_name(&entry.annotations, annotation, segment)
             }
-            Part::Corner(corner) => format!("corner {} of the field", corner + 1),
-            Part::Field => "the field".into(),
+            Part::Corner(corner) => format!("corner {} of the field of view", corner + 1),
+            Part::Field => "the field of view".into(),
             Part::Control(i) => {
                 named(entry.control_points.get(i).and_then(|p| p.id.as_ref()), "control point", i)
             }
@@ -394,7 +394,7 @@ impl Session {
         match names.len() {
             0 => "nothing".into(),
             1..=3 => names.into_iter().collect::<Vec<_>>().join(", "),
-            count => format!("{count} things"),
+            count => format!("{count} parts"),
         }
     }
 }
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn deleting_a_point_of_two_deletes_the_line_and_the_last_line_the_annotation() {
+    fn deleting_an_end_deletes_the_line_and_an_empty_annotation() {
         let mut site = site();
         let ends = (0..3).map(|segment| Part::Vertex { annotation: 0, segment, vertex: 1 });
         delete(&mut site, 0, &ends.collect());

@@ -1,4 +1,5 @@
-//! Cameras that fit what was drawn as well as the solution does: a second one, or a whole family.
+//! Cameras that fit the annotations as well as the solution does: a second solution, or a one-parameter
+//! family.
 
 use calib_core::{Camera, Code};
 
@@ -6,37 +7,38 @@ use calib_core::single::{Known, RULED_OUT};
 
 use calib_site::{LensCache, Site, SiteCamera, Solution};
 
-/// A camera with a horizontal field of view that was asked for, and how it fits.
+/// Camera that was fitted with a prescribed horizontal field of view.
 #[derive(Clone, Debug)]
 pub struct Fit {
     /// Horizontal field of view, in degrees.
     pub view: f64,
-    /// Its result.
+    /// Its solution.
     pub solution: Solution,
     /// Its pose.
     pub pose: Camera,
 }
 
-/// What fits as well as the solution.
+/// Alternatives that fit as well as the solution.
 #[derive(Clone, Debug)]
 pub struct Family {
-    /// From what it follows.
+    /// Input of the computation.
     camera: SiteCamera,
-    /// Between which fields of view everything fits, in degrees; `None` where there are but two cameras.
+    /// Range of the horizontal field of view in which all cameras fit, in degrees; `None` if there are only
+    /// two solutions.
     pub range: Option<[f64; 2]>,
-    /// The cameras at the ends of that range.
+    /// Cameras at the ends of that range.
     pub ends: Option<[Camera; 2]>,
-    /// The two that are shown.
+    /// Two cameras that are shown.
     pub shown: [Fit; 2],
 }
 
-/// Fields of view that are tried, in degrees.
-const VIEWS: std::ops::RangeInclusive<i32> = 2..=15;
-const STEP: f64 = 8.0;
+/// Horizontal fields of view that are tried, in multiples of `STEP` degrees.
+const HFOV_STEPS: std::ops::RangeInclusive<i32> = 2..=15;
+const HFOV_STEP_DEG: f64 = 8.0;
 
-/// Horizontal field of view of a focal, in degrees.
+/// Returns the horizontal field of view of a focal length in pixels, in degrees.
 #[must_use]
-pub fn view_of(camera: &SiteCamera, focal: f64) -> f64 {
+pub fn hfov_deg(camera: &SiteCamera, focal: f64) -> f64 {
     2.0 * (0.5 * camera.size()[0] / focal).atan().to_degrees()
 }
 
@@ -44,7 +46,7 @@ fn focal_of(camera: &SiteCamera, view: f64) -> f64 {
     0.5 * camera.size()[0] / (0.5 * view.to_radians()).tan()
 }
 
-/// The camera with this field of view that fits best.
+/// Fits the camera with this horizontal field of view.
 #[must_use]
 pub(crate) fn fit(site: &Site, index: usize, view: f64, lenses: &LensCache) -> Option<Fit> {
     let family = site.lens_families().into_iter().find(|family| family.contains(&index))?;
@@ -62,22 +64,24 @@ pub(crate) fn fit(site: &Site, index: usize, view: f64, lenses: &LensCache) -> O
 }
 
 impl Family {
-    /// What else fits a camera; `None` where nothing does.
+    /// Returns the alternatives of a camera, if any.
     #[must_use]
-    pub fn of(site: &Site, index: usize, solution: &Solution, lenses: &LensCache) -> Option<Self> {
+    pub fn find(site: &Site, index: usize, solution: &Solution, lenses: &LensCache) -> Option<Self> {
         let camera = site.cameras.get(index)?;
-        // Views of a fisheye are not told by a focal alone, and its horizon is a ring.
+        // A focal length alone does not determine the field of view of a fisheye, and its horizon is a closed
+        // curve.
         if solution.lens().distortion.is_wide() {
             return None;
         }
-        let own = view_of(camera, solution.focal_px);
+        let own = hfov_deg(camera, solution.focal_px);
         let shown = |a: f64, b: f64| Some([fit(site, index, a, lenses)?, fit(site, index, b, lenses)?]);
-        let is_open = solution.warns_of(Code::FocalUnobservable);
+        let is_open = solution.has_warning(Code::FocalUnobservable);
         if !is_open {
             let shown = shown(own, solution.alternatives.first()?.hfov_deg)?;
             return Some(Self { camera: camera.clone(), range: None, ends: None, shown });
         }
-        let tried: Vec<Fit> = VIEWS.filter_map(|i| fit(site, index, STEP * f64::from(i), lenses)).collect();
+        let tried: Vec<Fit> =
+            HFOV_STEPS.filter_map(|i| fit(site, index, HFOV_STEP_DEG * f64::from(i), lenses)).collect();
         let chi2 = |fit: &Fit| fit.solution.chi2.unwrap_or(f64::INFINITY);
         let best = tried.iter().map(chi2).fold(f64::INFINITY, f64::min);
         let mut fits = tried.iter().filter(|fit| chi2(fit) - best < RULED_OUT);
@@ -88,21 +92,21 @@ impl Family {
             return None;
         }
         let own = own.clamp(low, high);
-        // The other one is that which differs most.
+        // The second camera shown is halfway to the end of the range that differs most.
         let far = if own - low > high - own { low } else { high };
         let shown = shown(own, 0.5 * (own + far))?;
         let ends = Some([first.pose, last.pose]);
         Some(Self { camera: camera.clone(), range: Some([low, high]), ends, shown })
     }
 
-    /// Whether it is that of a camera as it is now.
+    /// Whether the family was computed from the current state of a camera.
     #[must_use]
-    pub fn is_of(&self, camera: &SiteCamera) -> bool {
+    pub fn is_current(&self, camera: &SiteCamera) -> bool {
         self.camera == *camera
     }
 
-    /// Shows another member.
-    pub fn choose(&mut self, site: &Site, index: usize, which: usize, view: f64, lenses: &LensCache) {
+    /// Shows the member with another field of view, in degrees.
+    pub fn show(&mut self, site: &Site, index: usize, which: usize, view: f64, lenses: &LensCache) {
         if let (Some(shown), Some(fit)) = (self.shown.get_mut(which), fit(site, index, view, lenses)) {
             *shown = fit;
         }
@@ -116,7 +120,7 @@ mod tests {
     use calib_site::Options;
 
     #[test]
-    fn verticals_alone_leave_a_family_and_all_of_it_fits() {
+    fn verticals_alone_leave_a_family_of_equal_fits() {
         let mut site = calib_demo::demo_site().site;
         site.cameras.truncate(1);
         let camera = &mut site.cameras[0];
@@ -124,8 +128,8 @@ mod tests {
         (camera.control_points, camera.placement) = (Vec::new(), None);
         let report = site.calibrate(&Options { refine: false, ..Options::default() });
         let solution = report.cameras[0].1.as_ref().unwrap();
-        let family = Family::of(&site, 0, solution, &LensCache::default())
-            .expect("verticals alone do not tell the focal");
+        let family = Family::find(&site, 0, solution, &LensCache::default())
+            .expect("verticals alone do not determine the focal length");
         let [low, high] = family.range.expect("a family, not two cameras");
         assert!(high - low > 20.0, "{low} to {high}");
         let rms = |view: f64| fit(&site, 0, view, &LensCache::default()).unwrap().solution.rms_px.unwrap();
@@ -134,10 +138,10 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_is_known_has_no_family() {
+    fn well_determined_camera_has_no_family() {
         let site = calib_demo::demo_site().site;
         let report = site.calibrate(&Options { refine: false, ..Options::default() });
         let solution = report.cameras[0].1.as_ref().unwrap();
-        assert!(Family::of(&site, 0, solution, &LensCache::default()).is_none());
+        assert!(Family::find(&site, 0, solution, &LensCache::default()).is_none());
     }
 }

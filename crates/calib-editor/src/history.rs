@@ -1,21 +1,21 @@
-//! Undo and redo: named snapshots of the site, as many as there were gestures.
+//! Undo and redo: named snapshots of the site, one per gesture.
 
 use std::sync::Arc;
 
 use calib_site::{Site, SiteCamera};
 
-use crate::proposed::Proposed;
+use crate::proposed::PendingCalibration;
 
-/// A site at a moment. Cameras that did not change are shared between moments.
+/// State of a site. Unchanged cameras are shared between snapshots.
 #[derive(Clone, Debug)]
 struct Snapshot {
     cameras: Vec<Arc<SiteCamera>>,
-    /// Everything but the cameras.
+    /// Site without its cameras.
     rest: Arc<Site>,
 }
 
 impl Snapshot {
-    fn of(site: &Site, before: Option<&Self>) -> Self {
+    fn new(site: &Site, before: Option<&Self>) -> Self {
         let shared = |camera: &SiteCamera| {
             let known = before.and_then(|before| before.cameras.iter().find(|known| ***known == *camera));
             known.map_or_else(|| Arc::new(camera.clone()), Arc::clone)
@@ -35,15 +35,15 @@ impl Snapshot {
         site
     }
 
-    fn is(&self, site: &Site) -> bool {
+    fn matches(&self, site: &Site) -> bool {
         self.cameras.len() == site.cameras.len()
             && self.cameras.iter().zip(&site.cameras).all(|(known, camera)| **known == *camera)
             && is_same_rest(&self.rest, site)
     }
 }
 
-/// Puts back everything but the cameras.
-fn put_back_rest(site: &mut Site, known: &Site) {
+/// Restores everything except the cameras.
+fn restore_rest(site: &mut Site, known: &Site) {
     let Site {
         cameras: _,
         format,
@@ -76,7 +76,7 @@ fn restore<T: Clone + PartialEq>(value: &mut T, known: &T) {
     }
 }
 
-/// Whether everything but the cameras is the same.
+/// Whether everything except the cameras is equal.
 fn is_same_rest(a: &Site, b: &Site) -> bool {
     a.format == b.format
         && a.version == b.version
@@ -110,34 +110,34 @@ fn without_cameras(site: &Site) -> Site {
 
 #[derive(Clone, Debug)]
 struct Step {
-    /// What the gesture did, as it reads after "Undo": "move V2".
+    /// Name of the gesture, as shown after "Undo": "move V2".
     name: String,
     after: Snapshot,
-    /// What was proposed then and not decided.
-    proposed: Arc<Vec<Proposed>>,
-    /// The joint result that the site had then.
+    /// Undecided automatic calibrations at that time.
+    proposed: Arc<Vec<PendingCalibration>>,
+    /// Joint result of the site at that time.
     joint: Option<u64>,
 }
 
-/// Every state of the site since it was opened.
+/// All states of the site since it was opened.
 #[derive(Clone, Debug)]
 pub struct History {
     first: Snapshot,
-    /// The joint result that the site was opened with.
+    /// Joint result in the opened file.
     first_joint: Option<u64>,
-    /// With a site that is opened nothing is proposed.
-    nothing: Arc<Vec<Proposed>>,
+    /// Empty list: a site is opened without automatic calibrations.
+    nothing: Arc<Vec<PendingCalibration>>,
     steps: Vec<Step>,
-    /// How many of the steps are done.
+    /// Number of steps that are done and not undone.
     done: usize,
 }
 
 impl History {
-    /// A history that begins here.
+    /// Creates a history that begins with this site.
     #[must_use]
     pub fn new(site: &Site) -> Self {
         Self {
-            first: Snapshot::of(site, None),
+            first: Snapshot::new(site, None),
             first_joint: None,
             nothing: Arc::default(),
             steps: Vec::new(),
@@ -149,15 +149,15 @@ impl History {
         self.done.checked_sub(1).and_then(|last| self.steps.get(last)).map_or(&self.first, |step| &step.after)
     }
 
-    /// The site as the last finished gesture left it.
+    /// Returns the site after the last finished gesture.
     #[must_use]
     pub fn site(&self) -> Site {
         self.now().site()
     }
 
-    /// Puts what differs back to how the last finished gesture left it; cameras and lists that a gesture has
-    /// not touched are compared and not copied.
-    pub fn put_back(&self, site: &mut Site) {
+    /// Restores the site to its state after the last finished gesture. Cameras and lists that did not change
+    /// are compared but not copied.
+    pub fn restore_last(&self, site: &mut Site) {
         let now = self.now();
         site.cameras.truncate(now.cameras.len());
         for (camera, known) in site.cameras.iter_mut().zip(&now.cameras) {
@@ -167,64 +167,69 @@ impl History {
         }
         let missing = now.cameras.iter().skip(site.cameras.len());
         site.cameras.extend(missing.map(|known| SiteCamera::clone(known)));
-        put_back_rest(site, &now.rest);
+        restore_rest(site, &now.rest);
     }
 
-    /// One camera as the last finished gesture left it.
+    /// Returns a camera after the last finished gesture.
     #[must_use]
     pub fn camera(&self, index: usize) -> Option<&SiteCamera> {
         self.now().cameras.get(index).map(Arc::as_ref)
     }
 
-    /// Whether the site is as the last finished gesture left it.
+    /// Whether the site is in its state after the last finished gesture.
     #[must_use]
-    pub fn is_at(&self, site: &Site) -> bool {
-        self.now().is(site)
+    pub fn is_unchanged(&self, site: &Site) -> bool {
+        self.now().matches(site)
     }
 
-    /// Ends a gesture. What was undone before is gone. `false` when the gesture changed nothing.
-    pub fn commit(&mut self, name: impl Into<String>, site: &Site, proposed: &Arc<Vec<Proposed>>) -> bool {
-        if self.is_at(site) && self.proposed() == proposed {
+    /// Ends a gesture and discards undone steps. Returns false if the gesture changed nothing.
+    pub fn commit(
+        &mut self,
+        name: impl Into<String>,
+        site: &Site,
+        proposed: &Arc<Vec<PendingCalibration>>,
+    ) -> bool {
+        if self.is_unchanged(site) && self.proposed() == proposed {
             return false;
         }
-        let after = Snapshot::of(site, Some(self.now()));
+        let after = Snapshot::new(site, Some(self.now()));
         self.steps.truncate(self.done);
         self.steps.push(Step { name: name.into(), after, proposed: Arc::clone(proposed), joint: None });
         self.done += 1;
         true
     }
 
-    /// What was proposed and not decided as the last finished gesture left it.
+    /// Returns the undecided automatic calibrations after the last finished gesture.
     #[must_use]
-    pub fn proposed(&self) -> &Arc<Vec<Proposed>> {
+    pub fn proposed(&self) -> &Arc<Vec<PendingCalibration>> {
         let last = self.done.checked_sub(1).and_then(|last| self.steps.get(last));
         last.map_or(&self.nothing, |step| &step.proposed)
     }
 
-    /// Every camera as the last finished gesture left it.
+    /// Returns the cameras after the last finished gesture.
     #[must_use]
     pub(crate) fn cameras(&self) -> &[Arc<SiteCamera>] {
         &self.now().cameras
     }
 
-    /// Makes what followed from the last gesture a part of it.
+    /// Adds a consequence of the last gesture to its step.
     pub(crate) fn amend(&mut self, site: &Site) {
-        if self.is_at(site) {
+        if self.is_unchanged(site) {
             return;
         }
-        let after = Snapshot::of(site, Some(self.now()));
+        let after = Snapshot::new(site, Some(self.now()));
         if let Some(step) = self.done.checked_sub(1).and_then(|last| self.steps.get_mut(last)) {
             step.after = after;
         }
     }
 
-    /// The joint result that the site had as the last finished gesture left it.
+    /// Returns the joint result of the site after the last finished gesture.
     pub(crate) fn joint(&self) -> Option<u64> {
         let last = self.done.checked_sub(1).and_then(|last| self.steps.get(last));
         last.map_or(self.first_joint, |step| step.joint)
     }
 
-    /// Says which joint result the site has as the last finished gesture left it.
+    /// Sets the joint result of the site after the last finished gesture.
     pub(crate) fn set_joint(&mut self, number: Option<u64>) {
         match self.done.checked_sub(1).and_then(|last| self.steps.get_mut(last)) {
             Some(step) => step.joint = number,
@@ -232,43 +237,43 @@ impl History {
         }
     }
 
-    /// What undo would take back.
+    /// Returns the name of the step that undo reverts.
     #[must_use]
     pub fn undo_name(&self) -> Option<&str> {
         Some(&self.steps.get(self.done.checked_sub(1)?)?.name)
     }
 
-    /// What redo would do again.
+    /// Returns the name of the step that redo repeats.
     #[must_use]
     pub fn redo_name(&self) -> Option<&str> {
         Some(&self.steps.get(self.done)?.name)
     }
 
-    /// The site before the last gesture, and what is taken back.
+    /// Returns the site before the last gesture, and the name of the undone step.
     pub fn undo(&mut self) -> Option<(Site, String)> {
         let name = self.undo_name()?.to_owned();
         self.done -= 1;
         Some((self.site(), name))
     }
 
-    /// The site after the gesture that was undone last, and what is done again.
+    /// Returns the site after the gesture that was undone last, and the name of the repeated step.
     pub fn redo(&mut self) -> Option<(Site, String)> {
         let name = self.redo_name()?.to_owned();
         self.done += 1;
         Some((self.site(), name))
     }
 
-    /// Changes every state alike, as when images are looked for elsewhere.
+    /// Changes every state in the same way, for example when image paths change.
     pub fn map(&mut self, change: impl Fn(&Site) -> Site) {
-        self.first = Snapshot::of(&change(&self.first.site()), None);
+        self.first = Snapshot::new(&change(&self.first.site()), None);
         let mut before = self.first.clone();
         for step in &mut self.steps {
-            step.after = Snapshot::of(&change(&step.after.site()), Some(&before));
+            step.after = Snapshot::new(&change(&step.after.site()), Some(&before));
             before = step.after.clone();
         }
     }
 
-    /// How many gestures can be undone.
+    /// Returns the number of gestures that can be undone.
     #[must_use]
     pub const fn depth(&self) -> usize {
         self.done
@@ -302,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_gesture_changed_is_put_back_whatever_it_was() {
+    fn restoring_reverts_every_kind_of_change() {
         let (known, history) = (site(4), History::new(&site(4)));
         let gestures: [fn(&mut Site); 5] = [
             |site| site.cameras[1].sigma_px = Some(2.0),
@@ -314,20 +319,20 @@ mod tests {
         for gesture in gestures {
             let mut changed = known.clone();
             gesture(&mut changed);
-            history.put_back(&mut changed);
+            history.restore_last(&mut changed);
             assert_eq!(changed, known);
         }
     }
 
     #[test]
-    fn a_gesture_that_changed_nothing_is_no_step() {
+    fn gesture_without_a_change_is_no_undo_step() {
         let mut history = History::new(&site(2));
         assert!(!history.commit("nothing", &site(2), &Arc::default()));
         assert_eq!(history.undo_name(), None);
     }
 
     #[test]
-    fn cameras_that_did_not_change_are_shared() {
+    fn unchanged_cameras_are_shared_between_snapshots() {
         let mut history = History::new(&site(3));
         let mut changed = site(3);
         changed.cameras[1].sigma_px = Some(2.0);

@@ -1,4 +1,4 @@
-//! What is under the cursor: a pure function of the site and a pixel.
+//! Parts of an image near the pointer: a pure function of the site and a pixel.
 
 use std::collections::BTreeSet;
 
@@ -9,10 +9,10 @@ use calib_core::floor::drawn_line;
 pub use calib_image::to_segment;
 use calib_site::{Site, SiteCamera};
 
-/// Something of one camera's image that can be picked, moved and deleted.
+/// Part of a camera's image that can be selected, moved and deleted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Part {
-    /// A point of a drawn line.
+    /// Point of a line.
     Vertex {
         /// Index of the annotation.
         annotation: usize,
@@ -21,51 +21,51 @@ pub enum Part {
         /// Index of the point.
         vertex: usize,
     },
-    /// A drawn line.
+    /// Line of an annotation.
     Line {
         /// Index of the annotation.
         annotation: usize,
         /// Index of its line.
         segment: usize,
     },
-    /// A corner of the EFOV.
+    /// Corner of the field of view, by its index.
     Corner(usize),
-    /// The EFOV.
+    /// The whole field of view.
     Field,
-    /// A control point.
+    /// Control point, by its index.
     Control(usize),
-    /// A point of a link, where this camera shows it.
+    /// Point of an observation of a link in this camera.
     Link {
         /// Index of the link.
         link: usize,
-        /// Index of the sighting.
+        /// Index of the observation.
         seen: usize,
-        /// Index of the point of that sighting.
+        /// Index of the point of that observation.
         point: usize,
     },
-    /// A pixel that a mark is tied to.
+    /// Pin of a mark at a pixel.
     Pin {
         /// Index of the mark.
         mark: usize,
-        /// Index of the sighting.
+        /// Index of the observation.
         seen: usize,
     },
-    /// A mark, wherever it is seen.
+    /// Mark, by its index, visible in any view.
     Mark(usize),
 }
 
-/// A part under the cursor.
+/// Part near the pointer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Which.
+    /// The part.
     pub part: Part,
-    /// For a line or the field: behind which point of it the cursor is.
+    /// For a line or the field of view: index of the point before the pointer.
     pub edge: usize,
-    /// How far from the cursor, in pixels.
+    /// Distance from the pointer, in pixels.
     pub distance: f64,
 }
 
-/// Every point of a camera's image that can be held: with its part, in the order Tab walks them.
+/// Returns all movable points of a camera's image, each with its part, in the order of the Tab key.
 pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
     let Some(entry) = site.cameras.get(index) else { return Vec::new() };
     let mut list = Vec::new();
@@ -79,7 +79,7 @@ pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
     let corners = entry.efov_px.iter().flatten().enumerate();
     list.extend(corners.map(|(corner, &pixel)| (Part::Corner(corner), pixel)));
     list.extend(entry.control_points.iter().enumerate().map(|(i, point)| (Part::Control(i), point.px)));
-    if !site.has_shared(index) {
+    if !site.owns_links(index) {
         return list;
     }
     for (link, drawn) in site.links.iter().enumerate() {
@@ -96,7 +96,7 @@ pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
     list
 }
 
-/// The part at `at`: what is selected first, then handles, then lines, then marks.
+/// Returns the part at a pixel: selected parts first, then points, then marks, then lines.
 #[must_use]
 pub fn pick(
     site: &Site,
@@ -119,13 +119,13 @@ pub fn pick(
         .or_else(|| line_at(entry, &shown_lens(entry, pose), at, 0.75 * radius))
 }
 
-/// The lens that lines of a camera are shown under: its own where it is known, else the likely one.
+/// Returns the lens under which lines of a camera are shown: the solved lens, otherwise the most likely one.
 #[must_use]
 pub fn shown_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Lens {
     pose.map_or_else(|| entry.likely_lens(), |pose| pose.lens)
 }
 
-/// The same of a camera of a site, which may not be there.
+/// Returns the lens under which lines of a camera are shown, by its index in the site.
 #[must_use]
 pub fn lens_of(site: &Site, camera: usize, pose: Option<&Camera>) -> Option<Lens> {
     site.cameras.get(camera).map(|entry| shown_lens(entry, pose))
@@ -150,7 +150,7 @@ fn line_at(entry: &SiteCamera, lens: &Lens, at: Pixel, radius: f64) -> Option<Hi
     hits.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// The mark that is drawn under a pixel.
+/// Returns the mark that is shown at a pixel.
 #[must_use]
 pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit> {
     let used = site.marks.iter().enumerate().filter(|(_, mark)| !mark.off);
@@ -166,7 +166,8 @@ pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit
     hits.filter(|hit| hit.distance <= radius).min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// The edge of a drawn line that is nearest to a pixel as the lens bends it, and how far it is.
+/// Returns the edge of a line that is closest to a pixel, and the distance in pixels. The line is shown with
+/// distortion.
 #[must_use]
 pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     if !lens.distortion.is_wide() {
@@ -177,7 +178,7 @@ pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f
     edges.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The edge of a polyline that is nearest to a pixel, and how far it is.
+/// Returns the edge of a polyline that is closest to a pixel, and the distance in pixels.
 #[must_use]
 pub fn nearest(line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     let edges = line.windows(2).map(|pair| to_segment(pair[0], pair[1], at));
@@ -199,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn a_handle_comes_before_the_line_it_ends() {
+    fn handle_has_priority_over_its_line() {
         let hit = pick(&site(), 0, None, Pixel::new(298.0, 101.0), 8.0, &BTreeSet::new()).unwrap();
         assert_eq!(hit.part, Part::Vertex { annotation: 0, segment: 0, vertex: 1 });
         let hit = pick(&site(), 0, None, Pixel::new(200.0, 103.0), 8.0, &BTreeSet::new()).unwrap();
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_on_a_fisheye_is_picked_where_it_is_seen() {
+    fn line_in_a_fisheye_is_hit_along_its_distorted_curve() {
         let mut site = site();
         let entry = &mut site.cameras[0];
         let k = Some(0.0);
@@ -226,14 +227,14 @@ mod tests {
         entry.annotations[0] = Annotation::of_segments(Kind::Parallel, vec![ends.to_vec()]);
         let curve = drawn_line(&entry.likely_lens(), &ends);
         let middle = curve[curve.len() / 2];
-        assert!(middle.v < 40.0, "the lens bends it away from the middle of the image: {middle:?}");
+        assert!(middle.v < 40.0, "distortion curves it away from the centre: {middle:?}");
         let part = |at: Pixel| pick(&site, 0, None, at, 8.0, &BTreeSet::new()).map(|hit| hit.part);
         assert_eq!(part(middle), Some(Part::Line { annotation: 0, segment: 0 }));
-        assert_eq!(part(Pixel::new(320.0, 60.0)), None, "the chord is not there");
+        assert_eq!(part(Pixel::new(320.0, 60.0)), None, "the straight chord is not hit");
     }
 
     #[test]
-    fn what_is_selected_comes_before_what_is_nearer() {
+    fn selected_part_has_priority_over_a_closer_part() {
         let at = Pixel::new(101.0, 100.0);
         let selected = BTreeSet::from([Part::Corner(0)]);
         assert_eq!(pick(&site(), 0, None, at, 8.0, &selected).unwrap().part, Part::Corner(0));

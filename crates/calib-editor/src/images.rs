@@ -1,10 +1,6 @@
-//! The images of a site: files beside it, or bytes in a store by id.
+//! Images of a site: files in its folder, or bytes in a store with ids.
 //!
-//! Stills as plain pixels.
-//!
-//! From where images of a site are read without asking.
-//!
-//! What the name of a file tells of what is in it.
+//! Also decoding, the files that may be read without asking, and the camera name that a file name contains.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -15,60 +11,59 @@ use calib_input::relative;
 use calib_site::Site;
 use image::RgbImage;
 
-/// Whether a name has this ending, in capitals or not.
+/// Whether a name has this extension, ignoring case.
 #[must_use]
 pub fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
 }
 
-/// Whether a name ends like an image that can be read.
+/// Whether a name has the extension of a supported image format.
 #[must_use]
 pub fn is_image(path: &Path) -> bool {
     ["png", "jpg", "jpeg"].iter().any(|ending| has_ending(path, ending))
 }
 
-/// The part of a path after its last separator, whichever system wrote it.
+/// Returns the part of a path after its last separator, `/` or `\`.
 #[must_use]
-pub fn base(name: &str) -> &str {
+pub fn file_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-/// What a camera is called whose still is this file: the file's stem, unless that is but a number, as programs
-/// that cut videos give; then the folder tells more.
+/// Returns the name of a camera from the path of its image: the file's stem. If the stem is only a number or
+/// a word like "frame", as programs that extract video frames write, returns the name of the folder.
 #[must_use]
 pub fn camera_name(path: &Path) -> String {
     let text = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
     let stem = text(path.file_stem()).unwrap_or_default();
     let words = ["frame", "image", "img", "still", "snapshot", "snap", "shot", "pic", "picture"];
     let rest = stem.trim_matches(|c: char| c.is_ascii_digit() || "_- .()".contains(c)).to_lowercase();
-    let says_nothing = rest.is_empty() || words.contains(&rest.as_str());
+    let is_generic = rest.is_empty() || words.contains(&rest.as_str());
     let folder = text(path.parent().and_then(Path::file_name));
-    folder.filter(|folder| says_nothing && !folder.is_empty()).unwrap_or(stem)
+    folder.filter(|folder| is_generic && !folder.is_empty()).unwrap_or(stem)
 }
 
-/// The type of an image of this name.
+/// Returns the MIME type of an image with this name.
 #[must_use]
 pub fn mime(name: &str) -> &'static str {
     if name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" }
 }
 
-/// The folder of a site, and the files elsewhere that its operator chose or allowed. Whoever made a site file may
-/// name any picture of this machine in it, and would see that in what is handed back.
+/// Files that may be read without asking: the site's folder, and files that the operator chose or allowed.
+/// The author of a site file could name any picture on this computer, and would see it in reports.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Reach {
-    /// The folder of the site; of a site that has no file yet, none.
+pub struct AllowedFiles {
+    /// Folder of the site; `None` if the site has no file yet.
     pub folder: Option<PathBuf>,
-    /// Files elsewhere, without links in their paths.
+    /// Allowed files elsewhere, as canonical paths.
     pub allowed: BTreeSet<PathBuf>,
 }
 
-impl Reach {
-    /// Whether a file is within it. `real` tells where a path leads once every link is followed; none where it
-    /// leads nowhere.
+impl AllowedFiles {
+    /// Whether a file may be read. `real` returns the canonical path of a file; `None` if it does not exist.
     #[must_use]
-    pub fn holds(&self, file: &Path, real: impl Fn(&Path) -> Option<PathBuf>) -> bool {
+    pub fn allows(&self, file: &Path, real: impl Fn(&Path) -> Option<PathBuf>) -> bool {
         let Some(file) = real(file) else { return false };
-        // The folder of a file that is named without one is the current one.
+        // A file name without a folder is relative to the current folder.
         let of_site = self.folder.as_deref();
         let folder =
             of_site.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
@@ -77,29 +72,29 @@ impl Reach {
 }
 
 const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::STANDARD;
-/// Prefix of the ids of stored images in the site as the app holds it.
+/// Prefix of the ids of stored images in an open site.
 const STORED: &str = "stored:";
 
-/// What can be said of a document that cannot be opened or saved.
+/// Result of opening or saving a document; the error is a message for the operator.
 pub type FileResult<T> = Result<T, String>;
 
-/// Reads a file that is within reach, as the platform does.
-pub type ReadFile = fn(&Path, &Reach) -> FileResult<Vec<u8>>;
+/// Function of the platform that reads a file that may be read.
+pub type ReadFile = fn(&Path, &AllowedFiles) -> FileResult<Vec<u8>>;
 
-/// Makes the bytes of an image that is not there.
-pub type Make = fn(&str) -> FileResult<Vec<u8>>;
+/// Function that renders the image of this name when its file is missing.
+pub type RenderImage = fn(&str) -> FileResult<Vec<u8>>;
 
-/// Where the images of a site come from.
+/// Image source of a site.
 #[derive(Clone, Debug, Default)]
 pub struct Images {
-    /// What names in the site are relative to.
+    /// Base folder of image names in the site.
     pub folder: Option<PathBuf>,
-    /// Makes an image that is not there.
-    pub missing: Option<Make>,
-    /// Files outside the folder that are read all the same, without links in their paths.
+    /// Function that renders missing images.
+    pub missing: Option<RenderImage>,
+    /// Allowed files outside the folder, as canonical paths.
     pub allowed: BTreeSet<PathBuf>,
     stored: BTreeMap<String, Stored>,
-    /// What `missing` made, so that it is made once.
+    /// Images that `missing` rendered, so that each is rendered once.
     made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
 }
 
@@ -107,18 +102,18 @@ pub struct Images {
 struct Stored {
     bytes: Arc<[u8]>,
     mime: String,
-    /// The file that the bytes are from, if they are from one.
+    /// Name of the source file, if any.
     name: Option<String>,
 }
 
 impl Images {
-    /// Images of files in a folder; one that is not there, `missing` makes.
+    /// Creates an image source for files in a folder. `missing` renders images without a file.
     #[must_use]
-    pub fn beside(folder: Option<PathBuf>, missing: Option<Make>) -> Self {
+    pub fn in_folder(folder: Option<PathBuf>, missing: Option<RenderImage>) -> Self {
         Self { folder, missing, ..Self::default() }
     }
 
-    /// Stores bytes and returns the id by which the site refers to them.
+    /// Stores bytes and returns their id for the site.
     pub fn store(&mut self, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) -> String {
         let known = self.stored.iter().find(|(_, stored)| stored.bytes == bytes).map(|(id, _)| id.clone());
         known.unwrap_or_else(|| {
@@ -128,21 +123,21 @@ impl Images {
         })
     }
 
-    /// What an operator calls an image: the name of its file, without folders.
+    /// Returns the name of an image for the operator: its file name without folders.
     #[must_use]
     pub fn shown_name(&self, name: &str) -> String {
         let own = self.stored.get(name).map_or(Some(name), |stored| stored.name.as_deref());
         let base = own.and_then(|own| own.rsplit(['/', '\\']).next());
-        base.unwrap_or("a picture of this site").to_owned()
+        base.unwrap_or("an image of this site").to_owned()
     }
 
-    /// Stores bytes under the id that they had before.
+    /// Stores bytes under their previous id.
     pub fn restore(&mut self, id: &str, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) {
         let stored = Stored { bytes, mime: mime.to_owned(), name: name.map(str::to_owned) };
         self.stored.insert(id.to_owned(), stored);
     }
 
-    /// Whatever is stored: id, type, name of the file, bytes.
+    /// Returns all stored images: id, MIME type, file name, bytes.
     pub fn stored(&self) -> impl Iterator<Item = (&str, &str, Option<&str>, &[u8])> {
         self.stored
             .iter()
@@ -155,17 +150,17 @@ impl Images {
         self.stored.contains_key(name)
     }
 
-    /// Takes `data:` URIs out of the site into the store, so that a snapshot holds ids only.
-    pub fn take_from(&mut self, site: &mut Site) {
+    /// Moves `data:` URIs from the site to the store, so that snapshots contain ids only.
+    pub fn extract_from(&mut self, site: &mut Site) {
         for image in images_mut(site) {
             let Some((mime, bytes)) = parse_data_uri(image) else { continue };
             *image = self.store(bytes.into(), &mime, None);
         }
     }
 
-    /// The site with stored images as `data:` URIs again, and paths relative to `folder`.
+    /// Returns the site with stored images as `data:` URIs, and paths relative to `folder`.
     #[must_use]
-    pub fn put_into(&self, site: &Site, folder: Option<&Path>) -> Site {
+    pub fn embed_into(&self, site: &Site, folder: Option<&Path>) -> Site {
         let mut site = site.clone();
         for image in images_mut(&mut site) {
             if let Some(stored) = self.stored.get(image.as_str()) {
@@ -179,18 +174,18 @@ impl Images {
         folder.map_or_else(|| site.clone(), |folder| self.rebased(&site, folder))
     }
 
-    /// An image as a `data:` URI, for a page that is to have it within; files are read by `read`.
+    /// Returns an image as a `data:` URI, to be embedded in a page; `read` reads files.
     ///
     /// # Errors
-    /// When it is not there and cannot be made.
+    /// The file is missing and cannot be rendered.
     pub fn embedded(&self, name: &str, read: ReadFile) -> FileResult<(String, Arc<[u8]>)> {
         let bytes = self.reader(name).read(read)?;
         Ok((data_uri(mime_of(&bytes), &bytes), bytes))
     }
 
-    /// The site with the names of its images alone, as files beside it are called.
+    /// Returns the site with stored images replaced by their file names.
     #[must_use]
-    pub fn name_into(&self, site: &Site) -> Site {
+    pub fn with_file_names(&self, site: &Site) -> Site {
         let mut site = site.clone();
         for image in images_mut(&mut site) {
             if let Some(stored) = self.stored.get(image.as_str()) {
@@ -202,7 +197,7 @@ impl Images {
         site
     }
 
-    /// The site with the paths of its images as seen from another folder.
+    /// Returns the site with image paths relative to another folder.
     #[must_use]
     pub fn rebased(&self, site: &Site, folder: &Path) -> Site {
         let mut site = site.clone();
@@ -210,7 +205,7 @@ impl Images {
         site
     }
 
-    /// The name of an image as seen from another folder: what is stored has the same everywhere.
+    /// Returns an image name relative to another folder. Names of stored images do not change.
     #[must_use]
     pub fn rebased_name(&self, image: &str, folder: &Path) -> String {
         if self.stored.contains_key(image) || image.starts_with("data:") {
@@ -224,26 +219,26 @@ impl Images {
         self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name))
     }
 
-    /// Where the file of an image is looked for; none of one that is stored.
+    /// Returns the path of an image's file; `None` for a stored image.
     #[must_use]
     pub fn file(&self, name: &str) -> Option<PathBuf> {
         let is_file = !self.stored.contains_key(name) && !name.starts_with("data:");
         is_file.then(|| self.path(name))
     }
 
-    /// From where files are read without asking.
+    /// Returns the files that may be read without asking.
     #[must_use]
-    pub fn reach(&self) -> Reach {
-        Reach { folder: self.folder.clone(), allowed: self.allowed.clone() }
+    pub fn allowed_files(&self) -> AllowedFiles {
+        AllowedFiles { folder: self.folder.clone(), allowed: self.allowed.clone() }
     }
 
-    /// Where an image comes from, to be read off the frame's path.
+    /// Returns the source of an image, which can be read on another thread.
     #[must_use]
     pub fn reader(&self, name: &str) -> Source {
         Source {
             stored: self.stored.get(name).map(|stored| Arc::clone(&stored.bytes)),
             path: self.path(name),
-            reach: self.reach(),
+            reach: self.allowed_files(),
             missing: self.missing,
             name: name.to_owned(),
             made: Arc::clone(&self.made),
@@ -251,31 +246,31 @@ impl Images {
     }
 }
 
-/// Where an image comes from.
+/// Source of one image.
 #[derive(Clone, Debug)]
 pub struct Source {
     stored: Option<Arc<[u8]>>,
     path: PathBuf,
-    reach: Reach,
-    missing: Option<Make>,
+    reach: AllowedFiles,
+    missing: Option<RenderImage>,
     name: String,
     made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
 }
 
 impl Source {
-    /// The image that a `data:` URI holds.
+    /// Creates the source of an image in a `data:` URI.
     #[must_use]
-    pub fn of_data_uri(uri: &str) -> Option<Self> {
+    pub fn from_data_uri(uri: &str) -> Option<Self> {
         let (mime, bytes) = parse_data_uri(uri)?;
         let mut images = Images::default();
         let id = images.store(bytes.into(), &mime, None);
         Some(images.reader(&id))
     }
 
-    /// Its bytes; those of a file come from `read`.
+    /// Reads its bytes; `read` reads files.
     ///
     /// # Errors
-    /// When it is not there and cannot be made.
+    /// The file is missing and cannot be rendered.
     pub fn read(self, read: ReadFile) -> FileResult<Arc<[u8]>> {
         match (&self.stored, self.missing) {
             (Some(bytes), _) => Ok(Arc::clone(bytes)),
@@ -284,51 +279,51 @@ impl Source {
         }
     }
 
-    /// The name of an image that has to be made, and was not made yet.
+    /// Returns the name of an image that must be rendered and was not rendered yet.
     #[must_use]
-    pub fn made_by_name(&self) -> Option<&str> {
-        let is_to_be_made = self.stored.is_none() && self.missing.is_some() && self.known().is_none();
+    pub fn name_to_render(&self) -> Option<&str> {
+        let is_to_be_made = self.stored.is_none() && self.missing.is_some() && self.rendered().is_none();
         is_to_be_made.then_some(self.name.as_str())
     }
 
-    fn known(&self) -> Option<Arc<[u8]>> {
+    fn rendered(&self) -> Option<Arc<[u8]>> {
         self.made.lock().unwrap_or_else(PoisonError::into_inner).get(&self.name).cloned()
     }
 
-    /// Keeps what was made, so that it is made once.
-    pub fn keep(&self, bytes: Arc<[u8]>) {
+    /// Stores a rendered image, so that it is rendered once.
+    pub fn store_rendered(&self, bytes: Arc<[u8]>) {
         self.made.lock().unwrap_or_else(PoisonError::into_inner).insert(self.name.clone(), bytes);
     }
 
-    fn make(&self, make: Make) -> FileResult<Arc<[u8]>> {
-        if let Some(known) = self.known() {
+    fn make(&self, make: RenderImage) -> FileResult<Arc<[u8]>> {
+        if let Some(known) = self.rendered() {
             return Ok(known);
         }
         let bytes: Arc<[u8]> = make(&self.name)?.into();
-        self.keep(Arc::clone(&bytes));
+        self.store_rendered(Arc::clone(&bytes));
         Ok(bytes)
     }
 }
 
-/// The names of a site's images.
+/// Returns the names of a site's images.
 #[must_use]
 pub fn image_names(site: &Site) -> Vec<String> {
     let plan = site.plan.iter().filter_map(|plan| plan.image.clone());
     site.cameras.iter().filter_map(|camera| camera.image.clone()).chain(plan).collect()
 }
 
-/// The names of a site's images, to be changed.
+/// Returns the names of a site's images for editing.
 pub(crate) fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
     let plan = site.plan.iter_mut().filter_map(|plan| plan.image.as_mut());
     site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan)
 }
 
-/// What the bytes of an image are.
+/// Returns the MIME type of an image by its first bytes.
 fn mime_of(bytes: &[u8]) -> &'static str {
     if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" }
 }
 
-/// Bytes as a `data:` URI.
+/// Returns bytes as a `data:` URI.
 #[must_use]
 pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
     format!("data:{mime};base64,{}", BASE64.encode(bytes))
@@ -339,21 +334,21 @@ fn parse_data_uri(text: &str) -> Option<(String, Vec<u8>)> {
     Some((mime.to_owned(), BASE64.decode(encoded.trim()).ok()?))
 }
 
-/// Reads a site from text; stored images go to the returned store.
+/// Parses a site; embedded images go to the returned store.
 ///
 /// # Errors
-/// When the text is no site: the message names the field.
+/// The text is not a valid site; the message names the field.
 pub fn parse(text: &str, folder: Option<PathBuf>) -> FileResult<(Site, Images)> {
     let mut site = Site::from_json(text).map_err(|error| error.to_string())?;
     let mut images = Images { folder, ..Images::default() };
-    images.take_from(&mut site);
+    images.extract_from(&mut site);
     Ok((site, images))
 }
 
-/// Turns bytes into an image, upright as its EXIF data says.
+/// Decodes an image, rotated upright by its EXIF orientation.
 ///
 /// # Errors
-/// When the bytes are no image, or one too large.
+/// The bytes are not an image, or the image is too large.
 pub fn decode(bytes: &[u8]) -> Result<RgbImage, String> {
     calib_input::decode(bytes).map_err(|error| error.to_string())
 }
@@ -365,7 +360,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_camera_is_called_by_what_tells_it_from_the_others() {
+    fn camera_name_is_the_stem_or_the_folder_of_a_generic_stem() {
         let called = |path: &str| camera_name(Path::new(path));
         assert_eq!(called("/site/yard-north/0000.png"), "yard-north");
         assert_eq!(called("/site/yard-south/frame_0001.jpg"), "yard-south");
@@ -373,7 +368,7 @@ mod tests {
         assert_eq!(called("0000.png"), "0000");
     }
 
-    /// A disk on which `/site/link.png` leads elsewhere.
+    /// Returns the canonical path on a test disk where `/site/link.png` is a link to another folder.
     fn real(path: &Path) -> Option<PathBuf> {
         match path.to_str()? {
             "/site/link.png" | "/site/../private.png" => Some("/private.png".into()),
@@ -383,16 +378,16 @@ mod tests {
     }
 
     #[test]
-    fn what_leads_out_of_the_folder_is_out_of_reach_until_it_is_allowed() {
-        let mut reach = Reach { folder: Some("/site".into()), ..Reach::default() };
-        let holds = |reach: &Reach, path: &str| reach.holds(Path::new(path), real);
+    fn files_outside_the_folder_need_permission() {
+        let mut reach = AllowedFiles { folder: Some("/site".into()), ..AllowedFiles::default() };
+        let holds = |reach: &AllowedFiles, path: &str| reach.allows(Path::new(path), real);
         assert!(holds(&reach, "/site/a.png") && holds(&reach, "/site/stills/a.png"));
         for out in ["/site/link.png", "/site/../private.png", "/siteless/a.png", "/site/gone.png"] {
             assert!(!holds(&reach, out), "{out}");
         }
         reach.allowed.insert("/private.png".into());
         assert!(holds(&reach, "/site/link.png") && holds(&reach, "/private.png"));
-        assert!(!holds(&Reach::default(), "/a.png"), "what has no folder reaches what was chosen alone");
+        assert!(!holds(&AllowedFiles::default(), "/a.png"), "without a folder only chosen files are allowed");
     }
 
     fn site() -> Site {
@@ -402,26 +397,26 @@ mod tests {
     }
 
     #[test]
-    fn data_uris_go_to_the_store_and_come_back() {
-        let (held, images) = parse(&site().to_json(), None).unwrap();
-        assert_eq!(held.cameras[0].image.as_deref(), Some("stored:1"));
-        assert_eq!(images.put_into(&held, None), site());
+    fn data_uris_are_stored_and_restored() {
+        let (parsed, images) = parse(&site().to_json(), None).unwrap();
+        assert_eq!(parsed.cameras[0].image.as_deref(), Some("stored:1"));
+        assert_eq!(images.embed_into(&parsed, None), site());
     }
 
     #[test]
-    fn what_came_with_the_page_goes_out_as_what_it_is() {
+    fn rendered_images_are_embedded_with_their_own_type() {
         let mut camera = SiteCamera::new("a", [4, 3]);
         camera.image = Some("a.png".into());
         let site = Site { cameras: vec![camera], ..Site::new() };
-        let images = Images::beside(None, Some(|name| Err(format!("{name} is rendered for nothing"))));
-        images.reader("a.png").keep(Arc::from([0xff, 0xd8, 0xff].as_slice()));
-        assert_eq!(images.reader("a.png").made_by_name(), None);
-        let sent = images.put_into(&site, None);
+        let images = Images::in_folder(None, Some(|name| Err(format!("{name} is rendered unnecessarily"))));
+        images.reader("a.png").store_rendered(Arc::from([0xff, 0xd8, 0xff].as_slice()));
+        assert_eq!(images.reader("a.png").name_to_render(), None);
+        let sent = images.embed_into(&site, None);
         assert_eq!(sent.cameras[0].image.as_deref(), Some("data:image/jpeg;base64,/9j/"));
     }
 
     #[test]
-    fn what_is_no_image_is_an_error() {
+    fn bytes_that_are_not_an_image_are_an_error() {
         assert!(decode(b"not an image").is_err());
     }
 }

@@ -1,39 +1,39 @@
-//! Files of other programs: what format they are, and their lenses brought to the size of our images.
+//! Files of other programs: detection of their format, and scaling of their lenses to the size of our images.
 
 use calib_core::Pixel;
 
 use calib_formats::{FORMATS, File, Format, Imported};
 use calib_site::{LensEntry, Plan, SiteCamera};
 
-/// Shapes of images that differ by less than this are the same.
-const SHAPE: f64 = 2e-3;
+/// Largest relative difference between the aspect ratios of images that count as equal.
+const MAX_ASPECT_DIFFERENCE: f64 = 2e-3;
 
-/// World files, among the formats that are read.
+/// Returns the world file format.
 fn world_format() -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.name == "worldfile")
 }
 
-/// Endings of world files.
+/// Returns the extensions of world files.
 #[must_use]
 pub fn world_endings() -> &'static [&'static str] {
     world_format().map_or(&[], |format| format.extensions)
 }
 
-/// The plan without its picture, as a world file has it.
+/// Reads a world file: the position and scale of the plan, without its image.
 ///
 /// # Errors
-/// When it cannot be read, or tells of no plan.
-pub fn plan_told_by(file: File) -> Result<Plan, String> {
-    let format = world_format().ok_or_else(|| format!("{}: no world files are read", file.name))?;
+/// The file cannot be read, or does not describe a plan.
+pub fn plan_from_world_file(file: File) -> Result<Plan, String> {
+    let format = world_format().ok_or_else(|| format!("{}: world files are not supported", file.name))?;
     let read = calib_formats::import(format, &[file]).map_err(|error| error.to_string())?;
-    read.site.plan.ok_or_else(|| "A world file without a plan.".into())
+    read.site.plan.ok_or_else(|| "The world file does not describe a plan.".into())
 }
 
-/// The first format that reads the files, by their extensions.
+/// Imports files with the first format that accepts them, by their extensions.
 ///
 /// # Errors
-/// When none does; what every one that was tried says.
-pub fn recognise(files: &[File]) -> Result<(&'static Format, Imported), String> {
+/// No format accepts them; the message contains the error of each format that was tried.
+pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String> {
     let extension = |file: &File| {
         file.name.rsplit_once('.').map_or_else(String::new, |(_, extension)| extension.to_lowercase())
     };
@@ -50,19 +50,19 @@ pub fn recognise(files: &[File]) -> Result<(&'static Format, Imported), String> 
     if wrong.is_empty() {
         let known: Vec<&str> =
             FORMATS.iter().filter(|format| format.can_import()).map(|format| format.name).collect();
-        return Err(format!("No format with this ending is known. Known are {}.", known.join(", ")));
+        return Err(format!("File format not recognised. Supported formats: {}.", known.join(", ")));
     }
-    Err(format!("The files cannot be read. {}", wrong.join("; ")))
+    Err(format!("Cannot read the files. {}", wrong.join("; ")))
 }
 
-/// The lens of a camera for images of another size but the same shape.
+/// Returns the lens of a camera, scaled to images of another size and the same aspect ratio.
 pub(crate) fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, String> {
     let mut lens = camera.lens.clone().unwrap_or_default();
     let ratio = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(camera.size_px[axis].max(1)));
-    if (ratio[0] / ratio[1] - 1.0).abs() > SHAPE {
+    if (ratio[0] / ratio[1] - 1.0).abs() > MAX_ASPECT_DIFFERENCE {
         let [w, h] = camera.size_px;
         return Err(format!(
-            "Camera {:?}: its lens was calibrated on images of {w} \u{d7} {h} px, which are not of the shape of this still, {} \u{d7} {} px. Import the lens of the mode in which the still was taken.",
+            "Camera {:?}: its lens was calibrated for {w} \u{d7} {h} px, and this image ({} \u{d7} {} px) has another aspect ratio. Import the lens for the recording mode of this image.",
             camera.id, size[0], size[1]
         ));
     }
@@ -70,7 +70,7 @@ pub(crate) fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, S
     Ok(lens)
 }
 
-/// Brings a lens to images that are so many times as large.
+/// Scales a lens to images that are larger by a factor.
 pub(crate) fn scale_lens(lens: &mut LensEntry, by: f64) {
     if let Some(focal) = &mut lens.focal_px {
         (focal.value, focal.sigma) = (by * focal.value, focal.sigma.map(|sigma| by * sigma));

@@ -1,4 +1,5 @@
-//! The results of a joint solve: they stay until what they follow from differs, and say when it does.
+//! Results of a joint solve, with the inputs from which they were computed. They are kept until an input
+//! changes.
 
 use calib_core::{Camera, Plane};
 
@@ -7,28 +8,28 @@ use calib_site::{
     Stage,
 };
 
-/// The camera as drawn and entered; a given result is entered.
-pub(crate) fn unsolved(camera: &SiteCamera) -> SiteCamera {
+/// Returns the camera without results, except a result that the operator entered.
+pub(crate) fn without_results(camera: &SiteCamera) -> SiteCamera {
     let given = camera.solution.as_ref().filter(|s| s.method.is_entered()).cloned();
     SiteCamera { solution: given, error: None, ..camera.clone() }
 }
 
-/// The site as drawn and entered: results are found again, what was entered as a result stays.
-pub(crate) fn forget_results(site: &mut Site) {
+/// Removes the results of a site, except results that the operator entered.
+pub(crate) fn remove_results(site: &mut Site) {
     for camera in &mut site.cameras {
         camera.solution.take_if(|solution| !solution.method.is_entered());
         camera.error = None;
     }
     site.solution = None;
-    // A mark that was moved by a solve stays where that put it: here it is dragged on from there.
+    // A mark that a solve moved keeps its new position: it is edited from there.
     site.links.iter_mut().for_each(|link| link.solution = None);
     site.marks.iter_mut().for_each(|mark| mark.solution = None);
     site.planes.iter_mut().for_each(|plane| plane.solution = None);
 }
 
-/// Whether a result of one follows from the other just as well.
-pub(crate) fn same_input(known: &SiteCamera, camera: &SiteCamera) -> bool {
-    // Field by field, so that no camera is cloned to be compared.
+/// Whether two cameras have equal inputs, so that a result of one is valid for the other.
+pub(crate) fn has_same_inputs(known: &SiteCamera, camera: &SiteCamera) -> bool {
+    // Compared by field, to avoid cloning a camera.
     known.id == camera.id
         && known.size_px == camera.size_px
         && known.lens == camera.lens
@@ -42,19 +43,20 @@ pub(crate) fn same_input(known: &SiteCamera, camera: &SiteCamera) -> bool {
         && known.control_points == camera.control_points
 }
 
-/// The results of a joint solve, with what they follow from.
+/// Results of a joint solve, with their inputs.
 #[derive(Clone, Debug)]
 pub(crate) struct Joint {
     site: Site,
     report: Report,
-    /// In the order of its own site; none of a camera that took no part.
+    /// Pose of each camera of `site`; `None` for a camera that was not solved jointly.
     poses: Vec<Option<Camera>>,
-    /// A file brought it along, and not what was found out about the site as a whole: it was out of date.
+    /// Whether the results were read from a file in which they were out of date: it had no results about the
+    /// whole site.
     was_out_of_date: bool,
 }
 
 impl Joint {
-    /// The results of this site.
+    /// Creates the results of a site.
     pub(crate) fn new(site: &Site, report: Report) -> Self {
         let mut poses = vec![None; site.cameras.len()];
         for (index, result) in &report.cameras {
@@ -67,16 +69,17 @@ impl Joint {
         Self { site: site.clone(), report, poses, was_out_of_date }
     }
 
-    /// The results that a file brings along, if its cameras were solved together.
-    pub(crate) fn of_file(site: &Site) -> Option<Report> {
+    /// Returns the results in a file if its cameras were solved jointly.
+    pub(crate) fn report_in_file(site: &Site) -> Option<Report> {
         let is_refined = |camera: &SiteCamera| {
             camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
         };
-        // A camera that is held counts as refined by itself: only what was found of things in common tells.
+        // A fixed camera counts as refined without a joint solve. Only results of links, marks or the site
+        // show that there was one.
         let has_shared = site.solution.is_some()
             || site.links.iter().any(|link| link.solution.is_some())
             || site.marks.iter().any(|mark| mark.solution.is_some());
-        (has_shared && site.cameras.iter().any(is_refined)).then(|| report_of(site))
+        (has_shared && site.cameras.iter().any(is_refined)).then(|| stored_report(site))
     }
 
     pub(crate) const fn report(&self) -> &Report {
@@ -92,76 +95,77 @@ impl Joint {
         result.as_ref().ok()
     }
 
-    /// For every camera of a site its place here, where it took part and what is entered of it is the same.
-    pub(crate) fn places(&self, site: &Site) -> Vec<Option<usize>> {
-        site.cameras.iter().map(|camera| self.place_of(site, camera)).collect()
+    /// Returns, for every camera of a site, its index here if it was solved jointly and its inputs have not
+    /// changed.
+    pub(crate) fn camera_indices(&self, site: &Site) -> Vec<Option<usize>> {
+        site.cameras.iter().map(|camera| self.camera_index(site, camera)).collect()
     }
 
-    fn place_of(&self, site: &Site, camera: &SiteCamera) -> Option<usize> {
+    fn camera_index(&self, site: &Site, camera: &SiteCamera) -> Option<usize> {
         let place = self.site.cameras.iter().position(|known| known.is_same_period(camera))?;
         let took_part = self.poses.get(place)?.is_some();
         let is_same = self.site.scene == site.scene
-            && same_planes(&self.site.planes, &site.planes)
-            && same_input(&self.site.cameras[place], camera);
+            && has_same_planes(&self.site.planes, &site.planes)
+            && has_same_inputs(&self.site.cameras[place], camera);
         (took_part && is_same).then_some(place)
     }
 
-    /// Whether any camera of a site still has its result here.
-    pub(crate) fn is_of_any(&self, site: &Site) -> bool {
-        site.cameras.iter().any(|camera| self.place_of(site, camera).is_some())
+    /// Whether the result here is still valid for any camera of a site.
+    pub(crate) fn applies_to_any(&self, site: &Site) -> bool {
+        site.cameras.iter().any(|camera| self.camera_index(site, camera).is_some())
     }
 
-    /// Whether all that the results follow from is the same in a site: the cameras that took part, the owners
-    /// of their lenses, the plan's scale, and whatever ties cameras together.
-    pub(crate) fn holds_for(&self, site: &Site) -> bool {
+    /// Whether no input has changed in a site: the cameras that were solved, the owners of their lenses, the
+    /// scale of the plan, and all links, marks and distances that connect cameras.
+    pub(crate) fn is_current_for(&self, site: &Site) -> bool {
         !self.was_out_of_date
-            && self.took_part().all(|known| self.has_same(site, known))
+            && self.solved_cameras().all(|known| self.has_same_family(site, known))
             && self.site.plan.as_ref().map(calib_site::Plan::scale)
                 == site.plan.as_ref().map(calib_site::Plan::scale)
             && self.site.scene == site.scene
-            && same_planes(&self.site.planes, &site.planes)
-            && ties(&self.site) == ties(site)
+            && has_same_planes(&self.site.planes, &site.planes)
+            && connections(&self.site) == connections(site)
     }
 
-    /// Whether a camera of this id took part.
-    pub(crate) fn had(&self, id: &str) -> bool {
-        self.took_part().any(|camera| camera.id == id)
+    /// Whether a camera with this id was solved jointly.
+    pub(crate) fn includes_camera(&self, id: &str) -> bool {
+        self.solved_cameras().any(|camera| camera.id == id)
     }
 
-    fn took_part(&self) -> impl Iterator<Item = &SiteCamera> {
+    fn solved_cameras(&self) -> impl Iterator<Item = &SiteCamera> {
         self.site.cameras.iter().zip(&self.poses).filter(|(_, pose)| pose.is_some()).map(|(camera, _)| camera)
     }
 
-    /// Whether a camera that took part, and all with which it shares a lens, are the same in a site.
-    fn has_same(&self, site: &Site, known: &SiteCamera) -> bool {
+    /// Whether the inputs of a camera, and of all cameras that share its lens, are unchanged in a site.
+    fn has_same_family(&self, site: &Site, known: &SiteCamera) -> bool {
         let owner = lens_owner(known);
         let family =
             |site: &'_ Site| site.cameras.iter().filter(|camera| lens_owner(camera) == owner).count();
         let is_same = |own: &&SiteCamera| {
-            site.cameras.iter().any(|now| own.is_same_period(now) && same_input(own, now))
+            site.cameras.iter().any(|now| own.is_same_period(now) && has_same_inputs(own, now))
         };
         let sharing = self.site.cameras.iter().filter(|camera| lens_owner(camera) == owner);
         sharing.filter(is_same).count() == family(&self.site) && family(&self.site) == family(site)
     }
 
-    /// Puts what was found of planes into them, while what is known of planes is what it was then.
-    pub(crate) fn put_planes(&self, planes: &mut [PlaneEntry]) {
-        let same = same_planes(&self.site.planes, planes);
+    /// Copies the plane solutions into `planes` if the plane inputs have not changed since the solve.
+    pub(crate) fn write_planes(&self, planes: &mut [PlaneEntry]) {
+        let same = has_same_planes(&self.site.planes, planes);
         for (index, plane) in planes.iter_mut().enumerate() {
             plane.solution = self.report.planes.get(index).copied().flatten().filter(|_| same);
         }
     }
 
-    /// Where a plane was found, while what is known of planes is what it was then.
+    /// Returns the solution of a plane if the plane inputs have not changed since the solve.
     pub(crate) fn plane(&self, site: &Site, id: &str) -> Option<Plane> {
         let index = site.planes.iter().position(|plane| plane.id == id)?;
         let found = self.report.planes.get(index).copied().flatten();
         let PlaneSolution { height_m, slope, .. } =
-            found.filter(|_| same_planes(&self.site.planes, &site.planes))?;
+            found.filter(|_| has_same_planes(&self.site.planes, &site.planes))?;
         Some(Plane { height: height_m, slope, anchor: site.planes[index].anchor() })
     }
 
-    /// What was found out about a link that is what it was then.
+    /// Returns the solution of a link if the link has not changed since the solve.
     pub(crate) fn link(&self, site: &Site, link: usize) -> Option<&ElementSolution> {
         let now = site.links.get(link)?;
         let place = self.site.links.iter().position(|known| same_link(known, now))?;
@@ -173,7 +177,8 @@ impl Joint {
         self.report.marks.get(place)?.as_ref()
     }
 
-    /// Writes what was found out about links and marks; about the site as a whole while it holds.
+    /// Writes the solutions of links and marks into a site, and the results about the whole site if they are
+    /// current.
     pub(crate) fn write_shared(&self, site: &mut Site, is_current: bool) {
         for index in 0..site.links.len() {
             site.links[index].solution = self.link(site, index).cloned();
@@ -181,12 +186,12 @@ impl Joint {
         for mark in &mut site.marks {
             mark.solution = self.mark(mark).cloned();
         }
-        self.put_planes(&mut site.planes);
+        self.write_planes(&mut site.planes);
         site.solution = Some(self.report.site.clone()).filter(|whole| is_current && !whole.is_empty());
     }
 }
 
-/// The id of the camera whose lens a camera has.
+/// Returns the id of the camera that owns the lens of a camera.
 fn lens_owner(camera: &SiteCamera) -> &str {
     camera.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or(&camera.id)
 }
@@ -199,8 +204,8 @@ fn same_link(a: &Link, b: &Link) -> bool {
         && *seen == b.seen
 }
 
-/// Whether what is known of planes is the same.
-pub(crate) fn same_planes(known: &[PlaneEntry], now: &[PlaneEntry]) -> bool {
+/// Whether the plane inputs are equal.
+pub(crate) fn has_same_planes(known: &[PlaneEntry], now: &[PlaneEntry]) -> bool {
     let is_same = |(a, b): (&PlaneEntry, &PlaneEntry)| {
         let PlaneEntry { id, name: _, height_m, tilt, region, solution: _ } = a;
         (id, region) == (&b.id, &b.region) && (*height_m, *tilt) == (b.height_m, b.tilt)
@@ -216,16 +221,16 @@ fn same_mark(a: &Mark, b: &Mark) -> bool {
         && (*turn_deg, size_m, seen) == (b.turn_deg, &b.size_m, &b.seen)
 }
 
-/// What ties cameras together. What one camera alone shows, and a mark that is not tied to any pixel, tie nothing
-/// unless a distance is measured to it.
+/// Links, marks and distances that connect cameras. A link in one view and a mark without pins connect
+/// nothing, unless a distance to them is measured.
 #[derive(Debug)]
-struct Ties<'a> {
+struct Connections<'a> {
     links: Vec<&'a Link>,
     marks: Vec<&'a Mark>,
     distances: Vec<&'a calib_site::Distance>,
 }
 
-impl PartialEq for Ties<'_> {
+impl PartialEq for Connections<'_> {
     fn eq(&self, other: &Self) -> bool {
         let same = |a: &calib_site::Distance, b: &calib_site::Distance| {
             a.between == b.between && a.length_m == b.length_m && a.keep == b.keep
@@ -239,7 +244,7 @@ impl PartialEq for Ties<'_> {
     }
 }
 
-fn ties(site: &Site) -> Ties<'_> {
+fn connections(site: &Site) -> Connections<'_> {
     let distances: Vec<_> = site.distances.iter().filter(|distance| !distance.off).collect();
     let is_measured =
         |id: &Option<String>| id.as_ref().is_some_and(|id| distances.iter().any(|d| d.between.contains(id)));
@@ -247,11 +252,11 @@ fn ties(site: &Site) -> Ties<'_> {
     let is_pinned = |mark: &&Mark| !mark.off && (!mark.seen.is_empty() || is_measured(&mark.id));
     let links = site.links.iter().filter(is_tie).collect();
     let marks = site.marks.iter().filter(is_pinned).collect();
-    Ties { links, marks, distances }
+    Connections { links, marks, distances }
 }
 
-/// The results that are written into a site.
-pub(crate) fn report_of(site: &Site) -> Report {
+/// Returns the results in a site as a report.
+pub(crate) fn stored_report(site: &Site) -> Report {
     let result = |camera: &SiteCamera| match (&camera.solution, &camera.error) {
         (Some(solution), _) => Some(Ok(solution.clone())),
         (None, error) => error.clone().map(Err),
@@ -263,7 +268,7 @@ pub(crate) fn report_of(site: &Site) -> Report {
         marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
         planes: site.planes.iter().map(|plane| plane.solution).collect(),
         site: site.solution.clone().unwrap_or_default(),
-        // A file has words alone.
+        // A file contains only the text of findings.
         findings: Vec::new(),
         site_findings: Vec::new(),
     }

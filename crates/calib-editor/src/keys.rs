@@ -1,6 +1,6 @@
-//! Keys and what is held with them, as the document's commands and tools name them.
+//! Keys and modifiers, as used by the commands and tools.
 
-/// The keys held with a press, of the pointer or of another key.
+/// Modifier keys that are pressed together with a key or a pointer button.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Modifiers {
     /// Shift.
@@ -14,7 +14,7 @@ pub struct Modifiers {
 }
 
 impl Modifiers {
-    /// None held.
+    /// No modifier.
     pub const NONE: Self = Self { shift: false, ctrl: false, alt: false, command: false };
     /// Shift.
     pub const SHIFT: Self = Self { shift: true, ..Self::NONE };
@@ -28,13 +28,13 @@ impl Modifiers {
 
 macro_rules! keys {
     ($($name:ident $word:literal),* $(,)?) => {
-        /// A key that gives a command or takes a tool.
+        /// Key that runs a command or selects a tool.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[expect(missing_docs, reason = "a key is what its name says")]
+        #[expect(missing_docs, reason = "the names are those of the keys")]
         pub enum Key { $($name),* }
 
         impl Key {
-            /// Its name, as keyboards and browsers have it.
+            /// Returns its name in keyboard events of browsers.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$name => $word),* }
@@ -52,10 +52,10 @@ keys! {
     CloseBracket "]", Minus "Minus", OpenBracket "[", Plus "Plus", Questionmark "?",
 }
 
-/// A key with what is held.
+/// Key with its modifiers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shortcut {
-    /// What is held.
+    /// Modifier keys.
     pub modifiers: Modifiers,
     /// The key.
     pub key: Key,

@@ -5,7 +5,7 @@
 //! The files, in data-flow order:
 //!
 //! - `units`, `keys`: formatting of lengths, and keyboard shortcuts.
-//! - `images`: images of the cameras, files to open, image search beside the site.
+//! - `images`: images of the cameras, files to open, image files of the site.
 //! - `document_difference`, `period`: differences between two documents, and calibration periods of a camera.
 //! - `hit`: parts of an image near the pointer.
 //! - `suggest`, `proposed`: suggested edges, and automatic calibrations of images.
@@ -54,28 +54,33 @@ mod action;
 mod editor;
 mod apply;
 
-pub use action::{Action, NewStill, Opened, PlaceNumber};
-pub use agreement::{Agreement, Apart, agreements, apart, far_links, lines_off, pair_apart};
+pub use action::{Action, NewImage, Opened, PlacementNumber};
+pub use agreement::{
+    Agreement, LinkDistance, agreements, inconsistent_links, line_distance_rms, link_distance,
+    pair_rms_distance,
+};
 pub use calib_image::{Edge, edges};
 pub use command::Command;
 pub use document_difference::differences;
-pub use editor::{Editor, OldStill};
-pub use epipolar::{Trace, post_length};
-pub use family::{Family, Fit, view_of};
+pub use editor::{Editor, ReplacedImage};
+pub use epipolar::{SearchLine, post_length};
+pub use family::{Family, Fit, hfov_deg};
 pub use history::History;
 pub use hit::{Hit, Part};
-pub use images::{FileResult, Images, Make, Reach, ReadFile, Source, data_uri, decode, image_names, parse};
-pub use import::{plan_told_by, recognise, world_endings};
+pub use images::{
+    AllowedFiles, FileResult, Images, ReadFile, RenderImage, Source, data_uri, decode, image_names, parse,
+};
+pub use import::{import_any, plan_from_world_file, world_endings};
 pub use keys::{Key, Modifiers, Shortcut};
-pub use newer::{Newer, OnNewer, held_since};
+pub use newer::{NewerAction, NewerImage, valid_since};
 pub use period::Period;
-pub use proposed::{Hypothesis, OnProposed, Preview, Proposed, ProposedGroup};
+pub use proposed::{CalibrationDecision, Hypothesis, PendingCalibration, PendingGroup, Preview};
 pub use refine::refined;
-pub use session::{Session, corners_of};
+pub use session::{LiveSolve, PendingLines, Revision, Session, ToolSettings, corners_of};
 pub use solved::Solved;
 pub use steps::site_subject;
 pub use tools::{
     Icon, Pane, Phase, PlanHandle, Pointer, TOOLS, Tool, ToolRow, is_inside, plan_handles, plan_scale,
 };
 pub use units::{Units, number};
-pub use verdict::{Standing, Verdict, summary, verdict};
+pub use verdict::{CameraStatus, StatusLevel, camera_status, summary};

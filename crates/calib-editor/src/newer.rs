@@ -1,7 +1,7 @@
-//! Newer stills of cameras, and what became of the cameras by them.
+//! Newer images of the cameras, and the results of comparing them.
 //!
-//! They stand beside the site, not in it nor in its history: the still of a camera that was recovered is the newer one, and
-//! undone it is the old one again, which the newer one was compared with.
+//! They are stored outside the site and its undo history. Recovering a camera replaces its image by the newer
+//! one, and undo restores the old image, against which the newer one was compared.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -15,30 +15,30 @@ use calib_site::{Recovered, Site, SiteCamera};
 use crate::images::camera_name;
 use crate::session::Session;
 
-/// A newer still of a camera.
+/// Newer image of a camera, with the result of the comparison.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Newer {
-    /// The id of the camera, and every other that it was given since: a new id may be undone.
+pub struct NewerImage {
+    /// Id of the camera, and every id to which it was renamed since: a rename may be undone.
     pub ids: BTreeSet<String>,
-    /// The period of the entry that it was compared with: its `valid_from` and `valid_to`.
+    /// `valid_from` and `valid_to` of the camera entry that was compared.
     pub period: [Option<String>; 2],
-    /// The still that it was compared with, as the site calls it.
+    /// Name of the compared image in the site.
     pub old: Option<String>,
-    /// As the site would call it.
+    /// Name of the newer image in the site.
     pub image: String,
-    /// What the operator calls it.
+    /// Name of the newer image for the operator.
     pub title: String,
-    /// Since when the camera stands as it shows (RFC 3339): when it was taken, or what the operator said; empty where
-    /// neither is known.
+    /// Time since when the camera has its new pose (RFC 3339): the capture time of the image, or as entered
+    /// by the operator; empty if unknown.
     pub since: String,
-    /// The camera that it was compared with.
+    /// Pose and lens that were compared.
     pub pose: Camera,
-    /// What became of it.
+    /// Result of the comparison.
     pub comparison: Comparison,
 }
 
-impl Newer {
-    /// Whether it tells of this entry: of its period and its still.
+impl NewerImage {
+    /// Whether the comparison belongs to this camera entry: same period and same image.
     #[must_use]
     pub fn is_of(&self, entry: &SiteCamera) -> bool {
         let is_period = self.period.each_ref().map(Option::as_ref)
@@ -46,29 +46,30 @@ impl Newer {
         self.ids.contains(&entry.id) && self.old == entry.image && entry.image.is_some() && is_period
     }
 
-    /// Whether another one tells of the same entry.
+    /// Whether two comparisons belong to the same camera entry.
     #[must_use]
-    pub fn is_beside(&self, other: &Self) -> bool {
+    pub fn is_same_camera(&self, other: &Self) -> bool {
         (&self.old, &self.period) == (&other.old, &other.period) && !self.ids.is_disjoint(&other.ids)
     }
 
-    /// Whether it was taken before another one; where a time is not known, it was not.
+    /// Whether the image was taken before another one; false if a time is unknown.
     #[must_use]
     pub fn is_before(&self, other: &Self) -> bool {
         let [own, other] = [&self.since, &other.since].map(|time| nanoseconds(time.trim()));
         own.zip(other).is_some_and(|(own, other)| own < other)
     }
 
-    /// Whether the camera turned or zoomed in its place: then it may be recovered.
+    /// Whether the camera was rotated or zoomed at an unchanged position, so that it can be recovered.
     #[must_use]
     pub fn has_moved(&self) -> bool {
         self.comparison.became == Became::Moved
     }
 }
 
-/// Since when the calibration of a camera holds, in seconds since 1970: as it says, or since its still was taken by its name.
+/// Returns the start of the validity of a calibration, in seconds since 1970: its `valid_from`, otherwise the
+/// capture time in the name of its image.
 #[must_use]
-pub fn held_since(session: &Session, camera: usize) -> Option<u64> {
+pub fn valid_since(session: &Session, camera: usize) -> Option<u64> {
     let entry = session.site.cameras.get(camera)?;
     let of_still = || {
         let name = session.images.shown_name(entry.image.as_deref()?);
@@ -78,21 +79,21 @@ pub fn held_since(session: &Session, camera: usize) -> Option<u64> {
     u64::try_from(nanoseconds(&valid_from)? / 1_000_000_000).ok()
 }
 
-/// A time (RFC 3339) in nanoseconds since 1970.
+/// Converts a time (RFC 3339) to nanoseconds since 1970.
 fn nanoseconds(time: &str) -> Option<i64> {
     let entry = SiteCamera { valid_from: Some(time.to_owned()), ..SiteCamera::new("", [1, 1]) };
     entry.period_ns().ok().map(|[from, _]| from)
 }
 
-/// What is done with newer stills.
+/// Action on newer images.
 #[derive(Clone, Debug)]
-pub enum OnNewer {
-    /// A still was compared; it takes the place of an older one of its camera.
-    Compared(Box<Newer>),
-    /// Since when that of the camera in hand holds.
-    Since(String),
-    /// That of the camera in hand is put aside.
+pub enum NewerAction {
+    /// Stores the result of a comparison and replaces an older one of the same camera.
+    Compared(Box<NewerImage>),
+    /// Sets the time since when the newer image of the selected camera applies.
+    SetSince(String),
+    /// Removes the newer image of the selected camera.
     Dismiss,
-    /// The camera of this id was recovered of a site as it was then.
+    /// Applies the recovery of the camera with this id: the site from which it was computed, and the result.
     Recovered(String, Box<(Site, Recovered)>),
 }

@@ -1,32 +1,32 @@
-//! Which period of which camera something is of, whatever is done to the list of cameras meanwhile.
+//! Identity of a calibration period of a camera, independent of its index in the list.
 
 use calib_site::{Site, SiteCamera};
 
-/// A period of a camera: an id may repeat, with another time from which it holds.
+/// Calibration period of a camera: an id may occur again with another start time.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Period {
-    /// The id of the camera.
+    /// Id of the camera.
     pub camera: String,
-    /// Its `valid_from`.
+    /// `valid_from` of the entry.
     pub from: Option<String>,
 }
 
 impl Period {
-    /// That of an entry.
+    /// Returns the period of a camera entry.
     #[must_use]
-    pub fn of(entry: &SiteCamera) -> Self {
+    pub fn from_camera(entry: &SiteCamera) -> Self {
         Self { camera: entry.id.clone(), from: entry.valid_from.clone() }
     }
 
-    /// Whether an entry is of it.
+    /// Whether a camera entry has this period.
     #[must_use]
-    pub fn is_of(&self, entry: &SiteCamera) -> bool {
+    pub fn matches(&self, entry: &SiteCamera) -> bool {
         (&self.camera, &self.from) == (&entry.id, &entry.valid_from)
     }
 
-    /// The index of its entry.
+    /// Returns the index of its entry in a site.
     #[must_use]
     pub fn index(&self, site: &Site) -> Option<usize> {
-        site.cameras.iter().position(|entry| self.is_of(entry))
+        site.cameras.iter().position(|entry| self.matches(entry))
     }
 }

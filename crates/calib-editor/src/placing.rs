@@ -1,4 +1,4 @@
-//! Stage 2 by hand: where the operator puts a camera.
+//! Stage 2 by hand: placement of cameras by the operator.
 
 use calib_core::Placement;
 
@@ -8,7 +8,7 @@ use crate::refine::rounded;
 use crate::session::Session;
 
 impl Session {
-    /// How a camera stands, as a placement to change: what was entered, or what follows from its pose.
+    /// Returns the placement of a camera for editing: as entered, or derived from its pose.
     #[must_use]
     pub fn placement(&self, index: usize) -> Option<Placement> {
         let now = self.solved.pose(index).map(Placement::of);
@@ -17,7 +17,8 @@ impl Session {
         Some(Placement { scale, ..entry.placement() })
     }
 
-    /// Places a camera; what else the entry says stays. Who only moves or turns it says nothing of its height.
+    /// Places a camera; other fields of the entry are kept. Moving or rotating a camera does not set its
+    /// scale.
     pub fn place(&mut self, index: usize, placement: Placement) {
         let is_scaled =
             self.placement(index).is_none_or(|now| (placement.scale / now.scale - 1.0).abs() > 1e-9);
@@ -31,9 +32,9 @@ impl Session {
         }
     }
 
-    /// Whether control points say where a camera stands, so that a hand does not.
+    /// Whether control points determine the position of a camera, so that it cannot be moved by hand.
     #[must_use]
-    pub fn is_held_by_points(&self, index: usize) -> bool {
+    pub fn is_fixed_by_control_points(&self, index: usize) -> bool {
         self.site.cameras.get(index).is_some_and(|camera| {
             let is_usable = |p: &&calib_site::ControlPointEntry| {
                 !p.off && p.control_point(self.site.plan.as_ref()).is_some()

@@ -1,6 +1,7 @@
-//! Verbs on planes besides the floor, and on what lies on them. Nothing here knows a screen.
+//! Edits of planes other than the floor, and of the annotations on them. Independent of the user interface.
 //!
-//! Where links and marks are by what is known today: hints for whoever measures, never measurements.
+//! Also estimated positions and lengths of links, marks and lines: hints for the operator, never
+//! measurements.
 
 use std::collections::BTreeSet;
 
@@ -13,33 +14,33 @@ use crate::epipolar::post_length;
 use crate::hit::Part;
 use crate::session::Session;
 
-/// What is done to planes; the site changes by one gesture.
+/// Action on planes; each is one undo step.
 #[derive(Clone, Debug)]
-pub enum Planes {
-    /// Takes a plane in hand: its numbers are shown, and its region is the one that is drawn.
+pub enum PlaneAction {
+    /// Selects a plane: its values are shown, and the region tool draws its region.
     Choose(Option<usize>),
-    /// Adds one of which nothing is known, and takes it in hand.
+    /// Adds a plane without known values, and selects it.
     Add,
-    /// Deletes one; what lies on it lies on the floor from then on.
+    /// Deletes a plane; its annotations return to the floor.
     Delete(usize),
-    /// Gives one another id, everywhere.
+    /// Changes the id of a plane and all references to it.
     Rename(usize, String),
-    /// Changes what is known of one.
+    /// Changes the known values of a plane.
     Set {
-        /// Its index.
+        /// Index of the plane.
         index: usize,
-        /// What is known from now on.
+        /// Changed entry.
         plane: Box<PlaneEntry>,
-        /// What this does, as it reads after "Undo".
+        /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Its region is what the field of view of the camera in hand covers.
-    TakeField(usize),
-    /// What is selected lies on the plane of this id, or on the floor.
-    Lay(Option<String>),
+    /// Sets its region to the field of view of the selected camera.
+    SetRegionFromField(usize),
+    /// Assigns the selected parts to the plane with this id, or to the floor.
+    Assign(Option<String>),
 }
 
-/// Adds a plane of which nothing is known; its index.
+/// Adds a plane without known values and returns its index.
 pub fn add_plane(site: &mut Site) -> usize {
     let is_free = |id: &String| site.planes.iter().all(|plane| plane.id != *id);
     let id = (1..).map(|number| format!("plane {number}")).find(is_free).unwrap_or_default();
@@ -47,29 +48,29 @@ pub fn add_plane(site: &mut Site) -> usize {
     site.planes.len() - 1
 }
 
-/// Gives a plane another id, everywhere; whether it is free.
+/// Changes the id of a plane and all references to it. Returns false if the id is empty or in use.
 pub fn rename_plane(site: &mut Site, index: usize, id: &str) -> bool {
     let is_taken = site.planes.iter().enumerate().any(|(other, plane)| other != index && plane.id == id);
     let Some(plane) = site.planes.get_mut(index).filter(|_| !is_taken && !id.is_empty()) else {
         return false;
     };
     let old = std::mem::replace(&mut plane.id, id.to_owned());
-    for own in ties(site).filter(|own| own.as_ref() == Some(&old)) {
+    for own in plane_references(site).filter(|own| own.as_ref() == Some(&old)) {
         *own = Some(id.to_owned());
     }
     true
 }
 
-/// Deletes a plane; what lies on it returns to the floor.
+/// Deletes a plane; its annotations return to the floor.
 pub fn delete_plane(site: &mut Site, index: usize) {
     if index < site.planes.len() {
         let PlaneEntry { id, .. } = site.planes.remove(index);
-        ties(site).filter(|own| own.as_ref() == Some(&id)).for_each(|own| *own = None);
+        plane_references(site).filter(|own| own.as_ref() == Some(&id)).for_each(|own| *own = None);
     }
 }
 
-/// Everything that names a plane.
-fn ties(site: &mut Site) -> impl Iterator<Item = &mut Option<String>> {
+/// Returns all references to planes.
+fn plane_references(site: &mut Site) -> impl Iterator<Item = &mut Option<String>> {
     let cameras = site.cameras.iter_mut().flat_map(|camera| {
         let drawn = camera.annotations.iter_mut().map(|annotation| &mut annotation.plane);
         drawn.chain(std::iter::once(&mut camera.efov_plane))
@@ -77,31 +78,32 @@ fn ties(site: &mut Site) -> impl Iterator<Item = &mut Option<String>> {
     cameras.chain(site.links.iter_mut().map(|link| &mut link.plane))
 }
 
-/// Puts the corners of the region of a plane; what was solved of it no longer holds.
+/// Sets the region of a plane and discards its solution.
 pub fn set_region(plane: &mut PlaneEntry, region: Vec<FloorPoint>) {
     (plane.region, plane.solution) = (region, None);
 }
 
-/// Whether lines of this annotation can lie on a plane besides the floor.
+/// Whether an annotation can be assigned to a plane other than the floor.
 #[must_use]
-pub fn can_lie(annotation: &Annotation) -> bool {
+pub fn supports_plane(annotation: &Annotation) -> bool {
     let row = annotation.kind.row();
     row.is_level() || row.constraint == ConstraintKind::Upright
 }
 
-/// On which planes the parts lie that can lie on one; the floor is `None`. Empty where none of them can.
+/// Returns the planes of those parts that can be assigned to one; the floor is `None`. Empty if no part can.
 #[must_use]
-pub fn planes_under(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet<Option<String>> {
+pub fn planes_of_parts(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet<Option<String>> {
     let entry = site.cameras.get(camera);
     let drawn = lines_of(parts).into_iter().filter_map(|(annotation, _)| entry?.annotations.get(annotation));
-    let drawn = drawn.filter(|annotation| can_lie(annotation)).map(|annotation| annotation.plane.clone());
+    let drawn =
+        drawn.filter(|annotation| supports_plane(annotation)).map(|annotation| annotation.plane.clone());
     let links = links_of(parts).into_iter().filter_map(|link| Some(site.links.get(link)?.plane.clone()));
     let field = entry.filter(|_| has_field(parts)).map(|entry| entry.efov_plane.clone());
     drawn.chain(links).chain(field).collect()
 }
 
-/// Lays the parts that can lie on a plane on the one of this id, or on the floor.
-pub fn lay(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, plane: Option<&String>) {
+/// Assigns the parts that can be on a plane to the plane with this id, or to the floor.
+pub fn assign_plane(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, plane: Option<&String>) {
     for link in links_of(parts) {
         if let Some(link) = site.links.get_mut(link) {
             link.plane = plane.cloned();
@@ -109,7 +111,8 @@ pub fn lay(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, plane: Option
     }
     let Some(entry) = site.cameras.get_mut(camera) else { return };
     for (annotation, _) in lines_of(parts) {
-        if let Some(annotation) = entry.annotations.get_mut(annotation).filter(|drawn| can_lie(drawn)) {
+        if let Some(annotation) = entry.annotations.get_mut(annotation).filter(|drawn| supports_plane(drawn))
+        {
             annotation.plane = plane.cloned();
         }
     }
@@ -127,9 +130,9 @@ fn has_field(parts: &BTreeSet<Part>) -> bool {
     parts.iter().any(|part| matches!(part, Part::Field | Part::Corner(_)))
 }
 
-/// Where a link or mark of this id is, by the cameras that show it.
+/// Returns the estimated position of a link or mark, by its id, from the cameras that show it.
 #[must_use]
-pub fn place_of(session: &Session, id: &str) -> Option<WorldPoint> {
+pub fn estimated_position(session: &Session, id: &str) -> Option<WorldPoint> {
     let is_own = |own: &Option<String>| own.as_deref() == Some(id);
     if let Some(mark) = session.site.marks.iter().find(|mark| is_own(&mark.id)) {
         return Some(mark.at_m);
@@ -143,7 +146,7 @@ pub fn place_of(session: &Session, id: &str) -> Option<WorldPoint> {
     let raised = plane.raised(link.height_m.unwrap_or(0.0));
     let seen = link.seen.iter().filter_map(|seen| {
         let camera = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
-        session.solved.placed(camera)?.pixel_to_plane(seen.px.or(seen.foot)?, &raised)
+        session.solved.placed_pose(camera)?.pixel_to_plane(seen.px.or(seen.foot)?, &raised)
     });
     let places: Vec<_> = seen.collect();
     let count = places.len() as f64;
@@ -151,15 +154,15 @@ pub fn place_of(session: &Session, id: &str) -> Option<WorldPoint> {
     (!places.is_empty()).then(|| WorldPoint::new(mean(|at| at.x), mean(|at| at.y), mean(|at| at.z)))
 }
 
-/// How far two links or marks are from each other, in metres.
+/// Returns the estimated distance between two links or marks, in metres.
 #[must_use]
 pub fn estimated_distance(session: &Session, [a, b]: &[String; 2]) -> Option<f64> {
-    Some(place_of(session, a)?.distance(place_of(session, b)?))
+    Some(estimated_position(session, a)?.distance(estimated_position(session, b)?))
 }
 
-/// How long a post looks in a view that shows it, in metres.
+/// Returns the estimated height of a post in a view that shows it, in metres.
 #[must_use]
-pub fn estimated_post(session: &Session, link: &Link) -> Option<f64> {
+pub fn estimated_post_height(session: &Session, link: &Link) -> Option<f64> {
     let plane = session.solved.plane(&session.site, link.plane.as_deref());
     link.seen.iter().filter(|_| link.kind == LinkKind::Post).find_map(|seen| {
         let index = session.site.cameras.iter().position(|camera| camera.id == seen.camera)?;
@@ -168,9 +171,9 @@ pub fn estimated_post(session: &Session, link: &Link) -> Option<f64> {
     })
 }
 
-/// How long a line of the floor looks to the camera in hand, in metres.
+/// Returns the estimated length of a floor line in the selected camera, in metres.
 #[must_use]
-pub fn estimated_line(session: &Session, line: &[Pixel]) -> Option<f64> {
+pub fn estimated_line_length(session: &Session, line: &[Pixel]) -> Option<f64> {
     let on_floor = |pixel: &Pixel| session.pose()?.pixel_to_floor(*pixel, 0.0);
     Some(on_floor(line.first()?)?.distance(on_floor(line.last()?)?))
 }
@@ -178,7 +181,7 @@ pub fn estimated_line(session: &Session, line: &[Pixel]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use calib_core::{Kind, Pixel};
-    use calib_site::{Link, LinkKind, LinkSeen, SiteCamera};
+    use calib_site::{Link, LinkKind, LinkObservation, SiteCamera};
 
     use super::*;
     use crate::edit::add_line;
@@ -190,7 +193,7 @@ mod tests {
         add_line(&mut camera, Kind::Parallel, line(20.0), false);
         add_line(&mut camera, Kind::Upright, line(30.0), false);
         camera.efov_px = Some([[10.0, 470.0], [600.0, 470.0], [300.0, 200.0]].map(Pixel::from).to_vec());
-        let seen = LinkSeen { px: Some(Pixel::new(300.0, 300.0)), ..LinkSeen::new("a") };
+        let seen = LinkObservation { px: Some(Pixel::new(300.0, 300.0)), ..LinkObservation::new("a") };
         let links = vec![Link::new(Some("k".into()), LinkKind::Point, vec![seen])];
         Site { cameras: vec![camera], links, ..Site::new() }
     }
@@ -201,15 +204,15 @@ mod tests {
     }
 
     #[test]
-    fn what_can_lie_on_a_plane_is_laid_on_it_and_follows_its_name() {
+    fn supported_parts_are_assigned_to_a_plane_and_follow_its_name() {
         let mut site = site();
-        assert_eq!(planes_under(&site, 0, &parts()), [None].into());
+        assert_eq!(planes_of_parts(&site, 0, &parts()), [None].into());
         let index = add_plane(&mut site);
         let id = site.planes[index].id.clone();
-        lay(&mut site, 0, &parts(), Some(&id));
-        assert_eq!(site.cameras[0].annotations[0].plane, None, "a vertical lies nowhere");
+        assign_plane(&mut site, 0, &parts(), Some(&id));
+        assert_eq!(site.cameras[0].annotations[0].plane, None, "a vertical has no plane");
         assert!(rename_plane(&mut site, index, "ramp"));
-        assert_eq!(planes_under(&site, 0, &parts()), [Some("ramp".to_owned())].into());
+        assert_eq!(planes_of_parts(&site, 0, &parts()), [Some("ramp".to_owned())].into());
         assert_eq!(
             (site.links[0].plane.as_deref(), site.cameras[0].efov_plane.as_deref()),
             (Some("ramp"), Some("ramp"))
@@ -218,21 +221,21 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_is_taken_is_not_given() {
+    fn plane_is_not_renamed_to_a_used_name() {
         let mut site = site();
         let (a, b) = (add_plane(&mut site), add_plane(&mut site));
         let id = site.planes[a].id.clone();
         assert!(!rename_plane(&mut site, b, &id) && !rename_plane(&mut site, b, ""));
-        assert!(rename_plane(&mut site, a, &id), "its own");
+        assert!(rename_plane(&mut site, a, &id), "its own id");
     }
 
     #[test]
-    fn what_lay_on_a_deleted_plane_lies_on_the_floor() {
+    fn parts_of_a_deleted_plane_return_to_the_floor() {
         let mut site = site();
         let before = site.clone();
         let index = add_plane(&mut site);
         let id = site.planes[index].id.clone();
-        lay(&mut site, 0, &parts(), Some(&id));
+        assign_plane(&mut site, 0, &parts(), Some(&id));
         delete_plane(&mut site, index);
         assert!(site == before);
     }

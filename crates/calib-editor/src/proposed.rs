@@ -1,13 +1,14 @@
-//! What the still of a camera proposes to draw, beside what is drawn, until the operator takes it or does not.
+//! Undecided automatic calibration of an image, shown in addition to the annotations until the operator
+//! accepts or dismisses it.
 //!
-//! Nothing of it is in the site: a group is drawn once it is taken. Groups of floor lines are told apart by the name of
-//! their direction, which becomes the id of the annotation: what is taken later of a direction joins what was taken
-//! of it, and directions at right angles are tied once both are drawn.
+//! The site does not contain it: a group is added to the site when it is accepted. Groups of floor lines are
+//! distinguished by the name of their direction, which becomes the id of the annotation. A group that is
+//! accepted later joins the annotation of its direction. Directions at right angles are linked once both are
+//! accepted.
 //!
-//! The camera as it would be with all that is proposed, and which group of it to ask about first.
-//!
-//! That is the group with which the solve predicts the least relative error of floor lengths: the covariance decides,
-//! as it does for what is to be drawn next.
+//! Also the preview of the camera with all groups accepted, and the group to decide first. That group
+//! minimises the predicted relative error of floor lengths. The prediction uses the covariance, as for
+//! suggestions of what to draw next.
 
 use calib_core::{Annotation, Camera, Kind, Lens, Orientation, Pixel};
 use calib_image::{Group, Lies, Proposal, Reason, Verdict};
@@ -16,44 +17,44 @@ use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution
 use crate::period::Period;
 use crate::{hit, suggest};
 
-/// Lines of a kind that are proposed together.
+/// Group of detected lines of one kind, to be accepted together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ProposedGroup {
-    /// What they would be drawn as: verticals, parallels or straight edges.
+pub struct PendingGroup {
+    /// Kind of the annotation: verticals, parallels or straight edges.
     pub kind: Kind,
-    /// The direction on the floor that they lead in, or would if they lay there.
+    /// Name of their direction on the floor, which applies if they are floor lines.
     pub direction: String,
-    /// As they would be drawn.
+    /// Lines, as they would be annotated.
     pub lines: Vec<Vec<Pixel>>,
-    /// That a line belongs, in the order of the lines.
+    /// Probability of each line that it belongs to the group, in the order of the lines.
     pub probabilities: Vec<f64>,
-    /// Where a line lies, in the order of the lines.
-    pub lies: Vec<Lies>,
+    /// Class of each line, in the order of the lines.
+    pub classes: Vec<Lies>,
 }
 
-impl ProposedGroup {
-    /// That all of it belongs: the mean over its lines.
+impl PendingGroup {
+    /// Returns the mean of the probabilities of its lines.
     #[must_use]
     pub fn probability(&self) -> f64 {
         self.probabilities.iter().sum::<f64>() / self.probabilities.len().max(1) as f64
     }
 
-    /// Leaves a line out.
-    pub(crate) fn leave_out(&mut self, line: usize) {
+    /// Removes a line.
+    pub(crate) fn reject_line(&mut self, line: usize) {
         if line < self.lines.len() {
             self.lines.remove(line);
             self.probabilities.remove(line);
-            self.lies.remove(line);
+            self.classes.remove(line);
         }
     }
 
-    /// How many of its lines lie so.
+    /// Returns the number of its lines in a class.
     #[must_use]
-    pub fn lying(&self, so: Lies) -> usize {
-        self.lies.iter().filter(|&&lies| lies == so).count()
+    pub fn count_of_class(&self, class: Lies) -> usize {
+        self.classes.iter().filter(|&&own| own == class).count()
     }
 
-    /// What it is called.
+    /// Returns the name of the group for the operator.
     #[must_use]
     pub fn title(&self) -> &str {
         match self.kind {
@@ -63,7 +64,7 @@ impl ProposedGroup {
         }
     }
 
-    /// Verticals become floor lines of their direction, floor lines verticals; what tells the lens alone is neither.
+    /// Changes verticals to floor lines and floor lines to verticals. Straight edges stay unchanged.
     pub(crate) const fn flip(&mut self) {
         self.kind = match self.kind {
             Kind::Vertical => Kind::Parallel,
@@ -72,10 +73,10 @@ impl ProposedGroup {
         };
     }
 
-    /// Those of a group of edges that are not drawn on a camera yet.
+    /// Creates the group from the detected edges that are not annotated yet.
     fn of(group: &Group, direction: String, entry: &SiteCamera) -> Self {
-        let told = group.probabilities.iter().copied().zip(group.lies.iter().copied());
-        Self::of_lines(group.annotation.kind, direction, group.annotation.polylines().zip(told), entry)
+        let scores = group.probabilities.iter().copied().zip(group.lies.iter().copied());
+        Self::of_lines(group.annotation.kind, direction, group.annotation.polylines().zip(scores), entry)
     }
 
     fn of_lines(
@@ -86,91 +87,92 @@ impl ProposedGroup {
     ) -> Self {
         let is_new = |(line, _): &(Vec<Pixel>, (f64, Lies))| {
             let ends = line.first().copied().zip(line.last().copied());
-            ends.is_some_and(|(from, to)| !suggest::is_drawn(&[from, to], entry))
+            ends.is_some_and(|(from, to)| !suggest::is_annotated(&[from, to], entry))
         };
-        let (lines, told): (_, Vec<(f64, Lies)>) = lines.filter(is_new).unzip();
-        let (probabilities, lies) = told.into_iter().unzip();
-        Self { kind, direction, lines, probabilities, lies }
+        let (lines, scores): (_, Vec<(f64, Lies)>) = lines.filter(is_new).unzip();
+        let (probabilities, classes) = scores.into_iter().unzip();
+        Self { kind, direction, lines, probabilities, classes }
     }
 }
 
-/// What the operator decides on what the still of the camera in hand proposes; groups and lines by their index.
+/// Decision of the operator about the automatic calibration of the selected camera; groups and lines by
+/// index.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum OnProposed {
-    /// Chooses a line with its group, or none.
-    Pick(Option<(usize, usize)>),
-    /// Draws all of it.
+pub enum CalibrationDecision {
+    /// Selects a line with its group, or none.
+    SelectLine(Option<(usize, usize)>),
+    /// Accepts all groups.
     AcceptAll,
-    /// Of two cameras that explain the edges alike it is this one, or the other one.
+    /// Chooses one of two cameras that explain the edges equally well.
     Decide {
-        /// The other one.
+        /// Whether the alternative is chosen.
         other: bool,
     },
-    /// Draws a group.
+    /// Accepts a group.
     Accept(usize),
-    /// Verticals become floor lines, floor lines verticals.
+    /// Changes verticals to floor lines, or floor lines to verticals.
     Flip(usize),
-    /// A group leads in the floor direction of this name.
-    Turn(usize, String),
-    /// A group is not to be drawn.
+    /// Assigns a group to the floor direction with this name.
+    SetDirection(usize, String),
+    /// Rejects a group.
     Delete(usize),
-    /// A line of a group is not to be drawn.
-    LeaveOut(usize, usize),
-    /// Nothing of it is to be drawn.
+    /// Rejects a line of a group.
+    RejectLine(usize, usize),
+    /// Dismisses the whole automatic calibration.
     Dismiss,
 }
 
-/// What the still of one camera proposes.
+/// Undecided automatic calibration of one camera.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Proposed {
+pub struct PendingCalibration {
     /// The camera.
     pub of: Period,
-    /// Whether to believe it.
-    pub verdict: Verdict,
-    /// Why it is not sure.
+    /// Confidence of the automatic calibration.
+    pub confidence: Verdict,
+    /// Reasons why the confidence is not `sure`.
     pub reasons: Vec<Reason>,
-    /// What is not decided yet.
-    pub groups: Vec<ProposedGroup>,
-    /// The camera that all edges make, where they make one.
+    /// Undecided groups.
+    pub groups: Vec<PendingGroup>,
+    /// Orientation that was estimated from all edges, if any.
     pub orientation: Option<Orientation>,
-    /// Another camera that explains the edges nearly as well: with its own groups, to be taken in place of these.
+    /// Alternative camera that explains the edges almost as well, with its own groups.
     pub alternative: Option<Box<Hypothesis>>,
-    /// Directions at right angles.
+    /// Pairs of directions at right angles.
     ties: Vec<[String; 2]>,
-    /// The distortion with which the lines were found.
+    /// Distortion assumed for the detection of the lines.
     distortion: Option<DistortionEntry>,
 }
 
-/// A camera that would explain the edges of a still.
+/// Camera that would explain the edges of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
-    /// Its roll, pitch and focal.
+    /// Its roll, pitch and focal length.
     pub orientation: Orientation,
     /// Its groups.
-    groups: Vec<ProposedGroup>,
-    /// Of its directions, those at right angles.
+    groups: Vec<PendingGroup>,
+    /// Pairs of its directions at right angles.
     ties: Vec<[String; 2]>,
 }
 
 impl Hypothesis {
-    /// What it is to whoever looks at the image, of so many pixels across: how wide it looks, and where to.
+    /// Returns a short description for an image of this width in pixels: field of view and pitch.
     #[must_use]
-    pub fn words(orientation: &Orientation, width: f64) -> String {
+    pub fn description(orientation: &Orientation, width: f64) -> String {
         let wide = 2.0 * (0.5 * width / orientation.focal).atan().to_degrees();
         let down = orientation.pitch.to_degrees();
         let way = if down < 0.0 { "up" } else { "down" };
-        format!("{wide:.0}\u{b0} wide, {:.0}\u{b0} {way}", down.abs())
+        format!("{wide:.0}\u{b0} wide, tilted {:.0}\u{b0} {way}", down.abs())
     }
 }
 
-impl Proposed {
-    /// What a proposal adds to a camera: lines that are drawn already are left out.
+impl PendingCalibration {
+    /// Creates it from an automatic calibration. Lines that are annotated already are omitted.
     #[must_use]
     pub fn new(entry: &SiteCamera, proposal: &Proposal) -> Self {
         let straight = proposal.straight.iter().map(|line| (line.clone(), (1.0, Lies::Open)));
-        let straight = ProposedGroup::of_lines(Kind::Straight, String::new(), straight, entry);
+        let straight = PendingGroup::of_lines(Kind::Straight, String::new(), straight, entry);
         let drawable = |groups: &[Group]| {
-            let (mut groups, ties) = named(entry, groups);
+            let (mut groups, ties) = name_directions(entry, groups);
             groups.insert(0, straight.clone());
             groups.retain(|group| !group.lines.is_empty());
             (groups, ties)
@@ -181,8 +183,8 @@ impl Proposed {
             Box::new(Hypothesis { orientation: other.orientation, groups, ties })
         });
         Self {
-            of: Period::of(entry),
-            verdict: proposal.verdict,
+            of: Period::from_camera(entry),
+            confidence: proposal.verdict,
             reasons: proposal.reasons.clone(),
             groups,
             orientation: proposal.solution.as_ref().and_then(orientation),
@@ -192,8 +194,8 @@ impl Proposed {
         }
     }
 
-    /// Another camera explains the edges as well, and the operator sees which it is: this one, or the `other` one. What
-    /// spoke against it besides still does.
+    /// Chooses between two cameras that explain the edges equally well: this one, or the `other` one. Other
+    /// reasons against it remain.
     pub(crate) fn decide(&mut self, other: bool) {
         let Some(rival) = self.alternative.take() else { return };
         if other {
@@ -202,19 +204,19 @@ impl Proposed {
         }
         self.reasons.retain(|reason| !matches!(reason, Reason::TwoHypotheses { .. }));
         if self.reasons.is_empty() {
-            self.verdict = Verdict::Check;
+            self.confidence = Verdict::Check;
         }
     }
 
-    /// How many lines are not decided yet.
+    /// Returns the number of undecided lines.
     #[must_use]
     pub fn count(&self) -> usize {
         self.groups.iter().map(|group| group.lines.len()).sum()
     }
 
-    /// The group and line that lie under a pixel as the lens bends them.
+    /// Returns the group and line at a pixel, as shown with distortion.
     #[must_use]
-    pub fn under(&self, lens: &Lens, at: Pixel, radius: f64) -> Option<(usize, usize)> {
+    pub fn line_at(&self, lens: &Lens, at: Pixel, radius: f64) -> Option<(usize, usize)> {
         let lines = self.groups.iter().enumerate().flat_map(|(group, of)| {
             of.lines.iter().enumerate().filter_map(move |(line, points)| {
                 Some(((group, line), hit::nearest_drawn(lens, points, at)?.1))
@@ -224,7 +226,7 @@ impl Proposed {
         near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(which, _)| which)
     }
 
-    /// The floor directions that a group may lead in: those there are, and one more.
+    /// Returns the floor directions to which a group can be assigned: the existing ones and a new one.
     #[must_use]
     pub fn directions(&self) -> Vec<String> {
         let mut own: Vec<String> = Vec::new();
@@ -234,37 +236,37 @@ impl Proposed {
             }
         }
         own.sort();
-        own.extend(names().find(|name| !own.contains(name)));
+        own.extend(direction_names().find(|name| !own.contains(name)));
         own
     }
 
-    /// The camera with some groups drawn.
+    /// Returns the camera with some groups accepted.
     #[must_use]
-    pub(crate) fn drawn(&self, entry: &SiteCamera, which: impl Fn(usize) -> bool) -> SiteCamera {
+    pub(crate) fn with_groups(&self, entry: &SiteCamera, which: impl Fn(usize) -> bool) -> SiteCamera {
         let mut drawn = entry.clone();
         let chosen = self.groups.iter().enumerate().filter(|(index, _)| which(*index));
-        let groups: Vec<&ProposedGroup> = chosen.map(|(_, group)| group).collect();
+        let groups: Vec<&PendingGroup> = chosen.map(|(_, group)| group).collect();
         for group in &groups {
-            self.draw(&mut drawn, group);
+            self.add_group(&mut drawn, group);
         }
         if !groups.is_empty() {
-            self.give_lens(&mut drawn);
+            self.set_distortion(&mut drawn);
         }
         drawn
     }
 
-    fn draw(&self, entry: &mut SiteCamera, group: &ProposedGroup) {
+    fn add_group(&self, entry: &mut SiteCamera, group: &PendingGroup) {
         match group.kind {
             Kind::Straight => {
                 entry.annotations.extend(group.lines.iter().cloned().map(Annotation::of_points));
             }
-            Kind::Parallel => self.draw_level(entry, group),
+            Kind::Parallel => self.add_floor_lines(entry, group),
             kind => entry.annotations.push(Annotation::of_segments(kind, group.lines.clone())),
         }
     }
 
-    /// Floor lines join those of their direction, and are tied to what is at right angles to them.
-    fn draw_level(&self, entry: &mut SiteCamera, group: &ProposedGroup) {
+    /// Adds floor lines to the annotation of their direction, and links it to a direction at right angles.
+    fn add_floor_lines(&self, entry: &mut SiteCamera, group: &PendingGroup) {
         let of = |id: &String| entry.annotations.iter().position(|drawn| drawn.id.as_ref() == Some(id));
         if let Some(known) = of(&group.direction) {
             entry.annotations[known].segments.get_or_insert_default().extend(group.lines.clone());
@@ -279,8 +281,9 @@ impl Proposed {
         });
     }
 
-    /// The distortion that the lines were found with, where nothing is known of it and no edges are to tell it.
-    fn give_lens(&self, entry: &mut SiteCamera) {
+    /// Sets the distortion with which the lines were detected, if the distortion is unknown and no straight
+    /// edges can determine it.
+    fn set_distortion(&self, entry: &mut SiteCamera) {
         let has_edges = entry.annotations.iter().any(Annotation::is_straight_edge);
         let waits = self.groups.iter().any(|group| group.kind == Kind::Straight);
         let known = entry.lens.as_ref().is_some_and(|lens| lens.like.is_some() || lens.distortion.is_some());
@@ -290,11 +293,11 @@ impl Proposed {
     }
 }
 
-/// Groups of edges under names of directions that no annotation of the camera has, and which of these are at right
-/// angles.
-fn named(entry: &SiteCamera, groups: &[Group]) -> (Vec<ProposedGroup>, Vec<[String; 2]>) {
+/// Names the directions of groups by ids that no annotation of the camera has. Also returns the pairs of
+/// directions at right angles.
+fn name_directions(entry: &SiteCamera, groups: &[Group]) -> (Vec<PendingGroup>, Vec<[String; 2]>) {
     let is_taken = |name: &String| entry.annotations.iter().any(|drawn| drawn.id.as_ref() == Some(name));
-    let mut free = names().filter(|name| !is_taken(name));
+    let mut free = direction_names().filter(|name| !is_taken(name));
     let mut name = |group: &Group| (group.annotation.id.clone(), free.next().unwrap_or_default());
     let (plumb, level): (Vec<&Group>, Vec<&Group>) =
         groups.iter().partition(|group| group.annotation.kind == Kind::Vertical);
@@ -306,46 +309,47 @@ fn named(entry: &SiteCamera, groups: &[Group]) -> (Vec<ProposedGroup>, Vec<[Stri
     };
     let ties = level.iter().zip(&names).filter_map(tie).collect();
     let named = plumb.iter().zip(names.iter().skip(level.len())).chain(level.iter().zip(&names));
-    let groups = named.map(|(group, (_, direction))| ProposedGroup::of(group, direction.clone(), entry));
+    let groups = named.map(|(group, (_, direction))| PendingGroup::of(group, direction.clone(), entry));
     (groups.collect(), ties)
 }
 
-/// Of a camera that was solved.
+/// Returns the orientation of a solution, if it has one.
 fn orientation(solution: &Solution) -> Option<Orientation> {
     let [roll, pitch] = [solution.roll_deg?, solution.pitch_deg?].map(f64::to_radians);
     Some(Orientation { roll, pitch, focal: solution.focal_px })
 }
 
-/// Names of floor directions.
-fn names() -> impl Iterator<Item = String> {
+/// Returns names of floor directions.
+fn direction_names() -> impl Iterator<Item = String> {
     (1..).map(|number| format!("floor {number}"))
 }
 
-/// The camera as it would be with all that is proposed.
+/// Camera with its whole automatic calibration accepted.
 #[derive(Clone, Debug)]
 pub struct Preview {
-    /// From what it follows.
-    from: (SiteCamera, Proposed),
-    /// What the solve makes of it, where it does.
+    /// Inputs of the computation.
+    from: (SiteCamera, PendingCalibration),
+    /// Its solution, if there is one.
     pub solution: Option<Solution>,
     /// Its pose.
     pub pose: Option<Camera>,
-    /// The group that would tell most.
+    /// Group to decide first: it minimises the predicted error of floor lengths.
     pub next: Option<usize>,
 }
 
 impl Preview {
-    /// Of a camera, with its pose as far as it is known.
+    /// Computes the preview of a camera, given its current pose if known.
     #[must_use]
-    pub fn new(entry: &SiteCamera, pose: Option<&Camera>, proposed: &Proposed) -> Self {
-        let bare = alone(entry, pose);
-        let with = |which: &dyn Fn(usize) -> bool| solved(proposed.drawn(&bare, which));
+    pub fn new(entry: &SiteCamera, pose: Option<&Camera>, proposed: &PendingCalibration) -> Self {
+        let bare = unlinked(entry, pose);
+        let with = |which: &dyn Fn(usize) -> bool| solved(proposed.with_groups(&bare, which));
         let solution = with(&|_| true);
         let off = |group: usize| {
             let sigma = with(&|other| other == group)?.sigma?;
             sigma.floor_length_rel.filter(|rel| rel.is_finite())
         };
-        // Without floor there is nothing to compare; the lens comes before all else.
+        // Without a solved floor, errors cannot be compared: the first group, which contains the straight
+        // edges, is decided first.
         let first = || (!proposed.groups.is_empty()).then_some(0);
         let best = (0..proposed.groups.len()).filter_map(|group| Some((group, off(group)?)));
         let next = best.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(group, _)| group).or_else(first);
@@ -353,18 +357,18 @@ impl Preview {
         Self { from: (entry.clone(), proposed.clone()), solution, pose, next }
     }
 
-    /// Whether it is still of this camera and this proposal.
+    /// Whether it was computed from this camera and this automatic calibration.
     #[must_use]
-    pub fn is_of(&self, entry: &SiteCamera, proposed: &Proposed) -> bool {
+    pub fn is_current(&self, entry: &SiteCamera, proposed: &PendingCalibration) -> bool {
         self.from.0 == *entry && self.from.1 == *proposed
     }
 }
 
-/// What is drawn on a camera and known of its lens, and nothing that ties it to others.
-fn alone(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
+/// Returns the camera without links to others: its annotations and its known lens only.
+fn unlinked(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
     let like = entry.lens.as_ref().is_some_and(|lens| lens.like.is_some());
     SiteCamera {
-        lens: if like { given(entry, pose) } else { entry.lens.clone() },
+        lens: if like { fixed_lens(entry, pose) } else { entry.lens.clone() },
         annotations: entry.annotations.clone(),
         efov_px: entry.efov_px.clone(),
         sigma_px: entry.sigma_px,
@@ -373,25 +377,26 @@ fn alone(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
     }
 }
 
-/// The lens of a pose, as if it had been entered.
-fn given(entry: &SiteCamera, pose: Option<&Camera>) -> Option<LensEntry> {
+/// Returns the lens of a pose as a lens entry.
+fn fixed_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Option<LensEntry> {
     let own = entry.lens.clone().unwrap_or_default();
     let distortion = pose.and_then(|pose| {
-        let entry = DistortionEntry::of(&pose.lens, pose.lens.focal)?;
+        let entry = DistortionEntry::from_lens(&pose.lens, pose.lens.focal)?;
         Some(DistortionEntry { focal_px: Some(pose.lens.focal), fit: None, ..entry })
     });
     let distortion = distortion.or(own.distortion.clone().filter(|entry| entry.distortion().is_some()));
-    // That of a fisheye came from its edges.
+    // The principal point of a fisheye was estimated from its edges.
     let centre = pose.filter(|pose| pose.lens.distortion.is_wide()).map(|pose| pose.lens.principal_point);
     let principal_point_px = centre.or(own.principal_point_px);
     Some(LensEntry { like: None, distortion, principal_point_px, ..own })
         .filter(|lens| *lens != LensEntry::default())
 }
 
-/// The camera with nothing drawn, its lens given where it is known by now: what a proposal starts from.
+/// Returns the camera without annotations, with its lens fixed if it is known: the input of an automatic
+/// calibration.
 #[must_use]
-pub(crate) fn undrawn(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
-    SiteCamera { lens: given(entry, pose), ..SiteCamera::new(entry.id.clone(), entry.size_px) }
+pub(crate) fn without_annotations(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
+    SiteCamera { lens: fixed_lens(entry, pose), ..SiteCamera::new(entry.id.clone(), entry.size_px) }
 }
 
 fn solved(entry: SiteCamera) -> Option<Solution> {

@@ -1,10 +1,11 @@
-//! The joint solve of a whole site, written back as placements.
+//! Joint solve of a whole site, written back as placements.
 
 use calib_core::Placement;
 
 use calib_site::{Options, PlacementEntry, Site, Solution, Stage};
 
-/// The site with cameras and marks where all evidence together puts them, and with its results.
+/// Returns the site with the jointly estimated poses of cameras and marks as placements, and with its
+/// results.
 #[must_use]
 pub fn refined(mut site: Site) -> Site {
     let report = site.calibrate(&Options::default());
@@ -12,7 +13,8 @@ pub fn refined(mut site: Site) -> Site {
         let pose = result.as_ref().ok().filter(|s| s.stage == Stage::Refined);
         if let Some(pose) = pose.and_then(Solution::camera) {
             let entry = &mut site.cameras[*index];
-            entry.placement = Some(with_holds(entry.placement.as_ref(), rounded(Placement::of(&pose))));
+            entry.placement =
+                Some(keep_fixed_numbers(entry.placement.as_ref(), rounded(Placement::of(&pose))));
         }
     }
     for (mark, found) in site.marks.iter_mut().zip(&report.marks) {
@@ -20,12 +22,12 @@ pub fn refined(mut site: Site) -> Site {
             (mark.at_m, mark.turn_deg) = (found.at_m, found.turn_deg.unwrap_or(mark.turn_deg));
         }
     }
-    // From where they stand now, as whoever opens the file will find it.
+    // Solved again from the new placements, as a program that opens the file does.
     site.calibrate(&Options::default()).write_into(&site)
 }
 
-/// A new placement with what the one before holds, to the last digit.
-fn with_holds(before: Option<&PlacementEntry>, mut now: PlacementEntry) -> PlacementEntry {
+/// Returns a new placement in which the fixed numbers keep their previous values exactly.
+fn keep_fixed_numbers(before: Option<&PlacementEntry>, mut now: PlacementEntry) -> PlacementEntry {
     let Some(before) = before else { return now };
     let held = before.held;
     let pick = |is_held: bool, before: f64, now: f64| if is_held { before } else { now };
@@ -35,7 +37,7 @@ fn with_holds(before: Option<&PlacementEntry>, mut now: PlacementEntry) -> Place
     PlacementEntry { fixed: before.fixed, held, ..now }
 }
 
-/// What was dragged is known to a tenth of a millimetre at best; files should not claim more.
+/// Rounds a placement: it is known to 0.1 mm at best, and files should not claim more.
 pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
     let round = |value: f64, digits: f64| (value * digits).round() / digits;
     let mut entry = PlacementEntry::from(placement);

@@ -13,15 +13,75 @@ use calib_site::{Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warn
 use crate::history::History;
 use crate::hit::Part;
 use crate::images::Images;
-use crate::joint::{Joint, forget_results, same_input};
+use crate::joint::{Joint, has_same_inputs, remove_results};
 use crate::proposed;
-use crate::proposed::Proposed;
+use crate::proposed::PendingCalibration;
 use crate::refine::rounded;
 use crate::solved::{Solved, keep_polygon};
 use crate::units::Units;
 
 /// Largest duration of a joint solve that runs during editing, in milliseconds.
-const BLINK: f64 = 80.0;
+const MAX_LIVE_JOINT_SOLVE_MS: f64 = 80.0;
+
+/// Settings of the tools.
+#[derive(Clone, Debug)]
+pub struct ToolSettings {
+    /// Index of the selected plane: the region tool draws on it.
+    pub plane: Option<usize>,
+    /// Kind of mark that the mark tool creates.
+    pub mark_kind: MarkKind,
+    /// Whether the next line begins a new annotation.
+    pub fresh_group: bool,
+    /// Two points of the plan for which the operator has not entered a distance yet.
+    pub measured: Option<[PlanPixel; 2]>,
+    /// Floor point about which a polygon is rotated, in metres, if the operator pinned one.
+    pub pivot: Option<[f64; 2]>,
+    /// Display unit of lengths.
+    pub units: Units,
+    /// Whether dragging on the plan snaps to round numbers.
+    pub snap: bool,
+}
+
+/// Lines that the operator has not decided about: suggestions and automatic calibrations.
+#[derive(Clone, Debug)]
+pub struct PendingLines {
+    /// Suggestions that the operator dismissed, each with the id of its camera.
+    pub(crate) dismissed: Vec<(String, Drawing)>,
+    /// Undecided automatic calibrations, at most one per camera.
+    pub(crate) proposed: Arc<Vec<PendingCalibration>>,
+    /// Selected (group, line) of the automatic calibration of the selected camera.
+    pub(crate) picked_line: Option<(usize, usize)>,
+}
+
+/// Counter of finished gestures, for autosave.
+#[derive(Clone, Debug)]
+pub struct Revision {
+    /// Number of finished gestures; autosave compares it.
+    pub generation: u64,
+    /// Generation that was saved last.
+    pub saved: u64,
+}
+
+/// State of solving during editing.
+#[derive(Clone, Debug)]
+pub struct LiveSolve {
+    /// Poses at the last finished gesture: the reference for polygons that keep their position.
+    pub(crate) settled: Vec<Option<Camera>>,
+    /// Inputs of those poses.
+    pub(crate) settled_cameras: Vec<Arc<SiteCamera>>,
+    /// Number of slow solves that are left in this frame; `None` without frames, where it is unlimited.
+    pub(crate) solves_left: Option<u32>,
+    /// Whether a gesture ended without being solved.
+    pub(crate) is_solve_postponed: bool,
+    /// Whether the joint result was current at the last finished gesture.
+    pub(crate) was_joint_current: bool,
+    /// Duration of the last joint solve during editing, in milliseconds.
+    pub(crate) last_joint_solve_ms: f64,
+    /// Largest accepted duration of a joint solve during editing, in milliseconds.
+    pub max_joint_solve_ms: f64,
+    /// Poses before the last joint solve.
+    pub before_refine: Option<Vec<Option<Camera>>>,
+}
 
 /// Site that is being edited, with its history, results and selection.
 #[derive(Clone, Debug)]
@@ -40,56 +100,24 @@ pub struct Session {
     pub camera: usize,
     /// Selected parts of its image.
     pub selection: BTreeSet<Part>,
-    /// Index of the selected plane: the region tool draws on it.
-    pub plane: Option<usize>,
-    /// Kind of mark that the mark tool creates.
-    pub mark_kind: MarkKind,
-    /// Whether the next line begins a new annotation.
-    pub fresh_group: bool,
-    /// Two points of the plan for which the operator has not entered a distance yet.
-    pub measured: Option<[PlanPixel; 2]>,
-    /// Floor point about which a polygon is rotated, in metres, if the operator pinned one.
-    pub pivot: Option<[f64; 2]>,
-    /// Suggestions that the operator dismissed, each with the id of its camera.
-    pub(crate) dismissed: Vec<(String, Drawing)>,
-    /// Undecided automatic calibrations, at most one per camera.
-    pub(crate) proposed: Arc<Vec<Proposed>>,
-    /// Selected (group, line) of the automatic calibration of the selected camera.
-    pub(crate) picked: Option<(usize, usize)>,
-    /// Display unit of lengths.
-    pub units: Units,
-    /// Whether dragging on the plan snaps to round numbers.
-    pub snap: bool,
     /// Last event, as a sentence for the status line.
     pub note: Option<String>,
-    /// Number of finished gestures; autosave compares it.
-    pub generation: u64,
-    /// Generation that was saved last.
-    pub saved: u64,
-    /// Poses at the last finished gesture: the reference for polygons that keep their position.
-    settled: Vec<Option<Camera>>,
-    /// Inputs of those poses.
-    pub(crate) settled_cameras: Vec<Arc<SiteCamera>>,
-    /// Number of slow solves that are left in this frame; `None` without frames, where it is unlimited.
-    pub(crate) solves_left: Option<u32>,
-    /// Whether a gesture ended without being solved.
-    pub(crate) is_put_off: bool,
-    /// Whether the joint result was current at the last finished gesture.
-    pub(crate) was_joint_current: bool,
-    /// Duration of the last joint solve during editing, in milliseconds.
-    pub(crate) joint_took: f64,
-    /// Largest accepted duration of a joint solve during editing, in milliseconds.
-    pub joint_may_take: f64,
-    /// Poses before the last joint solve.
-    pub before_refine: Option<Vec<Option<Camera>>>,
+    /// Settings of the tools.
+    pub tool: ToolSettings,
+    /// Lines that the operator has not decided about: suggestions and automatic calibrations.
+    pub pending: PendingLines,
+    /// Counter of finished gestures, for autosave.
+    pub revision: Revision,
+    /// State of solving during editing.
+    pub live: LiveSolve,
 }
 
 impl Session {
     /// Creates a session for this site.
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
-        let joint = Joint::of_file(&site);
-        forget_results(&mut site);
+        let joint = Joint::report_in_file(&site);
+        remove_results(&mut site);
         let history = History::new(&site);
         let mut session = Self {
             site,
@@ -99,33 +127,34 @@ impl Session {
             path,
             camera: 0,
             selection: BTreeSet::new(),
-            plane: None,
-            mark_kind: MarkKind::Box,
-            fresh_group: false,
-            measured: None,
-            pivot: None,
-            dismissed: Vec::new(),
-            proposed: Arc::default(),
-            picked: None,
-            units: Units::default(),
-            snap: false,
             note: None,
-            generation: 0,
-            saved: 0,
-            settled: Vec::new(),
-            settled_cameras: Vec::new(),
-            solves_left: None,
-            is_put_off: false,
-            was_joint_current: false,
-            joint_took: 0.0,
-            joint_may_take: BLINK,
-            before_refine: None,
+            tool: ToolSettings {
+                plane: None,
+                mark_kind: MarkKind::Box,
+                fresh_group: false,
+                measured: None,
+                pivot: None,
+                units: Units::default(),
+                snap: false,
+            },
+            pending: PendingLines { dismissed: Vec::new(), proposed: Arc::default(), picked_line: None },
+            revision: Revision { generation: 0, saved: 0 },
+            live: LiveSolve {
+                settled: Vec::new(),
+                settled_cameras: Vec::new(),
+                solves_left: None,
+                is_solve_postponed: false,
+                was_joint_current: false,
+                last_joint_solve_ms: 0.0,
+                max_joint_solve_ms: MAX_LIVE_JOINT_SOLVE_MS,
+                before_refine: None,
+            },
         };
         if let Some(report) = joint {
-            session.solved.keep_joint(Joint::new(&session.site, report));
+            session.solved.add_joint(Joint::new(&session.site, report));
         }
         session.solve();
-        session.settle();
+        session.store_reference();
         session
     }
 
@@ -142,47 +171,47 @@ impl Session {
 
     /// Returns the undecided automatic calibration of the selected camera.
     #[must_use]
-    pub fn proposed(&self) -> Option<&Proposed> {
+    pub fn proposed(&self) -> Option<&PendingCalibration> {
         let camera = self.entry()?;
-        self.proposed.iter().find(|own| own.of.is_of(camera))
+        self.pending.proposed.iter().find(|own| own.of.matches(camera))
     }
 
     /// Returns the selected (group, line) of that automatic calibration.
     #[must_use]
-    pub const fn picked(&self) -> Option<(usize, usize)> {
-        self.picked
+    pub const fn picked_line(&self) -> Option<(usize, usize)> {
+        self.pending.picked_line
     }
 
     /// Returns the selected camera as the input of an automatic calibration: without annotations, with its
     /// lens fixed if known.
     #[must_use]
-    pub fn undrawn(&self) -> Option<SiteCamera> {
-        Some(proposed::undrawn(self.entry()?, self.pose()))
+    pub fn without_annotations(&self) -> Option<SiteCamera> {
+        Some(proposed::without_annotations(self.entry()?, self.pose()))
     }
 
     /// Removes automatic calibrations whose camera was removed or has another image now.
-    fn forget_stale(&mut self) {
+    fn remove_stale_calibrations(&mut self) {
         let (before, site) = (self.history.cameras(), &self.site);
-        let still = |camera: &SiteCamera| (camera.image.clone(), camera.size_px);
-        let is_stale = |own: &Proposed| {
-            let now = site.cameras.iter().find(|camera| own.of.is_of(camera));
-            let was = before.iter().find(|camera| own.of.is_of(camera));
-            now.is_none_or(|now| was.is_some_and(|was| still(now) != still(was)))
+        let image_of = |camera: &SiteCamera| (camera.image.clone(), camera.size_px);
+        let is_stale = |own: &PendingCalibration| {
+            let now = site.cameras.iter().find(|camera| own.of.matches(camera));
+            let was = before.iter().find(|camera| own.of.matches(camera));
+            now.is_none_or(|now| was.is_some_and(|was| image_of(now) != image_of(was)))
         };
-        if self.proposed.iter().any(is_stale) {
-            Arc::make_mut(&mut self.proposed).retain(|own| !is_stale(own));
-            self.picked = None;
+        if self.pending.proposed.iter().any(is_stale) {
+            Arc::make_mut(&mut self.pending.proposed).retain(|own| !is_stale(own));
+            self.pending.picked_line = None;
         }
     }
 
     /// Whether links and marks may be drawn on a camera; otherwise sets the note. They belong to the image of
     /// the newest calibration period of an id.
-    pub(crate) fn may_share(&mut self, camera: usize) -> bool {
-        let may = self.site.has_shared(camera);
+    pub(crate) fn check_may_share(&mut self, camera: usize) -> bool {
+        let may = self.site.owns_links(camera);
         if !may && let Some(entry) = self.site.cameras.get(camera) {
             let id = &entry.id;
             self.note = Some(format!(
-                "This calibration of {id} has ended: links and pins are drawn on the newest still of {id}."
+                "This calibration of {id} has ended. Draw links and pins on the newest image of {id}."
             ));
         }
         may
@@ -214,7 +243,7 @@ impl Session {
         let mut moved = false;
         for index in 0..self.site.cameras.len() {
             let (Some(before), Some(Some(settled))) =
-                (self.settled_cameras.get(index), self.settled.get(index))
+                (self.live.settled_cameras.get(index), self.live.settled.get(index))
             else {
                 continue;
             };
@@ -239,7 +268,7 @@ impl Session {
             };
             if camera.placement.as_ref() != Some(&kept) {
                 self.site.cameras[index].placement = Some(kept);
-                self.note = Some("The polygon stays where it lies on the plan.".into());
+                self.note = Some("Field of view kept in place on the plan.".into());
                 moved = true;
             }
         }
@@ -247,21 +276,22 @@ impl Session {
     }
 
     /// Stores the current poses as the reference for the next gesture.
-    pub(crate) fn settle(&mut self) {
-        self.settled_cameras = self.history.cameras().to_vec();
-        self.was_joint_current = self.solved.is_joint_current();
+    pub(crate) fn store_reference(&mut self) {
+        self.live.settled_cameras = self.history.cameras().to_vec();
+        self.live.was_joint_current = self.solved.is_joint_current();
         let number = self.solved.joint_number();
-        self.solved.descend_from(number);
+        self.solved.set_lineage(number);
         self.history.set_joint(number);
-        self.settled = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
+        self.live.settled =
+            (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
     /// Returns the message of a warning with the names of annotations as in the app: "V1" instead of
     /// "Vertical (annotation 0)", which is the name in a file.
     #[must_use]
-    pub fn as_on_screen(&self, camera: usize, warning: &Warning) -> String {
+    pub fn warning_text(&self, camera: usize, warning: &Warning) -> String {
         match self.solved.finding(&self.site, camera, warning) {
-            Some(finding) => self.site.in_english(Some(camera), finding, Names::OnScreen).message,
+            Some(finding) => self.site.describe_finding(Some(camera), finding, Names::OnScreen).message,
             None => warning.message.clone(),
         }
     }
@@ -269,17 +299,17 @@ impl Session {
     /// Returns the poses at the last finished gesture.
     #[must_use]
     pub fn settled(&self) -> &[Option<Camera>] {
-        &self.settled
+        &self.live.settled
     }
 
     /// Discards the kept solution of an ended period once its annotations are changed.
-    fn forget_kept(&mut self) {
+    fn discard_changed_solutions(&mut self) {
         let before = self.history.cameras();
         for camera in &mut self.site.cameras {
             let is_kept = camera.solution.as_ref().is_some_and(|found| found.method == Method::Kept);
             let same_period = |was: &&Arc<SiteCamera>| was.id == camera.id && was.valid_to == camera.valid_to;
             let was = before.iter().find(same_period);
-            if is_kept && was.is_some_and(|was| !same_input(was, camera)) {
+            if is_kept && was.is_some_and(|was| !has_same_inputs(was, camera)) {
                 camera.solution = None;
             }
         }
@@ -287,85 +317,85 @@ impl Session {
 
     /// Ends a gesture as an undo step with this name. A gesture that makes the site invalid is reverted.
     pub fn commit(&mut self, name: impl Into<String>) {
-        self.forget_kept();
+        self.discard_changed_solutions();
         if let Err(error) = self.site.check() {
             self.revert();
-            self.note = Some(format!("Not possible: {}.", error.message()));
+            self.note = Some(format!("Change reverted: {}.", error.message()));
         }
         let is_solved = self.solve_in_frame();
         if is_solved {
-            self.refine_on_the_way();
+            self.refine_if_fast();
         }
-        self.forget_stale();
-        let is_other = !self.history.is_at(&self.site);
-        self.history.commit(name, &self.site, &self.proposed);
+        self.remove_stale_calibrations();
+        let is_other = !self.history.is_unchanged(&self.site);
+        self.history.commit(name, &self.site, &self.pending.proposed);
         if is_other {
-            self.generation += 1;
-            self.before_refine = None;
+            self.revision.generation += 1;
+            self.live.before_refine = None;
         }
-        self.is_put_off = !is_solved;
+        self.live.is_solve_postponed = !is_solved;
         if is_solved {
-            self.settle();
+            self.store_reference();
         }
     }
 
     /// Restores the site to the start of the current gesture.
     pub fn revert(&mut self) {
-        self.history.put_back(&mut self.site);
+        self.history.restore_last(&mut self.site);
     }
 
     /// Undoes the last gesture.
     pub fn undo(&mut self) {
         if let Some((site, name)) = self.history.undo() {
-            self.restore(site, format!("Undone: {name}."));
+            self.restore(site, format!("Undo: {name}"));
         }
     }
 
     /// Redoes the gesture that was undone last.
     pub fn redo(&mut self) {
         if let Some((site, name)) = self.history.redo() {
-            self.restore(site, format!("Done again: {name}."));
+            self.restore(site, format!("Redo: {name}"));
         }
     }
 
     fn restore(&mut self, site: Site, note: String) {
-        self.generation += u64::from(self.site != site);
+        self.revision.generation += u64::from(self.site != site);
         self.site = site;
-        self.proposed = Arc::clone(self.history.proposed());
+        self.pending.proposed = Arc::clone(self.history.proposed());
         self.selection.clear();
-        self.picked = None;
-        self.plane = self.plane.filter(|&plane| plane < self.site.planes.len());
-        self.before_refine = None;
+        self.pending.picked_line = None;
+        self.tool.plane = self.tool.plane.filter(|&plane| plane < self.site.planes.len());
+        self.live.before_refine = None;
         self.camera = self.camera.min(self.site.cameras.len().saturating_sub(1));
         self.note = Some(note);
-        self.is_put_off = false;
-        self.solved.descend_from(self.history.joint());
+        self.live.is_solve_postponed = false;
+        self.solved.set_lineage(self.history.joint());
         // Cleared before solving, so that no polygon is kept at an undone position.
-        self.settled.clear();
+        self.live.settled.clear();
         self.solve();
-        self.settle();
+        self.store_reference();
     }
 
     /// Selects a camera.
-    pub fn choose(&mut self, camera: usize) {
+    pub fn select_camera(&mut self, camera: usize) {
         if camera != self.camera && camera < self.site.cameras.len() {
             self.camera = camera;
             self.selection.clear();
-            self.picked = None;
-            self.pivot = None;
+            self.pending.picked_line = None;
+            self.tool.pivot = None;
         }
     }
 
     /// Selects only this part.
     pub fn select_only(&mut self, camera: usize, part: Part) {
-        self.choose(camera);
+        self.select_camera(camera);
         self.selection = BTreeSet::from([part]);
     }
 
     /// Whether the site has no unsaved changes.
     #[must_use]
     pub const fn is_saved(&self) -> bool {
-        self.generation == self.saved
+        self.revision.generation == self.revision.saved
     }
 
     /// Returns the vertical edges of a camera's prism: at the annotated corners only, not where distortion
@@ -402,36 +432,36 @@ pub fn corners_of(camera: &SiteCamera) -> Vec<Pixel> {
 }
 
 /// Duration of a solve that may run many times in a frame, in milliseconds.
-const NOTHING: f64 = 2.0;
+const FAST_SOLVE_MS: f64 = 2.0;
 
 impl Session {
     /// Begins a frame: a slow solve then runs at most once per frame.
     pub(crate) fn begin_frame(&mut self) {
-        self.solves_left = Some(1);
+        self.live.solves_left = Some(1);
     }
 
     /// Solves the site unless a slow solve already ran in this frame. Returns false if the solve was
     /// postponed.
     pub(crate) fn solve_in_frame(&mut self) -> bool {
-        if self.solves_left == Some(0) && self.solved.milliseconds > NOTHING {
+        if self.live.solves_left == Some(0) && self.solved.milliseconds > FAST_SOLVE_MS {
             return false;
         }
         if self.solve() {
-            self.solves_left = self.solves_left.map(|left| left.saturating_sub(1));
+            self.live.solves_left = self.live.solves_left.map(|left| left.saturating_sub(1));
         }
         true
     }
 
     /// Runs a postponed solve; its effects are added to the last gesture.
-    pub(crate) fn catch_up(&mut self) {
+    pub(crate) fn solve_postponed(&mut self) {
         // If another gesture is in progress, its end solves both.
-        if !self.is_put_off || !self.history.is_at(&self.site) {
+        if !self.live.is_solve_postponed || !self.history.is_unchanged(&self.site) {
             return;
         }
-        self.is_put_off = false;
+        self.live.is_solve_postponed = false;
         self.solve();
-        self.refine_on_the_way();
+        self.refine_if_fast();
         self.history.amend(&self.site);
-        self.settle();
+        self.store_reference();
     }
 }

@@ -1,4 +1,4 @@
-//! Pulls what was drawn onto the edges of the image.
+//! Moves annotated lines onto edges of the image.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +13,8 @@ use crate::hit::Part;
 
 pub use calib_image::RADIUS;
 
-/// Pulls every line that any of these parts belongs to onto its edge, bent as the lens bends it; how many had one.
+/// Moves every line that contains any of these parts onto its edge, with distortion. Returns the number of
+/// lines that were moved.
 pub(crate) fn pull_parts(
     site: &mut Site,
     camera: usize,
@@ -27,7 +28,7 @@ pub(crate) fn pull_parts(
     pull_points(site, camera, &points, lens, image)
 }
 
-/// Pulls these points onto the edges that their lines run along, and no others; how many lines had one.
+/// Moves only these points onto the edges along their lines. Returns the number of lines that were moved.
 pub(crate) fn pull_points(
     site: &mut Site,
     camera: usize,

@@ -10,11 +10,11 @@ use calib_site::{
 };
 use web_time::Instant;
 
-use crate::joint::{Joint, same_input, same_planes, unsolved};
+use crate::joint::{Joint, has_same_inputs, has_same_planes, without_results};
 
 /// Inputs of the results of cameras that share a lens, and the lenses that were fitted for them.
 #[derive(Clone, Debug)]
-struct Family {
+struct LensFamily {
     cameras: Vec<SiteCamera>,
     plan: Option<Plan>,
     scene: Option<SceneEntry>,
@@ -24,31 +24,35 @@ struct Family {
     lenses: LensCache,
 }
 
-impl Family {
-    fn of(site: &Site, family: &[usize]) -> Self {
-        let cameras = family.iter().map(|&index| unsolved(&site.cameras[index])).collect();
+impl LensFamily {
+    fn new(site: &Site, family: &[usize]) -> Self {
+        let cameras = family.iter().map(|&index| without_results(&site.cameras[index])).collect();
         let (plan, planes) = (site.plan.clone(), site.planes.clone());
         let measured = measured(site, family).collect();
         Self { cameras, plan, scene: site.scene, planes, measured, lenses: LensCache::default() }
     }
 
     /// Whether these inputs are unchanged in `site` for these cameras.
-    fn is(&self, site: &Site, family: &[usize]) -> bool {
+    fn is_current(&self, site: &Site, family: &[usize]) -> bool {
         self.cameras.len() == family.len()
-            && self.cameras.iter().zip(family).all(|(known, &index)| same_input(known, &site.cameras[index]))
+            && self
+                .cameras
+                .iter()
+                .zip(family)
+                .all(|(known, &index)| has_same_inputs(known, &site.cameras[index]))
             && self.plan == site.plan
             && self.scene == site.scene
-            && same_planes(&self.planes, &site.planes)
+            && has_same_planes(&self.planes, &site.planes)
             && self.measured.iter().copied().eq(measured(site, family))
     }
 }
 
 fn measured<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = bool> + 'a {
-    family.iter().map(|&index| site.is_measured_beside(&site.cameras[index]))
+    family.iter().map(|&index| site.has_reference_coordinates(&site.cameras[index]))
 }
 
 /// Result of one camera in a report, with its index.
-type Told = (usize, Result<Solution, FailureEntry>);
+type CameraResult = (usize, Result<Solution, FailureEntry>);
 
 /// Result of one camera.
 #[derive(Clone, Debug)]
@@ -56,7 +60,7 @@ struct Entry {
     id: String,
     /// Start of the calibration period: an id may occur in several periods.
     from: Option<String>,
-    family: Arc<Family>,
+    family: Arc<LensFamily>,
     result: Result<Solution, FailureEntry>,
     findings: Vec<Finding>,
     pose: Option<Camera>,
@@ -74,10 +78,10 @@ pub struct Solved {
     entries: Vec<Entry>,
     /// Joint results, each with its serial number.
     joint: Vec<(u64, Joint)>,
-    /// Serial number of the joint result from which the site was derived, even if that result is out of date.
+    /// Serial number of the joint result that the site is derived from, current or out of date.
     lineage: Option<u64>,
     /// Joint result that applies to the site.
-    shown: Option<Shown>,
+    active_joint: Option<ActiveJoint>,
     /// Duration of the last solve, in milliseconds.
     pub milliseconds: f64,
     /// Whether solving is paused.
@@ -85,11 +89,11 @@ pub struct Solved {
 }
 
 /// Largest number of joint results that are kept for undo.
-const MOST_JOINT: usize = 64;
+const MAX_JOINT_RESULTS: usize = 64;
 
 /// Reference to a stored joint result that applies to a site.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Shown {
+struct ActiveJoint {
     /// Index in `Solved::joint`.
     joint: usize,
     /// For every camera of the site: its index in that result, if the inputs of the camera have not changed
@@ -102,7 +106,7 @@ struct Shown {
 impl Solved {
     /// Solves the cameras whose inputs changed. Returns whether any camera was solved.
     pub fn update(&mut self, site: &Site) -> bool {
-        self.shown = self.find_joint(site);
+        self.active_joint = self.find_joint(site);
         if self.paused {
             self.realign(site);
             return false;
@@ -110,7 +114,9 @@ impl Solved {
         let start = Instant::now();
         let families = site.lens_families();
         let is_known = |family: &Vec<usize>| {
-            family.iter().all(|&index| self.entries.get(index).is_some_and(|e| e.family.is(site, family)))
+            family
+                .iter()
+                .all(|&index| self.entries.get(index).is_some_and(|e| e.family.is_current(site, family)))
         };
         let open: Vec<&Vec<usize>> = families.iter().filter(|family| !is_known(family)).collect();
         if open.is_empty() && self.entries.len() == site.cameras.len() {
@@ -139,7 +145,7 @@ impl Solved {
             return;
         }
         // Inputs without cameras never match a camera, so these entries are solved when solving is resumed.
-        let nothing = Arc::new(Family::of(site, &[]));
+        let nothing = Arc::new(LensFamily::new(site, &[]));
         let waits = |camera: &SiteCamera| Entry {
             id: camera.id.clone(),
             from: camera.valid_from.clone(),
@@ -147,7 +153,7 @@ impl Solved {
             result: Err(FailureEntry {
                 code: FailureCode::NoSolution,
                 message: "Solving is paused.".into(),
-                advice: "Resume it to have this camera solved.".into(),
+                advice: "Resume solving to calibrate this camera.".into(),
             }),
             findings: Vec::new(),
             pose: None,
@@ -163,7 +169,8 @@ impl Solved {
     /// Returns the results of cameras that share a lens, each with its index.
     fn solve(&self, site: &Site, family: &[usize]) -> Vec<(usize, Entry)> {
         let known = |index: &usize| {
-            let same = |entry: &&Entry| entry.is_of(&site.cameras[*index]) && entry.family.is(site, family);
+            let same =
+                |entry: &&Entry| entry.is_of(&site.cameras[*index]) && entry.family.is_current(site, family);
             self.entries.iter().find(same).map(|entry| (*index, entry.clone()))
         };
         // Cameras that were moved in the list or restored by undo already have results.
@@ -172,36 +179,38 @@ impl Solved {
         }
         let same = |entry: &&Entry| family.iter().any(|&index| site.cameras[index].id == entry.id);
         let before = self.entries.iter().find(same).map(|entry| entry.family.lenses.clone());
-        let input = Family::of(site, family);
+        let input = LensFamily::new(site, family);
         let (report, lenses) = site.calibrate_family(family, &before.unwrap_or_default());
-        let shared = Arc::new(Family { lenses, ..input });
-        let entry = |(&index, ((_, result), found)): (&usize, (Told, Result<Vec<Finding>, Failure>))| {
-            let findings = found.unwrap_or_default();
-            let pose = result.as_ref().ok().and_then(Solution::camera);
-            let SiteCamera { id, valid_from: from, .. } = site.cameras[index].clone();
-            let family = Arc::clone(&shared);
-            (index, Entry { id, from, family, result, findings, pose })
-        };
+        let shared = Arc::new(LensFamily { lenses, ..input });
+        let entry =
+            |(&index, ((_, result), found)): (&usize, (CameraResult, Result<Vec<Finding>, Failure>))| {
+                let findings = found.unwrap_or_default();
+                let pose = result.as_ref().ok().and_then(Solution::camera);
+                let SiteCamera { id, valid_from: from, .. } = site.cameras[index].clone();
+                let family = Arc::clone(&shared);
+                (index, Entry { id, from, family, result, findings, pose })
+            };
         family.iter().zip(report.cameras.into_iter().zip(report.findings)).map(entry).collect()
     }
 
     /// Returns the joint result that is current for a site, otherwise the last one that still applies to some
     /// of its cameras.
-    fn find_joint(&self, site: &Site) -> Option<Shown> {
+    fn find_joint(&self, site: &Site) -> Option<ActiveJoint> {
         let newest = || self.joint.iter().enumerate().rev();
-        let current = newest().find(|(_, (_, joint))| joint.holds_for(site)).map(|(index, _)| (index, true));
+        let current =
+            newest().find(|(_, (_, joint))| joint.is_current_for(site)).map(|(index, _)| (index, true));
         // A site that undo restored to its state before the joint solve has no joint result that is out of
         // date.
-        let is_own = |number: u64, joint: &Joint| self.lineage == Some(number) && joint.is_of_any(site);
+        let is_own = |number: u64, joint: &Joint| self.lineage == Some(number) && joint.applies_to_any(site);
         let last =
             || newest().find(|(_, (number, joint))| is_own(*number, joint)).map(|(index, _)| (index, false));
         let (joint, is_current) = current.or_else(last)?;
-        Some(Shown { joint, places: self.joint[joint].1.places(site), is_current })
+        Some(ActiveJoint { joint, places: self.joint[joint].1.camera_indices(site), is_current })
     }
 
-    /// Stores the results of a joint solve as those of this site.
-    pub(crate) fn keep_joint(&mut self, joint: Joint) {
-        if self.joint.len() >= MOST_JOINT {
+    /// Stores the results of a joint solve for this site.
+    pub(crate) fn add_joint(&mut self, joint: Joint) {
+        if self.joint.len() >= MAX_JOINT_RESULTS {
             self.joint.remove(0);
         }
         let number = self.joint.last().map_or(0, |(last, _)| last + 1);
@@ -211,22 +220,22 @@ impl Solved {
 
     /// Returns the serial number of the joint result that applies to the site, current or out of date.
     pub(crate) fn joint_number(&self) -> Option<u64> {
-        self.shown.as_ref().and_then(|shown| Some(self.joint.get(shown.joint)?.0))
+        self.active_joint.as_ref().and_then(|shown| Some(self.joint.get(shown.joint)?.0))
     }
 
-    /// Sets the joint result from which the site was derived.
-    pub(crate) const fn descend_from(&mut self, number: Option<u64>) {
+    /// Sets the joint result that the site is derived from.
+    pub(crate) const fn set_lineage(&mut self, number: Option<u64>) {
         self.lineage = number;
     }
 
     fn joint(&self) -> Option<&Joint> {
-        self.joint.get(self.shown.as_ref()?.joint).map(|(_, joint)| joint)
+        self.joint.get(self.active_joint.as_ref()?.joint).map(|(_, joint)| joint)
     }
 
     /// Returns the joint result and the camera's index in it, if the inputs of the camera have not changed
     /// since.
-    fn of_joint(&self, index: usize) -> Option<(&Joint, usize)> {
-        let place = *self.shown.as_ref()?.places.get(index)?;
+    fn joint_of_camera(&self, index: usize) -> Option<(&Joint, usize)> {
+        let place = *self.active_joint.as_ref()?.places.get(index)?;
         Some((self.joint()?, place?))
     }
 
@@ -256,7 +265,7 @@ impl Solved {
     pub fn surfaces(&self, site: &Site) -> Vec<Surface> {
         let mut found = Site { planes: site.planes.clone(), scene: site.scene, ..Site::new() };
         if let Some(joint) = self.joint() {
-            joint.put_planes(&mut found.planes);
+            joint.write_planes(&mut found.planes);
         }
         found.covering_surfaces()
     }
@@ -270,20 +279,21 @@ impl Solved {
     /// Whether the cameras were solved jointly and no input of that solution has changed.
     #[must_use]
     pub fn is_joint_current(&self) -> bool {
-        self.shown.as_ref().is_some_and(|shown| shown.is_current)
+        self.active_joint.as_ref().is_some_and(|shown| shown.is_current)
     }
 
     /// Whether the cameras were solved jointly and an input of that solution has changed.
     #[must_use]
     pub fn is_joint_out_of_date(&self) -> bool {
-        self.shown.as_ref().is_some_and(|shown| !shown.is_current)
+        self.active_joint.as_ref().is_some_and(|shown| !shown.is_current)
     }
 
     /// Whether a camera was solved jointly with others and an input of that solution has changed.
     #[must_use]
     pub fn is_out_of_date(&self, index: usize) -> bool {
         let id = self.entries.get(index).map(|entry| entry.id.as_str());
-        self.is_joint_out_of_date() && id.zip(self.joint()).is_some_and(|(id, joint)| joint.had(id))
+        self.is_joint_out_of_date()
+            && id.zip(self.joint()).is_some_and(|(id, joint)| joint.includes_camera(id))
     }
 
     /// Returns the lenses that were fitted for a camera.
@@ -295,7 +305,7 @@ impl Solved {
     /// Returns the result of a camera.
     #[must_use]
     pub fn result(&self, index: usize) -> Option<Result<&Solution, &FailureEntry>> {
-        if let Some((joint, place)) = self.of_joint(index) {
+        if let Some((joint, place)) = self.joint_of_camera(index) {
             return Some(Ok(joint.solution(place)?));
         }
         self.entries.get(index).map(|entry| entry.result.as_ref())
@@ -311,16 +321,17 @@ impl Solved {
     #[must_use]
     pub fn finding(&self, site: &Site, index: usize, warning: &Warning) -> Option<&Finding> {
         // The results of a joint solve are stored as a document, which contains only the text of a warning.
-        let told = |finding: &&Finding| {
-            finding.code() == warning.code && site.in_english(Some(index), finding, Names::InFile) == *warning
+        let matches_warning = |finding: &&Finding| {
+            finding.code() == warning.code
+                && site.describe_finding(Some(index), finding, Names::InFile) == *warning
         };
-        self.entries.get(index)?.findings.iter().find(told)
+        self.entries.get(index)?.findings.iter().find(matches_warning)
     }
 
     /// Returns the pose and lens of a camera.
     #[must_use]
     pub fn pose(&self, index: usize) -> Option<&Camera> {
-        match self.of_joint(index) {
+        match self.joint_of_camera(index) {
             Some((joint, place)) => joint.pose(place),
             None => self.entries.get(index)?.pose.as_ref(),
         }
@@ -328,7 +339,7 @@ impl Solved {
 
     /// Returns the pose of a camera that is placed on the floor plan or in the world.
     #[must_use]
-    pub fn placed(&self, index: usize) -> Option<&Camera> {
+    pub fn placed_pose(&self, index: usize) -> Option<&Camera> {
         let stage = self.solution(index)?.stage;
         self.pose(index).filter(|_| stage >= Stage::Placed)
     }
@@ -379,13 +390,14 @@ type Pair = ([f64; 2], [f64; 2]);
 #[must_use]
 pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Option<Placement> {
     /// Largest distance of a corner that is used, in camera heights: farther corners are too uncertain.
-    const REACH: f64 = 30.0;
+    const MAX_CORNER_DISTANCE: f64 = 30.0;
     let unplaced = Placement::NONE.apply(after);
     let pairs: Vec<Pair> = corners
         .iter()
         .filter_map(|&pixel| {
             let (a, b) = (unplaced.pixel_to_floor(pixel, 0.0)?, before.pixel_to_floor(pixel, 0.0)?);
-            (a.x.hypot(a.y) < REACH * calib_core::floor::STAGE_1_HEIGHT).then(|| (a.into(), b.into()))
+            (a.x.hypot(a.y) < MAX_CORNER_DISTANCE * calib_core::floor::STAGE_1_HEIGHT)
+                .then(|| (a.into(), b.into()))
         })
         .collect();
     if pairs.len() < 2 {
@@ -442,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_that_cameras_share_is_live_what_the_whole_site_gives() {
+    fn shared_lens_equals_the_result_of_the_whole_site() {
         let site = sharing();
         let whole = site.calibrate(&Options { refine: false, ..Options::default() });
         let mut solved = Solved::default();
@@ -454,11 +466,11 @@ mod tests {
             assert_eq!(live.focal_px, whole.focal_px, "camera {index}");
         }
         let first = solved.pose(0).unwrap().lens;
-        assert!(first.distortion != Distortion::None, "the edges bend it");
+        assert!(first.distortion != Distortion::None, "the edges determine distortion");
     }
 
     #[test]
-    fn an_edge_on_one_camera_changes_the_lens_of_all_that_share_it_and_no_other() {
+    fn an_edge_changes_the_lens_of_all_cameras_that_share_it_and_no_other() {
         let mut site = sharing();
         let mut solved = Solved::default();
         solved.update(&site);
@@ -467,11 +479,11 @@ mod tests {
         assert!(solved.update(&site));
         let differs = |i: usize| solved.pose(i).unwrap().lens.distortion != before[i].distortion;
         assert_eq!([0, 1, 2, 3].map(differs), [true, true, true, false]);
-        assert!(!solved.update(&site), "nothing differs any more");
+        assert!(!solved.update(&site), "no input changed");
     }
 
     #[test]
-    fn a_polygon_whose_camera_did_not_change_keeps_its_placement() {
+    fn polygon_of_an_unchanged_camera_keeps_its_placement() {
         let camera = Camera {
             position: WorldPoint::new(4.0, -2.0, 4.5),
             yaw: 0.7,

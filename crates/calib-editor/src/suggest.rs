@@ -1,57 +1,64 @@
-//! Where the lines that would help most can be drawn: edges that were found in the image and run as they do.
+//! Image edges for suggested lines: detected edges that run like the suggestion.
 //!
-//! What the solution proposes is an example, placed where the estimate has floor and no one has looked. Only an
-//! edge of the image is evidence, and only once the operator has taken it.
+//! A suggestion is an example: the solver places it where the estimate has floor, without using the image.
+//! Only an edge in the image is evidence, and only after the operator has accepted it.
 
 use calib_core::{Camera, Covariance, FloorPoint, Kind, Pixel, WorldPoint};
 
 use calib_image::Edge;
-use calib_site::{DrawNext, SiteCamera};
+use calib_site::{SiteCamera, SuggestionEntry};
 
 use crate::hit;
 
-/// How far an edge may lie from the example, as a share of the image's diagonal.
-const NEAR: f64 = 0.22;
-/// An edge shorter than this share of the example says too little.
-const LONG: f64 = 0.2;
-/// How far an edge may lean from plumb, in radians, for the estimate is one of few lines.
-const LEAN: f64 = 0.1;
-/// How far it may run from the direction of the example on the floor, in radians.
-const TURN: f64 = 0.45;
-/// How far two edges may be from parallel, or from square, on the floor, in radians.
-const AGREE: f64 = 0.06;
+/// Largest distance of an edge from the example, as a fraction of the image diagonal.
+const MAX_DISTANCE_REL: f64 = 0.22;
+/// Smallest length of an edge, as a fraction of the example's length.
+const MIN_LENGTH_REL: f64 = 0.2;
+/// Largest angle of an edge from vertical, in radians; generous, because the estimate uses few lines.
+const MAX_LEAN_RAD: f64 = 0.1;
+/// Largest angle on the floor between an edge and the example, in radians.
+const MAX_DIRECTION_ERROR_RAD: f64 = 0.45;
+/// Largest angle by which two edges on the floor may differ from parallel or from perpendicular, in radians.
+const MAX_ANGLE_ERROR_RAD: f64 = 0.06;
 
-/// For every line of the proposal the edge that can be drawn in its place, and that no line is drawn on yet; none
-/// unless all have one.
+/// Returns, for every line of the suggestion, the best edge that is not annotated yet; empty unless every
+/// line has one.
 #[must_use]
-pub fn on_edges(next: &DrawNext, camera: &Camera, entry: &SiteCamera, edges: &[Edge]) -> Vec<Edge> {
+pub fn edges_for_suggestion(
+    next: &SuggestionEntry,
+    camera: &Camera,
+    entry: &SiteCamera,
+    edges: &[Edge],
+) -> Vec<Edge> {
     let Some(kind) = next.kind else { return Vec::new() };
     let size = entry.size();
-    let reach = NEAR * size[0].hypot(size[1]);
-    let mut taken: Vec<Edge> = Vec::new();
+    let reach = MAX_DISTANCE_REL * size[0].hypot(size[1]);
+    let mut chosen: Vec<Edge> = Vec::new();
     for example in &next.segments_px {
         let fits = |edge: &&Edge| {
-            !taken.contains(edge)
-                && !is_drawn(edge, entry)
+            !chosen.contains(edge)
+                && !is_annotated(edge, entry)
                 && long_enough(edge, example)
                 && middle(edge).distance(middle(example)) < reach
-                && runs_like(kind, camera, edge, example)
-                && taken.first().is_none_or(|first| agrees(kind, camera, edge, first))
+                && is_similar(kind, camera, edge, example)
+                && chosen.first().is_none_or(|first| is_consistent(kind, camera, edge, first))
         };
         let off = |edge: &Edge| middle(edge).distance(middle(example)) - 0.5 * edge[0].distance(edge[1]);
         let best = edges.iter().filter(fits).min_by(|a, b| off(a).total_cmp(&off(b)));
         let Some(edge) = best else { return Vec::new() };
-        taken.push(*edge);
+        chosen.push(*edge);
     }
-    taken
+    chosen
 }
 
-/// Whether a line is drawn along an edge: both of its ends lie beside it, or those of the line beside the edge.
-pub(crate) fn is_drawn(edge: &Edge, entry: &SiteCamera) -> bool {
-    /// In pixels.
-    const BESIDE: f64 = 8.0;
-    let along =
-        |[a, b]: Edge, [c, d]: Edge| hit::to_segment(a, b, c) < BESIDE && hit::to_segment(a, b, d) < BESIDE;
+/// Whether an edge is annotated already: both of its ends are close to a line, or both ends of a line to the
+/// edge.
+pub(crate) fn is_annotated(edge: &Edge, entry: &SiteCamera) -> bool {
+    /// Largest distance of the ends, in pixels.
+    const MAX_LINE_DISTANCE_PX: f64 = 8.0;
+    let along = |[a, b]: Edge, [c, d]: Edge| {
+        hit::to_segment(a, b, c) < MAX_LINE_DISTANCE_PX && hit::to_segment(a, b, d) < MAX_LINE_DISTANCE_PX
+    };
     let lines = entry.annotations.iter().flat_map(calib_core::Annotation::polylines);
     lines.into_iter().any(|points| {
         points.windows(2).any(|pair| {
@@ -66,31 +73,33 @@ fn middle([a, b]: &Edge) -> Pixel {
 }
 
 fn long_enough(edge: &Edge, example: &Edge) -> bool {
-    edge[0].distance(edge[1]) >= LONG * example[0].distance(example[1])
+    edge[0].distance(edge[1]) >= MIN_LENGTH_REL * example[0].distance(example[1])
 }
 
-/// How far the estimate itself may be off, in radians: what little is drawn tells little of directions.
-fn doubt(camera: &Camera) -> f64 {
-    const MOST: f64 = 0.3;
-    camera.covariance.sigma(Covariance::PITCH).map_or(0.0, |sigma| sigma.min(MOST))
+/// Returns the uncertainty of directions in the estimate, in radians: few lines determine them poorly.
+fn direction_sigma(camera: &Camera) -> f64 {
+    const MAX_SIGMA_RAD: f64 = 0.3;
+    camera.covariance.sigma(Covariance::PITCH).map_or(0.0, |sigma| sigma.min(MAX_SIGMA_RAD))
 }
 
-/// Whether an edge may be what the example stands for. Which edges are of one length, no image tells.
-fn runs_like(kind: Kind, camera: &Camera, edge: &Edge, example: &Edge) -> bool {
+/// Whether an edge can replace the example. An image does not show which edges have equal lengths.
+fn is_similar(kind: Kind, camera: &Camera, edge: &Edge, example: &Edge) -> bool {
     match kind {
-        Kind::Vertical => lean(camera, edge).is_some_and(|lean| lean < LEAN + doubt(camera)),
+        Kind::Vertical => {
+            lean(camera, edge).is_some_and(|lean| lean < MAX_LEAN_RAD + direction_sigma(camera))
+        }
         Kind::Parallel | Kind::Perpendicular => {
             let turned = azimuth(camera, edge).zip(azimuth(camera, example)).map(|(a, b)| between(a, b));
-            turned.is_some_and(|turned| turned < TURN + doubt(camera))
+            turned.is_some_and(|turned| turned < MAX_DIRECTION_ERROR_RAD + direction_sigma(camera))
         }
         _ => false,
     }
 }
 
-/// Whether an edge goes with the first one of the proposal.
-fn agrees(kind: Kind, camera: &Camera, edge: &Edge, first: &Edge) -> bool {
+/// Whether an edge is consistent with the first edge of the suggestion.
+fn is_consistent(kind: Kind, camera: &Camera, edge: &Edge, first: &Edge) -> bool {
     let apart = || Some(between(azimuth(camera, edge)?, azimuth(camera, first)?));
-    let agree = AGREE + doubt(camera);
+    let agree = MAX_ANGLE_ERROR_RAD + direction_sigma(camera);
     match kind {
         Kind::Parallel => apart().is_some_and(|apart| apart < agree),
         Kind::Perpendicular => apart().is_some_and(|apart| std::f64::consts::FRAC_PI_2 - apart < agree),
@@ -98,10 +107,10 @@ fn agrees(kind: Kind, camera: &Camera, edge: &Edge, first: &Edge) -> bool {
     }
 }
 
-/// How far an edge leans from what is plumb at its middle, on the image, in radians.
+/// Returns the angle in the image between an edge and the vertical at its midpoint, in radians.
 #[must_use]
 pub fn lean(camera: &Camera, edge: &Edge) -> Option<f64> {
-    /// A place along the ray, in metres; how far does not matter.
+    /// Distance along the ray, in metres; its value does not matter.
     const FAR: f64 = 5.0;
     let ray = camera.pixel_to_ray(middle(edge))?;
     let at = |z: f64| {
@@ -114,14 +123,14 @@ pub fn lean(camera: &Camera, edge: &Edge) -> Option<f64> {
     Some(between(angle(low, high), angle(edge[0], edge[1])))
 }
 
-/// The direction of an edge that lies on the floor, in radians; none above the horizon.
+/// Returns the direction of an edge on the floor, in radians; `None` above the horizon.
 fn azimuth(camera: &Camera, edge: &Edge) -> Option<f64> {
     let [a, b]: [Option<FloorPoint>; 2] = edge.map(|end| camera.pixel_to_floor(end, 0.0));
     let (a, b) = (a?, b?);
     Some((b.y - a.y).atan2(b.x - a.x))
 }
 
-/// The angle between two lines, up to a right one.
+/// Returns the angle between two lines, at most a right angle, in radians.
 fn between(a: f64, b: f64) -> f64 {
     let half = std::f64::consts::PI;
     let by = (a - b).rem_euclid(half);
@@ -153,8 +162,8 @@ mod tests {
         [a, b].map(|[x, y, z]| camera().world_to_pixel(WorldPoint::new(x, y, z)).unwrap())
     }
 
-    fn next(kind: Kind, segments_px: Vec<Edge>) -> DrawNext {
-        DrawNext {
+    fn next(kind: Kind, segments_px: Vec<Edge>) -> SuggestionEntry {
+        SuggestionEntry {
             drawing: None,
             kind: Some(kind),
             message: String::new(),
@@ -165,16 +174,20 @@ mod tests {
     }
 
     #[test]
-    fn a_plumb_edge_near_the_example_is_offered_and_a_leaning_one_is_not() {
+    fn vertical_edge_near_the_example_is_suggested_and_a_leaning_one_is_not() {
         let example = shown([-2.0, 6.0, 0.2], [-2.0, 6.0, 2.0]);
         let post = shown([-1.8, 6.5, 0.0], [-1.8, 6.5, 1.8]);
         let joint = shown([-1.8, 5.0, 0.0], [-1.5, 8.0, 0.0]);
         let next = next(Kind::Vertical, vec![example]);
-        assert_eq!(on_edges(&next, &camera(), &entry(), &[joint, post]), [post]);
-        assert_eq!(on_edges(&next, &camera(), &entry(), &[joint]), Vec::<Edge>::new());
+        assert_eq!(edges_for_suggestion(&next, &camera(), &entry(), &[joint, post]), [post]);
+        assert_eq!(edges_for_suggestion(&next, &camera(), &entry(), &[joint]), Vec::<Edge>::new());
         let mut drawn = entry();
         drawn.annotations.push(Annotation::of_segments(Kind::Vertical, vec![post.to_vec()]));
-        assert_eq!(on_edges(&next, &camera(), &drawn, &[joint, post]), Vec::<Edge>::new(), "drawn already");
+        assert_eq!(
+            edges_for_suggestion(&next, &camera(), &drawn, &[joint, post]),
+            Vec::<Edge>::new(),
+            "drawn already"
+        );
     }
 
     #[test]
@@ -183,7 +196,7 @@ mod tests {
         let right = shown([1.0, 4.0, 0.0], [1.0, 6.0, 0.0]);
         let askew = shown([1.0, 4.0, 0.0], [1.7, 6.0, 0.0]);
         let next = next(Kind::Parallel, vec![left, right]);
-        assert_eq!(on_edges(&next, &camera(), &entry(), &[left, askew]), Vec::<Edge>::new());
-        assert_eq!(on_edges(&next, &camera(), &entry(), &[askew, left, right]), [left, right]);
+        assert_eq!(edges_for_suggestion(&next, &camera(), &entry(), &[left, askew]), Vec::<Edge>::new());
+        assert_eq!(edges_for_suggestion(&next, &camera(), &entry(), &[askew, left, right]), [left, right]);
     }
 }

@@ -1,31 +1,32 @@
-//! What was solved together, as the document changes under it: solved again on the way, or left as it is.
+//! Joint results while the document changes: solved again during editing if fast enough, otherwise out of
+//! date.
 
 use calib_site::{Site, SiteCamera};
 
-use crate::joint::{Joint, report_of};
+use crate::joint::{Joint, stored_report};
 use crate::refine::refined;
 use crate::session::Session;
 
 impl Session {
-    /// Solves together again what was solved together, where that takes no longer than a blink. A place that a
-    /// hand has just given is not taken back: then the joint result is out of date until the operator says so.
-    pub(crate) fn refine_on_the_way(&mut self) {
-        let may = self.was_joint_current && self.solved.is_joint_out_of_date() && !self.solved.paused;
-        if !may || self.joint_took > self.joint_may_take || self.is_placed_by_hand() {
+    /// Repeats the joint solve after a gesture if it is fast enough. A placement by hand is not overwritten:
+    /// the joint result is then out of date until the operator refines again.
+    pub(crate) fn refine_if_fast(&mut self) {
+        let may = self.live.was_joint_current && self.solved.is_joint_out_of_date() && !self.solved.paused;
+        if !may || self.live.last_joint_solve_ms > self.live.max_joint_solve_ms || self.is_placed_by_hand() {
             return;
         }
         let start = web_time::Instant::now();
         let refined = refined(self.site.clone());
-        self.joint_took = start.elapsed().as_secs_f64() * 1e3;
-        self.put_refined(&refined);
-        // Polygons lie where the joint result has them, not where they lay.
+        self.live.last_joint_solve_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.apply_refined(&refined);
+        // Polygons are at their jointly solved positions, not at their previous ones.
         self.solved.update(&self.site);
     }
 
-    /// Whether the gesture under way moves a camera on the floor and draws nothing on its image.
+    /// Whether the current gesture moves a camera on the floor without changing its annotations.
     fn is_placed_by_hand(&self) -> bool {
         let moved = |(index, camera): (usize, &SiteCamera)| {
-            let before = self.settled_cameras.get(index).filter(|before| before.id == camera.id);
+            let before = self.live.settled_cameras.get(index).filter(|before| before.id == camera.id);
             before.is_some_and(|before| {
                 before.placement != camera.placement
                     && (&before.annotations, &before.lens) == (&camera.annotations, &camera.lens)
@@ -34,33 +35,33 @@ impl Session {
         self.site.cameras.iter().enumerate().any(moved)
     }
 
-    /// Puts cameras and marks where a joint solve has them, and keeps its results.
-    fn put_refined(&mut self, refined: &Site) {
+    /// Applies the poses of cameras and marks from a joint solve, and stores its results.
+    fn apply_refined(&mut self, refined: &Site) {
         for (camera, refined) in self.site.cameras.iter_mut().zip(&refined.cameras) {
             camera.placement.clone_from(&refined.placement);
         }
         for (mark, refined) in self.site.marks.iter_mut().zip(&refined.marks) {
             (mark.at_m, mark.turn_deg) = (refined.at_m, refined.turn_deg);
         }
-        self.solved.keep_joint(Joint::new(&self.site, report_of(refined)));
+        self.solved.add_joint(Joint::new(&self.site, stored_report(refined)));
     }
 
-    /// The site as the last finished gesture left it, with what was solved together.
+    /// Returns the site after the last finished gesture, with its joint results.
     #[must_use]
-    pub fn kept(&self) -> Site {
+    pub fn site_with_joint_results(&self) -> Site {
         self.solved.write_joint_into(&self.history.site())
     }
 
-    /// Takes over what refining `from` gave, as one step that undo takes back. Whatever was changed meanwhile
-    /// is worth more than a result that does not know of it.
-    pub fn take_refined(&mut self, from: &Site, refined: &Site) {
+    /// Applies the joint result of `from` as one undo step. If the site has changed since, the result is
+    /// discarded.
+    pub fn commit_refined(&mut self, from: &Site, refined: &Site) {
         if self.site != *from {
-            self.note = Some("The site was changed while it was refined: refine again.".into());
+            self.note = Some("The site changed during Refine. Refine again.".into());
             return;
         }
         let before = (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
-        self.put_refined(refined);
+        self.apply_refined(refined);
         self.commit("refine all cameras");
-        self.before_refine = Some(before);
+        self.live.before_refine = Some(before);
     }
 }

@@ -1,8 +1,8 @@
-//! Lengths on screen: metres, or feet. In the site they are metres.
+//! Display of lengths in metres or feet; the site stores metres.
 //!
-//! Numbers as the screen writes them.
+//! Also formatting of numbers.
 
-/// A number with so many digits and a real minus.
+/// Formats a number with a number of decimals and a typographic minus sign.
 #[must_use]
 pub fn number(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
@@ -10,7 +10,7 @@ pub fn number(value: f64, digits: usize) -> String {
     if is_zero { text.replace('-', "") } else { text.replace('-', "\u{2212}") }
 }
 
-/// What lengths are shown and typed in.
+/// Display and input unit of lengths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Units {
     /// Metres and centimetres.
@@ -26,7 +26,7 @@ const FOOT: f64 = 0.3048;
 const INCH: f64 = 0.0254;
 
 impl Units {
-    /// The other one.
+    /// Returns the other unit.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -35,7 +35,7 @@ impl Units {
         }
     }
 
-    /// Metres in one of them.
+    /// Returns the length of the unit, in metres.
     #[must_use]
     pub const fn metres(self) -> f64 {
         match self {
@@ -44,31 +44,30 @@ impl Units {
         }
     }
 
-    /// Its sign.
+    /// Returns the symbol of the unit.
     #[must_use]
-    pub const fn sign(self) -> &'static str {
+    pub const fn symbol(self) -> &'static str {
         match self {
             Self::Metres => "m",
             Self::Feet => "ft",
         }
     }
 
-    /// A length in metres as a number of these.
+    /// Formats a length in metres as a number in this unit.
     #[must_use]
     pub fn number(self, metres: f64, digits: usize) -> String {
         number(metres / self.metres(), digits)
     }
 
-    /// A length in metres, with the sign.
+    /// Formats a length in metres, with the unit.
     #[must_use]
     pub fn length(self, metres: f64, digits: usize) -> String {
-        format!("{} {}", self.number(metres, digits), self.sign())
+        format!("{} {}", self.number(metres, digits), self.symbol())
     }
 
-    /// A length in metres that is small as a rule: in centimetres or inches, with the sign; from a metre on
-    /// as any other.
+    /// Formats a short length in metres in centimetres or inches; from one metre on, in metres or feet.
     #[must_use]
-    pub fn small(self, metres: f64) -> String {
+    pub fn short_length(self, metres: f64) -> String {
         match self {
             _ if metres.abs() >= 1.0 => self.length(metres, 2),
             Self::Metres => format!("{} cm", number(100.0 * metres, 1)),
@@ -76,24 +75,24 @@ impl Units {
         }
     }
 
-    /// A small length with its standard deviation, both in metres, in one unit.
+    /// Formats a short length and its standard deviation, both in metres, in one unit.
     #[must_use]
-    pub fn small_and_sigma(self, metres: f64, sigma: f64) -> String {
+    pub fn short_length_and_sigma(self, metres: f64, sigma: f64) -> String {
         let (one, sign) = match self {
-            _ if metres.abs().max(sigma) >= 1.0 => (self.metres(), self.sign()),
+            _ if metres.abs().max(sigma) >= 1.0 => (self.metres(), self.symbol()),
             Self::Metres => (0.01, "cm"),
             Self::Feet => (INCH, "in"),
         };
         format!("{} \u{b1} {} {sign}", number(metres / one, 1), number(sigma / one, 1))
     }
 
-    /// A point of the floor, in metres: two numbers and the sign.
+    /// Formats a floor point in metres, with the unit.
     #[must_use]
     pub fn point(self, [x, y]: [f64; 2], digits: usize) -> String {
         format!("{}, {}", self.number(x, digits), self.length(y, digits))
     }
 
-    /// The least step of these, in metres, of which `reach` metres are fewer than `most`.
+    /// Returns the smallest round step, in metres, that divides `reach` metres into fewer than `most` parts.
     #[must_use]
     pub fn step(self, reach: f64, most: f64) -> f64 {
         let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
@@ -107,14 +106,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_length_is_the_same_in_both() {
+    fn lengths_are_converted_to_both_units() {
         assert_eq!(Units::Metres.length(3.048, 2), "3.05 m");
         assert_eq!(Units::Feet.length(3.048, 2), "10.00 ft");
-        assert_eq!(Units::Feet.small(-0.0254), "\u{2212}1.0 in");
-        assert_eq!(Units::Metres.small(0.034), "3.4 cm");
-        assert_eq!(Units::Metres.small(9.987), "9.99 m");
-        assert_eq!(Units::Metres.small_and_sigma(0.053, 0.08), "5.3 \u{b1} 8.0 cm");
-        assert_eq!(Units::Metres.small_and_sigma(0.3, 2.0), "0.3 \u{b1} 2.0 m");
+        assert_eq!(Units::Feet.short_length(-0.0254), "\u{2212}1.0 in");
+        assert_eq!(Units::Metres.short_length(0.034), "3.4 cm");
+        assert_eq!(Units::Metres.short_length(9.987), "9.99 m");
+        assert_eq!(Units::Metres.short_length_and_sigma(0.053, 0.08), "5.3 \u{b1} 8.0 cm");
+        assert_eq!(Units::Metres.short_length_and_sigma(0.3, 2.0), "0.3 \u{b1} 2.0 m");
     }
 
     #[test]

@@ -1,102 +1,109 @@
-//! One verdict a camera: what is wrong comes before what is open, and that before what is done.
+//! Status of each camera. Contradictions have priority over missing steps, and missing steps over completion.
 
 use calib_core::{Code, Severity};
 
 use calib_site::Warning;
 
 use crate::session::Session;
-use crate::steps::{FIELD, LENS, PLACE, Step, bent_px, is_grave, steps};
+use crate::steps::{FIELD, LENS, PLACE, Step, is_serious, nonstraightness_px, steps};
 
-/// How a camera stands.
+/// Severity of a camera's status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Standing {
+pub enum StatusLevel {
     /// Fit for use, or ready for the next step.
     Good,
-    /// Something is to be done.
-    Open,
-    /// The result contradicts what was drawn.
-    Wrong,
+    /// Incomplete: something remains to be done.
+    Incomplete,
+    /// Contradictory: the result does not fit the annotations.
+    Contradictory,
 }
 
-/// How a camera stands, in a few words.
+/// Status of a camera, as a short text with a severity.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Verdict {
-    /// In a few words.
+pub struct CameraStatus {
+    /// Short text.
     pub text: String,
-    /// How it stands.
-    pub standing: Standing,
+    /// Severity.
+    pub level: StatusLevel,
 }
 
-impl Verdict {
-    const fn new(text: String, standing: Standing) -> Self {
-        Self { text, standing }
+impl CameraStatus {
+    const fn new(text: String, level: StatusLevel) -> Self {
+        Self { text, level }
     }
 }
 
-/// The verdict on a camera.
+/// Returns the status of a camera.
 #[must_use]
-pub fn verdict(session: &Session, camera: usize) -> Verdict {
+pub fn camera_status(session: &Session, camera: usize) -> CameraStatus {
     let steps = steps(session, camera);
     let open = steps.iter().find(|step| !step.is_done && !step.is_optional);
-    wrong(session, camera)
-        .or_else(|| open.filter(|step| step.title != PLACE).map(to_do))
-        .or_else(|| doubt(session, camera))
+    contradiction(session, camera)
+        .or_else(|| open.filter(|step| step.title != PLACE).map(step_status))
+        .or_else(|| remaining_problem(session, camera))
         .unwrap_or_else(|| match open {
-            Some(_) => Verdict::new("ready to place".into(), Standing::Good),
-            None => Verdict::new("done".into(), Standing::Good),
+            Some(_) => CameraStatus::new("ready to place".into(), StatusLevel::Good),
+            None => CameraStatus::new("done".into(), StatusLevel::Good),
         })
 }
 
-/// Evidence that contradicts itself, at whatever step one is.
-fn wrong(session: &Session, camera: usize) -> Option<Verdict> {
+/// Returns the status of a camera with contradictory annotations, regardless of its steps.
+fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
     let solution = session.solved.solution(camera)?;
     let suspects = solution.warnings.iter().filter(|warning| warning.code == Code::Outlier).count();
     if suspects > 0 {
-        let noun = if suspects == 1 { "line needs" } else { "lines need" };
-        return Some(Verdict::new(format!("{suspects} {noun} a look"), Standing::Wrong));
+        let noun = if suspects == 1 { "line" } else { "lines" };
+        return Some(CameraStatus::new(
+            format!("check {suspects} suspect {noun}"),
+            StatusLevel::Contradictory,
+        ));
     }
     let misfit = solution.warnings.iter().find(|warning| warning.code == Code::Misfit)?;
-    let text = match (bent_px(session, camera), solution.chi2, solution.dof) {
-        (Some(px), ..) => format!("bent by {px:.0} px, not fitted"),
-        // What does not fit may be something else than the lines: the edges of the lens, points of others.
+    let text = match (nonstraightness_px(session, camera), solution.chi2, solution.dof) {
+        (Some(px), ..) => format!("curved by {px:.0} px, not fitted"),
+        // The misfit may not come from the lines alone, but from straight edges or from points of other
+        // cameras.
         (None, Some(chi2), Some(dof)) if chi2 > 2.0 * dof as f64 => {
-            format!("does not fit: \u{3c7}\u{b2} {chi2:.0} on {dof}")
+            format!("lines contradict each other: \u{3c7}\u{b2} {chi2:.0} on {dof}")
         }
         _ => first_words(session, camera, misfit),
     };
-    Some(Verdict::new(text, Standing::Wrong))
+    Some(CameraStatus::new(text, StatusLevel::Contradictory))
 }
 
-/// What keeps a camera whose drawing is complete from being fit for use.
-fn doubt(session: &Session, camera: usize) -> Option<Verdict> {
-    if let Some(px) = bent_px(session, camera) {
-        return Some(Verdict::new(format!("bent by {px:.0} px, not fitted"), Standing::Open));
+/// Returns the status of a camera whose annotations are complete but which is not fit for use.
+fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
+    if let Some(px) = nonstraightness_px(session, camera) {
+        return Some(CameraStatus::new(format!("curved by {px:.0} px, not fitted"), StatusLevel::Incomplete));
     }
     let warnings = session.solved.solution(camera).map(|solution| &solution.warnings);
-    let grave = warnings.into_iter().flatten().filter(|warning| is_grave(warning.code));
+    let grave = warnings.into_iter().flatten().filter(|warning| is_serious(warning.code));
     if let Some(worst) = grave.max_by_key(|warning| warning.code.severity()) {
         let is_error = worst.code.severity() == Severity::Error;
-        let standing = if is_error { Standing::Wrong } else { Standing::Open };
-        return Some(Verdict::new(first_words(session, camera, worst), standing));
+        let level = if is_error { StatusLevel::Contradictory } else { StatusLevel::Incomplete };
+        return Some(CameraStatus::new(first_words(session, camera, worst), level));
     }
-    session.solved.is_out_of_date(camera).then(|| Verdict::new("refined, out of date".into(), Standing::Open))
+    session
+        .solved
+        .is_out_of_date(camera)
+        .then(|| CameraStatus::new("changed since last Refine".into(), StatusLevel::Incomplete))
 }
 
 fn first_words(session: &Session, camera: usize, warning: &Warning) -> String {
-    let message = session.as_on_screen(camera, warning);
+    let message = session.warning_text(camera, warning);
     message.split_once(". ").map_or(message.as_str(), |(first, _)| first).trim_end_matches('.').to_owned()
 }
 
-fn to_do(step: &Step) -> Verdict {
+fn step_status(step: &Step) -> CameraStatus {
     let text = match step.title {
         FIELD => "draw the field of view".into(),
         LENS => step.state.clone(),
         title => format!("{}: {}", title.to_lowercase(), step.state),
     };
-    Verdict::new(text, Standing::Open)
+    CameraStatus::new(text, StatusLevel::Incomplete)
 }
 
-/// A camera in a line, for a tooltip.
+/// Returns a short summary of a camera, for a tooltip.
 #[must_use]
 pub fn summary(session: &Session, camera: usize) -> String {
     let Some(entry) = session.site.cameras.get(camera) else { return String::new() };
@@ -104,7 +111,7 @@ pub fn summary(session: &Session, camera: usize) -> String {
     let [w, h] = entry.size_px;
     let about = match session.solved.result(camera) {
         Some(Err(failure)) => failure.to_string(),
-        _ => verdict(session, camera).text,
+        _ => camera_status(session, camera).text,
     };
     format!("{}{name}\n{w} \u{d7} {h} px\n{about}", entry.id)
 }
@@ -125,11 +132,11 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_does_not_fit_is_not_ready_to_place() {
+    fn camera_with_a_misfit_is_not_ready_to_place() {
         let ready = session(|site| {
             (site.cameras[0].control_points, site.cameras[0].placement) = Default::default();
         });
-        assert_eq!(verdict(&ready, 0).text, "ready to place");
+        assert_eq!(camera_status(&ready, 0).text, "ready to place");
         let askew = session(|site| {
             let camera = &mut site.cameras[0];
             (camera.control_points, camera.placement) = Default::default();
@@ -142,13 +149,13 @@ mod tests {
         });
         let warnings = &askew.solved.solution(0).unwrap().warnings;
         assert!(warnings.iter().any(|warning| warning.code == Code::Misfit), "{warnings:?}");
-        let told = verdict(&askew, 0);
-        assert_eq!(told.standing, Standing::Wrong, "{told:?}");
-        assert!(steps(&askew, 0).iter().any(|step| step.is_doubted), "and its steps say so");
+        let status = camera_status(&askew, 0);
+        assert_eq!(status.level, StatusLevel::Contradictory, "{status:?}");
+        assert!(steps(&askew, 0).iter().any(|step| step.is_contradicted), "its steps are marked");
     }
 
     #[test]
-    fn edges_that_a_given_lens_leaves_bent_are_told_with_their_pixels() {
+    fn edges_that_a_fixed_lens_leaves_curved_are_reported_in_pixels() {
         let bent = session(|site| {
             let camera = &mut site.cameras[0];
             camera.annotations.retain(|drawn| drawn.kind != Kind::Straight);
@@ -162,32 +169,32 @@ mod tests {
             let straight = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..DistortionEntry::new(model) };
             camera.lens = Some(LensEntry { distortion: Some(straight), ..LensEntry::default() });
         });
-        let px = bent_px(&bent, 0).expect("it is bent");
+        let px = nonstraightness_px(&bent, 0).expect("the edge is curved");
         assert!((20.0..60.0).contains(&px), "{px}");
         let lens = &steps(&bent, 0)[0];
-        assert!(!lens.is_done && lens.state.starts_with("bent by"), "{lens:?}");
+        assert!(!lens.is_done && lens.state.starts_with("curved by"), "{lens:?}");
     }
 
     #[test]
-    fn what_is_drawn_right_and_says_too_little_is_not_doubted() {
+    fn consistent_but_insufficient_lines_are_not_contradicted() {
         let few = session(|site| {
             let camera = &mut site.cameras[0];
             camera.annotations.retain(|drawn| drawn.kind == Kind::Vertical);
             (camera.control_points, camera.placement) = Default::default();
         });
         let solution = few.solved.solution(0).unwrap();
-        assert!(solution.warnings.iter().any(|warning| is_grave(warning.code)), "the floor is hardly known");
-        assert!(steps(&few, 0).iter().all(|step| !step.is_doubted));
-        assert!(verdict(&few, 0).text.starts_with("floor lines"), "{:?}", verdict(&few, 0));
+        assert!(solution.warnings.iter().any(|warning| is_serious(warning.code)), "the floor is uncertain");
+        assert!(steps(&few, 0).iter().all(|step| !step.is_contradicted));
+        assert!(camera_status(&few, 0).text.starts_with("floor lines"), "{:?}", camera_status(&few, 0));
     }
 
     #[test]
-    fn without_edges_the_lens_is_not_ticked() {
+    fn lens_step_is_not_done_without_straight_edges() {
         let straight = session(|site| {
             site.cameras[0].annotations.retain(|drawn| drawn.kind != Kind::Straight);
             site.cameras[0].lens = None;
         });
         let lens = &steps(&straight, 0)[0];
-        assert!(!lens.is_done && lens.is_optional && lens.state == "taken as straight", "{lens:?}");
+        assert!(!lens.is_done && lens.is_optional && lens.state == "no distortion assumed", "{lens:?}");
     }
 }

@@ -1,5 +1,5 @@
-//! An operator's day without a window: stills come in, lines are drawn, cameras placed, linked, refined, saved.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+//! Working day of an operator without a window: add images, draw lines, place, link, refine and save.
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use std::path::PathBuf;
 
@@ -9,12 +9,12 @@ use calib_core::single::Known;
 
 use calib_editor::command::{Cameras, Gesture, Group, Lines, Nudge, Selection};
 use calib_editor::{
-    Action, Command, Editor, Images, Modifiers, NewStill, Opened, Pane, Part, Phase, PlaceNumber, PlanHandle,
-    Pointer, TOOLS, command, parse, plan_handles, refined, steps,
+    Action, Command, Editor, Images, Modifiers, NewImage, Opened, Pane, Part, Phase, PlacementNumber,
+    PlanHandle, Pointer, TOOLS, command, parse, plan_handles, refined, steps,
 };
-use calib_site::{HeldEntry, PlacementEntry, Site, Stage};
+use calib_site::{FixedEntry, PlacementEntry, Site, Stage};
 
-/// The operator: what the hands do.
+/// Operator who controls the editor with pointer and tools.
 struct Operator(Editor);
 
 impl Operator {
@@ -24,7 +24,7 @@ impl Operator {
 
     fn take(&mut self, title: &str) {
         let index = TOOLS.iter().position(|tool| tool.title == title).unwrap();
-        self.0.apply(Action::TakeTool(index));
+        self.0.apply(Action::SelectTool(index));
     }
 
     fn pointer(&mut self, pane: Pane, at: [f64; 2], phase: Phase, moved: bool) {
@@ -34,11 +34,11 @@ impl Operator {
             phase,
             modifiers: Modifiers::NONE,
             radius: if pane == Pane::Plan { 0.1 } else { 8.0 },
-            grain: 0.5,
+            point_size: 0.5,
             moved,
             double: false,
-            offer: None,
-            still: None,
+            edge: None,
+            image: None,
         }));
     }
 
@@ -75,7 +75,7 @@ impl Operator {
         *self.0.session().solved.pose(camera).unwrap()
     }
 
-    /// Draws on the image of a camera all that was drawn on the demonstration's, with the tools.
+    /// Draws all annotations of the demonstration on the image of a camera, with the tools.
     fn draw(&mut self, camera: usize, drawn: &Site) {
         let pane = Pane::Image(camera);
         for annotation in &drawn.cameras[camera].annotations {
@@ -100,21 +100,21 @@ impl Operator {
         self.0.apply(Action::Gesture(Gesture::Accept));
     }
 
-    /// Drags the camera's foot, then its ring and its square on the plan, to where a placement has them.
+    /// Drags the foot, ring and square of a camera on the plan to those of a placement.
     fn place(&mut self, camera: usize, to: Placement) {
         self.take("Select");
-        self.0.apply(Action::Choose(camera));
+        self.0.apply(Action::SelectCamera(camera));
         let handle = |own: &Self, wanted: PlanHandle| {
             let handles = plan_handles(own.0.session(), camera);
             handles.into_iter().find(|(handle, _)| *handle == wanted).unwrap().1
         };
         let from = handle(self, PlanHandle::Foot);
         self.drag(Pane::Plan, from, to.by.into());
-        for wanted in [PlanHandle::Turn, PlanHandle::Scale] {
+        for wanted in [PlanHandle::Rotate, PlanHandle::Scale] {
             let now = self.0.session().placement(camera).unwrap();
             let (from, foot) = (handle(self, wanted), [now.by.x, now.by.y]);
             let (turn, scale) = match wanted {
-                PlanHandle::Turn => (to.turn - now.turn, 1.0),
+                PlanHandle::Rotate => (to.turn - now.turn, 1.0),
                 _ => (0.0, to.scale / now.scale),
             };
             let (sin, cos) = turn.sin_cos();
@@ -125,13 +125,13 @@ impl Operator {
     }
 }
 
-/// Where a camera of the demonstration shows a point of the floor, if it does.
+/// Returns the pixel of a floor point in a camera of the demonstration, if it is visible.
 fn shown(camera: &Camera, at: FloorPoint) -> Option<Pixel> {
     let px = camera.world_to_pixel(at.at_height(0.0))?;
     ((50.0..1870.0).contains(&px.u) && (50.0..1030.0).contains(&px.v)).then_some(px)
 }
 
-/// Two cameras of the demonstration that see some floor in common, alone in a site.
+/// Returns a site with two cameras of the demonstration that share floor.
 fn two() -> (Site, [Camera; 2]) {
     let demo = calib_demo::demo_site();
     let mut site = demo.site;
@@ -139,12 +139,12 @@ fn two() -> (Site, [Camera; 2]) {
     (site, [demo.truth[0].1, demo.truth[1].1])
 }
 
-/// Stills come in and lines are drawn; what follows is seen at once.
+/// Adds images and draws lines; checks that the results follow at once.
 fn drawn() -> Operator {
     let (demo, _) = two();
     let mut operator = Operator(Editor::default());
     for camera in &demo.cameras {
-        let still = NewStill {
+        let still = NewImage {
             image: format!("{}.png", camera.id),
             title: camera.id.clone(),
             size: camera.size_px,
@@ -153,7 +153,7 @@ fn drawn() -> Operator {
         operator.0.apply(Action::AddCamera(still));
     }
     assert_eq!(operator.site().cameras.len(), 2);
-    assert_eq!(operator.stage(0), None, "nothing is drawn");
+    assert_eq!(operator.stage(0), None, "no annotations");
     for camera in 0..2 {
         operator.draw(camera, &demo);
         assert_eq!(operator.stage(camera), Some(Stage::Partial), "lines give roll, pitch and focal");
@@ -164,47 +164,47 @@ fn drawn() -> Operator {
 }
 
 #[test]
-fn what_is_drawn_is_solved_as_it_is_drawn_and_undone_line_by_line() {
+fn lines_are_solved_while_drawn_and_undone_one_by_one() {
     let mut operator = drawn();
     let (after, depth) = (operator.site().clone(), operator.depth());
     let pose = operator.pose(0);
     let fitted = |operator: &Operator| operator.0.session().solution().unwrap().residuals.len();
-    operator.0.apply(Action::Choose(0));
+    operator.0.apply(Action::SelectCamera(0));
     let before = fitted(&operator);
     operator.take("Vertical");
     let pane = Pane::Image(0);
     operator.pointer(pane, [900.0, 200.0], Phase::Press, false);
     operator.pointer(pane, [1000.0, 700.0], Phase::Drag, true);
-    assert_eq!(fitted(&operator), before + 1, "a line in the hand is solved with");
+    assert_eq!(fitted(&operator), before + 1, "an unfinished line is included in the solve");
     operator.0.apply(Action::Gesture(Gesture::Cancel));
-    assert!(*operator.site() == after && operator.pose(0) == pose, "Esc puts back what was in the hand");
+    assert!(*operator.site() == after && operator.pose(0) == pose, "Esc cancels the gesture");
     assert_eq!(operator.depth(), depth);
     while operator.depth() > 0 {
         operator.undo();
     }
-    assert!(operator.site().cameras.is_empty(), "the day begins with nothing");
+    assert!(operator.site().cameras.is_empty(), "the site is empty again");
     for _ in 0..depth {
         operator.redo();
     }
-    assert!(*operator.site() == after, "every gesture is done again");
+    assert!(*operator.site() == after, "every gesture is redone");
 }
 
 #[test]
-fn a_site_is_placed_linked_refined_saved_and_opened_again() {
+fn site_is_placed_linked_refined_saved_and_reopened() {
     let mut operator = drawn();
     let (_, truth) = two();
     for (camera, truth) in truth.iter().enumerate() {
         operator.place(camera, Placement::of(truth));
         assert_eq!(operator.stage(camera), Some(Stage::Placed));
         let off = operator.pose(camera).position.on_floor().distance(truth.position.on_floor());
-        assert!(off < 0.2, "camera {camera} stands {off} m off");
+        assert!(off < 0.2, "camera {camera} is {off} m off");
     }
-    // Things of the floor that both show are clicked in both.
+    // Floor points that both cameras show are clicked in both.
     operator.take("Link");
     let grid = (0..600).map(|i| FloorPoint::new(0.5 * f64::from(i % 30), 0.5 * f64::from(i / 30)));
     let common = grid.filter_map(|at| Some([shown(&truth[0], at)?, shown(&truth[1], at)?]));
     let common: Vec<[Pixel; 2]> = common.step_by(4).take(6).collect();
-    assert!(common.len() > 3, "the two see some floor in common");
+    assert!(common.len() > 3, "the two cameras share floor");
     for seen in &common {
         seen.iter().enumerate().for_each(|(camera, &px)| operator.click(Pane::Image(camera), px.into()));
         operator.0.apply(Action::Gesture(Gesture::Accept));
@@ -225,14 +225,14 @@ fn a_site_is_placed_linked_refined_saved_and_opened_again() {
     };
     let agreed = apart(&operator);
     operator.undo();
-    assert!(*operator.site() == before && apart(&operator) >= agreed, "refining makes views agree");
+    assert!(*operator.site() == before && apart(&operator) >= agreed, "refining improves the agreement");
     operator.redo();
 
     exported(&operator);
     saved_and_opened(operator);
 }
 
-/// Another program takes it.
+/// Checks that the site can be exported to another program.
 fn exported(operator: &Operator) {
     let session = operator.0.session();
     let solved = session.solved.write_into(&session.site);
@@ -244,7 +244,7 @@ fn exported(operator: &Operator) {
 fn saved_and_opened(mut operator: Operator) {
     let session = operator.0.session();
     let solved = session.solved.write_into(&session.site);
-    let text = session.images.put_into(&solved, None).to_json();
+    let text = session.images.embed_into(&solved, None).to_json();
     let path = PathBuf::from("site.json");
     assert!(!session.is_saved());
     operator.0.apply(Action::Saved { path: path.clone(), folder: None });
@@ -260,7 +260,7 @@ fn saved_and_opened(mut operator: Operator) {
 }
 
 #[test]
-fn every_command_on_the_document_can_be_given_at_any_time_and_removes_nothing_it_should_not() {
+fn every_document_command_runs_in_any_state_and_removes_no_camera() {
     let drawn = drawn().site().clone();
     for row in command::all().filter(|row| row.command != Command::RemoveCamera) {
         let (mut editor, site) = (Editor::default(), drawn.clone());
@@ -269,7 +269,7 @@ fn every_command_on_the_document_can_be_given_at_any_time_and_removes_nothing_it
         editor.apply(Action::Select(Part::Line { annotation: 0, segment: 0 }));
         let before = editor.site().cameras.len();
         let action = match row.command.group() {
-            Group::Tool(index) => Action::TakeTool(index),
+            Group::Tool(index) => Action::SelectTool(index),
             Group::Gesture(Gesture::Undo) => continue,
             Group::Gesture(command) => Action::Gesture(command),
             Group::Selection(command) => Action::Selection(command, None),
@@ -283,12 +283,12 @@ fn every_command_on_the_document_can_be_given_at_any_time_and_removes_nothing_it
         };
         editor.apply(action);
         assert_eq!(editor.site().cameras.len(), before, "{}", row.text);
-        assert!(editor.is_at_rest(), "{} leaves a gesture open", row.text);
+        assert!(editor.is_settled(), "{} leaves an unfinished gesture", row.text);
     }
 }
 
 #[test]
-fn an_empty_site_takes_every_command() {
+fn empty_site_accepts_every_command() {
     let commands = [
         Action::Selection(Selection::Delete, None),
         Action::Nudge { step: Nudge::NudgeLeft, coarse: true, pane: Some(Pane::Plan) },
@@ -297,9 +297,9 @@ fn an_empty_site_takes_every_command() {
         Action::Cameras(Cameras::NextCamera),
         Action::Cameras(Cameras::PreviousUnfinished),
         Action::Cameras(Cameras::RemoveCamera),
-        Action::HoldPlace,
-        Action::ForgetPlace,
-        Action::Choose(7),
+        Action::TogglePlacementFixed,
+        Action::RemovePlacement,
+        Action::SelectCamera(7),
     ];
     let mut editor = Editor::default();
     for command in commands {
@@ -309,7 +309,7 @@ fn an_empty_site_takes_every_command() {
 }
 
 #[test]
-fn a_link_is_taken_up_where_it_is_drawn_and_two_of_one_thing_become_one() {
+fn clicked_link_is_continued_and_two_links_of_one_point_are_merged() {
     let mut operator = drawn();
     operator.take("Link");
     let there = [900.0, 800.0];
@@ -318,15 +318,15 @@ fn a_link_is_taken_up_where_it_is_drawn_and_two_of_one_thing_become_one() {
     };
     operator.click(Pane::Image(1), there);
     operator.0.apply(Action::Gesture(Gesture::Accept));
-    // Begun anew, and then shown to be the thing that was clicked before.
+    // A new link is then continued at the point that was clicked before.
     operator.click(Pane::Image(0), [300.0, 600.0]);
     operator.click(Pane::Image(1), [there[0] + 3.0, there[1]]);
-    assert_eq!(seen(&operator), [2], "a click on what is drawn makes no second link");
+    assert_eq!(seen(&operator), [2], "a click on a link does not add another");
     let link = &operator.site().links[0];
     assert_eq!(link.seen.iter().map(|seen| seen.px.unwrap().u).collect::<Vec<_>>(), [900.0, 300.0]);
     operator.undo();
     assert_eq!(seen(&operator), [1, 1]);
-    // Two that one camera shows are two things.
+    // Two points in one camera are two different objects.
     operator.0.apply(Action::Gesture(Gesture::Accept));
     operator.click(Pane::Image(1), [100.0, 900.0]);
     operator.click(Pane::Image(1), there);
@@ -334,7 +334,7 @@ fn a_link_is_taken_up_where_it_is_drawn_and_two_of_one_thing_become_one() {
 }
 
 #[test]
-fn what_is_clicked_where_it_is_small_is_known_as_well_as_it_was_seen() {
+fn click_has_the_accuracy_of_the_zoom() {
     let mut operator = drawn();
     let at = |at: [f64; 2], phase, moved, grain| {
         let modifiers = Modifiers::NONE;
@@ -345,11 +345,11 @@ fn what_is_clicked_where_it_is_small_is_known_as_well_as_it_was_seen() {
             phase,
             modifiers,
             radius,
-            grain,
+            point_size: grain,
             moved,
             double: false,
-            offer: None,
-            still: None,
+            edge: None,
+            image: None,
         })
     };
     operator.take("Link");
@@ -358,7 +358,7 @@ fn what_is_clicked_where_it_is_small_is_known_as_well_as_it_was_seen() {
     operator.0.apply(at(from, Phase::Release, false, 2.3));
     assert_eq!(operator.site().links[0].seen[0].sigma_px, Some(2.3));
     assert!(operator.0.session().note.as_ref().is_some_and(|note| note.contains("\u{b1} 2.3 px")));
-    // Moved where it is seen large, it is as good as what else is drawn.
+    // A point dragged at a large scale is as accurate as the other annotations.
     operator.take("Select");
     operator.0.apply(at(from, Phase::Press, false, 0.5));
     operator.0.apply(at([902.0, 801.0], Phase::Drag, true, 0.5));
@@ -367,7 +367,7 @@ fn what_is_clicked_where_it_is_small_is_known_as_well_as_it_was_seen() {
     assert_eq!((seen.px, seen.sigma_px), (Some(Pixel::new(902.0, 801.0)), None));
     operator.undo();
     assert_eq!(operator.site().links[0].seen[0].sigma_px, Some(2.3));
-    // Of a line one end was seen large, and the other is where it was.
+    // One end of a line was placed at a large scale; the other end is unchanged.
     operator.take("Link");
     operator.0.apply(Action::Gesture(Gesture::Accept));
     let ends = [[200.0, 700.0], [400.0, 720.0]];
@@ -384,12 +384,12 @@ fn what_is_clicked_where_it_is_small_is_known_as_well_as_it_was_seen() {
 }
 
 #[test]
-fn what_was_measured_of_a_height_outlasts_the_locks_of_the_place() {
+fn measured_height_survives_fixing_and_unfixing_the_placement() {
     let measured = Known::prior(3.1, 0.1);
-    for number in [PlaceNumber::X, PlaceNumber::Height] {
+    for number in [PlacementNumber::X, PlacementNumber::Height] {
         let mut operator = drawn();
         let mut site = operator.site().clone();
-        let held = HeldEntry::default();
+        let held = FixedEntry::default();
         let placement = PlacementEntry {
             move_m: FloorPoint::new(1.0, 2.0),
             turn_deg: 3.0,
@@ -404,28 +404,28 @@ fn what_was_measured_of_a_height_outlasts_the_locks_of_the_place() {
             path: None,
             is_unsaved: false,
         })));
-        operator.0.apply(Action::HoldNumber(number));
+        operator.0.apply(Action::ToggleNumberFixed(number));
         let entry = &operator.site().cameras[0];
         assert_eq!(entry.height_m, Some(measured));
         let released = entry.placement.as_ref().unwrap();
-        assert!(!released.fixed && released.held.x == (number != PlaceNumber::X) && released.held.turn);
+        assert!(!released.fixed && released.held.x == (number != PlacementNumber::X) && released.held.turn);
     }
 }
 
 #[test]
-fn what_came_in_for_a_site_that_is_closed_does_not_land_in_the_next() {
+fn result_for_a_closed_site_is_discarded() {
     let mut operator = drawn();
     let before = operator.site().clone();
     let opened = Opened { site: Site::new(), images: Images::default(), path: None, is_unsaved: false };
     operator.0.apply(Action::Open(Box::new(opened)));
     operator.0.apply(Action::Refined(Box::new((before.clone(), before))));
-    assert!(operator.site().cameras.is_empty(), "what was refined is another site");
+    assert!(operator.site().cameras.is_empty(), "the result belongs to another site");
 }
 
 #[test]
-fn the_steps_say_what_a_camera_still_needs() {
+fn steps_list_the_missing_work_of_a_camera() {
     let (demo, _) = two();
-    let still = NewStill {
+    let still = NewImage {
         image: "a.png".into(),
         title: "a".into(),
         size: demo.cameras[0].size_px,
@@ -433,16 +433,16 @@ fn the_steps_say_what_a_camera_still_needs() {
     };
     let mut operator = Operator(Editor::default());
     operator.0.apply(Action::AddCamera(still));
-    let missing = steps::missing(operator.0.session(), 0);
+    let missing = steps::missing_steps(operator.0.session(), 0);
     operator.draw(0, &demo);
-    assert!(steps::missing(operator.0.session(), 0) < missing);
-    assert!(!steps::is_finished(operator.0.session(), 0), "it is not placed");
+    assert!(steps::missing_steps(operator.0.session(), 0) < missing);
+    assert!(!steps::is_finished(operator.0.session(), 0), "the camera is not placed");
 }
 
 #[test]
-fn many_strokes_in_one_frame_are_all_there_and_solved_in_the_next() {
+fn all_strokes_of_a_frame_are_kept_and_solved_in_the_next() {
     let mut operator = drawn();
-    operator.0.apply(Action::Choose(0));
+    operator.0.apply(Action::SelectCamera(0));
     operator.take("Vertical");
     let (before, depth) = (operator.site().cameras[0].annotations.clone(), operator.depth());
     let model = two().0.cameras[0].annotations.clone();
@@ -455,16 +455,16 @@ fn many_strokes_in_one_frame_are_all_there_and_solved_in_the_next() {
     for line in &plumb {
         operator.drag(Pane::Image(0), line[0].into(), line[1].into());
     }
-    assert_eq!(operator.depth(), depth + plumb.len(), "every stroke is a gesture");
+    assert_eq!(operator.depth(), depth + plumb.len(), "every line is an undo step");
     operator.0.solve();
     let solved = operator.pose(0);
-    // The same, solved stroke by stroke.
+    // The same lines, solved one by one.
     for _ in &plumb {
         operator.undo();
     }
     assert!(operator.site().cameras[0].annotations == before);
     let mut slowly = drawn();
-    slowly.0.apply(Action::Choose(0));
+    slowly.0.apply(Action::SelectCamera(0));
     slowly.take("Vertical");
     for line in &plumb {
         slowly.drag(Pane::Image(0), line[0].into(), line[1].into());

@@ -1,18 +1,17 @@
-//! What was solved together stays until what it follows from differs; then it is solved again, or says that it is
-//! out of date.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+//! Joint results are kept until an input changes. Then they are solved again, or marked as out of date.
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use calib_core::Pixel;
 
 use calib_editor::command::{Cameras, Gesture};
-use calib_editor::{Action, Editor, Images, NewStill, Opened, parse, refined};
+use calib_editor::{Action, Editor, Images, NewImage, Opened, parse, refined};
 use calib_site::{Mark, Site, Stage};
 
-/// One camera of the demonstration shares nothing with the others.
+/// Stages after refining: one camera of the demonstration shares nothing with the others.
 const TOGETHER: [Stage; 6] =
     [Stage::Refined, Stage::Refined, Stage::Refined, Stage::Placed, Stage::Refined, Stage::Refined];
 
-/// The demonstration, refined by its operator.
+/// Returns the demonstration after a joint solve.
 fn together() -> Editor {
     let mut editor = Editor::default();
     open(&mut editor, calib_demo::demo_site().site);
@@ -48,13 +47,13 @@ fn move_a_line(site: &mut Site) {
 }
 
 #[test]
-fn what_it_does_not_follow_from_leaves_it() {
+fn unrelated_changes_keep_the_joint_result_current() {
     let mut editor = together();
     let poses =
         |editor: &Editor| (0..5).map(|i| *editor.session().solved.pose(i).unwrap()).collect::<Vec<_>>();
     let before = poses(&editor);
     let still =
-        NewStill { image: "yard.png".into(), title: "yard".into(), size: [640, 480], image_circle: None };
+        NewImage { image: "yard.png".into(), title: "yard".into(), size: [640, 480], image_circle: None };
     editor.apply(Action::AddCamera(still));
     let free = Mark { id: Some("free".into()), seen: Vec::new(), ..editor.site().marks[0].clone() };
     change(&mut editor, |site| site.marks.push(free));
@@ -68,9 +67,9 @@ fn what_it_does_not_follow_from_leaves_it() {
 }
 
 #[test]
-fn it_outlives_a_reload_of_what_is_kept_after_every_gesture() {
+fn joint_result_survives_a_reload_of_the_autosave() {
     let editor = together();
-    let (site, _) = parse(&editor.session().kept().to_json(), None).unwrap();
+    let (site, _) = parse(&editor.session().site_with_joint_results().to_json(), None).unwrap();
     let mut again = Editor::default();
     open(&mut again, site);
     assert_eq!(stages(&again), TOGETHER);
@@ -79,30 +78,30 @@ fn it_outlives_a_reload_of_what_is_kept_after_every_gesture() {
 }
 
 #[test]
-fn a_changed_line_is_solved_together_on_the_way_as_one_gesture() {
+fn changed_line_is_solved_jointly_within_its_gesture() {
     let mut editor = together();
     let before = *editor.session().solved.pose(0).unwrap();
-    editor.apply(Action::JointMayTake(f64::INFINITY));
+    editor.apply(Action::SetMaxJointSolveMs(f64::INFINITY));
     let depth = editor.session().history.depth();
     change(&mut editor, move_a_line);
     assert!(editor.session().solved.is_joint_current());
     assert_eq!(stages(&editor), TOGETHER);
-    assert_ne!(*editor.session().solved.pose(0).unwrap(), before, "the line has moved it");
+    assert_ne!(*editor.session().solved.pose(0).unwrap(), before, "the line changes the pose");
     assert_eq!(editor.session().history.depth(), depth + 1);
     editor.apply(Action::Gesture(Gesture::Undo));
     assert!(editor.session().solved.is_joint_current());
-    assert_eq!(*editor.session().solved.pose(0).unwrap(), before, "undo finds the result it had");
+    assert_eq!(*editor.session().solved.pose(0).unwrap(), before, "undo restores the result");
 }
 
 #[test]
-fn where_that_takes_too_long_it_is_out_of_date_and_files_say_so() {
+fn slow_joint_result_is_out_of_date_also_in_files() {
     let mut editor = together();
-    editor.apply(Action::JointMayTake(-1.0));
+    editor.apply(Action::SetMaxJointSolveMs(-1.0));
     change(&mut editor, move_a_line);
     let solved = &editor.session().solved;
     assert!(solved.is_joint_out_of_date());
-    assert_eq!(solved.solution(0).unwrap().stage, Stage::Placed, "its lines differ");
-    assert_eq!(solved.solution(1).unwrap().stage, Stage::Refined, "it is what it was");
+    assert_eq!(solved.solution(0).unwrap().stage, Stage::Placed, "its lines have changed");
+    assert_eq!(solved.solution(1).unwrap().stage, Stage::Refined, "its inputs are unchanged");
     let (site, _) = parse(&solved.write_into(editor.site()).to_json(), None).unwrap();
     let mut again = Editor::default();
     open(&mut again, site);
@@ -113,39 +112,39 @@ fn where_that_takes_too_long_it_is_out_of_date_and_files_say_so() {
 }
 
 #[test]
-fn a_place_that_a_hand_gave_is_not_taken_back() {
+fn placement_by_hand_is_not_overwritten() {
     let mut editor = together();
-    editor.apply(Action::JointMayTake(f64::INFINITY));
+    editor.apply(Action::SetMaxJointSolveMs(f64::INFINITY));
     let camera = editor.site().cameras.iter().position(|camera| camera.control_points.is_empty()).unwrap();
     let mut placement = editor.session().placement(camera).unwrap();
     placement.by.x += 1.0;
     editor.apply(Action::Place { camera, placement, name: "move".into() });
     assert!(editor.session().solved.is_joint_out_of_date());
     let at = editor.session().solved.pose(camera).unwrap().position;
-    assert!((at.x - placement.by.x).abs() < 1e-5, "it stands where the hand put it");
+    assert!((at.x - placement.by.x).abs() < 1e-5, "the placement by hand is kept");
 }
 
 #[test]
-fn without_one_of_its_cameras_it_is_out_of_date() {
+fn joint_result_is_out_of_date_after_removing_a_camera() {
     let mut editor = together();
-    editor.apply(Action::JointMayTake(-1.0));
-    editor.apply(Action::Choose(2));
+    editor.apply(Action::SetMaxJointSolveMs(-1.0));
+    editor.apply(Action::SelectCamera(2));
     editor.apply(Action::Cameras(Cameras::RemoveCamera));
     assert!(editor.session().solved.is_joint_out_of_date());
 }
 
 #[test]
-fn undo_of_refining_leaves_nothing_that_is_out_of_date() {
+fn undo_of_refining_leaves_no_result_out_of_date() {
     let mut editor = Editor::default();
     let mut site = calib_demo::demo_site().site;
-    // What is held stands where it stood, refined or not.
+    // A fixed camera keeps its position, refined or not.
     site.cameras[1].placement.as_mut().unwrap().fixed = true;
     open(&mut editor, site);
     let (before, alone) = (editor.site().clone(), stages(&editor));
     let (saved, _) = parse(&editor.session().solved.write_into(&before).to_json(), None).unwrap();
     let mut again = Editor::default();
     open(&mut again, saved);
-    assert!(!again.session().solved.is_joint_out_of_date(), "it was never refined");
+    assert!(!again.session().solved.is_joint_out_of_date(), "the site was never refined");
     editor.apply(Action::Refined(Box::new((before.clone(), refined(before)))));
     assert!(editor.session().solved.is_joint_current());
     editor.apply(Action::Gesture(Gesture::Undo));
@@ -154,8 +153,8 @@ fn undo_of_refining_leaves_nothing_that_is_out_of_date() {
     assert_eq!(stages(&editor), alone);
     editor.apply(Action::Gesture(Gesture::Redo));
     assert!(editor.session().solved.is_joint_current());
-    // And what was out of date is so again when undo comes back to it.
-    editor.apply(Action::JointMayTake(-1.0));
+    // A result that was out of date is out of date again after undo.
+    editor.apply(Action::SetMaxJointSolveMs(-1.0));
     change(&mut editor, move_a_line);
     change(&mut editor, |site| site.name = Some("Shop".into()));
     editor.apply(Action::Gesture(Gesture::Undo));

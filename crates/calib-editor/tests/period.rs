@@ -1,6 +1,6 @@
-//! A camera of two periods: what is drawn or measured on one does not land in the other.
+//! Camera with two periods: annotations and comparisons of one period do not affect the other.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use std::path::{Path, PathBuf};
 
@@ -8,18 +8,18 @@ use calib_core::Pixel;
 
 use calib_editor::command::Gesture;
 use calib_editor::{
-    Action, Editor, Images, Modifiers, NewStill, Newer, OnNewer, Opened, Pane, Period, Phase, Pointer, TOOLS,
-    far_links, pair_apart,
+    Action, Editor, Images, Modifiers, NewImage, NewerAction, NewerImage, Opened, Pane, Period, Phase,
+    Pointer, TOOLS, inconsistent_links, pair_rms_distance,
 };
 use calib_image::{Became, Comparison};
 use calib_site::{LinkKind, Site, SiteCamera};
 
 const BUMP: &str = "2026-06-01T09:00:00Z";
 
-/// The index of the period that has ended.
+/// Index of the period that has ended.
 const OLD: usize = 6;
 
-/// The demonstration, its first camera with a period that has ended, last in the list.
+/// Returns the demonstration; its first camera has an ended period, which is last in the list.
 fn site() -> Site {
     let mut site = calib_demo::demo_site().site;
     for camera in &mut site.cameras {
@@ -34,7 +34,7 @@ fn site() -> Site {
 
 fn opened(site: Site, folder: Option<&Path>) -> Editor {
     let mut editor = Editor::default();
-    let images = Images::beside(folder.map(Path::to_path_buf), None);
+    let images = Images::in_folder(folder.map(Path::to_path_buf), None);
     editor.apply(Action::Open(Box::new(Opened { site, images, path: None, is_unsaved: false })));
     editor
 }
@@ -47,35 +47,35 @@ fn click(editor: &mut Editor, camera: usize, at: Pixel, alt: bool) {
             phase,
             modifiers: Modifiers { alt, ..Modifiers::NONE },
             radius: 8.0,
-            grain: 0.5,
+            point_size: 0.5,
             moved: false,
             double: false,
-            offer: None,
-            still: None,
+            edge: None,
+            image: None,
         }));
     }
 }
 
 fn take(editor: &mut Editor, title: &str) {
     let index = TOOLS.iter().position(|tool| tool.title == title).unwrap();
-    editor.apply(Action::TakeTool(index));
+    editor.apply(Action::SelectTool(index));
 }
 
 #[test]
-fn a_link_is_refused_on_a_period_that_has_ended_and_made_on_the_newest() {
+fn link_is_refused_in_an_ended_period_and_added_in_the_newest() {
     let mut editor = opened(site(), None);
     take(&mut editor, "Link");
     let before = editor.site().clone();
     click(&mut editor, OLD, Pixel::new(900.0, 700.0), false);
     assert_eq!(*editor.site(), before);
     let note = editor.session().note.clone().unwrap();
-    assert!(note.contains(&before.cameras[0].id) && note.contains("newest still"), "{note}");
+    assert!(note.contains(&before.cameras[0].id) && note.contains("newest image"), "{note}");
     click(&mut editor, 0, Pixel::new(900.0, 700.0), false);
     assert_eq!(editor.site().links.len(), before.links.len() + 1);
 }
 
 #[test]
-fn a_mark_is_not_pinned_on_a_period_that_has_ended() {
+fn mark_is_not_pinned_in_an_ended_period() {
     let mut editor = opened(site(), None);
     let pose = *editor.session().solved.pose(OLD).unwrap();
     let is_shown = |mark: &calib_site::Mark| {
@@ -88,42 +88,42 @@ fn a_mark_is_not_pinned_on_a_period_that_has_ended() {
     let before = editor.site().marks.clone();
     click(&mut editor, OLD, at, true);
     assert_eq!(editor.site().marks, before);
-    assert!(editor.session().note.as_ref().is_some_and(|note| note.contains("newest still")));
+    assert!(editor.session().note.as_ref().is_some_and(|note| note.contains("newest image")));
 }
 
 #[test]
-fn links_of_the_newest_period_tell_nothing_of_one_that_has_ended() {
+fn links_of_the_newest_period_do_not_apply_to_an_ended_one() {
     let editor = opened(site(), None);
     let session = editor.session();
     let poses: Vec<_> = (0..=OLD).map(|index| session.solved.pose(index).copied()).collect();
     assert!(session.site.links.iter().any(|link| link.kind == LinkKind::Point));
-    assert!(far_links(session, 0).1 > 0 && pair_apart(session, &poses, [0, 1]).is_some());
-    assert_eq!(far_links(session, OLD), (0, 0));
-    assert_eq!(pair_apart(session, &poses, [OLD, 1]), None);
+    assert!(inconsistent_links(session, 0).1 > 0 && pair_rms_distance(session, &poses, [0, 1]).is_some());
+    assert_eq!(inconsistent_links(session, OLD), (0, 0));
+    assert_eq!(pair_rms_distance(session, &poses, [OLD, 1]), None);
 }
 
 #[test]
-fn a_still_is_replaced_and_rescaled_in_its_own_period() {
+fn image_is_replaced_and_rescaled_in_its_own_period() {
     let mut editor = opened(site(), None);
     let before = editor.site().clone();
     let size = before.cameras[OLD].size_px.map(|side| side / 2);
-    let still = NewStill { image: "small.png".into(), title: "small".into(), size, image_circle: None };
-    editor.apply(Action::ReplaceStill(Period::of(&before.cameras[OLD]), still));
-    editor.apply(Action::RescaleToStill);
+    let still = NewImage { image: "small.png".into(), title: "small".into(), size, image_circle: None };
+    editor.apply(Action::ReplaceImage(Period::from_camera(&before.cameras[OLD]), still));
+    editor.apply(Action::RescaleToImage);
     let after = editor.site();
     assert_eq!(after.cameras[..OLD], before.cameras[..OLD]);
     assert_eq!(
         (&after.links, &after.marks),
         (&before.links, &before.marks),
-        "they are drawn on the newest still"
+        "they are drawn on the newest image"
     );
     assert_eq!(after.cameras[OLD].image.as_deref(), Some("small.png"));
     let first = |site: &Site| site.cameras[OLD].annotations[0].polylines().next().unwrap()[0];
     assert_eq!(first(after), Pixel::new(0.5 * first(&before).u, 0.5 * first(&before).v));
 }
 
-/// A newer still of a camera, as it is told of when it was compared.
-fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<Newer> {
+/// Returns the comparison of a camera with a newer image.
+fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<NewerImage> {
     let entry = &editor.site().cameras[camera];
     let comparison = Comparison {
         became: Became::Moved,
@@ -137,7 +137,7 @@ fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<Newer>
         by_chance: 0.05,
         seen: Vec::new(),
     };
-    Box::new(Newer {
+    Box::new(NewerImage {
         ids: [entry.id.clone()].into(),
         period: [entry.valid_from.clone(), entry.valid_to.clone()],
         old: entry.image.clone(),
@@ -151,7 +151,7 @@ fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<Newer>
 
 fn compared(editor: &mut Editor, camera: usize, image: &str, since: &str) {
     let newer = newer(editor, camera, image, since);
-    editor.apply(Action::Newer(OnNewer::Compared(newer)));
+    editor.apply(Action::Newer(NewerAction::Compared(newer)));
 }
 
 fn shown(editor: &Editor, camera: usize) -> Option<&str> {
@@ -159,7 +159,7 @@ fn shown(editor: &Editor, camera: usize) -> Option<&str> {
 }
 
 #[test]
-fn of_newer_stills_the_one_taken_last_stays_in_whatever_order_they_are_done() {
+fn latest_newer_image_is_kept_in_any_order_of_comparison() {
     let mut editor = opened(site(), None);
     compared(&mut editor, 0, "june.png", "2026-06-20T09:00:00Z");
     compared(&mut editor, 0, "earlier.png", "2026-06-10T09:00:00Z");
@@ -169,15 +169,15 @@ fn of_newer_stills_the_one_taken_last_stays_in_whatever_order_they_are_done() {
     compared(&mut editor, 0, "july.png", "2026-07-01T09:00:00Z");
     assert_eq!(shown(&editor, 0), Some("july.png"));
     compared(&mut editor, 0, "undated.png", "");
-    assert_eq!(shown(&editor, 0), Some("undated.png"), "of an unknown time, what was asked for last");
+    assert_eq!(shown(&editor, 0), Some("undated.png"), "with an unknown time the last comparison is kept");
     assert_eq!(shown(&editor, OLD), None, "each period has its own");
 }
 
 #[test]
-fn a_camera_that_is_renamed_keeps_its_newer_still_and_so_it_does_undone() {
+fn renamed_camera_keeps_its_newer_image_also_after_undo() {
     let mut editor = opened(site(), None);
     compared(&mut editor, 0, "june.png", BUMP);
-    editor.apply(Action::Choose(0));
+    editor.apply(Action::SelectCamera(0));
     editor.apply(Action::Rename("gate".into()));
     assert_eq!((editor.site().cameras[0].id.as_str(), shown(&editor, 0)), ("gate", Some("june.png")));
     editor.apply(Action::Gesture(Gesture::Undo));
@@ -188,7 +188,7 @@ fn a_camera_that_is_renamed_keeps_its_newer_still_and_so_it_does_undone() {
 }
 
 #[test]
-fn a_site_saved_into_another_folder_keeps_what_newer_stills_showed() {
+fn site_saved_into_another_folder_keeps_its_newer_images() {
     let mut editor = opened(site(), Some(Path::new("/stills")));
     compared(&mut editor, 0, "june.png", BUMP);
     let folder = Some(PathBuf::from("/sites"));

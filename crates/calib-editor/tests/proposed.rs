@@ -1,16 +1,16 @@
-//! What a still proposes is decided group by group, every decision a step that can be taken back.
+//! Automatic calibrations are decided group by group; every decision is an undo step.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::unwrap_used, reason = "a failed step fails the test")]
 
 use calib_core::{Kind, Orientation, Pixel};
 
 use calib_editor::{
-    Action, Editor, Images, NewStill, OnProposed, Opened, Pane, Period, Phase, Pointer, command,
+    Action, CalibrationDecision, Editor, Images, NewImage, Opened, Pane, Period, Phase, Pointer, command,
 };
 use calib_image::{Alternative, Group, Lies, Proposal, Reason, Still, Verdict};
 use calib_site::{Site, SiteCamera};
 
-/// The first camera of the demonstration with nothing drawn, beside another.
+/// Returns a site with two cameras of the demonstration; the first one has no annotations.
 fn blank() -> Site {
     let mut site = calib_demo::demo_site().site;
     site.cameras.truncate(2);
@@ -29,8 +29,8 @@ fn opened(site: Site) -> Editor {
     editor
 }
 
-/// What an ideal detector would propose for the first camera: its verticals and floor lines, as the demonstration has
-/// them, floor directions at right angles.
+/// Returns the automatic calibration of an ideal detector for the first camera: its verticals and floor
+/// lines, with floor directions at right angles.
 fn proposal() -> Proposal {
     let drawn = calib_demo::demo_site().site.cameras.swap_remove(0);
     let lines = |kind: Kind| -> Vec<Vec<Pixel>> {
@@ -60,7 +60,7 @@ fn proposal() -> Proposal {
 fn proposed() -> Editor {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
-    editor.apply(Action::Propose(Period { camera, from: None }, Box::new(proposal())));
+    editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(proposal())));
     editor
 }
 
@@ -72,8 +72,8 @@ fn kinds(editor: &Editor) -> Vec<Kind> {
         .unwrap_or_default()
 }
 
-fn do_it(editor: &mut Editor, action: OnProposed) {
-    editor.apply(Action::OnProposed(action));
+fn do_it(editor: &mut Editor, action: CalibrationDecision) {
+    editor.apply(Action::DecideCalibration(action));
 }
 
 fn undo(editor: &mut Editor) {
@@ -85,7 +85,7 @@ fn redo(editor: &mut Editor) {
 }
 
 #[test]
-fn of_two_cameras_that_explain_the_edges_alike_the_operator_says_which_it_is() {
+fn operator_chooses_between_two_equally_good_cameras() {
     for other in [false, true] {
         let mut editor = opened(blank());
         let of = Period { camera: editor.site().cameras[0].id.clone(), from: None };
@@ -97,72 +97,69 @@ fn of_two_cameras_that_explain_the_edges_alike_the_operator_says_which_it_is() {
         let reasons = vec![Reason::TwoHypotheses { focals: [1200.0, 8000.0] }];
         let groups = [own.groups.len(), rival.groups.len()];
         let own = Proposal { verdict: Verdict::None, reasons, alternative: Some(rival), ..own };
-        editor.apply(Action::Propose(of, Box::new(own)));
-        do_it(&mut editor, OnProposed::AcceptAll);
+        editor.apply(Action::SetAutomaticCalibration(of, Box::new(own)));
+        do_it(&mut editor, CalibrationDecision::AcceptAll);
         let note = editor.session().note.clone().unwrap();
-        assert!(
-            note.contains("say which it is") && editor.site().cameras[0].annotations.is_empty(),
-            "{note}"
-        );
-        do_it(&mut editor, OnProposed::Decide { other });
+        assert!(note.contains("Choose one") && editor.site().cameras[0].annotations.is_empty(), "{note}");
+        do_it(&mut editor, CalibrationDecision::Decide { other });
         let decided = editor.session().proposed().unwrap();
-        assert_eq!((decided.verdict, decided.reasons.len()), (Verdict::Check, 0));
+        assert_eq!((decided.confidence, decided.reasons.len()), (Verdict::Check, 0));
         assert_eq!(decided.groups.len(), groups[usize::from(other)]);
         assert!(decided.alternative.is_none());
         undo(&mut editor);
-        assert!(editor.session().proposed().unwrap().alternative.is_some(), "it is open again");
+        assert!(editor.session().proposed().unwrap().alternative.is_some(), "undecided again");
         redo(&mut editor);
-        do_it(&mut editor, OnProposed::AcceptAll);
+        do_it(&mut editor, CalibrationDecision::AcceptAll);
         assert!(!editor.site().cameras[0].annotations.is_empty());
     }
 }
 
 #[test]
-fn nothing_of_a_proposal_is_in_the_site_until_it_is_accepted() {
+fn automatic_calibration_does_not_change_the_site_until_accepted() {
     let editor = proposed();
     assert!(kinds(&editor).len() >= 2, "{:?}", editor.session().proposed());
     assert_eq!(*editor.site(), *opened(blank()).site());
-    assert!(editor.session().is_saved(), "nothing is there to be saved");
+    assert!(editor.session().is_saved(), "there are no changes to save");
     assert!(editor.session().solution().is_none());
 }
 
 #[test]
-fn all_of_it_is_one_step_that_undo_takes_back_and_redo_does_again() {
+fn accepting_all_groups_is_one_undo_step() {
     let mut editor = proposed();
     let (before, count) = (kinds(&editor), editor.session().proposed().unwrap().count());
-    do_it(&mut editor, OnProposed::AcceptAll);
+    do_it(&mut editor, CalibrationDecision::AcceptAll);
     let drawn =
         editor.site().cameras[0].annotations.iter().flat_map(calib_core::Annotation::polylines).count();
     assert_eq!(drawn, count);
     assert!(editor.session().proposed().is_none() && editor.session().solution().is_some());
     undo(&mut editor);
     assert!(editor.site().cameras[0].annotations.is_empty());
-    assert_eq!(kinds(&editor), before, "it is proposed again");
+    assert_eq!(kinds(&editor), before, "undecided again");
     redo(&mut editor);
     assert!(editor.session().proposed().is_none() && !editor.site().cameras[0].annotations.is_empty());
     undo(&mut editor);
     undo(&mut editor);
-    assert!(editor.session().proposed().is_none(), "before it was proposed");
+    assert!(editor.session().proposed().is_none(), "before the automatic calibration");
     redo(&mut editor);
     assert_eq!(kinds(&editor), before);
 }
 
 #[test]
-fn groups_are_decided_one_by_one_and_each_decision_is_a_step() {
+fn each_decision_about_a_group_is_an_undo_step() {
     let mut editor = proposed();
     let states = |editor: &Editor| (editor.site().clone(), editor.session().proposed().cloned());
     let mut seen = vec![states(&editor)];
     for action in [
-        OnProposed::LeaveOut(0, 0),
-        OnProposed::Flip(0),
-        OnProposed::Flip(0),
-        OnProposed::Accept(0),
-        OnProposed::Delete(0),
+        CalibrationDecision::RejectLine(0, 0),
+        CalibrationDecision::Flip(0),
+        CalibrationDecision::Flip(0),
+        CalibrationDecision::Accept(0),
+        CalibrationDecision::Delete(0),
     ] {
         do_it(&mut editor, action);
         seen.push(states(&editor));
     }
-    assert!(seen.windows(2).all(|pair| pair[0] != pair[1]), "each does something");
+    assert!(seen.windows(2).all(|pair| pair[0] != pair[1]), "each decision changes something");
     for state in seen.iter().rev().skip(1) {
         undo(&mut editor);
         assert!(states(&editor) == *state);
@@ -174,45 +171,49 @@ fn groups_are_decided_one_by_one_and_each_decision_is_a_step() {
 }
 
 #[test]
-fn flipped_verticals_are_a_floor_direction_of_their_own() {
+fn flipped_verticals_are_a_new_floor_direction() {
     let mut editor = proposed();
     let verticals = kinds(&editor).iter().position(|kind| *kind == Kind::Vertical).unwrap();
-    do_it(&mut editor, OnProposed::Flip(verticals));
+    do_it(&mut editor, CalibrationDecision::Flip(verticals));
     let own = editor.session().proposed().unwrap().groups[verticals].clone();
     assert_eq!(own.kind, Kind::Parallel);
     let others = &editor.session().proposed().unwrap().groups;
     assert_eq!(others.iter().filter(|group| group.direction == own.direction).count(), 1);
-    do_it(&mut editor, OnProposed::Accept(verticals));
+    do_it(&mut editor, CalibrationDecision::Accept(verticals));
     let drawn = editor.site().cameras[0].annotations.last().unwrap();
     assert_eq!((drawn.kind, drawn.id.as_ref()), (Kind::Parallel, Some(&own.direction)));
 }
 
 #[test]
-fn groups_of_one_direction_become_one_annotation_and_right_angles_are_tied_in_any_order() {
+fn groups_of_one_direction_are_merged_and_right_angles_linked_in_any_order() {
     let mut editor = proposed();
     let level: Vec<usize> =
         (0..kinds(&editor).len()).filter(|&group| kinds(&editor)[group] == Kind::Parallel).collect();
     let [.., first, second] = level[..] else {
-        panic!("two floor directions are proposed: {:?}", kinds(&editor))
+        panic!("two floor directions are expected: {:?}", kinds(&editor))
     };
-    let tied = editor.clone_site_after(&[OnProposed::Accept(second), OnProposed::Accept(first)]);
+    let tied =
+        editor.clone_site_after(&[CalibrationDecision::Accept(second), CalibrationDecision::Accept(first)]);
     assert_eq!(
         tied.cameras[0].annotations.iter().filter(|drawn| drawn.at_right_angles_to.is_some()).count(),
         1
     );
     let direction = editor.session().proposed().unwrap().groups[first].direction.clone();
-    let joined = editor.clone_site_after(&[OnProposed::Turn(second, direction), OnProposed::AcceptAll]);
+    let joined = editor.clone_site_after(&[
+        CalibrationDecision::SetDirection(second, direction),
+        CalibrationDecision::AcceptAll,
+    ]);
     let parallels = joined.cameras[0].annotations.iter().filter(|drawn| drawn.kind == Kind::Parallel).count();
     assert_eq!(parallels, level.len() - 1);
 }
 
 trait After {
-    fn clone_site_after(&mut self, actions: &[OnProposed]) -> Site;
+    fn clone_site_after(&mut self, actions: &[CalibrationDecision]) -> Site;
 }
 
 impl After for Editor {
-    /// The site after some decisions, which are then taken back.
-    fn clone_site_after(&mut self, actions: &[OnProposed]) -> Site {
+    /// Returns the site after some decisions, and undoes them.
+    fn clone_site_after(&mut self, actions: &[CalibrationDecision]) -> Site {
         for action in actions {
             do_it(self, action.clone());
         }
@@ -223,12 +224,12 @@ impl After for Editor {
 }
 
 #[test]
-fn what_is_drawn_already_is_not_proposed() {
+fn annotated_lines_are_not_detected_again() {
     let mut editor = proposed();
     let count = editor.session().proposed().unwrap().count();
-    do_it(&mut editor, OnProposed::Accept(0));
+    do_it(&mut editor, CalibrationDecision::Accept(0));
     let camera = editor.site().cameras[0].id.clone();
-    editor.apply(Action::Propose(Period { camera, from: None }, Box::new(proposal())));
+    editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(proposal())));
     let drawn =
         editor.site().cameras[0].annotations.iter().flat_map(calib_core::Annotation::polylines).count();
     assert!(drawn > 0);
@@ -236,36 +237,36 @@ fn what_is_drawn_already_is_not_proposed() {
 }
 
 #[test]
-fn a_proposal_goes_with_its_camera_and_its_still() {
+fn automatic_calibration_is_removed_with_its_camera_or_image() {
     let mut editor = proposed();
     editor.apply(Action::Rename("renamed".into()));
-    assert!(editor.session().proposed().is_some(), "another id, the same camera");
-    editor.apply(Action::Choose(1));
-    assert!(editor.session().proposed().is_none(), "it is the other camera's");
-    editor.apply(Action::Choose(0));
+    assert!(editor.session().proposed().is_some(), "the camera was only renamed");
+    editor.apply(Action::SelectCamera(1));
+    assert!(editor.session().proposed().is_none(), "another camera is selected");
+    editor.apply(Action::SelectCamera(0));
     let still =
-        NewStill { image: "other.png".into(), title: "other".into(), size: [1920, 1080], image_circle: None };
-    editor.apply(Action::ReplaceStill(Period { camera: "renamed".into(), from: None }, still));
-    assert!(editor.session().proposed().is_none(), "another still proposes something else");
+        NewImage { image: "other.png".into(), title: "other".into(), size: [1920, 1080], image_circle: None };
+    editor.apply(Action::ReplaceImage(Period { camera: "renamed".into(), from: None }, still));
+    assert!(editor.session().proposed().is_none(), "the image was replaced");
     undo(&mut editor);
-    assert!(editor.session().proposed().is_some(), "with the old still");
+    assert!(editor.session().proposed().is_some(), "with the old image");
 }
 
 #[test]
-fn what_is_not_believed_is_accepted_by_groups_alone() {
+fn uncertain_result_can_only_be_accepted_by_group() {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
     let unsure = Proposal { verdict: Verdict::None, ..proposal() };
-    editor.apply(Action::Propose(Period { camera, from: None }, Box::new(unsure)));
+    editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(unsure)));
     let groups = kinds(&editor).len();
-    do_it(&mut editor, OnProposed::AcceptAll);
+    do_it(&mut editor, CalibrationDecision::AcceptAll);
     assert!(editor.site().cameras[0].annotations.is_empty() && kinds(&editor).len() == groups);
-    do_it(&mut editor, OnProposed::Accept(0));
+    do_it(&mut editor, CalibrationDecision::Accept(0));
     assert!(!editor.site().cameras[0].annotations.is_empty() && kinds(&editor).len() == groups - 1);
 }
 
 #[test]
-fn the_group_that_tells_most_is_asked_about_and_the_preview_is_what_accepting_gives() {
+fn first_group_minimises_the_floor_error_and_the_preview_matches_the_result() {
     let mut editor = proposed();
     let mut known = f64::INFINITY;
     let foreseen = editor.find_preview().unwrap().solution.clone().unwrap();
@@ -273,24 +274,24 @@ fn the_group_that_tells_most_is_asked_about_and_the_preview_is_what_accepting_gi
         let rel = |editor: &Editor| editor.session().solution()?.sigma.as_ref()?.floor_length_rel;
         let others: Vec<f64> = (0..kinds(&editor).len())
             .filter_map(|group| {
-                do_it(&mut editor, OnProposed::Accept(group));
+                do_it(&mut editor, CalibrationDecision::Accept(group));
                 let rel = rel(&editor);
                 undo(&mut editor);
                 rel
             })
             .collect();
-        do_it(&mut editor, OnProposed::Accept(next));
+        do_it(&mut editor, CalibrationDecision::Accept(next));
         let now = rel(&editor).unwrap();
-        assert!(others.iter().all(|other| now <= 1.02 * other), "{now} beside {others:?}");
+        assert!(others.iter().all(|other| now <= 1.02 * other), "{now}, others {others:?}");
         assert!(now <= 1.1 * known, "{now} after {known}");
         known = now;
     }
     let focal = editor.session().solution().unwrap().focal_px;
-    assert!((focal / foreseen.focal_px - 1.0).abs() < 1e-3, "{focal} was foreseen as {}", foreseen.focal_px);
+    assert!((focal / foreseen.focal_px - 1.0).abs() < 1e-3, "{focal} was predicted as {}", foreseen.focal_px);
 }
 
 #[test]
-fn a_click_on_a_line_chooses_it_and_delete_leaves_it_out() {
+fn click_selects_a_detected_line_and_delete_rejects_it() {
     let mut editor = proposed();
     let line = editor.session().proposed().unwrap().groups[0].lines[1].clone();
     let at = [0.5 * (line[0].u + line[1].u), 0.5 * (line[0].v + line[1].v)];
@@ -301,20 +302,20 @@ fn a_click_on_a_line_chooses_it_and_delete_leaves_it_out() {
             phase,
             modifiers: calib_editor::Modifiers::NONE,
             radius: 8.0,
-            grain: 0.5,
+            point_size: 0.5,
             moved: false,
             double: false,
-            offer: None,
-            still: None,
+            edge: None,
+            image: None,
         })
     };
     editor.apply(pointer(at, Phase::Press));
     editor.apply(pointer(at, Phase::Release));
-    assert_eq!(editor.session().picked(), Some((0, 1)));
+    assert_eq!(editor.session().picked_line(), Some((0, 1)));
     assert!(editor.is_enabled(calib_editor::Command::Delete, false));
     let before = editor.session().proposed().unwrap().count();
     editor.apply(Action::Selection(command::Selection::Delete, None));
     assert_eq!(editor.session().proposed().unwrap().count(), before - 1);
     assert!(!editor.session().proposed().unwrap().groups[0].lines.contains(&line));
-    assert!(editor.session().picked().is_none());
+    assert!(editor.session().picked_line().is_none());
 }

@@ -17,7 +17,7 @@ const SENSOR: f64 = 36.0;
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let mut rows = String::new();
     for view in &scene.views {
-        export.lose_distortion(view);
+        export.report_distortion(view);
         if (view.scale[0] / view.scale[1] - 1.0).abs() > 1e-3 {
             export.add_loss(view, "the stretching of its stream: a Blender camera has one focal length");
         }

@@ -5,7 +5,7 @@
 
 use crate::file::File;
 use crate::file::FormatError;
-use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_and_rest};
+use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax};
 
@@ -21,9 +21,9 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
             let mut lens = ImportedCamera::new(id, camera.place(), [fx, fy, cx + 0.5, cy + 0.5]);
             let size = camera.require(&["size"])?;
             let sides = size.items()?;
-            let [width, height] = &sides[..] else { return Err(size.wrong("width and height")) };
+            let [width, height] = &sides[..] else { return Err(size.unexpected("width and height")) };
             lens.size = Some([width.side()?, height.side()?]);
-            if let Some(terms) = camera.any(&["distortions", "distortion"]) {
+            if let Some(terms) = camera.first_of(&["distortions", "distortion"]) {
                 lens.distortion =
                     distortion(&terms, camera.get("fisheye").is_some_and(|node| node.is_true()))?;
             }
@@ -31,5 +31,5 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         }
         rest.extend(root.unread_keys());
     }
-    site_and_rest(given, rest, &files[0].name)
+    site_with_notes(given, rest, &files[0].name)
 }

@@ -13,7 +13,7 @@ use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
 use crate::fisheye::{from_quaternion, quaternion};
-use crate::given::{Imported, ImportedCamera, site_of};
+use crate::given::{Imported, ImportedCamera, site_from_cameras};
 use crate::tree::{digits, joined};
 use crate::view::{Terms, View};
 
@@ -130,7 +130,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         // Skips the line of points that follows.
         with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }
-    let mut imported = site_of(given, &file.name)?;
+    let mut imported = site_from_cameras(given, &file.name)?;
     imported.notes.extend(notes);
     if with_points > 0 {
         let images = calib_site::counted(with_points, "image", "images");

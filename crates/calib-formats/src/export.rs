@@ -12,14 +12,14 @@ pub struct Loss {
     /// Id of the camera; absent for the site as a whole.
     pub camera: Option<String>,
     /// Description of the loss, with its size if known.
-    pub what: String,
+    pub description: String,
 }
 
 impl std::fmt::Display for Loss {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.camera {
-            Some(camera) => write!(f, "camera {camera:?}: {}", self.what),
-            None => f.write_str(&self.what),
+            Some(camera) => write!(f, "camera {camera:?}: {}", self.description),
+            None => f.write_str(&self.description),
         }
     }
 }
@@ -53,7 +53,7 @@ pub(crate) struct Scene<'a> {
 pub(crate) const MAX_UNREPORTED_ERROR_PX: f64 = 0.05;
 
 /// Returns advice for a wide-angle lens whose model the format does not support; `None` for other lenses.
-pub(crate) fn way_out(view: &View) -> Option<String> {
+pub(crate) fn wide_lens_advice(view: &View) -> Option<String> {
     let row = view.camera.lens.distortion.model()?.row();
     row.is_wide.then(|| {
         format!(
@@ -75,11 +75,11 @@ impl Export {
     }
 
     pub(crate) fn add_loss(&mut self, view: &View, what: impl Into<String>) {
-        self.losses.push(Loss { camera: Some(view.id.clone()), what: what.into() });
+        self.losses.push(Loss { camera: Some(view.id.clone()), description: what.into() });
     }
 
     /// Reports a camera that was not placed: a loss if the site has other cameras, otherwise a note.
-    pub(crate) fn lose_place(&mut self, site: &Site, view: &View) {
+    pub(crate) fn report_unplaced(&mut self, site: &Site, view: &View) {
         if site.cameras.len() > 1 {
             self.add_loss(view, "its position: it is not placed, and would be at (0, 0)");
         } else {
@@ -100,9 +100,9 @@ impl Export {
     }
 
     /// Reports the loss of distortion, for formats that contain pinhole cameras only.
-    pub(crate) fn lose_distortion(&mut self, view: &View) {
+    pub(crate) fn report_distortion(&mut self, view: &View) {
         if view.is_distorted() {
-            let windows = way_out(view).map_or(String::new(), |windows| format!("; {windows}"));
+            let windows = wide_lens_advice(view).map_or(String::new(), |windows| format!("; {windows}"));
             let what = "the distortion of its lens; --rectified exports the undistorted camera";
             self.add_loss(view, format!("{what}{windows}"));
         }
@@ -113,7 +113,7 @@ impl Export {
     pub(crate) fn terms(&mut self, view: &View, lenses: &[DistortionModel]) -> Terms {
         let terms = view.terms(lenses);
         let Terms::Fitted(brown, off) = terms else { return terms };
-        if let Some(windows) = way_out(view) {
+        if let Some(windows) = wide_lens_advice(view) {
             self.add_loss(
                 view,
                 format!("its lens model: k1, k2, k3 cannot represent its wide field of view; {windows}"),

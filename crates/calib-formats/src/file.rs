@@ -30,7 +30,7 @@ pub enum Problem {
     /// A file is missing that belongs to another file.
     MissingFile {
         /// The file that is present.
-        beside: String,
+        companion: String,
     },
     /// The folder does not contain the two files of a COLMAP model.
     NotColmap,
@@ -80,7 +80,7 @@ pub enum Problem {
     /// The rows of a rotation are not right-handed unit vectors.
     InvalidRotation,
     /// A matrix is not an intrinsic matrix.
-    NotIntrinsics,
+    InvalidIntrinsics,
     /// A projection matrix belongs to no camera.
     InvalidProjection,
     /// The numbers of pixels and of world points differ.
@@ -140,7 +140,7 @@ impl fmt::Display for Problem {
         match self {
             Self::Unexpected { found, expected } => write!(f, "found {found}, expected {expected}"),
             Self::MissingKey(keys) => write!(f, "expected {}", keys.join(" or ")),
-            Self::MissingFile { beside } => write!(f, "is missing; {beside} refers to it"),
+            Self::MissingFile { companion } => write!(f, "is missing; {companion} refers to it"),
             Self::NoFiles(extensions) => {
                 write!(f, "found no file with the extension .{}", extensions.join(" or ."))
             }
@@ -162,14 +162,14 @@ impl fmt::Display for Problem {
                 )
             }
             Self::InvalidSite(error) => write!(f, "the result is not a valid site: {error}"),
-            _ => f.write_str(self.plain()),
+            _ => f.write_str(self.fixed_message()),
         }
     }
 }
 
 impl Problem {
     /// Returns the message of a problem that has no values; empty for the others.
-    const fn plain(&self) -> &'static str {
+    const fn fixed_message(&self) -> &'static str {
         match self {
             Self::NotColmap => "is missing; expected a folder with cameras.txt and images.txt",
             Self::Empty => "found an empty file",
@@ -180,7 +180,7 @@ impl Problem {
             Self::NoSize => "found no image size, and no principal point to derive it from",
             Self::NoRotation => "found a quaternion of length 0",
             Self::InvalidRotation => "found a rotation whose rows are not right-handed unit vectors",
-            Self::NotIntrinsics => "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]",
+            Self::InvalidIntrinsics => "found a matrix that is not [fx 0 cx; 0 fy cy; 0 0 1]",
             Self::InvalidProjection => "found a matrix that is not a camera projection",
             Self::NoCamera => "found no camera",
             Self::ReadOnly => "can be imported but not exported",
@@ -209,8 +209,8 @@ impl Problem {
 
 /// Quotes a text, cut to 60 characters so that a hostile file cannot fill the screen.
 pub(crate) fn quoted(text: &str) -> String {
-    const MOST: usize = 60;
-    let short: String = text.chars().take(MOST).collect();
+    const MAX_CHARS: usize = 60;
+    let short: String = text.chars().take(MAX_CHARS).collect();
     if short.len() < text.len() { format!("{short:?}...") } else { format!("{short:?}") }
 }
 

@@ -6,7 +6,7 @@
 
 use crate::file::File;
 use crate::file::{FormatError, Problem};
-use crate::given::{Imported, ImportedCamera, site_and_rest};
+use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::tree::{Node, Syntax};
 
 const MAGIC: &[u8] = b"fspy";
@@ -16,7 +16,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let mut rest = Vec::new();
     let given: Result<Vec<ImportedCamera>, FormatError> =
         files.iter().map(|file| camera(file, &mut rest)).collect();
-    let mut imported = site_and_rest(given?, rest, &files[0].name)?;
+    let mut imported = site_with_notes(given?, rest, &files[0].name)?;
     imported.notes.push("fSpy's units and axes are kept; place the camera to convert them to metres".into());
     Ok(imported)
 }
@@ -36,7 +36,7 @@ fn camera(file: &File, rest: &mut Vec<String>) -> Result<ImportedCamera, FormatE
     let field = camera.require(&["horizontalFieldOfView"])?;
     let angle = field.number()?;
     if !(0.001..3.1).contains(&angle) {
-        return Err(field.wrong("radians between 0.001 and 3.1"));
+        return Err(field.unexpected("radians between 0.001 and 3.1"));
     }
     let focal = 0.5 * w / (0.5 * angle).tan();
     let centre = camera.require(&["principalPoint"])?;

@@ -59,14 +59,14 @@ fn fields(on_earth: bool, has_planes: bool) -> Value {
             "efov: the floor that the camera shows; camera: its position; plane: region of a plane other than the floor"
         );
         fields["fall_deg"] = json!("slope of the plane, in degrees");
-        let (name, from) = toward(on_earth);
+        let (name, from) = fall_direction(on_earth);
         fields[name] = json!(format!("direction toward which the plane falls, in degrees {from}"));
     }
     fields
 }
 
 /// Returns the property for the direction of a fall, and the way it is counted.
-const fn toward(on_earth: bool) -> (&'static str, &'static str) {
+const fn fall_direction(on_earth: bool) -> (&'static str, &'static str) {
     if on_earth {
         ("toward_azimuth_deg", "clockwise from north")
     } else {
@@ -80,7 +80,7 @@ fn region(entry: &PlaneEntry, plane: &Plane, earth: Option<&Georeference>) -> Va
     let falls = earth.map_or(falls, |earth| earth.x_axis_azimuth_deg - falls).rem_euclid(360.0);
     let mut properties = json!({"plane_id": entry.id, "kind": "plane", "name": entry.name,
         "height_m": plane.height, "fall_deg": plane.fall().to_degrees()});
-    properties[toward(earth.is_some()).0] = json!(falls);
+    properties[fall_direction(earth.is_some()).0] = json!(falls);
     json!({"type": "Feature", "properties": properties, "geometry": polygon(&entry.region, earth)})
 }
 
@@ -95,7 +95,7 @@ fn polygon(corners: &[FloorPoint], earth: Option<&Georeference>) -> Value {
 }
 
 fn coordinates(point: FloorPoint, earth: Option<&Georeference>) -> [f64; 2] {
-    earth.map_or(point.into(), |earth| on_earth(earth, point))
+    earth.map_or(point.into(), |earth| to_wgs84(earth, point))
 }
 
 fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
@@ -128,7 +128,7 @@ fn area(ring: &[[f64; 2]]) -> f64 {
 
 /// Converts a floor point to longitude and latitude, in degrees. It uses the radii of the ellipsoid at the
 /// origin, accurate to a millimetre over a few hundred metres.
-fn on_earth(earth: &Georeference, point: FloorPoint) -> [f64; 2] {
+fn to_wgs84(earth: &Georeference, point: FloorPoint) -> [f64; 2] {
     let azimuth = earth.x_axis_azimuth_deg.to_radians();
     let (sin, cos) = azimuth.sin_cos();
     // +x points to the azimuth, and +y is 90 degrees counter-clockwise from it.

@@ -59,7 +59,7 @@ impl ImportedCamera {
     }
 
     /// Returns the mean focal length; fails if the pixels are not square.
-    fn one_focal(&self, notes: &mut Vec<String>) -> Result<f64, FormatError> {
+    fn mean_focal(&self, notes: &mut Vec<String>) -> Result<f64, FormatError> {
         /// Largest relative difference of the two focal lengths. Above it the image is stretched, and the
         /// difference is not an error of the calibration.
         const MAX_RATIO: f64 = 0.02;
@@ -99,14 +99,14 @@ impl ImportedCamera {
 
     /// Converts the camera to an entry of a site.
     pub(crate) fn to_entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
-        let (focal, size) = (self.one_focal(notes)?, self.size(notes)?);
+        let (focal, size) = (self.mean_focal(notes)?, self.size(notes)?);
         let principal_point = Pixel::from(self.centre);
         let lens = Lens { principal_point, focal, distortion: self.distortion, image_circle: None };
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
         entry.lens = Some(LensEntry {
             focal_px: Some(Known::fixed(focal)),
             principal_point_px: Some(principal_point),
-            distortion: DistortionEntry::of(&lens, focal),
+            distortion: DistortionEntry::from_lens(&lens, focal),
             ..LensEntry::default()
         });
         let Some((rotation, t)) = self.pose else { return Ok(entry) };
@@ -117,7 +117,7 @@ impl ImportedCamera {
         let (roll, pitch, yaw) = angles_from_rotation(&rotation);
         let position = WorldPoint::from(centre);
         let camera = Camera { position, yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT };
-        entry.solution = Some(Solution::of(&camera, Method::Given, Stage::Placed));
+        entry.solution = Some(Solution::from_camera(&camera, Method::Given, Stage::Placed));
         Ok(entry)
     }
 }
@@ -154,18 +154,18 @@ pub(crate) fn checked_site(
 
 /// Returns a checked site with these cameras, and adds `rest` (the parts of the files that were not read) to
 /// the notes.
-pub(crate) fn site_and_rest(
+pub(crate) fn site_with_notes(
     given: Vec<ImportedCamera>,
     rest: Vec<String>,
     place: &str,
 ) -> Result<Imported, FormatError> {
-    let mut imported = site_of(given, place)?;
+    let mut imported = site_from_cameras(given, place)?;
     imported.notes.extend(rest);
     Ok(imported)
 }
 
 /// Returns a checked site with these cameras.
-pub(crate) fn site_of(given: Vec<ImportedCamera>, place: &str) -> Result<Imported, FormatError> {
+pub(crate) fn site_from_cameras(given: Vec<ImportedCamera>, place: &str) -> Result<Imported, FormatError> {
     if given.len() > calib_site::MAX_CAMERAS {
         let found = format!("{} cameras", given.len());
         return Err(FormatError::expected(place, found, format!("at most {}", calib_site::MAX_CAMERAS)));
@@ -182,7 +182,7 @@ pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<[
     let is_upright = zero.abs() < 1e-9 && last[0].abs() < 1e-9 && last[1].abs() < 1e-9;
     let place = place.trim_end_matches([' ', ':']);
     if !is_upright || (last[2] - 1.0).abs() > 1e-9 {
-        return Err(FormatError::new(place, Problem::NotIntrinsics));
+        return Err(FormatError::new(place, Problem::InvalidIntrinsics));
     }
     if skew.abs() > 1e-3 * fx.abs() {
         return Err(FormatError::expected(place, format!("a skew of {skew}"), "square pixels"));
@@ -192,7 +192,7 @@ pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<[
 
 /// Decomposes a projection matrix of either sign into `[fx, fy, cx, cy]` and the pose. The rows of `K R` are
 /// orthogonalised from the last to the first.
-pub(crate) fn decomposed(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Pose), FormatError> {
+pub(crate) fn decompose_projection(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Pose), FormatError> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let less = |a: [f64; 3], s: f64, b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - s * b[i]) };
     let [a, b, c] = p.map(|row| [row[0], row[1], row[2]]);

@@ -14,7 +14,7 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::{FormatError, quoted};
 use crate::fisheye::rotate;
-use crate::given::{Imported, ImportedCamera, site_and_rest};
+use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::opencv::distortion;
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
@@ -100,7 +100,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         }
         rest.extend(root.unread_keys());
     }
-    site_and_rest(given, rest, &files[0].name)
+    site_with_notes(given, rest, &files[0].name)
 }
 
 fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
@@ -115,22 +115,22 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
             let [xi, alpha, k @ ..] = intrinsics.exactly::<6>()?;
             (Some((xi, Distortion::DoubleSphere { xi, alpha })), k)
         }
-        _ => return Err(model.wrong("pinhole, omni or ds, the supported camera models")),
+        _ => return Err(model.unexpected("pinhole, omni or ds, the supported camera models")),
     };
     let gain = 1.0 + sphere.map_or(0.0, |(xi, _)| xi);
     let [least, _] = Coefficient::Xi.bounds();
     if gain - 1.0 < least {
-        return Err(intrinsics.wrong("a xi above -1"));
+        return Err(intrinsics.unexpected("a xi above -1"));
     }
     let mut given = ImportedCamera::new(name, camera.place(), [fx / gain, fy / gain, cx + 0.5, cy + 0.5]);
     let size = camera.require(&["resolution"])?;
     let sides = size.items()?;
-    let [width, height] = &sides[..] else { return Err(size.wrong("width and height")) };
+    let [width, height] = &sides[..] else { return Err(size.unexpected("width and height")) };
     given.size = Some([width.side()?, height.side()?]);
-    let bent = bent(camera)?;
+    let extra = extra_distortion(camera)?;
     given.distortion = match sphere {
-        None => bent,
-        Some((_, sphere)) if bent == Distortion::None => sphere,
+        None => extra,
+        Some((_, sphere)) if extra == Distortion::None => sphere,
         Some(_) => {
             let place = format!("{}/distortion_coeffs", camera.place());
             let found = format!("a distortion on top of {}", model.text()?);
@@ -143,7 +143,7 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
 }
 
 /// Returns the distortion that a camera has in addition to its camera model.
-fn bent(camera: &Node) -> Result<Distortion, FormatError> {
+fn extra_distortion(camera: &Node) -> Result<Distortion, FormatError> {
     let model = camera.get("distortion_model").map_or(Ok("none"), |node| node.text())?;
     match model {
         "none" => {

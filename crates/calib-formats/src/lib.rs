@@ -85,7 +85,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     {
         return Err(FormatError::new(format!("camera {:?}", view.id), Problem::InvalidFileName));
     }
-    if !format.holds_periods {
+    if !format.has_periods {
         let mut seen = HashSet::new();
         if let Some(view) = views.iter().find(|view| !seen.insert(&view.id)) {
             return Err(FormatError::new(format!("camera {:?}", view.id), Problem::SeveralPeriods));
@@ -93,7 +93,7 @@ pub fn export(format: &Format, site: &Site, options: &ExportOptions) -> Result<E
     }
     let mut export = Export { unsolved, ..Export::default() };
     if format.has_positions {
-        views.iter().filter(|view| !view.is_placed).for_each(|view| export.lose_place(site, view));
+        views.iter().filter(|view| !view.is_placed).for_each(|view| export.report_unplaced(site, view));
     }
     export.report_planes(site, format.planes);
     views.iter().filter(|view| view.is_stretched()).for_each(|view| export.report_aspect_ratio(view));

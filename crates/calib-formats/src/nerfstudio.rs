@@ -10,7 +10,7 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::FormatError;
 use crate::fisheye::rotate;
-use crate::given::{Imported, ImportedCamera, Pose, site_and_rest};
+use crate::given::{Imported, ImportedCamera, Pose, site_with_notes};
 use crate::tree::{Node, Syntax, pretty};
 use crate::view::{Terms, View};
 
@@ -70,7 +70,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         }
         rest.extend(root.unread_keys());
     }
-    let mut imported = site_and_rest(given, rest, &files[0].name)?;
+    let mut imported = site_with_notes(given, rest, &files[0].name)?;
     imported.notes.push(
         "poses are read as metres with z up, which is true only for an aligned nerfstudio data set".into(),
     );
@@ -89,7 +89,7 @@ fn camera(root: &Node, frame: &Node) -> Result<ImportedCamera, FormatError> {
         _ => {
             return Err(frame
                 .require(&["fl_x"])
-                .map_or_else(|error| error, |node| node.wrong("a focal length")));
+                .map_or_else(|error| error, |node| node.unexpected("a focal length")));
         }
     };
     let centre = size.map(|size| size.map(|side| 0.5 * f64::from(side)));
@@ -118,11 +118,13 @@ fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
     let radial = ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"];
     match model {
         _ if is_fisheye && [p1, p2] == [0.0; 2] => Ok(Distortion::KannalaBrandt { k: [k1, k2, k3, k4] }),
-        _ if is_fisheye => Err(frame.wrong("a fisheye with k1 to k4; p1 and p2 are not supported with it")),
-        Some(node) if !radial.contains(&name) => {
-            Err(node.wrong("OPENCV or OPENCV_FISHEYE, the supported camera models"))
+        _ if is_fisheye => {
+            Err(frame.unexpected("a fisheye with k1 to k4; p1 and p2 are not supported with it"))
         }
-        _ if k4 != 0.0 => Err(frame.wrong("only k1, k2, k3, p1, p2; k4 is not supported")),
+        Some(node) if !radial.contains(&name) => {
+            Err(node.unexpected("OPENCV or OPENCV_FISHEYE, the supported camera models"))
+        }
+        _ if k4 != 0.0 => Err(frame.unexpected("only k1, k2, k3, p1, p2; k4 is not supported")),
         _ if [k1, k2, k3, p1, p2] == [0.0; 5] => Ok(Distortion::None),
         _ => Ok(Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 })),
     }
@@ -131,7 +133,9 @@ fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
 /// Converts a camera-to-world matrix that looks along -z to a world-to-camera pose.
 fn pose(matrix: &Node) -> Result<Pose, FormatError> {
     let numbers = matrix.numbers()?;
-    let (12 | 16) = numbers.len() else { return Err(matrix.wrong("three or four rows of four numbers")) };
+    let (12 | 16) = numbers.len() else {
+        return Err(matrix.unexpected("three or four rows of four numbers"));
+    };
     let column = |sign: f64, j: usize| [0, 1, 2].map(|i| sign * numbers[4 * i + j]);
     let rotation = [column(1.0, 0), column(-1.0, 1), column(-1.0, 2)];
     Ok((rotation, rotate(&rotation, column(-1.0, 3))))

@@ -12,7 +12,8 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::given::{
-    Imported, ImportedCamera, checked_site, control_point, decomposed, intrinsics_from_matrix, site_and_rest,
+    Imported, ImportedCamera, checked_site, control_point, decompose_projection, intrinsics_from_matrix,
+    site_with_notes,
 };
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;
@@ -30,7 +31,7 @@ struct Map {
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let (map, height) = map(scene, export);
     for view in &scene.views {
-        export.lose_distortion(view);
+        export.report_distortion(view);
         export.push(format!("camInfo/{}.yml", view.file), cam_info(view));
     }
     let sensors: Vec<Value> = scene.views.iter().map(|view| sensor(scene, view, map)).collect();
@@ -138,12 +139,12 @@ fn polygon(corners: &[FloorPoint]) -> String {
 /// Returns at least four floor points that the camera shows: corners of the EFOV, and points between them and
 /// its centre.
 fn corners(view: &View) -> Vec<FloorPoint> {
-    const MOST: usize = 8;
+    const MAX_CORNERS: usize = 8;
     let all = &view.efov_m;
     let count = all.len().max(1) as f64;
     let sum = all.iter().fold([0.0; 2], |s, p| [s[0] + p.x, s[1] + p.y]);
     let middle = FloorPoint::new(sum[0] / count, sum[1] / count);
-    let some = all.iter().step_by(all.len().div_ceil(MOST).max(1)).copied();
+    let some = all.iter().step_by(all.len().div_ceil(MAX_CORNERS).max(1)).copied();
     let between = all.iter().map(|p| FloorPoint::new(0.5 * (p.x + middle.x), 0.5 * (p.y + middle.y)));
     let more = if all.len() < 4 { between.collect() } else { Vec::new() };
     some.chain(more).filter(|p| view.project_undistorted(p.at_height(0.0)).is_some()).collect()
@@ -164,7 +165,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         rest.extend(root.unread_keys());
     }
     rest.extend(unread_notes(files, |file| file.base() == "transforms.yml"));
-    site_and_rest(given, rest, &files[0].name)
+    site_with_notes(given, rest, &files[0].name)
 }
 
 /// Returns a note for each file that is not read.
@@ -180,7 +181,7 @@ fn rows(values: [f64; 12]) -> [[f64; 4]; 3] {
 }
 
 fn projected(id: &str, node: &Node) -> Result<ImportedCamera, FormatError> {
-    let (k, pose) = decomposed(&rows(node.exactly()?), node.place())?;
+    let (k, pose) = decompose_projection(&rows(node.exactly()?), node.place())?;
     Ok(ImportedCamera { pose: Some(pose), ..ImportedCamera::new(id, node.place(), k) })
 }
 
@@ -190,7 +191,7 @@ fn calibration(file: &File) -> Result<Imported, FormatError> {
     let (mut notes, mut cameras) = (Vec::new(), Vec::new());
     let sensors = root.require(&["sensors"])?.items()?;
     if sensors.len() > calib_site::MAX_CAMERAS {
-        return Err(root.wrong(&format!("at most {} sensors", calib_site::MAX_CAMERAS)));
+        return Err(root.unexpected(&format!("at most {} sensors", calib_site::MAX_CAMERAS)));
     }
     for sensor in sensors {
         if sensor.get("type").is_some_and(|kind| kind.text().is_ok_and(|kind| kind != "camera")) {
@@ -236,7 +237,7 @@ fn frame_size(sensor: &Node) -> Result<Option<[u32; 2]>, FormatError> {
             Ok(text) => {
                 let most = calib_site::MAX_SIDE;
                 let side = text.parse().ok().filter(|side| (1..=most).contains(side));
-                Some(side.ok_or_else(|| value.wrong("a whole number of pixels"))?)
+                Some(side.ok_or_else(|| value.unexpected("a whole number of pixels"))?)
             }
             Err(_) => Some(value.side()?),
         };

@@ -10,11 +10,11 @@ use crate::export::round_up;
 use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
-use crate::given::{Imported, ImportedCamera, site_and_rest};
+use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::tree::digits;
 
 /// Largest number of coefficients of a polynomial. Fits to calibration boards have fewer.
-const MOST_TERMS: usize = 32;
+const MAX_COEFFICIENTS: usize = 32;
 
 /// Number of sampled radii of the polynomial.
 const RINGS: usize = 400;
@@ -42,7 +42,7 @@ impl Line {
     fn terms(&self) -> Result<&[f64], FormatError> {
         match &self.numbers[..] {
             [count, terms @ ..]
-                if *count == terms.len() as f64 && (1..=MOST_TERMS).contains(&terms.len()) =>
+                if *count == terms.len() as f64 && (1..=MAX_COEFFICIENTS).contains(&terms.len()) =>
             {
                 Ok(terms)
             }
@@ -56,7 +56,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     for file in files {
         given.push(lens(file, &mut notes)?);
     }
-    site_and_rest(given, notes, &files[0].name)
+    site_with_notes(given, notes, &files[0].name)
 }
 
 /// Returns the lines with content, without empty lines and comments.
@@ -66,7 +66,8 @@ fn lines(file: &File) -> Result<Vec<Line>, FormatError> {
     let line = |(index, text): (usize, &str)| {
         let place = format!("{} line {}", file.name, index + 1);
         let number = |word: &str| word.parse::<f64>().ok().filter(|value| value.abs() <= 1e12);
-        let numbers: Option<Vec<f64>> = text.split_whitespace().take(MOST_TERMS + 2).map(number).collect();
+        let numbers: Option<Vec<f64>> =
+            text.split_whitespace().take(MAX_COEFFICIENTS + 2).map(number).collect();
         let numbers = numbers.ok_or_else(|| {
             FormatError::expected(&place, crate::file::quoted(text), "numbers between -1e12 and 1e12")
         })?;
@@ -129,12 +130,12 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
 }
 
 /// Returns pairs of angle from the axis and radius in pixels. They run from the axis to the corners, to
-/// [`WIDEST`], or to the radius where the angle stops growing.
+/// [`MAX_ANGLE`], or to the radius where the angle stops growing.
 fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, FormatError> {
     let terms = direct.terms()?;
     let ahead = terms[0].signum();
     let mut rings: Vec<[f64; 2]> = Vec::new();
-    let mut has_turned = false;
+    let mut has_decreased = false;
     for ring in 1..=RINGS {
         let radius = corner * ring as f64 / RINGS as f64;
         let depth = ahead * terms.iter().rev().fold(0.0, |sum, term| sum * radius + term);
@@ -143,12 +144,12 @@ fn rings(direct: &Line, corner: f64, scale: f64) -> Result<Vec<[f64; 2]>, Format
             break;
         }
         if theta <= rings.last().map_or(0.0, |&[before, _]| before) || !theta.is_finite() {
-            has_turned = true;
+            has_decreased = true;
             break;
         }
         rings.push([theta, scale * radius]);
     }
-    if terms[0] == 0.0 || rings.len() < 16 || has_turned && rings.len() < RINGS / 3 {
+    if terms[0] == 0.0 || rings.len() < 16 || has_decreased && rings.len() < RINGS / 3 {
         let found = "a polynomial whose rays do not turn outward from the centre of the image";
         return Err(FormatError::expected(&direct.place, found, "one of a lens"));
     }

@@ -10,7 +10,7 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::FormatError;
 use crate::fisheye::{from_rodrigues, rodrigues};
-use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_and_rest};
+use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
 
@@ -110,12 +110,12 @@ fn as_xml(entries: &[(&str, Entry)]) -> String {
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
-        let tree = Syntax::of(file.as_text()?).parse(file)?;
+        let tree = Syntax::detect(file.as_text()?).parse(file)?;
         let root = Node::root(file, &tree);
         given.push(camera(file, &root)?);
         rest.extend(root.unread_keys());
     }
-    let mut imported = site_and_rest(given, rest, &files[0].name)?;
+    let mut imported = site_with_notes(given, rest, &files[0].name)?;
     if imported.site.cameras.iter().any(|camera| camera.solution.is_some()) {
         imported.notes.push(
             "poses are read as metres with z up; rvec and tvec of a chessboard refer to the board instead"
@@ -128,32 +128,36 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
 fn camera(file: &File, root: &Node) -> Result<ImportedCamera, FormatError> {
     let k = root.require(&["camera_matrix", "cameraMatrix", "K", "M", "intrinsic_matrix", "mtx"])?;
     let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
-    let id = root.any(&["camera_name", "name"]).and_then(|node| node.text().ok()).unwrap_or(file.stem());
+    let id = root.first_of(&["camera_name", "name"]).and_then(|node| node.text().ok()).unwrap_or(file.stem());
     let mut given = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
     given.size = size(root)?;
     let terms = ["distortion_coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "dist"];
-    if let Some(node) = root.any(&terms) {
-        let model = root.any(&["distortion_model", "model"]).and_then(|node| node.text().ok());
+    if let Some(node) = root.first_of(&terms) {
+        let model = root.first_of(&["distortion_model", "model"]).and_then(|node| node.text().ok());
         given.distortion = distortion(&node, model.is_some_and(is_fisheye))?;
     }
-    if let (Some(r), Some(t)) = (root.any(&["rvec", "R", "rotation"]), root.any(&["tvec", "T", "t"])) {
+    if let (Some(r), Some(t)) =
+        (root.first_of(&["rvec", "R", "rotation"]), root.first_of(&["tvec", "T", "t"]))
+    {
         let rotation = if r.numbers()?.len() == 9 { Some(r.matrix()?) } else { from_rodrigues(r.exactly()?) };
-        given.pose = Some((rotation.ok_or_else(|| r.wrong("a rotation"))?, t.exactly()?));
+        given.pose = Some((rotation.ok_or_else(|| r.unexpected("a rotation"))?, t.exactly()?));
     }
     Ok(given)
 }
 
 fn size(root: &Node) -> Result<Option<[u32; 2]>, FormatError> {
     let keys = (
-        root.any(&["image_width", "width", "imageWidth"]),
-        root.any(&["image_height", "height", "imageHeight"]),
+        root.first_of(&["image_width", "width", "imageWidth"]),
+        root.first_of(&["image_height", "height", "imageHeight"]),
     );
     if let (Some(width), Some(height)) = keys {
         return Ok(Some([width.side()?, height.side()?]));
     }
-    let Some(both) = root.any(&["image_size", "imageSize", "resolution", "size"]) else { return Ok(None) };
+    let Some(both) = root.first_of(&["image_size", "imageSize", "resolution", "size"]) else {
+        return Ok(None);
+    };
     let items = both.items()?;
-    let [width, height] = &items[..] else { return Err(both.wrong("width and height")) };
+    let [width, height] = &items[..] else { return Err(both.unexpected("width and height")) };
     Ok(Some([width.side()?, height.side()?]))
 }
 
@@ -169,15 +173,15 @@ pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, Forma
         return Ok(Distortion::None);
     }
     if fisheye {
-        let Ok(k) = terms.try_into() else { return Err(node.wrong("the four terms of a fisheye")) };
+        let Ok(k) = terms.try_into() else { return Err(node.unexpected("the four terms of a fisheye")) };
         return Ok(Distortion::KannalaBrandt { k });
     }
     if !LENGTHS.contains(&terms.len()) {
-        return Err(node.wrong(&format!("4, 5, 8, 12 or 14 terms instead of {}", terms.len())));
+        return Err(node.unexpected(&format!("4, 5, 8, 12 or 14 terms instead of {}", terms.len())));
     }
     if terms.iter().skip(5).any(|&term| term != 0.0) {
         return Err(
-            node.wrong("only k1, k2, p1, p2, k3; rational, thin-prism and tilt terms are not supported")
+            node.unexpected("only k1, k2, p1, p2, k3; rational, thin-prism and tilt terms are not supported")
         );
     }
     let k3 = terms.get(4).copied().unwrap_or(0.0);

@@ -35,7 +35,7 @@ impl Export {
             PlaneTreatment::Written => {}
             PlaneTreatment::Misleading => self.losses.push(Loss {
                 camera: None,
-                what: format!("the planes {ids}: their pixels are mapped to the floor behind them"),
+                description: format!("the planes {ids}: their pixels are mapped to the floor behind them"),
             }),
             PlaneTreatment::LeftOut => self.notes.push(format!("the planes {ids} are not exported")),
         }

@@ -5,7 +5,7 @@
 use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::FormatError;
-use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_and_rest};
+use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::opencv::{distortion, is_fisheye};
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
@@ -45,7 +45,7 @@ fn camera_info(view: &View, terms: Terms) -> String {
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
-        let tree = Syntax::of(file.as_text()?).parse(file)?;
+        let tree = Syntax::detect(file.as_text()?).parse(file)?;
         let root = Node::root(file, &tree);
         let k = root.require(&["camera_matrix"])?;
         let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
@@ -60,5 +60,5 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         given.push(camera);
         rest.extend(root.unread_keys());
     }
-    site_and_rest(given, rest, &files[0].name)
+    site_with_notes(given, rest, &files[0].name)
 }

@@ -8,9 +8,9 @@
 
 use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel};
 
-use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up, way_out};
+use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up, wide_lens_advice};
 use crate::tree::digits;
-use crate::view::{View, solved};
+use crate::view::{View, solve_3x3};
 
 /// Safety factor: the error between sample points, relative to the largest error at the sample points.
 const SAMPLING_SAFETY_FACTOR: f64 = 1.01;
@@ -21,9 +21,9 @@ struct Row<'a> {
     /// fx, fy, in pixels of the stream.
     focal: [f64; 2],
     /// Coefficients d1, d2, d3 of q.
-    straighten: [f64; 3],
+    coefficients: [f64; 3],
     /// Largest error of the fit over the image, in undistorted pixels, and over the EFOV, in metres.
-    off: [f64; 2],
+    max_error: [f64; 2],
 }
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
@@ -33,14 +33,15 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         let what = format!(
             "the fit of its distortion for SQL has an error of at most {pixels:.3} px, and {metres:.4} m on the floor of the EFOV"
         );
-        if row.off[0] > MAX_UNREPORTED_ERROR_PX {
-            let windows = way_out(row.view).map_or(String::new(), |windows| format!("; {windows}"));
+        if row.max_error[0] > MAX_UNREPORTED_ERROR_PX {
+            let windows = wide_lens_advice(row.view).map_or(String::new(), |windows| format!("; {windows}"));
             export.add_loss(row.view, format!("its exact distortion: {what}{windows}"));
         } else if pixels > 0.0 {
             export.notes.push(format!("camera {:?}: {what}", row.view.id));
         }
     }
-    let terms = (0..3).rev().find(|&i| rows.iter().any(|row| row.straighten[i] != 0.0)).map_or(0, |i| i + 1);
+    let terms =
+        (0..3).rev().find(|&i| rows.iter().any(|row| row.coefficients[i] != 0.0)).map_or(0, |i| i + 1);
     let has_periods = scene.views.iter().any(|view| view.valid_from.is_some() || view.valid_to.is_some());
     let seen_at = if has_periods { ", seen_at" } else { "" };
     export.push("floor.sql", text(&rows, terms, has_periods));
@@ -52,15 +53,15 @@ impl<'a> Row<'a> {
         let own = view.scale.map(|scale| scale * view.camera.lens.focal);
         match view.camera.lens.distortion {
             Distortion::Division { lambda } => {
-                Self { view, focal: own, straighten: [lambda, 0.0, 0.0], off: [0.0; 2] }
+                Self { view, focal: own, coefficients: [lambda, 0.0, 0.0], max_error: [0.0; 2] }
             }
             _ if !view.is_distorted() => {
-                Self { view, focal: view.focal(), straighten: [0.0; 3], off: [0.0; 2] }
+                Self { view, focal: view.focal(), coefficients: [0.0; 3], max_error: [0.0; 2] }
             }
             _ => {
-                let straighten = fitted(view);
-                let row = Self { view, focal: view.focal(), straighten, off: [0.0; 2] };
-                Self { off: row.compute_max_error(), ..row }
+                let coefficients = fit_coefficients(view);
+                let row = Self { view, focal: view.focal(), coefficients, max_error: [0.0; 2] };
+                Self { max_error: row.compute_max_error(), ..row }
             }
         }
     }
@@ -72,24 +73,24 @@ impl<'a> Row<'a> {
     }
 
     fn floor(&self, [a, b]: [f64; 2]) -> Option<[f64; 2]> {
-        let q = quotient(self.straighten, a * a + b * b);
+        let q = quotient(self.coefficients, a * a + b * b);
         let [x, y, w] = self.floor_from_lens().map(|row| row[0] * a + row[1] * b + row[2] * q);
         (q > 0.0 && w > 0.0).then_some([x / w, y / w])
     }
 
-    /// Returns [`Self::off`] rounded up to the digits of the message: a thousandth of a pixel and a tenth of
+    /// Returns [`Self::max_error`] rounded up to the digits of the message: a thousandth of a pixel and a tenth of
     /// a millimetre.
     fn rounded_error(&self) -> [f64; 2] {
-        [round_up(self.off[0], 3), round_up(self.off[1], 4)]
+        [round_up(self.max_error[0], 3), round_up(self.max_error[1], 4)]
     }
 
-    /// Computes [`Self::off`].
+    /// Computes [`Self::max_error`].
     fn compute_max_error(&self) -> [f64; 2] {
         let view = self.view;
         let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_on_floor };
         let mut off = [0.0_f64; 2];
         for (straight, raw) in view.samples().into_iter().chain(along_rays(view)) {
-            let q = quotient(self.straighten, raw[0] * raw[0] + raw[1] * raw[1]);
+            let q = quotient(self.coefficients, raw[0] * raw[0] + raw[1] * raw[1]);
             let (du, dv) = (raw[0] / q - straight[0], raw[1] / q - straight[1]);
             let pixels = if q > 0.0 { (du * self.focal[0]).hypot(dv * self.focal[1]) } else { f64::INFINITY };
             off[0] = off[0].max(pixels);
@@ -135,7 +136,7 @@ impl<'a> Row<'a> {
             String::new()
         };
         let g = self.floor_from_lens().concat();
-        let numbers = [&self.view.centre()[..], &self.focal, &self.straighten, &g].concat();
+        let numbers = [&self.view.centre()[..], &self.focal, &self.coefficients, &g].concat();
         let cells: Vec<String> = numbers.iter().map(|&value| double(value)).collect();
         format!("  ('{}'{period}, {})", self.view.id.replace('\'', "''"), cells.join(", "))
     }
@@ -196,7 +197,7 @@ fn quotient([d1, d2, d3]: [f64; 3], square: f64) -> f64 {
 
 /// Fits d1, d2 and d3 to the lens over the image. Least squares of the error in undistorted pixels, `r_raw (1
 /// / q - 1 / q_exact)`, to first order in q.
-fn fitted(view: &View) -> [f64; 3] {
+fn fit_coefficients(view: &View) -> [f64; 3] {
     let samples = view.samples();
     let most = samples.iter().map(|(_, raw)| raw[0].hypot(raw[1])).fold(1e-9, f64::max);
     let mut normal = [[0.0; 4]; 3];
@@ -215,7 +216,7 @@ fn fitted(view: &View) -> [f64; 3] {
             }
         }
     }
-    let [a, b, c] = solved(normal);
+    let [a, b, c] = solve_3x3(normal);
     [a / most.powi(2), b / most.powi(4), c / most.powi(6)]
 }
 
@@ -239,7 +240,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let row = |i: usize| format!("(c.g{i}1 * {a} + c.g{i}2 * {b} + c.g{i}3 * {quotient})");
     let (x, y, w) = (row(1), row(2), row(3));
     // With a positive d1 of the division model, the undistorted radius decreases again beyond q = 2.
-    let folds = rows.iter().any(|row| row.straighten[0] > 0.0);
+    let folds = rows.iter().any(|row| row.coefficients[0] > 0.0);
     let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
     let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };
     let zone = if has_periods {

@@ -28,7 +28,7 @@ pub(crate) enum Syntax {
 
 impl Syntax {
     /// Returns the syntax from the first character: JSON, XML, otherwise YAML.
-    pub(crate) fn of(text: &str) -> Self {
+    pub(crate) fn detect(text: &str) -> Self {
         match text.trim_start().chars().next() {
             Some('{' | '[') => Self::Json,
             Some('<') => Self::Xml,
@@ -190,7 +190,7 @@ impl<'a> Node<'a> {
         /// Largest number of keys that are listed.
         const MAX_KEYS: usize = 16;
         let mut keys = BTreeSet::new();
-        gather(self.value, "", &self.read.borrow(), &mut keys);
+        collect_unread(self.value, "", &self.read.borrow(), &mut keys);
         let shown: Vec<&str> = keys.iter().take(MAX_KEYS).map(String::as_str).collect();
         let more = keys.len() - shown.len();
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
@@ -202,7 +202,7 @@ impl<'a> Node<'a> {
         &self.place
     }
 
-    pub(crate) fn wrong(&self, wanted: &str) -> FormatError {
+    pub(crate) fn unexpected(&self, wanted: &str) -> FormatError {
         let found = match self.value {
             Value::String(text) => quoted(text),
             Value::Array(items) => format!("a list of {}", items.len()),
@@ -219,12 +219,12 @@ impl<'a> Node<'a> {
     }
 
     /// Returns the value of the first of these keys that is present.
-    pub(crate) fn any(&self, keys: &[&str]) -> Option<Self> {
+    pub(crate) fn first_of(&self, keys: &[&str]) -> Option<Self> {
         keys.iter().find_map(|key| self.get(key))
     }
 
     pub(crate) fn require(&self, keys: &[&str]) -> Result<Self, FormatError> {
-        self.any(keys).ok_or_else(|| {
+        self.first_of(keys).ok_or_else(|| {
             FormatError::new(
                 self.place.trim_end_matches([' ', ':']),
                 Problem::MissingKey(keys.iter().map(|&key| key.to_owned()).collect()),
@@ -235,7 +235,7 @@ impl<'a> Node<'a> {
     pub(crate) fn number(&self) -> Result<f64, FormatError> {
         self.mark_read();
         let value = self.value.as_f64().filter(|value| value.abs() <= 1e12);
-        value.ok_or_else(|| self.wrong("a number between -1e12 and 1e12"))
+        value.ok_or_else(|| self.unexpected("a number between -1e12 and 1e12"))
     }
 
     pub(crate) fn is_true(&self) -> bool {
@@ -250,16 +250,16 @@ impl<'a> Node<'a> {
         if value.fract() == 0.0 && (1.0..=most).contains(&value) {
             return Ok(value as u32);
         }
-        Err(self.wrong(&format!("a whole number of pixels up to {most}")))
+        Err(self.unexpected(&format!("a whole number of pixels up to {most}")))
     }
 
     pub(crate) fn text(&self) -> Result<&'a str, FormatError> {
         self.mark_read();
-        self.value.as_str().ok_or_else(|| self.wrong("text"))
+        self.value.as_str().ok_or_else(|| self.unexpected("text"))
     }
 
     pub(crate) fn items(&self) -> Result<Vec<Self>, FormatError> {
-        let items = self.value.as_array().ok_or_else(|| self.wrong("a list"))?;
+        let items = self.value.as_array().ok_or_else(|| self.unexpected("a list"))?;
         Ok(items.iter().enumerate().map(|(i, value)| self.child(value, &i)).collect())
     }
 
@@ -321,7 +321,7 @@ fn is_read(value: &Value, taken: &HashSet<usize>) -> bool {
 }
 
 /// Collects the keys that were not read. Items of one list are merged, and empty values are ignored.
-fn gather(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSet<String>) {
+fn collect_unread(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSet<String>) {
     if taken.contains(&address(value)) {
         return;
     }
@@ -334,7 +334,7 @@ fn gather(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSe
     };
     let mut each = |value: &Value, place: String| {
         if is_read(value, taken) {
-            gather(value, &place, taken, keys);
+            collect_unread(value, &place, taken, keys);
         } else if !says_nothing(value) {
             keys.insert(place);
         }

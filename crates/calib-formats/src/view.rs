@@ -234,9 +234,9 @@ impl View {
         let points = self.samples();
         let most = points.iter().map(|(s, _)| s[0].hypot(s[1])).fold(1e-9, f64::max);
         let mut normal = [[0.0; 4]; 3];
-        for (straight, bent) in &points {
+        for (straight, raw) in &points {
             let r = straight[0].hypot(straight[1]) / most;
-            let along = (bent[0] * straight[0] + bent[1] * straight[1]) / (r * most).max(1e-12) / most;
+            let along = (raw[0] * straight[0] + raw[1] * straight[1]) / (r * most).max(1e-12) / most;
             let row = [r.powi(3), r.powi(5), r.powi(7), along - r];
             for i in 0..3 {
                 for j in 0..4 {
@@ -244,7 +244,7 @@ impl View {
                 }
             }
         }
-        let [a, b, c] = solved(normal);
+        let [a, b, c] = solve_3x3(normal);
         let brown = BrownConrady {
             k1: a / most.powi(2),
             k2: b / most.powi(4),
@@ -253,9 +253,9 @@ impl View {
         };
         let model = Distortion::BrownConrady(brown);
         let focal = self.focal();
-        let off = points.iter().map(|(straight, bent)| {
+        let off = points.iter().map(|(straight, raw)| {
             model.distort(*straight).map_or(f64::INFINITY, |found| {
-                ((found[0] - bent[0]) * focal[0]).hypot((found[1] - bent[1]) * focal[1])
+                ((found[0] - raw[0]) * focal[0]).hypot((found[1] - raw[1]) * focal[1])
             })
         });
         (brown, off.fold(0.0, f64::max))
@@ -282,7 +282,7 @@ impl View {
 }
 
 /// Solves three linear equations by Cramer's rule; returns zeros if they are singular.
-pub(crate) fn solved(m: [[f64; 4]; 3]) -> [f64; 3] {
+pub(crate) fn solve_3x3(m: [[f64; 4]; 3]) -> [f64; 3] {
     let determinant = |c: [usize; 3]| {
         let at = |i: usize, j: usize| m[i][c[j]];
         at(0, 0) * (at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1))

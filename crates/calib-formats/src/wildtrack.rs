@@ -7,7 +7,7 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::fisheye::{from_rodrigues, rodrigues};
-use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_and_rest};
+use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_with_notes};
 use crate::opencv::{distortion, matrix_xml};
 use crate::tree::{Node, Syntax, joined};
 
@@ -16,7 +16,7 @@ const UNIT: f64 = 100.0;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     for view in &scene.views {
-        export.lose_distortion(view);
+        export.report_distortion(view);
         let k = view.intrinsics(view.centre_from_pixel_centre()).concat();
         let [width, height] = view.size;
         let open = "<?xml version=\"1.0\"?>\n<opencv_storage>\n";
@@ -57,18 +57,18 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         given.push(camera);
         rest.extend(root.unread_keys());
     }
-    site_and_rest(given, rest, "a folder with intr_*.xml and extr_*.xml")
+    site_with_notes(given, rest, "a folder with intr_*.xml and extr_*.xml")
 }
 
 fn pose(files: &[File], id: &str, rest: &mut Vec<String>) -> Result<Pose, FormatError> {
     let wanted = format!("extr_{id}.xml");
     let file = files.iter().find(|file| file.base() == wanted).ok_or_else(|| {
-        FormatError::new(&wanted, Problem::MissingFile { beside: format!("intr_{id}.xml") })
+        FormatError::new(&wanted, Problem::MissingFile { companion: format!("intr_{id}.xml") })
     })?;
     let tree = Syntax::Xml.parse(file)?;
     let root = Node::root(file, &tree);
     let r = root.require(&["rvec"])?;
-    let rotation = from_rodrigues(r.exactly()?).ok_or_else(|| r.wrong("a rotation"))?;
+    let rotation = from_rodrigues(r.exactly()?).ok_or_else(|| r.unexpected("a rotation"))?;
     let translation = root.require(&["tvec"])?.exactly::<3>()?.map(|t| t / UNIT);
     rest.extend(root.unread_keys());
     Ok((rotation, translation))

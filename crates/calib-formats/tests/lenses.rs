@@ -26,12 +26,12 @@ fn camera(distortion: Distortion, focal: f64) -> Camera {
 }
 
 fn site(camera: &Camera) -> Site {
-    let solution = Solution::of(camera, Method::Given, Stage::Placed);
+    let solution = Solution::from_camera(camera, Method::Given, Stage::Placed);
     let entry = SiteCamera { solution: Some(solution), ..SiteCamera::new("yard", SIZE) };
     Site { cameras: vec![entry], ..Site::new() }
 }
 
-fn any_wide() -> impl Strategy<Value = Distortion> {
+fn any_wide_lens() -> impl Strategy<Value = Distortion> {
     let fisheye = [-0.05..0.05_f64, -0.02..0.02_f64, -0.01..0.01_f64, -0.001..0.001_f64]
         .prop_map(|k| Distortion::KannalaBrandt { k });
     let double = (-0.4..0.6_f64, 0.3..0.8_f64).prop_map(|(xi, alpha)| Distortion::DoubleSphere { xi, alpha });
@@ -48,7 +48,7 @@ fn only_lens(imported: &Imported) -> Lens {
 }
 
 /// Whether two lenses show every ray at the same pixel, up to rounding.
-fn are_one(a: &Lens, b: &Lens) -> bool {
+fn are_equal(a: &Lens, b: &Lens) -> bool {
     let rays = (0..300).map(|i| (f64::from(i) * 0.37, f64::from(i) / 300.0 * 1.7));
     rays.map(|(turn, theta)| [theta.sin() * turn.cos(), theta.sin() * turn.sin(), theta.cos()]).all(
         |[x, y, z]| match (a.shown([a.focal * x, a.focal * y, z]), b.shown([b.focal * x, b.focal * y, z])) {
@@ -94,13 +94,13 @@ proptest! {
 
     #[test]
     fn kalibr_projects_like_the_camera_and_its_import_restores_the_lens(
-        distortion in any_wide(), focal in 200.0..400.0_f64, x in -1.0..1.0_f64, y in -1.0..1.0_f64, z in 0.1..1.0_f64,
+        distortion in any_wide_lens(), focal in 200.0..400.0_f64, x in -1.0..1.0_f64, y in -1.0..1.0_f64, z in 0.1..1.0_f64,
     ) {
         let camera = camera(distortion, focal);
         let files = export(format("kalibr").unwrap(), &site(&camera), &ExportOptions::default()).unwrap();
         prop_assert!(files.losses.is_empty(), "{:?}", files.losses);
         let back = import(format("kalibr").unwrap(), &files.files).unwrap();
-        prop_assert!(are_one(&only_lens(&back), &camera.lens), "{:?} {distortion:?}", only_lens(&back));
+        prop_assert!(are_equal(&only_lens(&back), &camera.lens), "{:?} {distortion:?}", only_lens(&back));
         let yaml = yaml(&files.files);
         let [u, v] = kalibr_pixel(&yaml["cam0"], [x, y, z]);
         let shown = camera.lens.shown([focal * x, focal * y, z]);
@@ -109,7 +109,7 @@ proptest! {
     }
 
     #[test]
-    fn an_unsupported_lens_model_is_reported_with_its_name_and_advice(distortion in any_wide()) {
+    fn an_unsupported_lens_model_is_reported_with_its_name_and_advice(distortion in any_wide_lens()) {
         let model = distortion.model().unwrap();
         let camera = camera(distortion, 300.0);
         for format in FORMATS.iter().filter(|format| format.can_export()) {
@@ -120,7 +120,7 @@ proptest! {
                 continue;
             }
             let is_reported = losses.iter().any(|loss| {
-                loss.what.contains(model.row().name) && loss.what.contains("calib undistort --look")
+                loss.description.contains(model.row().name) && loss.description.contains("calib undistort --look")
             });
             prop_assert!(is_reported, "{}: {losses:?}", format.name);
         }
@@ -132,7 +132,7 @@ fn relative_poses_of_a_camera_chain_match_the_site() {
     let first = camera(Distortion::Unified { xi: 1.1 }, 300.0);
     let second = Camera { position: WorldPoint::new(2.0, 1.0, 2.5), yaw: -0.8, ..first };
     let mut site = site(&first);
-    let solution = Some(Solution::of(&second, Method::Given, Stage::Placed));
+    let solution = Some(Solution::from_camera(&second, Method::Given, Stage::Placed));
     site.cameras.push(SiteCamera { solution, ..SiteCamera::new("gate", SIZE) });
     let files = export(format("kalibr").unwrap(), &site, &ExportOptions::default()).unwrap().files;
     let yaml = yaml(&files);
@@ -169,9 +169,11 @@ fn unsupported_kalibr_lenses_are_rejected_with_a_reason() {
     let lens = only_lens(&read("kalibr", "camchain.yaml", &plain).unwrap());
     assert_eq!((lens.distortion, lens.focal), (Distortion::Unified { xi: 1.0 }, 330.0));
     assert_eq!(lens.principal_point, Pixel::new(640.0, 480.0));
-    let bent = camera(Distortion::BrownConrady(BrownConrady { k3: 0.1, ..BrownConrady::default() }), 900.0);
-    let losses = export(format("kalibr").unwrap(), &site(&bent), &ExportOptions::default()).unwrap().losses;
-    assert!(losses.iter().any(|loss| loss.what.contains("k3")), "{losses:?}");
+    let distorted =
+        camera(Distortion::BrownConrady(BrownConrady { k3: 0.1, ..BrownConrady::default() }), 900.0);
+    let losses =
+        export(format("kalibr").unwrap(), &site(&distorted), &ExportOptions::default()).unwrap().losses;
+    assert!(losses.iter().any(|loss| loss.description.contains("k3")), "{losses:?}");
 }
 
 /// Returns the text of a `calib_results.txt`.

@@ -1,17 +1,20 @@
-//! Whether calibrations still hold, by the people that cameras see, and by edges that a later still shows elsewhere: no
-//! image is looked at here.
+//! Drift of calibrated cameras from detections of people, and the acceptance test by a walker.
 //!
-//! Law: no clock and no document; times are those of what was seen. The files in the order of the data:
+//! Rule: no clock, no document and no images. All times are the times of the detections. The files, in the
+//! order of the data:
 //!
-//! - `sighting` a person as a camera shows them; `movement` what can become of a camera; `stature` how tall they
-//!   stand before it, with derivatives by the movement;
-//! - `sigmas` probabilities; `normal_equations` evidence that adds up; `heights` that of heights; `tracks` the rows of one person as one
-//!   observation; `moments` what cameras saw at the same times; `windows` all of it by time, in bounded memory;
-//! - `pairs` one person seen by two cameras; `series` evidence over time, and how far it may be believed; `change`
-//!   since when a camera moved; `watch` the front door: [`Watch`];
-//! - `views`, `walk` one walker before all cameras, who are held against what they claim: [`Walk`]; `zones` the same by parts
-//!   of the floor;
-//! - `turn` where a camera that turned and zoomed shows its old pixels; `edge_offset`, `turn_equations`, `turn_fit` the turn that edges say together.
+//! - `normal_equations`: normal equations that accumulate evidence, and the change of their unknowns.
+//! - `stature`: the detection of a person ([`Sighting`]), the height of a person from the calibration, its
+//!   derivatives with respect to a movement of the camera, and the evidence of heights.
+//! - `tracks`: the rows of one person, combined into one observation.
+//! - `moments`: the moments at which several cameras saw people, a bounded sample.
+//! - `windows`: all evidence by time, in bounded memory.
+//! - `pairs`: the evidence of people seen by two cameras, and evidence over time.
+//! - `watch`: the detection of changes and the entry point for drift, [`Watch`].
+//! - `views`: the views of one walker from several cameras at the same moment.
+//! - `walk`: the entry point for the acceptance test, [`Walk`], which compares cameras with each other and
+//!   with their claimed uncertainty.
+//! - `zones`: the result of a walk by squares of the floor.
 
 mod normal_equations;
 mod stature;
@@ -28,5 +31,5 @@ mod tests;
 
 pub use stature::Sighting;
 pub use walk::{Disagreement, Walk, WalkMoment, WalkResult};
-pub use watch::{CameraHealth, Change, HeightThen, Memory, Verdict, Watch};
+pub use watch::{CameraHealth, Change, DriftStatus, Memory, Watch, WindowHeight};
 pub use zones::{Zone, Zones};

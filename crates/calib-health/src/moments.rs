@@ -1,62 +1,63 @@
-//! Moments at which people were seen by several cameras: a few of every window of time, the same few for all cameras.
+//! Moments at which several cameras saw people: a sample of every window of time, the same for all cameras.
 //!
-//! Which are kept is decided by a hash of the moment (bottom-k sampling, Cohen and Kaplan 2007): the `k` smallest of a
-//! window are the same whatever the order of the rows, whichever cameras come first, and of two windows that become one.
+//! A hash of the moment selects the sample (bottom-k sampling, Cohen and Kaplan 2007). The `k` smallest
+//! hashes of a window do not depend on the order of the rows or cameras. They are also the same after two
+//! windows are merged.
 
 use std::collections::BTreeMap;
 
 use calib_core::camera::Pixel;
 
-/// Nanoseconds of a moment: people stay where they are, nearly.
-const LENGTH: i64 = 250_000_000;
-/// Moments that are kept of a window.
-const KEPT: usize = 40;
-/// Most people of a moment.
-const MOST: usize = 128;
+/// Length of a moment, in nanoseconds; people hardly move within it.
+const MOMENT_NS: i64 = 250_000_000;
+/// Largest number of moments kept per window.
+const MAX_MOMENTS: usize = 40;
+/// Largest number of feet kept per moment.
+const MAX_FEET: usize = 128;
 
-/// One foot at one moment.
+/// Foot of a person at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Foot {
     pub(crate) camera: usize,
     pub(crate) at: i64,
     pub(crate) pixel: Pixel,
-    /// Standard deviation of the pixel.
+    /// Standard deviation of the pixel, in pixels.
     pub(crate) sigma: f64,
 }
 
-/// The moments of a window.
+/// Sampled moments of a window.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Moments {
-    /// By the hash.
+    /// Feet by hash of the moment.
     kept: BTreeMap<u64, Vec<Foot>>,
 }
 
-/// The hash of a moment (splitmix64, Steele, Lea and Flood 2014).
+/// Returns the hash of a moment (splitmix64, Steele, Lea and Flood 2014).
 pub(crate) const fn hash(at: i64) -> u64 {
-    let mut z = (at.div_euclid(LENGTH) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mut z = (at.div_euclid(MOMENT_NS) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
 
 impl Moments {
-    /// Whether a moment of this hash would be kept.
+    /// Whether a moment with this hash would be kept.
     pub(crate) fn keeps(&self, hash: u64) -> bool {
-        self.kept.len() < KEPT || self.kept.last_key_value().is_some_and(|(last, _)| hash <= *last)
+        self.kept.len() < MAX_MOMENTS || self.kept.last_key_value().is_some_and(|(last, _)| hash <= *last)
     }
 
-    /// Takes a foot; of every camera those of its first frame in the moment.
-    pub(crate) fn see(&mut self, hash: u64, foot: Foot) {
+    /// Adds a foot. Only the first frame of every camera in the moment counts.
+    pub(crate) fn add(&mut self, hash: u64, foot: Foot) {
         let seen = self.kept.entry(hash).or_default();
         let is_first_frame = seen.iter().all(|other| other.camera != foot.camera || other.at == foot.at);
-        if is_first_frame && seen.len() < MOST {
+        if is_first_frame && seen.len() < MAX_FEET {
             seen.push(foot);
         }
         self.trim();
     }
 
-    /// Two windows become one.
-    pub(crate) fn join(&mut self, other: Self) {
+    /// Merges the moments of another window.
+    pub(crate) fn merge(&mut self, other: Self) {
         for (hash, feet) in other.kept {
             self.kept.entry(hash).or_default().extend(feet);
         }
@@ -64,7 +65,7 @@ impl Moments {
     }
 
     fn trim(&mut self) {
-        while self.kept.len() > KEPT {
+        while self.kept.len() > MAX_MOMENTS {
             self.kept.pop_last();
         }
     }
@@ -84,19 +85,19 @@ mod tests {
             let at = second * 1_000_000_000;
             if moments.keeps(hash(at)) {
                 let pixel = Pixel::new(1.0, 2.0);
-                moments.see(hash(at), Foot { camera: (second % 2) as usize, at, pixel, sigma: 1.0 });
+                moments.add(hash(at), Foot { camera: (second % 2) as usize, at, pixel, sigma: 1.0 });
             }
         }
         moments
     }
 
     #[test]
-    fn the_same_moments_are_kept_in_any_order_and_in_any_pieces() {
+    fn sample_does_not_depend_on_order_or_merging() {
         let forward = of(0..1000);
-        assert_eq!(forward.kept.len(), KEPT);
+        assert_eq!(forward.kept.len(), MAX_MOMENTS);
         assert_eq!(forward, of((0..1000).rev()));
         let mut joined = of(300..1000);
-        joined.join(of(0..300));
+        joined.merge(of(0..300));
         assert_eq!(forward, joined);
     }
 }

@@ -1,4 +1,4 @@
-//! Normal equations `H x = g` of unknowns of which evidence adds up, and what a change of them would be.
+//! Normal equations `H x = g` that accumulate evidence, and the change of their unknowns between two periods.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,7 +10,7 @@ pub(crate) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub(crate) fn nothing(unknowns: usize) -> Self {
+    pub(crate) fn zeros(unknowns: usize) -> Self {
         Self { information: DMatrix::zeros(unknowns, unknowns), score: DVector::zeros(unknowns) }
     }
 
@@ -23,56 +23,58 @@ impl NormalEquations {
         self.score += &other.score;
     }
 
-    pub(crate) fn without(&self, other: &Self) -> Self {
+    pub(crate) fn minus(&self, other: &Self) -> Self {
         Self { information: &self.information - &other.information, score: &self.score - &other.score }
     }
 
-    /// Evidence whose score has another variance than its information claims: with `H = C C'` the variance is
-    /// `C D C'`, with `D^-1` given, and what the evidence is worth is `C D^-1 C'`.
-    pub(crate) fn calibrated(&self, inverse_dispersion: &DMatrix<f64>) -> Self {
-        let Some(root) = self.root() else { return Self::nothing(self.len()) };
+    /// Rescales evidence whose score has a different variance than its information claims. With `H = C C'`
+    /// and true variance `C D C'`, the information becomes `C D^-1 C'`. The argument is `D^-1`.
+    pub(crate) fn rescaled(&self, inverse_dispersion: &DMatrix<f64>) -> Self {
+        let Some(root) = self.root() else { return Self::zeros(self.len()) };
         let whitened = root.solve_lower_triangular(&self.score);
-        let Some(whitened) = whitened else { return Self::nothing(self.len()) };
+        let Some(whitened) = whitened else { return Self::zeros(self.len()) };
         let worth = &root * inverse_dispersion;
         Self { information: &worth * root.transpose(), score: worth * whitened }
     }
 
-    /// `C` with `H = C C'`, lower triangular; a trace of what nothing is known of makes it exist.
+    /// Returns the lower triangular `C` with `H = C C'`. A small regularisation makes it exist despite
+    /// undetermined unknowns.
     pub(crate) fn root(&self) -> Option<DMatrix<f64>> {
-        /// Of the largest information.
-        const TRACE: f64 = 1e-9;
+        /// Regularisation, relative to the largest information.
+        const REGULARIZATION: f64 = 1e-9;
         let largest = self.information.diagonal().max();
         if largest.is_nan() || largest <= 0.0 {
             return None;
         }
-        let held = DMatrix::identity(self.len(), self.len()) * (TRACE * largest);
-        Some((&self.information + held).cholesky()?.l())
+        let regularization = DMatrix::identity(self.len(), self.len()) * (REGULARIZATION * largest);
+        Some((&self.information + regularization).cholesky()?.l())
     }
 
-    /// What two spells of time tell of the change between them, of unknowns that are held by `held` (precisions) in
-    /// both: those are eliminated,
+    /// Returns the evidence of two periods about the change between them. Both periods share unknowns with
+    /// priors of precisions P (`prior_precisions`), which are eliminated:
     ///
     /// ```text
-    /// H = H2 - H2 (H1 + H2 + held)^-1 H2,   g = g2 - H2 (H1 + H2 + held)^-1 (g1 + g2)
+    /// H = H2 - H2 (H1 + H2 + P)^-1 H2,   g = g2 - H2 (H1 + H2 + P)^-1 (g1 + g2)
     /// ```
-    pub(crate) fn change(before: &Self, after: &Self, held: &DVector<f64>) -> Self {
-        let both = &before.information + &after.information + DMatrix::from_diagonal(held);
-        let Some(both) = both.cholesky() else { return Self::nothing(before.len()) };
+    pub(crate) fn change(before: &Self, after: &Self, prior_precisions: &DVector<f64>) -> Self {
+        let both = &before.information + &after.information + DMatrix::from_diagonal(prior_precisions);
+        let Some(both) = both.cholesky() else { return Self::zeros(before.len()) };
         let information = &after.information - &after.information * both.solve(&after.information);
         let score = &after.score - &after.information * both.solve(&(&before.score + &after.score));
         Self { information: 0.5 * (&information + information.transpose()), score }
     }
 
-    /// The same of some of the unknowns, the others being zero.
-    pub(crate) fn of(&self, some: &[usize]) -> Self {
+    /// Returns the equations of a subset of the unknowns, with the others fixed at zero.
+    pub(crate) fn subset(&self, some: &[usize]) -> Self {
         let information =
             DMatrix::from_fn(some.len(), some.len(), |i, j| self.information[(some[i], some[j])]);
         Self { information, score: DVector::from_fn(some.len(), |i, _| self.score[some[i]]) }
     }
 
-    /// The same among more unknowns: those here are at these places.
-    pub(crate) fn placed(&self, at: &[usize], unknowns: usize) -> Self {
-        let mut all = Self::nothing(unknowns);
+    /// Returns the equations of a larger set of unknowns. `at` contains the indices of the present unknowns
+    /// in it.
+    pub(crate) fn expanded(&self, at: &[usize], unknowns: usize) -> Self {
+        let mut all = Self::zeros(unknowns);
         for (i, &row) in at.iter().enumerate() {
             all.score[row] = self.score[i];
             at.iter().enumerate().for_each(|(j, &column)| {
@@ -82,8 +84,8 @@ impl NormalEquations {
         all
     }
 
-    /// Without the first unknown, of which `mean` is believed with this precision.
-    pub(crate) fn without_first(&self, mean: f64, precision: f64) -> Self {
+    /// Eliminates the first unknown, which has a prior with this mean and precision.
+    pub(crate) fn eliminate_first(&self, mean: f64, precision: f64) -> Self {
         let pivot = (self.information[(0, 0)] + precision).max(f64::MIN_POSITIVE);
         let score = self.score[0] + precision * mean;
         let rest = self.len() - 1;
@@ -96,15 +98,16 @@ impl NormalEquations {
         }
     }
 
-    /// Estimate and covariance, with these precisions about zero beside.
-    pub(crate) fn solved(&self, held: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let inverse = (&self.information + DMatrix::from_diagonal(held)).cholesky()?.inverse();
+    /// Returns the estimate and its covariance, with zero-mean priors of these precisions.
+    pub(crate) fn solve(&self, prior_precisions: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let inverse = (&self.information + DMatrix::from_diagonal(prior_precisions)).cholesky()?.inverse();
         Some((&inverse * &self.score, inverse))
     }
 
-    /// `g' (H + held)^-1 g`: chi-square of the unknowns being zero, and how many of them the evidence is of.
-    pub(crate) fn chi2(&self, held: &DVector<f64>) -> Option<(f64, f64)> {
-        let (at, inverse) = self.solved(held)?;
+    /// Returns `g' (H + P)^-1 g` with the prior precisions P: the chi-square of the unknowns being zero. The
+    /// second value is its effective degrees of freedom.
+    pub(crate) fn chi2(&self, prior_precisions: &DVector<f64>) -> Option<(f64, f64)> {
+        let (at, inverse) = self.solve(prior_precisions)?;
         Some((self.score.dot(&at), (&inverse * &self.information).trace()))
     }
 }
@@ -121,24 +124,24 @@ mod tests {
     }
 
     #[test]
-    fn a_change_is_the_difference_of_two_means_with_the_variance_of_both() {
+    fn change_is_the_difference_of_means_with_summed_variance() {
         let nothing = DVector::zeros(1);
         let change = NormalEquations::change(&of(4.0, 1.0), &of(12.0, 1.5), &nothing);
-        let (at, variance) = change.solved(&nothing).unwrap();
+        let (at, variance) = change.solve(&nothing).unwrap();
         assert!((at[0] - 0.5).abs() < 1e-12);
         assert!((variance[(0, 0)] - (1.0 / 4.0 + 1.0 / 12.0)).abs() < 1e-12);
     }
 
     #[test]
-    fn what_is_believed_of_one_unknown_tells_of_the_others() {
-        // y = s + m, seen 100 times with a mean of 0.03; s is believed to be 0.02 and very surely so.
+    fn prior_on_one_unknown_constrains_the_others() {
+        // y = s + m, observed 100 times with a mean of 0.03; the prior on s is 0.02 with a high precision.
         let seen = NormalEquations {
             information: DMatrix::from_element(2, 2, 100.0),
             score: DVector::from_element(2, 3.0),
         };
-        let (at, _) = seen.without_first(0.02, 1e12).solved(&DVector::zeros(1)).unwrap();
+        let (at, _) = seen.eliminate_first(0.02, 1e12).solve(&DVector::zeros(1)).unwrap();
         assert!((at[0] - 0.01).abs() < 1e-9);
-        let (_, open) = seen.without_first(0.0, 1e-9).solved(&DVector::from_element(1, 1.0)).unwrap();
-        assert!((open[(0, 0)] - 1.0).abs() < 1e-6, "nothing is left");
+        let (_, open) = seen.eliminate_first(0.0, 1e-9).solve(&DVector::from_element(1, 1.0)).unwrap();
+        assert!((open[(0, 0)] - 1.0).abs() < 1e-6, "only the prior is left");
     }
 }

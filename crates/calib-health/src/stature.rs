@@ -1,92 +1,98 @@
-//! How tall a person stands before a camera, by its calibration, and what a movement of the camera does to that.
+//! Height of a person from the calibration of a camera, and its derivatives with respect to a movement of the
+//! camera.
 //!
-//! The foot's ray meets the floor at `P`; the head stands above it where the head's ray passes the vertical of `P`
-//! nearest, seen from above. A turn about the vertical of the camera changes no height at all: of the four parameters
-//! of a [`Movement`] three can be seen in heights.
+//! The ray of the foot meets the floor at `P`. The head is above `P`, at the height at which its ray passes
+//! closest to the vertical through `P`, seen from above. A rotation of the camera about the vertical changes
+//! no height. Heights therefore determine three of the four parameters of a [`Movement`].
 //!
-//! A person as a camera shows them.
+//! Normal equations collect the evidence of heights for one camera in one window of time. The features of a
+//! row are the factors of the coefficients that can change:
 //!
-//! What heights of people tell of one camera in one window of time: normal equations, which add up.
-//!
-//! Features of a row are those whose coefficients can change: the season (1), tilt, roll and zoom (by how a movement
-//! changes the height, the other way round: the calibration is what stayed), and the pixels that a detector draws
-//! around people (the inverse of how tall people are in the image there).
+//! - season (1);
+//! - tilt, roll and zoom (the negative derivative of the log height with respect to a movement, because the
+//!   calibration stays fixed);
+//! - padding, the margin in pixels that a detector adds around people (the inverse of the height of a person
+//!   in the image).
 
 use calib_core::camera::{Camera, Movement, Pixel};
 use nalgebra::{DMatrix, DVector};
 
 use crate::normal_equations::NormalEquations;
 
-/// A person as a camera shows them, in pixels of its still.
+/// Detection of a person in an image, in pixels of the calibrated image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sighting {
-    /// Nanoseconds since 1970.
+    /// Time, in nanoseconds since 1970.
     pub at: i64,
     /// Index of the camera.
     pub camera: usize,
-    /// The middle of the lower edge of the box.
+    /// Centre of the lower edge of the box.
     pub foot: Pixel,
-    /// The middle of its upper edge; `None` where only the foot is known.
+    /// Centre of the upper edge of the box; `None` if only the foot is known.
     pub head: Option<Pixel>,
-    /// Width of the box; 0 where only the foot is known.
+    /// Width of the box; 0 if only the foot is known.
     pub width: f64,
-    /// By what a tracker calls them, where it does: one number, one person, for as long as they are in view.
+    /// Identifier from a tracker, if any. It is unique for a person as long as the person is in view.
     pub person: Option<u64>,
 }
 
 impl Sighting {
-    /// Height of the box; without a box that of a person at a middle distance.
-    pub(crate) fn tall(&self) -> f64 {
-        /// Pixels.
-        const USUAL: f64 = 150.0;
-        self.head.map_or(USUAL, |head| (self.foot.v - head.v).max(1.0))
+    /// Returns the height of the box, in pixels; without a box a typical value.
+    pub(crate) fn box_height(&self) -> f64 {
+        /// Height of the box of a person at a medium distance, in pixels.
+        const TYPICAL_BOX_HEIGHT_PX: f64 = 150.0;
+        self.head.map_or(TYPICAL_BOX_HEIGHT_PX, |head| (self.foot.v - head.v).max(1.0))
     }
 
-    /// Standard deviation of the foot, in pixels: boxes are drawn the worse the larger they are.
+    /// Returns the standard deviation of the foot, in pixels. It grows with the height of the box.
     pub(crate) fn foot_sigma(&self) -> f64 {
-        /// Share of the height of a box.
-        const OF_BOX: f64 = 0.03;
-        /// Pixels.
-        const LEAST: f64 = 1.5;
-        LEAST + OF_BOX * self.tall()
+        /// Increase of the standard deviation per pixel of box height.
+        const SIGMA_PER_BOX_HEIGHT: f64 = 0.03;
+        /// Standard deviation of an infinitely small box, in pixels.
+        const MIN_SIGMA_PX: f64 = 1.5;
+        MIN_SIGMA_PX + SIGMA_PER_BOX_HEIGHT * self.box_height()
     }
 
-    /// Whether the box ends at the border of an image of this size, and so may not hold the whole person.
+    /// Whether the box touches the border of an image of this size and may not contain the whole person.
     pub(crate) fn is_cut(&self, [w, h]: [f64; 2]) -> bool {
-        /// Pixels.
-        const MARGIN: f64 = 2.0;
+        /// Distance from the border within which a box counts as cut, in pixels.
+        const BORDER_MARGIN_PX: f64 = 2.0;
         let Some(head) = self.head else { return false };
         let half = 0.5 * self.width;
         let (left, right) = (head.u.min(self.foot.u) - half, head.u.max(self.foot.u) + half);
-        left < MARGIN || right > w - MARGIN || head.v < MARGIN || self.foot.v > h - MARGIN
+        left < BORDER_MARGIN_PX
+            || right > w - BORDER_MARGIN_PX
+            || head.v < BORDER_MARGIN_PX
+            || self.foot.v > h - BORDER_MARGIN_PX
     }
 }
 
 /// Parameters of a movement that change heights: tilt, roll and zoom.
-pub(crate) const SEEN: [usize; 3] = [Movement::TILT, Movement::ROLL, Movement::ZOOM];
-/// Cells of an image over which derivatives count as constant.
+pub(crate) const HEIGHT_PARAMS: [usize; 3] = [Movement::TILT, Movement::ROLL, Movement::ZOOM];
+/// Grid of image cells with constant derivatives.
 const COLUMNS: usize = 32;
 const ROWS: usize = 24;
-/// Of whom derivatives are taken, in metres.
-const USUAL: f64 = 1.7;
+/// Height of the person for whom derivatives are computed, in metres.
+const REFERENCE_HEIGHT_M: f64 = 1.7;
 
-/// Measures heights with one camera.
+/// Height measurement with one camera.
 #[derive(Clone, Debug)]
 pub(crate) struct Stature {
     camera: Camera,
-    /// Rows right, down, forward.
+    /// Rotation matrix with rows right, down, forward.
     axes: [[f64; 3]; 3],
     size: [f64; 2],
-    /// For feet in every cell; `None` where nobody stands.
-    cells: Vec<Option<Cell>>,
+    /// Reference person with the foot in every cell; `None` where a person cannot be on the floor.
+    cells: Vec<Option<ReferencePerson>>,
 }
 
-/// People of usual height who stand in a part of the image.
+/// Person of reference height in a cell of the image.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cell {
-    /// Derivatives of the logarithm of the height, by the parameters of [`SEEN`].
+pub(crate) struct ReferencePerson {
+    /// Derivatives of the log height with respect to the parameters of [`HEIGHT_PARAMS`].
     pub(crate) slopes: [f64; 3],
-    /// How tall they are in the image, in pixels. Not the height of a box: that says how tall the person is.
+    /// Height of the reference person in the image, in pixels. The height of a box would depend on the height
+    /// of its person.
     pub(crate) tall: f64,
 }
 
@@ -96,37 +102,39 @@ impl Stature {
         let cell = |index: usize| {
             let share = [(index % COLUMNS) as f64 / COLUMNS as f64, (index / COLUMNS) as f64 / ROWS as f64];
             let [u, v] = [0, 1].map(|axis| size[axis] * (share[axis] + 0.5 / [COLUMNS, ROWS][axis] as f64));
-            usual(camera, Pixel { u, v })
+            compute_reference_person(camera, Pixel { u, v })
         };
         Self { cells: (0..COLUMNS * ROWS).map(cell).collect(), ..bare }
     }
 
-    /// Logarithm of the height in metres of who stands at `foot`; `None` where that is no person on the floor.
+    /// Returns the log of the height, in metres, of a person at `foot`; `None` if the detection is not a
+    /// person on the floor.
     pub(crate) fn log_height(&self, foot: Pixel, head: Pixel) -> Option<f64> {
-        /// Metres: what is smaller or larger is no person, or does not stand on the floor.
-        const PEOPLE: [f64; 2] = [0.3, 3.5];
+        /// Range of plausible heights, in metres. Outside it the detection is not a person, or not on the
+        /// floor.
+        const HEIGHT_RANGE_M: [f64; 2] = [0.3, 3.5];
         let [down, up] = [self.direction(foot)?, self.direction(head)?];
         let height = self.camera.position.z;
         let reach = -height / down[2];
         let level = up[0] * up[0] + up[1] * up[1];
-        // Straight below the camera a head hides its foot.
+        // Directly below the camera a head hides its foot.
         if reach <= 0.0 || level < 1e-3 {
             return None;
         }
         let along = reach * (down[0] * up[0] + down[1] * up[1]) / level;
         let tall = height + along * up[2];
-        (along > 0.0 && tall > PEOPLE[0] && tall < PEOPLE[1]).then(|| tall.ln())
+        (along > 0.0 && tall > HEIGHT_RANGE_M[0] && tall < HEIGHT_RANGE_M[1]).then(|| tall.ln())
     }
 
-    /// Who stands about there usually; `None` where nobody does.
-    pub(crate) fn usual(&self, foot: Pixel) -> Option<Cell> {
+    /// Returns the reference person near `foot`; `None` where a person cannot be on the floor.
+    pub(crate) fn reference_person(&self, foot: Pixel) -> Option<ReferencePerson> {
         let cell = |value: f64, axis: usize, count: usize| {
             ((value / self.size[axis] * count as f64).max(0.0) as usize).min(count - 1)
         };
         self.cells[cell(foot.v, 1, ROWS) * COLUMNS + cell(foot.u, 0, COLUMNS)]
     }
 
-    /// The ray of a pixel, of any length.
+    /// Returns the direction of the ray of a pixel, not normalised.
     fn direction(&self, pixel: Pixel) -> Option<[f64; 3]> {
         let [x, y, ahead] = self.camera.lens.bearing(pixel)?;
         let [a, b] = [x / self.camera.focal, y / self.camera.focal];
@@ -135,13 +143,14 @@ impl Stature {
     }
 }
 
-/// A person of usual height with the foot at a pixel; derivatives by differences. None where uprights lie rather than
-/// stand in the image, as around the foot of a camera under a ceiling: foot and head are not at the ends of a box there.
-fn usual(camera: &Camera, foot: Pixel) -> Option<Cell> {
-    /// Radians, and of the focal.
+/// Returns the reference person with the foot at a pixel, with numerical derivatives. Returns `None` where
+/// vertical lines are closer to horizontal in the image, such as around the foot of a ceiling camera. Foot
+/// and head are not at the ends of a box there.
+fn compute_reference_person(camera: &Camera, foot: Pixel) -> Option<ReferencePerson> {
+    /// Step of the numerical derivatives, in radians, or as a fraction of the focal length.
     const STEP: f64 = 1e-4;
     let floor = camera.pixel_to_floor(foot, 0.0)?;
-    let head = camera.world_to_pixel(floor.at_height(USUAL))?;
+    let head = camera.world_to_pixel(floor.at_height(REFERENCE_HEIGHT_M))?;
     if foot.v - head.v < 2.0 * (foot.u - head.u).abs() {
         return None;
     }
@@ -153,31 +162,33 @@ fn usual(camera: &Camera, foot: Pixel) -> Option<Cell> {
         Stature { camera, axes, size: [1.0; 2], cells: Vec::new() }.log_height(foot, head)
     };
     let mut slopes = [0.0; 3];
-    for (slope, parameter) in slopes.iter_mut().zip(SEEN) {
+    for (slope, parameter) in slopes.iter_mut().zip(HEIGHT_PARAMS) {
         *slope = (nudged(parameter, STEP)? - nudged(parameter, -STEP)?) / (2.0 * STEP);
     }
-    Some(Cell { slopes, tall: foot.distance(head) })
+    Some(ReferencePerson { slopes, tall: foot.distance(head) })
 }
 
 /// Number of features.
 pub(crate) const FEATURES: usize = 5;
-/// Upper triangle of their products, row by row.
+/// Number of entries in the upper triangle of the products of features, row by row.
 pub(crate) const PACKED: usize = FEATURES * (FEATURES + 1) / 2;
 /// Index of the season.
 pub(crate) const SEASON: usize = 0;
-/// Index of the first of [`SEEN`](crate::stature::SEEN).
-pub(crate) const MOVED: usize = 1;
-/// Height in the image that has one unit of the last feature, in pixels.
-const PADDED: f64 = 60.0;
+/// Index of the first parameter of [`HEIGHT_PARAMS`].
+pub(crate) const MOVEMENT: usize = 1;
+/// Height in the image at which the padding feature is 1, in pixels.
+const PADDING_SCALE_PX: f64 = 60.0;
 
-/// Index in an upper triangle, for `i <= j`.
+/// Returns the index of an entry in an upper triangle, for `i <= j`.
 pub(crate) const fn packed(i: usize, j: usize) -> usize {
     i * FEATURES - i * (i + 1) / 2 + j
 }
 
-/// The features of a row, by where the foot is.
-pub(crate) fn features(Cell { slopes: [tilt, roll, zoom], tall }: Cell) -> [f64; FEATURES] {
-    [1.0, -tilt, -roll, -zoom, PADDED / tall]
+/// Returns the features of a row from the reference person at the foot.
+pub(crate) fn features(
+    ReferencePerson { slopes: [tilt, roll, zoom], tall }: ReferencePerson,
+) -> [f64; FEATURES] {
+    [1.0, -tilt, -roll, -zoom, PADDING_SCALE_PX / tall]
 }
 
 /// Normal equations of the features.
@@ -186,8 +197,8 @@ pub(crate) struct Heights {
     /// Upper triangle, row by row.
     pub(crate) information: [f64; PACKED],
     pub(crate) score: [f64; FEATURES],
-    /// Squares of the scores of tracks about the middle of all people: their true variance, whatever they claim (White
-    /// 1982).
+    /// Squares of the scores of tracks, relative to the median of all people. They estimate the true variance
+    /// of the score, independently of the claimed information (White 1982).
     pub(crate) squares: [f64; PACKED],
     pub(crate) tracks: u64,
 }
@@ -200,9 +211,10 @@ impl Heights {
         self.tracks += other.tracks;
     }
 
-    /// One track, whose people stand about a middle height.
+    /// Creates the equations of one track; `middle` is the median log height of the camera.
     pub(crate) fn of_track(information: [f64; PACKED], score: [f64; FEATURES], middle: f64) -> Self {
-        // The first feature is 1: its column is what the middle adds to the score.
+        // The first feature is 1. Its column is therefore the derivative of the score with respect to the
+        // median.
         let about: [f64; FEATURES] = std::array::from_fn(|i| score[i] - middle * information[packed(0, i)]);
         let mut squares = [0.0; PACKED];
         for i in 0..FEATURES {
@@ -215,7 +227,7 @@ impl Heights {
         NormalEquations { information: full(&self.information), score: DVector::from_row_slice(&self.score) }
     }
 
-    /// The true variance of the score.
+    /// Returns the true variance of the score.
     pub(crate) fn variance(&self) -> DMatrix<f64> {
         full(&self.squares)
     }
@@ -234,7 +246,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_person_is_as_tall_as_they_stand(camera in any_camera(), u in 0.0..1920.0_f64, v in 300.0..1080.0_f64) {
+        fn height_of_a_projected_person_is_recovered(camera in any_camera(), u in 0.0..1920.0_f64, v in 300.0..1080.0_f64) {
             let Some(floor) = camera.pixel_to_floor(Pixel { u, v }, 0.0) else { return Ok(()) };
             let range = floor.distance(camera.position.on_floor());
             prop_assume!(range < 40.0 && range > 1.0 && camera.position.z > 2.5);
@@ -245,11 +257,12 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_turned_down_makes_people_smaller_and_a_pan_does_not() {
+    fn downward_tilt_reduces_heights_and_pan_does_not() {
         let camera = crate::tests::camera();
         let size = [1920.0, 1080.0];
-        let by = Stature::new(&camera, size).usual(Pixel::new(960.0, 500.0)).unwrap().slopes;
-        // Whoever trusts a pitch that is too large takes rays for steeper than they are: foot nearer, head lower.
+        let by = Stature::new(&camera, size).reference_person(Pixel::new(960.0, 500.0)).unwrap().slopes;
+        // A calibrated pitch that is too large makes rays too steep: the foot is too near and the head too
+        // low.
         assert!(by[0] < -0.5 && by[1].abs() < 0.2, "{by:?}");
         let panned = Movement { pan: 0.3, ..Movement::default() }.applied(&camera);
         let of = |camera: &Camera| {
@@ -259,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn the_upper_triangle_is_packed_row_by_row() {
+    fn upper_triangle_is_packed_row_by_row() {
         let mut next = 0;
         for i in 0..FEATURES {
             for j in i..FEATURES {

@@ -1,10 +1,10 @@
-//! What tests of this folder share.
+//! Shared helpers of the tests of this crate.
 
 use proptest::prelude::*;
 
 use calib_core::camera::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 
-/// A camera that looks down into a room.
+/// Returns a camera that looks down into a room.
 pub(crate) fn camera() -> Camera {
     Camera {
         position: WorldPoint::new(0.0, 0.0, 3.5),
@@ -17,7 +17,7 @@ pub(crate) fn camera() -> Camera {
     }
 }
 
-/// Cameras that look down by 0 to 86 degrees from 2 to 8 m, with and without distortion.
+/// Generates cameras that look down by 0 to 86 degrees from 2 to 8 m, with and without distortion.
 pub(crate) fn any_camera() -> impl Strategy<Value = Camera> {
     let pose = (-3.1..3.1_f64, 0.0..1.5_f64, -0.6..0.6_f64, 2.0..8.0_f64);
     (pose, 600.0..2500.0_f64, -0.2..0.0_f64).prop_map(|((yaw, pitch, roll, z), focal, k1)| {
@@ -35,7 +35,7 @@ pub(crate) fn any_camera() -> impl Strategy<Value = Camera> {
     })
 }
 
-/// Normal numbers that are the same every time.
+/// Reproducible normal random numbers.
 pub(crate) struct Noise(rand_chacha::ChaCha8Rng);
 
 impl Noise {
@@ -43,7 +43,7 @@ impl Noise {
         Self(rand::SeedableRng::seed_from_u64(seed))
     }
 
-    /// Box and Muller 1958.
+    /// Returns a standard normal number (Box and Muller 1958).
     pub(crate) fn normal(&mut self) -> f64 {
         let mut uniform = || rand::Rng::random_range(&mut self.0, f64::EPSILON..1.0);
         let (a, b): (f64, f64) = (uniform(), uniform());

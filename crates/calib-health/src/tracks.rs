@@ -1,47 +1,50 @@
-//! People in view of one camera: the rows of one person are gathered into one observation.
+//! Tracks of people in one camera: the rows of one person are combined into one observation.
 //!
-//! What is off in one row is off in the next: the person is as tall as before, and the detector draws the box alike.
-//! So a track is what counts as independent. Its rows are `y = f . b + a + e`, with `y` the logarithm of a height, `f`
-//! the features, a person's own `a ~ N(0, BETWEEN^2)` and the box's `e ~ N(0, WITHIN^2)`. With the weights
-//! `w` of a robust estimate ([`Height`]), `W` their sum and `k = BETWEEN^2 / (WITHIN^2 + W BETWEEN^2)` the normal equations of `b` are (Harville 1977)
+//! Errors in successive rows are correlated: the person has the same height, and the detector places the box
+//! in the same way. A track is therefore the independent unit. Its rows are `y = f . b + a + e`, with `y` the
+//! log height, `f` the features and `b` their coefficients. The deviation of the person is `a ~ N(0,
+//! PERSON_SIGMA^2)`, and the deviation of the box is `e ~ N(0, BOX_SIGMA^2)`.
+//!
+//! Let `w` be the weights of a robust estimate ([`Height`]), `W` their sum and `k = PERSON_SIGMA^2 /
+//! (BOX_SIGMA^2 + W PERSON_SIGMA^2)`. The normal equations of `b` are (Harville 1977)
 //!
 //! ```text
-//! H = (sum w f f' - k (sum w f) (sum w f)') / WITHIN^2,   g = (sum w f y - k (sum w f) (sum w y)) / WITHIN^2
+//! H = (sum w f f' - k (sum w f) (sum w f)') / BOX_SIGMA^2,   g = (sum w f y - k (sum w f) (sum w y)) / BOX_SIGMA^2
 //! ```
 
 use crate::stature::{FEATURES, Heights, PACKED, packed};
 
-/// Spread of the logarithm of adults' heights, as a standard deviation.
-const BETWEEN: f64 = 0.06;
-/// Of the logarithm of the height of a box about that of its person.
-const WITHIN: f64 = 0.04;
-/// A box is drawn anew so often, per second: in between, errors are those of the box before.
-const DRAWN: f64 = 2.0;
-/// Nanoseconds of a second.
-const SECOND: f64 = 1e9;
-/// Who is not seen for so long is gone, in seconds: by where they were, and by their number.
-const GONE: f64 = 2.0;
-const GONE_BY_NUMBER: f64 = 30.0;
-/// Who stays longer, in seconds, begins a new track.
-const LONGEST: f64 = 30.0;
-/// People in view of one camera at a time, at most.
-const MOST: usize = 96;
+/// Standard deviation of the log height of adults.
+const PERSON_SIGMA: f64 = 0.06;
+/// Standard deviation of the log height of a box, relative to its person.
+const BOX_SIGMA: f64 = 0.04;
+/// Number of boxes with independent errors per second of a track.
+const INDEPENDENT_BOXES_PER_S: f64 = 2.0;
+/// Nanoseconds per second.
+const NANOSECONDS_PER_SECOND: f64 = 1e9;
+/// Longest gap in a track, in seconds, without and with an identifier from a tracker.
+const MAX_GAP_S: f64 = 2.0;
+const MAX_GAP_WITH_ID_S: f64 = 30.0;
+/// Longest duration of a track, in seconds; a new track starts after it.
+const MAX_TRACK_S: f64 = 30.0;
+/// Largest number of open tracks of a camera.
+const MAX_OPEN_TRACKS: usize = 96;
 
-/// One row of a track.
+/// Row of a track.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
     pub(crate) at: i64,
     pub(crate) person: Option<u64>,
-    /// The foot, and the height of the box, in pixels.
+    /// Foot, in pixels; `tall` is the height of the box, in pixels.
     pub(crate) foot: [f64; 2],
     pub(crate) tall: f64,
-    /// `None` where it is no adult's.
+    /// Height of the person; `None` if not an adult.
     pub(crate) height: Option<Height>,
-    /// Of the heights of all people, as their logarithm.
+    /// Median log height of all people in the camera.
     pub(crate) middle: f64,
 }
 
-/// The height of a person in one row.
+/// Height of a person in one row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Height {
     log: f64,
@@ -50,22 +53,22 @@ pub(crate) struct Height {
 }
 
 impl Height {
-    /// The logarithm of a height, with the weight of Tukey's biweight about the middle of all: children, and people
-    /// whose feet are hidden, are far from it and do not count.
+    /// Creates a height with the weight of Tukey's biweight about the median. Children, and people with
+    /// hidden feet, are far from the median and get no weight.
     pub(crate) fn new(log: f64, middle: f64, features: [f64; FEATURES]) -> Option<Self> {
-        const NEAR: f64 = 0.25;
-        let share = ((log - middle) / NEAR).powi(2);
+        const MAX_DEVIATION: f64 = 0.25;
+        let share = ((log - middle) / MAX_DEVIATION).powi(2);
         let weight = (1.0 - share) * (1.0 - share);
         (share < 1.0).then_some(Self { log, features, weight })
     }
 
-    /// Whether it is one that counts.
+    /// Whether the height is close to the median.
     pub(crate) fn is_usual(&self) -> bool {
         self.weight > 0.3
     }
 }
 
-/// One person in view.
+/// Person in view.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Track {
     person: Option<u64>,
@@ -123,37 +126,40 @@ impl Track {
         }
     }
 
-    /// How far a row is from where it would be of this person, in heights of the box; `None` of another one.
+    /// Returns the distance between a row and this person, in heights of the box; `None` if it is another
+    /// person.
     fn distance(&self, row: &Row) -> Option<f64> {
-        /// Heights of a box that people walk in a second, and that the next box may be off.
-        const SPEED: f64 = 1.2;
-        const OFF: f64 = 0.25;
+        /// Largest walking speed, in box heights per second, and largest jump between two boxes, in box
+        /// heights.
+        const MAX_SPEED: f64 = 1.2;
+        const MAX_JUMP: f64 = 0.25;
         if self.person.is_some() || row.person.is_some() {
             return (self.person == row.person).then_some(0.0);
         }
-        let elapsed = (row.at - self.last) as f64 / SECOND;
+        let elapsed = (row.at - self.last) as f64 / NANOSECONDS_PER_SECOND;
         let tall = 0.5 * (self.tall + row.tall);
         let ratio = row.tall / self.tall;
         let away = (row.foot[0] - self.foot[0]).hypot(row.foot[1] - self.foot[1]) / tall;
-        let is_near = away < OFF + SPEED * elapsed.abs() && (0.6..1.7).contains(&ratio);
+        let is_near = away < MAX_JUMP + MAX_SPEED * elapsed.abs() && (0.6..1.7).contains(&ratio);
         // Two boxes of one moment are two people.
         (elapsed != 0.0 && is_near).then_some(away)
     }
 
-    fn is_over(&self, at: i64) -> bool {
-        let gone = if self.person.is_some() { GONE_BY_NUMBER } else { GONE };
-        let [since_last, since_first] = [self.last, self.first].map(|then| (at - then) as f64 / SECOND);
-        since_last.abs() > gone || since_first > LONGEST
+    fn has_ended(&self, at: i64) -> bool {
+        let gone = if self.person.is_some() { MAX_GAP_WITH_ID_S } else { MAX_GAP_S };
+        let [since_last, since_first] =
+            [self.last, self.first].map(|then| (at - then) as f64 / NANOSECONDS_PER_SECOND);
+        since_last.abs() > gone || since_first > MAX_TRACK_S
     }
 
-    /// What the track tells; nothing where no row was a person's.
+    /// Returns the evidence of the track; `None` if no row was an adult.
     fn heights(&self) -> Option<Heights> {
         if self.weight == 0.0 {
             return None;
         }
-        let drawn = 1.0 + DRAWN * (self.last - self.first) as f64 / SECOND;
-        let within = WITHIN * WITHIN * (self.count / drawn).max(1.0);
-        let between = BETWEEN * BETWEEN;
+        let drawn = 1.0 + INDEPENDENT_BOXES_PER_S * (self.last - self.first) as f64 / NANOSECONDS_PER_SECOND;
+        let within = BOX_SIGMA * BOX_SIGMA * (self.count / drawn).max(1.0);
+        let between = PERSON_SIGMA * PERSON_SIGMA;
         let shared = between / (within + self.weight * between);
         let weigh = |sum: f64, a: f64, b: f64| (sum - shared * a * b) / within;
         let mut information = [0.0; PACKED];
@@ -168,12 +174,12 @@ impl Track {
 }
 
 impl Tracks {
-    /// Takes a row; `over` gets what tracks tell that have ended, with the time that they began.
-    pub(crate) fn see(&mut self, row: &Row, mut over: impl FnMut(i64, Heights)) {
+    /// Adds a row; `over` receives the evidence of every track that has ended, with its start time.
+    pub(crate) fn add(&mut self, row: &Row, mut over: impl FnMut(i64, Heights)) {
         let mut nearest: Option<(usize, f64)> = None;
         let mut index = 0;
         while index < self.open.len() {
-            if self.open[index].is_over(row.at) {
+            if self.open[index].has_ended(row.at) {
                 self.close(index, &mut over);
                 continue;
             }
@@ -187,7 +193,7 @@ impl Tracks {
             self.open[index].add(row);
             return;
         }
-        if self.open.len() >= MOST {
+        if self.open.len() >= MAX_OPEN_TRACKS {
             self.close(0, &mut over);
         }
         let mut track = Track::new(row);
@@ -202,8 +208,8 @@ impl Tracks {
         }
     }
 
-    /// What the tracks tell that have not ended.
-    pub(crate) fn open(&self) -> impl Iterator<Item = (i64, Heights)> {
+    /// Returns the evidence of the open tracks, with their start times.
+    pub(crate) fn open_heights(&self) -> impl Iterator<Item = (i64, Heights)> {
         self.open.iter().filter_map(|track| Some((track.first, track.heights()?)))
     }
 }
@@ -224,30 +230,33 @@ mod tests {
     }
 
     #[test]
-    fn people_are_told_apart_by_where_they_are() {
+    fn people_are_separated_by_position() {
         let (mut tracks, mut ended) = (Tracks::default(), Vec::new());
         for at in 0..20 {
             for (person, y) in [(300.0, 0.5), (900.0, 0.6)] {
-                tracks.see(&row(at, person + 4.0 * at as f64, y), |first, heights| {
+                tracks.add(&row(at, person + 4.0 * at as f64, y), |first, heights| {
                     ended.push((first, heights));
                 });
             }
         }
         assert_eq!((tracks.open.len(), ended.len()), (2, 0));
-        tracks.see(&row(100, 300.0, 0.5), |first, heights| ended.push((first, heights)));
+        tracks.add(&row(100, 300.0, 0.5), |first, heights| ended.push((first, heights)));
         assert_eq!((tracks.open.len(), ended.len()), (1, 2));
     }
 
     #[test]
-    fn many_rows_of_one_person_tell_no_more_of_people_than_one_person_does() {
+    fn many_rows_of_one_person_count_as_one_person() {
         let mut tracks = Tracks::default();
-        (0..250).for_each(|at| tracks.see(&row(at, 300.0, 0.5), |_, _| {}));
-        let (_, heights) = tracks.open().next().unwrap();
-        assert!(heights.information[0] < 1.0 / (BETWEEN * BETWEEN));
-        assert!(heights.information[0] > 0.9 / (BETWEEN * BETWEEN));
+        (0..250).for_each(|at| tracks.add(&row(at, 300.0, 0.5), |_, _| {}));
+        let (_, heights) = tracks.open_heights().next().unwrap();
+        assert!(heights.information[0] < 1.0 / (PERSON_SIGMA * PERSON_SIGMA));
+        assert!(heights.information[0] > 0.9 / (PERSON_SIGMA * PERSON_SIGMA));
         let mut one = Tracks::default();
-        one.see(&row(0, 300.0, 0.5), |_, _| {});
-        let (_, heights) = one.open().next().unwrap();
-        assert!((heights.information[0] - 1.0 / (BETWEEN * BETWEEN + WITHIN * WITHIN)).abs() < 1e-9);
+        one.add(&row(0, 300.0, 0.5), |_, _| {});
+        let (_, heights) = one.open_heights().next().unwrap();
+        assert!(
+            (heights.information[0] - 1.0 / (PERSON_SIGMA * PERSON_SIGMA + BOX_SIGMA * BOX_SIGMA)).abs()
+                < 1e-9
+        );
     }
 }

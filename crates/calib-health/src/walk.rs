@@ -1,108 +1,112 @@
-//! An acceptance test: one person walks through a site, and cameras that see them at the same times are held against
-//! each other and against what they claim of themselves.
+//! Acceptance test by a walker: one person walks through a site. Cameras that see this person at the same
+//! time are compared with each other and with their claimed uncertainty.
 //!
-//! A camera c puts the walker, who is at `p` at a moment, at `pc = p + Jc ec + n`: `ec` its errors, of which its calibration
-//! claims the covariance `Cc`, and `n` the noise of the foot. With `p` eliminated the errors of all cameras have normal
-//! equations; those of the others, held by their claims, are eliminated from those of one. What is left is `u = I ec +
-//! noise` of the variance `I`, so that `u` is of the variance `S = I + I Cc I` where the claim holds. A fault is of one
-//! parameter, mostly: of an error `d` of the parameter `k` the score is `I d ek`, and the matched filter `ek' I S^-1 u` over
-//! its standard deviation is the clearest that can be said of it, a normal number where the claim holds. With `Cc = L L'`
-//! and `L' I L = Q diag(l) Q'` it is computed direction by direction.
+//! Let the walker be at `p`. Camera c measures `pc = p + Jc ec + n`. Here `ec` are the errors of the camera,
+//! with the covariance `Cc` claimed by its calibration, and `n` is the noise of the foot. With `p`
+//! eliminated, the errors of all cameras have normal equations. The errors of the other cameras, with their
+//! claims as priors, are then eliminated from the equations of camera c. The remaining score is `u = I ec +
+//! noise`, with noise of variance `I`. If the claim is correct, `u` has the variance `S = I + I Cc I`.
+//!
+//! Most faults change one parameter. An error `d` of the parameter `k` changes the score by `I d ek`. The
+//! most powerful test is the matched filter `ek' I S^-1 u`, divided by its standard deviation. It is a
+//! standard normal variable if the claim is correct. With `Cc = L L'` and `L' I L = Q diag(l) Q'` it is
+//! computed eigenvector by eigenvector.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use crate::stature::Sighting;
-use crate::views::{ERRORS, Errors, View, interpolated, of_one, place_of, view};
+use crate::views::{ERROR_PARAMS, ErrorJacobian, View, consistent_views, fused_position, interpolated, view};
 use calib_core::camera::{Camera, FloorPoint};
 use calib_core::optimize::two_sided_quantile;
 
-/// Seconds between moments: so far apart, feet err by themselves.
-const STEP: f64 = 0.5;
-/// Most sightings of a camera: two days of them.
-const MOST: usize = 400_000;
+/// Time between moments, in seconds; errors of the foot are independent at this spacing.
+const STEP_S: f64 = 0.5;
+/// Largest number of sightings of a camera: two days of them.
+const MAX_SIGHTINGS: usize = 400_000;
 
-/// Takes the sightings of a walk.
+/// Sightings of a walk.
 #[derive(Clone, Debug)]
 pub struct Walk {
     cameras: Vec<(Camera, [f64; 2])>,
     seen: Vec<Vec<Sighting>>,
 }
 
-/// A camera that is not where it claims to be.
+/// Camera that contradicts its claimed uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disagreement {
     /// Index of the camera.
     pub camera: usize,
-    /// How clear it is: as the sigmas of a normal number.
-    pub sigmas_clear: f64,
-    /// By how much it puts the walker too far along x and y, in metres, on average.
+    /// Significance, in standard deviations of a normal variable.
+    pub significance: f64,
+    /// Mean error of the walker's position along x and y, in metres.
     pub shift: [f64; 2],
-    /// The standard deviation of either.
+    /// Standard deviation of each component of `shift`, in metres.
     pub shift_sigma: f64,
-    /// The error of one parameter that explains most of it, the others zero: of x, y and z in metres, of yaw, pitch and
-    /// roll in radians, of the focal in pixels.
-    pub errors: [f64; ERRORS],
+    /// Error of the single parameter that explains most of the disagreement; the others are zero. The
+    /// parameters are x, y and z in metres, yaw, pitch and roll in radians, and the focal length in pixels.
+    pub errors: [f64; ERROR_PARAMS],
 }
 
-/// Where the walker was at one moment.
+/// Position of the walker at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WalkMoment {
-    /// Nanoseconds since 1970.
+    /// Time, in nanoseconds since 1970.
     pub at: i64,
-    /// Where all cameras together put them.
-    pub place: FloorPoint,
-    /// By index, the cameras that saw them, and where each of them puts them.
+    /// Position from all cameras together.
+    pub position: FloorPoint,
+    /// Indices of the cameras that saw the walker, each with the position from this camera alone.
     pub seen: Vec<(usize, FloorPoint)>,
 }
 
-/// What the walk shows.
+/// Result of a walk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WalkResult {
-    /// In order of time.
+    /// Moments, in order of time.
     pub moments: Vec<WalkMoment>,
-    /// The worst first.
+    /// Disagreements, the worst first.
     pub disagreements: Vec<Disagreement>,
-    /// Moments at which a camera saw the walker together with another.
-    pub together: Vec<usize>,
-    /// Moments at which a camera saw the walker.
+    /// Number of moments when each camera and at least one other saw the walker.
+    pub shared_moments: Vec<usize>,
+    /// Number of moments when each camera saw the walker.
     pub seen: Vec<usize>,
-    /// Errors of every camera that would have been named, each by itself, in the order and units of
-    /// [`Disagreement::errors`]; infinite where the walk tells nothing.
-    pub smallest: Vec<[f64; ERRORS]>,
-    /// How many times as large as usual the variance of feet was.
-    pub noise: f64,
-    /// Of every camera, how often it saw more than one person at a time: a walk is of one.
-    pub crowded: Vec<usize>,
+    /// Smallest detectable error of each parameter of every camera, in the order and units of
+    /// [`Disagreement::errors`]; infinite if undetermined.
+    pub smallest_detectable: Vec<[f64; ERROR_PARAMS]>,
+    /// Ratio of the measured to the assumed variance of the feet.
+    pub noise_ratio: f64,
+    /// Number of times that each camera saw more than one person at a moment, which a walk should not
+    /// contain.
+    pub crowded_moments: Vec<usize>,
 }
 
 /// Normal equations of the errors of all cameras.
 struct Equations {
     information: DMatrix<f64>,
     score: DVector<f64>,
-    /// Of what cameras disagree by, before anything is fitted.
+    /// Chi-square of the disagreements before the fit.
     chi2: f64,
     freedom: f64,
 }
 
 impl Walk {
-    /// A walk before cameras with images of these widths and heights.
+    /// Creates an empty walk for cameras with images of these widths and heights.
     #[must_use]
     pub fn new(cameras: &[(Camera, [f64; 2])]) -> Self {
         Self { cameras: cameras.to_vec(), seen: vec![Vec::new(); cameras.len()] }
     }
 
-    /// Takes what a camera saw.
-    pub fn see(&mut self, sighting: &Sighting) {
+    /// Adds the sighting of a camera.
+    pub fn add_sighting(&mut self, sighting: &Sighting) {
         if let (Some(seen), Some((_, size))) =
             (self.seen.get_mut(sighting.camera), self.cameras.get(sighting.camera))
-            && seen.len() < MOST
+            && seen.len() < MAX_SIGHTINGS
             && !sighting.is_cut(*size)
         {
             seen.push(*sighting);
         }
     }
 
-    /// What the walk shows.
+    /// Computes the result of the walk.
     #[must_use]
     pub fn result(&self) -> WalkResult {
         let moments = self.moments();
@@ -110,7 +114,7 @@ impl Walk {
         let (equations, noise) = self.equations(&moments, &claims);
         let disagreements = disagreements(&equations, &claims);
         let disagreements =
-            disagreements.into_iter().map(|found| described(&found, &moments, noise)).collect();
+            disagreements.into_iter().map(|found| to_disagreement(&found, &moments, noise)).collect();
         let count = |camera: usize, least: usize| {
             let is_in = |(_, views): &&(i64, Vec<View>)| {
                 views.len() >= least && views.iter().any(|view| view.camera == camera)
@@ -118,25 +122,26 @@ impl Walk {
             moments.iter().filter(is_in).count()
         };
         let all = 0..self.cameras.len();
-        let enough = clear_enough(&equations, claims.len());
+        let threshold = significance_threshold(&equations, claims.len());
         let smallest = |camera: usize| {
-            let told = tested(&equations, &claims, camera, &[]).map_or([0.0; ERRORS], |found| found.told);
-            told.map(|told| enough / told)
+            let inverse_sigmas = test_camera(&equations, &claims, camera, &[])
+                .map_or([0.0; ERROR_PARAMS], |found| found.inverse_sigmas);
+            inverse_sigmas.map(|inverse_sigma| threshold / inverse_sigma)
         };
         WalkResult {
-            smallest: all.clone().map(smallest).collect(),
+            smallest_detectable: all.clone().map(smallest).collect(),
             disagreements,
-            together: all.clone().map(|camera| count(camera, 2)).collect(),
+            shared_moments: all.clone().map(|camera| count(camera, 2)).collect(),
             seen: all.map(|camera| count(camera, 1)).collect(),
-            noise,
-            crowded: self.seen.iter().map(|seen| crowded(seen)).collect(),
+            noise_ratio: noise,
+            crowded_moments: self.seen.iter().map(|seen| crowded(seen)).collect(),
             moments: moments.iter().filter_map(|(at, views)| moment(*at, views)).collect(),
         }
     }
 
-    /// Who saw the walker at moments that are [`STEP`] apart.
+    /// Returns the views of the walker at moments [`STEP_S`] apart.
     fn moments(&self) -> Vec<(i64, Vec<View>)> {
-        let step = (STEP * 1e9) as i64;
+        let step = (STEP_S * 1e9) as i64;
         let mut moments: std::collections::BTreeMap<i64, Vec<View>> = std::collections::BTreeMap::new();
         for (index, (camera, _)) in self.cameras.iter().enumerate() {
             let mut seen = self.seen[index].clone();
@@ -151,33 +156,33 @@ impl Walk {
         }
         moments
             .into_iter()
-            .map(|(at, views)| (at, of_one(views)))
+            .map(|(at, views)| (at, consistent_views(views)))
             .filter(|(_, views)| !views.is_empty())
             .collect()
     }
 
-    /// The normal equations, and how many times as large as usual the variance of feet was: what the cameras still
-    /// disagree by when their likeliest errors are taken out.
+    /// Returns the normal equations, and the ratio of the measured to the assumed variance of the feet. It is
+    /// estimated from the disagreement that remains after the fit of all errors.
     fn equations(&self, moments: &[(i64, Vec<View>)], claims: &[DMatrix<f64>]) -> (Equations, f64) {
-        let mut all = Equations::nothing(self.cameras.len() * ERRORS);
+        let mut all = Equations::zeros(self.cameras.len() * ERROR_PARAMS);
         moments.iter().for_each(|(_, views)| all.add(views));
-        let held = held(claims, None);
-        let Some(inverse) = (&all.information + held).cholesky().map(|all| all.inverse()) else {
+        let precisions = claim_precisions(claims, None);
+        let Some(inverse) = (&all.information + precisions).cholesky().map(|all| all.inverse()) else {
             return (all, 1.0);
         };
         let fitted = (&inverse * &all.information).trace();
         let left = all.chi2 - all.score.dot(&(&inverse * &all.score));
         let freedom = all.freedom - fitted;
-        /// Fewer moments tell no variance.
-        const LEAST: f64 = 20.0;
-        let noise = if freedom > LEAST { (left / freedom).max(0.1) } else { 1.0 };
+        /// Minimum degrees of freedom for an estimate of the variance.
+        const MIN_FREEDOM: f64 = 20.0;
+        let noise = if freedom > MIN_FREEDOM { (left / freedom).max(0.1) } else { 1.0 };
         all.information /= noise;
         all.score /= noise;
         (all, noise)
     }
 }
 
-/// How many sightings of a camera are of a time that another one has.
+/// Returns the number of sightings of a camera that share their time with another sighting.
 fn crowded(seen: &[Sighting]) -> usize {
     let mut times: Vec<i64> = seen.iter().map(|sighting| sighting.at).collect();
     times.sort_unstable();
@@ -185,83 +190,87 @@ fn crowded(seen: &[Sighting]) -> usize {
 }
 
 impl Equations {
-    fn nothing(unknowns: usize) -> Self {
+    fn zeros(unknowns: usize) -> Self {
         let (information, score) = (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
         Self { information, score, chi2: 0.0, freedom: 0.0 }
     }
 
-    /// One moment: `H = diag(J' W J) - (J' W) (sum W)^-1 (W J)`, and the same of the score, about the place that all
-    /// cameras together give.
+    /// Adds one moment: `H = diag(J' W J) - (J' W) (sum W)^-1 (W J)`, and the corresponding score, about the
+    /// position from all cameras.
     fn add(&mut self, views: &[View]) {
-        let Some((place, weights)) = place_of(views).filter(|_| views.len() > 1) else { return };
+        let Some((position, weights)) = fused_position(views).filter(|_| views.len() > 1) else { return };
         let Some(shared) = weights.iter().sum::<Matrix2<f64>>().try_inverse() else { return };
         self.freedom += 2.0 * (views.len() as f64 - 1.0);
         for (a, weight) in views.iter().zip(&weights) {
-            let residual = a.point - place;
+            let residual = a.point - position;
             let by = a.slopes.transpose() * weight;
             self.chi2 += (residual.transpose() * weight * residual).x;
-            let mut score = self.score.fixed_rows_mut::<ERRORS>(a.camera * ERRORS);
+            let mut score = self.score.fixed_rows_mut::<ERROR_PARAMS>(a.camera * ERROR_PARAMS);
             score += by * residual;
             for (b, other) in views.iter().zip(&weights) {
                 let mut block = by * shared * other * b.slopes * -1.0;
                 if a.camera == b.camera {
                     block += by * a.slopes;
                 }
-                let mut at =
-                    self.information.fixed_view_mut::<ERRORS, ERRORS>(a.camera * ERRORS, b.camera * ERRORS);
+                let mut at = self.information.fixed_view_mut::<ERROR_PARAMS, ERROR_PARAMS>(
+                    a.camera * ERROR_PARAMS,
+                    b.camera * ERROR_PARAMS,
+                );
                 at += block;
             }
         }
     }
 }
 
-/// What a camera claims of its errors: the covariance. Nobody knows a camera better than to two millimetres, a
-/// hundredth of a degree and as small a share of the focal; of one that says nothing, little is assumed.
+/// Returns the covariance that a camera claims for its errors. At least 2 mm, 0.0002 rad (0.01°) and 0.02 %
+/// of the focal length are assumed. A camera without a covariance gets a wide prior.
 fn claim(camera: &Camera) -> DMatrix<f64> {
     let least = [0.002, 0.002, 0.002, 0.0002, 0.0002, 0.0002, 0.0002 * camera.focal];
     let unknown = [0.5, 0.5, 0.5, 0.05, 0.05, 0.05, 0.05 * camera.focal];
     let known = camera.covariance.is_known();
-    DMatrix::from_fn(ERRORS, ERRORS, |i, j| {
+    DMatrix::from_fn(ERROR_PARAMS, ERROR_PARAMS, |i, j| {
         let claimed = if known { camera.covariance.0[i][j] } else { 0.0 };
         let own: f64 = if known { least[i] } else { unknown[i] };
         claimed + if i == j { own * own } else { 0.0 }
     })
 }
 
-/// Precisions of all errors by the claims; `free` claims nothing.
-fn held(claims: &[DMatrix<f64>], free: Option<&[usize]>) -> DMatrix<f64> {
-    let mut held = DMatrix::zeros(claims.len() * ERRORS, claims.len() * ERRORS);
+/// Returns the precisions of all errors from the claims, reduced to almost zero for the `free` cameras.
+fn claim_precisions(claims: &[DMatrix<f64>], free: Option<&[usize]>) -> DMatrix<f64> {
+    let mut precisions = DMatrix::zeros(claims.len() * ERROR_PARAMS, claims.len() * ERROR_PARAMS);
     for (camera, claim) in claims.iter().enumerate() {
         let factor = if free.is_some_and(|free| free.contains(&camera)) { 1e-4 } else { 1.0 };
         if let Some(inverse) = claim.clone().try_inverse() {
-            held.view_mut((camera * ERRORS, camera * ERRORS), (ERRORS, ERRORS))
+            precisions
+                .view_mut((camera * ERROR_PARAMS, camera * ERROR_PARAMS), (ERROR_PARAMS, ERROR_PARAMS))
                 .copy_from(&(inverse * factor));
         }
     }
-    held
+    precisions
 }
 
-/// A camera that disagrees with the others.
-struct Found {
+/// Test of one camera against the others.
+struct CameraTest {
     camera: usize,
-    clear: f64,
-    /// The inverse of the standard deviation with which each error is told by itself.
-    told: [f64; ERRORS],
+    significance: f64,
+    /// Inverse standard deviation of each error, estimated alone.
+    inverse_sigmas: [f64; ERROR_PARAMS],
     errors: DVector<f64>,
     covariance: DMatrix<f64>,
 }
 
-/// Cameras that do not keep what they claim: the one that explains most first, and then without it.
-fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<Found> {
-    let clear = clear_enough(equations, claims.len());
-    let mut found: Vec<Found> = Vec::new();
+/// Returns the cameras that contradict their claims, the most significant first. Each one is freed before the
+/// next test.
+fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<CameraTest> {
+    let threshold = significance_threshold(equations, claims.len());
+    let mut found: Vec<CameraTest> = Vec::new();
     loop {
         let free: Vec<usize> = found.iter().map(|one| one.camera).collect();
         let open = (0..claims.len()).filter(|camera| !free.contains(camera));
         let worst = open
-            .filter_map(|camera| tested(equations, claims, camera, &free))
-            .filter(|one| one.clear > clear)
-            .max_by(|a, b| a.clear.total_cmp(&b.clear));
+            .filter_map(|camera| test_camera(equations, claims, camera, &free))
+            .filter(|one| one.significance > threshold)
+            .max_by(|a, b| a.significance.total_cmp(&b.significance));
         match worst {
             Some(worst) => found.push(worst),
             None => return found,
@@ -269,25 +278,31 @@ fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<Found> {
     }
 }
 
-/// How clear a disagreement must be: one walk in twenty may accuse one of all the cameras that are right, of one of its
-/// errors, of which seven that hang together are as many as four.
-fn clear_enough(equations: &Equations, cameras: usize) -> f64 {
-    const FALSE: f64 = 0.05;
-    const TRIALS: f64 = 4.0;
-    let is_seen = |camera: &usize| equations.information[(camera * ERRORS, camera * ERRORS)] > 0.0;
+/// Returns the threshold of the significance: at most one walk in twenty accuses a correct camera. The seven
+/// errors of a camera are correlated and count as four independent tests.
+fn significance_threshold(equations: &Equations, cameras: usize) -> f64 {
+    const FALSE_ALARM_RATE: f64 = 0.05;
+    const INDEPENDENT_TESTS: f64 = 4.0;
+    let is_seen =
+        |camera: &usize| equations.information[(camera * ERROR_PARAMS, camera * ERROR_PARAMS)] > 0.0;
     let seen = (0..cameras).filter(is_seen).count() as f64;
-    two_sided_quantile(FALSE / (TRIALS * seen))
+    two_sided_quantile(FALSE_ALARM_RATE / (INDEPENDENT_TESTS * seen))
 }
 
-/// One camera against what it claims; `free` are those of which nothing is claimed.
-fn tested(equations: &Equations, claims: &[DMatrix<f64>], camera: usize, free: &[usize]) -> Option<Found> {
-    /// Directions of which the walk tells less of what is claimed say nothing.
-    const TOLD: f64 = 1e-6;
-    let own: Vec<usize> = (camera * ERRORS..(camera + 1) * ERRORS).collect();
+/// Tests one camera against its claim; the claims of the `free` cameras are ignored.
+fn test_camera(
+    equations: &Equations,
+    claims: &[DMatrix<f64>],
+    camera: usize,
+    free: &[usize],
+) -> Option<CameraTest> {
+    /// Smallest information of an eigenvector, relative to its claim; eigenvectors below it are ignored.
+    const MIN_INFORMATION_RATIO: f64 = 1e-6;
+    let own: Vec<usize> = (camera * ERROR_PARAMS..(camera + 1) * ERROR_PARAMS).collect();
     let others: Vec<usize> = (0..equations.score.len()).filter(|i| !own.contains(i)).collect();
-    let mut held = held(claims, Some(free));
-    own.iter().for_each(|&i| own.iter().for_each(|&j| held[(i, j)] = 0.0));
-    let all = &equations.information + held;
+    let mut precisions = claim_precisions(claims, Some(free));
+    own.iter().for_each(|&i| own.iter().for_each(|&j| precisions[(i, j)] = 0.0));
+    let all = &equations.information + precisions;
     let pick = |rows: &[usize], columns: &[usize]| all.select_rows(rows).select_columns(columns);
     let rest = pick(&others, &others).cholesky()?;
     let cross = pick(&own, &others);
@@ -297,47 +312,49 @@ fn tested(equations: &Equations, claims: &[DMatrix<f64>], camera: usize, free: &
     let root = claims[camera].clone().cholesky()?.l();
     let eigen = (root.transpose() * &information * &root).symmetric_eigen();
     let along = eigen.eigenvectors.transpose() * root.transpose() * &score;
-    let by =
-        eigen.eigenvectors.transpose() * root.solve_lower_triangular(&DMatrix::identity(ERRORS, ERRORS))?;
+    let by = eigen.eigenvectors.transpose()
+        * root.solve_lower_triangular(&DMatrix::identity(ERROR_PARAMS, ERROR_PARAMS))?;
     let filtered = |parameter: usize| {
-        let (mut score, mut told) = (0.0, 0.0);
-        for (k, &l) in eigen.eigenvalues.iter().enumerate().filter(|(_, l)| **l > TOLD) {
+        let (mut score, mut inverse_sigma) = (0.0, 0.0);
+        for (k, &l) in eigen.eigenvalues.iter().enumerate().filter(|(_, l)| **l > MIN_INFORMATION_RATIO) {
             score += by[(k, parameter)] * along[k] / (1.0 + l);
-            told += by[(k, parameter)].powi(2) * l / (1.0 + l);
+            inverse_sigma += by[(k, parameter)].powi(2) * l / (1.0 + l);
         }
-        (score, told.sqrt())
+        (score, inverse_sigma.sqrt())
     };
-    let filtered: [(f64, f64); ERRORS] = std::array::from_fn(filtered);
-    let told = filtered.map(|(_, told)| told);
-    // The one parameter that says most: by how much it is off, and how surely.
-    let (mut clear, mut errors, mut covariance) =
-        (0.0, DVector::zeros(ERRORS), DMatrix::zeros(ERRORS, ERRORS));
-    for (parameter, (score, told)) in filtered.into_iter().enumerate().filter(|(_, (_, told))| *told > 0.0) {
-        if score.abs() / told > clear {
-            clear = score.abs() / told;
-            (errors, covariance) = (DVector::zeros(ERRORS), DMatrix::zeros(ERRORS, ERRORS));
-            errors[parameter] = score / (told * told);
-            covariance[(parameter, parameter)] = (told * told).recip();
+    let filtered: [(f64, f64); ERROR_PARAMS] = std::array::from_fn(filtered);
+    let inverse_sigmas = filtered.map(|(_, inverse_sigma)| inverse_sigma);
+    // The most significant parameter, with its error and its variance.
+    let (mut significance, mut errors, mut covariance) =
+        (0.0, DVector::zeros(ERROR_PARAMS), DMatrix::zeros(ERROR_PARAMS, ERROR_PARAMS));
+    for (parameter, (score, inverse_sigma)) in
+        filtered.into_iter().enumerate().filter(|(_, (_, inverse_sigma))| *inverse_sigma > 0.0)
+    {
+        if score.abs() / inverse_sigma > significance {
+            significance = score.abs() / inverse_sigma;
+            (errors, covariance) = (DVector::zeros(ERROR_PARAMS), DMatrix::zeros(ERROR_PARAMS, ERROR_PARAMS));
+            errors[parameter] = score / (inverse_sigma * inverse_sigma);
+            covariance[(parameter, parameter)] = (inverse_sigma * inverse_sigma).recip();
         }
     }
-    Some(Found { camera, clear, told, errors, covariance })
+    Some(CameraTest { camera, significance, inverse_sigmas, errors, covariance })
 }
 
-/// A disagreement as what it does on the floor.
-fn described(found: &Found, moments: &[(i64, Vec<View>)], noise: f64) -> Disagreement {
+/// Returns a disagreement with its effect on the floor.
+fn to_disagreement(found: &CameraTest, moments: &[(i64, Vec<View>)], noise: f64) -> Disagreement {
     let views = moments.iter().flat_map(|(_, views)| views).filter(|view| view.camera == found.camera);
-    let (mut slopes, mut count) = (Errors::zeros(), 0.0_f64);
+    let (mut slopes, mut count) = (ErrorJacobian::zeros(), 0.0_f64);
     for view in views {
         slopes += view.slopes;
         count += 1.0;
     }
     let slopes = slopes / count.max(1.0);
-    let slopes = DMatrix::from_column_slice(2, ERRORS, slopes.as_slice());
+    let slopes = DMatrix::from_column_slice(2, ERROR_PARAMS, slopes.as_slice());
     let shift = &slopes * &found.errors;
     let variance = (&slopes * &found.covariance * slopes.transpose()).trace();
     Disagreement {
         camera: found.camera,
-        sigmas_clear: found.clear,
+        significance: found.significance,
         shift: [shift[0], shift[1]],
         shift_sigma: (0.5 * variance * noise.max(1.0)).sqrt(),
         errors: std::array::from_fn(|i| found.errors[i]),
@@ -345,8 +362,8 @@ fn described(found: &Found, moments: &[(i64, Vec<View>)], noise: f64) -> Disagre
 }
 
 fn moment(at: i64, views: &[View]) -> Option<WalkMoment> {
-    let (place, _) = place_of(views)?;
+    let (position, _) = fused_position(views)?;
     let point = |at: Vector2<f64>| FloorPoint::new(at.x, at.y);
     let seen = views.iter().map(|view| (view.camera, point(view.point))).collect();
-    Some(WalkMoment { at, place: point(place), seen })
+    Some(WalkMoment { at, position: point(position), seen })
 }

@@ -1,24 +1,24 @@
-//! Windows of time that grow: however long an archive is, a bounded number of them.
+//! Windows of time with an adaptive width, so that an archive of any length has a bounded number of them.
 
 use std::collections::BTreeMap;
 
 use crate::moments::Moments;
 use crate::stature::Heights;
 
-/// Most windows; where there would be more, every two become one.
-pub(crate) const MOST: usize = 192;
-/// Nanoseconds of the first windows.
-const NARROWEST: i64 = 10_000_000_000;
+/// Largest number of windows; above it, every two windows are merged.
+pub(crate) const MAX_WINDOWS: usize = 192;
+/// Initial width of a window, in nanoseconds.
+const MIN_WIDTH_NS: i64 = 10_000_000_000;
 
-/// What was seen in one window.
+/// Evidence of one window.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Window {
-    /// By camera.
+    /// Heights, by camera.
     pub(crate) heights: Vec<Heights>,
     pub(crate) moments: Moments,
 }
 
-/// All windows in which something was seen, aligned to multiples of their width.
+/// All windows with evidence, aligned to multiples of their width.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Windows {
     cameras: usize,
@@ -28,17 +28,17 @@ pub(crate) struct Windows {
 
 impl Windows {
     pub(crate) const fn new(cameras: usize) -> Self {
-        Self { cameras, width: NARROWEST, list: BTreeMap::new() }
+        Self { cameras, width: MIN_WIDTH_NS, list: BTreeMap::new() }
     }
 
-    /// The window of a time, if anything was seen in it.
+    /// Returns the window of a time, if it has evidence.
     pub(crate) fn find(&self, at: i64) -> Option<&Window> {
         self.list.get(&at.div_euclid(self.width))
     }
 
-    /// The window of a time.
+    /// Returns the window of a time, which is created if missing.
     pub(crate) fn at(&mut self, at: i64) -> &mut Window {
-        while self.list.len() >= MOST && !self.list.contains_key(&at.div_euclid(self.width)) {
+        while self.list.len() >= MAX_WINDOWS && !self.list.contains_key(&at.div_euclid(self.width)) {
             self.widen();
         }
         let empty = || Window { heights: vec![Heights::default(); self.cameras], ..Window::default() };
@@ -54,13 +54,13 @@ impl Windows {
                 }
                 Some(whole) => {
                     whole.heights.iter_mut().zip(&window.heights).for_each(|(all, some)| all.add(some));
-                    whole.moments.join(window.moments);
+                    whole.moments.merge(window.moments);
                 }
             }
         }
     }
 
-    /// Begin and end of every window, with what was seen.
+    /// Returns the start and end of every window, in nanoseconds since 1970, with its evidence.
     pub(crate) fn iter(&self) -> impl Iterator<Item = ([i64; 2], &Window)> {
         let begin = |index: i64| index.saturating_mul(self.width);
         self.list.iter().map(move |(&index, window)| ([begin(index), begin(index.saturating_add(1))], window))
@@ -72,23 +72,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn windows_stay_few_and_lose_nothing() {
+    fn windows_stay_few_and_keep_all_evidence() {
         let mut windows = Windows::new(1);
         for minute in 0..100_000 {
             windows.at(minute * 60_000_000_000).heights[0].tracks += 1;
         }
-        assert!(windows.list.len() <= MOST && windows.list.len() > MOST / 4);
+        assert!(windows.list.len() <= MAX_WINDOWS && windows.list.len() > MAX_WINDOWS / 4);
         assert_eq!(windows.iter().map(|(_, window)| window.heights[0].tracks).sum::<u64>(), 100_000);
         let ends: Vec<[i64; 2]> = windows.iter().map(|(span, _)| span).collect();
         assert!(ends.windows(2).all(|pair| pair[0][1] <= pair[1][0]));
     }
 
     #[test]
-    fn nights_take_no_windows() {
+    fn times_without_evidence_have_no_windows() {
         let mut windows = Windows::new(1);
         for day in 0..20 {
             windows.at(day * 86_400_000_000_000).heights[0].tracks += 1;
         }
-        assert_eq!((windows.list.len(), windows.width), (20, NARROWEST));
+        assert_eq!((windows.list.len(), windows.width), (20, MIN_WIDTH_NS));
     }
 }

@@ -1,4 +1,4 @@
-//! The floor in squares: how far cameras disagreed in each, and where nobody walked.
+//! Zones of the floor: the disagreement of the cameras in each square, and squares without a walker.
 
 use std::collections::BTreeMap;
 
@@ -6,61 +6,65 @@ use crate::walk::WalkMoment;
 use calib_core::camera::FloorPoint;
 use calib_core::floor::Extent;
 
-/// Most zones along a side: a reader takes in no more.
-const MOST: f64 = 40.0;
+/// Largest number of zones along a side, for a readable table.
+const MAX_ZONES_PER_SIDE: f64 = 40.0;
 
-/// A square of the floor.
+/// Square of the floor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zone {
-    /// Column and row, from the least x and y on.
+    /// Column and row, counted from the smallest x and y.
     pub cell: [usize; 2],
-    /// Its corner of the least x and y, in metres.
+    /// Corner with the smallest x and y, in metres.
     pub corner: FloorPoint,
-    /// Moments at which the walker was in it.
+    /// Number of moments with the walker in the zone.
     pub moments: usize,
-    /// Moments at which two cameras or more saw the walker in it.
-    pub together: usize,
-    /// Root mean square distance, in metres, of where a camera puts the walker from where all together do; `None`
-    /// where no two cameras saw them.
+    /// Number of moments when at least two cameras saw the walker in the zone.
+    pub shared_moments: usize,
+    /// Root mean square distance between the walker's position from one camera and from all cameras, in
+    /// metres; `None` if no two cameras saw the walker.
     pub error: Option<f64>,
-    /// The standard deviation of that.
+    /// Standard deviation of `error`, in metres.
     pub error_sigma: Option<f64>,
-    /// By index, the cameras whose field of view covers the middle.
+    /// Indices of the cameras whose field of view covers the centre.
     pub covered_by: Vec<usize>,
 }
 
-/// The floor in squares.
+/// Floor divided into squares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zones {
     /// Length of a side, in metres.
     pub side: f64,
-    /// Those that a camera covers or the walker was in, row by row.
+    /// Zones that a camera covers or that the walker entered, row by row.
     pub list: Vec<Zone>,
 }
 
-/// What is gathered of a zone.
+/// Sums over the moments of a zone.
 #[derive(Clone, Default)]
 struct Sum {
     moments: usize,
-    together: usize,
+    shared_moments: usize,
     squares: f64,
     count: f64,
     covered_by: Vec<usize>,
 }
 
 impl Zones {
-    /// The zones of a walk before cameras that cover these polygons of the floor.
+    /// Computes the zones of a walk. `efovs` are the fields of view of the cameras as polygons of the floor,
+    /// `side` is the length of a side in metres.
     #[must_use]
     pub fn new(moments: &[WalkMoment], efovs: &[Vec<FloorPoint>], side: f64) -> Self {
         let corners = efovs.iter().flatten().copied().filter(|point| point.is_finite());
-        let places: Vec<FloorPoint> = corners.chain(moments.iter().map(|moment| moment.place)).collect();
-        let fold = |pick: fn(f64, f64) -> f64, of: fn(&FloorPoint) -> f64| places.iter().map(of).reduce(pick);
+        let positions: Vec<FloorPoint> =
+            corners.chain(moments.iter().map(|moment| moment.position)).collect();
+        let fold =
+            |pick: fn(f64, f64) -> f64, of: fn(&FloorPoint) -> f64| positions.iter().map(of).reduce(pick);
         let bounds = || {
             let low = [fold(f64::min, |p| p.x)?, fold(f64::min, |p| p.y)?];
             Some((low, [fold(f64::max, |p| p.x)?, fold(f64::max, |p| p.y)?]))
         };
         let Some((low, high)) = bounds() else { return Self { side, list: Vec::new() } };
-        let side = side.max((high[0] - low[0]) / MOST).max((high[1] - low[1]) / MOST);
+        let side =
+            side.max((high[0] - low[0]) / MAX_ZONES_PER_SIDE).max((high[1] - low[1]) / MAX_ZONES_PER_SIDE);
         let low = low.map(|c| (c / side).floor() * side);
         let cell = |at: FloorPoint| [((at.x - low[0]) / side) as usize, ((at.y - low[1]) / side) as usize];
         let mut sums: BTreeMap<[usize; 2], Sum> = BTreeMap::new();
@@ -75,7 +79,7 @@ impl Zones {
             }
         }
         for moment in moments {
-            let [column, row] = cell(moment.place);
+            let [column, row] = cell(moment.position);
             sums.entry([row, column]).or_default().add(moment);
         }
         let zone = |([row, column], sum): ([usize; 2], Sum)| {
@@ -90,17 +94,18 @@ impl Sum {
     fn add(&mut self, moment: &WalkMoment) {
         self.moments += 1;
         if moment.seen.len() > 1 {
-            self.together += 1;
+            self.shared_moments += 1;
             self.count += moment.seen.len() as f64;
-            self.squares += moment.seen.iter().map(|(_, at)| at.distance(moment.place).powi(2)).sum::<f64>();
+            self.squares +=
+                moment.seen.iter().map(|(_, at)| at.distance(moment.position).powi(2)).sum::<f64>();
         }
     }
 
     fn zone(self, cell: [usize; 2], corner: FloorPoint) -> Zone {
         let error = (self.count > 0.0).then(|| (self.squares / self.count).sqrt());
-        let Self { moments, together, covered_by, .. } = self;
-        // Two coordinates a moment: the relative standard deviation of a root mean square.
-        let error_sigma = error.map(|error| error / (4.0 * together as f64).sqrt());
-        Zone { cell, corner, moments, together, error, error_sigma, covered_by }
+        let Self { moments, shared_moments, covered_by, .. } = self;
+        // Relative standard deviation of a root mean square, with two coordinates per moment.
+        let error_sigma = error.map(|error| error / (4.0 * shared_moments as f64).sqrt());
+        Zone { cell, corner, moments, shared_moments, error, error_sigma, covered_by }
     }
 }

@@ -1,11 +1,11 @@
-//! Straight edges of a still, to be offered under the cursor.
+//! Straight edges of an image, to a fraction of a pixel, each with its own standard deviation.
 //!
-//! The straight edges of a still, to a fraction of a pixel, each with its own noise.
-//!
-//! Along an edge the steepest places across it are off the line through them by an rms r. What is next to each other
-//! shares its noise (the pixels of one blur), so that of n pixels `m = n / BLUR` places are independent, and the ends of
-//! the line are known to `2 r / sqrt(m)`: the variance of a fitted line at its end is four times that of its mean. A
-//! part is in common to all places of an edge, as its shade is, and does not average: `COMMON`.
+//! The cursor snaps to them, and the automatic calibration uses them. At samples along an edge, the position
+//! with the steepest brightness change across it deviates from the fitted line by an RMS of `r`. Neighbouring
+//! pixels share their noise, because of blur. Of `n` pixels, only `m = n / BLUR` samples are therefore
+//! independent. The ends of the line have the standard deviation `2 r / sqrt(m)`: a fitted line has four
+//! times as much variance at its end as on average. A systematic part, for example from shading, is common to
+//! all samples of an edge and does not average out: `COMMON`.
 
 use calib_core::Pixel;
 use image::{Rgb, RgbImage};
@@ -13,15 +13,16 @@ use image::{Rgb, RgbImage};
 use crate::line_segment::{LineSegment, to_segment};
 use crate::pull::found;
 
-/// A straight edge, in raw pixels.
+/// Straight edge, by its ends in raw pixels.
 pub type Edge = [Pixel; 2];
 
-/// Edges shorter than this say too little to be offered, in pixels.
+/// Shortest edge that is offered, in pixels.
 const LEAST: f64 = 24.0;
-/// So much of an edge at either end is left to drawing by hand.
+/// Fraction of an edge, at either end, that does not react to the cursor, so that lines can start there
+/// freely.
 const ENDS: f64 = 0.15;
 
-/// Brightness of every pixel.
+/// Converts to brightness.
 fn grey(image: &RgbImage) -> Vec<u8> {
     let brightness = |pixel: &Rgb<u8>| {
         let [r, g, b] = pixel.0.map(u32::from);
@@ -30,12 +31,12 @@ fn grey(image: &RgbImage) -> Vec<u8> {
     image.pixels().map(brightness).collect()
 }
 
-/// The straight edges of an image (Grompone von Gioi et al. 2012), the longest first.
+/// Detects the straight edges of an image (Grompone von Gioi et al. 2012), the longest first.
 #[must_use]
 pub fn find(image: &RgbImage) -> Vec<Edge> {
     let (width, height) = image.dimensions();
     let found = lsdetect::detect(&grey(image), width as usize, height as usize, lsdetect::SCALE);
-    // The detector counts from the centre of the first pixel, we from its corner.
+    // The detector has its origin at the centre of the first pixel; our pixels start at the corner.
     let pixel = |x: f64, y: f64| Pixel::new(x + 0.5, y + 0.5);
     let mut edges: Vec<Edge> = found
         .unwrap_or_default()
@@ -47,7 +48,7 @@ pub fn find(image: &RgbImage) -> Vec<Edge> {
     edges
 }
 
-/// The edge under a pixel, if the pixel is not near one of its ends.
+/// Returns the edge under a pixel, unless the pixel is near an end of the edge.
 #[must_use]
 pub fn under(edges: &[Edge], at: Pixel, radius: f64) -> Option<Edge> {
     let is_inner = |[a, b]: &Edge| {
@@ -60,28 +61,29 @@ pub fn under(edges: &[Edge], at: Pixel, radius: f64) -> Option<Edge> {
     near.filter(|(_, far)| *far <= radius).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(edge, _)| edge)
 }
 
-/// Edges as numbers, four each.
+/// Converts edges to a list of numbers, four for each edge.
 #[must_use]
 pub fn to_numbers(edges: &[Edge]) -> Vec<f64> {
     edges.iter().flatten().flat_map(|pixel| [pixel.u, pixel.v]).collect()
 }
 
-/// Edges of numbers.
+/// Converts a list of numbers to edges.
 #[must_use]
 pub fn from_numbers(numbers: &[f64]) -> Vec<Edge> {
     numbers.chunks_exact(4).map(|n| [Pixel::new(n[0], n[1]), Pixel::new(n[2], n[3])]).collect()
 }
 
-/// Pixels along an edge that share their noise.
+/// Correlation length of the noise along an edge, in pixels.
 const BLUR: f64 = 4.0;
-/// What a whole edge may be off, in pixels.
+/// Systematic error of a whole edge, in pixels.
 const COMMON: f64 = 0.3;
-/// Of more edges than this the shortest keep the noise of the detector: a bound on time.
+/// Largest number of edges with measured noise, which limits the computing time; shorter edges keep the
+/// detector's noise.
 const MOST: usize = 800;
-/// An edge that moves by more than this is another one, in pixels.
+/// Largest displacement of an edge by the measurement, in pixels; beyond it the measured edge is another one.
 const SAME: f64 = 2.0;
 
-/// The straight edges of an image with their noise, the longest first.
+/// Detects the straight edges of an image with their standard deviations, the longest first.
 #[must_use]
 pub fn line_segments(image: &RgbImage) -> Vec<LineSegment> {
     let edges = find(image).into_iter().enumerate();
@@ -92,7 +94,7 @@ const fn as_detected(ends: Edge) -> LineSegment {
     LineSegment { ends, sigma: LineSegment::DETECTED }
 }
 
-/// An edge pulled onto the steepest places along it.
+/// Refines an edge by the steepest brightness changes along it.
 fn measured(image: &RgbImage, edge: Edge) -> LineSegment {
     let Some(found) = found(image, edge) else { return as_detected(edge) };
     if found.ends.iter().zip(edge).any(|(end, was)| end.distance(was) > SAME) {
@@ -127,7 +129,7 @@ mod tests {
 
     #[test]
     fn an_edge_is_found_within_its_noise() {
-        // A step that leans, as a pixel integrates it.
+        // A slanted step, integrated over each pixel.
         let at = |v: f64| 80.37 + 0.21 * v;
         let picture = RgbImage::from_fn(200, 150, |x, y| {
             let covered = (f64::from(x) + 1.0 - at(f64::from(y) + 0.5)).clamp(0.0, 1.0);

@@ -1,32 +1,36 @@
-//! The circle that the image of a fisheye fills: the scene is inside, and outside of it there is black.
+//! Detection of the image circle of a fisheye lens: the scene is inside, and the image is black outside.
 //!
-//! Rows and columns are walked from the border of the image inward for as long as it is black. Where the black ends is
-//! the rim, but where something dark lies beside it or a caption is written into the black. The circle through three
-//! such places that the most others are on is then fitted to these, by least squares of their distances (Gauss-Newton).
+//! Rows and columns are scanned from the border of the image inward while they are black. The end of the
+//! black run is a point on the rim, except at dark objects near the rim and at captions in the black area. Of
+//! the circles through three such points, the one with the most inliers is kept. It is then fitted to its
+//! inliers by least squares of their distances (Gauss-Newton).
 
 use calib_core::{ImageCircle, Pixel};
 use image::RgbImage;
 use nalgebra::{Matrix3, Vector3};
 
-/// Brightness of a channel, 0 to 255, up to which a corner of the image can be black.
+/// Largest brightness of a black image corner, 0 to 255.
 const BLACK: u8 = 48;
-/// What is brighter than the corners by this is of the scene.
+/// Smallest difference in brightness between the scene and the corners.
 const CONTRAST: u8 = 16;
-/// The rim is where this share of the brightness within it is reached, which is taken from so far within, as a share of
-/// the image's longer side: a rim that is not sharp is in one place then, before what is bright and before what is dim.
+/// Definition of the rim: the brightness threshold as a fraction of the scene's brightness, and the search
+/// distance for that brightness as a fraction of the longer image side. With a relative threshold, a blurred
+/// rim has the same position next to bright and to dim scenes.
 const RIM: (f64, f64) = (0.25, 0.06);
-/// Rows and columns that are walked, each from both ends.
+/// Number of rows and columns to scan, each from both ends.
 const WALKS: u32 = 400;
-/// Pixels in a row that end the black: grain does not.
+/// Number of consecutive bright pixels that end the black; fewer are noise.
 const IN_A_ROW: u32 = 3;
-/// Triples of places of which circles are made.
+/// Number of triples of points to try.
 const TRIPLES: usize = 500;
-/// How far from the circle a place is of it, as a share of the image's longer side.
+/// Largest distance of an inlier from the circle, as a fraction of the longer image side.
 const NEAR: f64 = 0.005;
-/// So much of the places is on the circle, and so much of what is outside of it is black: a lens can glare there.
+/// Smallest fraction of inliers, and smallest black fraction outside the circle; lens flare can brighten the
+/// rest.
 const SHARES: [f64; 2] = [0.55, 0.85];
 
-/// The image circle of a fisheye, in raw pixels; `None` where black corners do not end in one.
+/// Detects the image circle of a fisheye lens, in raw pixels; `None` if the image has no black corners
+/// outside a circle.
 #[must_use]
 pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
     let black = black(image)?;
@@ -37,7 +41,7 @@ pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
         |circle: &ImageCircle, at: &Pixel| (circle.centre().distance(*at) - circle.radius).abs() < near;
     let on = |circle: &ImageCircle| places.iter().filter(|at| is_on(circle, at)).count();
     let triple = |number: usize| {
-        // Steps that have no common divisor with one another, so that no two triples are alike.
+        // The steps have no common divisor, so that no two triples are equal.
         let [i, j, k] = [number, number * 7 + 3, number * 31 + 11].map(|of| of * 37 % places.len().max(1));
         through([*places.get(i)?, *places.get(j)?, *places.get(k)?]).filter(|circle| is_likely(circle, size))
     };
@@ -56,12 +60,12 @@ pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
         .then_some(circle)
 }
 
-/// The brightest channel of a pixel.
+/// Returns the brightest channel of a pixel.
 fn level(image: &RgbImage, x: u32, y: u32) -> u8 {
     image.get_pixel(x, y).0.into_iter().max().unwrap_or(0)
 }
 
-/// What black is at most, by the corners of the image, of which one can have a caption.
+/// Returns the level of black, from the image corners; one of the four may contain a caption.
 fn black(image: &RgbImage) -> Option<u8> {
     let (w, h) = image.dimensions();
     let side = (w.min(h) / 50).max(4);
@@ -75,14 +79,14 @@ fn black(image: &RgbImage) -> Option<u8> {
     (corners[2] <= BLACK).then_some(corners[2])
 }
 
-/// The level that a share of the pixels do not exceed; 0 of none.
+/// Returns the quantile of the levels at `share`; 0 if there are no levels.
 fn quantile(share: f64, levels: impl Iterator<Item = u8>) -> u8 {
     let mut levels: Vec<u8> = levels.collect();
     levels.sort_unstable();
     levels.get((share * levels.len() as f64) as usize).copied().unwrap_or(0)
 }
 
-/// Where the black ends on the way from the border of the image inward.
+/// Collects the ends of the black runs from the border inward.
 fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
     let (w, h) = image.dimensions();
     let ahead = (RIM.1 * f64::from(w.max(h))) as u32;
@@ -106,7 +110,8 @@ fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
     places
 }
 
-/// Where the black ends on a way of levels, in pixels from its start; `None` where there is none, or nothing else.
+/// Returns the end of the black run, in pixels from the start; `None` without black, or without anything
+/// else.
 fn end_of_black(level: impl Fn(u32) -> u8, length: u32, black: u8, ahead: u32) -> Option<f64> {
     let end = |from: u32, bound: u8| {
         (from..length.saturating_sub(IN_A_ROW)).find(|i| (*i..*i + IN_A_ROW).all(|i| level(i) > bound))
@@ -117,19 +122,19 @@ fn end_of_black(level: impl Fn(u32) -> u8, length: u32, black: u8, ahead: u32) -
     let share = (RIM.0 * f64::from(bright.saturating_sub(black))) as u8;
     let bound = bound.max(black + share);
     let end = end(first, bound)?;
-    // Between the middles of two pixels.
+    // Interpolate between the centres of two pixels.
     let [before, after] = [end - 1, end].map(|i| f64::from(level(i)));
     let share = ((f64::from(bound) - before) / (after - before)).clamp(0.0, 1.0);
     Some(f64::from(end) - 0.5 + if share.is_nan() { 0.5 } else { share })
 }
 
-/// Whether the image circle of a fisheye is about there and so large.
+/// Whether the centre and radius are plausible for a fisheye lens.
 fn is_likely(circle: &ImageCircle, [w, h]: [f64; 2]) -> bool {
     let is_amid = (circle.u - 0.5 * w).abs() < 0.25 * w && (circle.v - 0.5 * h).abs() < 0.25 * h;
     is_amid && (0.25 * w.min(h)..0.5 * w.hypot(h)).contains(&circle.radius)
 }
 
-/// The circle through three places; `None` where they are in a line.
+/// Computes the circle through three points; `None` if they are collinear.
 fn through([a, b, c]: [Pixel; 3]) -> Option<ImageCircle> {
     let [bu, bv, cu, cv] = [b.u - a.u, b.v - a.v, c.u - a.u, c.v - a.v];
     let twice = 2.0 * (bu * cv - bv * cu);
@@ -139,7 +144,7 @@ fn through([a, b, c]: [Pixel; 3]) -> Option<ImageCircle> {
     (circle.radius.is_finite() && circle.radius > 0.0).then_some(circle)
 }
 
-/// One step of Gauss-Newton to the circle nearest to all places.
+/// Performs one Gauss-Newton step towards the circle with least squared distances.
 fn improved(circle: ImageCircle, places: &[Pixel]) -> Option<ImageCircle> {
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for at in places {
@@ -168,9 +173,9 @@ fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
     f64::from(dark) >= SHARES[1] * f64::from(all)
 }
 
-/// Whether the black ends at once: light that falls off in the dark has no rim.
+/// Whether the rim is sharp: a gradual falloff of light in a dark scene has no rim.
 fn is_sharp(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
-    /// Directions in which a look is taken, and how far within the rim, as a share of the radius.
+    /// Number of sampled directions, and distance of the samples from the centre as a fraction of the radius.
     const LOOKS: (u32, f64) = (120, 0.94);
     let level = |i: u32| {
         let (sin, cos) = (f64::from(i) / f64::from(LOOKS.0) * std::f64::consts::TAU).sin_cos();
@@ -187,7 +192,7 @@ mod tests {
     use super::*;
     use image::Rgb;
 
-    /// A scene of stripes in a circle, with noise, a dark thing at its rim and a caption in the black.
+    /// Striped scene in a circle, with noise, a dark object at its rim and a caption in the black.
     fn picture(size: [u32; 2], circle: ImageCircle, dark: bool) -> RgbImage {
         let mut state = 7_u32;
         RgbImage::from_fn(size[0], size[1], |x, y| {

@@ -1,8 +1,14 @@
-//! What is found in the pixels of a still: straight edges, the edge under a drawn line, and the calibration that
-//! the edges propose; the circle that a fisheye's image fills; and what became of a camera between two stills.
+//! Image analysis for camera calibration: edges, automatic calibration, the image circle of fisheye lenses,
+//! and comparison of two images of a camera.
 //!
-//! Here are no files, threads, clocks or windows: whoever has them hands over pixels. Pixels are raw, with the
-//! corner of the image as origin, as in `calib-core`.
+//! Its rule: no files, threads, clocks or windows; callers pass pixels. Pixel coordinates are raw
+//! (distorted), with the origin at the top left corner of the image, as in `calib-core`. In data-flow order:
+//!
+//! - `line_segment`, `edges`: straight edges, detected or along an annotated line;
+//! - `pull`: lines snapped to the edge along them;
+//! - `image_circle`: the circle that a fisheye lens fills;
+//! - `proposal`: automatic calibration from edges;
+//! - `compare`: change of a camera between two images, and recovery after a rotation.
 //!
 //! ```
 //! use calib_image::{Proposal, Still, Verdict, line_segments};
@@ -10,7 +16,7 @@
 //!
 //! let wall = RgbImage::from_fn(320, 240, |x, _| Rgb([if x < 160 { 60 } else { 180 }; 3]));
 //! let still = Still::new(line_segments(&wall), [320, 240]);
-//! assert_eq!(Proposal::new(&still).verdict, Verdict::None, "one edge tells no camera");
+//! assert_eq!(Proposal::new(&still).verdict, Verdict::None, "one edge does not determine a camera");
 //! ```
 
 // A file uses only those above it.

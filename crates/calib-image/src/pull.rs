@@ -1,25 +1,25 @@
-//! Pulls a drawn line onto the image's edge, to a fraction of a pixel.
+//! Snapping of annotated lines to image edges, to a fraction of a pixel.
 //!
-//! Pulls a line that was drawn by its ends onto the curved edge that a fisheye makes of a straight one.
+//! Under a fisheye lens, a straight line is snapped to the curved image of a straight edge.
 
 use calib_core::floor::drawn_line;
 use calib_core::{Lens, Pixel};
 use image::RgbImage;
 
-/// Samples along the line, at most.
+/// Largest number of samples along a line.
 pub(crate) const SAMPLES: usize = 160;
-/// How near an edge has to be to be offered or to pull a line, in pixels of the image, however it is zoomed.
+/// Largest distance at which an edge is offered or attracts a line, in image pixels at any zoom.
 pub const RADIUS: f64 = 8.0;
-/// The same, in steps across a line.
+/// The same distance, in steps across a line.
 const REACH: i32 = RADIUS as i32;
-/// Places farther from a line than this are of another edge, in pixels.
+/// Largest distance of a sample from its edge, in pixels; a farther one belongs to another edge.
 pub(crate) const ONE_EDGE: f64 = 1.0;
-/// So much of a line has to lie along its edge.
+/// Smallest fraction of a line that its edge must cover.
 pub(crate) const SHARE: f64 = 0.5;
-/// Brightness per pixel below which there is no edge.
+/// Smallest brightness gradient of an edge, in grey levels per pixel.
 const LEAST: f64 = 4.0;
 
-/// Brightness between pixels, 0 to 255; `None` off the image.
+/// Interpolates the brightness between pixels, 0 to 255; `None` outside the image.
 pub(crate) fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
     let (x, y) = (u - 0.5, v - 0.5);
     let (x0, y0) = (x.floor(), y.floor());
@@ -36,26 +36,26 @@ pub(crate) fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
     Some((1.0 - t) * ((1.0 - s) * at(0, 0) + s * at(1, 0)) + t * ((1.0 - s) * at(0, 1) + s * at(1, 1)))
 }
 
-/// The edge that runs along a line.
+/// Edge found along a line.
 pub(crate) struct Found {
-    /// The line pulled onto it.
+    /// Line snapped to the edge.
     pub(crate) ends: [Pixel; 2],
-    /// How far the places along it are off it, root mean square, in pixels.
+    /// RMS distance of the samples from the edge, in pixels.
     pub(crate) rms: f64,
-    /// How many pixels of the line lie along it.
+    /// Length of the line covered by the edge, in pixels.
     pub(crate) seen: f64,
 }
 
-/// The line pulled onto the edge that runs along it; `None` where there is none.
+/// Snaps a line to the edge along it; `None` if there is no edge.
 #[must_use]
 pub fn pull(image: &RgbImage, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
     found(image, line).map(|found| found.ends)
 }
 
-/// The edge that runs along a line; `None` where there is none.
+/// Finds the edge along a line; `None` if there is no edge.
 ///
-/// At samples along the line the steepest place across it is found to a fraction of a pixel, all of
-/// one sign, and a straight line fitted through those that agree.
+/// At samples along the line, the steepest brightness change across it is located to a fraction of a pixel.
+/// All changes must have the same sign. A straight line is fitted to the consistent samples.
 pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
     let length = a.distance(b);
     if !(4.0..1e5).contains(&length) {
@@ -69,7 +69,7 @@ pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
         };
         Some(0.5 * (at(t + 1.0)? - at(t - 1.0)?))
     };
-    // Which way the edge goes: from dark to bright, or from bright to dark.
+    // Sign of the edge: dark to bright, or bright to dark.
     let total: f64 = (0..count)
         .filter_map(|i| strongest(&slope, length * i as f64 / count as f64, None))
         .map(|(_, slope)| slope)
@@ -93,10 +93,10 @@ pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
     })
 }
 
-/// A line of any number of points pulled onto the edge that runs along it; `None` where there is none.
+/// Snaps a line of any number of points to the edge along it; `None` if there is no edge.
 ///
-/// Two points lie on one straight edge. Of more, each is pulled by itself, across the line at its
-/// place: what is straight in space may bend in the image. Points without an edge stay.
+/// Two points are snapped to one straight edge. With more points, each is snapped separately, across the line
+/// at that point, because a straight edge may be curved by distortion. Points without an edge stay in place.
 #[must_use]
 pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
     if let &[a, b] = points {
@@ -106,7 +106,7 @@ pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
     for (i, &point) in points.iter().enumerate() {
         let before = points[i.saturating_sub(1)];
         let after = points[(i + 1).min(points.len() - 1)];
-        // Half the way to the neighbour that is nearer, along the line through both.
+        // Half the distance to the nearer neighbour, along the line through both neighbours.
         let reach = [before, after].map(|p| p.distance(point)).into_iter().filter(|&reach| reach > 0.0);
         let (half, apart) = (0.5 * reach.fold(f64::INFINITY, f64::min), before.distance(after));
         if !half.is_finite() || apart == 0.0 {
@@ -129,7 +129,8 @@ pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
     (pulled != points).then_some(pulled)
 }
 
-/// Where across the line the slope is strongest (of one sign, if given), with the slope.
+/// Returns the position across the line with the steepest brightness change, and its slope; with `sign`, only
+/// slopes of that sign count.
 pub(crate) fn strongest(
     slope: &impl Fn(f64, f64) -> Option<f64>,
     s: f64,
@@ -137,7 +138,7 @@ pub(crate) fn strongest(
 ) -> Option<(f64, f64)> {
     let size = |value: f64| sign.map_or(value.abs(), |sign| sign * value);
     let steps = (-REACH..=REACH).filter_map(|t| Some((f64::from(t), slope(s, f64::from(t))?)));
-    // Of equal edges the nearer one is meant.
+    // Of equally strong edges, prefer the nearer one.
     let weight = |(t, value): (f64, f64)| size(value) * (1.0 - 0.05 * t.abs());
     let (t, peak) = steps.max_by(|&a, &b| weight(a).total_cmp(&weight(b)))?;
     if size(peak) < LEAST {
@@ -149,10 +150,12 @@ pub(crate) fn strongest(
     Some((t + shift, peak))
 }
 
-/// Offset and tilt of the line on which most points lie, with these; `None` if fewer than `least` do.
+/// Returns offset and tilt of the line with the most inliers, and these inliers; `None` with fewer than
+/// `least`.
 ///
-/// Every pair of a few points proposes a line, and the one that most points agree with is fitted to them alone
-/// (Fischler and Bolles 1981, without chance): where two edges run beside each other, a mean of both is no edge.
+/// A line is computed through every pair of a subset of the points. The one with the most inliers is fitted
+/// to these (Fischler and Bolles 1981, with all pairs instead of random ones). Between two parallel edges, a
+/// mean of both would not be an edge.
 fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
     const PROPOSERS: usize = 32;
     let step = points.len().div_ceil(PROPOSERS).max(1);
@@ -183,12 +186,13 @@ fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     (square > 0.0).then_some((mt - tilt * ms, tilt))
 }
 
-/// The line pulled onto the edge that runs along it: under a fisheye along the curve of the straight line of space through
-/// its ends, under other lenses along the line itself; `None` where there is none.
+/// Snaps a line to the edge along it; `None` if there is no edge. Under a fisheye lens, the edge follows the
+/// image of the straight 3D line through the ends. Under other lenses, it follows the line itself.
 ///
-/// Straight lines of space near one of them, whose plane has the normal n, the middle m and `s = n x m`, pass it at the
-/// angle `A cos a + B sin a`, with a counted along it from its middle: so far are the places of an edge from the curve, and A
-/// and B are found from those that agree, in pixels.
+/// Let n be the normal of the plane through the camera and the 3D line, m its middle direction, and `s = n x
+/// m`. A nearby straight 3D line deviates from it by the angle `A cos a + B sin a`, with `a` the angle along
+/// the line from its middle. `A` and `B` are fitted to the deviations of the inlier samples from the curve,
+/// in pixels.
 #[must_use]
 pub fn pull_drawn(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
     if !lens.distortion.is_wide() {
@@ -205,7 +209,7 @@ pub fn pull_drawn(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Option<[Pi
     };
     let steepest =
         |sample: &Sample, sign: Option<f64>| strongest(&|_: f64, t: f64| slope(sample, t), 0.0, sign);
-    // Which way the edge goes: from dark to bright, or from bright to dark.
+    // Sign of the edge: dark to bright, or bright to dark.
     let total: f64 = samples.iter().filter_map(|sample| steepest(sample, None)).map(|(_, slope)| slope).sum();
     let places: Vec<[f64; 3]> = samples
         .iter()
@@ -219,33 +223,34 @@ pub fn pull_drawn(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Option<[Pi
     Some([curve.moved(line[0], by)?, curve.moved(line[1], by)?])
 }
 
-/// The curve of the straight line of space through two pixels.
+/// Image curve of the straight 3D line through two pixels.
 struct Curve<'a> {
     lens: &'a Lens,
     middle: [f64; 3],
-    /// A quarter of a turn along the curve from its middle.
+    /// Direction along the curve, 90° from its middle.
     side: [f64; 3],
     normal: [f64; 3],
-    /// From the middle to each end, in radians.
+    /// Angle from the middle to each end, in radians.
     half: f64,
-    /// Of its image, in pixels.
+    /// Length of the curve in the image, in pixels.
     length: f64,
 }
 
-/// A place of the curve.
+/// Sample on the curve.
 struct Sample {
     at: Pixel,
-    /// The unit vector across it, towards the normal.
+    /// Unit vector across the curve, towards the normal.
     across: [f64; 2],
-    /// From the middle, in radians.
+    /// Angle from the middle, in radians.
     angle: f64,
-    /// Pixels across it for a radian.
+    /// Scale across the curve, in pixels per radian.
     scale: f64,
 }
 
 impl<'a> Curve<'a> {
     fn of(lens: &'a Lens, line: [Pixel; 2]) -> Option<Self> {
-        /// Radians: rays as close tell no plane; rays as far as opposite ones neither.
+        /// Smallest accepted angle between the two rays, in radians. Parallel and opposite rays do not
+        /// determine a plane.
         const CLOSE: f64 = 1e-3;
         let [a, b] = [ray(lens, line[0])?, ray(lens, line[1])?];
         let normal = unit(cross(a, b)).filter(|_| length(cross(a, b)) > CLOSE)?;
@@ -257,15 +262,16 @@ impl<'a> Curve<'a> {
         is_long.then(|| Self { lens, middle, side: cross(normal, middle), normal, half, length })
     }
 
-    /// A share of the way from the first end to the second.
+    /// Returns the sample at a fraction of the way from the first end to the second.
     fn sample(&self, share: f64) -> Option<Sample> {
-        /// Radians that a ray is moved to find which way its pixel goes.
+        /// Step of the finite differences, in radians.
         const STEP: f64 = 1e-5;
         let angle = (2.0 * share - 1.0) * self.half;
         let (sin, cos) = angle.sin_cos();
         let on: [f64; 3] = std::array::from_fn(|i| cos * self.middle[i] + sin * self.side[i]);
         let at = shown(self.lens, on)?;
-        // Where a lens squeezes one way and not the other, across the curve is not where the normal leads.
+        // If the lens scales differently in two directions, the image of the normal is not perpendicular to
+        // the curve.
         let along = |by: f64| {
             let (sin, cos) = (angle + by).sin_cos();
             shown(self.lens, std::array::from_fn(|i| cos * self.middle[i] + sin * self.side[i]))
@@ -281,7 +287,7 @@ impl<'a> Curve<'a> {
         is_known.then_some(Sample { at, across, angle, scale: scale.abs() })
     }
 
-    /// A pixel of the curve moved across it onto the one that passes by these angles.
+    /// Moves a pixel of the curve across it, to the line with the deviation `[A, B]`.
     fn moved(&self, pixel: Pixel, [cosine, sine]: [f64; 2]) -> Option<Pixel> {
         let at = ray(self.lens, pixel)?;
         let by = cosine * dot(at, self.middle) + sine * dot(at, self.side);
@@ -289,10 +295,10 @@ impl<'a> Curve<'a> {
     }
 }
 
-/// A and B of `t = a A + b B` for most of the places `[a, b, t]`; `None` if fewer than `least` are of one edge.
+/// Fits A and B of `t = a A + b B` to samples `[a, b, t]`; `None` with fewer than `least` inliers.
 ///
-/// Every pair of a few places proposes them, and those that most agree with are fitted to these alone (Fischler and Bolles
-/// 1981, without chance).
+/// Every pair of a subset of the samples determines a candidate. The one with the most inliers is fitted to
+/// these (Fischler and Bolles 1981, with all pairs instead of random ones).
 fn robust(places: &[[f64; 3]], least: usize) -> Option<[f64; 2]> {
     const PROPOSERS: usize = 32;
     let step = places.len().div_ceil(PROPOSERS).max(1);
@@ -315,7 +321,7 @@ fn robust(places: &[[f64; 3]], least: usize) -> Option<[f64; 2]> {
     solved(normal, right)
 }
 
-/// The solution of two equations, row by row; `None` where they are one.
+/// Solves two linear equations, in row order; `None` if they are dependent.
 fn solved([a, b, c, d]: [f64; 4], [s, t]: [f64; 2]) -> Option<[f64; 2]> {
     let determinant = a * d - b * c;
     let is_clear = determinant.abs() > 1e-12 * (a.abs() + b.abs()) * (c.abs() + d.abs());
@@ -354,7 +360,7 @@ mod tests {
 
     use super::*;
 
-    /// Dark left, bright right of the line through (80, y) that leans by `tilt`, smoothed.
+    /// Image of a smoothed edge, dark on the left of the line `u = 80.3 + tilt v` and bright on the right.
     fn picture(tilt: f64) -> RgbImage {
         RgbImage::from_fn(200, 150, |x, y| {
             let off = f64::from(x) + 0.5 - (80.3 + tilt * (f64::from(y) + 0.5));
@@ -377,7 +383,7 @@ mod tests {
 
     #[test]
     fn every_point_of_a_bent_edge_is_pulled_onto_it() {
-        // A parabola: 9 px off its chord.
+        // Parabola, 9 px off its chord.
         let edge = |v: f64| 80.3 + 0.003 * (v - 75.0).powi(2);
         let picture = RgbImage::from_fn(200, 150, |x, y| {
             let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
@@ -393,7 +399,7 @@ mod tests {
 
     #[test]
     fn of_two_edges_beside_each_other_one_is_taken_whole() {
-        // The upper part of the line runs along one edge, the lower along another 7 px aside.
+        // The upper part of the line follows one edge, the lower part another one 7 px away.
         let at = |v: f64| if v < 85.0 { 78.0 } else { 85.0 };
         let picture = RgbImage::from_fn(200, 150, |x, y| {
             let off = f64::from(x) + 0.5 - at(f64::from(y) + 0.5);
@@ -430,7 +436,7 @@ mod pull_curve_tests {
         Lens { principal_point: Pixel::new(200.0, 190.0), focal: 115.0, distortion, image_circle: None }
     }
 
-    /// Dark on one side of a plane through the eye, bright on the other, as a pixel blurs it.
+    /// Image of a plane through the camera centre, dark on one side and bright on the other, with blur.
     fn picture(normal: [f64; 3]) -> RgbImage {
         let (lens, normal) = (fisheye(), unit(normal).unwrap());
         RgbImage::from_fn(400, 380, |x, y| {
@@ -448,7 +454,7 @@ mod pull_curve_tests {
             let still = picture(normal);
             let [n, edge] = [normal, cross(normal, [0.0, 0.0, 1.0])].map(|of| unit(of).unwrap());
             let out = cross(edge, n);
-            // A third of a turn of it, and more than 90 degrees off the axis where it leads there.
+            // The edge covers 120°, and extends more than 90° off the axis where possible.
             let ends = [-1.1_f64, 1.0].map(|angle| {
                 let at: [f64; 3] = std::array::from_fn(|i| angle.cos() * out[i] + angle.sin() * edge[i]);
                 let forward = if out[2] < 0.0 { at.map(|part| -part) } else { at };

@@ -1,12 +1,10 @@
-//! When a still was taken, by its EXIF data (CIPA DC-008, 4.6).
-//!
-//! When a still was taken, by its name.
+//! Capture time of an image, from its EXIF data (CIPA DC-008, 4.6) or its file name.
 
 use exif::{DateTime, Exif, In, Reader, Tag, Value};
 use jiff::Timestamp;
 
-/// The time in EXIF data, as RFC 3339 has it; a clock of which no zone is said is taken for one of UTC.
-pub(crate) fn time(data: Vec<u8>) -> Option<String> {
+/// Returns the capture time in EXIF data, as RFC 3339; a time without a zone is taken as UTC.
+pub(crate) fn capture_time(data: Vec<u8>) -> Option<String> {
     let exif = Reader::new().read_raw(data).ok()?;
     let clocks = [(Tag::DateTimeOriginal, Tag::OffsetTimeOriginal), (Tag::DateTime, Tag::OffsetTime)];
     clocks.into_iter().find_map(|(clock, zone)| read(text(&exif, clock)?, text(&exif, zone)))
@@ -14,10 +12,11 @@ pub(crate) fn time(data: Vec<u8>) -> Option<String> {
 
 fn read(clock: &[u8], zone: Option<&[u8]>) -> Option<String> {
     let mut at = DateTime::from_ascii(clock).ok()?;
-    // A zone that is blank leaves the clock without one.
+    // A blank zone is ignored.
     zone.map(|zone| at.parse_offset(zone));
     let DateTime { year, month, day, hour, minute, second, offset, .. } = at;
-    let time = format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}{}", written(offset));
+    let time =
+        format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}{}", format_offset(offset));
     time.parse::<Timestamp>().is_ok().then_some(time)
 }
 
@@ -28,8 +27,8 @@ fn text(exif: &Exif, tag: Tag) -> Option<&[u8]> {
     }
 }
 
-/// A zone by its minutes ahead of UTC.
-fn written(offset: Option<i16>) -> String {
+/// Formats the UTC offset of a zone, given in minutes ahead of UTC.
+fn format_offset(offset: Option<i16>) -> String {
     offset.map_or_else(
         || "Z".to_owned(),
         |minutes| {
@@ -39,27 +38,27 @@ fn written(offset: Option<i16>) -> String {
     )
 }
 
-/// The time (RFC 3339) that the name of a still says, such as `2026-05-01T080000Z` or `20260501_0800`: of UTC, as names
-/// of files have no zone.
+/// Returns the time (RFC 3339) in the name of an image, such as `2026-05-01T080000Z` or `20260501_0800`. It
+/// is taken as UTC, because file names have no zone.
 #[must_use]
 pub fn time_in_name(name: &str) -> Option<String> {
     let times = (0..name.len())
-        .filter(|&start| begins_a_number(name, start))
+        .filter(|&start| is_number_start(name, start))
         .filter_map(|start| time_at(&name[start..]));
     times.map(|time| time.to_string()).next()
 }
 
-fn begins_a_number(name: &str, start: usize) -> bool {
+fn is_number_start(name: &str, start: usize) -> bool {
     let is_digit = |at: usize| name.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
     is_digit(start) && !(start > 0 && is_digit(start - 1))
 }
 
-/// A time at the start of a text: year, month and day, then hour and minute, then seconds if there are any.
+/// Parses a time at the start of a text: year, month and day, then hour and minute, then optional seconds.
 fn time_at(text: &str) -> Option<Timestamp> {
     let mut rest = text;
     let mut number = |digits: usize| {
         let skipped = rest.trim_start_matches(['-', '_', ':', '.', 'T', ' ']);
-        // One separator at most.
+        // At most one separator is allowed.
         if rest.len() - skipped.len() > 1 {
             return None;
         }
@@ -70,7 +69,7 @@ fn time_at(text: &str) -> Option<Timestamp> {
     let (year, month, day) = (number(4)?, number(2)?, number(2)?);
     let (hour, minute) = (number(2)?, number(2)?);
     let second = number(2);
-    // What else stands there, as 1080p, is another number.
+    // Digits followed by other characters, as in 1080p, are not seconds.
     let ends = !rest.starts_with(|next: char| next.is_alphanumeric() && next != 'Z');
     let second = second.filter(|&second| ends && second < 60).unwrap_or(0);
     let is_of_now = (1990..2200).contains(&year);
@@ -82,10 +81,10 @@ fn time_at(text: &str) -> Option<Timestamp> {
 mod tests {
     use super::*;
 
-    /// Where the directory of the camera is, in that of the file.
+    /// Tag of the EXIF directory in the TIFF directory.
     const CAMERA: u16 = 0x8769;
 
-    /// EXIF data that says a time, and an offset.
+    /// Builds EXIF data with a time and an offset.
     fn exif(clock: &[u8; 20], zone: &[u8; 7]) -> Vec<u8> {
         let entry = |tag: u16, kind: u16, count: u32, value: u32| {
             [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat()
@@ -97,26 +96,26 @@ mod tests {
     }
 
     #[test]
-    fn the_clock_of_the_camera_is_read() {
+    fn exif_time_is_read_with_its_offset() {
         for (zone, told) in [(b"+02:00\0", "+02:00"), (b"-09:30\0", "-09:30"), (b"      \0", "Z")] {
             let data = exif(b"2026:05:01 08:30:05\0", zone);
-            assert_eq!(time(data), Some(format!("2026-05-01T08:30:05{told}")));
+            assert_eq!(capture_time(data), Some(format!("2026-05-01T08:30:05{told}")));
         }
     }
 
     #[test]
-    fn what_is_cut_or_says_nothing_has_no_time() {
+    fn truncated_or_blank_exif_has_no_time() {
         let told = exif(b"2026:05:01 08:30:05\0", b"+02:00\0");
         for length in 0..told.len() - 8 {
-            assert_eq!(time(told[..length].to_vec()), None, "{length}");
+            assert_eq!(capture_time(told[..length].to_vec()), None, "{length}");
         }
         for clock in [b"                   \0", b"2026:13:01 08:30:05\0", b"    :  :     :  :  \0"] {
-            assert_eq!(time(exif(clock, b"+02:00\0")), None);
+            assert_eq!(capture_time(exif(clock, b"+02:00\0")), None);
         }
     }
 
     #[test]
-    fn names_say_when_stills_were_taken() {
+    fn capture_time_is_parsed_from_file_names() {
         for name in
             ["door-2026-05-01T083005Z", "door_20260501_083005", "20260501083005", "cam12 2026-05-01 08.30.05"]
         {

@@ -1,28 +1,25 @@
-//! A file that is read whole, if it is one and not too long.
-//!
-//! Memory that is asked for before it is taken.
-//!
-//! A document of JSON, told from the other files that are handed over in its place.
+//! Files that are read completely within a size limit, memory that is checked before it is allocated, and the
+//! detection of JSON documents.
 
 use std::fmt;
 use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::Path;
 
-/// A file that is no document, by what it is.
+/// Error for a file that is not a JSON document, with a description of its type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NotADocument(&'static str);
+pub struct DocumentError(&'static str);
 
-impl fmt::Display for NotADocument {
+impl fmt::Display for DocumentError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "is {}, expected a site file: JSON text that begins with {{", self.0)
     }
 }
 
-impl std::error::Error for NotADocument {}
+impl std::error::Error for DocumentError {}
 
-/// What files of other kinds begin with.
-const BEGINNINGS: [(&[u8], &str); 9] = [
+/// First bytes of other file types.
+const FILE_SIGNATURES: [(&[u8], &str); 9] = [
     (b"\x89PNG", "a PNG image"),
     (b"\xff\xd8\xff", "a JPEG image"),
     (b"RIFF", "a WebP image or a video"),
@@ -34,27 +31,28 @@ const BEGINNINGS: [(&[u8], &str); 9] = [
     (b"%PDF", "a PDF document"),
 ];
 
-/// The text of a file that holds an object of JSON, as far as its first character tells; without the mark of byte order
-/// that some editors write.
+/// Returns the text of a file whose first character starts a JSON object, without the byte order mark that
+/// some editors write.
 ///
 /// # Errors
-/// What the file is in its place.
-pub fn document(bytes: Vec<u8>) -> Result<String, NotADocument> {
-    if let Some((_, what)) = BEGINNINGS.iter().find(|(beginning, _)| bytes.starts_with(beginning)) {
-        return Err(NotADocument(what));
+///
+/// Returns the type of the file if it is not a JSON document.
+pub fn json_document(bytes: Vec<u8>) -> Result<String, DocumentError> {
+    if let Some((_, what)) = FILE_SIGNATURES.iter().find(|(beginning, _)| bytes.starts_with(beginning)) {
+        return Err(DocumentError(what));
     }
-    let mut text = String::from_utf8(bytes).map_err(|_| NotADocument("no text"))?;
+    let mut text = String::from_utf8(bytes).map_err(|_| DocumentError("not text"))?;
     if text.starts_with('\u{feff}') {
         text.drain(..'\u{feff}'.len_utf8());
     }
-    match of_text(&text) {
-        Some(what) => Err(NotADocument(what)),
+    match describe_text(&text) {
+        Some(what) => Err(DocumentError(what)),
         None => Ok(text),
     }
 }
 
-/// What a text is that is no object of JSON.
-fn of_text(text: &str) -> Option<&'static str> {
+/// Describes a text that is not a JSON object.
+fn describe_text(text: &str) -> Option<&'static str> {
     let begin = text.trim_start();
     let first = begin.lines().next().unwrap_or_default();
     match begin.chars().next() {
@@ -67,19 +65,19 @@ fn of_text(text: &str) -> Option<&'static str> {
     }
 }
 
-/// Why a file is not read.
+/// Reason why a file is not read.
 #[derive(Debug)]
 pub enum FileError {
-    /// The system does not give it.
+    /// Error of the operating system.
     System(std::io::Error),
-    /// It is something else: a folder, a pipe, a device.
+    /// Not a regular file: a folder, a pipe, or a device.
     NotAFile(&'static str),
-    /// It is longer than what is read.
+    /// File longer than the limit.
     TooLong {
-        /// The most that is read, in bytes.
-        most: u64,
+        /// Limit, in bytes.
+        max_bytes: u64,
     },
-    /// It does not fit in memory.
+    /// File that does not fit in memory.
     Memory(OutOfMemory),
 }
 
@@ -88,7 +86,7 @@ impl fmt::Display for FileError {
         match self {
             Self::System(error) => error.fmt(f),
             Self::NotAFile(what) => write!(f, "is {what}, expected a regular file"),
-            Self::TooLong { most } => write!(f, "larger than {} MiB, the most that is read", most >> 20),
+            Self::TooLong { max_bytes: most } => write!(f, "larger than the limit of {} MiB", most >> 20),
             Self::Memory(error) => error.fmt(f),
         }
     }
@@ -96,27 +94,29 @@ impl fmt::Display for FileError {
 
 impl std::error::Error for FileError {}
 
-/// Reads a regular file of at most so many bytes.
+/// Reads a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// When it is none, is longer, or cannot be read.
+///
+/// Fails if it is not a regular file, is longer, or cannot be read.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
-    // Before it is opened: opening a pipe waits for its other end.
+    // The type is checked before opening, because opening a pipe waits for its other end.
     regular(&path.metadata().map_err(FileError::System)?)?;
     let file = File::open(path).map_err(FileError::System)?;
-    // What was opened may be something else than what was looked at.
+    // The file may have been replaced after the check.
     let about = file.metadata().map_err(FileError::System)?;
     regular(&about)?;
     if about.len() > most {
-        return Err(FileError::TooLong { most });
+        return Err(FileError::TooLong { max_bytes: most });
     }
-    read_into(reserved(about.len() + 1).map_err(FileError::Memory)?, file, most)
+    read_into(allocate(about.len() + 1).map_err(FileError::Memory)?, file, most)
 }
 
-/// Reads a stream of at most so many bytes.
+/// Reads a stream of at most `most` bytes.
 ///
 /// # Errors
-/// When there are more, or it cannot be read.
+///
+/// Fails if the stream is longer or cannot be read.
 pub fn read_from(stream: impl Read, most: u64) -> Result<Vec<u8>, FileError> {
     read_into(Vec::new(), stream, most)
 }
@@ -126,14 +126,14 @@ fn read_into(mut bytes: Vec<u8>, from: impl Read, most: u64) -> Result<Vec<u8>, 
         std::io::ErrorKind::OutOfMemory => FileError::Memory(OutOfMemory { bytes: bytes.len() as u64 }),
         _ => FileError::System(error),
     })?;
-    if bytes.len() as u64 > most { Err(FileError::TooLong { most }) } else { Ok(bytes) }
+    if bytes.len() as u64 > most { Err(FileError::TooLong { max_bytes: most }) } else { Ok(bytes) }
 }
 
 fn regular(about: &Metadata) -> Result<(), FileError> {
     if about.is_file() { Ok(()) } else { Err(FileError::NotAFile(kind(about))) }
 }
 
-/// What a thing on the disk is that is no file.
+/// Describes a file system entry that is not a regular file.
 fn kind(about: &Metadata) -> &'static str {
     if about.is_dir() {
         return "a folder";
@@ -152,32 +152,33 @@ fn kind(about: &Metadata) -> &'static str {
     "neither a file nor a folder"
 }
 
-/// There is not as much memory as is needed.
+/// Error for a failed memory allocation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OutOfMemory {
-    /// What was asked for, in bytes.
+    /// Requested memory, in bytes.
     pub bytes: u64,
 }
 
 impl fmt::Display for OutOfMemory {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "needs {} MiB of memory, more than there is", self.bytes >> 20)
+        write!(f, "needs {} MiB of memory, more than is available", self.bytes >> 20)
     }
 }
 
 impl std::error::Error for OutOfMemory {}
 
-/// Whether so many bytes are there to be taken: a library that takes them without asking would end the
-/// whole program. Where the system promises more than it has, this is its promise.
+/// Checks whether `bytes` of memory can be allocated. A library that allocates without checking would end the
+/// whole program. A system that overcommits memory may still fail later.
 ///
 /// # Errors
-/// When they are not.
-pub fn room_for(bytes: u64) -> Result<(), OutOfMemory> {
-    reserved(bytes).map(drop)
+///
+/// Fails if the memory is not available.
+pub fn check_memory(bytes: u64) -> Result<(), OutOfMemory> {
+    allocate(bytes).map(drop)
 }
 
-/// An empty buffer with room for so many bytes.
-pub(crate) fn reserved(bytes: u64) -> Result<Vec<u8>, OutOfMemory> {
+/// Returns an empty buffer with a capacity of `bytes`.
+pub(crate) fn allocate(bytes: u64) -> Result<Vec<u8>, OutOfMemory> {
     let mut buffer = Vec::new();
     let count = usize::try_from(bytes).map_err(|_| OutOfMemory { bytes })?;
     buffer.try_reserve_exact(count).map_err(|_| OutOfMemory { bytes })?;
@@ -189,8 +190,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_object_is_a_document_and_anything_else_is_called_by_its_kind() {
-        assert_eq!(document(b"\xef\xbb\xbf \n{}".to_vec()).as_deref(), Ok(" \n{}"));
+    fn json_object_is_a_document_and_other_types_are_named() {
+        assert_eq!(json_document(b"\xef\xbb\xbf \n{}".to_vec()).as_deref(), Ok(" \n{}"));
         let others: [(&[u8], &str); 9] = [
             (b"\x89PNG\r\n\x1a\n", "a PNG image"),
             (b"PAR1\x15\x04", "a Parquet table"),
@@ -199,11 +200,11 @@ mod tests {
             (b"u\tv\n", "a table (CSV)"),
             (b"[{}]", "a JSON list"),
             (b"", "empty"),
-            (b"\xc3\x28", "no text"),
+            (b"\xc3\x28", "not text"),
             (b"hello", "other text"),
         ];
         for (bytes, what) in others {
-            let said = document(bytes.to_vec()).unwrap_err().to_string();
+            let said = json_document(bytes.to_vec()).unwrap_err().to_string();
             assert!(said.starts_with(&format!("is {what}, expected a site file")), "{said}");
         }
     }
@@ -214,11 +215,11 @@ mod tests {
         let length = path.metadata().map(|about| about.len()).unwrap_or_default();
         assert!(read(&path, length).is_ok_and(|bytes| bytes.len() as u64 == length));
         assert!(matches!(read(&path, length - 1), Err(FileError::TooLong { .. })));
-        assert!(matches!(read_from(&b"four"[..], 3), Err(FileError::TooLong { most: 3 })));
+        assert!(matches!(read_from(&b"four"[..], 3), Err(FileError::TooLong { max_bytes: 3 })));
     }
 
     #[test]
-    fn a_folder_and_a_device_are_no_files() {
+    fn folder_and_device_are_refused() {
         let folder = read(Path::new(env!("CARGO_MANIFEST_DIR")), 10);
         assert!(matches!(folder, Err(FileError::NotAFile("a folder"))), "{folder:?}");
         #[cfg(unix)]
@@ -229,8 +230,8 @@ mod tests {
     }
 
     #[test]
-    fn what_no_machine_has_is_an_error() {
-        assert_eq!(room_for(u64::MAX), Err(OutOfMemory { bytes: u64::MAX }));
-        assert_eq!(room_for(1 << 20), Ok(()));
+    fn unavailable_memory_is_an_error() {
+        assert_eq!(check_memory(u64::MAX), Err(OutOfMemory { bytes: u64::MAX }));
+        assert_eq!(check_memory(1 << 20), Ok(()));
     }
 }

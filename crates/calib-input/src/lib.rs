@@ -1,8 +1,14 @@
-//! What is opened, within limits: a file says how long it is before it is read, a still how large it is
-//! before it is decoded, and memory that is not there is an error. What is written is whole, or not there.
+//! Safe reading of files and images, and output files that are written completely or not at all. The length
+//! of a file and the size of an image are checked before memory is allocated; a lack of memory is an error.
 //!
-//! Files and stills come from anywhere. A pipe would be waited for without end, a device read without
-//! end, and six hundred bytes can promise a picture of four thousand million pixels.
+//! Input may come from a stranger: a pipe may never end, and an image of 600 bytes can claim four billion
+//! pixels.
+//!
+//! Files:
+//! - `file`: regular files, memory checks, JSON documents
+//! - `still`: images as RGB pixels
+//! - `clock`: capture times of images
+//! - `part`: output files, relative paths
 
 mod clock;
 mod file;
@@ -11,8 +17,8 @@ mod still;
 mod part;
 
 pub use clock::time_in_name;
-pub use file::{FileError, NotADocument, OutOfMemory, document, read, read_from, room_for};
+pub use file::{DocumentError, FileError, OutOfMemory, check_memory, json_document, read, read_from};
 pub use part::relative;
 #[cfg(feature = "write")]
-pub use part::{NoPlace, Part, place};
-pub use still::{StillError, decode, room_to_decode, size_of, taken};
+pub use part::{PartialFile, PathError, resolve_target};
+pub use still::{ImageFileError, capture_time, check_decode_memory, decode, image_size};

@@ -1,6 +1,4 @@
-//! A file while it is written: nobody sees it before it is whole.
-//!
-//! Paths as they are seen from a folder.
+//! Output files that appear only when they are complete, and relative paths.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -8,61 +6,64 @@ use std::{fmt, io};
 
 use tempfile::NamedTempFile;
 
-/// Why a file cannot stand where it is wanted.
+/// Reason why a file cannot be created at a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum NoPlace {
-    /// Another one stands there.
-    Taken(PathBuf),
-    /// A link that leads nowhere.
-    DeadLink(PathBuf),
+pub enum PathError {
+    /// Path of an existing file.
+    Exists(PathBuf),
+    /// Symbolic link to a missing target.
+    BrokenLink(PathBuf),
 }
 
-impl fmt::Display for NoPlace {
+impl fmt::Display for PathError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Taken(path) => write!(f, "{} exists", path.display()),
-            Self::DeadLink(path) => {
-                write!(f, "{} is a link that leads nowhere; remove it, or name another file", path.display())
+            Self::Exists(path) => write!(f, "{} exists", path.display()),
+            Self::BrokenLink(path) => {
+                write!(f, "{} is a link to a missing file; delete it, or choose another file", path.display())
             }
         }
     }
 }
 
-impl std::error::Error for NoPlace {}
+impl std::error::Error for PathError {}
 
-/// Where what is written to a path ends up, over what is there or not: a link is followed, and stays a link.
+/// Returns the path that output for `path` is written to. A symbolic link is followed and stays a link. With
+/// `over`, an existing file is accepted.
 ///
 /// # Errors
-/// When something is there that is not to be replaced, or a link leads nowhere.
-pub fn place(path: &Path, over: bool) -> Result<PathBuf, NoPlace> {
+///
+/// Fails if the file exists without `over`, or a link has no target.
+pub fn resolve_target(path: &Path, over: bool) -> Result<PathBuf, PathError> {
     let is_link = path.symlink_metadata().is_ok_and(|about| about.is_symlink());
     match path.canonicalize() {
-        Ok(_) if !over => Err(NoPlace::Taken(path.to_owned())),
+        Ok(_) if !over => Err(PathError::Exists(path.to_owned())),
         Ok(real) if is_link => Ok(real),
-        Err(_) if is_link => Err(NoPlace::DeadLink(path.to_owned())),
+        Err(_) if is_link => Err(PathError::BrokenLink(path.to_owned())),
         _ => Ok(path.to_owned()),
     }
 }
 
-/// A file that becomes another one when it is whole.
+/// Temporary file that is moved to its path when it is complete.
 #[derive(Debug)]
-pub struct Part(Kind);
+pub struct PartialFile(Kind);
 
 #[derive(Debug)]
 enum Kind {
-    /// Without a name: gone with the program, however that ends. Not every system and disk has these.
+    /// File without a name, which disappears if the program ends. Not every system and disk supports it.
     #[cfg(target_os = "linux")]
     Nameless(File),
-    /// Beside its place; a killed program leaves it there under a name that begins with a dot.
+    /// File in the target's folder, with a name that starts with a dot. A killed program leaves it there.
     Named(NamedTempFile),
 }
 
-impl Part {
-    /// An empty file beside the one that it becomes.
+impl PartialFile {
+    /// Creates an empty file in the folder of the target.
     ///
     /// # Errors
-    /// When the folder cannot be written to.
-    pub fn beside(place: &Path) -> io::Result<Self> {
+    ///
+    /// Fails if the folder is not writable.
+    pub fn new_for(place: &Path) -> io::Result<Self> {
         let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         #[cfg(target_os = "linux")]
         {
@@ -75,7 +76,7 @@ impl Part {
         NamedTempFile::new_in(folder).map(|file| Self(Kind::Named(file)))
     }
 
-    /// To write to.
+    /// Returns the file to write to.
     #[must_use]
     pub fn file(&self) -> &File {
         match &self.0 {
@@ -85,21 +86,21 @@ impl Part {
         }
     }
 
-    /// Puts the whole file in its place: over what is there and with its mode, if that is wanted, else only
-    /// where nothing is.
+    /// Moves the complete file to its path. With `over`, it replaces an existing file and keeps its mode.
     ///
     /// # Errors
-    /// When something is there that is not to be replaced, or the system refuses.
+    ///
+    /// Fails if the file exists without `over`, or the system refuses.
     pub fn persist(self, path: &Path, over: bool) -> io::Result<()> {
         let mode = path.metadata().ok().filter(|_| over).map(|about| about.permissions());
         match self.0 {
             #[cfg(target_os = "linux")]
             Kind::Nameless(file) => {
                 mode.map_or(Ok(()), |mode| file.set_permissions(mode))?;
-                name(&file, path, over)
+                link_name(&file, path, over)
             }
             Kind::Named(file) => {
-                open_to_others(file.path());
+                make_readable(file.path());
                 mode.map_or(Ok(()), |mode| file.as_file().set_permissions(mode))?;
                 let placed = if over { file.persist(path) } else { file.persist_noclobber(path) };
                 Ok(placed.map(drop)?)
@@ -108,9 +109,9 @@ impl Part {
     }
 }
 
-/// Gives a file without a name one.
+/// Gives a name to a file without a name.
 #[cfg(target_os = "linux")]
-fn name(file: &File, path: &Path, over: bool) -> io::Result<()> {
+fn link_name(file: &File, path: &Path, over: bool) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
     use std::os::fd::AsRawFd as _;
     let nameless = format!("/proc/self/fd/{}", file.as_raw_fd());
@@ -119,30 +120,30 @@ fn name(file: &File, path: &Path, over: bool) -> io::Result<()> {
         Err(error) if over && error == rustix::io::Errno::EXIST => {}
         done => return Ok(done?),
     }
-    // A link cannot replace what is there, a name beside it can.
+    // A hard link cannot replace an existing file, but a rename can.
     let mut beside = path.file_name().unwrap_or_default().to_owned();
     beside.push(format!(".{}", std::process::id()));
     let beside = path.with_file_name(beside);
     link(&beside)?;
     std::fs::rename(&beside, path).inspect_err(|_| {
-        // The error of the rename is the one that is told.
+        // The error of the rename is returned, not the error of this cleanup.
         let _ = std::fs::remove_file(&beside);
     })
 }
 
-/// Temporary files are for their owner's eyes only; what they become is an ordinary file.
-fn open_to_others(path: &Path) {
+/// Makes a temporary file, which only its owner can read, readable to others.
+fn make_readable(path: &Path) {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;
-        // Where the file system refuses, the file stays private: no reason to lose it.
+        // If the file system refuses, the file stays private.
         let _ = std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o644));
     }
     #[cfg(not(unix))]
     let _ = path;
 }
 
-/// `path` as seen from `folder`, with `/` between its parts; as it is where they share no root.
+/// Returns `path` relative to `folder`, with `/` between its parts, or unchanged if they share no root.
 #[must_use]
 pub fn relative(path: &Path, folder: &Path) -> String {
     let parts = |path: &Path| -> Vec<String> {
@@ -167,15 +168,15 @@ mod tests {
     use super::*;
 
     fn write(path: &Path, text: &str) -> Result<(), Box<dyn std::error::Error>> {
-        let place = place(path, true)?;
-        let part = Part::beside(&place)?;
+        let place = resolve_target(path, true)?;
+        let part = PartialFile::new_for(&place)?;
         part.file().write_all(text.as_bytes())?;
         Ok(part.persist(&place, true)?)
     }
 
     #[cfg(unix)]
     #[test]
-    fn a_link_stays_a_link_and_a_mode_a_mode() {
+    fn links_and_file_modes_are_preserved() {
         use std::os::unix::fs::{PermissionsExt as _, symlink};
         let folder = tempfile::tempdir().unwrap();
         let [file, link, dead] = ["file", "link", "dead"].map(|name| folder.path().join(name));
@@ -187,8 +188,8 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "new");
         assert!(link.symlink_metadata().unwrap().is_symlink());
         assert_eq!(file.metadata().unwrap().permissions().mode() & 0o777, 0o600);
-        assert_eq!(place(&dead, true), Err(NoPlace::DeadLink(dead.clone())));
-        assert_eq!(place(&file, false), Err(NoPlace::Taken(file)));
+        assert_eq!(resolve_target(&dead, true), Err(PathError::BrokenLink(dead.clone())));
+        assert_eq!(resolve_target(&file, false), Err(PathError::Exists(file)));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
     }
 

@@ -1,7 +1,13 @@
-//! A calibrated site in JavaScript, for dashboards that show tracks on a plan: pixels to the floor and
-//! back, and the solve. Everything happens in the page; nothing is sent anywhere.
+//! JavaScript bindings for dashboards that show tracks on a plan: from pixels to the floor and back, and the
+//! calibration itself. All computation is in the page, without network access.
 //!
-//! Units and axes are those of the site file: pixels from the corner of the image, metres with z up.
+//! Units and axes are the same as in the site file: metres with z up, and pixels from the corner of the
+//! image.
+//!
+//! - `object`, `point`: conversion of options, arrays and results.
+//! - `undistorter`: undistortion of images.
+//! - `camera`, `mapping`: the class `Camera`.
+//! - `site`: the class `Site`.
 
 mod object;
 mod point;
@@ -19,12 +25,12 @@ use wasm_bindgen::prelude::*;
 
 use crate::object::CalibrateOptions;
 
-/// Calibrates a site file, and returns it with the solutions written into it.
+/// Calibrates a site file, and returns it with its solutions.
 ///
-/// A camera that cannot be solved has an `error` in place of a `solution`.
+/// A camera that cannot be solved has an `error` instead of a `solution`.
 ///
 /// # Errors
-/// Throws an `Error` that says what is wrong with the file or with an option, and where.
+/// Throws for an invalid file or option; the message names the position and the cause.
 #[wasm_bindgen]
 pub fn solve(
     #[wasm_bindgen(js_name = siteJson)] site_json: &str,

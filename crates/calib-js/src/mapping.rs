@@ -1,4 +1,4 @@
-//! What a camera maps: whole columns at once, in typed arrays.
+//! Methods of a camera that map whole columns, as typed arrays.
 
 use calib_core::{Covariance, Status};
 
@@ -11,15 +11,16 @@ use crate::object::{doubles, object};
 
 #[wasm_bindgen(typescript_custom_section)]
 const TYPES: &str = r#"
-/** Points of a plane, in metres, NaN where there is none; statuses are numbers of `statusNames`. */
+/** Points of a plane, in metres; NaN without a point. Statuses are indices into `statusNames`. */
 export interface FloorColumns { x: Float64Array; y: Float64Array; status: Uint8Array; }
-/** Pixels, NaN where there is none; statuses are numbers of `statusNames`. */
+/** Pixels; NaN without a pixel. Statuses are indices into `statusNames`. */
 export interface PixelColumns { u: Float64Array; v: Float64Array; status: Uint8Array; }
-/** Pixels of a camera without distortion, NaN outside the lens. */
+/** Undistorted pixels; NaN outside the lens. */
 export interface StraightColumns { u: Float64Array; v: Float64Array; }
 /**
- * Covariances xx, xy, yx, yy of every point, one after the other, in square metres. The pixel's part is independent from
- * detection to detection; the calibration's is common to all of a camera, so that a filter must not average it away.
+ * Covariances xx, xy, yx, yy of each point, one after the other, in square metres. The part of the pixel is independent
+ * for each detection. The part of the calibration is common to all detections of a camera, so a filter must not average
+ * it away.
  */
 export interface CovarianceColumns { pixel: Float64Array; calibration: Float64Array; }
 "#;
@@ -44,10 +45,10 @@ extern "C" {
     pub type CovarianceColumns;
 }
 
-fn of_one_length(columns: &[&[f64]]) -> Result<usize, JsError> {
+fn common_length(columns: &[&[f64]]) -> Result<usize, JsError> {
     let count = columns[0].len();
     if columns.iter().any(|column| column.len() != count) {
-        return Err(JsError::new("columns of one length are expected"));
+        return Err(JsError::new("columns must have the same length"));
     }
     Ok(count)
 }
@@ -60,23 +61,23 @@ pub(crate) fn finite(name: &str, value: f64) -> Result<f64, JsError> {
     }
 }
 
-/// Two columns and their statuses under names.
+/// Returns an object with two columns and their statuses.
 fn columns<T: JsCast>(names: [&str; 2], values: [&[f64]; 2], status: &[u8]) -> T {
     let status = Uint8Array::from(status).into();
     object(&[(names[0], doubles(values[0])), (names[1], doubles(values[1])), ("status", status)])
 }
 
-/// Boxes of a form, four numbers each.
+/// Returns the form and the boxes, four numbers each.
 fn boxes_of<'a>(form: &str, boxes: &'a [f64]) -> Result<(BoxForm, &'a [[f64; 4]]), JsError> {
     let form = BoxForm::of_name(form)
         .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\" or \"cxcywh\""))?;
     match boxes.as_chunks() {
         (boxes, []) => Ok((form, boxes)),
-        _ => Err(JsError::new("boxes: four numbers each are expected")),
+        _ => Err(JsError::new("boxes: expected four numbers for each box")),
     }
 }
 
-/// Both parts of covariances under their names.
+/// Returns an object with both parts of covariances.
 fn covariance_columns(parts: [Vec<[f64; 4]>; 2]) -> CovarianceColumns {
     let [pixel, calibration] = parts.map(|part| doubles(part.as_flattened()));
     object(&[("pixel", pixel), ("calibration", calibration)])
@@ -84,25 +85,26 @@ fn covariance_columns(parts: [Vec<[f64; 4]>; 2]) -> CovarianceColumns {
 
 #[wasm_bindgen]
 impl Camera {
-    /// Pixels to points of the plane `height` metres above the floor (0 if it is not given).
+    /// Maps pixels to points of the plane `height` metres above the floor (default 0).
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
+    /// Throws if the columns have different lengths.
     #[wasm_bindgen(js_name = toFloor)]
     pub fn to_floor(&self, u: &[f64], v: &[f64], height: Option<f64>) -> Result<FloorColumns, JsError> {
-        let count = of_one_length(&[u, v])?;
+        let count = common_length(&[u, v])?;
         let (mut x, mut y, mut status) = (vec![0.0; count], vec![0.0; count], vec![0; count]);
         let height = finite("height", height.unwrap_or(0.0))?;
         self.view.to_floor(height, [u, v], [&mut x, &mut y], &mut status);
         Ok(columns(["x", "y"], [&x, &y], &status))
     }
 
-    /// Boxes, four numbers each, to the points on which their contents stand: the middle of the lower edge.
+    /// Maps boxes, four numbers each, to floor points. The foot point of a box is the middle of its lower
+    /// edge.
     ///
     /// `form` is "xywh", "xyxy" or "cxcywh".
     ///
     /// # Errors
-    /// Throws when the numbers do not make boxes, and for another form.
+    /// Throws if the array does not contain four numbers for each box, and for an unknown form.
     #[wasm_bindgen(js_name = boxesToFloor)]
     pub fn boxes_to_floor(
         &self,
@@ -118,12 +120,12 @@ impl Camera {
         Ok(columns(["x", "y"], [&x, &y], &status))
     }
 
-    /// How uncertain the points are that pixels show, for a standard deviation of `sigmaPx` pixels (1 if it is not
-    /// given) of the stream; NaN where there is no point, or nobody knows, as of the calibration's part where `scaleKnown` is
-    /// false.
+    /// Computes the covariance of the floor points of pixels, for a standard deviation of `sigmaPx` pixels of
+    /// the stream (default 1). Both parts are NaN without a floor point. The calibration's part is also NaN
+    /// if it is unknown, for example if `scaleKnown` is false.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
+    /// Throws if the columns have different lengths.
     #[wasm_bindgen(js_name = floorCovariance)]
     pub fn floor_covariance(
         &self,
@@ -132,7 +134,7 @@ impl Camera {
         #[wasm_bindgen(js_name = sigmaPx)] sigma_px: Option<f64>,
         height: Option<f64>,
     ) -> Result<CovarianceColumns, JsError> {
-        let count = of_one_length(&[u, v])?;
+        let count = common_length(&[u, v])?;
         let sigma = finite("sigmaPx", sigma_px.unwrap_or(1.0))?;
         let (mut pixel, mut calibration) = (vec![[0.0; 4]; count], vec![[0.0; 4]; count]);
         let height = finite("height", height.unwrap_or(0.0))?;
@@ -140,8 +142,8 @@ impl Camera {
         Ok(covariance_columns([pixel, calibration]))
     }
 
-    /// How uncertain the points are on which the contents of boxes stand, for a standard deviation of `sigmaPx` pixels (1 if
-    /// it is not given) of each coordinate of the middle of their lower edges.
+    /// Computes the covariance of the foot points of boxes, for a standard deviation of `sigmaPx` pixels
+    /// (default 1) of each coordinate of the foot point.
     ///
     /// # Errors
     /// Throws as `boxesToFloor` does.
@@ -161,55 +163,57 @@ impl Camera {
         Ok(covariance_columns([pixel, calibration]))
     }
 
-    /// Derivatives of the floor points of pixels by the unknowns of the camera, as a filter needs that considers the
-    /// errors of the calibration (their covariance is `covariance`): of every point fourteen of x, then fourteen of y, in
-    /// metres per unit of the unknown; NaN where there is no floor point.
+    /// Computes the Jacobian of floor points with respect to the parameters of the camera.
+    ///
+    /// A Schmidt-Kalman filter uses it to include the errors of the calibration, whose covariance is
+    /// `covariance`. Each point has fourteen values of x, then fourteen of y, in metres per unit of the
+    /// parameter; NaN without a floor point.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
+    /// Throws if the columns have different lengths.
     #[wasm_bindgen(js_name = floorJacobian)]
     pub fn floor_jacobian(&self, u: &[f64], v: &[f64]) -> Result<Float64Array, JsError> {
-        let mut found = vec![[[0.0; Covariance::SIZE]; 2]; of_one_length(&[u, v])?];
+        let mut found = vec![[[0.0; Covariance::SIZE]; 2]; common_length(&[u, v])?];
         self.view.floor_jacobians([u, v], &mut found);
         Ok(Float64Array::from(found.as_flattened().as_flattened()))
     }
 
-    /// Points of space, in metres, to pixels; points of the floor if `z` is not given.
+    /// Projects world points, in metres, to pixels. Without `z` they are on the floor.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
+    /// Throws if the columns have different lengths.
     #[wasm_bindgen(js_name = toPixel)]
     pub fn to_pixel(&self, x: &[f64], y: &[f64], z: Option<Vec<f64>>) -> Result<PixelColumns, JsError> {
         let z = z.unwrap_or_else(|| vec![0.0; x.len()]);
-        let count = of_one_length(&[x, y, &z])?;
+        let count = common_length(&[x, y, &z])?;
         let (mut u, mut v, mut status) = (vec![0.0; count], vec![0.0; count], vec![0; count]);
         self.view.to_pixels([x, y, &z], [&mut u, &mut v], &mut status);
         Ok(columns(["u", "v"], [&u, &v], &status))
     }
 
-    /// The rays that pixels show: unit vectors x, y, z one after the other; NaN outside the lens.
+    /// Computes the viewing rays of pixels: unit vectors x, y, z one after the other; NaN outside the lens.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
+    /// Throws if the columns have different lengths.
     pub fn rays(&self, u: &[f64], v: &[f64]) -> Result<Float64Array, JsError> {
-        let mut directions = vec![[0.0; 3]; of_one_length(&[u, v])?];
+        let mut directions = vec![[0.0; 3]; common_length(&[u, v])?];
         self.view.rays([u, v], &mut directions);
         Ok(Float64Array::from(directions.as_flattened()))
     }
 
-    /// Where a camera of the same focal without distortion would show what this one shows at pixels.
+    /// Undistorts pixels: returns their position in a camera with the same focal length and no distortion.
     ///
     /// # Errors
-    /// Throws when the columns are not of one length.
+    /// Throws if the columns have different lengths.
     pub fn undistort(&self, u: &[f64], v: &[f64]) -> Result<StraightColumns, JsError> {
-        let count = of_one_length(&[u, v])?;
+        let count = common_length(&[u, v])?;
         let (mut to_u, mut to_v) = (vec![0.0; count], vec![0.0; count]);
         self.view.undistort([u, v], [&mut to_u, &mut to_v]);
         Ok(object(&[("u", doubles(&to_u)), ("v", doubles(&to_v))]))
     }
 }
 
-/// What the numbers of statuses are called.
+/// Returns the names of the statuses, in the order of their numbers.
 #[wasm_bindgen(js_name = statusNames)]
 #[must_use]
 pub fn status_names() -> Vec<String> {

@@ -1,13 +1,13 @@
 //! Plain objects and typed arrays of JavaScript.
 //!
-//! What calls are told, as plain objects of JavaScript.
+//! Also the options of calls, which are plain objects.
 
 use calib_core::floor::{PixelOrigin, Stream, StreamFit};
 use calib_site::{Method, Options};
 use js_sys::{Array, Float64Array, Object, Reflect};
 use wasm_bindgen::prelude::*;
 
-/// A plain object.
+/// Creates a plain object.
 pub(crate) fn object<T: JsCast>(fields: &[(&str, JsValue)]) -> T {
     let object = Object::new();
     set(&object, fields.iter().cloned());
@@ -21,23 +21,23 @@ pub(crate) fn set<'a>(object: &JsValue, fields: impl Iterator<Item = (&'a str, J
     }
 }
 
-/// A typed array.
+/// Creates a typed array.
 pub(crate) fn doubles(values: &[f64]) -> JsValue {
     Float64Array::from(values).into()
 }
 
-/// A tuple of numbers.
+/// Creates a tuple of numbers.
 pub(crate) fn tuple(values: &[f64]) -> JsValue {
     values.iter().copied().map(JsValue::from).collect::<Array>().into()
 }
 
-/// A list of so many numbers.
+/// Reads a list of `N` numbers; `None` for any other value.
 pub(crate) fn numbers<const N: usize>(value: &JsValue) -> Option<[f64; N]> {
     let list = Array::is_array(value).then(|| Array::from(value))?;
     list.iter().map(|one| one.as_f64()).collect::<Option<Vec<f64>>>()?.try_into().ok()
 }
 
-/// The fields of an object that are set, by name.
+/// Returns the fields of an object that are not `undefined`, with their names.
 pub(crate) fn fields(of: &JsValue) -> impl Iterator<Item = (String, JsValue)> {
     let object: Object = of.clone().unchecked_into();
     Object::keys(&object).to_vec().into_iter().filter_map(move |key| {
@@ -48,75 +48,75 @@ pub(crate) fn fields(of: &JsValue) -> impl Iterator<Item = (String, JsValue)> {
 
 #[wasm_bindgen(typescript_custom_section)]
 const TYPES: &str = r#"
-/** Which pixels calls speak of. */
+/** Kind of pixels of a camera's methods. */
 export interface StreamOptions {
-    /** "corner" (the centre of the first pixel is (0.5, 0.5)), or "centre" (it is (0, 0)). */
+    /** Pixel origin: "corner" (the centre of the first pixel is (0.5, 0.5)), or "centre" (it is (0, 0)). */
     origin?: "corner" | "centre";
-    /** Width and height of the stream, where they are not the still's. */
+    /** Width and height of the stream, in pixels, if they differ from the calibrated image. */
     streamSize?: [number, number];
-    /** How the image was brought to that size, where its proportion is another. */
+    /** Fit of the image to the stream; required if the aspect ratios differ. */
     fit?: "stretch" | "letterbox";
-    /** Left, top, width and height of what the stream shows, in pixels of the still. */
+    /** Left, top, width and height of the stream's view, in pixels of the calibrated image. */
     crop?: [number, number, number, number];
 }
 
-/** Which pixels calls speak of, and when. */
+/** Kind of pixels of a camera's methods, and a time. */
 export interface CameraOptions extends StreamOptions {
-    /** RFC 3339; needed where a camera that was moved has several periods. */
+    /** Time (RFC 3339); required if the id has several periods, for example because the camera was moved. */
     at?: string;
 }
 
-/** How a site is calibrated. */
+/** Options of a calibration. */
 export interface CalibrateOptions {
-    /** "ml" (maximum likelihood, if nothing is said) or "paper". */
+    /** "ml" (maximum likelihood, the default) or "paper". */
     method?: "ml" | "paper";
-    /** Improve all cameras together; true if nothing is said. */
+    /** Whether to refine all cameras jointly; default true. */
     refine?: boolean;
-    /** Let a weak prior about the focal enter where the lines do not tell it; true if nothing is said. */
+    /** Whether to use a weak prior on the focal length if the lines do not determine it; default true. */
     prior?: boolean;
-    /** Ids of the cameras to solve; all if nothing is said. */
+    /** Ids of the cameras to solve; default all. */
     cameras?: string[];
 }
 "#;
 
 #[wasm_bindgen]
 extern "C" {
-    /// Which pixels the calls of a camera speak of.
+    /// Kind of pixels of a camera's methods.
     #[wasm_bindgen(typescript_type = "StreamOptions")]
     #[derive(Debug)]
     pub type StreamOptions;
 
-    /// Which pixels the calls of a camera speak of, and when.
+    /// Kind of pixels of a camera's methods, and a time.
     #[wasm_bindgen(typescript_type = "CameraOptions")]
     #[derive(Debug)]
     pub type CameraOptions;
 
-    /// The same, or a time alone.
+    /// Time, or options with a time.
     #[wasm_bindgen(typescript_type = "string | CameraOptions")]
     #[derive(Debug)]
     pub type TimeOrOptions;
 
-    /// How a site is calibrated.
+    /// Options of a calibration.
     #[wasm_bindgen(typescript_type = "CalibrateOptions")]
     #[derive(Debug)]
     pub type CalibrateOptions;
 }
 
-pub(crate) fn refused(field: &str, expected: &str) -> JsError {
+pub(crate) fn option_error(field: &str, expected: &str) -> JsError {
     JsError::new(&format!("{field}: expected {expected}"))
 }
 
-/// A period, and a stream.
+/// Period and stream of a call.
 #[derive(Debug, Default)]
-pub(crate) struct Which {
+pub(crate) struct PeriodAndStream {
     pub(crate) at: Option<String>,
     pub(crate) stream: Stream,
 }
 
 impl StreamOptions {
-    /// The stream that they speak of, over the one before.
+    /// Applies the options to a stream.
     pub(crate) fn read(&self, stream: Stream) -> Result<Stream, JsError> {
-        let mut which = Which { at: None, stream };
+        let mut which = PeriodAndStream { at: None, stream };
         for (name, value) in fields(self) {
             which.set_stream(&name, &value, "origin, streamSize, fit or crop")?;
         }
@@ -125,8 +125,8 @@ impl StreamOptions {
 }
 
 impl CameraOptions {
-    pub(crate) fn read(&self) -> Result<Which, JsError> {
-        let mut which = Which::default();
+    pub(crate) fn read(&self) -> Result<PeriodAndStream, JsError> {
+        let mut which = PeriodAndStream::default();
         for (name, value) in fields(self) {
             match name.as_str() {
                 "at" => which.at = Some(time(&value)?),
@@ -138,41 +138,42 @@ impl CameraOptions {
 }
 
 impl TimeOrOptions {
-    pub(crate) fn read(&self) -> Result<Which, JsError> {
+    pub(crate) fn read(&self) -> Result<PeriodAndStream, JsError> {
         match self.as_string() {
-            Some(at) => Ok(Which { at: Some(at), ..Which::default() }),
+            Some(at) => Ok(PeriodAndStream { at: Some(at), ..PeriodAndStream::default() }),
             None if self.is_object() => self.unchecked_ref::<CameraOptions>().read(),
-            None => Err(refused("at", "a time such as 2026-05-01T08:00:00Z, or options")),
+            None => Err(option_error("at", "a time such as 2026-05-01T08:00:00Z, or options")),
         }
     }
 }
 
 fn time(value: &JsValue) -> Result<String, JsError> {
-    value.as_string().ok_or_else(|| refused("at", "a time such as 2026-05-01T08:00:00Z"))
+    value.as_string().ok_or_else(|| option_error("at", "a time such as 2026-05-01T08:00:00Z"))
 }
 
-impl Which {
+impl PeriodAndStream {
     fn set_stream(&mut self, field: &str, value: &JsValue, known: &str) -> Result<(), JsError> {
         let name = value.as_string();
         match field {
             "origin" => {
                 let origin = name.as_deref().and_then(PixelOrigin::of_name);
-                self.stream.origin = origin.ok_or_else(|| refused(field, "\"corner\" or \"centre\""))?;
+                self.stream.origin = origin.ok_or_else(|| option_error(field, "\"corner\" or \"centre\""))?;
             }
             "fit" => {
                 let fit = name.as_deref().and_then(StreamFit::of_name);
-                self.stream.fit = Some(fit.ok_or_else(|| refused(field, "\"stretch\" or \"letterbox\""))?);
+                self.stream.fit =
+                    Some(fit.ok_or_else(|| option_error(field, "\"stretch\" or \"letterbox\""))?);
             }
             "streamSize" => {
                 let size = numbers(value).and_then(sides);
-                let expected = || refused(field, "[width, height] in whole pixels");
+                let expected = || option_error(field, "[width, height] in whole pixels");
                 self.stream.size = Some(size.ok_or_else(expected)?);
             }
             "crop" => {
-                let expected = || refused(field, "[left, top, width, height]");
+                let expected = || option_error(field, "[left, top, width, height]");
                 self.stream.crop = Some(numbers(value).ok_or_else(expected)?);
             }
-            _ => return Err(refused(field, known)),
+            _ => return Err(option_error(field, known)),
         }
         Ok(())
     }
@@ -187,19 +188,19 @@ impl CalibrateOptions {
     pub(crate) fn read(&self) -> Result<Options, JsError> {
         let mut options = Options::default();
         for (name, value) in fields(self) {
-            let flag = || value.as_bool().ok_or_else(|| refused(&name, "true or false"));
+            let flag = || value.as_bool().ok_or_else(|| option_error(&name, "true or false"));
             match name.as_str() {
                 "method" => {
                     options.method = match value.as_string().as_deref() {
                         Some("ml") => Method::MaximumLikelihood,
                         Some("paper") => Method::Paper,
-                        _ => return Err(refused(&name, "\"ml\" or \"paper\"")),
+                        _ => return Err(option_error(&name, "\"ml\" or \"paper\"")),
                     }
                 }
                 "refine" => options.refine = flag()?,
                 "prior" => options.prior = flag()?,
                 "cameras" => options.cameras = Some(ids(&value)?),
-                _ => return Err(refused(&name, "method, refine, prior or cameras")),
+                _ => return Err(option_error(&name, "method, refine, prior or cameras")),
             }
         }
         Ok(options)
@@ -208,5 +209,5 @@ impl CalibrateOptions {
 
 fn ids(value: &JsValue) -> Result<Vec<String>, JsError> {
     let list = Array::is_array(value).then(|| Array::from(value).iter().map(|one| one.as_string()).collect());
-    list.flatten().ok_or_else(|| refused("cameras", "a list of ids"))
+    list.flatten().ok_or_else(|| option_error("cameras", "a list of ids"))
 }

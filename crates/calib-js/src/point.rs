@@ -1,4 +1,4 @@
-//! Points and findings as plain objects of JavaScript, and what they are called there.
+//! Points and findings as plain objects of JavaScript.
 
 use calib_core::Status;
 
@@ -9,55 +9,55 @@ use crate::object::{object, set};
 
 #[wasm_bindgen(typescript_custom_section)]
 const TYPES: &str = r#"
-/** A point of the floor. */
+/** Point on the floor. */
 export interface FloorPoint {
-    /** Metres. */
+    /** x, in metres. */
     x: number;
-    /** Metres. */
+    /** y, in metres. */
     y: number;
-    /** Standard deviation in the worst direction, in metres, of pixel and calibration together. */
+    /** Largest standard deviation over all directions, in metres, of pixel and calibration together; undefined if unknown. */
     sigma: number | undefined;
-    /** "ok", or where the pixel lies: its point is less sure than the calibration says. */
+    /** "ok", or the region of the pixel. Outside the EFOV or the image, errors may exceed the stated uncertainty. */
     status: "ok" | "outside-efov" | "outside-image";
-    /** Height above the floor in metres, of a site whose planes have regions. */
+    /** Height above the floor, in metres; only for a site whose planes have regions. */
     z?: number;
-    /** The id of the plane that the point is on; absent on the floor. */
+    /** Id of the plane of the point; absent on the floor. */
     plane?: string;
 }
 
-/** A point of an image, in pixels. */
+/** Point of an image, in pixels. */
 export interface Pixel {
     u: number;
     v: number;
 }
 
-/** Something that an operator should know about a calibration. */
+/** Finding about a calibration, for the operator. */
 export interface Finding {
-    /** The id of the camera that it is about; absent where it is about the site. */
+    /** Id of the camera; absent for a finding about the site. */
     camera?: string;
-    /** Which finding, such as "weak"; the list is closed. */
+    /** Code of the finding, such as "weak", from a closed list. */
     code: string;
     severity: "note" | "warning" | "error";
-    /** What is so, in a sentence. */
+    /** Description, one sentence. */
     message: string;
-    /** What to do, in a sentence. */
+    /** Recommended action, one sentence. */
     advice: string;
 }
 "#;
 
 #[wasm_bindgen]
 extern "C" {
-    /// A point of the floor.
+    /// Point on the floor.
     #[wasm_bindgen(typescript_type = "FloorPoint")]
     #[derive(Debug)]
     pub type FloorPoint;
 
-    /// A point of an image.
+    /// Point of an image.
     #[wasm_bindgen(typescript_type = "Pixel")]
     #[derive(Debug)]
     pub type Pixel;
 
-    /// A finding.
+    /// Finding about a calibration.
     #[wasm_bindgen(typescript_type = "Finding")]
     #[derive(Debug)]
     pub type Finding;
@@ -69,7 +69,7 @@ impl FloorPoint {
         object(&[("x", x.into()), ("y", y.into()), ("sigma", sigma), ("status", status.name().into())])
     }
 
-    /// With its height, and with the plane that it is on besides the floor.
+    /// Adds the height, and the plane if it is not the floor.
     pub(crate) fn on_plane(self, z: f64, plane: Option<&str>) -> Self {
         let fields = [("z", z.into())].into_iter().chain(plane.map(|id| ("plane", id.into())));
         set(&self, fields);

@@ -1,4 +1,4 @@
-//! A site: its cameras, its findings, and its calibration.
+//! Site with its cameras, findings and calibration.
 
 use calib_core::{CameraView, FloorPoint as Point, Pixel as At, PlanScale, Status};
 
@@ -11,106 +11,108 @@ use wasm_bindgen::prelude::*;
 use crate::camera::Camera;
 use crate::mapping::finite;
 use crate::object::doubles;
-use crate::object::{CalibrateOptions, CameraOptions, TimeOrOptions, Which, refused};
+use crate::object::{CalibrateOptions, CameraOptions, PeriodAndStream, TimeOrOptions, option_error};
 use crate::point::{Finding, FloorPoint, Pixel};
 
-/// A site of cameras, as its file has it: what was drawn, and what was solved.
+/// Site document: cameras with their annotations and solutions.
 #[wasm_bindgen]
 #[derive(Debug)]
 pub struct Site(calib_site::Site);
 
 #[wasm_bindgen]
 impl Site {
-    /// Reads a site file, as text.
+    /// Parses the text of a site file.
     ///
     /// # Errors
-    /// Throws an `Error` that says what is wrong with it, and where.
+    /// Throws for an invalid file; the message names the position and the cause.
     #[wasm_bindgen(constructor)]
     pub fn new(#[wasm_bindgen(js_name = siteJson)] site_json: &str) -> Result<Self, JsError> {
         Ok(Self(calib_site::Site::from_json(site_json)?))
     }
 
-    /// The ids of the calibrated cameras, in the order of the file; an id of several periods once.
+    /// Ids of the calibrated cameras, in the order of the file. An id with several periods appears once.
     #[wasm_bindgen(getter)]
     #[must_use]
     pub fn cameras(&self) -> Vec<String> {
         self.0.calibrated().into_iter().map(str::to_owned).collect()
     }
 
-    /// What an operator should know about the calibration: of all cameras, then of the site.
+    /// Findings about the calibration: of the cameras, then of the site.
     #[wasm_bindgen(getter)]
     #[must_use]
     pub fn findings(&self) -> Vec<Finding> {
         self.0.findings().map(|entry| Finding::new(&entry)).collect()
     }
 
-    /// A calibrated camera, for whole columns of pixels of one of its streams.
+    /// Returns a calibrated camera for the pixels of one of its streams.
     ///
     /// # Errors
-    /// Throws when the site has no calibrated camera of this id, when it has several periods and `at` does not say
-    /// which, and when the stream does not go with the size of the still.
+    /// Throws if the site has no calibrated camera with this id, if `at` is missing for an id with several
+    /// periods, or if the stream does not match the size of the calibrated image.
     pub fn camera(&self, id: &str, options: Option<CameraOptions>) -> Result<Camera, JsError> {
-        let which = options.map_or_else(|| Ok(Which::default()), |options| options.read())?;
+        let which = options.map_or_else(|| Ok(PeriodAndStream::default()), |options| options.read())?;
         Ok(Camera::new(id, self.view(id, &which)?))
     }
 
-    /// Calibrates the site from what is drawn and entered in it: a new site, with the solutions written into it.
+    /// Calibrates the site from its annotations and entered values, and returns a new site with the
+    /// solutions.
     ///
-    /// A camera that cannot be solved does not keep the others from it: `findings` says why.
+    /// A camera that cannot be solved does not prevent the others. Its reason is in `findings`.
     ///
     /// # Errors
-    /// Throws for options that there are not, and for ids that the site has not.
+    /// Throws for unknown options, and for ids that are not in the site.
     pub fn calibrate(&self, options: Option<CalibrateOptions>) -> Result<Self, JsError> {
         let options = options.map_or_else(|| Ok(calib_site::Options::default()), |options| options.read())?;
         for id in options.cameras.iter().flatten() {
             if self.0.cameras.iter().all(|entry| entry.id != *id) {
-                return Err(JsError::new(&format!("camera {id:?}: the site has no camera of this id")));
+                return Err(JsError::new(&format!("camera {id:?}: the site has no camera with this id")));
             }
         }
         Ok(Self(self.0.calibrate(&options).write_into(&self.0)))
     }
 
-    /// The document as text, as in a site file.
+    /// Returns the document as JSON text, as in a site file.
     #[wasm_bindgen(js_name = toJson)]
     #[must_use]
     pub fn to_json(&self) -> String {
         self.0.to_json()
     }
 
-    /// Points of the floor to pixels of the plan from its upper left corner, y down: x, y, x, y and so on.
+    /// Converts floor points to pixels of the plan from its upper left corner, y down: x, y, x, y and so on.
     ///
     /// # Errors
-    /// Throws when the site has no plan, and for an odd number of coordinates.
+    /// Throws if the site has no plan, and for an odd number of coordinates.
     #[wasm_bindgen(js_name = floorToPlan)]
     pub fn floor_to_plan(&self, points: &[f64]) -> Result<Float64Array, JsError> {
         let plan = self.plan()?;
         each(points, |[x, y]| plan.plan_from_floor(Point { x, y }).into())
     }
 
-    /// Metres that a pixel of the plan is wide; `undefined` where the site has no plan.
+    /// Width of a plan pixel, in metres; `undefined` without a plan.
     #[wasm_bindgen(getter, js_name = planMetresPerPx)]
     #[must_use]
     pub fn plan_metres_per_px(&self) -> Option<f64> {
         self.0.plan.as_ref().map(|plan| plan.metres_per_px)
     }
 
-    /// Pixels of the plan to points of the floor: x, y, x, y and so on.
+    /// Converts pixels of the plan to floor points: x, y, x, y and so on.
     ///
     /// # Errors
-    /// Throws when the site has no plan, and for an odd number of coordinates.
+    /// Throws if the site has no plan, and for an odd number of coordinates.
     #[wasm_bindgen(js_name = planToFloor)]
     pub fn plan_to_floor(&self, pixels: &[f64]) -> Result<Float64Array, JsError> {
         let plan = self.plan()?;
         each(pixels, |pixel| plan.floor_from_plan(pixel.into()).into())
     }
 
-    /// The point of the floor that a pixel shows, with its standard deviation; `undefined` above the horizon.
+    /// Returns the floor point of a pixel with its standard deviation; `undefined` above the horizon.
     ///
-    /// Of a site whose `planes` have regions it is the point of the floor or of a plane that the pixel shows first,
-    /// with `z`, and with `plane` where it is not on the floor; `undefined` on the wall of a pit, too.
+    /// If `planes` of the site have regions, the result is the nearest point on the floor or on a plane along
+    /// the viewing ray. It has the height `z`, and `plane` if it is not on the floor. It is also `undefined`
+    /// on the wall of a pit.
     ///
-    /// `sigmaPx` is the standard deviation of the pixel, 1 if it is not given. The last argument is a time (RFC 3339),
-    /// or says which pixels of which time.
+    /// `sigmaPx` is the standard deviation of the pixel (default 1). The last argument is a time (RFC 3339),
+    /// or options with a time and a kind of pixels.
     ///
     /// # Errors
     /// Throws as `camera` does.
@@ -133,8 +135,8 @@ impl Site {
         Ok(Some(if view.surfaces().is_empty() { found } else { found.on_plane(at.z, plane) }))
     }
 
-    /// Many at once: u, v, u, v and so on give x, y, x, y and so on; `NaN` where a pixel shows no floor, and no
-    /// plane whose region the site file has.
+    /// Maps many pixels at once: u, v, u, v and so on become x, y, x, y and so on. Results are `NaN` for
+    /// pixels without a point on the floor or on a plane.
     ///
     /// # Errors
     /// Throws as `camera` does, and for an odd number of coordinates.
@@ -154,7 +156,8 @@ impl Site {
         Ok(doubles(&floor).unchecked_into())
     }
 
-    /// The pixel that shows a point of the floor, or `z` metres above it; `undefined` when the camera cannot.
+    /// Returns the pixel of a floor point, or of a point `z` metres above it; `undefined` if the camera
+    /// cannot show it.
     ///
     /// # Errors
     /// Throws as `camera` does.
@@ -175,25 +178,25 @@ impl Site {
 }
 
 impl Site {
-    fn view(&self, id: &str, which: &Which) -> Result<CameraView, JsError> {
+    fn view(&self, id: &str, which: &PeriodAndStream) -> Result<CameraView, JsError> {
         let view = self.0.view(id, which.at.as_deref(), which.stream);
         view.map_err(|why| JsError::new(&format!("camera {id:?}: {why}")))
     }
 
     fn view_at(&self, id: &str, at: Option<TimeOrOptions>) -> Result<CameraView, JsError> {
-        self.view(id, &at.map_or_else(|| Ok(Which::default()), |at| at.read())?)
+        self.view(id, &at.map_or_else(|| Ok(PeriodAndStream::default()), |at| at.read())?)
     }
 
     fn plan(&self) -> Result<PlanScale, JsError> {
         let plan = self.0.plan.as_ref().map(Plan::scale);
-        plan.ok_or_else(|| JsError::new("the site has no plan: give it \"plan\" with \"metres_per_px\""))
+        plan.ok_or_else(|| JsError::new("the site has no plan; add \"plan\" with \"metres_per_px\""))
     }
 }
 
 fn pairs(values: &[f64]) -> Result<&[[f64; 2]], JsError> {
     match values.as_chunks() {
         (pairs, []) => Ok(pairs),
-        _ => Err(refused("coordinates", "an even number of them: two for every point")),
+        _ => Err(option_error("coordinates", "an even number, two for each point")),
     }
 }
 

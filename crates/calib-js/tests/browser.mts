@@ -1,4 +1,4 @@
-// The package in Chromium: the numbers of the core there, too.
+// Tests the package in Chromium: results are bit-identical to the core.
 //
 //     node browser.mjs FOLDER-OF-THE-PACKAGE FOLDER-OF-THIS GOLDEN
 
@@ -19,16 +19,16 @@ const PAGE = `<!doctype html><title>calib</title><script type="module">
   const text = async (name) => new TextDecoder().decode(await file(name));
   try {
     await calib.default();
-    globalThis.said = golden(calib, { site: await text("site.json"), cameras: await text("cameras.txt"), points: await file("points.f64") });
+    globalThis.outcome = golden(calib, { site: await text("site.json"), cameras: await text("cameras.txt"), points: await file("points.f64") });
   } catch (error) {
-    globalThis.said = "failed: " + error;
+    globalThis.outcome = "failed: " + error;
   }
 </script>`;
 
 const browser = await chromium.launch({ executablePath: process.env.CALIB_CHROMIUM, args: ["--no-sandbox"] });
 try {
   const page = await browser.newPage();
-  // Nothing goes over a network: what a page asks for is a file of one of the folders.
+  // Requests of the page are answered with files of the folders, without network access.
   await page.route("**/*", (route: { request(): { url(): string }; fulfill(what: object): Promise<void> }) => {
     const name = new URL(route.request().url()).pathname.slice(1);
     const path = folders.map((folder) => join(folder, name)).find((path) => name && existsSync(path));
@@ -36,9 +36,9 @@ try {
     return route.fulfill(path ? { path } : { contentType: "text/html", body: PAGE });
   });
   await page.goto(`${ADDRESS}/`);
-  const said: string = await (await page.waitForFunction("globalThis.said", null, { timeout: 60_000 })).jsonValue();
-  assert.match(said, /to the bits of the core$/);
-  console.log(`Chromium: ${said}`);
+  const outcome: string = await (await page.waitForFunction("globalThis.outcome", null, { timeout: 60_000 })).jsonValue();
+  assert.match(outcome, /bit-identical to the core$/);
+  console.log(`Chromium: ${outcome}`);
 } finally {
   await browser.close();
 }

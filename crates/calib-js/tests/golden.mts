@@ -1,15 +1,15 @@
-// The same bits as the core, for every camera, stream and lens, in typed arrays: in Node, and in a browser.
+// Tests that typed arrays are bit-identical to the core, for every camera, stream and lens, in Node and in a browser.
 
 import type * as Calib from "../../../target/js/calib.js";
 
 const COLUMNS = 21;
 const SIGMA_PX = 1.5;
 
-/** The golden files. */
+/** Content of the golden files. */
 export interface Golden { site: string; cameras: string; points: ArrayBuffer; }
 
-function assert(holds: boolean, what: string): void {
-  if (!holds) throw new Error(what);
+function assert(isTrue: boolean, what: string): void {
+  if (!isTrue) throw new Error(what);
 }
 
 function throws(work: () => unknown, why: RegExp): void {
@@ -21,17 +21,17 @@ function throws(work: () => unknown, why: RegExp): void {
   throw new Error(`nothing thrown for ${why}`);
 }
 
-/** Of two columns, how many values are not the same to the last bit; NaN is NaN. */
-function others(found: Float64Array | Uint8Array, expected: Float64Array, place: string): number {
+/** Counts the values of two columns that are not bit-identical; NaN equals NaN. */
+function mismatches(found: Float64Array | Uint8Array, expected: Float64Array, place: string): number {
   assert(found.length === expected.length, place);
   return expected.reduce((count, value, i) => count + (Object.is(value, found[i]) ? 0 : 1), 0);
 }
 
-/** Rows of columns, one after the other. */
+/** Interleaves columns to rows. */
 const rows = (columns: Float64Array[]): Float64Array =>
   Float64Array.from({ length: columns.length * columns[0].length }, (_, i) => columns[i % columns.length][Math.floor(i / columns.length)]);
 
-/** Maps every point of the golden files; says how many there are. */
+/** Maps every point of the golden files, and returns a summary. */
 export function golden(calib: typeof Calib, files: Golden): string {
   const site = new calib.Site(files.site);
   const values = new Float64Array(files.points);
@@ -48,7 +48,7 @@ export function golden(calib: typeof Calib, files: Golden): string {
     const table = Array.from({ length: COLUMNS }, (_, k) => values.subarray((index * COLUMNS + k) * count, (index * COLUMNS + k + 1) * count));
     const [u, v, x, y, status] = table;
     const check = (found: Float64Array | Uint8Array, expected: Float64Array, what: string): void =>
-      assert(others(found, expected, what) === 0, `${id}: ${what}`);
+      assert(mismatches(found, expected, what) === 0, `${id}: ${what}`);
     const floor = camera.toFloor(u, v, plane);
     check(floor.x, x, "x");
     check(floor.y, y, "y");
@@ -74,9 +74,9 @@ export function golden(calib: typeof Calib, files: Golden): string {
   throws(() => site.camera("camera-0", { streamSize: [640, 640] }), /640 x 360/);
   throws(() => site.camera("camera-0", { origin: "center" as "centre" }), /centre/);
   throws(() => site.camera("camera-0", { size: 3 } as Calib.CameraOptions), /streamSize/);
-  throws(() => camera.toFloor(Float64Array.of(1), Float64Array.of()), /one length/);
+  throws(() => camera.toFloor(Float64Array.of(1), Float64Array.of()), /same length/);
   throws(() => camera.boxesToFloor(Float64Array.of(1, 2, 3), "xywh"), /four/);
   camera.free();
   site.free();
-  return `${count * lines.length} points of ${lines.length} cameras to the bits of the core`;
+  return `${count * lines.length} points of ${lines.length} cameras are bit-identical to the core`;
 }

@@ -1,8 +1,8 @@
-// The package beside the command line: the same solutions, the same points, errors that say what is wrong.
+// Compares the package with the command line: same solutions, same points, and helpful errors.
 //
 //     node package.mjs FOLDER-OF-THE-PACKAGE CALIB GOLDEN
 //
-// Its types are checked when it is compiled.
+// The compiler checks its types.
 
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
@@ -23,7 +23,7 @@ const scratch = mkdtempSync(join(tmpdir(), "calib-js-"));
 const calib = (args: string[], input?: string): string =>
   execFileSync(program, args, { cwd: scratch, input, encoding: "utf8", stdio: ["pipe", "pipe", "ignore"] });
 
-/** The largest relative difference between the numbers of two documents of one shape. */
+/** Returns the largest relative difference between the numbers of two documents with the same keys. */
 function difference(a: unknown, b: unknown, place = ""): number {
   if (typeof a === "number" && typeof b === "number") return Math.abs(a - b) / (1 + Math.abs(b));
   if (typeof a === "object" && typeof b === "object" && a && b) {
@@ -42,10 +42,10 @@ try {
   const native: string = readFileSync(join(scratch, "calib-demo/native.json"), "utf8");
 
   const solved: string = solve(drawn);
-  // Sines and cosines of the two are not the same to the last bit, and residuals are small differences of pixels.
+  // Sines and cosines differ in the last bit, and residuals are small differences of pixels.
   const [here, there] = [JSON.parse(solved), JSON.parse(native)];
-  assert.ok(difference(here, there) < 1e-7, "everything that was solved");
-  // Roll and yaw of a camera that looks straight down trade places: there what is no part of their sigma is no difference.
+  assert.ok(difference(here, there) < 1e-7, "the solutions differ");
+  // Roll and yaw are interchangeable for a camera that looks straight down, so the tolerance includes their sigma.
   for (const [index, { id, solution }] of there.cameras.entries()) {
     const [own, { sigma }] = [here.cameras[index].solution, solution];
     const numbers = (of: Record<string, any>): Record<string, number> => {
@@ -66,7 +66,7 @@ try {
   assert.deepEqual(cameras, JSON.parse(native).cameras.map((camera: { id: string }) => camera.id));
   let mapped = 0;
   for (const [index, id] of cameras.entries()) {
-    // Of a place that a hand gave nothing is known.
+    // A camera placed by hand has no uncertainty.
     const isKnown = there.cameras[index].solution.sigma.x_m !== undefined;
     const pixels = Array.from({ length: 40 }, (_, i) => [(i % 8) * 230 + 3, Math.floor(i / 8) * 240 - 100]);
     const csv = pixels.map(([u, v]) => `${u},${v}\n`).join("");
@@ -94,9 +94,9 @@ try {
   assert.ok(site.floorToPixel(cameras[0], 1, 2, 1.7));
   surface(calibJs, native, drawn);
 
-  // A platform and a pit beside each other, where the first camera looks.
+  // A platform and a pit next to each other, in view of the first camera.
   const middle = site.pixelToFloor(cameras[0], 960, 800);
-  assert.ok(middle && middle.z === undefined, "no height where there are no planes");
+  assert.ok(middle && middle.z === undefined, "points have no height without planes");
   const square = (x: number, y: number) => [[x, y - 1], [x + 1, y - 1], [x + 1, y + 1], [x, y + 1]];
   const uneven = JSON.parse(native);
   uneven.planes = [
@@ -118,7 +118,7 @@ try {
     assert.equal(point.plane ?? "", plane, line);
     assert.ok(difference([point.x, point.y, point.z], [Number(x), Number(y), Number(z)]) < 1e-9, line);
   }
-  for (const what of ["", "platform", "pit", "on-wall"]) assert.ok(shown.has(what), `nothing shows ${what}`);
+  for (const what of ["", "platform", "pit", "on-wall"]) assert.ok(shown.has(what), `no pixel shows ${what}`);
 
   const moved = JSON.parse(native);
   moved.cameras = [moved.cameras[0], structuredClone(moved.cameras[0])];
@@ -142,7 +142,7 @@ try {
   const file = (name: string): Buffer => readFileSync(join(points, name));
   const bytes = new Uint8Array(file("points.f64"));
   console.log(golden(calibJs, { site: file("site.json").toString(), cameras: file("cameras.txt").toString(), points: bytes.buffer }));
-  console.log(`${mapped} pixels of ${cameras.length} cameras as the command line maps them`);
+  console.log(`${mapped} pixels of ${cameras.length} cameras equal to the command line`);
 } finally {
   rmSync(scratch, { recursive: true });
 }

@@ -1,4 +1,4 @@
-// What a camera and a site say of themselves, images without the bend of their lens, and the solve with its options.
+// Tests the properties of cameras and sites, undistortion of images, and calibration with options.
 
 import assert from "node:assert/strict";
 import type * as Calib from "../../../target/js/calib.js";
@@ -12,7 +12,7 @@ function near(found: number[], expected: number[], within: number): void {
   found.forEach((value, i) => assert.ok(Math.abs(value - expected[i]) <= within, `${found} for ${expected}`));
 }
 
-/** Tries the demonstration as the command line solved it. */
+/** Tests the demonstration site as solved by the command line. */
 export function surface(calib: typeof Calib, native: string, drawn: string): void {
   const site = new calib.Site(native);
   const document = JSON.parse(native);
@@ -37,7 +37,7 @@ export function surface(calib: typeof Calib, native: string, drawn: string): voi
   plan(site, document);
 }
 
-/** The matrices are of one camera: what they map is what the calls map. */
+/** Matrices and methods of a camera map points to the same results. */
 function matrices(camera: Calib.Camera): void {
   const [x, y, z] = [camera.efov[0], camera.efov[1], 0];
   const [[u], [v], [w]] = product(camera.projectionMatrix, [[x], [y], [z], [1]]);
@@ -47,7 +47,7 @@ function matrices(camera: Calib.Camera): void {
   assert.deepEqual(raw, camera.toPixel(Float64Array.of(x), Float64Array.of(y), Float64Array.of(0)));
   const straight = camera.undistort(raw.u, raw.v);
   if (!Number.isNaN(straight.u[0])) near([straight.u[0], straight.v[0]], [u / w, v / w], 1e-6);
-  // The pixel's part of the covariance by the derivatives, numerically; the calibration's by the Jacobian.
+  // J C J^T is the calibration's part of the covariance.
   const [a, b] = [Float64Array.of(camera.size[0] / 2), Float64Array.of(0.9 * camera.size[1])];
   const jacobian = camera.floorJacobian(a, b);
   assert.equal(jacobian.length, 28);
@@ -56,14 +56,14 @@ function matrices(camera: Calib.Camera): void {
   const both = product(product(rows, camera.covariance), transposed);
   const { calibration } = camera.floorCovariance(a, b);
   if (camera.covariance.flat().every(Number.isFinite)) near(both.flat().map((value, i) => value / calibration[i]), [1, 1, 1, 1], 1e-6);
-  else assert.ok(calibration.every(Number.isNaN), "of a place that a hand gave nothing is known");
+  else assert.ok(calibration.every(Number.isNaN), "a camera placed by hand has no uncertainty");
   assert.equal(camera.scaleKnown, true);
   const box = Float64Array.of(a[0] - 20, b[0] - 300, a[0] + 20, b[0]);
   assert.deepEqual(camera.boxesCovariance(box, "xyxy", 1.5), camera.floorCovariance(a, b, 1.5));
   assert.throws(() => camera.boxesCovariance(box.subarray(1), "xyxy"), /four numbers/);
 }
 
-/** A camera of a stream is the same camera. */
+/** A camera of another stream gives the same points. */
 function stream(camera: Calib.Camera): void {
   const half = camera.withStream({ streamSize: [camera.size[0] / 2, camera.size[1] / 2], origin: "centre" });
   assert.deepEqual([half.origin, half.streamSize], ["centre", [camera.size[0] / 2, camera.size[1] / 2]]);
@@ -72,14 +72,14 @@ function stream(camera: Calib.Camera): void {
   near([...small.x, ...small.y], [...still.x, ...still.y], 1e-9);
   const stretched = camera.withStream({ streamSize: [300, 290], fit: "stretch" });
   assert.equal(stretched.fit, "stretch");
-  assert.throws(() => stretched.focalPx, /no one focal/);
-  assert.throws(() => stretched.undistorter(), /no one focal/);
+  assert.throws(() => stretched.focalPx, /stretched/);
+  assert.throws(() => stretched.undistorter(), /stretched/);
   assert.throws(() => camera.withStream({ at: "now" } as Calib.StreamOptions), /origin, streamSize/);
   assert.throws(() => camera.withStream({ streamSize: [100, 130] }), new RegExp(camera.id));
   assert.throws(() => camera.withStream({ streamSize: ["x", 640, 480] as unknown as [number, number] }), /whole pixels/);
 }
 
-/** A pixel of the undistorted image shows what the raw image shows where its point is bent to. */
+/** The undistorted image has the colour of each raw pixel at its undistorted position. */
 function image(camera: Calib.Camera): void {
   const [width, height] = camera.size.map((side) => side / 10);
   const small = camera.withStream({ streamSize: [width, height] });
@@ -94,7 +94,7 @@ function image(camera: Calib.Camera): void {
   const to = small.undistort(u, v);
   for (const k of [0, 1]) {
     const pixel = at(to.u[k], to.v[k]);
-    // To the next pixel, and to the rounding of colours.
+    // Tolerance for the neighbouring pixel, and for the rounding of colours.
     near([straight[pixel], straight[pixel + 1]], [u[k] - 0.5, v[k] - 0.5], 2);
   }
   assert.throws(() => undistorter.apply(ramp.subarray(1)), new RegExp(`${width} x ${height}`));
@@ -102,7 +102,7 @@ function image(camera: Calib.Camera): void {
   undistorter.free();
 }
 
-/** Findings are those of the command line, and the solve takes its options. */
+/** Findings equal the command line's, and the calibration respects its options. */
 function findings(calib: typeof Calib, site: Calib.Site, document: { cameras: { id: string; solution: { warnings: { code: string; message: string }[] } }[]; solution?: { warnings?: { code: string }[] } }, drawn: Calib.Site): void {
   const expected = document.cameras.flatMap(({ id, solution }) => (solution.warnings ?? []).map(({ code, message }) => [id, code, message]));
   const found: Calib.Finding[] = site.findings;
@@ -116,7 +116,7 @@ function findings(calib: typeof Calib, site: Calib.Site, document: { cameras: { 
   assert.throws(() => calib.solve(drawn.toJson(), { refin: true } as Calib.CalibrateOptions), /refine/);
 }
 
-/** The plan and the floor are each other's inverse, by the scale of the file. */
+/** Conversions between plan and floor are inverse, and use the scale of the file. */
 function plan(site: Calib.Site, document: { plan?: { metres_per_px: number } }): void {
   assert.ok(document.plan, "the demonstration has a plan");
   const pixels = site.floorToPlan(Float64Array.of(0, 0, 3, 4));

@@ -6,7 +6,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyInt, PyTuple};
 
-use crate::error::refused;
+use crate::error::value_error;
 
 /// Array of doubles.
 pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -27,7 +27,7 @@ pub(crate) fn finite(py: Python<'_>, name: &str, value: f64) -> PyResult<f64> {
     if value.is_finite() {
         return Ok(value);
     }
-    Err(refused(py, None, name, format_args!("found {value}, expected a finite number")))
+    Err(value_error(py, None, name, format_args!("found {value}, expected a finite number")))
 }
 
 /// Returns one finite number, or `otherwise` if it is absent.
@@ -40,7 +40,7 @@ pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64)
                 value.repr().map_or_else(|_| "another object".into(), |text| short(&text.to_string_lossy()))
             }
         };
-        refused(value.py(), None, name, format_args!("found {found}, expected one number"))
+        value_error(value.py(), None, name, format_args!("found {found}, expected one number"))
     })?;
     finite(value.py(), name, number)
 }
@@ -70,7 +70,7 @@ pub(crate) fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Do
     }
     let py = value.py();
     if value.is_none() {
-        return Err(refused(py, None, name, "found None, expected an array of numbers"));
+        return Err(value_error(py, None, name, "found None, expected an array of numbers"));
     }
     let numpy = py.import("numpy")?;
     let array = match masked(value)? {
@@ -80,7 +80,12 @@ pub(crate) fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Do
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if !["i", "u", "f"].contains(&kind.as_str()) && !is_empty(&array)? {
         let found = array.getattr("dtype")?;
-        return Err(refused(py, None, name, format_args!("found values of type {found}, expected numbers")));
+        return Err(value_error(
+            py,
+            None,
+            name,
+            format_args!("found values of type {found}, expected numbers"),
+        ));
     }
     let plain = numpy.call_method1("require", (array, "f8", ("C", "A")))?;
     Ok(plain.cast_into::<PyArrayDyn<f64>>()?)
@@ -95,7 +100,7 @@ fn is_empty(array: &Bound<'_, PyAny>) -> PyResult<bool> {
 }
 
 fn unreadable(py: Python<'_>, name: &str, why: &PyErr) -> PyErr {
-    refused(py, None, name, format_args!("expected numbers: {}", why.value(py)))
+    value_error(py, None, name, format_args!("expected numbers: {}", why.value(py)))
 }
 
 /// Replaces masked values by NaN. NumPy's own conversion would return the values below the mask.
@@ -127,7 +132,12 @@ fn repeated<'py>(arrays: &[Doubles<'py>], names: &str) -> PyResult<Vec<Doubles<'
     let py = arrays[0].py();
     let shapes = arrays.iter().map(|array| shape_text(array.shape())).collect::<Vec<_>>().join(" and ");
     let why = |_| {
-        refused(py, None, names, format_args!("arrays of the shapes {shapes} cannot be broadcast together"))
+        value_error(
+            py,
+            None,
+            names,
+            format_args!("arrays of the shapes {shapes} cannot be broadcast together"),
+        )
     };
     let numpy = py.import("numpy")?;
     let together = numpy.call_method1("broadcast_arrays", PyTuple::new(py, arrays)?).map_err(why)?;
@@ -140,7 +150,9 @@ fn repeated<'py>(arrays: &[Doubles<'py>], names: &str) -> PyResult<Vec<Doubles<'
 
 /// Borrows an array for reading; fails if another thread is writing to it.
 pub(crate) fn read<'py>(array: &Doubles<'py>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    array.try_readonly().map_err(|_| refused(array.py(), None, name, "is being written to by another thread"))
+    array
+        .try_readonly()
+        .map_err(|_| value_error(array.py(), None, name, "is being written to by another thread"))
 }
 
 /// Returns a new array of zeros.
@@ -173,7 +185,7 @@ pub(crate) fn output<'py, T: numpy::Element>(
         _ => {
             let expected =
                 format!("expected contiguous arrays of {kind} with the shape {}", shape_text(shape));
-            Err(refused(value.py(), None, "out", expected))
+            Err(value_error(value.py(), None, "out", expected))
         }
     }
 }
@@ -182,7 +194,7 @@ pub(crate) fn output<'py, T: numpy::Element>(
 pub(crate) fn write<'py, T: numpy::Element>(
     array: &Bound<'py, PyArrayDyn<T>>,
 ) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
-    array.try_readwrite().map_err(|why| refused(array.py(), None, "out", why))
+    array.try_readwrite().map_err(|why| value_error(array.py(), None, "out", why))
 }
 
 /// Maps pairs of numbers one by one.

@@ -6,8 +6,8 @@ use pyo3::prelude::*;
 
 use crate::array::{self, Doubles};
 use crate::camera::{Camera, Keywords};
-use crate::error::refused;
-use crate::mapping::{Triple, outputs, with};
+use crate::error::value_error;
+use crate::mapping::{Triple, extend_shape, outputs};
 use crate::stream::named;
 
 impl Camera {
@@ -15,7 +15,7 @@ impl Camera {
     pub(crate) fn sigma(&self, py: Python<'_>, sigma_px: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
         let sigma = array::real(sigma_px, "sigma_px", 1.0)?;
         if sigma < 0.0 {
-            return Err(refused(py, Some(self.id()), "sigma_px", "expected 0 or more pixels"));
+            return Err(value_error(py, Some(self.id()), "sigma_px", "expected 0 or more pixels"));
         }
         Ok(sigma)
     }
@@ -36,7 +36,7 @@ impl Camera {
                 let more = "; for rows such as x1, y1, x2, y2, confidence, class pass boxes[..., :4]";
                 let more = if found.last().is_some_and(|&columns| columns > 4) { more } else { "" };
                 let what = format!("found the shape {}, expected (..., 4){more}", array::shape_text(found));
-                return Err(refused(py, id, "boxes", what));
+                return Err(value_error(py, id, "boxes", what));
             }
         };
         Ok((form, boxes, shape))
@@ -107,7 +107,7 @@ impl Camera {
         let (py, view) = (boxes.py(), self.of(stream)?);
         let (sigma, height) = (self.sigma(py, sigma_px)?, array::real(height, "height", 0.0)?);
         let (form, boxes, shape) = self.boxes(boxes, form)?;
-        let shape = with(&shape, [2, 2]);
+        let shape = extend_shape(&shape, [2, 2]);
         let parts = [array::zeros::<f64>(py, &shape)?, array::zeros::<f64>(py, &shape)?];
         {
             let boxes = array::read(&boxes, "boxes")?;

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::array;
-use crate::error::{of_camera, of_site, refused};
+use crate::error::{camera_error, site_error, value_error};
 use crate::stream::{named, view_of};
 
 /// Removes the lens distortion from any number of images: ``straight = undistorter(image)``, see `apply`.
@@ -42,7 +42,7 @@ impl Undistorter {
                 NoStraightView::Round => "view",
                 NoStraightView::Size => "size",
             };
-            refused(py, Some(camera.id()), field, why)
+            value_error(py, Some(camera.id()), field, why)
         })?;
         Ok(Self { camera, view: view.to_owned(), straight })
     }
@@ -97,7 +97,7 @@ impl Undistorter {
             None => array::zeros::<u8>(py, shape)?,
         };
         {
-            let raw = image.try_readonly().map_err(|why| self.refused(py, why))?;
+            let raw = image.try_readonly().map_err(|why| self.image_error(py, why))?;
             let mut to = array::write(&straight)?;
             let (raw, to) = (raw.as_slice()?, to.as_slice_mut()?);
             py.detach(|| self.straight.remap.apply_into(raw, to));
@@ -127,8 +127,8 @@ impl Undistorter {
 }
 
 impl Undistorter {
-    fn refused(&self, py: Python<'_>, what: impl std::fmt::Display) -> PyErr {
-        refused(py, Some(self.camera.id()), "image", what)
+    fn image_error(&self, py: Python<'_>, what: impl std::fmt::Display) -> PyErr {
+        value_error(py, Some(self.camera.id()), "image", what)
     }
 
     /// Returns the image as a C-contiguous array.
@@ -144,7 +144,7 @@ impl Undistorter {
                 Err(_) if image.is_none() => "None (was the image file read?)".to_owned(),
                 Err(_) => format!("a {}", image.get_type().name()?),
             };
-            return Err(self.refused(py, format_args!("found {found}, {expected}")));
+            return Err(self.image_error(py, format_args!("found {found}, {expected}")));
         };
         match *given.shape() {
             [h, w] | [h, w, 1 | 3 | 4] if [h, w] == [height, width] => {}
@@ -153,11 +153,11 @@ impl Undistorter {
                     "found an image of {w} x {h} pixels, this undistorter is for {width} x {height} pixels \
                      ({expected}); create one with stream_size=({w}, {h})"
                 );
-                return Err(self.refused(py, what));
+                return Err(self.image_error(py, what));
             }
             ref found => {
                 let found = array::shape_text(found);
-                return Err(self.refused(py, format_args!("found the shape {found}, {expected}")));
+                return Err(self.image_error(py, format_args!("found the shape {found}, {expected}")));
             }
         }
         if given.is_c_contiguous() {
@@ -197,8 +197,8 @@ pub(crate) type Keywords<'a, 'py> = &'a Bound<'py, PyDict>;
 impl Camera {
     /// Returns the calibrated camera of a site entry.
     pub(crate) fn of_entry(py: Python<'_>, site: &Site, entry: &SiteCamera) -> PyResult<Self> {
-        let view = site.view_of(entry).map_err(|why| of_camera(py, &entry.id, why))?;
-        Ok(Self { id: entry.id.clone(), view, text: alone(site, entry) })
+        let view = site.view_of(entry).map_err(|why| camera_error(py, &entry.id, why))?;
+        Ok(Self { id: entry.id.clone(), view, text: single_camera_site(site, entry) })
     }
 
     /// Returns the map from pixels to the floor.
@@ -207,10 +207,10 @@ impl Camera {
     }
 
     /// Returns the camera at the size of its stream; fails if the stream is stretched.
-    fn shown(&self, py: Python<'_>) -> PyResult<calib_core::Camera> {
+    fn camera_in_stream(&self, py: Python<'_>) -> PyResult<calib_core::Camera> {
         self.view.camera_in_stream().ok_or_else(|| {
             let what = "a stretched stream has two focal lengths; use the camera of the calibrated image";
-            refused(py, Some(&self.id), "fit", what)
+            value_error(py, Some(&self.id), "fit", what)
         })
     }
 
@@ -225,7 +225,7 @@ type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
 /// Returns a site with only this camera, without annotations and residuals. Findings about a known scale and
 /// position are kept.
-fn alone(site: &Site, entry: &SiteCamera) -> String {
+fn single_camera_site(site: &Site, entry: &SiteCamera) -> String {
     let tells_use = |code: Code| matches!(code, Code::ScaleAssumed | Code::PlacedByHand);
     let mut camera = SiteCamera::new(entry.id.clone(), entry.size_px);
     camera.efov_px.clone_from(&entry.efov_px);
@@ -360,13 +360,13 @@ impl Camera {
     /// Focal length, in pixels of the stream.
     #[getter]
     fn focal_px(&self, py: Python<'_>) -> PyResult<f64> {
-        Ok(self.shown(py)?.focal)
+        Ok(self.camera_in_stream(py)?.focal)
     }
 
     /// Principal point (u, v), in pixels of the stream.
     #[getter]
     fn principal_point_px(&self, py: Python<'_>) -> PyResult<(f64, f64)> {
-        let Pixel { u, v } = self.shown(py)?.lens.principal_point;
+        let Pixel { u, v } = self.camera_in_stream(py)?.lens.principal_point;
         Ok((u, v))
     }
 
@@ -374,7 +374,7 @@ impl Camera {
     /// matrix if the camera has ``origin="centre"``.
     #[getter]
     fn camera_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let camera = self.shown(py)?;
+        let camera = self.camera_in_stream(py)?;
         let Pixel { u, v } = camera.lens.principal_point;
         matrix(py, &[[camera.focal, 0.0, u], [0.0, camera.focal, v], [0.0, 0.0, 1.0]])
     }
@@ -383,7 +383,7 @@ impl Camera {
     /// focal length.
     #[getter]
     fn distortion<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let lens = self.shown(py)?.lens;
+        let lens = self.camera_in_stream(py)?.lens;
         let Some(model) = lens.distortion.model() else { return Ok(None) };
         let found = PyDict::new(py);
         found.set_item("model", model.row().name)?;
@@ -397,13 +397,13 @@ impl Camera {
     /// Projection matrix P = K R [I | -C], shape (3, 4): world points to undistorted pixels of the stream.
     #[getter]
     fn projection_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.shown(py)?.projection_matrix())
+        matrix(py, &self.camera_in_stream(py)?.projection_matrix())
     }
 
     /// Homography, shape (3, 3): undistorted pixels of the stream to the floor.
     #[getter]
     fn floor_from_pixel<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.shown(py)?.homography_floor_from_pixel(0.0))
+        matrix(py, &self.camera_in_stream(py)?.homography_floor_from_pixel(0.0))
     }
 
     /// Corners of the effective field of view (EFOV) on the floor, shape (n, 2), in metres.
@@ -417,7 +417,7 @@ impl Camera {
     ///
     /// Their order is x, y, z (metres), yaw, pitch, roll (radians), focal length (pixels of the calibrated
     /// image), five distortion coefficients in the order of their model, and the principal point u, v (pixels
-    /// of the calibrated image). For a fisheye the fifth distortion parameter is the logarithm of its own
+    /// of the calibrated image). For a fisheye the fifth distortion parameter is the logarithm of a separate
     /// focal length. Rows of fixed parameters are 0. A variance is infinite if it is unknown, for example of
     /// z if `scale_known` is False.
     #[getter]
@@ -438,9 +438,9 @@ impl Camera {
     /// Restores a camera from the parts of `__reduce__`.
     #[staticmethod]
     #[pyo3(name = "_again")]
-    fn again(py: Python<'_>, text: &str, id: &str, stream: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let site = Site::from_json(text).map_err(|error| of_site(py, "", &error))?;
-        let entry = site.camera(id).ok_or_else(|| of_camera(py, id, "is missing in the pickled site"))?;
+    fn restore(py: Python<'_>, text: &str, id: &str, stream: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let site = Site::from_json(text).map_err(|error| site_error(py, "", &error))?;
+        let entry = site.camera(id).ok_or_else(|| camera_error(py, id, "is missing in the pickled site"))?;
         Self::of_entry(py, &site, entry)?.with_stream(Some(stream))
     }
 

@@ -17,14 +17,14 @@ create_exception!(
 );
 
 /// Sets the attributes of exceptions that Python code raises without a camera and a field.
-pub(crate) fn declare(module: &Bound<'_, PyModule>) -> PyResult<()> {
+pub(crate) fn add_default_attributes(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let class = module.py().get_type::<CalibError>();
     class.setattr("camera", None::<&str>)?;
     class.setattr("field", None::<&str>)
 }
 
 /// Returns an exception about a value, with the id of its camera if there is one.
-pub(crate) fn refused(
+pub(crate) fn value_error(
     py: Python<'_>,
     camera: Option<&str>,
     field: &str,
@@ -32,21 +32,21 @@ pub(crate) fn refused(
 ) -> PyErr {
     let place = camera.map_or_else(String::new, |id| format!("camera {id:?}: "));
     let error = CalibError::new_err(format!("{place}{field}: {what}"));
-    about(py, error, camera, Some(field))
+    with_attributes(py, error, camera, Some(field))
 }
 
 /// Returns an exception about a site file, with the name of the file as a prefix.
-pub(crate) fn of_site(py: Python<'_>, file: &str, error: &calib_site::SiteError) -> PyErr {
-    let camera = error.about.as_ref().map(|about| about.camera.as_str());
-    about(py, CalibError::new_err(format!("{file}{error}")), camera, Some(&error.pointer))
+pub(crate) fn site_error(py: Python<'_>, file: &str, error: &calib_site::SiteError) -> PyErr {
+    let camera = error.subject.as_ref().map(|about| about.camera.as_str());
+    with_attributes(py, CalibError::new_err(format!("{file}{error}")), camera, Some(&error.pointer))
 }
 
 /// Returns an exception about a whole camera.
-pub(crate) fn of_camera(py: Python<'_>, id: &str, what: impl std::fmt::Display) -> PyErr {
-    about(py, CalibError::new_err(format!("camera {id:?}: {what}")), Some(id), None)
+pub(crate) fn camera_error(py: Python<'_>, id: &str, what: impl std::fmt::Display) -> PyErr {
+    with_attributes(py, CalibError::new_err(format!("camera {id:?}: {what}")), Some(id), None)
 }
 
-fn about(py: Python<'_>, error: PyErr, camera: Option<&str>, field: Option<&str>) -> PyErr {
+fn with_attributes(py: Python<'_>, error: PyErr, camera: Option<&str>, field: Option<&str>) -> PyErr {
     let value = error.value(py);
     match value.setattr("camera", camera).and_then(|()| value.setattr("field", field)) {
         Ok(()) => error,
@@ -92,7 +92,7 @@ impl Finding {
     /// Restores a finding from the parts of `__reduce__`.
     #[staticmethod]
     #[pyo3(name = "_again")]
-    fn again(camera: Option<&str>, code: &str, severity: &str, message: &str, advice: &str) -> Self {
+    fn restore(camera: Option<&str>, code: &str, severity: &str, message: &str, advice: &str) -> Self {
         Self {
             camera: camera.map(str::to_owned),
             code: code.to_owned(),
@@ -109,6 +109,6 @@ type Parts<'a> = (Option<&'a str>, &'a str, &'a str, &'a str, &'a str);
 impl Finding {
     pub(crate) fn of_entry(entry: &FindingEntry<'_>) -> Self {
         let FindingEntry { camera, code, severity, message, advice } = *entry;
-        Self::again(camera, code, severity.name(), message, advice)
+        Self::restore(camera, code, severity.name(), message, advice)
     }
 }

@@ -11,7 +11,7 @@
 //!
 //! The folder `python/` contains pure Python: statuses, and entries of a site file.
 
-#![allow(clippy::doc_markdown, reason = "what stands on a class is the documentation of Python")]
+#![allow(clippy::doc_markdown, reason = "doc comments of classes become Python docstrings")]
 
 mod error;
 mod array;
@@ -46,6 +46,6 @@ mod _calib {
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         module.add("STATUS_NAMES", calib_core::Status::ALL.map(calib_core::Status::name))?;
-        super::error::declare(module)
+        super::error::add_default_attributes(module)
     }
 }

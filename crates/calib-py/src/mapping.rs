@@ -8,7 +8,7 @@ use pyo3::types::PyTuple;
 
 use crate::array::{self, Doubles};
 use crate::camera::{Camera, Keywords};
-use crate::error::refused;
+use crate::error::value_error;
 
 pub(crate) type Triple<'py> = Bound<'py, PyTuple>;
 
@@ -68,7 +68,7 @@ impl Camera {
             None => [array::zeros(py, u.shape())?, array::zeros(py, u.shape())?],
             Some(out) => {
                 let Ok(pair) = out.extract::<[Bound<'py, PyAny>; 2]>() else {
-                    return Err(refused(py, None, "out", "expected two arrays of float64"));
+                    return Err(value_error(py, None, "out", "expected two arrays of float64"));
                 };
                 let [x, y] = pair.each_ref().map(|one| array::output::<f64>(one, u.shape(), "float64"));
                 [x?, y?]
@@ -98,13 +98,13 @@ pub(crate) fn outputs<'py>(
     let Ok((first, second, status)) =
         out.extract::<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)>()
     else {
-        return Err(refused(py, None, "out", "expected three arrays: two of float64, and one of uint8"));
+        return Err(value_error(py, None, "out", "expected three arrays: two of float64, and one of uint8"));
     };
     let double = |value| array::output::<f64>(value, shape, "float64");
     Ok((double(&first)?, double(&second)?, array::output::<u8>(&status, shape, "uint8")?))
 }
 
-pub(crate) fn with<const N: usize>(shape: &[usize], more: [usize; N]) -> Vec<usize> {
+pub(crate) fn extend_shape<const N: usize>(shape: &[usize], more: [usize; N]) -> Vec<usize> {
     shape.iter().copied().chain(more).collect()
 }
 
@@ -178,7 +178,7 @@ impl Camera {
         let (py, view) = (u.py(), self.of(stream)?);
         let (sigma_px, height) = (self.sigma(py, sigma_px)?, array::real(height, "height", 0.0)?);
         let [u, v] = array::columns([u, v], ["u", "v"])?;
-        let shape = with(u.shape(), [2, 2]);
+        let shape = extend_shape(u.shape(), [2, 2]);
         let parts = [array::zeros::<f64>(py, &shape)?, array::zeros::<f64>(py, &shape)?];
         {
             let (u, v) = (array::read(&u, "u")?, array::read(&v, "v")?);
@@ -213,7 +213,7 @@ impl Camera {
     ) -> PyResult<Doubles<'py>> {
         let (py, view) = (u.py(), self.of(stream)?);
         let [u, v] = array::columns([u, v], ["u", "v"])?;
-        let found = array::zeros::<f64>(py, &with(u.shape(), [2, Covariance::SIZE]))?;
+        let found = array::zeros::<f64>(py, &extend_shape(u.shape(), [2, Covariance::SIZE]))?;
         {
             let (u, v, mut to) = (array::read(&u, "u")?, array::read(&v, "v")?, array::write(&found)?);
             let (pixels, to) = ([u.as_slice()?, v.as_slice()?], to.as_slice_mut()?);
@@ -287,7 +287,7 @@ impl Camera {
     ) -> PyResult<Doubles<'py>> {
         let (py, view) = (u.py(), self.of(stream)?);
         let [u, v] = array::columns([u, v], ["u", "v"])?;
-        let found = array::zeros::<f64>(py, &with(u.shape(), [3]))?;
+        let found = array::zeros::<f64>(py, &extend_shape(u.shape(), [3]))?;
         {
             let (u, v, mut to) = (array::read(&u, "u")?, array::read(&v, "v")?, array::write(&found)?);
             let (pixels, to) = ([u.as_slice()?, v.as_slice()?], to.as_slice_mut()?);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use calib_core::{FloorPoint, PlanScale};
 
 use calib_input::FileError;
-use calib_site::{Fault, MAX_BYTES, Method, NoCamera, Options};
+use calib_site::{CameraLookupError, MAX_BYTES, Method, Options, SiteErrorKind};
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -13,7 +13,7 @@ use pyo3::types::{PyDict, PyString};
 use crate::array::{self, Pair};
 use crate::camera::Camera;
 use crate::error::Finding;
-use crate::error::{of_camera, of_site, refused};
+use crate::error::{camera_error, site_error, value_error};
 
 /// Site document: cameras with their annotations and solutions.
 ///
@@ -37,7 +37,7 @@ impl Site {
         if !source.is_instance_of::<PyDict>() && !text.trim_start().starts_with('{') {
             let found = source.repr()?.to_string_lossy().chars().take(60).collect::<String>();
             let what = format!("found {found}, expected a dict or JSON text; `Site.open` reads a file");
-            return Err(refused(source.py(), None, "source", what));
+            return Err(value_error(source.py(), None, "source", what));
         }
         Self::parse(source.py(), &text, "", is_written)
     }
@@ -50,11 +50,11 @@ impl Site {
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = format!("{}: ", path.display());
         let bytes = calib_input::read(&path, MAX_BYTES as u64).map_err(|error| match error {
-            FileError::System(error) => of_system(&error, &path),
-            other => refused(py, None, "path", format_args!("{name}{other}")),
+            FileError::System(error) => os_error(&error, &path),
+            other => value_error(py, None, "path", format_args!("{name}{other}")),
         })?;
-        let text = calib_input::document(bytes)
-            .map_err(|why| refused(py, None, "path", format_args!("{} {why}", path.display())))?;
+        let text = calib_input::json_document(bytes)
+            .map_err(|why| value_error(py, None, "path", format_args!("{} {why}", path.display())))?;
         Self::parse(py, &text, &name, true)
     }
 
@@ -77,7 +77,8 @@ impl Site {
         stream: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Camera> {
         let at = at.map(|at| time(at, Some(id))).transpose()?;
-        let entry = self.0.camera_at(id, at.as_deref()).map_err(|why| self.no_camera(py, id, &why))?;
+        let entry =
+            self.0.camera_at(id, at.as_deref()).map_err(|why| self.camera_lookup_error(py, id, &why))?;
         Camera::of_entry(py, &self.0, entry)?.with_stream(stream)
     }
 
@@ -151,7 +152,7 @@ impl Site {
             "ml" => Method::MaximumLikelihood,
             "paper" => Method::Paper,
             _ => {
-                return Err(refused(
+                return Err(value_error(
                     py,
                     None,
                     "method",
@@ -161,7 +162,7 @@ impl Site {
         };
         let unknown = cameras.iter().flatten().find(|id| self.0.cameras.iter().all(|entry| entry.id != **id));
         if let Some(id) = unknown {
-            return Err(self.no_camera(py, id, &NoCamera::Unknown));
+            return Err(self.camera_lookup_error(py, id, &CameraLookupError::Unknown));
         }
         let options = Options { method, refine, prior, cameras };
         Ok(Self(py.detach(|| self.0.calibrate(&options).write_into(&self.0))))
@@ -191,33 +192,35 @@ impl Site {
     fn plan(&self, py: Python<'_>) -> PyResult<PlanScale> {
         let plan = self.0.plan.as_ref().map(calib_site::Plan::scale);
         plan.ok_or_else(|| {
-            refused(py, None, "plan", "the site has no plan; add \"plan\" with \"metres_per_px\"")
+            value_error(py, None, "plan", "the site has no plan; add \"plan\" with \"metres_per_px\"")
         })
     }
 
     /// Parses a document. If the program generated the text, error messages omit line and column.
     fn parse(py: Python<'_>, text: &str, file: &str, is_written: bool) -> PyResult<Self> {
         py.detach(|| calib_site::Site::from_json(text)).map(Self).map_err(|mut error| {
-            if let Fault::Unreadable { at, .. } = &mut error.fault {
+            if let SiteErrorKind::Unreadable { at, .. } = &mut error.kind {
                 *at = at.filter(|_| is_written);
             }
-            of_site(py, file, &error)
+            site_error(py, file, &error)
         })
     }
 
-    fn no_camera(&self, py: Python<'_>, id: &str, why: &NoCamera) -> PyErr {
+    fn camera_lookup_error(&self, py: Python<'_>, id: &str, why: &CameraLookupError) -> PyErr {
         match why {
-            NoCamera::Unknown => {}
-            NoCamera::SeveralPeriods => return of_camera(py, id, format_args!("{why} with at=")),
-            NoCamera::NoneThen | NoCamera::NotATime => return refused(py, Some(id), "at", why),
+            CameraLookupError::Unknown => {}
+            CameraLookupError::SeveralPeriods => return camera_error(py, id, format_args!("{why} with at=")),
+            CameraLookupError::NotValidThen | CameraLookupError::NotATime => {
+                return value_error(py, Some(id), "at", why);
+            }
         }
         let ids: Vec<&str> = self.0.cameras.iter().map(|entry| entry.id.as_str()).collect();
-        of_camera(py, id, format_args!("{why}; the site has {}", ids.join(", ")))
+        camera_error(py, id, format_args!("{why}; the site has {}", ids.join(", ")))
     }
 }
 
 /// Returns an `OSError` with number and file name, like Python's own.
-fn of_system(error: &std::io::Error, path: &Path) -> PyErr {
+fn os_error(error: &std::io::Error, path: &Path) -> PyErr {
     match error.raw_os_error() {
         Some(number) => {
             let words = error.to_string();
@@ -237,7 +240,7 @@ fn json(source: &Bound<'_, PyAny>) -> PyResult<String> {
     let text = py.import("json")?.call_method("dumps", (source,), Some(&options)).map_err(|why| {
         let what =
             format!("expected a dict or JSON text of a site (`Site.open` reads a file): {}", why.value(py));
-        refused(py, None, "source", what)
+        value_error(py, None, "source", what)
     })?;
     text.extract()
 }
@@ -250,15 +253,16 @@ pub(crate) fn time(at: &Bound<'_, PyAny>, camera: Option<&str>) -> PyResult<Stri
     let py = at.py();
     let zone = at.getattr("tzinfo").ok();
     if zone.is_none() || !at.hasattr("isoformat")? {
-        let what = format!("found {}, expected {A_TIME}", at.repr()?.to_string_lossy());
-        return Err(refused(py, camera, "at", what));
+        let what = format!("found {}, expected {TIME_FORMAT}", at.repr()?.to_string_lossy());
+        return Err(value_error(py, camera, "at", what));
     }
     if zone.is_some_and(|zone| zone.is_none()) {
-        let what = format!("found {} without a time zone, expected {A_TIME}", at.str()?.to_string_lossy());
-        return Err(refused(py, camera, "at", what));
+        let what =
+            format!("found {} without a time zone, expected {TIME_FORMAT}", at.str()?.to_string_lossy());
+        return Err(value_error(py, camera, "at", what));
     }
     at.call_method0("isoformat")?.extract()
 }
 
-const A_TIME: &str = "text such as \"2026-05-01T08:00:00Z\", or a datetime with a time zone, such as \
+const TIME_FORMAT: &str = "text such as \"2026-05-01T08:00:00Z\", or a datetime with a time zone, such as \
                       datetime.now(timezone.utc)";

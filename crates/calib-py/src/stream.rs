@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::array::{self, Pair};
-use crate::error::refused;
+use crate::error::value_error;
 
 /// Keywords of pixels with their values, for error messages.
 pub(crate) const KEYWORDS: &str =
@@ -18,7 +18,7 @@ pub(crate) const KEYWORDS: &str =
 
 /// Keywords about pixels that many calls accept. Absent keywords keep the value of the camera.
 #[derive(Clone, Debug, Default)]
-struct Pixels {
+struct PixelKeywords {
     origin: Option<String>,
     stream_size: Option<(f64, f64)>,
     fit: Option<String>,
@@ -32,22 +32,22 @@ pub(crate) fn view_of<'a>(
     keywords: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Cow<'a, CameraView>> {
     let Some(keywords) = keywords else { return Ok(Cow::Borrowed(view)) };
-    Pixels::read(keywords)?.of(keywords.py(), id, view)
+    PixelKeywords::read(keywords)?.of(keywords.py(), id, view)
 }
 
-impl Pixels {
+impl PixelKeywords {
     fn read(keywords: &Bound<'_, PyDict>) -> PyResult<Self> {
         let mut pixels = Self::default();
         for (keyword, value) in keywords {
             let keyword: String = keyword.extract()?;
             match keyword.as_str() {
-                "origin" => pixels.origin = said(&keyword, &value, "\"corner\" or \"centre\"")?,
+                "origin" => pixels.origin = extract_keyword(&keyword, &value, "\"corner\" or \"centre\"")?,
                 "stream_size" => {
-                    let size: Option<[f64; 2]> = said(&keyword, &value, "(width, height)")?;
+                    let size: Option<[f64; 2]> = extract_keyword(&keyword, &value, "(width, height)")?;
                     pixels.stream_size = size.map(Into::into);
                 }
-                "fit" => pixels.fit = said(&keyword, &value, "\"stretch\" or \"letterbox\"")?,
-                "crop" => pixels.crop = said(&keyword, &value, "(left, top, width, height)")?,
+                "fit" => pixels.fit = extract_keyword(&keyword, &value, "\"stretch\" or \"letterbox\"")?,
+                "crop" => pixels.crop = extract_keyword(&keyword, &value, "(left, top, width, height)")?,
                 _ => {
                     let what = format!("unexpected keyword {keyword:?}, expected {KEYWORDS} of pixels");
                     return Err(PyTypeError::new_err(what));
@@ -57,12 +57,12 @@ impl Pixels {
         Ok(pixels)
     }
 
-    fn says_nothing(&self) -> bool {
+    fn is_empty(&self) -> bool {
         self.origin.is_none() && self.stream_size.is_none() && self.fit.is_none() && self.crop.is_none()
     }
 
     /// Applies the keywords to a stream.
-    fn over(&self, py: Python<'_>, id: Option<&str>, mut stream: Stream) -> PyResult<Stream> {
+    fn apply_to(&self, py: Python<'_>, id: Option<&str>, mut stream: Stream) -> PyResult<Stream> {
         if let Some(name) = &self.origin {
             stream.origin = named(py, id, "origin", name, PixelOrigin::of_name, "\"corner\" or \"centre\"")?;
         }
@@ -78,18 +78,18 @@ impl Pixels {
     }
 
     fn of<'a>(&self, py: Python<'_>, id: &str, view: &'a CameraView) -> PyResult<Cow<'a, CameraView>> {
-        if self.says_nothing() {
+        if self.is_empty() {
             return Ok(Cow::Borrowed(view));
         }
-        let stream = self.over(py, Some(id), *view.stream())?;
+        let stream = self.apply_to(py, Some(id), *view.stream())?;
         let field = if self.crop.is_some() && self.stream_size.is_none() { "crop" } else { "stream_size" };
-        view.with_stream(stream).map(Cow::Owned).map_err(|why| refused(py, Some(id), field, why))
+        view.with_stream(stream).map(Cow::Owned).map_err(|why| value_error(py, Some(id), field, why))
     }
 }
 
 /// Returns the stream that keywords describe.
 pub(crate) fn stream_of(keywords: &Bound<'_, PyDict>) -> PyResult<Stream> {
-    Pixels::read(keywords)?.over(keywords.py(), None, Stream::default())
+    PixelKeywords::read(keywords)?.apply_to(keywords.py(), None, Stream::default())
 }
 
 /// Converts pixels of a stream to pixels of the camera's calibrated image, counted from its corner.
@@ -109,20 +109,20 @@ pub(crate) fn to_still<'py>(
     let stream = stream.map_or_else(|| Ok(Stream::default()), stream_of)?;
     let map = stream.map(size).map_err(|why| {
         let field = if stream.size.is_none() { "crop" } else { "stream_size" };
-        refused(u.py(), None, field, why)
+        value_error(u.py(), None, field, why)
     })?;
     array::each(u.py(), [u, v], ["u", "v"], |u, v| [map.in_still(0, u), map.in_still(1, v)])
 }
 
 /// Extracts the value of a keyword.
-fn said<'py, T: for<'a> FromPyObject<'a, 'py>>(
+fn extract_keyword<'py, T: for<'a> FromPyObject<'a, 'py>>(
     keyword: &str,
     value: &Bound<'py, PyAny>,
     expected: &str,
 ) -> PyResult<T> {
     value.extract().or_else(|_| {
         let what = format!("found {}, expected {expected}", value.repr()?.to_string_lossy());
-        Err(refused(value.py(), None, keyword, what))
+        Err(value_error(value.py(), None, keyword, what))
     })
 }
 
@@ -135,7 +135,8 @@ pub(crate) fn named<T>(
     of_name: fn(&str) -> Option<T>,
     expected: &str,
 ) -> PyResult<T> {
-    of_name(name).ok_or_else(|| refused(py, id, field, format_args!("found {name:?}, expected {expected}")))
+    of_name(name)
+        .ok_or_else(|| value_error(py, id, field, format_args!("found {name:?}, expected {expected}")))
 }
 
 fn side(py: Python<'_>, id: Option<&str>, side: f64) -> PyResult<u32> {
@@ -144,5 +145,5 @@ fn side(py: Python<'_>, id: Option<&str>, side: f64) -> PyResult<u32> {
         return Ok(whole);
     }
     let what = format!("found a side of {side}, expected (width, height) in whole pixels");
-    Err(refused(py, id, "stream_size", what))
+    Err(value_error(py, id, "stream_size", what))
 }

@@ -6,8 +6,8 @@ use std::ffi::CString;
 use arrow_array::{RecordBatch, RecordBatchReader};
 use calib_core::floor::Stream;
 use calib_table::{
-    AtColumn, AtUnit, BadCells, BadRows, ByCamera, Calibrations, Columns, Mapping, Place, Rows, TableError,
-    To, Wanted, Wording,
+    AtColumn, AtUnit, BadCells, BadRows, CalibrationRequest, Calibrations, CameraSource, Columns, Mapping,
+    RowName, Rows, TableError, To, Wording,
 };
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
@@ -16,13 +16,13 @@ use pyo3_arrow::{PyRecordBatchReader, PyTable};
 use sha2::{Digest as _, Sha256};
 
 use crate::array::real;
-use crate::error::refused;
+use crate::error::value_error;
 use crate::site::{Site, time};
 use crate::stream::{KEYWORDS, stream_of};
 
 /// Options of `Site.project`, from its keywords.
 #[derive(Debug)]
-struct Asked {
+struct TableOptions {
     camera: Option<String>,
     camera_column: Option<String>,
     at: Option<String>,
@@ -49,9 +49,9 @@ fn in_list<T: Copy>(list: &[(&str, T)], name: &str) -> Option<T> {
     list.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
 }
 
-impl Asked {
+impl TableOptions {
     fn read(py: Python<'_>, keywords: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let (mut asked, pixels) = (Self::nothing(), PyDict::new(py));
+        let (mut asked, pixels) = (Self::defaults(), PyDict::new(py));
         for (keyword, value) in keywords.into_iter().flatten() {
             if value.is_none() {
                 continue;
@@ -62,8 +62,12 @@ impl Asked {
                 "at" => asked.at = Some(time(&value, None)?),
                 "at_column" => asked.at_column = value.extract()?,
                 "at_unit" => {
-                    asked.at_unit =
-                        Some(choice(&value, "at_unit", AtUnit::named, "\"s\", \"ms\", \"us\" or \"ns\"")?);
+                    asked.at_unit = Some(choice(
+                        &value,
+                        "at_unit",
+                        AtUnit::from_name,
+                        "\"s\", \"ms\", \"us\" or \"ns\"",
+                    )?);
                 }
                 "to" => asked.to = choice(&value, "to", |name| in_list(&TO, name), "\"floor\" or \"pixel\"")?,
                 "columns" => {
@@ -98,7 +102,7 @@ impl Asked {
         Ok(asked)
     }
 
-    const fn nothing() -> Self {
+    const fn defaults() -> Self {
         Self {
             camera: None,
             camera_column: None,
@@ -128,18 +132,18 @@ impl Asked {
             )
         };
         match (&self.camera, &self.camera_column) {
-            (Some(_), Some(_)) => return Err(refused(py, None, "camera", both("camera"))),
+            (Some(_), Some(_)) => return Err(value_error(py, None, "camera", both("camera"))),
             (None, None) => {
                 let what = "expected camera= with the id of a camera, or camera_column= with the name of a column of ids";
-                return Err(refused(py, None, "camera", what));
+                return Err(value_error(py, None, "camera", what));
             }
             _ => {}
         }
         if self.at.is_some() && self.at_column.is_some() {
-            return Err(refused(py, None, "at", both("at")));
+            return Err(value_error(py, None, "at", both("at")));
         }
         if self.to == To::Pixel && self.sigma.is_some() {
-            return Err(refused(py, None, "sigma_px", "requires to=\"floor\""));
+            return Err(value_error(py, None, "sigma_px", "requires to=\"floor\""));
         }
         Ok(())
     }
@@ -150,25 +154,30 @@ impl Asked {
         let text = site.to_json();
         if let Some(id) = self.camera.as_ref().filter(|id| site.cameras.iter().all(|entry| entry.id != **id))
         {
-            return Err(crate::error::of_camera(py, id, calib_site::NoCamera::Unknown));
+            return Err(crate::error::camera_error(py, id, calib_site::CameraLookupError::Unknown));
         }
         if let Some(at) = &self.at {
             for entry in std::mem::take(&mut site.cameras) {
-                if entry.is_valid_at(at).map_err(|why| refused(py, None, "at", why.message()))? {
+                if entry.is_valid_at(at).map_err(|why| value_error(py, None, "at", why.message()))? {
                     site.cameras.push(entry);
                 }
             }
         }
         let camera = match (&self.camera, &self.camera_column) {
-            (Some(id), _) => ByCamera::Only(id.clone()),
-            (None, column) => ByCamera::Column(column.clone().unwrap_or_default()),
+            (Some(id), _) => CameraSource::Only(id.clone()),
+            (None, column) => CameraSource::Column(column.clone().unwrap_or_default()),
         };
         let at = self.at_column.clone().map(|name| AtColumn::new(name, self.at_unit, Wording::Keywords));
-        let wanted =
-            Wanted { camera, at, height: self.height, stream: self.stream, wording: Wording::Keywords };
+        let wanted = CalibrationRequest {
+            camera,
+            at,
+            height: self.height,
+            stream: self.stream,
+            wording: Wording::Keywords,
+        };
         let digest: String =
             Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
-        Calibrations::of(&site, digest, wanted).map_err(|why| of_table(py, &why))
+        Calibrations::from_site(&site, digest, wanted).map_err(|why| table_error(py, &why))
     }
 
     fn mapping(&self) -> Mapping {
@@ -190,12 +199,13 @@ fn choice<T>(
     expected: &str,
 ) -> PyResult<T> {
     let name: String = value.extract()?;
-    of_name(&name)
-        .ok_or_else(|| refused(value.py(), None, field, format_args!("found {name:?}, expected {expected}")))
+    of_name(&name).ok_or_else(|| {
+        value_error(value.py(), None, field, format_args!("found {name:?}, expected {expected}"))
+    })
 }
 
-fn of_table(py: Python<'_>, why: &TableError) -> PyErr {
-    refused(py, None, "table", why)
+fn table_error(py: Python<'_>, why: &TableError) -> PyErr {
+    value_error(py, None, "table", why)
 }
 
 #[pymethods]
@@ -230,13 +240,13 @@ impl Site {
     )]
     fn project(&self, table: &Bound<'_, PyAny>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyTable> {
         let py = table.py();
-        let asked = Asked::read(py, options)?;
+        let asked = TableOptions::read(py, options)?;
         let mut calibrations = asked.calibrations(py, &self.0)?;
         for note in calibrations.notes() {
             warn(py, note)?;
         }
         let unreadable = |why: PyErr| {
-            refused(
+            value_error(
                 py,
                 None,
                 "table",
@@ -250,19 +260,22 @@ impl Site {
         let (mapping, schema) = (asked.mapping(), reader.schema());
         let (mut mapped, mut before): (Vec<RecordBatch>, usize) = (Vec::new(), 0);
         for batch in reader {
-            let batch = batch.map_err(|why| refused(py, None, "table", why))?;
+            let batch = batch.map_err(|why| value_error(py, None, "table", why))?;
             let found = py.detach(|| {
-                mapping.map(&batch, &mut calibrations, whole(&|row| format!("row {}", before + row)))
+                mapping.map(&batch, &mut calibrations, complete_rows(&|row| format!("row {}", before + row)))
             });
-            mapped.push(found.map_err(|why| of_table(py, &why))?);
+            mapped.push(found.map_err(|why| table_error(py, &why))?);
             before += batch.num_rows();
         }
         if mapped.is_empty() {
-            let none =
-                mapping.map(&RecordBatch::new_empty(schema), &mut calibrations, whole(&|_| "row 0".into()));
-            mapped.push(none.map_err(|why| of_table(py, &why))?);
+            let none = mapping.map(
+                &RecordBatch::new_empty(schema),
+                &mut calibrations,
+                complete_rows(&|_| "row 0".into()),
+            );
+            mapped.push(none.map_err(|why| table_error(py, &why))?);
         }
-        for note in mapping.bad.notes().into_iter().chain(calibrations.lost()) {
+        for note in mapping.bad.notes().into_iter().chain(calibrations.uncalibrated_notes()) {
             warn(py, &note)?;
         }
         let schema = mapped[0].schema();
@@ -276,6 +289,6 @@ fn warn(py: Python<'_>, note: &str) -> PyResult<()> {
 }
 
 /// Returns rows that are all complete, as in Arrow tables.
-fn whole<'a>(place: Place<'a>) -> Rows<'a> {
-    Rows { place, is_broken: &|_| false }
+fn complete_rows<'a>(place: RowName<'a>) -> Rows<'a> {
+    Rows { row_name: place, is_incomplete: &|_| false }
 }

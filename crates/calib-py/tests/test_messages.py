@@ -134,9 +134,9 @@ def swapped(lines: list[list[tuple[float, float]]]) -> list[list[tuple[float, fl
 ])
 def test_swapped_coordinates_are_reported(entry: dict[str, object]) -> None:
     findings = calib.Site(calib.site_document([entry])).calibrate().findings
-    found = [finding for finding in findings if "lie outside the image" in finding.message]
+    found = [finding for finding in findings if "are outside the image" in finding.message]
     assert len(found) == 1 and found[0].severity in ("warning", "error"), findings
-    assert "5 of 16 points" in found[0].message and "With u and v exchanged all would lie inside" in found[0].message
+    assert "5 of 16 points" in found[0].message and "With u and v exchanged, all would be inside" in found[0].message
     assert "swapped" in found[0].advice and "size_px" in found[0].advice
     assert not any("outside" in finding.message for finding in calib.Site(calib.site_document([door()])).calibrate().findings)
 
@@ -173,4 +173,4 @@ def test_a_misfit_names_the_uprights_that_contradict_each_other() -> None:
         return [found.message for found in site.calibrate().findings if found.code == "misfit"]
 
     assert messages(1.75, 1.75, 1.75) == []
-    assert any(re.search(r"Uprights contradict each other: the camera is .* m high by U2 .*, and .* m by", said) for said in messages(1.75, 2.3, 1.75))
+    assert any(re.search(r"Uprights contradict each other: the camera height is .* m from U2 .*, but .* m from", said) for said in messages(1.75, 2.3, 1.75))

@@ -52,7 +52,7 @@ def test_a_camera_that_cannot_be_solved_has_a_reason() -> None:
     solved = calib.Site(calib.site_document([entry])).calibrate()
     assert {found.camera for found in solved.findings} == {"door"}
     assert solved.findings[-1].severity == "error"
-    with pytest.raises(calib.CalibError, match="as far as its lens"):
+    with pytest.raises(calib.CalibError, match="only a calibrated lens"):
         solved.camera("door")
 
 

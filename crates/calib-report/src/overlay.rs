@@ -186,7 +186,7 @@ fn summary(entry: &SiteCamera) -> String {
     let is_down = straight_down(solution).is_some();
     let roll = if is_down { String::new() } else { format!(" \u{b7} roll {roll:.1}\u{b0}") };
     let mut text = format!(" \u{b7} pitch {pitch:.1}\u{b0}{roll} \u{b7} view {hfov:.0}\u{b0}");
-    let is_assumed = solution.warns_of(Code::ScaleAssumed);
+    let is_assumed = solution.has_warning(Code::ScaleAssumed);
     let [assumed, scale_open] = if is_assumed { ["assumed ", " but for its scale"] } else { [""; 2] };
     if let Some(position) = solution.position_m {
         text.push_str(&format!(" \u{b7} {assumed}height {:.2} m", position.z));

@@ -78,9 +78,9 @@ impl WalkPage<'_> {
     }
 
     fn camera(&self, index: usize) -> String {
-        let together = self.result.together[index];
+        let together = self.result.shared_moments[index];
         match self.result.disagreements.iter().find(|one| one.camera == index) {
-            Some(one) => format!("disagrees ({:.1} sigmas): {}", one.sigmas_clear, direction(one)),
+            Some(one) => format!("disagrees ({:.1} sigmas): {}", one.significance, direction(one)),
             None if together == 0 => "not tested: no other camera saw the walker at the same time".into(),
             None => format!("agrees with the others at {}", counted(together, "moment", "moments")),
         }
@@ -163,7 +163,7 @@ impl WalkPage<'_> {
         }
         for moment in &self.result.moments {
             let half = 1.5;
-            let [x, y] = at(moment.place);
+            let [x, y] = at(moment.position);
             svg.line(&[[x - half, y], [x + half, y]], false, Stroke { width: 3.0, ..line }.faint(0.7));
         }
         let [w, h] = size;
@@ -174,7 +174,7 @@ impl WalkPage<'_> {
 fn error(zone: &Zone) -> String {
     match (zone.error, zone.error_sigma) {
         (Some(error), Some(sigma)) => {
-            let moments = counted(zone.together, "moment", "moments");
+            let moments = counted(zone.shared_moments, "moment", "moments");
             format!("{} \u{b1} {} cm of {moments}", centimetres(error), centimetres(sigma))
         }
         _ if zone.moments > 0 => "one camera alone".into(),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use calib_core::camera::Movement;
 
-use calib_health::{CameraHealth, Change, Verdict, Watch};
+use calib_health::{CameraHealth, Change, DriftStatus, Watch};
 
 use calib_draw::Rgb;
 use calib_site::counted;
@@ -30,8 +30,8 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
     let mut html = opened(title);
     html.push_str("<table><thead><tr><th>Camera<th>Verdict<th class=n>Tracks<th class=n>Seen with others</tr></thead><tbody>\n");
     for WatchedCamera { id, health } in cameras {
-        let class = if health.verdict == Verdict::Moved { " class=bad" } else { "" };
-        let (id, verdict) = (escape(id), health.verdict.name().replace('-', " "));
+        let class = if health.status == DriftStatus::Moved { " class=bad" } else { "" };
+        let (id, verdict) = (escape(id), health.status.name().replace('-', " "));
         let _ = writeln!(
             html,
             "<tr{class}><td><a href=\"#{id}\">{id}</a><td>{verdict}<td class=n>{}<td class=n>{}</tr>",
@@ -56,7 +56,7 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
 #[must_use]
 pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
     let tracks = counted(usize::try_from(health.tracks).unwrap_or(usize::MAX), "track", "tracks");
-    match (&health.change, health.verdict) {
+    match (&health.change, health.status) {
         (Some(change), _) => format!(
             "moved since {} (between {} and {}): {}; {}. {tracks}",
             instant(change.since),
@@ -65,7 +65,7 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
             by(change),
             told_by(change)
         ),
-        (None, Verdict::CannotTell) => {
+        (None, DriftStatus::CannotTell) => {
             format!("cannot tell: {tracks} here, too few or telling too little; {}", found(health))
         }
         (None, _) => format!("unchanged: {tracks}; {}", found(health)),
@@ -89,7 +89,7 @@ fn by(change: &Change) -> String {
 }
 
 fn told_by(change: &Change) -> &'static str {
-    match (change.by_heights, change.by_others) {
+    match (change.is_seen_in_heights, change.is_seen_by_others) {
         (true, false) => "people are not as tall there as they were",
         (false, true) => "people do not stand where other cameras see them",
         _ => "people are not as tall, and not where other cameras see them",
@@ -98,7 +98,7 @@ fn told_by(change: &Change) -> &'static str {
 
 /// The smallest movements that would have been found.
 fn found(health: &CameraHealth) -> String {
-    let [pan, tilt, _, zoom] = health.smallest;
+    let [pan, tilt, _, zoom] = health.smallest_detectable;
     let pan = if pan.is_finite() && pan < 0.5 {
         format!("a pan of {:.1}\u{b0}, ", pan.to_degrees())
     } else {

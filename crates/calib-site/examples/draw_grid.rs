@@ -1,7 +1,7 @@
-//! The metre grid of the floor as polylines of an image, written as an SVG to lay over it.
+//! Example: draws the metre grid of the floor as polylines of an image, as an SVG overlay.
 //!
 //! ```text
-//! cargo run --release -p calib-core --example draw_grid -- calib-demo/solved.json shop-1 > grid.svg
+//! cargo run --release -p calib-site --example draw_grid -- calib-demo/solved.json shop-1 > grid.svg
 //! ```
 
 use calib_core::{floor_grid, horizon, on_image};
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let entry = site.camera(id).ok_or("no such camera")?;
     let camera = entry.camera().ok_or("the camera is not calibrated")?;
 
-    // Lines of the floor inside the field of view, cut where they pass the camera and bent by its lens.
+    // Grid lines on the floor inside the field of view, clipped behind the camera and distorted by its lens.
     let grid = floor_grid(&entry.floor_polygon(), 1.0);
     let lines = grid.iter().flat_map(|line| on_image(&camera, line)).chain(horizon(&camera, entry.size()));
     let [width, height] = entry.size();

@@ -1,17 +1,17 @@
-//! Detections of several cameras to tracks on the floor.
+//! Example: fuses detections of several cameras into tracks on the floor.
 //!
 //! ```text
 //! cargo run --release --example fuse_tracks -- site.json detections.csv tracks.csv
 //! ```
 //!
 //! `detections.csv` has a row for every detected foot, in order of time: `at_s,camera,u,v` (seconds, id in
-//! the site, raw pixels; for a box take the middle of its lower edge). `tracks.csv` gets
+//! the site, raw pixels). For a box, use the middle of its lower edge. `tracks.csv` gets the columns
 //! `at_s,track,x_m,y_m,sigma_x_m,sigma_y_m,seen_by`.
 //!
-//! Every detection is put on the floor with its covariance, gated and given to a track by its Mahalanobis
-//! distance, whichever camera it comes from. A track is a Kalman filter of position and velocity. The error
-//! of a calibration is common to all detections of its camera, so no number of them averages it away: it
-//! is considered by the filter, but not estimated (Schmidt 1966).
+//! Every detection is mapped to the floor with its covariance. It is gated and assigned to a track by its
+//! Mahalanobis distance, whatever its camera. A track is a Kalman filter of position and velocity. The error
+//! of a calibration is common to all detections of its camera, so averaging does not reduce it. The filter
+//! therefore considers it without estimating it (Schmidt 1966).
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -23,28 +23,28 @@ use nalgebra::{Matrix2, Matrix4, SMatrix, Vector2, Vector4};
 
 /// Standard deviation of a detected foot, in pixels.
 pub(crate) const FOOT_PX: f64 = 2.0;
-/// Standard deviation of the speed that a person may have when first seen, in m/s.
-const SPEED: f64 = 1.2;
+/// Standard deviation of a person's speed at the first detection, in m/s.
+const INITIAL_SPEED_SIGMA: f64 = 1.2;
 /// Spectral density of a person's acceleration, in m^2/s^3.
-const AGILITY: f64 = 0.8;
-/// Mahalanobis distance, squared: what belongs to a track is nearer in 99.9 % of cases.
-const GATE: f64 = 13.8;
-/// A track that nobody has seen for so long has ended, in seconds.
-const PATIENCE: f64 = 3.0;
-/// One that is not believed in yet, in seconds.
-const DOUBT: f64 = 0.5;
-/// Detections before a track is believed in: a false one is seldom repeated.
-const ENOUGH: u32 = 4;
+const ACCELERATION_DENSITY: f64 = 0.8;
+/// Largest squared Mahalanobis distance between a track and its detection: the 99.9 % quantile.
+const MAX_DISTANCE_SQUARED: f64 = 13.8;
+/// Time without detections after which a confirmed track ends, in seconds.
+const MAX_GAP_S: f64 = 3.0;
+/// Time without detections after which an unconfirmed track ends, in seconds.
+const MAX_UNCONFIRMED_GAP_S: f64 = 0.5;
+/// Number of detections that confirm a track: false detections are rarely repeated.
+const MIN_DETECTIONS: u32 = 4;
 
-/// Slopes of the floor point by the unknowns of a camera.
+/// Derivatives of the floor point with respect to the parameters of a camera.
 type Slopes = SMatrix<f64, 2, { Covariance::SIZE }>;
-/// Covariance of a track's state with the unknowns of a camera.
+/// Covariance between the state of a track and the parameters of a camera.
 type Shared = SMatrix<f64, 4, { Covariance::SIZE }>;
 
-/// One foot as a camera detected it.
+/// Foot detected by one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Detection {
-    /// Seconds.
+    /// Time, in seconds.
     pub(crate) at_s: f64,
     /// Id of the camera.
     pub(crate) camera: String,
@@ -52,32 +52,32 @@ pub(crate) struct Detection {
     pub(crate) pixel: Pixel,
 }
 
-/// A detection on the floor.
-struct OnFloor {
+/// Detection mapped to the floor.
+struct FloorDetection {
     camera: usize,
     point: Vector2<f64>,
-    /// Covariance by the detector's noise.
+    /// Covariance due to the noise of the detector.
     noise: Matrix2<f64>,
     slopes: Slopes,
 }
 
-/// A person on the floor.
+/// Track of a person on the floor.
 #[derive(Clone, Debug)]
 pub(crate) struct Track {
-    /// Counts from 1 and is never given again.
+    /// Track number; counts from 1 and is never reused.
     pub(crate) id: u32,
-    /// x, y in metres; their speeds in m/s.
+    /// Position x, y in metres and velocity in m/s.
     pub(crate) state: Vector4<f64>,
-    /// Covariance of the state, the calibration's share included.
+    /// Covariance of the state, including the calibration part.
     pub(crate) covariance: Matrix4<f64>,
-    /// Index of the camera that saw it last.
+    /// Index of the camera of the last detection.
     pub(crate) seen_by: usize,
     seen_at: f64,
     hits: u32,
     with: BTreeMap<usize, Shared>,
 }
 
-/// What the filter makes of one detection for one track.
+/// Kalman update of one track by one detection.
 struct Innovation {
     difference: Vector2<f64>,
     inverse: Matrix2<f64>,
@@ -90,10 +90,10 @@ impl Track {
     fn new(
         id: u32,
         at_s: f64,
-        seen: &OnFloor,
+        seen: &FloorDetection,
         calibration: &SMatrix<f64, { Covariance::SIZE }, { Covariance::SIZE }>,
     ) -> Self {
-        let mut covariance = Matrix4::from_diagonal_element(SPEED * SPEED);
+        let mut covariance = Matrix4::from_diagonal_element(INITIAL_SPEED_SIGMA * INITIAL_SPEED_SIGMA);
         let own = seen.noise + seen.slopes * calibration * seen.slopes.transpose();
         covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&own);
         for k in 0..2 {
@@ -107,36 +107,37 @@ impl Track {
         Self { id, state, covariance, seen_by: seen.camera, seen_at: at_s, hits: 1, with }
     }
 
-    /// Whether it was seen often enough to be no false detection.
+    /// Whether the track has enough detections to exclude a false detection.
     #[must_use]
     pub(crate) const fn is_confirmed(&self) -> bool {
-        self.hits >= ENOUGH
+        self.hits >= MIN_DETECTIONS
     }
 
-    /// Moves on by some seconds at its speed.
+    /// Predicts the state after some seconds at constant velocity.
     fn predict(&mut self, seconds: f64) {
         let mut motion = Matrix4::identity();
         let mut wander = Matrix4::zeros();
         for k in 0..2 {
             motion[(k, 2 + k)] = seconds;
-            wander[(k, k)] = AGILITY * seconds.powi(3) / 3.0;
-            wander[(k, 2 + k)] = AGILITY * seconds.powi(2) / 2.0;
+            wander[(k, k)] = ACCELERATION_DENSITY * seconds.powi(3) / 3.0;
+            wander[(k, 2 + k)] = ACCELERATION_DENSITY * seconds.powi(2) / 2.0;
             wander[(2 + k, k)] = wander[(k, 2 + k)];
-            wander[(2 + k, 2 + k)] = AGILITY * seconds;
+            wander[(2 + k, 2 + k)] = ACCELERATION_DENSITY * seconds;
         }
         self.state = motion * self.state;
         self.covariance = motion * self.covariance * motion.transpose() + wander;
         self.with.values_mut().for_each(|shared| *shared = motion * *shared);
     }
 
-    /// How a detection compares with the track; `None` when its covariance is no covariance.
+    /// Computes the update by a detection; `None` if the covariance is singular.
     fn innovation(
         &self,
-        seen: &OnFloor,
+        seen: &FloorDetection,
         calibration: &SMatrix<f64, { Covariance::SIZE }, { Covariance::SIZE }>,
     ) -> Option<Innovation> {
         let shared = self.with.get(&seen.camera).copied().unwrap_or_else(Shared::zeros);
-        // Covariance of the state with the difference: the point's error moves with the calibration's.
+        // Covariance of the state with the difference: the error of the point is correlated with that of the
+        // calibration.
         let with_point = self.covariance.fixed_columns::<2>(0) - shared * seen.slopes.transpose();
         let cross = shared.fixed_rows::<2>(0) * seen.slopes.transpose();
         let own = seen.noise + seen.slopes * calibration * seen.slopes.transpose();
@@ -151,7 +152,7 @@ impl Track {
     fn update(
         &mut self,
         at_s: f64,
-        seen: &OnFloor,
+        seen: &FloorDetection,
         by: &Innovation,
         calibration: &SMatrix<f64, { Covariance::SIZE }, { Covariance::SIZE }>,
     ) {
@@ -171,7 +172,7 @@ impl Track {
     }
 }
 
-/// Cameras and the tracks on their common floor.
+/// Tracker over calibrated cameras with a common floor.
 #[derive(Debug)]
 pub(crate) struct Tracker {
     cameras: Vec<(String, Camera)>,
@@ -181,21 +182,21 @@ pub(crate) struct Tracker {
 }
 
 impl Tracker {
-    /// A tracker over calibrated cameras.
+    /// Creates a tracker over calibrated cameras.
     #[must_use]
     pub(crate) const fn new(cameras: Vec<(String, Camera)>) -> Self {
         Self { cameras, tracks: Vec::new(), given: 0, now: f64::NEG_INFINITY }
     }
 
-    /// Tracks that are believed in.
+    /// Returns the confirmed tracks.
     pub(crate) fn tracks(&self) -> impl Iterator<Item = &Track> {
         self.tracks.iter().filter(|track| track.is_confirmed())
     }
 
-    /// Takes what all cameras detected at one moment.
+    /// Processes the detections of all cameras at one time.
     ///
     /// # Errors
-    /// A camera that the tracker does not know, or time that runs backwards.
+    /// If a camera is unknown or the time decreases.
     pub(crate) fn step(&mut self, at_s: f64, detections: &[Detection]) -> Result<(), String> {
         if at_s.is_nan() || at_s < self.now {
             return Err(format!("detections must be in order of time: {at_s} s comes after {} s", self.now));
@@ -206,19 +207,23 @@ impl Tracker {
         for index in 0..self.cameras.len() {
             let (id, camera) = &self.cameras[index];
             let seen = detections.iter().filter(|detection| detection.camera == *id);
-            let seen: Vec<OnFloor> = seen.filter_map(|d| on_floor(index, camera, d.pixel)).collect();
+            let seen: Vec<FloorDetection> =
+                seen.filter_map(|d| floor_detection(index, camera, d.pixel)).collect();
             self.assign(at_s, &seen);
         }
         let unknown = detections.iter().find(|d| self.cameras.iter().all(|(id, _)| *id != d.camera));
-        self.tracks
-            .retain(|track| at_s - track.seen_at < if track.is_confirmed() { PATIENCE } else { DOUBT });
+        self.tracks.retain(|track| {
+            at_s - track.seen_at < if track.is_confirmed() { MAX_GAP_S } else { MAX_UNCONFIRMED_GAP_S }
+        });
         unknown.map_or(Ok(()), |d| Err(format!("no calibrated camera \"{}\" in the site", d.camera)))
     }
 
-    /// Gives the detections of one camera to tracks, the likeliest pair first; new tracks for the rest.
-    fn assign(&mut self, at_s: f64, seen: &[OnFloor]) {
+    /// Assigns the detections of one camera to tracks, most likely pair first. Other detections start new
+    /// tracks.
+    fn assign(&mut self, at_s: f64, seen: &[FloorDetection]) {
         let Some(camera) = seen.first().map(|seen| seen.camera) else { return };
-        // Of the place of a camera that a hand placed nothing is known: the tracks are on the floor where it put them.
+        // The position variance of a camera placed by hand is unknown; it is set to zero, so tracks are
+        // relative to its placement.
         let known = |value: f64| if value.is_finite() { value } else { 0.0 };
         let covariance = self.cameras[camera].1.covariance.0.map(|row| row.map(known));
         let calibration = SMatrix::from(covariance);
@@ -226,10 +231,10 @@ impl Tracker {
         for (t, track) in self.tracks.iter().enumerate() {
             for (d, seen) in seen.iter().enumerate() {
                 let innovation = track.innovation(seen, &calibration);
-                pairs.extend(innovation.filter(|i| i.distance < GATE).map(|i| (t, d, i)));
+                pairs.extend(innovation.filter(|i| i.distance < MAX_DISTANCE_SQUARED).map(|i| (t, d, i)));
             }
         }
-        // A track that is believed in takes before one that is not.
+        // Confirmed tracks have priority over unconfirmed ones.
         let rank = |(t, _, by): &(usize, usize, Innovation)| (self.tracks[*t].is_confirmed(), by.likelihood);
         pairs.sort_by(|a, b| rank(b).0.cmp(&rank(a).0).then(rank(b).1.total_cmp(&rank(a).1)));
         let (mut taken, mut given) = (vec![false; seen.len()], vec![false; self.tracks.len()]);
@@ -246,11 +251,11 @@ impl Tracker {
     }
 }
 
-/// A detection on the floor; `None` above the horizon or outside the lens.
-fn on_floor(index: usize, camera: &Camera, pixel: Pixel) -> Option<OnFloor> {
+/// Maps a detection to the floor; `None` above the horizon or outside the lens.
+fn floor_detection(index: usize, camera: &Camera, pixel: Pixel) -> Option<FloorDetection> {
     let floor = camera.pixel_to_floor(pixel, 0.0)?;
     let covariance = camera.floor_covariance(pixel, FOOT_PX)?;
-    Some(OnFloor {
+    Some(FloorDetection {
         camera: index,
         point: Vector2::new(floor.x, floor.y),
         noise: Matrix2::from(covariance.pixel),
@@ -258,10 +263,10 @@ fn on_floor(index: usize, camera: &Camera, pixel: Pixel) -> Option<OnFloor> {
     })
 }
 
-/// The placed cameras of a site file; one that is not solved yet is solved.
+/// Returns the placed cameras of a site file. An unsolved site is solved first.
 ///
 /// # Errors
-/// What is wrong with the file.
+/// If the file is invalid, or a camera has several periods.
 pub(crate) fn cameras(json: &str) -> Result<Vec<(String, Camera)>, Box<dyn Error>> {
     let mut site = Site::from_json(json)?;
     if site.cameras.iter().all(|entry| entry.solution.is_none()) {

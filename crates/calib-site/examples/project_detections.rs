@@ -1,7 +1,7 @@
-//! Feet of detections to metres on the floor, whole columns at once, each with what became of it and its ±.
+//! Example: maps detected feet to metres on the floor, as whole columns, with status and standard deviation.
 //!
 //! ```text
-//! cargo run --release -p calib-core --example project_detections -- calib-demo/solved.json shop-1
+//! cargo run --release -p calib-site --example project_detections -- calib-demo/solved.json shop-1
 //! ```
 
 use calib_core::{Extent, FloorProjector, Pixel, Status};
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let entry = site.camera(id).ok_or("no such camera")?;
     let camera = entry.camera().ok_or("the camera is not calibrated")?;
 
-    // The middle of the lower edge of every box; a row of them down the image stands in for a detector.
+    // Middle of the lower edge of every box. A column of pixels replaces a detector here.
     let [width, height] = entry.size();
     let v: Vec<f64> = (0..10).map(|i| height * (0.05 + 0.1 * f64::from(i))).collect();
     let u = vec![0.5 * width; v.len()];
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         &mut status,
     );
     for i in 0..u.len() {
-        // The part of the pixel is independent from detection to detection, that of the calibration is not.
+        // The pixel part is independent between detections; the calibration part is not.
         let covariance = camera.floor_covariance(Pixel::new(u[i], v[i]), 2.0);
         let sigma = covariance.and_then(|covariance| covariance.worst_sigma()).unwrap_or(f64::NAN);
         println!(

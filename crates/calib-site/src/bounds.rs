@@ -1,6 +1,6 @@
-//! Where in a document something is wrong, and the bounds of values.
+//! Bounds of values and lists, and JSON pointers to invalid values.
 //!
-//! Lists that end being read when they are longer than any that is meant: a hostile file does not fill memory first.
+//! Lists stop being read when they exceed their limit, so that a hostile file cannot fill the memory.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -8,19 +8,19 @@ use std::marker::PhantomData;
 use calib_core::single::Known;
 use serde::de::{Deserialize, Deserializer, Error as _, SeqAccess, Visitor};
 
-use crate::site_error::{Fault, SiteError};
+use crate::site_error::{SiteError, SiteErrorKind};
 
-/// Most annotations, control points, links, marks or points in one list.
+/// Largest number of annotations, control points, links, marks or points in one list.
 pub const MAX_ITEMS: usize = 100_000;
-/// Most cameras in a site.
+/// Largest number of cameras in a site.
 pub const MAX_CAMERAS: usize = 10_000;
 
-/// A list of anything that is drawn.
+/// Reads a list of at most [`MAX_ITEMS`] items.
 pub(crate) fn items<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<Vec<T>, D::Error> {
     from.deserialize_seq(Bounded { most: MAX_ITEMS, of: PhantomData })
 }
 
-/// The list of cameras.
+/// Reads a list of at most [`MAX_CAMERAS`] cameras.
 pub(crate) fn cameras<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<Vec<T>, D::Error> {
     from.deserialize_seq(Bounded { most: MAX_CAMERAS, of: PhantomData })
 }
@@ -52,9 +52,9 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for Bounded<T> {
     }
 }
 
-/// Longest id or name, in bytes.
+/// Largest length of an id or name, in bytes.
 const MAX_NAME: usize = 256;
-/// Largest magnitude of a coordinate, in its unit: beyond it a double has no micrometres left.
+/// Largest magnitude of a coordinate, in its unit. Beyond it, a double no longer resolves micrometres.
 const MAX_COORDINATE: f64 = 1e9;
 
 pub(crate) type Checked = Result<(), SiteError>;
@@ -72,7 +72,7 @@ pub(crate) fn escape(key: &str) -> String {
     key.replace('~', "~0").replace('/', "~1")
 }
 
-/// Where in the document a check is: a chain of keys, spelt out only when something is wrong.
+/// Position in the document during a check: a chain of keys, which is formatted only for an error.
 #[derive(Clone, Copy)]
 pub(crate) struct At<'a> {
     parent: Option<&'a Self>,
@@ -109,12 +109,12 @@ impl<'a> At<'a> {
     }
 
     pub(crate) fn expected(&self, found: impl fmt::Display, expected: impl fmt::Display) -> Checked {
-        let fault = Fault::Unexpected { found: found.to_string(), expected: expected.to_string() };
-        Err(SiteError { pointer: self.pointer(), fault, about: None })
+        let fault = SiteErrorKind::Unexpected { found: found.to_string(), expected: expected.to_string() };
+        Err(SiteError { pointer: self.pointer(), kind: fault, subject: None })
     }
 }
 
-/// The values that a number may have.
+/// Range of allowed values of a number.
 #[derive(Clone, Copy)]
 pub(crate) struct Bounds {
     pub(crate) low: f64,
@@ -130,7 +130,7 @@ impl Bounds {
     pub(crate) const DEGREES: Self = Self { low: -360.0, high: 360.0, what: "degrees between -360 and 360" };
     pub(crate) const PITCH: Self = Self { low: -90.0, high: 90.0, what: "degrees between -90 and 90" };
     pub(crate) const SCENE_DEGREES: Self = Self { low: 0.0, high: 45.0, what: "degrees between 0 and 45" };
-    pub(crate) const SHARE: Self = Self { low: 0.0, high: 1.0, what: "a share between 0 and 1" };
+    pub(crate) const SHARE: Self = Self { low: 0.0, high: 1.0, what: "a fraction between 0 and 1" };
 
     pub(crate) fn check(self, at: &At, value: f64) -> Checked {
         if value >= self.low && value <= self.high { Ok(()) } else { at.expected(value, self.what) }
@@ -156,7 +156,8 @@ pub(crate) fn name(at: &At, text: Option<&String>) -> Checked {
     Ok(())
 }
 
-/// A name by which something is referred to: it stands in tables, in names of files and on terminals.
+/// Checks an id. It must not contain control characters, because ids are used in tables, file names and
+/// terminals.
 pub(crate) fn id(at: &At, text: Option<&String>) -> Checked {
     name(at, text)?;
     let Some(control) = text.into_iter().flat_map(|text| text.chars()).find(|c| c.is_control()) else {
@@ -174,10 +175,10 @@ pub(crate) fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
     bounds.check(&at.key("value"), known.value)?;
     optional(&at.key("sigma"), known.sigma, Bounds::POSITIVE)?;
     match (known.fixed, known.sigma) {
-        (true, Some(_)) => at.expected("both \"fixed\": true and a sigma", "one of them: held, or a prior"),
-        (false, None) => {
-            at.expected("a value alone", "\"fixed\": true to hold it, or a \"sigma\" for a prior")
+        (true, Some(_)) => {
+            at.expected("both \"fixed\": true and a sigma", "only one of them: a fixed value, or a prior")
         }
+        (false, None) => at.expected("only a value", "also \"fixed\": true, or a \"sigma\" for a prior"),
         _ => Ok(()),
     }
 }

@@ -1,54 +1,55 @@
-//! The site as a bundle adjustment: its cameras and what they share as values, and the result in the
-//! numbering of the site.
+//! Bundle adjustment of a site: converts cameras and shared observations to its input, and its result to the
+//! indices of the site.
 
 use std::collections::HashMap;
 
-use crate::document::{HeldEntry, Site, SiteCamera};
-use crate::observations::{LandmarkSource, Shared, Unused};
+use crate::document::{FixedEntry, Site, SiteCamera};
+use crate::observations::{LandmarkSource, SiteObservations, UnusedEvidence};
 use crate::single_step::SingleFit;
 use crate::solution::Stage;
 use calib_core::bundle::{
     BundleAdjustment, BundleCamera, BundleSummary, CameraEstimate, Component, CrossCovariance,
-    DistanceMeasurement, HeldPose, InitialPose, Landmark, OutlierCandidate, PlaneEstimate,
+    DistanceMeasurement, FixedPose, InitialPose, Landmark, OutlierCandidate, PlaneEstimate,
 };
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::outcome::Failure;
 use calib_core::single::{FixedParameters, PlanePrior, Priors};
 
-/// The result of the bundle adjustment of a site.
+/// Result of the bundle adjustment of a site.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BundleResult {
-    /// For every camera of the site that took part. Those that are not connected are where stage 1 has
-    /// them, with a better lens.
+    /// Estimates of the participating cameras, by index in the site. Cameras that are not connected keep
+    /// their pose of stage 1, with a better lens.
     pub(crate) cameras: Vec<Option<CameraEstimate>>,
-    /// Every landmark and what it is in the site, where it was found, switched off if it was rejected.
+    /// Landmarks with their source in the site, at their estimated positions. Rejected landmarks are switched
+    /// off.
     pub(crate) landmarks: Vec<(LandmarkSource, Landmark)>,
-    /// Covariance of the parameters of landmarks.
+    /// Covariances of the landmark parameters.
     pub(crate) covariances: Vec<Option<[[f64; 3]; 3]>>,
-    /// With the index of the distance in the site.
+    /// Distances, each with its index in the site.
     pub(crate) measurements: Vec<(usize, DistanceMeasurement)>,
-    /// Landmarks and distances rejected, by their index here.
+    /// Rejected landmarks and distances, by their index here.
     pub(crate) rejected: Vec<OutlierCandidate>,
     pub(crate) components: Vec<Component>,
-    /// Cameras that share too little with others to be placed.
-    pub(crate) unreached: Vec<usize>,
-    /// Cameras that share so much that no machine fits them together.
+    /// Cameras with too few shared observations to be placed.
+    pub(crate) unplaced: Vec<usize>,
+    /// Cameras with too many shared observations to be solved jointly.
     pub(crate) too_many: Vec<usize>,
-    /// Cameras that have no place from which everything they share can be seen.
-    pub(crate) unfitted: Vec<usize>,
-    /// Landmarks that a camera cannot see where the others have them.
-    pub(crate) lost: Vec<usize>,
-    /// Landmarks and distances that carry no information.
-    pub(crate) unused: Unused,
-    /// Planes that were estimated.
+    /// Cameras without a pose from which all their shared observations are visible.
+    pub(crate) unsolved: Vec<usize>,
+    /// Landmarks that are not visible in one of their cameras at the position from the other cameras.
+    pub(crate) unobservable: Vec<usize>,
+    /// Landmarks and distances without information.
+    pub(crate) unused: UnusedEvidence,
+    /// Estimated planes.
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
     pub(crate) loop_closure: Option<f64>,
-    /// Covariance of pairs of cameras that were refined together.
+    /// Cross-covariances of jointly refined pairs of cameras.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
 }
 
-/// Stands in for a camera without a result; nothing observes it.
+/// Placeholder for a camera without a result; it has no observations.
 pub(crate) const ABSENT: Camera = Camera {
     position: WorldPoint { x: 0.0, y: 0.0, z: STAGE_1_HEIGHT },
     yaw: 0.0,
@@ -59,17 +60,17 @@ pub(crate) const ABSENT: Camera = Camera {
     covariance: Covariance::EXACT,
 };
 
-/// A camera that can take part: its entry and what stage 1 made of it.
+/// Participating camera: its entry and its result of stage 1.
 struct Member<'a> {
     entry: &'a SiteCamera,
     single: &'a SingleFit,
-    /// Where stage 1 has it.
+    /// Camera as estimated by stage 1.
     own: Camera,
 }
 
 impl BundleResult {
-    /// The cameras that are connected; those that are not are [`ABSENT`].
-    pub(crate) fn tied_cameras(&self) -> Vec<Camera> {
+    /// Returns the connected cameras; the others are replaced by [`ABSENT`].
+    pub(crate) fn connected_cameras(&self) -> Vec<Camera> {
         let connected = |joined: &Option<CameraEstimate>| {
             joined.as_ref().filter(|estimate| estimate.is_connected).map_or(ABSENT, |joined| joined.camera)
         };
@@ -80,7 +81,7 @@ impl BundleResult {
         summary: BundleSummary,
         sources: Vec<LandmarkSource>,
         distances: Vec<usize>,
-        unused: Unused,
+        unused: UnusedEvidence,
     ) -> Self {
         Self {
             cameras: summary.cameras,
@@ -89,10 +90,10 @@ impl BundleResult {
             measurements: distances.into_iter().zip(summary.distances).collect(),
             rejected: summary.rejected,
             components: summary.components,
-            unreached: summary.unreached,
+            unplaced: summary.unreached,
             too_many: summary.oversized,
-            unfitted: summary.unsolved,
-            lost: summary.unobservable,
+            unsolved: summary.unsolved,
+            unobservable: summary.unobservable,
             unused,
             planes: summary.planes,
             loop_closure: summary.loop_closure,
@@ -102,24 +103,24 @@ impl BundleResult {
 }
 
 impl Site {
-    /// The bundle adjustment of all cameras with all that they share.
-    pub(crate) fn join(&self, single_fits: &[Result<SingleFit, Failure>]) -> BundleResult {
+    /// Solves the bundle adjustment of all cameras with their shared observations.
+    pub(crate) fn bundle_adjust(&self, single_fits: &[Result<SingleFit, Failure>]) -> BundleResult {
         let entries: Vec<&SiteCamera> = self.cameras.iter().collect();
         let members = members(&entries, single_fits);
         let planes = self.plane_priors();
-        let shared = self.shared(single_fits, &planes, &|camera| members[camera].is_some());
+        let shared = self.site_observations(single_fits, &planes, &|camera| members[camera].is_some());
         adjust(&entries, &members, shared, planes)
     }
 }
 
-/// Lenses refined together with stage 1, of cameras among which are those whose lens others share: the
-/// bundle adjustment without landmarks.
+/// Refines the lenses together with stage 1 by a bundle adjustment without landmarks. `entries` must include
+/// the owners of shared lenses.
 pub(crate) fn refine_lenses(
     entries: &[&SiteCamera],
     single_fits: &[Result<SingleFit, Failure>],
     planes: Vec<PlanePrior>,
 ) -> BundleResult {
-    adjust(entries, &members(entries, single_fits), Shared::default(), planes)
+    adjust(entries, &members(entries, single_fits), SiteObservations::default(), planes)
 }
 
 fn members<'a>(
@@ -133,10 +134,10 @@ fn members<'a>(
 fn adjust(
     entries: &[&SiteCamera],
     members: &[Option<Member>],
-    shared: Shared,
+    shared: SiteObservations,
     planes: Vec<PlanePrior>,
 ) -> BundleResult {
-    let Shared { landmarks, measurements, unused } = shared;
+    let SiteObservations { landmarks, measurements, unused } = shared;
     let (sources, landmarks) = landmarks.into_iter().unzip();
     let (indices, distances) = measurements.into_iter().unzip();
     let cameras = bundle_cameras(entries, members);
@@ -145,7 +146,7 @@ fn adjust(
         if let (Some(estimate), Some(member)) = (estimate, member)
             && !estimate.is_connected
         {
-            estimate.camera = member.unplaced(&estimate.camera);
+            estimate.camera = member.with_single_pose(&estimate.camera);
         }
     }
     BundleResult::new(summary, sources, indices, unused)
@@ -157,13 +158,13 @@ fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -
         None => BundleCamera::new(ABSENT, entry.size()),
     };
     let mut cameras: Vec<BundleCamera> = entries.iter().zip(members).map(camera).collect();
-    // Cameras of one lens have sensors of their own, each beside it somewhere else.
-    let owners: Vec<usize> = cameras.iter().filter_map(|camera| camera.lens_of).collect();
+    // Cameras that share a lens have different sensors, so their principal points differ.
+    let owners: Vec<usize> = cameras.iter().filter_map(|camera| camera.shared_lens).collect();
     owners.into_iter().for_each(|owner| cameras[owner].free_lens[Lens::CENTRE..].fill(false));
     cameras
 }
 
-/// The camera whose lens this one shares, if both take part.
+/// Returns the index of the camera whose lens this camera shares, if both participate.
 fn lens_owner(entry: &SiteCamera, entries: &[&SiteCamera], members: &[Option<Member>]) -> Option<usize> {
     let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref())?;
     let owner = entries.iter().position(|other| other.id == *like)?;
@@ -171,7 +172,8 @@ fn lens_owner(entry: &SiteCamera, entries: &[&SiteCamera], members: &[Option<Mem
 }
 
 impl<'a> Member<'a> {
-    /// `None` for a camera without maximum-likelihood fit, unless it is given with its place.
+    /// Returns `None` for a camera without a maximum-likelihood fit, except for an entered camera with a
+    /// position.
     fn new(entry: &'a SiteCamera, single: &'a SingleFit) -> Option<Self> {
         let own = single.result.solution.camera()?;
         let takes_part = if entry.is_given() {
@@ -191,9 +193,9 @@ impl<'a> Member<'a> {
             height: None,
         };
         BundleCamera {
-            camera: self.placed(),
+            camera: self.initial_camera(),
             initial_pose: self.initial_pose(),
-            held: self.held(),
+            fixed_pose: self.fixed_pose(),
             size: entry.size(),
             circle: entry.image_circle(),
             fixed: if entry.is_given() { given } else { single.fixed },
@@ -202,7 +204,7 @@ impl<'a> Member<'a> {
             constraints: &single.constraints,
             fit: single.fit.as_ref(),
             noise_is_known: entry.sigma_px.is_some(),
-            lens_of,
+            shared_lens: lens_of,
             free_lens: self.free_lens(),
         }
     }
@@ -216,11 +218,11 @@ impl<'a> Member<'a> {
         }
     }
 
-    fn held(&self) -> HeldPose {
+    fn fixed_pose(&self) -> FixedPose {
         let placement = self.entry.placement.as_ref().filter(|_| !self.entry.is_given());
-        placement.map_or_else(HeldPose::default, |placement| {
-            let HeldEntry { x, y, turn } = placement.held;
-            HeldPose { x, y, yaw: turn }
+        placement.map_or_else(FixedPose::default, |placement| {
+            let FixedEntry { x, y, turn } = placement.held;
+            FixedPose { x, y, yaw: turn }
         })
     }
 
@@ -228,9 +230,9 @@ impl<'a> Member<'a> {
         self.single.fit.as_ref().is_some_and(|fit| fit.height_known)
     }
 
-    /// Where the operator placed the camera, or where stage 1 has it. A height that stage 1 knows is not
-    /// scaled, unless the placement is fixed.
-    fn placed(&self) -> Camera {
+    /// Returns the initial camera: as placed by the operator, otherwise as estimated by stage 1. A height
+    /// known from stage 1 is not scaled, unless the placement is fixed.
+    fn initial_camera(&self) -> Camera {
         let own = self.own;
         match &self.entry.placement {
             Some(entry) if !self.entry.is_given() => {
@@ -243,13 +245,13 @@ impl<'a> Member<'a> {
         }
     }
 
-    /// A refined camera back where stage 1 has it: what is not connected is placed on its own.
-    fn unplaced(&self, refined: &Camera) -> Camera {
+    /// Returns a refined camera with its pose of stage 1, because an unconnected camera is placed separately.
+    fn with_single_pose(&self, refined: &Camera) -> Camera {
         let z = if self.height_is_known() { refined.position.z } else { self.own.position.z };
         Camera { position: WorldPoint { z, ..self.own.position }, yaw: self.own.yaw, ..*refined }
     }
 
-    /// Which parameters of its lens were fitted.
+    /// Returns the lens parameters that were fitted.
     fn free_lens(&self) -> [bool; Lens::PARAMETERS] {
         let fit = self.single.lens_estimate.fit.as_ref();
         fit.map_or([false; Lens::PARAMETERS], |fit| fit.free)

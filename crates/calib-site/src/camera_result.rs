@@ -1,23 +1,23 @@
-//! A camera's result before it is put into words.
+//! Result of a camera before its findings are converted to sentences.
 
 use crate::document::Site;
-use crate::english::{Names, what_to_draw};
-use crate::solution::{DrawNext, FailureEntry, Solution, Warning};
+use crate::english::{Names, suggestion_text};
+use crate::solution::{FailureEntry, Solution, SuggestionEntry, Warning};
 use calib_core::outcome::{Code, Failure, Finding, Suggestion};
 use calib_core::single::Sketch;
 
-/// The numbers of a camera's result, and what is to be said of them.
+/// Numerical result of a camera, with its findings as values.
 #[derive(Clone, Debug)]
 pub(crate) struct CameraResult {
-    /// What the document has of it; words are added last.
+    /// Solution for the document; its messages are added last.
     pub(crate) solution: Solution,
     pub(crate) findings: Vec<Finding>,
-    /// The drawing that would help most.
+    /// Suggested annotations, the most useful first.
     pub(crate) sketches: Vec<Sketch>,
 }
 
 impl CameraResult {
-    /// A result of which there is nothing to be said.
+    /// Creates a result without findings.
     pub(crate) const fn new(solution: Solution) -> Self {
         Self { solution, findings: Vec::new(), sketches: Vec::new() }
     }
@@ -26,31 +26,32 @@ impl CameraResult {
         self.sketches.first().map(|sketch| sketch.suggestion)
     }
 
-    /// The solution as the document has it, and the findings. What a given one brings along comes first.
+    /// Converts the result to the solution for the document, and returns the findings. Warnings of an entered
+    /// solution come first.
     fn into_document(self, site: &Site, camera: usize) -> (Solution, Vec<Finding>) {
         let Self { mut solution, findings, sketches } = self;
-        solution.warnings.extend(site.words(Some(camera), &findings));
+        solution.warnings.extend(site.warnings(Some(camera), &findings));
         if let Some((best, others)) = sketches.split_first() {
-            let otherwise = others.iter().map(DrawNext::from).collect();
-            solution.draw_next = Some(DrawNext { otherwise, ..DrawNext::from(best) });
+            let otherwise = others.iter().map(SuggestionEntry::from).collect();
+            solution.draw_next = Some(SuggestionEntry { otherwise, ..SuggestionEntry::from(best) });
         }
         (solution, findings)
     }
 }
 
-/// What the document has of a camera: its solution, or why it has none.
+/// Entry of a camera in the document: its solution, or the failure.
 pub(crate) type DocumentEntry = Result<Solution, FailureEntry>;
 
-/// What is to be said of a camera's result, or why it has none.
+/// Findings about a camera's result, or the failure.
 pub(crate) type FindingsOrFailure = Result<Vec<Finding>, Failure>;
 
 impl Site {
-    /// Findings in the words of the document.
-    pub(crate) fn words(&self, camera: Option<usize>, findings: &[Finding]) -> Vec<Warning> {
-        findings.iter().map(|finding| self.in_english(camera, finding, Names::InFile)).collect()
+    /// Converts findings to warnings of the document.
+    pub(crate) fn warnings(&self, camera: Option<usize>, findings: &[Finding]) -> Vec<Warning> {
+        findings.iter().map(|finding| self.describe_finding(camera, finding, Names::InFile)).collect()
     }
 
-    /// A camera's result as the document has it, and its findings as values.
+    /// Converts the result of a camera to its entry in the document, and returns its findings.
     pub(crate) fn to_document(
         &self,
         camera: usize,
@@ -65,24 +66,26 @@ impl Site {
         }
     }
 
-    /// Why a camera has no result. That what is drawn is of another image explains more than what came of it.
+    /// Converts a failure to its entry. If the annotations belong to another image, this explanation and its
+    /// advice are used as well.
     fn failure_entry(&self, camera: usize, failure: &Failure) -> FailureEntry {
         let mut entry = FailureEntry::from(failure);
         let outside = self.cameras.get(camera).and_then(|camera| self.points_outside(camera));
         if let Some(outside) = outside.filter(|outside| outside.code() == Code::NotThisImage) {
-            let Warning { message, advice, .. } = self.in_english(Some(camera), &outside, Names::InFile);
+            let Warning { message, advice, .. } =
+                self.describe_finding(Some(camera), &outside, Names::InFile);
             entry = FailureEntry { message: format!("{} {message}", entry.message), advice, ..entry };
         }
         entry
     }
 }
 
-impl From<&Sketch> for DrawNext {
+impl From<&Sketch> for SuggestionEntry {
     fn from(sketch: &Sketch) -> Self {
         Self {
             drawing: Some(sketch.suggestion.drawing),
             kind: sketch.kind,
-            message: what_to_draw(&sketch.suggestion),
+            message: suggestion_text(&sketch.suggestion),
             segments_px: sketch.segments.clone(),
             floor_length_rel: sketch.suggestion.floor_length_rel,
             otherwise: Vec::new(),

@@ -1,4 +1,5 @@
-//! Reading a site file: limits before parsing, one error with a JSON pointer, references and values.
+//! Reader of the site file: size limits before parsing, then checks of values and references. An error has a
+//! JSON pointer.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -9,64 +10,66 @@ use crate::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixel
 use crate::bounds::{MAX_CAMERAS, MAX_ITEMS};
 use crate::check_entries::check_elements;
 use crate::check_entries::{check_circle, check_distortion, check_solution};
-use crate::check_entries::{check_planes, plane_of};
+use crate::check_entries::{check_plane_id, check_planes};
 use crate::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
 use crate::period::check_periods;
 use crate::scene::SceneEntry;
-use crate::site_error::{About, Fault, NamedAnnotation, SiteError, in_plain_words, quoted};
+use crate::site_error::{
+    ErrorSubject, NamedAnnotation, SiteError, SiteErrorKind, kind_from_json_error, quoted,
+};
 use calib_core::single::{Annotation, Belongs, USUAL_SIZES};
 
-/// Longest text of a site that is read, in bytes; `data:` images included.
+/// Largest length of a site file, in bytes, including `data:` images.
 pub const MAX_BYTES: usize = 1 << 30;
-/// Most values in a site: a hostile file cannot fill memory with empty lists.
+/// Largest number of values in a site file, so that empty lists cannot fill the memory.
 pub const MAX_VALUES: usize = 4_000_000;
-/// Most segments and polylines of one camera: far more than anybody draws, and solved within minutes even where
-/// every second one is wrong.
-const MAX_LINES: usize = 20_000;
-/// Most segments and polylines of all cameras of a site together: what takes minutes is not one camera alone.
-const MAX_LINES_OF_SITE: usize = 100_000;
-/// Longest side of an image, in pixels.
+/// Largest number of segments and polylines of one camera. It is far above practical use, and such a camera
+/// is solved within minutes even if half of its lines are wrong.
+const MAX_LINES_PER_CAMERA: usize = 20_000;
+/// Largest number of segments and polylines of all cameras together, to bound the solving time of the site.
+const MAX_LINES_PER_SITE: usize = 100_000;
+/// Largest side of an image, in pixels.
 pub const MAX_SIDE: u32 = 65_536;
 
 impl Site {
     /// Reads and checks a site file.
     ///
     /// # Errors
-    /// The first thing that is wrong, with its JSON pointer.
+    /// The first error in the file, with its JSON pointer.
     pub fn from_json(text: &str) -> Result<Self, SiteError> {
         if text.len() > MAX_BYTES {
-            let fault = Fault::TooLong { bytes: text.len(), most: MAX_BYTES };
-            return Err(SiteError::of_document(fault));
+            let fault = SiteErrorKind::TooLong { bytes: text.len(), most: MAX_BYTES };
+            return Err(SiteError::for_document(fault));
         }
         let values = count_values(text);
         if values > MAX_VALUES {
-            return Err(SiteError::of_document(Fault::TooManyValues { values, most: MAX_VALUES }));
+            return Err(SiteError::for_document(SiteErrorKind::TooManyValues { values, most: MAX_VALUES }));
         }
         let mut reader = serde_json::Deserializer::from_str(text);
         let site: Self = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
             let pointer = pointer_of(error.path());
-            let fault = in_plain_words(&error.into_inner());
-            named(text, SiteError { pointer, fault, about: None })
+            let fault = kind_from_json_error(&error.into_inner());
+            with_subject(text, SiteError { pointer, kind: fault, subject: None })
         })?;
-        reader.end().map_err(|error| SiteError::of_document(in_plain_words(&error)))?;
+        reader.end().map_err(|error| SiteError::for_document(kind_from_json_error(&error)))?;
         match site.check() {
             Ok(()) => Ok(site),
             Err(error) => {
-                // The text is looked into again.
+                // The text is parsed again for the names, so the memory of the site is released first.
                 drop(site);
-                Err(named(text, error))
+                Err(with_subject(text, error))
             }
         }
     }
 
-    /// Whether every value is possible and every reference leads somewhere.
+    /// Checks all values and references.
     ///
     /// # Errors
-    /// The first thing that is wrong, with its JSON pointer.
+    /// The first error, with its JSON pointer.
     pub fn check(&self) -> Checked {
         let root = At::root();
         if self.version != 1 {
-            return root.key("version").expected(self.version, "1, the only version there is");
+            return root.key("version").expected(self.version, "1, the only supported version");
         }
         name(&root.key("name"), self.name.as_ref())?;
         if let Some(plan) = &self.plan {
@@ -82,19 +85,19 @@ impl Site {
         for (i, camera) in self.cameras.iter().enumerate() {
             check_camera(&cameras.index(i), camera, self)?;
         }
-        check_lines_of_site(&cameras, &self.cameras)?;
+        check_site_lines(&cameras, &self.cameras)?;
         check_periods(&cameras, &self.cameras)?;
         check_elements(&root, self)
     }
 }
 
-/// The error with the camera and the annotation it is about, by the names the operator gave them.
-fn named(text: &str, error: SiteError) -> SiteError {
-    let about = about(text, &error.pointer);
-    SiteError { about, ..error }
+/// Adds the camera and the annotation to an error, by the operator's names.
+fn with_subject(text: &str, error: SiteError) -> SiteError {
+    let about = error_subject(text, &error.pointer);
+    SiteError { subject: about, ..error }
 }
 
-fn about(text: &str, pointer: &str) -> Option<Box<About>> {
+fn error_subject(text: &str, pointer: &str) -> Option<Box<ErrorSubject>> {
     let mut parts = pointer.split('/').skip(1);
     let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return None };
     let camera = item(field(text, "cameras")?, index)?;
@@ -103,19 +106,19 @@ fn about(text: &str, pointer: &str) -> Option<Box<About>> {
         NamedAnnotation {
             kind: text_of(entry, "kind").unwrap_or_default(),
             name: text_of(entry, "name").or_else(|| text_of(entry, "id")),
-            place: place.to_owned(),
+            index: place.to_owned(),
         }
     });
-    Some(Box::new(About { camera: text_of(camera, "id")?, annotation }))
+    Some(Box::new(ErrorSubject { camera: text_of(camera, "id")?, annotation }))
 }
 
-/// A field of a JSON object, as it is written: nothing else of the document is built again.
+/// Returns the unparsed value of a field of a JSON object. The rest of the document is not built.
 fn field<'a>(object: &'a str, key: &str) -> Option<&'a str> {
     let fields: HashMap<Cow<'_, str>, &RawValue> = serde_json::from_str(object).ok()?;
     fields.get(key).map(|value| value.get())
 }
 
-/// An item of a JSON list, as it is written.
+/// Returns the unparsed item of a JSON list.
 fn item<'a>(list: &'a str, index: &str) -> Option<&'a str> {
     let items: Vec<&RawValue> = serde_json::from_str(list).ok()?;
     items.get(index.parse::<usize>().ok()?).map(|value| value.get())
@@ -125,7 +128,7 @@ fn text_of(object: &str, key: &str) -> Option<String> {
     serde_json::from_str(field(object, key)?).ok()
 }
 
-/// About how many values a JSON text holds: one for every bracket and comma outside strings.
+/// Estimates the number of values in a JSON text: one for every bracket and comma outside strings.
 fn count_values(text: &str) -> usize {
     let (mut values, mut in_string, mut escaped) = (0, false, false);
     for byte in text.bytes() {
@@ -169,14 +172,15 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     count(&annotations, camera.annotations.len(), MAX_ITEMS)?;
     check_annotations(&annotations, &camera.annotations)?;
     for (i, annotation) in camera.annotations.iter().enumerate() {
-        plane_of(&annotations.index(i).key("plane"), annotation.plane.as_ref(), site)?;
+        check_plane_id(&annotations.index(i).key("plane"), annotation.plane.as_ref(), site)?;
     }
-    plane_of(&at.key("efov_plane"), camera.efov_plane.as_ref(), site)?;
+    check_plane_id(&at.key("efov_plane"), camera.efov_plane.as_ref(), site)?;
     check_lines(&annotations, &camera.annotations)?;
     if let Some(corners) = &camera.efov_px {
         let efov = at.key("efov_px");
         pixels(&efov, corners, 3)?;
-        // Enough for any outline, and the floor's accuracy is worked out corner by corner.
+        // Enough for any outline. The limit bounds the time for the floor accuracy, which is computed at
+        // every corner.
         count(&efov, corners.len(), 1000)?;
     }
     if let Some(placement) = &camera.placement {
@@ -219,9 +223,10 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     match site.cameras.iter().find(|other| &other.id == like) {
         None => at.expected(quoted(like), "the id of a camera of this site"),
         Some(other) if other.id == camera.id => at.expected("the camera itself", "another camera"),
-        Some(other) if other.lens.as_ref().is_some_and(|lens| lens.like.is_some()) => {
-            at.expected(format!("{}, which is like another one itself", quoted(like)), "the first of them")
-        }
+        Some(other) if other.lens.as_ref().is_some_and(|lens| lens.like.is_some()) => at.expected(
+            format!("{}, which itself uses the lens of another camera", quoted(like)),
+            "the camera that owns the lens",
+        ),
         Some(_) => Ok(()),
     }
 }
@@ -235,33 +240,33 @@ fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
             return at.key("id").expected(quoted(id), "an id that no other annotation of this camera has");
         }
     }
-    check_ties(at, annotations)
+    check_right_angle_references(at, annotations)
 }
 
-/// Segments and polylines.
-fn lines(annotations: &[Annotation]) -> usize {
+/// Returns the number of segments and polylines.
+fn line_count(annotations: &[Annotation]) -> usize {
     annotations.iter().map(|annotation| annotation.segments.as_ref().map_or(1, Vec::len)).sum()
 }
 
-fn check_lines_of_site(at: &At, cameras: &[SiteCamera]) -> Checked {
-    let found: usize = cameras.iter().map(|camera| lines(&camera.annotations)).sum();
-    if found <= MAX_LINES_OF_SITE {
+fn check_site_lines(at: &At, cameras: &[SiteCamera]) -> Checked {
+    let found: usize = cameras.iter().map(|camera| line_count(&camera.annotations)).sum();
+    if found <= MAX_LINES_PER_SITE {
         return Ok(());
     }
     at.expected(
         format!("{found} segments and polylines in all cameras together"),
-        format!("at most {MAX_LINES_OF_SITE} in one site; a few dozen calibrate a camera"),
+        format!("at most {MAX_LINES_PER_SITE} in one site; a few dozen are enough for a camera"),
     )
 }
 
 fn check_lines(at: &At, annotations: &[Annotation]) -> Checked {
-    let found = lines(annotations);
-    if found <= MAX_LINES {
+    let found = line_count(annotations);
+    if found <= MAX_LINES_PER_CAMERA {
         return Ok(());
     }
     at.expected(
         format!("{found} segments and polylines"),
-        format!("at most {MAX_LINES} in one camera; a few dozen calibrate it"),
+        format!("at most {MAX_LINES_PER_CAMERA} in one camera; a few dozen are enough"),
     )
 }
 
@@ -271,7 +276,7 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     let row = annotation.kind.row();
     for (key, is_there, belongs) in annotation.fields() {
         if is_there && belongs == Belongs::Never {
-            return at.key(key).expected(format!("{key:?}"), format!("fields that {} has", row.name));
+            return at.key(key).expected(format!("{key:?}"), format!("only fields of {}", row.name));
         }
         if !is_there && belongs == Belongs::Always {
             return at.expected(format!("{} without {key:?}", row.name), format!("{key:?}"));
@@ -296,7 +301,7 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     known(&at.key("height_m"), annotation.height_m.as_ref(), Bounds::POSITIVE)
 }
 
-/// What an annotation is like has a usual size, of what the annotation measures.
+/// Checks that the object named by `like` has a usual size of the kind that this annotation measures.
 fn check_like(at: &At, annotation: &Annotation) -> Checked {
     let Some(like) = &annotation.like else { return Ok(()) };
     let constraint = annotation.kind.row().constraint;
@@ -318,15 +323,15 @@ fn check_scene(at: &At, scene: Option<&SceneEntry>) -> Checked {
     if falls && sigmas.floor_tilt_sigma_deg == Some(0.0) {
         return crossfall.expected(
             sigmas.crossfall_sigma_deg.unwrap_or_default(),
-            "0 where floor_tilt_sigma_deg is 0: a floor that is known to be level has none",
+            "0, because floor_tilt_sigma_deg is 0: a level floor has no crossfall",
         );
     }
     optional(&at.key("angle_sigma_deg"), sigmas.angle_sigma_deg, Bounds::SCENE_DEGREES)?;
     optional(&at.key("length_sigma_rel"), sigmas.length_sigma_rel, Bounds::SHARE)
 }
 
-/// Ties lead to parallel annotations and not in a circle.
-fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
+/// Checks that references by `at_right_angles_to` lead to parallel annotations and do not form a cycle.
+fn check_right_angle_references(at: &At, annotations: &[Annotation]) -> Checked {
     let by_id: HashMap<&str, usize> = annotations
         .iter()
         .enumerate()
@@ -334,7 +339,7 @@ fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
         .filter_map(|(i, a)| Some((a.id.as_deref()?, i)))
         .collect();
     let tie = |i: usize| annotations[i].at_right_angles_to.as_deref();
-    // Of every annotation: not looked at, on the chain that is followed, or known to end.
+    // State of each annotation: unvisited, on the current chain, or known to end without a cycle.
     let (mut on_chain, mut ends) = (vec![false; annotations.len()], vec![false; annotations.len()]);
     for start in 0..annotations.len() {
         let mut chain = Vec::new();
@@ -348,7 +353,7 @@ fn check_ties(at: &At, annotations: &[Annotation]) -> Checked {
             match by_id.get(id) {
                 None => return field.expected(quoted(id), "the id of a parallel annotation of this camera"),
                 Some(&next) if on_chain[next] => {
-                    return field.expected("ties that run in a circle", "a chain that ends");
+                    return field.expected("references that form a cycle", "references without a cycle");
                 }
                 Some(&next) => here = next,
             }
@@ -369,7 +374,9 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
         (Some(world), None) => {
             Bounds::COORDINATE.check_all(&at.key("world_m"), &<[f64; 3]>::from(world))?;
             if point.height_m.is_some() {
-                return at.key("height_m").expected("\"height_m\"", "it only beside \"plan_px\"");
+                return at
+                    .key("height_m")
+                    .expected("\"height_m\"", "no \"height_m\", except together with \"plan_px\"");
             }
         }
         (None, Some(plan)) => {

@@ -1,8 +1,4 @@
-//! Checks of what cameras share: links, marks, distances.
-//!
-//! Checks of planes besides the floor, and of what lies on them.
-//!
-//! Checks of lenses, and of what solving wrote into a site.
+//! Checks of links, marks, distances, planes, lenses and solutions.
 
 use std::collections::HashSet;
 
@@ -15,10 +11,10 @@ use crate::scene::{PlaneEntry, PlaneNumber};
 use crate::site_error::quoted;
 use crate::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
 
-/// Planes of one site; every pixel that is mapped is held against each.
+/// Largest number of planes of one site; every mapped pixel is tested against each plane.
 const MAX_PLANES: usize = 1000;
 
-/// The planes by themselves.
+/// Checks the planes of a site.
 pub(crate) fn check_planes(at: &At, planes: &[PlaneEntry]) -> Checked {
     count(at, planes.len(), MAX_PLANES)?;
     let mut ids = HashSet::new();
@@ -65,8 +61,8 @@ fn number(at: &At, number: Option<PlaneNumber>, bounds: Bounds) -> Checked {
     }
 }
 
-/// What lies on a plane names one of the site.
-pub(crate) fn plane_of(at: &At, plane: Option<&String>, site: &Site) -> Checked {
+/// Checks that a reference names a plane of the site.
+pub(crate) fn check_plane_id(at: &At, plane: Option<&String>, site: &Site) -> Checked {
     let Some(plane) = plane else { return Ok(()) };
     match site.plane(plane) {
         Some(_) => Ok(()),
@@ -76,19 +72,19 @@ pub(crate) fn plane_of(at: &At, plane: Option<&String>, site: &Site) -> Checked 
     }
 }
 
-/// Links, marks and the distances between them.
+/// Checks links, marks, and the distances between them.
 pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
     let cameras: HashSet<&str> = site.cameras.iter().map(|camera| camera.id.as_str()).collect();
     count(&root.key("links"), site.links.len(), MAX_ITEMS)?;
     for (i, link) in site.links.iter().enumerate() {
         check_link(&root.key("links").index(i), link, &cameras)?;
-        plane_of(&root.key("links").index(i).key("plane"), link.plane.as_ref(), site)?;
+        check_plane_id(&root.key("links").index(i).key("plane"), link.plane.as_ref(), site)?;
     }
     count(&root.key("marks"), site.marks.len(), MAX_ITEMS)?;
     for (i, mark) in site.marks.iter().enumerate() {
         check_mark(&root.key("marks").index(i), mark, &cameras)?;
     }
-    // Distances name links and marks alike: their ids share one space.
+    // Distances refer to links and marks by id, so these ids must be unique together.
     let links = site.links.iter().enumerate().map(|(i, link)| ("links", i, link.id.as_ref()));
     let marks = site.marks.iter().enumerate().map(|(i, mark)| ("marks", i, mark.id.as_ref()));
     let mut ids = HashSet::new();
@@ -128,7 +124,9 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
         ("length_m", link.length_m.is_some(), LinkKind::Post),
     ] {
         if is_there && kind != of {
-            return at.key(key).expected(format!("{key:?}"), format!("it only in a link of kind {of:?}"));
+            return at
+                .key(key)
+                .expected(format!("{key:?}"), format!("no {key:?}, except in a link of kind {of:?}"));
         }
     }
     count(&at.key("seen"), link.seen.len(), MAX_ITEMS)?;
@@ -147,7 +145,7 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
         for (key, is_there, of) in fields {
             if is_there != (kind == of) {
                 let found = if is_there { format!("{key:?}") } else { format!("no {key:?}") };
-                return at.expected(found, "px of a point, foot and head of a post, segment of a line");
+                return at.expected(found, "px for a point, foot and head for a post, segment for a line");
             }
         }
         for (key, pixel) in [("px", seen.px), ("foot", seen.foot), ("head", seen.head)] {
@@ -171,7 +169,7 @@ fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
     let names = mark.kind.size_names();
     let size = at.key("size_m");
     if mark.size_m.len() != names.len() {
-        let expected = format!("{} of them: {}", names.len(), names.join(", "));
+        let expected = format!("{} numbers: {}", names.len(), names.join(", "));
         return size.expected(format!("{} numbers", mark.size_m.len()), expected);
     }
     Bounds::POSITIVE.check_all(&size, &mark.size_m)?;
@@ -196,10 +194,11 @@ fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
     Ok(())
 }
 
-/// Most corners of an EFOV on the floor: eight for every corner drawn, and those of clipping.
-const MAX_CORNERS: usize = 10_000;
+/// Largest number of corners of an EFOV polygon on the floor: eight for each annotated corner, plus those
+/// from clipping.
+const MAX_EFOV_CORNERS: usize = 10_000;
 
-/// Whether an image circle has a radius, and can be written and read again.
+/// Checks that an image circle has a positive radius and finite values.
 pub(crate) fn check_circle(at: &At, circle: ImageCircle) -> Checked {
     Bounds::COORDINATE.check_all(at, &<[f64; 3]>::from(circle))?;
     if circle.radius > 0.0 {
@@ -207,11 +206,11 @@ pub(crate) fn check_circle(at: &At, circle: ImageCircle) -> Checked {
     }
     at.expected(
         format!("a radius of {}", circle.radius),
-        "u and v of its middle and a radius above 0, in pixels",
+        "u and v of the centre and a radius above 0, in pixels",
     )
 }
 
-/// Whether a solution can be written and read again.
+/// Checks that a solution can be written and read again.
 pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
     let point = <[f64; 2]>::from(solution.principal_point_px);
@@ -227,7 +226,8 @@ pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     ];
     for (key, is_there) in pose {
         if !is_there && solution.stage != Stage::Lens {
-            return at.expected(format!("no {key:?}"), "the pose, at every stage but \"lens\"");
+            return at
+                .expected(format!("no {key:?}"), "a complete pose, which every stage except \"lens\" has");
         }
     }
     if let Some(position) = solution.position_m {
@@ -241,7 +241,7 @@ pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
         check_distortion(&at.key("distortion"), distortion, Some(solution.focal_px))?;
     }
     let efov = at.key("efov_m");
-    count(&efov, solution.efov_m.len(), MAX_CORNERS)?;
+    count(&efov, solution.efov_m.len(), MAX_EFOV_CORNERS)?;
     for (i, &point) in solution.efov_m.iter().enumerate() {
         Bounds::COORDINATE.check_all(&efov.index(i), &<[f64; 2]>::from(point))?;
     }
@@ -254,13 +254,15 @@ fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
     let expected = n * (n + 1) / 2;
     if covariance.upper.len() != expected {
         let found = format!("{} numbers", covariance.upper.len());
-        return at.key("upper").expected(found, format!("{expected}: the upper triangle of {n} by {n}"));
+        return at
+            .key("upper")
+            .expected(found, format!("{expected} numbers: the upper triangle of {n} by {n}"));
     }
     let broken = covariance.upper.iter().position(|value| !value.is_finite());
     if let Some(i) = broken {
         return at.key("upper").index(i).expected(covariance.upper[i], "a number");
     }
-    // Row by row, the diagonal is the first of each row.
+    // In the upper triangle, stored row by row, the diagonal is the first value of each row.
     let mut first = 0;
     for row in 0..n {
         if covariance.upper[first] < 0.0 {
@@ -278,7 +280,7 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
         let (key, Some(value)) = (which.name(), entry.coefficient(which)) else { continue };
         given = true;
         if !own.contains(&which) {
-            return at.key(key).expected(format!("a coefficient {key}"), "only those that this model has");
+            return at.key(key).expected(format!("a coefficient {key}"), "only coefficients of this model");
         }
         let [low, high] = which.bounds();
         let what = match which {
@@ -291,7 +293,7 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
     optional(&at.key("focal_px"), entry.focal_px, Bounds { low: 1.0, ..Bounds::POSITIVE })?;
     if let Some(fit) = &entry.fit {
         if given {
-            return at.key("fit").expected("\"fit\" beside coefficients", "one of them: fitted, or given");
+            return at.key("fit").expected("both \"fit\" and coefficients", "only one of them");
         }
         for (i, wanted) in fit.iter().enumerate() {
             if !own.contains(wanted) || fit[..i].contains(wanted) {
@@ -302,12 +304,12 @@ pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f
     }
     if !given && !entry.model.row().is_fitted {
         let found = format!("{} without coefficients", entry.model.row().name);
-        return at.expected(found, "its coefficients: it is given, and not fitted");
+        return at.expected(found, "coefficients: this model is not fitted");
     }
     if given && entry.focal_px.is_none() && focal.is_none() {
         return at.expected(
-            "coefficients without a focal",
-            "\"focal_px\" here, which they refer to, or in the lens",
+            "coefficients without a focal length",
+            "\"focal_px\" in the distortion or in the lens",
         );
     }
     Ok(())
@@ -328,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn spheres_are_given_with_coefficients_of_a_lens() {
+    fn sphere_models_need_entered_coefficients() {
         let lens = |text: &str| site(text).map(|site| site.cameras[0].lens());
         let unified = lens(r#"{"model": "unified", "xi": 1.1, "focal_px": 300}"#);
         assert!(
@@ -342,7 +344,7 @@ mod tests {
         for (text, word) in [
             (r#"{"model": "unified", "xi": -1.0, "focal_px": 300}"#, "above -1"),
             (r#"{"model": "double-sphere", "xi": 0.0, "alpha": 1.1, "focal_px": 300}"#, "between 0 and 1"),
-            (r#"{"model": "unified", "xi": 1.0, "alpha": 0.5, "focal_px": 300}"#, "this model has"),
+            (r#"{"model": "unified", "xi": 1.0, "alpha": 0.5, "focal_px": 300}"#, "of this model"),
             (r#"{"model": "unified", "fit": ["xi"]}"#, "not fitted"),
             (r#"{"model": "double-sphere"}"#, "not fitted"),
             (r#"{"model": "unified", "xi": 1.0}"#, "focal"),

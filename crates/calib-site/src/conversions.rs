@@ -1,8 +1,5 @@
-//! Entries of the site file as the types of the geometry, and back.
-//!
-//! The field of view of a camera of the document: on its plane, and the floor behind that.
-//!
-//! The planes of a site where they are: as solving found them, or as they are known.
+//! Conversions between entries of the site file and geometric types: planes, plan, lens, camera, priors, and
+//! the field of view on its plane and on the floor.
 
 use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
@@ -12,51 +9,53 @@ use calib_core::floor::{ControlPoint, MarkShape, Placement, Surface, default_efo
 use calib_core::single::{FixedParameters, PlanePrior, Prior, Priors, SceneErrors};
 
 use crate::document::{
-    ControlPointEntry, Georeference, HeldEntry, Mark, PlacementEntry, Plan, Site, SiteCamera,
+    ControlPointEntry, FixedEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera,
 };
 use crate::scene::PlaneEntry;
 use crate::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
 impl Site {
-    /// The plane of this id.
+    /// Returns the plane with this id.
     #[must_use]
     pub fn plane(&self, id: &str) -> Option<&PlaneEntry> {
         self.planes.iter().find(|plane| plane.id == id)
     }
 
-    /// Where the plane of this id is; the floor without one.
+    /// Returns the geometry of the plane with this id; the floor if `id` is `None` or unknown.
     #[must_use]
     pub fn plane_or_floor(&self, id: Option<&str>) -> Plane {
-        id.and_then(|id| self.plane(id)).map_or(Plane::FLOOR, |entry| entry.surface(self.usual_fall()).plane)
+        id.and_then(|id| self.plane(id))
+            .map_or(Plane::FLOOR, |entry| entry.surface(self.floor_tilt_sigma()).plane)
     }
 
-    /// The planes in the order of the file; one without a region covers nothing of the plan.
+    /// Returns the surfaces of all planes in the order of the file. A plane without a region covers nothing.
     #[must_use]
     pub fn surfaces(&self) -> Vec<Surface> {
-        self.planes.iter().map(|plane| plane.surface(self.usual_fall())).collect()
+        self.planes.iter().map(|plane| plane.surface(self.floor_tilt_sigma())).collect()
     }
 
-    /// What pixels are mapped to besides the floor: [`Self::surfaces`], or none where no plane has a region.
+    /// Returns the surfaces that pixels are mapped to in addition to the floor: [`Self::surfaces`], or an
+    /// empty list if no plane has a region.
     #[must_use]
     pub fn covering_surfaces(&self) -> Vec<Surface> {
         let covers = self.planes.iter().any(|plane| !plane.region.is_empty());
         if covers { self.surfaces() } else { Vec::new() }
     }
 
-    /// What is known of every plane, in the order of the file.
+    /// Returns the priors of all planes in the order of the file.
     #[must_use]
     pub fn plane_priors(&self) -> Vec<PlanePrior> {
-        self.planes.iter().map(|plane| plane.prior(self.usual_fall())).collect()
+        self.planes.iter().map(|plane| plane.prior(self.floor_tilt_sigma())).collect()
     }
 
-    /// How far a level plane may be off, in radians.
-    fn usual_fall(&self) -> f64 {
+    /// Returns the standard deviation of the tilt of a level plane, in radians.
+    fn floor_tilt_sigma(&self) -> f64 {
         self.scene.map_or_else(SceneErrors::default, |scene| scene.errors()).floor_tilt
     }
 }
 
 impl Plan {
-    /// How the plan's picture lies in the base system.
+    /// Returns the mapping between plan pixels and world coordinates.
     #[must_use]
     pub fn scale(&self) -> PlanScale {
         PlanScale {
@@ -68,26 +67,27 @@ impl Plan {
 }
 
 impl Site {
-    /// How far the scene may be from what was drawn on the image of a camera.
+    /// Returns the expected deviations of the scene from the annotations' assumptions for the image of a
+    /// camera.
     #[must_use]
     pub fn scene_errors(&self, entry: &SiteCamera) -> SceneErrors {
         entry.scene.or(self.scene).map_or_else(SceneErrors::default, |scene| scene.errors())
     }
 
-    /// Where the site lies on the earth, said by itself or by its plan.
+    /// Returns the georeference of the site, otherwise the georeference of its plan.
     #[must_use]
     pub fn georeference(&self) -> Option<&Georeference> {
         self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
     }
 
-    /// The first entry of this id, whatever its period.
-    pub(crate) fn first_of(&self, id: &str) -> Option<&SiteCamera> {
+    /// Returns the first entry with this id, whatever its period.
+    pub(crate) fn first_entry(&self, id: &str) -> Option<&SiteCamera> {
         self.cameras.iter().find(|camera| camera.id == id)
     }
 }
 
 impl Mark {
-    /// The mark as a shape in the base system.
+    /// Returns the shape of the mark in world coordinates: as estimated, otherwise as entered.
     #[must_use]
     pub fn shape(&self) -> MarkShape {
         let (at, turn_deg) = match &self.solution {
@@ -99,7 +99,7 @@ impl Mark {
 }
 
 impl PlacementEntry {
-    /// The placement in metres and radians.
+    /// Returns the placement in metres and radians.
     #[must_use]
     pub fn placement(&self) -> Placement {
         Placement { by: self.move_m, turn: self.turn_deg.to_radians(), scale: self.scale.unwrap_or(1.0) }
@@ -113,19 +113,19 @@ impl From<Placement> for PlacementEntry {
             turn_deg: placement.turn.to_degrees(),
             scale: Some(placement.scale),
             fixed: false,
-            held: HeldEntry::default(),
+            held: FixedEntry::default(),
         }
     }
 }
 
 impl ControlPointEntry {
-    /// What residuals call it: its id, or its number in the list of its camera.
+    /// Returns the name in residuals: the id, or the index in the list of its camera.
     #[must_use]
     pub fn label(&self, index: usize) -> String {
         self.id.clone().unwrap_or_else(|| index.to_string())
     }
 
-    /// The point with its place in the base system; `None` for a plan pixel without a plan.
+    /// Returns the point with its world coordinates; `None` for a plan pixel without a plan.
     #[must_use]
     pub fn control_point(&self, plan: Option<&Plan>) -> Option<ControlPoint> {
         let on_plan = || -> Option<WorldPoint> {
@@ -137,7 +137,7 @@ impl ControlPointEntry {
 }
 
 impl DistortionEntry {
-    /// An entry of this model without coefficients.
+    /// Creates an entry of this model without coefficients.
     #[must_use]
     pub const fn new(model: DistortionModel) -> Self {
         Self {
@@ -156,7 +156,7 @@ impl DistortionEntry {
         }
     }
 
-    /// The coefficients, if they are given: those left out are 0.
+    /// Returns the distortion if coefficients are entered; absent coefficients are 0.
     #[must_use]
     pub fn distortion(&self) -> Option<Distortion> {
         let given = Coefficient::ALL.iter().any(|&which| self.coefficient(which).is_some());
@@ -170,11 +170,12 @@ impl DistortionEntry {
         })
     }
 
-    /// The entry of a lens as a camera of this focal has it; `None` without distortion.
+    /// Creates the entry of a lens for a camera with this focal length, in pixels; `None` without distortion.
     ///
-    /// Coefficients are expressed for `focal`, or keep a focal of their own where the model cannot.
+    /// Coefficients are rescaled to `focal`. If the model does not allow it, the entry contains the lens's
+    /// own focal length.
     #[must_use]
-    pub fn of(lens: &Lens, focal: f64) -> Option<Self> {
+    pub fn from_lens(lens: &Lens, focal: f64) -> Option<Self> {
         let (distortion, focal_px) = match lens.distortion.rescaled(focal / lens.focal) {
             Some(distortion) => (distortion, None),
             None => (lens.distortion, Some(lens.focal)),
@@ -188,7 +189,8 @@ impl DistortionEntry {
 }
 
 impl SiteCamera {
-    /// The principal point: the one given, or the middle of the image circle, or that of the image.
+    /// Returns the principal point: as entered, otherwise the centre of the image circle, otherwise the
+    /// centre of the image.
     #[must_use]
     pub fn principal_point(&self) -> Pixel {
         let [width, height] = self.size();
@@ -197,13 +199,13 @@ impl SiteCamera {
         given.or_else(of_circle).unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
     }
 
-    /// The disc in which its image shows the scene, if that is said.
+    /// Returns the image circle, if entered.
     #[must_use]
     pub fn image_circle(&self) -> Option<ImageCircle> {
         self.lens.as_ref()?.image_circle_px
     }
 
-    /// The lens as far as it is given: with fixed coefficients, or without distortion.
+    /// Returns the entered lens: with fixed coefficients, otherwise without distortion.
     #[must_use]
     pub fn lens(&self) -> Lens {
         let pinhole = Lens::pinhole(self.principal_point());
@@ -216,9 +218,10 @@ impl SiteCamera {
         given().unwrap_or(pinhole)
     }
 
-    /// The lens to draw under while nothing is solved: as [`Self::lens`]; for a fisheye that is to be fitted, the one
-    /// with coefficients of zero that shows 180 degrees across its image circle, or else the shorter side of the image,
-    /// unless its focal is given.
+    /// Returns the lens for displaying a camera before it is solved. It is [`Self::lens`], except for a
+    /// fisheye that will be fitted. The fisheye gets coefficients of zero and its entered focal length.
+    /// Without one, the focal length is such that 180 degrees span the image circle, or the shorter side of
+    /// the image.
     #[must_use]
     pub fn likely_lens(&self) -> Lens {
         let lens = self.lens();
@@ -233,7 +236,7 @@ impl SiteCamera {
         Lens { focal, distortion: row.zero, image_circle: self.image_circle(), ..lens }
     }
 
-    /// The parameters that are fixed, with their values.
+    /// Returns the fixed parameters with their values.
     #[must_use]
     pub fn fixed_parameters(&self) -> FixedParameters {
         let fixed = |known: Option<calib_core::single::Known>| {
@@ -250,7 +253,7 @@ impl SiteCamera {
         }
     }
 
-    /// Priors on orientation, focal and height.
+    /// Returns the priors on orientation, focal length and height.
     #[must_use]
     pub fn priors(&self) -> Priors {
         let prior = |known: Option<calib_core::single::Known>| {
@@ -269,7 +272,8 @@ impl SiteCamera {
         }
     }
 
-    /// Whether its solution stands: typed or imported, and nothing is drawn that could change it; or kept.
+    /// Whether the solution is not recomputed: it is kept, or it was entered or imported and the camera has
+    /// no annotations.
     #[must_use]
     pub fn is_given(&self) -> bool {
         self.solution.as_ref().is_some_and(|solution| match solution.method {
@@ -279,24 +283,24 @@ impl SiteCamera {
         })
     }
 
-    /// Whether it was solved and placed in the site.
+    /// Whether the camera is solved and placed in the site.
     #[must_use]
     pub fn is_placed(&self) -> bool {
         self.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
     }
 
-    /// The calibrated camera, if it was solved beyond its lens.
+    /// Returns the calibrated camera; `None` if it is not solved, or only its lens is.
     #[must_use]
     pub fn camera(&self) -> Option<Camera> {
         self.solution.as_ref()?.camera()
     }
 
-    /// Corners of the EFOV on the floor, in metres: as solved, or what the polygon drawn covers, or the
-    /// default one. Empty without a calibration.
+    /// Returns the corners of the EFOV on the floor, in metres: from the solution, otherwise from the
+    /// annotated polygon, otherwise the default EFOV. Empty without a calibration.
     #[must_use]
     pub fn floor_polygon(&self) -> Vec<FloorPoint> {
         let Some(camera) = self.camera() else { return Vec::new() };
-        // A solution from elsewhere may come without its polygon on the floor.
+        // An imported solution may lack the polygon on the floor.
         match (&self.solution, &self.efov_px) {
             (Some(solution), _) if !solution.efov_m.is_empty() => solution.efov_m.clone(),
             (_, Some(corners)) => efov_on_floor(&camera, corners).polygon,
@@ -306,20 +310,20 @@ impl SiteCamera {
 }
 
 impl Solution {
-    /// The pose and the lens of a camera, and nothing of how well they are known.
+    /// Creates a solution with the pose and the lens of a camera, without uncertainty.
     #[must_use]
-    pub fn of(camera: &Camera, method: Method, stage: Stage) -> Self {
+    pub fn from_camera(camera: &Camera, method: Method, stage: Stage) -> Self {
         Self {
             position_m: Some(camera.position),
             yaw_deg: Some(camera.yaw.to_degrees()),
             pitch_deg: Some(camera.pitch.to_degrees()),
             roll_deg: Some(camera.roll.to_degrees()),
-            distortion: DistortionEntry::of(&camera.lens, camera.focal),
+            distortion: DistortionEntry::from_lens(&camera.lens, camera.focal),
             ..Self::new(method, stage, camera.focal, camera.lens.principal_point)
         }
     }
 
-    /// The calibrated camera; `None` when only the lens is known.
+    /// Returns the calibrated camera; `None` if only the lens is known.
     #[must_use]
     pub fn camera(&self) -> Option<Camera> {
         Some(Camera {
@@ -333,21 +337,22 @@ impl Solution {
         })
     }
 
-    /// Writes the covariance of a camera and its sigmas; neither where nothing is known of its errors.
+    /// Stores the covariance and the standard deviations of a camera; neither if the uncertainty is unknown.
     pub(crate) fn set_uncertainty(&mut self, camera: &Camera, floor_length_rel: Option<f64>) {
-        self.sigma = camera.covariance.is_known().then(|| Sigmas::of(camera, floor_length_rel));
-        self.covariance = CovarianceEntry::of(camera);
+        self.sigma = camera.covariance.is_known().then(|| Sigmas::from_camera(camera, floor_length_rel));
+        self.covariance = CovarianceEntry::from_camera(camera);
     }
 
-    /// The covariance in the file, or that of its sigmas alone; without either nothing is known.
+    /// Returns the stored covariance, otherwise the one from the standard deviations, otherwise an unknown
+    /// covariance.
     fn known_covariance(&self) -> Covariance {
         let distortion = self.lens().distortion;
-        let from_sigmas = || self.sigma.as_ref().map(CovarianceEntry::diagonal);
+        let from_sigmas = || self.sigma.as_ref().map(CovarianceEntry::from_sigmas);
         let entry = self.covariance.clone().or_else(from_sigmas);
         entry.map_or(Covariance::UNKNOWN, |entry| entry.covariance(self.focal_px, &distortion))
     }
 
-    /// Principal point and distortion.
+    /// Returns the lens: principal point, image circle and distortion.
     #[must_use]
     pub fn lens(&self) -> Lens {
         let (focal, image_circle) = (self.focal_px, self.image_circle_px);
@@ -359,45 +364,51 @@ impl Solution {
 }
 
 impl Site {
-    /// The plane that the field of view of a camera lies on; one that nobody drew lies on the floor.
+    /// Returns the plane of a camera's field of view; the floor if no field of view is annotated.
     #[must_use]
     pub fn efov_plane(&self, entry: &SiteCamera) -> Plane {
         let id = entry.efov_plane.as_deref().filter(|_| entry.efov_px.is_some());
         self.plane_or_floor(id)
     }
 
-    /// Corners of the EFOV of a camera on the plane that it lies on, in metres; empty without a calibration.
+    /// Returns the corners of a camera's EFOV on its plane, in world coordinates (metres); empty without a
+    /// calibration.
     #[must_use]
     pub fn efov_outline(&self, entry: &SiteCamera) -> Vec<WorldPoint> {
         let (plane, corners) = (self.efov_plane(entry), entry.floor_polygon());
-        if is_on_plane(entry) {
+        if has_solved_outline(entry) {
             return corners.into_iter().map(|at| at.at_height(plane.height_at(at))).collect();
         }
-        through(entry, corners.into_iter().map(|at| at.at_height(0.0)), &plane)
+        project_onto_plane(entry, corners.into_iter().map(|at| at.at_height(0.0)), &plane)
     }
 
-    /// The floor that the EFOV of a camera covers, or would if nothing stood on it: what [`Extent`] judges by.
+    /// Returns the floor covered by a camera's EFOV, with planes removed, as used by [`Extent`].
     ///
-    /// As [`SiteCamera::floor_polygon`] where the EFOV lies on the floor.
+    /// It equals [`SiteCamera::floor_polygon`] for an EFOV on the floor.
     ///
-    /// [`Extent`]: calib_core::Extent
+    /// [`Extent`]: calib_core::floor::Extent
     #[must_use]
     pub fn efov_on_floor(&self, entry: &SiteCamera) -> Vec<FloorPoint> {
-        if self.efov_plane(entry) == Plane::FLOOR || !is_on_plane(entry) {
+        if self.efov_plane(entry) == Plane::FLOOR || !has_solved_outline(entry) {
             return entry.floor_polygon();
         }
-        let on_floor = through(entry, self.efov_outline(entry).into_iter(), &Plane::FLOOR);
+        let on_floor = project_onto_plane(entry, self.efov_outline(entry).into_iter(), &Plane::FLOOR);
         on_floor.into_iter().map(WorldPoint::on_floor).collect()
     }
 }
 
-/// Whether its corners on the plan are those on its plane; what was not solved is known on the floor alone.
-fn is_on_plane(entry: &SiteCamera) -> bool {
+/// Whether the stored corners on the plan are those on the plane. Without a solution, they are computed on
+/// the floor only.
+fn has_solved_outline(entry: &SiteCamera) -> bool {
     entry.solution.as_ref().is_some_and(|solution| !solution.efov_m.is_empty())
 }
 
-/// Where the rays from a camera through these points meet a plane.
-fn through(entry: &SiteCamera, points: impl Iterator<Item = WorldPoint>, plane: &Plane) -> Vec<WorldPoint> {
+/// Projects points along the rays from a camera onto a plane.
+fn project_onto_plane(
+    entry: &SiteCamera,
+    points: impl Iterator<Item = WorldPoint>,
+    plane: &Plane,
+) -> Vec<WorldPoint> {
     let Some(camera) = entry.camera() else { return Vec::new() };
     points.filter_map(|at| camera.point_to_plane(at, plane)).collect()
 }
@@ -417,11 +428,12 @@ mod tests {
     }
 
     #[test]
-    fn a_field_on_a_plane_covers_the_floor_behind_it() {
+    fn field_of_view_on_a_plane_covers_the_floor_behind_it() {
         let site = site(r#", "efov_plane": "deck", "efov_px": [[0, 900], [900, 900], [500, 700]]"#);
         let entry = &site.cameras[0];
         assert_eq!(site.efov_outline(entry)[0], WorldPoint::new(0.0, 5.0, 1.5));
-        // 3 m above the deck and 4.5 m above the floor: half as far again from the foot at (1, 2).
+        // The camera is 3 m above the deck and 4.5 m above the floor, so distances from its foot at (1, 2)
+        // grow by one half.
         let floor = site.efov_on_floor(entry);
         assert!(floor[0].distance(FloorPoint { x: -0.5, y: 6.5 }) < 1e-12, "{floor:?}");
         let camera = entry.camera().unwrap();
@@ -430,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_on_the_floor_is_as_it_was() {
+    fn field_of_view_on_the_floor_is_unchanged() {
         let site = site("");
         assert_eq!(site.efov_on_floor(&site.cameras[0]), site.cameras[0].floor_polygon());
         assert!(site.efov_outline(&site.cameras[0]).iter().all(|at| at.z == 0.0));

@@ -1,6 +1,7 @@
-//! Covariances in files: degrees for radians, and coefficients of a distortion for the focal of the camera.
+//! Covariances in the site file: angles in degrees, and distortion coefficients that refer to the camera's
+//! focal length.
 //!
-//! Covariances of cameras with each other: what a joint solve ties together errs together.
+//! Also cross-covariances of jointly solved cameras: their errors are correlated.
 
 use calib_core::bundle::CrossCovariance;
 use calib_core::camera::{Camera, Covariance, Distortion, Pixel};
@@ -12,7 +13,7 @@ use crate::document::Site;
 use crate::site_solution::CrossCovarianceEntry;
 use crate::solution::{CovarianceEntry, Sigmas};
 
-/// Files have degrees where the code has radians.
+/// Returns the factor from the internal unit of a parameter to its unit in files: degrees for angles.
 pub(crate) fn unit_in_file(index: usize) -> f64 {
     if matches!(index, Covariance::YAW | Covariance::PITCH | Covariance::ROLL) {
         1_f64.to_degrees()
@@ -21,8 +22,8 @@ pub(crate) fn unit_in_file(index: usize) -> f64 {
     }
 }
 
-/// Name of an unknown in files.
-pub(crate) fn name(index: usize, distortion: &Distortion) -> Option<&'static str> {
+/// Returns the name of a parameter in files.
+pub(crate) fn parameter_name(index: usize, distortion: &Distortion) -> Option<&'static str> {
     let own = || match index {
         Covariance::CENTRE => Some("principal_point_u_px"),
         index if index > Covariance::CENTRE => Some("principal_point_v_px"),
@@ -31,10 +32,13 @@ pub(crate) fn name(index: usize, distortion: &Distortion) -> Option<&'static str
     Covariance::NAMES.get(index).copied().or_else(own)
 }
 
-/// The coefficients in a file are those for the camera's focal and change with it; those of a
-/// [`Lens`](calib_core::Lens) are for a focal that stays. The derivatives of the former by the latter and by the focal,
-/// where the latter are for a focal `ratio` times smaller.
-pub(crate) fn in_file(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
+/// Computes the derivatives of the distortion coefficients in a file with respect to the internal
+/// coefficients and to the focal length.
+///
+/// Coefficients in a file refer to the camera's focal length and change with it. Those of a
+/// [`Lens`](calib_core::camera::Lens) refer to a constant focal length, which is `ratio` times smaller than
+/// the camera's.
+pub(crate) fn file_jacobian(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
     let (powers, coefficients) = (distortion.powers(), distortion.coefficients());
     let mut jacobian = [[1.0; Covariance::SIZE], [0.0; Covariance::SIZE]];
     for (i, &power) in powers.iter().enumerate() {
@@ -45,11 +49,12 @@ pub(crate) fn in_file(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64;
 }
 
 impl CovarianceEntry {
-    /// The matrix in metres, radians and pixels of a camera with this focal and distortion; names that
-    /// are not of the camera are left out.
+    /// Converts the entry to a covariance in metres, radians and pixels, for a camera with this focal length
+    /// and distortion. Parameters that the camera does not have are ignored.
     #[must_use]
     pub fn covariance(&self, focal: f64, distortion: &Distortion) -> Covariance {
-        let index = |known: &String| (0..Covariance::SIZE).find(|&i| name(i, distortion) == Some(known));
+        let index =
+            |known: &String| (0..Covariance::SIZE).find(|&i| parameter_name(i, distortion) == Some(known));
         let rows: Vec<Option<usize>> = self.of.iter().map(index).collect();
         let mut covariance = Covariance::EXACT;
         let mut upper = self.upper.iter();
@@ -62,14 +67,14 @@ impl CovarianceEntry {
                 }
             }
         }
-        let [scale, by_focal] = in_file(distortion, 1.0, focal);
+        let [scale, by_focal] = file_jacobian(distortion, 1.0, focal);
         covariance.with_correlated_shift(&scale, &by_focal.map(|jacobian| -jacobian))
     }
 
-    /// The entry of independent errors.
-    pub(crate) fn diagonal(sigmas: &Sigmas) -> Self {
+    /// Creates a diagonal covariance from standard deviations.
+    pub(crate) fn from_sigmas(sigmas: &Sigmas) -> Self {
         let named: Vec<(&str, f64)> =
-            sigmas.named().into_iter().filter_map(|(name, sigma)| Some((name, sigma?))).collect();
+            sigmas.named_values().into_iter().filter_map(|(name, sigma)| Some((name, sigma?))).collect();
         let rows = named.iter().enumerate();
         let row = |(k, (_, sigma)): (usize, &(&str, f64))| {
             std::iter::once(sigma * sigma).chain(std::iter::repeat_n(0.0, named.len() - 1 - k))
@@ -80,18 +85,19 @@ impl CovarianceEntry {
         }
     }
 
-    /// The entry of everything that was estimated; `None` when nothing was, or nothing is known of the errors.
+    /// Creates the entry from the covariance of a camera; `None` if nothing was estimated or the uncertainty
+    /// is unknown.
     #[must_use]
-    pub fn of(camera: &Camera) -> Option<Self> {
+    pub fn from_camera(camera: &Camera) -> Option<Self> {
         let distortion = camera.lens.distortion;
-        let [scale, by_focal] = in_file(&distortion, camera.focal / camera.lens.focal, camera.focal);
+        let [scale, by_focal] = file_jacobian(&distortion, camera.focal / camera.lens.focal, camera.focal);
         let covariance = camera.covariance.with_correlated_shift(&scale, &by_focal);
         let is_estimated =
-            |&i: &usize| camera.covariance.sigma(i).is_some() && name(i, &distortion).is_some();
+            |&i: &usize| camera.covariance.sigma(i).is_some() && parameter_name(i, &distortion).is_some();
         let rows: Vec<usize> = (0..Covariance::SIZE).filter(is_estimated).collect();
         let value = |a: usize, b: usize| covariance.0[a][b] * unit_in_file(a) * unit_in_file(b);
         (!rows.is_empty()).then(|| Self {
-            of: rows.iter().filter_map(|&i| name(i, &distortion).map(str::to_owned)).collect(),
+            of: rows.iter().filter_map(|&i| parameter_name(i, &distortion).map(str::to_owned)).collect(),
             upper: rows
                 .iter()
                 .enumerate()
@@ -102,8 +108,8 @@ impl CovarianceEntry {
 }
 
 impl Sigmas {
-    /// The standard deviations with the names of what they are of.
-    const fn named(&self) -> [(&'static str, Option<f64>); 16] {
+    /// Returns the standard deviations with the names of their parameters.
+    const fn named_values(&self) -> [(&'static str, Option<f64>); 16] {
         [
             ("x_m", self.x_m),
             ("y_m", self.y_m),
@@ -124,14 +130,14 @@ impl Sigmas {
         ]
     }
 
-    /// The diagonal of a camera's covariance as files have it, and the error of floor lengths.
+    /// Creates the entry from the diagonal of a camera's covariance and the relative error of floor lengths.
     #[must_use]
-    pub fn of(camera: &Camera, floor_length_rel: Option<f64>) -> Self {
-        let entry = CovarianceEntry::of(camera);
+    pub fn from_camera(camera: &Camera, floor_length_rel: Option<f64>) -> Self {
+        let entry = CovarianceEntry::from_camera(camera);
         let (names, upper) = entry.as_ref().map_or((&[][..], &[][..]), |e| (&e.of[..], &e.upper[..]));
         let sigma = |known: &str| {
             let row = names.iter().position(|name| name == known)?;
-            // Rows of an upper triangle grow shorter by one.
+            // Each row of an upper triangle is shorter by one than the row before.
             let diagonal = (0..row).map(|i| names.len() - i).sum::<usize>();
             upper.get(diagonal).map(|variance| variance.max(0.0).sqrt())
         };
@@ -157,20 +163,20 @@ impl Sigmas {
     }
 }
 
-/// Derivatives of what files have by the parameters of a camera.
-struct InFile {
-    /// The parameters that were estimated, and their names.
+/// Derivatives of the parameters in a file with respect to the parameters of a camera.
+struct FileJacobian {
+    /// Indices and names of the estimated parameters.
     rows: Vec<(usize, &'static str)>,
     by_own: [f64; Covariance::SIZE],
     by_focal: [f64; Covariance::SIZE],
 }
 
-impl InFile {
+impl FileJacobian {
     fn new(camera: &Camera) -> Self {
         let distortion = camera.lens.distortion;
-        let [by_own, by_focal] = in_file(&distortion, camera.focal / camera.lens.focal, camera.focal);
+        let [by_own, by_focal] = file_jacobian(&distortion, camera.focal / camera.lens.focal, camera.focal);
         let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
-        let named = |index: usize| Some((index, name(index, &distortion)?));
+        let named = |index: usize| Some((index, parameter_name(index, &distortion)?));
         let rows = (0..Covariance::SIZE).filter(is_estimated).filter_map(named).collect();
         Self { rows, by_own, by_focal }
     }
@@ -182,8 +188,8 @@ impl InFile {
 
 impl CrossCovarianceEntry {
     fn new(ids: [&str; 2], cameras: [&Camera; 2], covariance: &CrossCovariance) -> Self {
-        let [a, b] = cameras.map(InFile::new);
-        // As of one camera, but rows are of the one and columns of the other.
+        let [a, b] = cameras.map(FileJacobian::new);
+        // The same conversion as for one camera, with rows from the first camera and columns from the second.
         let row = |i: usize, j: usize| {
             a.by_own[i] * covariance[i][j] + a.by_focal[i] * covariance[Covariance::FOCAL][j]
         };
@@ -200,11 +206,12 @@ impl CrossCovarianceEntry {
         }
     }
 
-    /// The matrix in metres, radians and pixels; names that are not of the cameras are left out.
+    /// Converts the entry to a matrix in metres, radians and pixels. Parameters that the cameras do not have
+    /// are ignored.
     fn covariance(&self, cameras: [&Camera; 2]) -> CrossCovariance {
         let [a, b] = cameras;
         let index = |camera: &Camera, known: &String| {
-            (0..Covariance::SIZE).find(|&i| name(i, &camera.lens.distortion) == Some(known))
+            (0..Covariance::SIZE).find(|&i| parameter_name(i, &camera.lens.distortion) == Some(known))
         };
         let columns: Vec<Option<usize>> = self.columns.iter().map(|known| index(b, known)).collect();
         let mut found = Box::new([[0.0; Covariance::SIZE]; Covariance::SIZE]);
@@ -215,8 +222,8 @@ impl CrossCovarianceEntry {
                 found[i][j] = value / unit_in_file(i) / unit_in_file(j);
             }
         }
-        // From coefficients for the camera's focal to those for a focal that stays.
-        let by_focal = cameras.map(|camera| in_file(&camera.lens.distortion, 1.0, camera.focal)[1]);
+        // Converts coefficients for the camera's focal length to coefficients for a constant focal length.
+        let by_focal = cameras.map(|camera| file_jacobian(&camera.lens.distortion, 1.0, camera.focal)[1]);
         for i in Covariance::LENS..Covariance::SIZE {
             for j in 0..Covariance::SIZE {
                 found[i][j] -= by_focal[0][i] * found[Covariance::FOCAL][j];
@@ -230,8 +237,8 @@ impl CrossCovarianceEntry {
         found
     }
 
-    /// The same with the second camera first.
-    fn turned(&self) -> Self {
+    /// Returns the entry with the two cameras exchanged.
+    fn swapped(&self) -> Self {
         let (height, width) = (self.rows.len(), self.columns.len());
         let at = |i: usize, j: usize| self.values.get(j * width + i).copied().unwrap_or(0.0);
         let [a, b] = self.cameras.clone();
@@ -248,7 +255,7 @@ impl CrossCovarianceEntry {
 }
 
 impl Site {
-    /// The covariances of the cameras that were solved together.
+    /// Returns the cross-covariances of jointly solved cameras.
     pub(crate) fn cross_covariances(
         &self,
         bundle: &BundleResult,
@@ -267,13 +274,14 @@ impl Site {
         pairs.into_iter().filter_map(entry).filter(|entry| !entry.values.is_empty()).collect()
     }
 
-    /// The covariance of the floor point that one camera shows at a pixel (rows) with that which another shows
-    /// (columns), in square metres: the part of the calibration, which two cameras share that were solved
-    /// together. A tracker that takes them for independent believes in their mean too much.
+    /// Returns the covariance between the floor point of a pixel in one camera (rows) and that of a pixel in
+    /// another camera (columns), in square metres. It is the calibration part, which jointly solved cameras
+    /// share. A tracker that treats the two points as independent overestimates the accuracy of their mean.
     ///
-    /// Cameras that no joint solve ties together are independent. `None` where a camera has no solution or
-    /// shows no floor there, where nothing is known of its errors, and for two of over 45 cameras of one group that
-    /// show nothing in common: of them the file does not have it.
+    /// Cameras that were not solved jointly are independent. Returns `None` if a camera has no solution,
+    /// shows no floor at the pixel, or has an unknown uncertainty. In groups of more than 45 cameras it also
+    /// returns `None` for two cameras without shared observations, because the file does not contain their
+    /// covariance.
     #[must_use]
     pub fn floor_covariance_between(&self, [a, b]: [(&str, Pixel); 2]) -> Option<[[f64; 2]; 2]> {
         let for_use = |id: &str| self.camera_for_use(self.camera(id)?);
@@ -305,7 +313,7 @@ impl Site {
             return Some(entry.covariance(cameras));
         }
         if let Some(entry) = entries.iter().find(|entry| of(entry, [b, a])) {
-            return Some(entry.turned().covariance(cameras));
+            return Some(entry.swapped().covariance(cameras));
         }
         let is_tied = |group: &Vec<String>| [a, b].iter().all(|id| group.iter().any(|other| other == id));
         let tied = solution.is_some_and(|solution| solution.components.iter().any(is_tied));

@@ -1,8 +1,7 @@
-//! The site file: cameras, plan, links, marks, and what solving wrote (version 1).
+//! The site file (format version 1): cameras, floor plan, links, marks, distances, and the results of
+//! solving.
 //!
-//! Degrees, metres, pixels; the unit is in the field's name.
-//!
-//! What cameras have in common, as the document has it: links, marks, and measured distances.
+//! Units are degrees, metres and pixels; every field name ends with its unit.
 
 use calib_core::camera::{FloorPoint, ImageCircle, Pixel, PlanPixel, WorldPoint};
 use calib_core::floor::MarkKind;
@@ -18,127 +17,128 @@ use crate::site_solution::{ElementSolution, SiteSolution};
 use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
 
 document! {
-    /// Evidence shared by cameras: a point, a post, or a line of the floor.
+    /// Link between cameras: a point, a post or a line on the floor that several cameras observe.
     struct Link {
-        /// By which others refer to it.
+        /// Identifier for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// What the operator calls it.
+        /// Display name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// Not used; its residual is reported all the same.
+        /// Whether the link is switched off. It is then not used; only its residual is reported.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never rejected as an outlier.
+        /// Whether the link is protected from rejection as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
-        /// What it is; a point if absent.
+        /// Kind of link; a point if absent.
         #[serde(default)]
         kind: LinkKind,
-        /// Height of a point above the floor or its plane, in metres; 0 if absent.
+        /// Height of a point above the floor or above its plane, in metres; 0 if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<f64>,
-        /// The plane it stands on; the floor if absent.
+        /// Id of the plane of the link; the floor if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plane: Option<String>,
         /// Length of a post, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_m: Option<Known>,
-        /// Where every camera shows it.
+        /// Observations, one for each camera that shows the link.
         #[serde(deserialize_with = "bounds::items")]
-        seen: Vec<LinkSeen>,
-        /// What solving found out.
+        seen: Vec<LinkObservation>,
+        /// Result of solving.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<ElementSolution>,
     }
 
-    /// Where one camera shows a link: `px` of a point, `foot` and `head` of a post, `segment` of a line.
-    struct LinkSeen {
+    /// Observation of a link in one camera: `px` for a point, `foot` and `head` for a post, `segment` for a
+    /// line.
+    struct LinkObservation {
         /// Id of the camera.
         camera: String,
-        /// Of a point, raw pixel.
+        /// Raw pixel of a point.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         px: Option<Pixel>,
-        /// Of a post, raw pixel.
+        /// Raw pixel of the foot of a post.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         foot: Option<Pixel>,
-        /// Of a post, raw pixel.
+        /// Raw pixel of the head of a post.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         head: Option<Pixel>,
-        /// Of a line, raw pixels.
+        /// Raw pixels of both ends of a line.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         segment: Option<Vec<Pixel>>,
-        /// Standard deviation of each coordinate, in pixels; that of the camera's drawings if absent.
+        /// Standard deviation of each coordinate, in pixels; the camera's `sigma_px` if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,
     }
 
-    /// A virtual element of known shape.
+    /// Virtual element of known shape, such as a box or a person.
     struct Mark {
-        /// By which others refer to it.
+        /// Identifier for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// What the operator calls it.
+        /// Display name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// Not used; its residual is reported all the same.
+        /// Whether the mark is switched off. It is then not used; only its residuals are reported.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never rejected as an outlier.
+        /// Whether the mark is protected from rejection as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
-        /// What it looks like.
+        /// Shape of the mark.
         kind: MarkKind,
-        /// Where its foot or centre is, in metres.
+        /// World position of the foot or centre, in metres.
         at_m: WorldPoint,
-        /// Turn about the vertical, counter-clockwise, in degrees.
+        /// Rotation about the vertical axis, counter-clockwise, in degrees.
         #[serde(default)]
         turn_deg: f64,
-        /// Its size, in metres; what the numbers mean, the kind says.
+        /// Dimensions, in metres; their number and order depend on `kind`.
         size_m: Vec<f64>,
-        /// Holds the mark in a joint solve.
+        /// Whether the mark is fixed during joint refinement.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         fixed: bool,
-        /// Pixels that show its named points.
+        /// Observations of named points of the mark.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
-        seen: Vec<MarkSeen>,
-        /// What solving found out.
+        seen: Vec<MarkObservation>,
+        /// Result of solving.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<ElementSolution>,
     }
 
-    /// A pixel that shows a named point of a mark.
-    struct MarkSeen {
+    /// Observation of a named point of a mark in one camera.
+    struct MarkObservation {
         /// Id of the camera.
         camera: String,
-        /// Name of the point, as the kind has it.
+        /// Name of the point, as defined by the kind of mark.
         point: String,
         /// Raw pixel.
         px: Pixel,
     }
 
-    /// A known distance between two links or marks.
+    /// Known distance between two links or marks.
     struct Distance {
-        /// By which others refer to it.
+        /// Identifier for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// What the operator calls it.
+        /// Display name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// Not used.
+        /// Whether the distance is switched off. It is then not used.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never rejected as an outlier.
+        /// Whether the distance is protected from rejection as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
-        /// Ids of two links or marks.
+        /// Ids of the two links or marks.
         between: [String; 2],
-        /// In metres.
+        /// Measured length, in metres.
         length_m: Known,
     }
 }
 
-/// What a link is.
+/// Kind of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -146,16 +146,16 @@ pub enum LinkKind {
     /// One point of the scene.
     #[default]
     Point,
-    /// Something plumb, from foot to head.
+    /// Vertical post, from foot to head.
     Post,
-    /// One line of the floor; the views need not overlap.
+    /// One line on the floor; the views need not overlap.
     Line,
 }
 
 impl Link {
-    /// A link of this kind, seen like this.
+    /// Creates a link of a kind, with its observations.
     #[must_use]
-    pub const fn new(id: Option<String>, kind: LinkKind, seen: Vec<LinkSeen>) -> Self {
+    pub const fn new(id: Option<String>, kind: LinkKind, seen: Vec<LinkObservation>) -> Self {
         Self {
             id,
             name: None,
@@ -171,82 +171,82 @@ impl Link {
     }
 }
 
-impl LinkSeen {
-    /// What this camera is to show, still without a pixel.
+impl LinkObservation {
+    /// Creates an observation by a camera, without a pixel yet.
     #[must_use]
     pub fn new(camera: impl Into<String>) -> Self {
         Self { camera: camera.into(), px: None, foot: None, head: None, segment: None, sigma_px: None }
     }
 }
 
-/// The only value of [`Site::format`].
+/// File format identifier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum Format {
-    /// This project's site file.
+    /// Site file of this project.
     #[default]
     #[serde(rename = "calib-site")]
     CalibSite,
 }
 
 document! {
-    /// One site: everything that is calibrated together.
+    /// Site: all data that are calibrated together.
     struct Site {
-        /// Says that this is a site file.
+        /// Identifies a site file: always "calib-site".
         format: Format,
         /// Version of the format: 1.
         version: u32,
-        /// What the operator calls it.
+        /// Display name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// The floor plan.
+        /// Floor plan.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan: Option<Plan>,
-        /// Every camera.
+        /// Cameras.
         #[serde(default, deserialize_with = "bounds::cameras", skip_serializing_if = "Vec::is_empty")]
         cameras: Vec<SiteCamera>,
-        /// Evidence shared by cameras.
+        /// Links between cameras.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         links: Vec<Link>,
-        /// Virtual elements.
+        /// Virtual elements of known shape.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         marks: Vec<Mark>,
         /// Known distances between links and marks.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         distances: Vec<Distance>,
-        /// Where world (0, 0) lies on the earth.
+        /// Geographic position of world (0, 0).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         georeference: Option<Georeference>,
-        /// How far the scene may be from what was drawn; the usual if absent.
+        /// Expected deviations of the scene from the annotations' assumptions; the usual values if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scene: Option<SceneEntry>,
-        /// Planes besides the floor.
+        /// Planes in addition to the floor.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         planes: Vec<PlaneEntry>,
-        /// What solving found out about the site as a whole.
+        /// Results for the site as a whole.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<SiteSolution>,
     }
 
-    /// The floor plan's picture and its scale.
+    /// Floor plan: image and scale.
     struct Plan {
         /// Path relative to the site file, or a `data:` URI.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image: Option<String>,
         /// Size of a plan pixel, in metres.
         metres_per_px: f64,
-        /// The plan pixel of world (0, 0).
+        /// Plan pixel of world (0, 0).
         #[serde(default)]
         origin_px: PlanPixel,
-        /// Turns world +x counter-clockwise from the plan's right, in degrees.
+        /// Angle from the plan's right to world +x, counter-clockwise, in degrees.
         #[serde(default)]
         x_axis_deg: f64,
-        /// Where world (0, 0) lies on the earth.
+        /// Geographic position of world (0, 0).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         georeference: Option<Georeference>,
     }
 
-    /// Where world (0, 0) lies on the earth and how world +x points there.
+    /// Geographic position of world (0, 0) and direction of world +x.
     struct Georeference {
         /// WGS84 latitude, in degrees.
         lat_deg: f64,
@@ -256,60 +256,61 @@ document! {
         x_axis_azimuth_deg: f64,
     }
 
-    /// One camera: its still, what is known of it, what was drawn on it, and the result.
+    /// Camera: its image, known values, annotations and result.
     struct SiteCamera {
-        /// By which others refer to it.
+        /// Identifier for references from other entries.
         id: String,
-        /// What the operator calls it.
+        /// Display name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// Path relative to the site file, or a `data:` URI.
+        /// Image of the camera: a path relative to the site file, or a `data:` URI.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image: Option<String>,
-        /// Width and height of the image after EXIF turning, in pixels.
+        /// Width and height of the image after the EXIF rotation, in pixels.
         size_px: [u32; 2],
-        /// What is known of the lens.
+        /// Known values of the lens and of the orientation.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lens: Option<LensEntry>,
         /// Height above the floor, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<Known>,
-        /// Standard deviation of a drawn coordinate, in pixels.
+        /// Standard deviation of an annotated coordinate, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,
-        /// How far the scene in this image may be from what was drawn; that of the site if absent.
+        /// Expected deviations of the scene in this image from the annotations' assumptions; those of the
+        /// site if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scene: Option<SceneEntry>,
-        /// What the operator drew.
+        /// Annotations on the image.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         annotations: Vec<Annotation>,
-        /// The polygon of the effective field of view, raw pixels.
+        /// Polygon of the effective field of view (EFOV), in raw pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         efov_px: Option<Vec<Pixel>>,
-        /// The plane that this polygon lies on; the floor if absent.
+        /// Id of the plane of the EFOV polygon; the floor if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         efov_plane: Option<String>,
-        /// What the operator did to the polygon on the plan.
+        /// Placement of the EFOV polygon on the plan by the operator.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         placement: Option<PlacementEntry>,
-        /// Pixels that show points with known coordinates.
+        /// Image points with known coordinates.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         control_points: Vec<ControlPointEntry>,
-        /// From when this calibration holds (RFC 3339).
+        /// Start of the validity of this calibration (RFC 3339), inclusive.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         valid_from: Option<String>,
-        /// Until when this calibration holds (RFC 3339), exclusive.
+        /// End of the validity of this calibration (RFC 3339), exclusive.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         valid_to: Option<String>,
-        /// What solving found out.
+        /// Result of solving.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<Solution>,
-        /// Why solving found out nothing.
+        /// Reason why solving gave no result.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         error: Option<FailureEntry>,
     }
 
-    /// What is known of a lens and of the angles of its camera.
+    /// Known values of the lens and of the camera's orientation.
     #[derive(Default)]
     struct LensEntry {
         /// Focal length, in pixels.
@@ -321,79 +322,84 @@ document! {
         /// Pitch, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pitch_deg: Option<Known>,
-        /// Principal point; if absent the middle of the image circle, or else of the image.
+        /// Principal point, in raw pixels. If absent: the centre of the image circle, otherwise the centre of
+        /// the image.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_px: Option<Pixel>,
-        /// The disc in which a fisheye shows the scene: its middle and its radius, in pixels.
+        /// Image circle of a fisheye: centre and radius, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image_circle_px: Option<ImageCircle>,
-        /// Distortion: given, or to be fitted.
+        /// Distortion coefficients, or the coefficients to fit.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         distortion: Option<DistortionEntry>,
-        /// The camera whose distortion and focal this one shares.
+        /// Id of the camera that has the same lens: its distortion and focal length are used.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         like: Option<String>,
     }
 
-    /// Move, turn and scale of the polygon projected with (0, 0, 3 m, roll, pitch, 0, focal).
+    /// Placement on the plan: translation, rotation and scale of the EFOV polygon. The polygon is projected
+    /// by a camera at (0, 0, 3 m) with yaw 0 and the estimated roll, pitch and focal length.
     struct PlacementEntry {
-        /// Becomes x0, y0, in metres.
+        /// Translation on the plan, in metres: the camera's x0, y0.
         #[serde(default)]
         move_m: FloorPoint,
-        /// Becomes yaw, in degrees, counter-clockwise.
+        /// Rotation on the plan, counter-clockwise, in degrees: the camera's yaw.
         #[serde(default)]
         turn_deg: f64,
-        /// Multiplies the height of 3 m; absent, the placement says nothing of the height.
+        /// Scale of the polygon: the camera height is this factor times 3 m. If absent, the placement does
+        /// not set the height.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scale: Option<f64>,
-        /// Holds x0, y0, yaw and z0 in a joint solve.
+        /// Whether x0, y0, z0 and yaw are fixed during joint refinement.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         fixed: bool,
-        /// Holds some of x0, y0 and yaw in a joint solve; what holds z0 alone is `height_m`.
-        #[serde(default, skip_serializing_if = "HeldEntry::is_empty")]
-        held: HeldEntry,
+        /// Coordinates that are fixed individually during joint refinement. To fix only the height, use
+        /// `height_m`.
+        #[serde(default, skip_serializing_if = "FixedEntry::is_empty")]
+        held: FixedEntry,
     }
 
-    /// Which numbers of a placement are held by themselves: exact, while a joint solve estimates the others.
+    /// Coordinates of a placement that are exact, while joint refinement estimates the others.
     #[derive(Copy, Default, Eq)]
-    struct HeldEntry {
-        /// x0.
+    struct FixedEntry {
+        /// Whether x0 is fixed.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         x: bool,
-        /// y0.
+        /// Whether y0 is fixed.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         y: bool,
-        /// The yaw.
+        /// Whether the yaw is fixed.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         turn: bool,
     }
 
-    /// A pixel that shows a point with known coordinates: `world_m`, or `plan_px` with `height_m`.
+    /// Control point: an image point with known coordinates (`world_m`, or `plan_px` with `height_m`).
     struct ControlPointEntry {
-        /// By which others refer to it.
+        /// Identifier for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// What the operator calls it.
+        /// Display name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// Not used; its residual is reported all the same.
+        /// Whether the control point is switched off. It is then not used, but its residual is still
+        /// reported.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         off: bool,
-        /// Never rejected as an outlier.
+        /// Whether the control point is protected from rejection as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
         /// Raw pixel.
         px: Pixel,
-        /// Where it is, in metres.
+        /// World coordinates, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         world_m: Option<WorldPoint>,
-        /// Where it is on the plan.
+        /// Plan pixel.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan_px: Option<PlanPixel>,
-        /// Height above the floor of a point on the plan, in metres; 0 if absent.
+        /// Height above the floor of a point given by `plan_px`, in metres; 0 if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<f64>,
-        /// Standard deviation of the pixel's coordinates, in pixels.
+        /// Standard deviation of the pixel coordinates, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,
         /// Standard deviation of the known coordinates, in metres.
@@ -403,7 +409,7 @@ document! {
 }
 
 impl Site {
-    /// An empty site.
+    /// Creates an empty site.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -422,7 +428,7 @@ impl Site {
         }
     }
 
-    /// The document as text, indented, numbers in the shortest form that reads back the same.
+    /// Returns the document as indented JSON. Numbers have the shortest form that reads back unchanged.
     #[must_use]
     pub fn to_json(&self) -> String {
         let mut text = serde_json::to_string_pretty(self).unwrap_or_default();
@@ -430,7 +436,7 @@ impl Site {
         text
     }
 
-    /// The JSON Schema of the document.
+    /// Returns the JSON Schema of the document.
     #[cfg(feature = "schema")]
     #[must_use]
     pub fn json_schema() -> serde_json::Value {
@@ -442,7 +448,7 @@ impl Site {
     }
 }
 
-/// The name of a thing of a usual size, with what is known of it.
+/// Describes an object of usual size for the schema: its name, size, uncertainty and source.
 #[cfg(feature = "schema")]
 fn usual_size_schema(usual: &UsualSize) -> serde_json::Value {
     let Known { value, sigma, .. } = usual.size;
@@ -450,8 +456,8 @@ fn usual_size_schema(usual: &UsualSize) -> serde_json::Value {
     serde_json::json!({ "const": usual.id, "title": usual.title, "description": description })
 }
 
-impl HeldEntry {
-    /// Whether none is held.
+impl FixedEntry {
+    /// Whether no coordinate is fixed.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         !(self.x || self.y || self.turn)
@@ -465,7 +471,7 @@ impl Default for Site {
 }
 
 impl SiteCamera {
-    /// A camera of which nothing is known yet.
+    /// Creates a camera without known values or annotations; `size_px` is the width and height of its image.
     #[must_use]
     pub fn new(id: impl Into<String>, size_px: [u32; 2]) -> Self {
         Self {
@@ -489,7 +495,7 @@ impl SiteCamera {
         }
     }
 
-    /// Width and height, in pixels.
+    /// Returns the width and height of the image, in pixels.
     #[must_use]
     pub fn size(&self) -> [f64; 2] {
         self.size_px.map(f64::from)

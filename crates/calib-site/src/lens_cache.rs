@@ -1,38 +1,37 @@
-//! Fits of lenses that were made, by what they were made of: while a camera's edges stay as they are,
-//! a line that is dragged need not fit its lens again.
+//! Cache of lens fits. While the operator drags a line, lenses with unchanged edges need not be fitted again.
 
 use calib_core::single::{Edge, LensFit, LensOptions};
 
-/// Lenses that are known. Whatever differs from what they were fitted to is fitted anew: with them or
-/// without, results are the same.
+/// Cache of lens fits, keyed by edges and options. It does not affect the results: a lens with other edges or
+/// options is fitted again.
 #[derive(Clone, Debug, Default)]
-pub struct LensCache(Vec<Known>);
+pub struct LensCache(Vec<CachedFit>);
 
 #[derive(Clone, Debug)]
-struct Known {
+struct CachedFit {
     edges: Vec<Edge>,
     options: LensOptions,
     fit: Option<LensFit>,
 }
 
 impl LensCache {
-    fn known(&self, edges: &[Edge], options: &LensOptions) -> Option<&Known> {
+    fn find(&self, edges: &[Edge], options: &LensOptions) -> Option<&CachedFit> {
         self.0.iter().find(|known| known.edges == edges && known.options == *options)
     }
 
-    /// The fit of a lens to these edges: the one that is known, or made here.
+    /// Returns the fit of a lens to these edges from the cache, or computes it.
     pub(crate) fn fit(&self, edges: &[Edge], options: &LensOptions) -> Option<LensFit> {
-        match self.known(edges, options) {
+        match self.find(edges, options) {
             Some(known) => known.fit.clone(),
             None => LensFit::new(edges, options),
         }
     }
 
-    /// Keeps the fit to these edges, taken from `before` where it was made already.
+    /// Stores the fit to these edges. The fit is copied from `before` if available, otherwise computed.
     pub(crate) fn keep(&mut self, edges: Vec<Edge>, options: LensOptions, before: &Self) {
-        if self.known(&edges, &options).is_none() {
+        if self.find(&edges, &options).is_none() {
             let fit = before.fit(&edges, &options);
-            self.0.push(Known { edges, options, fit });
+            self.0.push(CachedFit { edges, options, fit });
         }
     }
 }

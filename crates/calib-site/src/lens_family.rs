@@ -1,19 +1,21 @@
-//! Cameras that share one lens: what one of them shows tells of it for all, so they are calibrated together.
+//! Lens families: cameras that share one lens. They are calibrated together, because edges in each image
+//! constrain the same lens.
 
 use crate::bundle_step::refine_lenses;
 use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::options::Options;
 use crate::pipeline::Report;
-use crate::points_outside::SharedDrawings;
+use crate::points_outside::SharedObservations;
 
-/// The id of the camera whose lens a camera has.
+/// Returns the id of the camera that owns the lens of this camera.
 fn owner(camera: &SiteCamera) -> &str {
     camera.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or(&camera.id)
 }
 
 impl Site {
-    /// The cameras, those that share a lens together: indices in the order of the site. Most are alone.
+    /// Groups the cameras by shared lens. Each group has camera indices in the order of the site; most groups
+    /// have one camera.
     #[must_use]
     pub fn lens_families(&self) -> Vec<Vec<usize>> {
         let mut families: Vec<(&str, Vec<usize>)> = Vec::new();
@@ -26,17 +28,17 @@ impl Site {
         families.into_iter().map(|(_, family)| family).collect()
     }
 
-    /// Calibrates the cameras of a family (see [`Self::lens_families`]) as [`Self::calibrate`] does where it
-    /// does not refine: their report, which says nothing of the site as a whole, and the lenses that need not
-    /// be fitted again.
+    /// Calibrates the cameras of one family (see [`Self::lens_families`]) like [`Self::calibrate`] without
+    /// joint refinement. Returns a report without results for the site as a whole, and the cache of lens fits
+    /// for the next call.
     ///
-    /// It costs no more in a site of many cameras: the others are not looked at.
+    /// The cost does not depend on the number of other cameras of the site.
     #[must_use]
     pub fn calibrate_family(&self, family: &[usize], before: &LensCache) -> (Report, LensCache) {
         let options = Options { refine: false, ..Options::default() };
         let entries: Vec<&SiteCamera> = family.iter().filter_map(|&index| self.cameras.get(index)).collect();
         let lenses = self.lenses(&entries, before);
-        let shared = SharedDrawings::of(self, &entries);
+        let shared = SharedObservations::new(self, &entries);
         let single_fits = self.single_fits(&entries, &lenses, &shared, &options);
         let refined = refine_lenses(&entries, &single_fits, self.plane_priors()).cameras;
         let mut report = Report::default();
@@ -57,7 +59,7 @@ mod tests {
     use crate::document::LensEntry;
 
     #[test]
-    fn cameras_like_one_another_are_a_family() {
+    fn cameras_with_a_shared_lens_form_a_family() {
         let mut site = Site::new();
         site.cameras = ["a", "b", "c", "d"].map(|id| SiteCamera::new(id, [640, 480])).to_vec();
         for like in [0, 3] {

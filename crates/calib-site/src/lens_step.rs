@@ -1,4 +1,4 @@
-//! The lens of a camera entry: given, fitted to its straight edges, or that of another camera.
+//! Lens of a camera entry: entered, fitted to its straight edges, or shared with another camera.
 
 use std::collections::BTreeMap;
 
@@ -13,20 +13,20 @@ use calib_core::single::{
     Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, outermost, straightness_rms,
 };
 
-/// The lens of a camera, and what its straight edges said.
+/// Lens of a camera, with the results from its straight edges.
 #[derive(Clone, Debug)]
 pub(crate) struct LensEstimate {
     pub(crate) lens: Lens,
-    /// Where it was fitted.
+    /// Fit of the lens, if it was fitted.
     pub(crate) fit: Option<LensFit>,
-    /// How far lines of one direction alone are off straight, in pixels, where that may be a lens and is not taken for
-    /// one.
-    pub(crate) bent_one_way: Option<f64>,
-    /// Root mean square distance of every polyline from straight, in raw pixels.
+    /// RMS deviation from straight of the lines of one direction, in pixels. It is set if only these lines
+    /// are curved, so that the cause may be the lens or the scene; no distortion is then fitted.
+    pub(crate) curved_one_way_px: Option<f64>,
+    /// RMS distance from straight of every polyline, in raw pixels.
     pub(crate) straightness: Vec<(Source, f64)>,
 }
 
-/// What a distortion entry asks to be fitted; `None` when its coefficients are given.
+/// Returns the coefficients to fit for a distortion entry; `None` if its coefficients are entered.
 fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
     if entry.distortion().is_some() {
         return None;
@@ -47,20 +47,21 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
     Some(Fitted { model: entry.model, which })
 }
 
-/// The principal point that is given.
+/// Returns the entered principal point.
 fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
     entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
 }
 
-/// How far those drawings are off straight, root mean square in pixels, that a lens makes very much straighter (Kass and
-/// Raftery 1995); the lines of a direction are one.
-fn drawings_straightened(
+/// Returns the RMS deviations from straight, in pixels, of the edges that the fitted lens makes much
+/// straighter. The lines of one direction count as one edge. "Much" means a chi-square gain of 10, which is
+/// very strong evidence (Kass and Raftery 1995).
+fn straightened_rms(
     fit: &LensFit,
     annotations: &[Annotation],
     edges: &[Edge],
     options: &LensOptions,
 ) -> Vec<f64> {
-    const STRONG: f64 = 10.0;
+    const MIN_CHI2_GAIN: f64 = 10.0;
     let pinhole = Lens::pinhole(options.principal_point);
     let mut drawings: BTreeMap<(usize, usize), [f64; 3]> = BTreeMap::new();
     for (index, Edge { points, source }) in edges.iter().enumerate().filter(|(_, edge)| edge.points.len() > 2)
@@ -76,36 +77,39 @@ fn drawings_straightened(
             *sum += own;
         }
     }
-    let is_straighter = |[without, with, _]: &[f64; 3]| without - with > STRONG * options.sigma.powi(2);
+    let is_straighter =
+        |[without, with, _]: &[f64; 3]| without - with > MIN_CHI2_GAIN * options.sigma.powi(2);
     let sums = drawings.into_values().filter(is_straighter);
     sums.map(|[without, _, points]| (without / points).sqrt()).collect()
 }
 
-/// Whether straight edges are drawn as far out as the image of a fisheye shows anything.
+/// Whether straight edges reach the rim of the image circle of a fisheye.
 fn reaches_rim(entry: &SiteCamera) -> bool {
-    /// Of the radius of the image circle.
-    const FAR: f64 = 0.9;
+    /// Smallest distance from the centre that counts as reaching the rim, relative to the radius of the image
+    /// circle.
+    const MIN_RIM_DISTANCE_REL: f64 = 0.9;
     let circle = entry.image_circle().unwrap_or_else(|| ImageCircle::around(entry.size()));
     let drawn = edges(&entry.annotations);
     let farthest = outermost(drawn.iter().flat_map(|edge| &edge.points), circle.centre());
-    farthest.is_some_and(|point| point.distance(circle.centre()) > FAR * circle.radius)
+    farthest.is_some_and(|point| point.distance(circle.centre()) > MIN_RIM_DISTANCE_REL * circle.radius)
 }
 
 impl Site {
-    /// The lens of a camera: its own, or that of the camera it is like.
+    /// Returns the lens of a camera: its own, or the lens of the camera named by `like`.
     pub(crate) fn lens_estimate(
         &self,
         entry: &SiteCamera,
         known: &LensCache,
         shared: &SharedLenses,
     ) -> LensEstimate {
-        let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_of(id));
+        let like =
+            entry.lens.as_ref().and_then(|lens| lens.like.as_ref()).and_then(|id| self.first_entry(id));
         let owner = like.unwrap_or(entry);
         let mut lens_estimate = self.own_lens_estimate(owner, known, shared);
         lens_estimate.lens.principal_point = lens_estimate.centre_on(owner, entry);
         if like.is_some() {
-            // What is to be said of them is said of the owner.
-            (lens_estimate.fit, lens_estimate.bent_one_way) = (None, None);
+            // Findings about the lens are reported for its owner only.
+            (lens_estimate.fit, lens_estimate.curved_one_way_px) = (None, None);
         }
         lens_estimate.straightness =
             lens_estimate.straightness_under(&lens_estimate.lens, &entry.annotations);
@@ -119,34 +123,35 @@ impl Site {
         shared: &SharedLenses,
     ) -> LensEstimate {
         if let Some(solution) = entry.solution.as_ref().filter(|_| entry.is_given()) {
-            let (fit, bent_one_way) = (None, None);
-            return LensEstimate { lens: solution.lens(), fit, bent_one_way, straightness: Vec::new() };
+            let (fit, curved_one_way_px) = (None, None);
+            return LensEstimate { lens: solution.lens(), fit, curved_one_way_px, straightness: Vec::new() };
         }
         let problem = lens_problem(entry, shared);
         let fit = problem.as_ref().and_then(|(edges, options)| known.fit(edges, options));
-        let (mut own, mut bent_one_way) = (fit, None);
-        if let Some((edges, options)) = problem.filter(|_| !is_lens_asked_for(entry, shared)) {
-            // Other lines that have a third point are for more than the lens: if they do not tell one, it is not at issue.
-            // A road that curves bends all that is parallel to it.
-            let straightened = own.as_ref().map_or_else(Vec::new, |fit| {
-                drawings_straightened(fit, &entry.annotations, &edges, &options)
-            });
+        let (mut own, mut curved_one_way_px) = (fit, None);
+        if let Some((edges, options)) = problem.filter(|_| !is_lens_requested(entry, shared)) {
+            // Floor lines and verticals with three or more points are not drawn only for the lens. The fit is
+            // used only if more than one of them becomes straighter: a curved road bends all of its parallel
+            // lines.
+            let straightened = own
+                .as_ref()
+                .map_or_else(Vec::new, |fit| straightened_rms(fit, &entry.annotations, &edges, &options));
             own = own.filter(|_| straightened.len() > 1);
             if let [px] = straightened[..] {
-                bent_one_way = Some(px);
+                curved_one_way_px = Some(px);
             }
         }
         let lens = own.as_ref().map_or_else(|| entry.lens(), |fit| fit.lens);
-        LensEstimate { lens, fit: own, bent_one_way, straightness: Vec::new() }
+        LensEstimate { lens, fit: own, curved_one_way_px, straightness: Vec::new() }
     }
 
-    /// The fits of the lenses of some cameras, those that `before` knows taken from there: for whoever
-    /// calibrates again and again while an operator draws.
+    /// Fits the lenses of some cameras, reusing the fits in `before`. This is for repeated calibration while
+    /// the operator draws.
     pub(crate) fn lenses(&self, cameras: &[&SiteCamera], before: &LensCache) -> LensCache {
         let mut lenses = LensCache::default();
         // A shared lens is fitted with its owner.
         let is_own = |entry: &&&SiteCamera| entry.lens.as_ref().is_none_or(|lens| lens.like.is_none());
-        let shared = SharedLenses::of(self);
+        let shared = SharedLenses::new(self);
         let problems = cameras.iter().filter(is_own).filter_map(|entry| lens_problem(entry, &shared));
         for (edges, options) in problems {
             lenses.keep(edges, options, before);
@@ -155,7 +160,7 @@ impl Site {
     }
 }
 
-/// The edges from which the lens of a camera is fitted, and the options; `None` where the lens is given.
+/// Returns the edges and options for fitting the lens of a camera; `None` if the lens is entered.
 fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>, LensOptions)> {
     let distortion = entry.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
     let fitted = distortion.map(fitted_coefficients);
@@ -163,7 +168,7 @@ fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>,
         return None;
     }
     let fitted = fitted.flatten();
-    // A focal that is only believed is estimated with the lens.
+    // A focal length that is only a prior is estimated together with the lens.
     let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).filter(|focal| focal.fixed);
     let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
     let options = LensOptions {
@@ -171,16 +176,18 @@ fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>,
         centre_is_held: given_centre(entry).is_some(),
         size: entry.size(),
         circle: entry.image_circle(),
-        // The coefficients of other models do not depend on the focal, nor does their fit in the cache.
+        // The coefficients of other models do not depend on the focal length, so the cache key must not
+        // contain it.
         focal: focal.filter(|_| fitted.as_ref().is_none_or(Fitted::has_own_focal)),
         fitted,
         sigma: entry.sigma_px.unwrap_or(1.0),
     };
-    Some((edges_of(entry, shared), options))
+    Some((lens_edges(entry, shared), options))
 }
 
-/// Whether edges are drawn for the lens alone, on the camera or on one that is like it, or a lens is to be fitted.
-fn is_lens_asked_for(owner: &SiteCamera, shared: &SharedLenses) -> bool {
+/// Whether a lens fit is requested: by a distortion entry, or by straight edges of the camera or of a camera
+/// that shares its lens.
+fn is_lens_requested(owner: &SiteCamera, shared: &SharedLenses) -> bool {
     let is_entered = owner.lens.as_ref().is_some_and(|lens| lens.distortion.is_some());
     let has_edge = |camera: &SiteCamera| {
         camera.annotations.iter().any(|annotation| annotation.is_straight_edge() && !annotation.off)
@@ -188,7 +195,8 @@ fn is_lens_asked_for(owner: &SiteCamera, shared: &SharedLenses) -> bool {
     is_entered || has_edge(owner) || sharing_edges(owner, shared).any(has_edge)
 }
 
-/// The cameras that are like one and have the same image, so that their edges are its edges.
+/// Returns the cameras that share the lens and have the same image geometry, so that their edges can be
+/// combined.
 fn sharing_edges<'a>(
     owner: &'a SiteCamera,
     shared: &SharedLenses<'a>,
@@ -198,9 +206,9 @@ fn sharing_edges<'a>(
     shared.sharing(&owner.id).filter(has_its_image)
 }
 
-/// The edges of a camera and of those that are like it and have the same image.
-fn edges_of(owner: &SiteCamera, shared: &SharedLenses) -> Vec<Edge> {
-    // Image circles of one lens lie a little apart in the images of two cameras.
+/// Returns the edges of a camera and of the cameras that share its lens with the same image geometry.
+fn lens_edges(owner: &SiteCamera, shared: &SharedLenses) -> Vec<Edge> {
+    // The image circle of one lens is at slightly different positions in the images of two cameras.
     let shifted = |other: &SiteCamera| {
         let [own, its] = [owner, other].map(SiteCamera::principal_point);
         let by = [own.u - its.u, own.v - its.v];
@@ -208,20 +216,20 @@ fn edges_of(owner: &SiteCamera, shared: &SharedLenses) -> Vec<Edge> {
         let edges = edges(&other.annotations).into_iter();
         edges.map(move |edge| Edge { points: edge.points.into_iter().map(shift).collect(), ..edge })
     };
-    // Edges of other cameras belong to no annotation of the owner: their index is out of range.
+    // Edges of other cameras do not belong to an annotation of the owner, so their index is out of range.
     let beyond = Source { annotation: usize::MAX, segment: 0 };
     let others = sharing_edges(owner, shared).flat_map(shifted);
     edges(&owner.annotations).into_iter().chain(others.map(|edge| Edge { source: beyond, ..edge })).collect()
 }
 
 impl LensEstimate {
-    /// Whether the principal point was fitted with the lens of a camera.
+    /// Whether the principal point was fitted together with the lens of a camera.
     fn has_own_centre(&self, entry: &SiteCamera) -> bool {
         self.lens.distortion.is_wide() && self.fit.is_some() && given_centre(entry).is_none()
     }
 
-    /// The principal point of a camera that has the lens of `owner`, or is it: where its entry has it, and as far from
-    /// there as the fit found it.
+    /// Returns the principal point of a camera with the lens of `owner`: the point of its own entry, plus the
+    /// offset that the fit found for the owner.
     fn centre_on(&self, owner: &SiteCamera, entry: &SiteCamera) -> Pixel {
         let [own, its] = [owner, entry].map(SiteCamera::principal_point);
         if !self.has_own_centre(owner) {
@@ -231,15 +239,15 @@ impl LensEstimate {
         Pixel::new(u + (its.u - own.u), v + (its.v - own.v))
     }
 
-    /// The lens of `owner` on another camera.
-    pub(crate) fn shared_by(&self, owner: &SiteCamera, entry: &SiteCamera) -> Self {
+    /// Returns the lens of `owner` as used by another camera.
+    pub(crate) fn for_camera(&self, owner: &SiteCamera, entry: &SiteCamera) -> Self {
         let lens = Lens { principal_point: self.centre_on(owner, entry), ..self.lens };
-        let mut lens_estimate = Self { lens, fit: None, bent_one_way: None, straightness: Vec::new() };
+        let mut lens_estimate = Self { lens, fit: None, curved_one_way_px: None, straightness: Vec::new() };
         lens_estimate.straightness = lens_estimate.straightness_under(&lens, &entry.annotations);
         lens_estimate
     }
 
-    /// Root mean square distance of every straight edge from straight under a lens, in raw pixels.
+    /// Computes the RMS distance of every straight edge from straight under a lens, in raw pixels.
     pub(crate) fn straightness_under(&self, lens: &Lens, annotations: &[Annotation]) -> Vec<(Source, f64)> {
         edges(annotations)
             .iter()
@@ -248,15 +256,15 @@ impl LensEstimate {
             .collect()
     }
 
-    /// What the operator should know of the lens.
+    /// Returns the findings about the lens.
     pub(crate) fn findings(&self, entry: &SiteCamera) -> Vec<Finding> {
-        /// Pixels by which the undistorted corner may be uncertain.
-        const MOST: f64 = 10.0;
-        /// Least number of edges, each uninformative by itself, that may determine a lens together.
-        const ENOUGH: usize = 5;
+        /// Largest accepted standard deviation of the undistorted image corner, in pixels.
+        const MAX_CORNER_SIGMA_PX: f64 = 10.0;
+        /// Smallest number of edges, each uninformative alone, that may determine a lens together.
+        const MIN_EDGES_TOGETHER: usize = 5;
         let Some(fit) = &self.fit else {
-            let bent = self.bent_one_way.map(|px| Finding::BentOneWay { px });
-            return self.unfitted().into_iter().chain(bent).collect();
+            let curved = self.curved_one_way_px.map(|px| Finding::BentOneWay { px });
+            return self.unused_edges().into_iter().chain(curved).collect();
         };
         let is_round = fit.lens.distortion.is_wide() || entry.image_circle().is_some();
         let is_own = |source: &Source| {
@@ -266,8 +274,10 @@ impl LensEstimate {
             fit.uninformative.iter().filter(|(source, _)| is_own(source)).copied().collect();
         let [_, _, corner] = fit.map_error;
         let mut findings = Vec::new();
-        // Where many edges determine the corners together, none of them is reported as uninformative.
-        let is_determined = fit.fitted.is_some() && corner <= MOST && uninformative.len() >= ENOUGH;
+        // If many edges determine the corners together, none of them is reported as uninformative.
+        let is_determined = fit.fitted.is_some()
+            && corner <= MAX_CORNER_SIGMA_PX
+            && uninformative.len() >= MIN_EDGES_TOGETHER;
         if !uninformative.is_empty() && !is_determined {
             findings.push(Finding::UninformativeEdges {
                 edges: uninformative.iter().map(|(source, _)| *source).collect(),
@@ -275,7 +285,7 @@ impl LensEstimate {
                 bend_px: uninformative.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max),
             });
         }
-        if corner > MOST {
+        if corner > MAX_CORNER_SIGMA_PX {
             let is_reached = is_round && reaches_rim(entry);
             findings.push(Finding::UncertainCorners { px: corner, is_round, is_reached });
         }
@@ -286,9 +296,9 @@ impl LensEstimate {
         findings
     }
 
-    /// The finding about straight edges under a fixed lens: they estimate nothing, their residuals are
-    /// reported.
-    fn unfitted(&self) -> Option<Finding> {
+    /// Returns the finding about straight edges under a fixed lens: they are not used, but their residuals
+    /// are reported.
+    fn unused_edges(&self) -> Option<Finding> {
         let (first, _) = self.straightness.first()?;
         let count = self.straightness.len();
         Some(Finding::UnusedEdges {

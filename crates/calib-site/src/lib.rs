@@ -1,29 +1,42 @@
-//! The site document, its checks, and the pipeline that solves it.
+//! Site document of the camera calibration: its types, its checks, and the pipeline that solves it.
 //!
-//! Law: the only folder that knows names, degrees and the words of files; it states no formula.
+//! Rule: this crate handles names, degrees and the format of the site file. It contains no geometric formulas; those are
+//! in `calib_core`.
 //!
-//! - `document`, `elements`, `scene`, `planes`, `surfaces`, `solution`, `site_solution`, `conversions`, `efov` the document, and its
-//!   entries as the types of the geometry;
-//! - `english` findings and failures as sentences; `points_outside` whether a drawing is of its image, with what
-//!   others share with it in `shared_drawings`, and its lens in `shared_lenses`; `camera_result` a result before it is
-//!   put into words;
-//! - `bounded_list`, `bounds`, `check`, `check_elements`, `check_planes`, `check_solution`, `period`, `site_error` reading and checking;
-//! - `view` a calibrated camera by its id, and `finding_entry` all findings in one list, as other languages ask for them;
-//! - `lens_step`, `single_step`, `placement_step`, `observations`, `bundle_step`, `overlap`, `quality`, in this order
-//!   called by `pipeline`; `lens_cache`, `lens_family` what need not be solved again while an operator draws;
-//! - `out_of_date` whether a solution is of what is drawn;
-//! - `recovered` a camera that turned as a new entry, with what was drawn on its old still.
+//! Document:
+//!
+//! - `document`, `scene`, `solution`, `site_solution`: entries of the site file and their results;
+//! - `conversions`, `covariance_entry`: conversions between entries and geometric types;
+//! - `bounds`, `check`, `check_entries`, `period`, `site_error`: reading and checking a site file;
+//! - `view`: lookup of calibrated cameras and of stored findings, for other languages.
+//!
+//! Pipeline, in the order of the data:
+//!
+//! - `options`: options of a calibration;
+//! - `pipeline`: runs all steps and returns the report;
+//! - `lens_step`: the lens of each camera, with `shared_lenses` (cameras with a common lens), `lens_cache` and
+//!   `lens_family` (recalibration while the operator draws);
+//! - `single_step`: stage 1, each camera separately;
+//! - `observations`, `bundle_step`: stage 2, all cameras jointly, from their shared observations;
+//! - `placement_step`: placement of cameras by control points or by hand;
+//! - `overlap`, `quality`, `points_outside`: agreement between cameras, and findings;
+//! - `camera_result`, `english`: conversion of findings to sentences.
+//!
+//! After solving:
+//!
+//! - `out_of_date`: detection of solutions that no longer match the annotations;
+//! - `recovered`: new validity period for a camera that was rotated or zoomed.
 //!
 //! # In a tracker
 //!
-//! Load a site, map detections to the floor with what became of each and how uncertain it is, and show
-//! a box of space in an image:
+//! Load a site, map detections to the floor with their status and uncertainty, and project a box into an image:
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! use calib_core::{
-//!     Extent, FloorCovariance, FloorProjector, MarkKind, Pixel, MarkShape, Site, Status, WorldPoint, on_image,
+//!     Extent, FloorCovariance, FloorProjector, MarkKind, MarkShape, Pixel, Status, WorldPoint, on_image,
 //! };
+//! use calib_site::Site;
 //!
 //! let site = Site::from_json(
 //!     r#"{"format": "calib-site", "version": 1, "cameras": [{
@@ -35,7 +48,7 @@
 //! let entry = site.camera("door").ok_or("no such camera")?;
 //! let camera = entry.camera().ok_or("not calibrated")?;
 //!
-//! // Pixels to the floor: slices, without allocating.
+//! // Map pixels to the floor, in slices without allocation.
 //! let projector = FloorProjector::new(&camera, 0.0);
 //! let efov = entry.floor_polygon();
 //! let extent = Extent { size: entry.size(), efov: &efov };
@@ -45,12 +58,12 @@
 //! assert_eq!(status, [Status::Ok, Status::AboveHorizon]);
 //! assert!(x[1].is_nan());
 //!
-//! // With covariance: the pixel's part is independent from detection to detection, the calibration's is not.
+//! // Covariance: the pixel part is independent between detections, the calibration part is not.
 //! let covariance: FloorCovariance =
 //!     camera.floor_covariance(Pixel::new(u[0], v[0]), 2.0).ok_or("above the horizon")?;
-//! assert!(covariance.worst_sigma().is_some_and(|sigma| sigma > 0.005), "the sigmas of the file");
+//! assert!(covariance.worst_sigma().is_some_and(|sigma| sigma > 0.005), "the standard deviations of the file are used");
 //!
-//! // A box of space to its lines in the image.
+//! // Project the edges of a box into the image.
 //! let at = WorldPoint::new(x[0], y[0], 0.0);
 //! let pallet = MarkShape { kind: MarkKind::Box, at, turn: 0.3, size: vec![1.2, 0.8, 0.9] };
 //! let lines: Vec<Vec<Pixel>> = pallet.polylines().iter().flat_map(|line| on_image(&camera, line)).collect();
@@ -61,7 +74,7 @@
 //!
 //! # Features
 //!
-//! `schema`: the JSON Schema of the site document.
+//! `schema`: adds the JSON Schema of the site document.
 
 mod site_error;
 mod bounds;
@@ -96,20 +109,22 @@ mod recovered;
 pub use bounds::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
 pub use document::{
-    ControlPointEntry, Distance, Format, Georeference, HeldEntry, LensEntry, Link, LinkKind, LinkSeen, Mark,
-    MarkSeen, PlacementEntry, Plan, Site, SiteCamera,
+    ControlPointEntry, Distance, FixedEntry, Format, Georeference, LensEntry, Link, LinkKind,
+    LinkObservation, Mark, MarkObservation, PlacementEntry, Plan, Site, SiteCamera,
 };
 pub use english::{Names, counted};
 pub use lens_cache::LensCache;
 pub use options::Options;
-pub use period::NoCamera;
+pub use period::CameraLookupError;
 pub use pipeline::Report;
-pub use recovered::{Carrier, NewStill, Recovered};
+pub use recovered::{ImageTransfer, NewImage, Recovered};
 pub use scene::{ExactScene, PlaneEntry, PlaneNumber, PlaneSolution, SceneEntry, SceneSigmas, TiltEntry};
-pub use site_error::{About, Fault, NamedAnnotation, SiteError};
-pub use site_solution::{CrossCovarianceEntry, ElementSolution, Overlap, Scale, SeenResidual, SiteSolution};
-pub use solution::{
-    Alternative, CovarianceEntry, DistortionEntry, DrawNext, FailureEntry, Method, Sigmas, Solution, Stage,
-    Warning,
+pub use site_error::{ErrorSubject, NamedAnnotation, SiteError, SiteErrorKind};
+pub use site_solution::{
+    CrossCovarianceEntry, ElementSolution, ObservationResidual, Overlap, Scale, SiteSolution,
 };
-pub use view::{FindingEntry, NoView};
+pub use solution::{
+    Alternative, CovarianceEntry, DistortionEntry, FailureEntry, Method, Sigmas, Solution, Stage,
+    SuggestionEntry, Warning,
+};
+pub use view::{CameraViewError, FindingEntry};

@@ -1,5 +1,5 @@
-//! What cameras of a site observe in common, as landmarks of the bundle adjustment: control points, links,
-//! marks and the distances between them.
+//! Landmarks of the bundle adjustment from the shared observations of a site: control points, links, marks,
+//! and the distances between them.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -12,87 +12,96 @@ use calib_core::floor::MarkShape;
 use calib_core::outcome::Failure;
 use calib_core::single::{Known, PlanePrior, Prior};
 
-/// What a landmark is in the site file.
+/// Source of a landmark in the site file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LandmarkSource {
-    /// A control point of a camera.
+    /// Control point of a camera.
     ControlPoint {
         /// Index of the camera.
         camera: usize,
-        /// Index of the point in its camera.
+        /// Index of the control point in its camera.
         point: usize,
     },
-    /// A link, by its index.
+    /// Link, by its index.
     Link(usize),
-    /// A mark, by its index.
+    /// Mark, by its index.
     Mark(usize),
 }
 
-/// Everything that cameras share.
+/// Landmarks and distances of a site for the bundle adjustment.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Shared {
+pub(crate) struct SiteObservations {
     pub(crate) landmarks: Vec<(LandmarkSource, Landmark)>,
-    /// With the index of the distance in the site.
+    /// Distances, each with its index in the site.
     pub(crate) measurements: Vec<(usize, DistanceMeasurement)>,
-    pub(crate) unused: Unused,
+    pub(crate) unused: UnusedEvidence,
 }
 
-/// What is there and carries no information.
+/// Landmarks and distances without information.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Unused {
-    /// Landmarks that one camera alone observes, and that have no known place, size or distance.
+pub(crate) struct UnusedEvidence {
+    /// Landmarks that only one camera observes, without known position, size or distance.
     pub(crate) landmarks: Vec<usize>,
-    /// Distances, by their index in the site, with an end that is no landmark, or of no known length.
+    /// Distances, by their index in the site, with an end that is not a landmark, or without a known length.
     pub(crate) distances: Vec<usize>,
 }
 
-/// Standard deviation of a length that is exact, in metres: that of a steel tape.
-const EXACT: f64 = 1e-4;
+/// Standard deviation of a fixed length, in metres: the accuracy of a steel tape.
+const EXACT_LENGTH_SIGMA_M: f64 = 1e-4;
 
-/// The prior that a known length is; none without a standard deviation.
+/// Converts a known length to a prior; `None` without a standard deviation.
 fn prior(known: Known) -> Option<Prior> {
-    let sigma = if known.fixed { Some(EXACT) } else { known.sigma };
-    sigma.map(|sigma| Prior { value: known.value, sigma: sigma.max(EXACT) })
+    let sigma = if known.fixed { Some(EXACT_LENGTH_SIGMA_M) } else { known.sigma };
+    sigma.map(|sigma| Prior { value: known.value, sigma: sigma.max(EXACT_LENGTH_SIGMA_M) })
 }
 
 impl Site {
-    /// All that is there, switched off or not, as far as cameras that take part observe it.
-    pub(crate) fn shared(
+    /// Collects the landmarks and distances of the site, including those that are switched off. Only
+    /// observations by participating cameras are included.
+    pub(crate) fn site_observations(
         &self,
         single_fits: &[Result<SingleFit, Failure>],
         planes: &[PlanePrior],
         is_there: &dyn Fn(usize) -> bool,
-    ) -> Shared {
+    ) -> SiteObservations {
         let mut index: HashMap<&str, usize> = HashMap::new();
         for (i, camera) in self.cameras.iter().enumerate() {
             index.entry(&camera.id).or_insert(i);
         }
         let camera = |id: &str| index.get(id).copied().filter(|&camera| is_there(camera));
-        let noise: Vec<f64> = single_fits.iter().map(noise).collect();
+        let noise: Vec<f64> = single_fits.iter().map(annotation_sigma).collect();
         let mut landmarks = Vec::new();
         for (i, entry) in self.cameras.iter().enumerate().filter(|(i, _)| is_there(*i)) {
             for (k, point) in entry.control_points.iter().enumerate() {
                 let of = LandmarkSource::ControlPoint { camera: i, point: k };
-                landmarks.extend(self.measured(point, i, noise[i]).map(|landmark| (of, landmark)));
+                landmarks
+                    .extend(self.control_point_landmark(point, i, noise[i]).map(|landmark| (of, landmark)));
             }
         }
         self.drop_single_points(&mut landmarks);
         let links = self.links.iter().enumerate();
-        landmarks
-            .extend(links.map(|(i, link)| (LandmarkSource::Link(i), linked(link, planes, &camera, &noise))));
+        landmarks.extend(
+            links.map(|(i, link)| (LandmarkSource::Link(i), link_landmark(link, planes, &camera, &noise))),
+        );
         let marks = self.marks.iter().enumerate().filter(|(_, mark)| !mark.seen.is_empty());
-        landmarks.extend(marks.map(|(i, mark)| (LandmarkSource::Mark(i), marked(mark, &camera, &noise))));
+        landmarks
+            .extend(marks.map(|(i, mark)| (LandmarkSource::Mark(i), mark_landmark(mark, &camera, &noise))));
         let measurements = self.distances_between(&landmarks);
         let is_used = |index: &usize| measurements.iter().any(|(measurement, _)| measurement == index);
         let distances =
             (0..self.distances.len()).filter(|i| !self.distances[*i].off && !is_used(i)).collect();
-        let unused = Unused { landmarks: Vec::new(), distances };
-        let mut shared = Shared { landmarks, measurements, unused };
+        let unused = UnusedEvidence { landmarks: Vec::new(), distances };
+        let mut shared = SiteObservations { landmarks, measurements, unused };
         shared.switch_off_uninformative();
         shared
     }
 
-    fn measured(&self, point: &ControlPointEntry, camera: usize, noise: f64) -> Option<Landmark> {
+    fn control_point_landmark(
+        &self,
+        point: &ControlPointEntry,
+        camera: usize,
+        noise: f64,
+    ) -> Option<Landmark> {
         let at = point.control_point(self.plan.as_ref())?.world;
         let sigma = point.sigma_m.filter(|sigma| *sigma > 0.0);
         let pixel_sigma = point.sigma_px.unwrap_or(noise);
@@ -100,8 +109,8 @@ impl Site {
         Some(Landmark { keep: point.keep, off: point.off, ..Landmark::measured(at, sigma, vec![seen]) })
     }
 
-    /// Drops the control point of a camera that has one only: it does not determine the yaw, unless the
-    /// camera is placed or linked.
+    /// Removes a camera's only control point, which does not determine the yaw. It is kept if the camera is
+    /// placed or linked.
     fn drop_single_points(&self, landmarks: &mut Vec<(LandmarkSource, Landmark)>) {
         let linked: HashSet<&str> = self
             .links
@@ -160,9 +169,9 @@ impl Site {
     }
 }
 
-impl Shared {
-    /// Switches off what carries no information: observed by one camera alone, and of no known place, size
-    /// or distance.
+impl SiteObservations {
+    /// Switches off landmarks without information: only one camera observes them, and no position, size or
+    /// distance is known.
     fn switch_off_uninformative(&mut self) {
         let measured: HashSet<usize> = self
             .measurements
@@ -187,12 +196,12 @@ impl Shared {
     }
 }
 
-/// Standard deviation of what is drawn on a camera, in pixels.
-fn noise(single: &Result<SingleFit, Failure>) -> f64 {
+/// Returns the standard deviation of the annotations of a camera, in pixels.
+fn annotation_sigma(single: &Result<SingleFit, Failure>) -> f64 {
     single.as_ref().ok().and_then(|single| single.fit.as_ref()).map_or(1.0, |fit| fit.sigma)
 }
 
-fn linked(
+fn link_landmark(
     link: &Link,
     planes: &[PlanePrior],
     camera: &dyn Fn(&str) -> Option<usize>,
@@ -229,7 +238,7 @@ fn linked(
         model,
         plane,
         ground: plane.map_or(Plane::FLOOR, |plane| planes[plane].plane),
-        place: [0.0, 0.0, length.map_or(0.0, |(known, _)| known.value)],
+        params: [0.0, 0.0, length.map_or(0.0, |(known, _)| known.value)],
         free: [true, true, link.kind == LinkKind::Post && !is_fixed],
         priors: length.filter(|_| !is_fixed).map(|(_, prior)| (2, prior)).into_iter().collect(),
         observations,
@@ -238,14 +247,16 @@ fn linked(
     }
 }
 
-fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
-    let unturned =
+fn mark_landmark(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) -> Landmark {
+    let unrotated =
         MarkShape { kind: mark.kind, at: WorldPoint::default(), turn: 0.0, size: mark.size_m.clone() };
     let mut names: Vec<&str> = Vec::new();
     let mut points: Vec<[f64; 3]> = Vec::new();
     let mut observations = Vec::new();
     for seen in &mark.seen {
-        let (Some(view), Some(point)) = (camera(&seen.camera), unturned.point(&seen.point)) else { continue };
+        let (Some(view), Some(point)) = (camera(&seen.camera), unrotated.point(&seen.point)) else {
+            continue;
+        };
         let index = names.iter().position(|name| *name == seen.point).unwrap_or_else(|| {
             names.push(&seen.point);
             points.push(point.into());
@@ -253,14 +264,14 @@ fn marked(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f64]) ->
         });
         observations.push(Observation { view, point: index, pixel: seen.px, sigma: noise[view] });
     }
-    // Points on the axis do not determine the turn.
+    // Points on the axis of a mark do not determine its rotation.
     let has_turn = points.iter().any(|[x, y, _]| x.hypot(*y) > 1e-9);
     let WorldPoint { x, y, z } = mark.at_m;
     Landmark {
         model: LandmarkModel::Mark { z, points },
         plane: None,
         ground: Plane::FLOOR,
-        place: [x, y, mark.turn_deg.to_radians()],
+        params: [x, y, mark.turn_deg.to_radians()],
         free: [!mark.fixed, !mark.fixed, !mark.fixed && has_turn],
         priors: Vec::new(),
         observations,

@@ -1,17 +1,17 @@
-//! What is asked of a calibration.
+//! Options of a calibration.
 
 use crate::solution::Method;
 
-/// How to calibrate.
+/// Options of a calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// By which method stage 1 is solved.
+    /// Method for stage 1 (orientation and focal length of each camera).
     pub method: Method,
-    /// Improve all cameras together.
+    /// Whether to refine all cameras jointly.
     pub refine: bool,
-    /// Let a weak prior about the focal enter where the lines do not tell it.
+    /// Whether to use the weak prior on the focal length if the lines do not determine it.
     pub prior: bool,
-    /// Ids of the cameras to solve; all of them if absent.
+    /// Ids of the cameras to solve; all cameras if `None`.
     pub cameras: Option<Vec<String>>,
 }
 

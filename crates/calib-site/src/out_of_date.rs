@@ -1,9 +1,8 @@
-//! Whether the solutions that a site brings along are of what is drawn in it now.
+//! Detection of stored solutions that no longer match the annotations.
 //!
-//! A solution says of every piece of evidence how far it is from the prediction. The same is worked out anew from
-//! what is there now and the camera as the solution has it, and both are compared: numbers that were rounded agree,
-//! a line that was drawn elsewhere does not. What a solution says no residuals of, as one that was typed or
-//! imported, cannot be compared, and nothing is said of it.
+//! A solution contains the residual of every piece of evidence. These residuals are computed again from the
+//! current annotations and the stored camera, and compared. They agree up to rounding unless a line was
+//! changed. Entered or imported solutions have no residuals, so they cannot be checked.
 
 use std::collections::HashMap;
 
@@ -18,17 +17,19 @@ use calib_core::single::{
     straightness_rms,
 };
 
-/// Pixels by which a residual may differ: what cameras have in common, as the fall of a floor, is estimated of each
-/// by itself here.
-const MOST_PX: f64 = 3.0;
-/// The same in standard deviations of what is drawn, and relative to the residual.
-const MOST_SIGMAS: f64 = 3.0;
-const MOST_RELATIVE: f64 = 0.25;
-/// The same, in pixels and relative, of a point whose place is written, too: all that differs is rounding.
-const MOST_PX_OF_POINT: f64 = 1.0;
-const MOST_RELATIVE_OF_POINT: f64 = 0.01;
+/// Largest accepted difference of a residual, in pixels. Quantities that several lines share, such as the
+/// slope of the floor, are estimated separately here.
+const MAX_DIFFERENCE_PX: f64 = 3.0;
+/// Largest accepted difference of a residual, in standard deviations of the annotations.
+const MAX_DIFFERENCE_SIGMAS: f64 = 3.0;
+/// Largest accepted difference of a residual, relative to its value.
+const MAX_DIFFERENCE_REL: f64 = 0.25;
+/// Largest accepted difference for a point with a stored position, in pixels. Only rounding differs.
+const MAX_POINT_DIFFERENCE_PX: f64 = 1.0;
+/// Largest accepted difference for a point with a stored position, relative to its residual.
+const MAX_POINT_DIFFERENCE_REL: f64 = 0.01;
 
-/// A piece of evidence that is not what the solution says.
+/// Evidence that does not match the solution; residuals in pixels.
 #[derive(Clone, Copy, Debug)]
 struct Difference {
     what: Subject,
@@ -37,19 +38,19 @@ struct Difference {
 }
 
 impl Difference {
-    /// How far off: what only one of both knows differs most.
+    /// Returns the size of the difference; infinite if one of the residuals is missing.
     fn size(&self) -> f64 {
         self.stored.zip(self.now).map_or(f64::INFINITY, |(stored, now)| (now - stored).abs())
     }
 }
 
 impl Site {
-    /// The cameras, by their indices, whose solutions are not of what is drawn and entered now, each with the
-    /// finding that says so.
+    /// Returns the indices of cameras whose solutions do not match the current annotations and values, each
+    /// with its finding.
     #[must_use]
     pub fn out_of_date(&self) -> Vec<(usize, Finding)> {
         let of_camera = |(index, entry): (usize, &SiteCamera)| {
-            let differences = self.differences(entry).into_iter().chain(self.of_links(index, entry));
+            let differences = self.differences(entry).into_iter().chain(self.link_differences(index, entry));
             let worst = differences.max_by(|a, b| a.size().total_cmp(&b.size()));
             worst.map(|Difference { what, stored, now }| (index, Finding::OutOfDate { what, stored, now }))
         };
@@ -61,16 +62,18 @@ impl Site {
         else {
             return Vec::new();
         };
-        let mut found = gone(entry, solution);
-        found.extend(self.of_drawings(entry, solution));
+        let mut found = removed_lines(entry, solution);
+        found.extend(self.line_differences(entry, solution));
         let camera = solution.camera();
-        found.extend(camera.into_iter().flat_map(|camera| self.of_control_points(entry, solution, &camera)));
+        found.extend(
+            camera.into_iter().flat_map(|camera| self.control_point_differences(entry, solution, &camera)),
+        );
         found
     }
 
-    /// Lines whose residuals are not those of the solution, and lines that it does not know.
-    fn of_drawings(&self, entry: &SiteCamera, solution: &Solution) -> Vec<Difference> {
-        let is_on = |source: Source| drawing_of(entry, source).is_some_and(|is_off| !is_off);
+    /// Returns lines whose residuals differ from the solution, and lines that it does not contain.
+    fn line_differences(&self, entry: &SiteCamera, solution: &Solution) -> Vec<Difference> {
+        let is_on = |source: Source| is_switched_off(entry, source).is_some_and(|is_off| !is_off);
         let known = solution.residuals.iter().filter_map(|residual| Some((source(residual)?, residual)));
         let stored: HashMap<Source, &Residual> = known.filter(|(source, _)| is_on(*source)).collect();
         if stored.is_empty() {
@@ -99,8 +102,9 @@ impl Site {
         found
     }
 
-    /// The residuals of what is drawn now at a camera: with the noise that was assumed, and with that which the
-    /// solution found, for the solution does not say with which the scene's own errors were told from it.
+    /// Computes the residuals of the current annotations under the stored camera, with the assumed and with
+    /// the estimated noise. The file does not record which of the two separated scene errors from annotation
+    /// noise.
     fn residuals_now(
         &self,
         entry: &SiteCamera,
@@ -113,7 +117,7 @@ impl Site {
         let constraints = Constraints::on_planes(&entry.annotations, &camera.lens, scene, &planes);
         let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
         let is_refined = solution.stage == Stage::Refined;
-        // Of a camera that was placed by hand the residuals are those of before.
+        // For a camera placed by hand, the residuals are those from before the placement.
         let own_height = entry.fixed_parameters().height.filter(|_| !is_refined);
         let (height, width) = (own_height.unwrap_or(camera.position.z), entry.size()[0]);
         if solution.method == Method::Paper {
@@ -136,8 +140,13 @@ impl Site {
         found.into_iter().map(|found| found.into_iter().chain(straight.iter().copied()).collect()).collect()
     }
 
-    /// Control points whose residuals are not those of the solution.
-    fn of_control_points(&self, entry: &SiteCamera, solution: &Solution, camera: &Camera) -> Vec<Difference> {
+    /// Returns control points whose residuals differ from the solution.
+    fn control_point_differences(
+        &self,
+        entry: &SiteCamera,
+        solution: &Solution,
+        camera: &Camera,
+    ) -> Vec<Difference> {
         let points = entry.control_points.iter().enumerate();
         let now: HashMap<String, (usize, Option<f64>)> = points
             .map(|(index, point)| {
@@ -156,9 +165,9 @@ impl Site {
         stored.filter_map(difference).collect()
     }
 
-    /// Points and posts that cameras share whose residuals in this one are not those of the solution.
-    fn of_links(&self, index: usize, entry: &SiteCamera) -> Vec<Difference> {
-        let Some(camera) = entry.camera().filter(|_| self.has_shared(index)) else { return Vec::new() };
+    /// Returns links (points and posts) whose residuals in this camera differ from the solution.
+    fn link_differences(&self, index: usize, entry: &SiteCamera) -> Vec<Difference> {
+        let Some(camera) = entry.camera().filter(|_| self.owns_links(index)) else { return Vec::new() };
         let of_link = |(index, link): (usize, &Link)| {
             let found = link.solution.as_ref()?;
             let of_camera = found.residuals.iter().filter(|seen| seen.camera == entry.id);
@@ -174,8 +183,7 @@ impl Site {
     }
 }
 
-/// How far a link is from where it was found in what one camera shows of it; `None` of what has no place of its own
-/// in the solution.
+/// Computes the residuals of a link in one camera, in pixels; `None` for links without a stored position.
 fn link_residuals(link: &Link, found: &ElementSolution, id: &str, camera: &Camera) -> Option<Vec<f64>> {
     let foot = found.at_m;
     let head = WorldPoint { z: foot.z + found.length_m.unwrap_or(0.0), ..foot };
@@ -187,19 +195,22 @@ fn link_residuals(link: &Link, found: &ElementSolution, id: &str, camera: &Camer
     is_placed.then(|| drawn.map(off).collect())?
 }
 
-/// Whether the residual of a point is what it was, but for rounding.
+/// Whether the residual of a point is unchanged, up to rounding.
 fn is_same_point(stored: f64, now: f64) -> bool {
-    (now - stored).abs() <= MOST_PX_OF_POINT + MOST_RELATIVE_OF_POINT * stored.abs()
+    (now - stored).abs() <= MAX_POINT_DIFFERENCE_PX + MAX_POINT_DIFFERENCE_REL * stored.abs()
 }
 
-/// Whether a residual is what it was, as far as it can be worked out anew.
+/// Whether the residual of a line is unchanged, as far as it can be recomputed.
 fn is_same(stored: f64, now: f64, sigma: f64) -> bool {
-    let most = MOST_PX.max(MOST_SIGMAS * sigma).max(MOST_RELATIVE * stored.abs().max(now.abs()));
+    let most = MAX_DIFFERENCE_PX
+        .max(MAX_DIFFERENCE_SIGMAS * sigma)
+        .max(MAX_DIFFERENCE_REL * stored.abs().max(now.abs()));
     (now.abs() - stored.abs()).abs() <= most
 }
 
-/// Whether the residual of a line is that of the camera as the solution has it: of the paper's camera the height is
-/// not known from sizes, below the floor nothing is, and where planes are stands elsewhere.
+/// Whether the residual of a line can be recomputed from the stored camera. Exceptions: sizes with the
+/// paper's method, which does not estimate the height; cameras below the floor; and lines on planes, whose
+/// position is not stored with the camera.
 fn is_comparable(entry: &SiteCamera, solution: &Solution, source: Source) -> bool {
     let drawn = &entry.annotations[source.annotation];
     let is_size = matches!(drawn.kind.row().constraint, ConstraintKind::Length | ConstraintKind::Upright);
@@ -213,21 +224,21 @@ fn source(residual: &Residual) -> Option<Source> {
     Some(Source { annotation, segment })
 }
 
-/// Whether a drawing is switched off; `None` where it is not there.
-fn drawing_of(entry: &SiteCamera, source: Source) -> Option<bool> {
+/// Returns whether the annotation of a line is switched off; `None` if the line does not exist.
+fn is_switched_off(entry: &SiteCamera, source: Source) -> Option<bool> {
     let annotation = entry.annotations.get(source.annotation)?;
     let count = annotation.segments.as_ref().map_or(1, Vec::len);
     (source.segment < count).then_some(annotation.off)
 }
 
-/// Lines that the solution has residuals of and that are not there.
-fn gone(entry: &SiteCamera, solution: &Solution) -> Vec<Difference> {
+/// Returns lines with residuals in the solution that no longer exist.
+fn removed_lines(entry: &SiteCamera, solution: &Solution) -> Vec<Difference> {
     let sources = solution.residuals.iter().filter_map(|residual| Some((source(residual)?, residual.px)));
-    let gone = sources.filter(|(source, _)| drawing_of(entry, *source).is_none());
+    let gone = sources.filter(|(source, _)| is_switched_off(entry, *source).is_none());
     gone.map(|(source, px)| Difference { what: Subject::Line(source), stored: Some(px), now: None }).collect()
 }
 
-/// How far straight edges are from straight under a lens.
+/// Computes the distances of straight edges from straight under a lens, in pixels.
 fn straight_residuals(entry: &SiteCamera, lens: &Lens) -> Vec<(Source, f64)> {
     let edges = edges(&entry.annotations);
     let straight = edges.iter().filter(|edge| entry.annotations[edge.source.annotation].is_straight_edge());

@@ -1,4 +1,4 @@
-//! Cameras that see the same floor, and how far they disagree there.
+//! Overlaps: pairs of cameras that see the same floor, and their disagreement there.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,13 +14,13 @@ use calib_core::floor::Extent;
 use calib_core::outcome::Failure;
 
 impl Site {
-    /// Pairs of cameras that share landmarks or floor.
+    /// Returns the pairs of cameras that share landmarks or floor.
     pub(crate) fn overlaps(
         &self,
         bundle: &BundleResult,
         solutions: &[(usize, Result<CameraResult, Failure>)],
     ) -> Vec<Overlap> {
-        let all = bundle.tied_cameras();
+        let all = bundle.connected_cameras();
         let mut measured: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
         let known = bundle
             .landmarks
@@ -55,7 +55,7 @@ impl Site {
         bundle: &BundleResult,
         solutions: &[(usize, Result<CameraResult, Failure>)],
     ) -> BTreeMap<[usize; 2], f64> {
-        struct Seen {
+        struct FloorView {
             index: usize,
             camera: Camera,
             polygon: Vec<FloorPoint>,
@@ -73,15 +73,16 @@ impl Site {
                 fold(&|p| p.x, f64::max, f64::NEG_INFINITY),
                 fold(&|p| p.y, f64::max, f64::NEG_INFINITY),
             ];
-            Some(Seen { index: *index, camera: solution.camera()?, polygon, bounds })
+            Some(FloorView { index: *index, camera: solution.camera()?, polygon, bounds })
         };
-        /// Pairs that are looked at: nobody reads more, and a hostile site stacks its cameras.
-        const MOST: usize = 20_000;
-        let all: Vec<Seen> = solutions.iter().filter_map(seen).collect();
+        /// Largest number of pairs that are evaluated. It bounds the time for a hostile site with many
+        /// cameras at the same position.
+        const MAX_PAIRS: usize = 20_000;
+        let all: Vec<FloorView> = solutions.iter().filter_map(seen).collect();
         let mut found = BTreeMap::new();
         for (k, a) in all.iter().enumerate() {
             for b in &all[k + 1..] {
-                if found.len() >= MOST {
+                if found.len() >= MAX_PAIRS {
                     return found;
                 }
                 let low = [a.bounds[0].max(b.bounds[0]), a.bounds[1].max(b.bounds[1])];
@@ -105,7 +106,7 @@ impl Site {
     }
 }
 
-/// Points of a grid over a box that lie in both polygons.
+/// Returns the points of a grid over a box that are inside both polygons.
 fn common_points(low: [f64; 2], high: [f64; 2], a: &[FloorPoint], b: &[FloorPoint]) -> Vec<FloorPoint> {
     const STEPS: usize = 4;
     let share = |i: usize| (i as f64 + 0.5) / STEPS as f64;
@@ -117,8 +118,9 @@ fn common_points(low: [f64; 2], high: [f64; 2], a: &[FloorPoint], b: &[FloorPoin
     grid.filter(|&at| a.contains(at) && b.contains(at)).collect()
 }
 
-/// Predicted variance of the distance between the places of one point of the floor by two cameras:
-/// the trace of `Ja Caa Ja' + Jb Cbb Jb' - Ja Cab Jb' - Jb Cab' Ja'`.
+/// Returns the predicted variance of the distance between the floor positions of one point as computed from
+/// two cameras: the trace of `Ja Caa Ja' + Jb Cbb Jb' - Ja Cab Jb' - Jb Cab' Ja'`. `J` is the Jacobian of the
+/// floor point with respect to a camera's parameters, and `C` is the covariance of these parameters.
 fn disagreement(
     at: FloorPoint,
     a: &Camera,

@@ -1,4 +1,4 @@
-//! From when to when a camera entry holds, and which one is meant by an id.
+//! Validity periods of camera entries, and lookup of an entry by id and time.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -9,7 +9,7 @@ use crate::bounds::{At, Checked};
 use crate::document::{Site, SiteCamera};
 use crate::site_error::{SiteError, quoted};
 
-/// An id may repeat when the periods of validity do not overlap.
+/// Checks the validity periods. An id may repeat if its periods do not overlap.
 pub(crate) fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
     let mut periods: HashMap<&str, Vec<(Timestamp, Timestamp)>> = HashMap::new();
     for (i, camera) in cameras.iter().enumerate() {
@@ -37,57 +37,58 @@ fn instant(at: &At, text: Option<&String>, absent: Timestamp) -> Result<Timestam
     }
 }
 
-/// Why an id means no entry.
+/// Error of a camera lookup by id and time.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum NoCamera {
-    /// No camera has it.
+pub enum CameraLookupError {
+    /// No camera has this id.
     Unknown,
-    /// Several periods have it, and no time was said.
+    /// Several periods have this id, and no time was given.
     SeveralPeriods,
-    /// No period of it holds then.
-    NoneThen,
-    /// What was said is no time.
+    /// No period of this id is valid at this time.
+    NotValidThen,
+    /// The given text is not a time.
     NotATime,
 }
 
-impl fmt::Display for NoCamera {
+impl fmt::Display for CameraLookupError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Unknown => "the site has no camera of this id",
-            Self::SeveralPeriods => "several periods have this id: say a time",
-            Self::NoneThen => "no calibration of this camera holds at this time",
+            Self::SeveralPeriods => "several periods have this id: specify a time",
+            Self::NotValidThen => "no calibration of this camera is valid at this time",
             Self::NotATime => "not a time such as 2026-05-01T08:00:00Z",
         })
     }
 }
 
-impl std::error::Error for NoCamera {}
+impl std::error::Error for CameraLookupError {}
 
 impl Site {
-    /// The camera of this id; `None` where there is none, and where several periods have it:
-    /// [`Self::camera_at`] takes the time.
+    /// Returns the camera with this id. Returns `None` if no entry or several periods have this id; use
+    /// [`Self::camera_at`] with a time for those.
     #[must_use]
     pub fn camera(&self, id: &str) -> Option<&SiteCamera> {
         self.camera_at(id, None).ok()
     }
 
-    /// The entry of this id that holds at a time (RFC 3339). Without a time only an id that no other period
-    /// has means one.
+    /// Returns the entry with this id that is valid at a time (RFC 3339). Without a time, the id must have a
+    /// single period.
     ///
     /// # Errors
-    /// Why there is not one.
-    pub fn camera_at(&self, id: &str, time: Option<&str>) -> Result<&SiteCamera, NoCamera> {
+    /// If no entry matches, or the id is ambiguous without a time.
+    pub fn camera_at(&self, id: &str, time: Option<&str>) -> Result<&SiteCamera, CameraLookupError> {
         let of_id: Vec<&SiteCamera> = self.cameras.iter().filter(|camera| camera.id == id).collect();
         let Some(time) = time else {
             return match of_id[..] {
-                [] => Err(NoCamera::Unknown),
+                [] => Err(CameraLookupError::Unknown),
                 [only] => Ok(only),
-                _ => Err(NoCamera::SeveralPeriods),
+                _ => Err(CameraLookupError::SeveralPeriods),
             };
         };
-        let last = if of_id.is_empty() { NoCamera::Unknown } else { NoCamera::NoneThen };
+        let last =
+            if of_id.is_empty() { CameraLookupError::Unknown } else { CameraLookupError::NotValidThen };
         for camera in of_id {
-            if camera.is_valid_at(time).map_err(|_| NoCamera::NotATime)? {
+            if camera.is_valid_at(time).map_err(|_| CameraLookupError::NotATime)? {
                 return Ok(camera);
             }
         }
@@ -96,9 +97,9 @@ impl Site {
 }
 
 impl Site {
-    /// The id that the name of a still is or begins with, the longest such one: `door` of `door_20260501_0830`.
+    /// Returns the longest camera id that a file name equals or starts with: `door` for `door_20260501_0830`.
     #[must_use]
-    pub fn camera_of_name(&self, name: &str) -> Option<&str> {
+    pub fn camera_id_from_name(&self, name: &str) -> Option<&str> {
         let is_named = |id: &&str| {
             let rest = name.strip_prefix(*id);
             rest.is_some_and(|rest| !rest.starts_with(char::is_alphanumeric))
@@ -107,10 +108,10 @@ impl Site {
         ids.filter(is_named).max_by_key(|id| id.len())
     }
 
-    /// The index of the entry of this id that holds at a time, of an unknown time that without an end; the only one of an
-    /// id holds always.
+    /// Returns the index of the entry with this id that is valid at a time. If the time is unknown, the entry
+    /// without an end is used. An id with a single entry is valid at all times.
     #[must_use]
-    pub fn entry_at(&self, id: &str, time: Option<&str>) -> Option<usize> {
+    pub fn entry_index_at(&self, id: &str, time: Option<&str>) -> Option<usize> {
         let of_id: Vec<usize> = (0..self.cameras.len()).filter(|&i| self.cameras[i].id == id).collect();
         let holds = |&index: &usize| match time {
             Some(time) => self.cameras[index].is_valid_at(time).unwrap_or_default(),
@@ -122,9 +123,9 @@ impl Site {
         }
     }
 
-    /// Whether another period of its camera follows an entry: then it tells nothing of today.
+    /// Whether a later period of the same camera exists, so that the entry is no longer current.
     #[must_use]
-    pub fn is_followed(&self, index: usize) -> bool {
+    pub fn is_superseded(&self, index: usize) -> bool {
         let Some(entry) = self.cameras.get(index).filter(|entry| entry.valid_to.is_some()) else {
             return false;
         };
@@ -135,25 +136,25 @@ impl Site {
         self.cameras.iter().any(|other| other.id == entry.id && begins(other) == Some(true))
     }
 
-    /// Whether links and marks that name the id of an entry are of this one: of several periods, the first.
+    /// Whether the links and marks of this camera id belong to this entry: they belong to its first entry.
     #[must_use]
-    pub fn has_shared(&self, index: usize) -> bool {
+    pub fn owns_links(&self, index: usize) -> bool {
         let id = self.cameras.get(index).map(|camera| &camera.id);
         id.is_some() && self.cameras.iter().position(|camera| Some(&camera.id) == id) == Some(index)
     }
 }
 
 impl SiteCamera {
-    /// Whether two entries are of one period of one camera.
+    /// Whether two entries are the same period of the same camera.
     #[must_use]
     pub fn is_same_period(&self, other: &Self) -> bool {
         self.id == other.id && self.valid_from == other.valid_from
     }
 
-    /// Whether this calibration holds at a time (RFC 3339).
+    /// Whether this calibration is valid at a time (RFC 3339).
     ///
     /// # Errors
-    /// When the text is not a time.
+    /// If the text is not a time.
     pub fn is_valid_at(&self, time: &str) -> Result<bool, SiteError> {
         let at = At::root();
         let when = instant(&at, Some(&time.to_owned()), Timestamp::MIN)?;
@@ -162,10 +163,11 @@ impl SiteCamera {
         Ok(from <= when && when < to)
     }
 
-    /// Whether a time (RFC 3339) lies within the period of this calibration, with time before it and after.
+    /// Whether a time (RFC 3339) is inside the validity period and not at its start, so that it splits the
+    /// period in two.
     ///
     /// # Errors
-    /// When the text is not a time.
+    /// If the text is not a time.
     pub fn is_divided_at(&self, time: &str) -> Result<bool, SiteError> {
         let at = At::root();
         let when = instant(&at, Some(&time.to_owned()), Timestamp::MIN)?;
@@ -173,12 +175,12 @@ impl SiteCamera {
         Ok(from < when && self.is_valid_at(time)?)
     }
 
-    /// When this calibration holds: from the first to before the second, in nanoseconds since 1970 (UTC).
+    /// Returns the validity period in nanoseconds since 1970 (UTC): start inclusive, end exclusive.
     ///
-    /// What is open, or more than 292 years from 1970, is the least or the largest number.
+    /// An open end, or a time more than 292 years from 1970, is the smallest or largest `i64`.
     ///
     /// # Errors
-    /// When `valid_from` or `valid_to` is not a time.
+    /// If `valid_from` or `valid_to` is not a time.
     pub fn period_ns(&self) -> Result<[i64; 2], SiteError> {
         let at = At::root();
         let nanoseconds = |time: Timestamp| {
@@ -196,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_id_of_several_periods_means_one_only_with_a_time() {
+    fn id_with_several_periods_needs_a_time() {
         let period = |from: Option<&str>, to: Option<&str>| SiteCamera {
             valid_from: from.map(str::to_owned),
             valid_to: to.map(str::to_owned),
@@ -205,23 +207,26 @@ mod tests {
         let bump = "2026-06-01T00:00:00Z";
         let mut site = Site { cameras: vec![period(None, Some(bump))], ..Site::new() };
         assert_eq!(site.camera("door"), Some(&site.cameras[0]));
-        assert_eq!(site.camera_at("door", Some("2026-07-01T00:00:00Z")), Err(NoCamera::NoneThen));
-        assert!(!site.is_followed(0), "it has ended, and nothing is newer");
+        assert_eq!(
+            site.camera_at("door", Some("2026-07-01T00:00:00Z")),
+            Err(CameraLookupError::NotValidThen)
+        );
+        assert!(!site.is_superseded(0), "no newer period exists");
         site.cameras.push(period(Some(bump), None));
         assert_eq!((site.camera("door"), site.camera("roof")), (None, None));
-        assert_eq!(site.camera_at("door", None), Err(NoCamera::SeveralPeriods));
+        assert_eq!(site.camera_at("door", None), Err(CameraLookupError::SeveralPeriods));
         assert_eq!(site.camera_at("door", Some("2026-05-31T23:00:00Z")), Ok(&site.cameras[0]));
         assert_eq!(site.camera_at("door", Some(bump)), Ok(&site.cameras[1]));
-        assert_eq!(site.camera_at("door", Some("noon")), Err(NoCamera::NotATime));
-        assert_eq!(site.camera_at("roof", Some(bump)), Err(NoCamera::Unknown));
-        assert_eq!(site.camera_of_name("door_20260701"), Some("door"));
-        assert_eq!(site.camera_of_name("doors"), None);
-        let entry = |time: &str| site.entry_at("door", Some(time));
+        assert_eq!(site.camera_at("door", Some("noon")), Err(CameraLookupError::NotATime));
+        assert_eq!(site.camera_at("roof", Some(bump)), Err(CameraLookupError::Unknown));
+        assert_eq!(site.camera_id_from_name("door_20260701"), Some("door"));
+        assert_eq!(site.camera_id_from_name("doors"), None);
+        let entry = |time: &str| site.entry_index_at("door", Some(time));
         assert_eq!((entry("2026-05-31T23:00:00Z"), entry(bump)), (Some(0), Some(1)));
-        assert_eq!(site.entry_at("door", None), Some(1), "that without an end");
-        assert_eq!([0, 1, 2].map(|index| site.has_shared(index)), [true, false, false]);
-        assert_eq!([0, 1, 2].map(|index| site.is_followed(index)), [true, false, false]);
-        assert_eq!(site.cameras[1].is_divided_at(bump), Ok(false), "it begins then");
+        assert_eq!(site.entry_index_at("door", None), Some(1), "the period without an end");
+        assert_eq!([0, 1, 2].map(|index| site.owns_links(index)), [true, false, false]);
+        assert_eq!([0, 1, 2].map(|index| site.is_superseded(index)), [true, false, false]);
+        assert_eq!(site.cameras[1].is_divided_at(bump), Ok(false), "the period begins at this time");
         assert_eq!(site.cameras[1].is_divided_at("2026-07-01T00:00:00Z"), Ok(true));
     }
 }

@@ -1,4 +1,4 @@
-//! The whole calibration of a site: every camera by itself, then placed.
+//! Calibration of a site: each camera separately, then all cameras jointly, then placement and findings.
 
 use std::collections::BTreeSet;
 
@@ -10,11 +10,11 @@ use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::options::Options;
 use crate::placement_step::placed_uncertainty;
-use crate::points_outside::SharedDrawings;
-use crate::quality::is_found_anew;
+use crate::points_outside::SharedObservations;
+use crate::quality::is_recomputed;
 use crate::scene::PlaneSolution;
 use crate::shared_lenses::SharedLenses;
-use crate::single_step::{LensOwners, Others, SingleFit, residual_entries, residuals_when_off, rms};
+use crate::single_step::{LensOwners, SharedInputs, SingleFit, residual_entries, residuals_when_off, rms};
 use crate::site_solution::{ElementSolution, SiteSolution};
 use crate::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
 use calib_core::bundle::{CameraEstimate, PlaneEstimate};
@@ -25,28 +25,27 @@ use calib_core::single::{
     Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, heights_apart, is_inconsistent,
 };
 
-/// What calibrating a site found out.
+/// Result of a calibration.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
-    /// For every camera that was asked for: its index in the site, and the result.
+    /// Results of the requested cameras, each with its index in the site.
     pub cameras: Vec<(usize, Result<Solution, FailureEntry>)>,
-    /// For each of these cameras, in their order: what is to be said of the result, or why there is none,
-    /// as values.
+    /// Findings or failure of each of these cameras, as values, in the same order.
     pub findings: Vec<Result<Vec<Finding>, Failure>>,
-    /// For every link of the site: where it is, if it took part.
+    /// Results of the links of the site; `None` for unused links.
     pub links: Vec<Option<ElementSolution>>,
-    /// For every mark of the site: where it is, if it took part.
+    /// Results of the marks of the site; `None` for unused marks.
     pub marks: Vec<Option<ElementSolution>>,
-    /// For every plane of the site: where it is, if it was estimated.
+    /// Estimated planes of the site; `None` for planes that were not estimated.
     pub planes: Vec<Option<PlaneSolution>>,
-    /// What was found out about the site as a whole.
+    /// Results for the site as a whole.
     pub site: SiteSolution,
-    /// What is to be said of the site as a whole, as values.
+    /// Findings about the site as a whole, as values.
     pub site_findings: Vec<Finding>,
 }
 
 impl Report {
-    /// The site with these results written into it; what was drawn and entered stays as it is.
+    /// Returns the site with these results. Annotations and entered values are unchanged.
     #[must_use]
     pub fn write_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
@@ -78,22 +77,23 @@ impl Report {
 }
 
 impl Site {
-    /// Calibrates every camera that `options` asks for. A camera that cannot be solved does not keep
-    /// the others from it.
+    /// Calibrates the cameras requested by `options`. A camera that cannot be solved does not prevent the
+    /// others from being solved.
     #[must_use]
     pub fn calibrate(&self, options: &Options) -> Report {
         let entries: Vec<&SiteCamera> = self.cameras.iter().collect();
-        let shared = SharedDrawings::of(self, &entries);
+        let shared = SharedObservations::new(self, &entries);
         let single_fits = self.single_fits(&entries, &LensCache::default(), &shared, options);
         let is_joint = options.refine && options.method != Method::Paper;
         let bundle = match options.method {
             Method::Paper => BundleResult::default(),
-            _ if is_joint => self.join(&single_fits),
+            _ if is_joint => self.bundle_adjust(&single_fits),
             _ => refine_lenses(&entries, &single_fits, self.plane_priors()),
         };
-        let asked = |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
+        let is_requested =
+            |camera: &SiteCamera| options.cameras.as_ref().is_none_or(|ids| ids.contains(&camera.id));
         let mut results: Vec<(usize, Result<CameraResult, Failure>)> = (0..self.cameras.len())
-            .filter(|&index| asked(&self.cameras[index]))
+            .filter(|&index| is_requested(&self.cameras[index]))
             .map(|index| {
                 let joined = bundle.cameras.get(index).and_then(Option::as_ref);
                 (index, self.finish(entries[index], &single_fits[index], joined, options.method, &shared))
@@ -106,45 +106,45 @@ impl Site {
         if !is_joint {
             site_findings.extend(self.unused_evidence());
         }
-        site.warnings = self.words(None, &site_findings);
+        site.warnings = self.warnings(None, &site_findings);
         let entry = |(index, result)| {
             let (entry, findings) = self.to_document(index, result);
             ((index, entry), findings)
         };
         let (cameras, findings) = results.into_iter().map(entry).unzip();
         let found = |found: &Option<PlaneEstimate>| {
-            found.map(|PlaneEstimate { plane, covariance }| PlaneSolution::of(&plane, &covariance))
+            found.map(|PlaneEstimate { plane, covariance }| PlaneSolution::from_plane(&plane, &covariance))
         };
         let planes = bundle.planes.iter().map(found).collect();
         Report { cameras, findings, links, marks, planes, site, site_findings }
     }
 
-    /// Stage 1 of cameras among which are those whose lens others share; where the lens is fitted, once more
-    /// under the lens that it gives itself.
+    /// Runs stage 1 for the given cameras, which must include the owners of shared lenses. If a lens is
+    /// fitted, stage 1 runs again under the lens refined with all constraints.
     pub(crate) fn single_fits(
         &self,
         entries: &[&SiteCamera],
         known: &LensCache,
-        shared: &SharedDrawings,
+        shared: &SharedObservations,
         options: &Options,
     ) -> Vec<Result<SingleFit, Failure>> {
         let like = |camera: &&SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
-        // Lenses that others share are fitted once.
-        let (none, lenses) = (LensOwners::new(), SharedLenses::of(self));
-        let alone = Others { owners: &none, known, lenses: &lenses, shared };
+        // Shared lenses are fitted once.
+        let (none, lenses) = (LensOwners::new(), SharedLenses::new(self));
+        let alone = SharedInputs { owners: &none, known, lenses: &lenses, shared };
         let owners: LensOwners = entries
             .iter()
             .filter_map(like)
             .collect::<BTreeSet<String>>()
             .into_iter()
             .filter_map(|id| {
-                let first = self.fit_single(self.first_of(&id)?, options, None, alone);
+                let first = self.fit_single(self.first_entry(&id)?, options, None, alone);
                 Some((id, first))
             })
             .collect();
-        let others = Others { owners: &owners, ..alone };
+        let others = SharedInputs { owners: &owners, ..alone };
         let first = |&camera: &&SiteCamera| match owners.get(&camera.id) {
-            Some(first) if self.first_of(&camera.id) == Some(camera) => first.clone(),
+            Some(first) if self.first_entry(&camera.id) == Some(camera) => first.clone(),
             _ => self.fit_single(camera, options, None, others),
         };
         let mut single_fits: Vec<Result<SingleFit, Failure>> = entries.iter().map(first).collect();
@@ -163,7 +163,7 @@ impl Site {
         single_fits
     }
 
-    /// Evidence that cameras share is not used while every camera is solved by itself.
+    /// Reports links, marks and distances that are not used because each camera is solved separately.
     fn unused_evidence(&self) -> impl Iterator<Item = Finding> {
         let links = self.links.iter().filter(|link| !link.off && !link.seen.is_empty()).count();
         let marks = self.marks.iter().filter(|mark| !mark.off && !mark.seen.is_empty()).count();
@@ -178,21 +178,21 @@ impl Site {
         .map(|(evidence, count)| Finding::UnusedEvidence { evidence, count })
     }
 
-    /// What is written of a camera: stage 1, improved with the others or placed by itself.
+    /// Completes the result of a camera: takes its joint estimate or places it separately, and adds findings.
     pub(crate) fn finish(
         &self,
         entry: &SiteCamera,
         first: &Result<SingleFit, Failure>,
         joined: Option<&CameraEstimate>,
         method: Method,
-        shared: &SharedDrawings,
+        shared: &SharedObservations,
     ) -> Result<CameraResult, Failure> {
         let first = first.as_ref().map_err(Clone::clone)?;
         let mut result = first.result.clone();
         if entry.is_given() {
-            // Residuals of shared elements are computed again.
+            // Residuals of links and marks are computed again.
             result.solution.residuals.retain(|residual| residual.of == ResidualOf::Annotation);
-            result.solution.warnings.retain(|warning| !is_found_anew(warning.code));
+            result.solution.warnings.retain(|warning| !is_recomputed(warning.code));
             result.findings = entry.pose_findings();
             result.findings.extend(self.shared_points_outside(entry, shared));
             return check_finite(result);
@@ -201,7 +201,7 @@ impl Site {
         let own = joined.map_or(own, |joined| joined.camera);
         let (camera, stage) = match joined {
             Some(joined) if joined.is_connected => {
-                // A height in conflict with the placement is reported for connected cameras, too.
+                // A conflict between height and placement is reported for connected cameras, too.
                 let mut conflicts = Vec::new();
                 let _ = self.place(entry, first.result.solution.camera().unwrap_or(own), &mut conflicts);
                 conflicts.retain(|finding: &Finding| finding.code() == Code::ScaleConflict);
@@ -216,13 +216,13 @@ impl Site {
             camera
         };
         if let Some(joined) = joined {
-            rewrite(entry, &camera, (first, &self.plane_priors()), joined, &mut result);
+            apply_joint_estimate(entry, &camera, (first, &self.plane_priors()), joined, &mut result);
         }
         result.solution.position_m = Some(camera.position);
         result.solution.yaw_deg = Some(camera.yaw.to_degrees());
         result.solution.image_circle_px = entry.image_circle();
         result.solution.stage = stage;
-        // What is beyond the image circle is no floor.
+        // Pixels outside the image circle do not show floor.
         let shown = Camera { lens: Lens { image_circle: entry.image_circle(), ..camera.lens }, ..camera };
         if method != Method::Paper && (stage > Stage::Partial || joined.is_some()) {
             placed_uncertainty(entry, &shown, &mut result);
@@ -236,7 +236,7 @@ impl Site {
         result.findings.extend(height_findings(entry, &camera, &result.findings));
         let camera = shown;
         result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
-        result.findings.retain(|finding| !is_found_anew(finding.code()));
+        result.findings.retain(|finding| !is_recomputed(finding.code()));
         result.findings.extend(entry.findings_at(&camera));
         result.findings.extend(self.shared_points_outside(entry, shared));
         if self.is_placed_by_hand(entry, &camera, stage) {
@@ -247,14 +247,14 @@ impl Site {
     }
 }
 
-/// Whether what was drawn on a camera, or what it shares with others, contradicts itself beyond any noise.
+/// Whether the annotations of a camera, or its shared observations, contradict each other beyond any noise.
 fn is_inconsistent_with(first: &SingleFit, joined: Option<&CameraEstimate>) -> bool {
     first.fit.as_ref().is_some_and(|fit| fit.inconsistent)
         || joined.is_some_and(|joined| is_inconsistent(joined.chi2, joined.dof))
 }
 
-/// The numbers of the joint fit in place of those of stage 1.
-fn rewrite(
+/// Replaces the numbers of stage 1 by the joint estimate.
+fn apply_joint_estimate(
     entry: &SiteCamera,
     camera: &Camera,
     (first, planes): (&SingleFit, &[PlanePrior]),
@@ -266,7 +266,7 @@ fn rewrite(
     solution.roll_deg = Some(camera.roll.to_degrees());
     solution.focal_px = camera.focal;
     solution.principal_point_px = camera.lens.principal_point;
-    solution.distortion = DistortionEntry::of(&camera.lens, camera.focal);
+    solution.distortion = DistortionEntry::from_lens(&camera.lens, camera.focal);
     solution.chi2 = Some(joined.chi2);
     solution.dof = usize::try_from(joined.dof).ok();
     solution.sigma_px = Some(joined.sigma);
@@ -274,7 +274,8 @@ fn rewrite(
     let off = residuals_when_off(entry, camera, planes);
     solution.residuals = residual_entries(joined.residuals.iter().copied().chain(off), outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
-    // The other cameras may determine a focal that stage 1 does not, and so may the straight edges of a fisheye.
+    // The focal length may be determined by other cameras, or by the straight edges of a fisheye, even if
+    // stage 1 does not determine it.
     let focal_is_determined =
         camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
     if (joined.is_connected || camera.lens.distortion.is_wide()) && focal_is_determined {
@@ -301,21 +302,21 @@ fn efov(
     efov.polygon
 }
 
-/// Where residuals are too large, the uprights that contradict each other: what is drawn wrong moves heights together
-/// with the orientation, so that its own residual need not be the largest.
+/// Reports uprights that contradict each other if residuals are too large. A wrong annotation affects heights
+/// and orientation together, so its own residual need not be the largest.
 fn height_findings(entry: &SiteCamera, camera: &Camera, findings: &[Finding]) -> Option<Finding> {
     let is_misfit = findings.iter().any(|finding| finding.code() == Code::Misfit);
     let [lowest, highest] = heights_apart(camera, &entry.annotations).filter(|_| is_misfit)?;
     Some(Finding::HeightsApart { lowest, highest })
 }
 
-/// Whether the lens folds back on itself inside the image.
+/// Reports a distortion that cannot be inverted inside the image.
 fn check_lens(entry: &SiteCamera, camera: &Camera) -> Option<Finding> {
     let is_distorted = camera.lens.distortion != Distortion::None;
     (is_distorted && !camera.lens.shows_image(entry.size())).then_some(Finding::DistortionNotInvertible)
 }
 
-/// Findings about the segments that give no constraint.
+/// Reports segments that give no constraint.
 fn invalid_segments(constraints: &Constraints) -> impl Iterator<Item = Finding> {
     constraints.invalid.iter().map(|(source, why)| match why {
         InvalidSegment::OutsideLens => Finding::OutsideLens { line: *source },
@@ -323,7 +324,7 @@ fn invalid_segments(constraints: &Constraints) -> impl Iterator<Item = Finding> 
     })
 }
 
-/// `Err` for a result with a number that is not finite.
+/// Returns an error if a number of the result is not finite.
 fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
     let solution = &result.solution;
     let pose = solution.camera().is_none_or(|camera| {
@@ -337,7 +338,7 @@ fn check_finite(result: CameraResult) -> Result<CameraResult, Failure> {
     let others = solution.alternatives.iter().all(|other| {
         [other.focal_px, other.pitch_deg, other.roll_deg, other.chi2].iter().all(|value| value.is_finite())
     });
-    // A document that could not be read again must not be written.
+    // A solution that could not be read again must not be written.
     let readable = check_solution(&At::root(), solution).is_ok();
     if pose && quality && others && readable { Ok(result) } else { Err(Failure::TooExtreme) }
 }

@@ -1,20 +1,20 @@
-//! Stage 2 of one camera: placement by control points or by the operator, with its uncertainty.
+//! Stage 2 for one camera: placement by control points or by the operator, with its uncertainty.
 
 use std::collections::BTreeSet;
 
 use crate::camera_result::CameraResult;
-use crate::document::{ControlPointEntry, HeldEntry, Site, SiteCamera};
+use crate::document::{ControlPointEntry, FixedEntry, Site, SiteCamera};
 use crate::solution::{Solution, Stage};
 use calib_core::camera::{Camera, Covariance, WorldPoint};
 use calib_core::floor::{ControlPoint, from_control_points, with_placement_covariance};
 use calib_core::outcome::{Code, Finding, Residual, ResidualOf};
 use calib_core::single::{BESIDE, floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel};
 
-/// Relative standard deviation of a height by placement: of dragging and scaling a polygon over a plan.
-const HAND: f64 = 0.02;
+/// Relative standard deviation of a height from placement, when a polygon is dragged and scaled on a plan.
+const PLACED_HEIGHT_SIGMA_REL: f64 = 0.02;
 
 impl Site {
-    /// By control points, by the operator's move, turn and scale, or not at all.
+    /// Places a camera by control points or by the operator's placement, if available.
     pub(crate) fn place(
         &self,
         entry: &SiteCamera,
@@ -23,7 +23,8 @@ impl Site {
     ) -> (Camera, Stage) {
         let fixed = entry.placement.as_ref().is_some_and(|placement| placement.fixed);
         let points = entry.control_points.iter().filter(|point| !point.off);
-        let points = each_once(points.filter_map(|point| point.control_point(self.plan.as_ref())).collect());
+        let points =
+            without_duplicates(points.filter_map(|point| point.control_point(self.plan.as_ref())).collect());
         let fixed_height = entry.height_m.filter(|height| height.fixed).map(|height| height.value);
         if !fixed && let Some(placed) = from_control_points(&first, &points, fixed_height) {
             scale_conflict(&first, placed.position.z, fixed_height.is_some(), findings);
@@ -34,7 +35,7 @@ impl Site {
             findings.push(Finding::TooFewControlPoints { count: points.len() });
         }
         let scale = entry.placement.as_ref().and_then(|placement| placement.scale);
-        // Where lines contradict each other nothing is known of any error, that of a height that is given included.
+        // If the lines contradict each other, no uncertainty is known, not even of an entered height.
         let height_is_known = entry.height_m.is_some()
             || first.covariance.sigma(Covariance::Z).is_some()
             || !first.covariance.is_known();
@@ -54,32 +55,33 @@ impl Site {
         }
     }
 
-    /// Whether a hand says where a camera at this stage stands, and nothing tells how well. A hand that placed the
-    /// only camera of a site, with no plan and no known place, made the site's coordinates: there is nothing that it
-    /// could be off from.
+    /// Whether a camera at this stage was placed by hand and the uncertainty of its position is unknown. The
+    /// only camera of a site without a plan or known positions is exact: its placement defines the coordinate
+    /// system.
     pub(crate) fn is_placed_by_hand(&self, entry: &SiteCamera, camera: &Camera, stage: Stage) -> bool {
         let is_by_hand = entry.placement.as_ref().is_some_and(|placement| !placement.fixed);
-        // Where lines contradict each other nothing is known of any number, wherever the place came from.
+        // If the lines contradict each other, no uncertainty is known, even for a position from control
+        // points.
         let is_by_points =
             entry.control_points.iter().any(|point| !point.off) && !camera.covariance.is_known();
         is_by_hand
             && !is_by_points
             && stage == Stage::Placed
-            && !entry.open_place(camera).is_empty()
-            && self.is_measured_beside(entry)
+            && !entry.unknown_pose_parameters(camera).is_empty()
+            && self.has_reference_coordinates(entry)
     }
 
-    /// Whether the site has coordinates that a camera did not make itself: by its plan, a known place, or another camera
-    /// that stands in it.
+    /// Whether the site has coordinates independent of this camera: a plan, a georeference, a fixed mark, or
+    /// another camera with a position.
     #[must_use]
-    pub fn is_measured_beside(&self, entry: &SiteCamera) -> bool {
-        let stands = |other: &SiteCamera| {
+    pub fn has_reference_coordinates(&self, entry: &SiteCamera) -> bool {
+        let has_position = |other: &SiteCamera| {
             other.placement.is_some() || !other.control_points.is_empty() || other.is_given()
         };
         self.plan.is_some()
             || self.georeference().is_some()
             || self.marks.iter().any(|mark| mark.fixed && !mark.off)
-            || self.cameras.iter().any(|other| other.id != entry.id && stands(other))
+            || self.cameras.iter().any(|other| other.id != entry.id && has_position(other))
     }
 
     pub(crate) fn add_control_residuals(
@@ -109,31 +111,32 @@ impl Site {
         if !hidden.is_empty() && result.solution.stage > Stage::Partial {
             result.findings.push(Finding::HiddenControlPoints { points: hidden });
         }
-        let far = far_off(entry, &result.solution);
+        let far = control_point_misfit(entry, &result.solution);
         result.findings.extend(far);
     }
 }
 
 impl SiteCamera {
-    /// Which of x, y and yaw, by their index in [`Covariance`], are neither held nor estimated.
-    pub(crate) fn open_place(&self, camera: &Camera) -> Vec<usize> {
-        let held = self.placement.as_ref().map_or_else(HeldEntry::default, |placement| placement.held);
+    /// Returns the indices in [`Covariance`] of x, y and yaw that are neither fixed nor estimated.
+    pub(crate) fn unknown_pose_parameters(&self, camera: &Camera) -> Vec<usize> {
+        let held = self.placement.as_ref().map_or_else(FixedEntry::default, |placement| placement.held);
         let place = [(Covariance::X, held.x), (Covariance::Y, held.y), (Covariance::YAW, held.turn)];
         let is_open = |&(index, held): &(usize, bool)| !held && camera.covariance.sigma(index).is_none();
         place.into_iter().filter(is_open).map(|(index, _)| index).collect()
     }
 }
 
-/// Control points without those that show again what another one shows, beside the same pixel.
-fn each_once(mut points: Vec<ControlPoint>) -> Vec<ControlPoint> {
-    /// In metres: what is nearer is one point.
-    const SAME: f64 = 0.01;
+/// Removes control points that repeat another one at the same pixel.
+fn without_duplicates(mut points: Vec<ControlPoint>) -> Vec<ControlPoint> {
+    /// Distance below which two control points count as the same point, in metres.
+    const MAX_DUPLICATE_DISTANCE_M: f64 = 0.01;
     points.sort_by(|a, b| a.pixel.u.total_cmp(&b.pixel.u));
     let mut once: Vec<ControlPoint> = Vec::new();
     for point in points {
         let mut near = once.iter().rev().take_while(|known| point.pixel.u - known.pixel.u <= BESIDE);
         let is_known = |known: &ControlPoint| {
-            known.pixel.distance(point.pixel) <= BESIDE && known.world.distance(point.world) <= SAME
+            known.pixel.distance(point.pixel) <= BESIDE
+                && known.world.distance(point.world) <= MAX_DUPLICATE_DISTANCE_M
         };
         if !near.any(is_known) {
             once.push(point);
@@ -142,10 +145,10 @@ fn each_once(mut points: Vec<ControlPoint>) -> Vec<ControlPoint> {
     once
 }
 
-/// Control points that are farther from their pixels than drawing explains.
-fn far_off(entry: &SiteCamera, solution: &Solution) -> Option<Finding> {
-    /// Root mean square, in sigmas; pitch and focal carry some of their own error into it.
-    const MOST: f64 = 8.0;
+/// Reports control points whose residuals are larger than annotation noise explains.
+fn control_point_misfit(entry: &SiteCamera, solution: &Solution) -> Option<Finding> {
+    /// Largest accepted RMS residual, in standard deviations. It allows for errors of pitch and focal length.
+    const MAX_RMS_SIGMAS: f64 = 8.0;
     let used = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off);
     let on: BTreeSet<String> = used.map(|(index, point)| point.label(index)).collect();
     let used =
@@ -153,8 +156,9 @@ fn far_off(entry: &SiteCamera, solution: &Solution) -> Option<Finding> {
     let points: Vec<&Residual> = solution.residuals.iter().filter(used).collect();
     let rms = (points.iter().map(|r| r.px * r.px).sum::<f64>() / points.len().max(1) as f64).sqrt();
     let worst = points.iter().max_by(|a, b| a.px.total_cmp(&b.px));
-    let worst =
-        worst.filter(|_| rms > MOST * entry.sigma_px.unwrap_or(1.0) && solution.stage == Stage::Placed)?;
+    let worst = worst.filter(|_| {
+        rms > MAX_RMS_SIGMAS * entry.sigma_px.unwrap_or(1.0) && solution.stage == Stage::Placed
+    })?;
     let is_worst = |(index, point): (usize, &ControlPointEntry)| worst.id == Some(point.label(index));
     Some(Finding::FarControlPoints {
         rms_px: rms,
@@ -163,8 +167,8 @@ fn far_off(entry: &SiteCamera, solution: &Solution) -> Option<Finding> {
     })
 }
 
-/// The height by placement combined with the one that was entered or estimated from drawings, each weighted
-/// by its information; that of a fixed placement is used as it is.
+/// Combines the height from placement with the entered or estimated height, weighted by their information.
+/// The height of a fixed placement is used as it is.
 fn join_heights(
     first: &Camera,
     by_hand: Camera,
@@ -179,7 +183,7 @@ fn join_heights(
         _ if fixed => (hand, 0.0),
         (Some(height), _) => (height, 0.0),
         (None, Some(sigma)) => {
-            let (a, b) = (sigma.powi(-2), (HAND * hand).powi(-2));
+            let (a, b) = (sigma.powi(-2), (PLACED_HEIGHT_SIGMA_REL * hand).powi(-2));
             ((a * first.position.z + b * hand) / (a + b), (a + b).recip())
         }
         (None, None) => (hand, 0.0),
@@ -194,21 +198,22 @@ fn join_heights(
     joined
 }
 
-/// Reports a height, entered or estimated from drawings, that differs from the one by placement by over 3
-/// sigma.
+/// Reports an entered or estimated height that differs from the height by placement by more than 3 standard
+/// deviations.
 fn scale_conflict(first: &Camera, placed: f64, is_fixed: bool, findings: &mut Vec<Finding>) {
     let height_sigma = first.covariance.sigma(Covariance::Z);
     if height_sigma.is_none() && !is_fixed {
         return;
     }
-    let sigma = height_sigma.unwrap_or(0.0).hypot(HAND * placed);
+    let sigma = height_sigma.unwrap_or(0.0).hypot(PLACED_HEIGHT_SIGMA_REL * placed);
     let height = first.position.z;
     if (height - placed).abs() > 3.0 * sigma {
         findings.push(Finding::ScaleConflict { estimated: height, placed });
     }
 }
 
-/// Sigmas, covariance and floor error of a camera that was placed, in place of those of stage 1.
+/// Replaces the standard deviations, the covariance and the floor error of stage 1 by those of the placed
+/// camera.
 pub(crate) fn placed_uncertainty(entry: &SiteCamera, camera: &Camera, result: &mut CameraResult) {
     let grid = grid(camera, entry.efov_px.as_deref().unwrap_or_default(), entry.size());
     let rel = placed_floor_length_rel(camera, &grid);

@@ -1,16 +1,16 @@
-//! Whether what is drawn on a camera lies in its image.
+//! Check that the annotations of a camera are inside its image.
 //!
-//! An end of a line or a corner of a field of view may be dragged a little beyond the border, and so may all points
-//! of a drawing that keeps to it. Something is to be said once a point is farther out than [`BORDER`]; then all that
-//! lie outside are counted. What is drawn is of another image
+//! Ends of lines and corners of a field of view may extend slightly beyond the border. A finding is reported
+//! only if a point is farther outside than [`MAX_BORDER_EXCESS`]. All points outside are then counted. The
+//! annotations belong to another image
 //!
-//! - where more than half of it lies outside, or
-//! - where u and v exchanged would put all of it inside, and at least every eighth point, two or more, lies
-//!   outside. Of points all over an image with sides of 16 and 9 that were exchanged, 7 of 16 do.
+//! - if more than half of the points are outside, or
+//! - if all points would be inside with u and v exchanged, and at least two points and one in eight are
+//!   outside. For points spread over a 16:9 image, exchanging u and v moves 7 of 16 outside.
 //!
-//! Width and height exchanged look the same as u and v exchanged.
+//! Exchanged width and height have the same effect as exchanged u and v.
 //!
-//! Which links and marks cameras show: looked up once for all of them.
+//! The file also contains the index of links and marks by camera.
 
 use std::collections::BTreeMap;
 
@@ -19,25 +19,25 @@ use calib_core::outcome::{Finding, Subject};
 
 use crate::document::{Site, SiteCamera};
 
-/// What cameras share, by the ids of the cameras that show it.
+/// Links and marks by the id of the cameras that observe them.
 #[derive(Debug)]
-pub(crate) struct SharedDrawings<'a>(BTreeMap<&'a str, OfCamera>);
+pub(crate) struct SharedObservations<'a>(BTreeMap<&'a str, CameraObservations>);
 
-/// What cameras of one id show; what is switched off does not count.
+/// Links and marks that cameras with one id observe; those switched off are not included.
 #[derive(Clone, Debug, Default)]
-struct OfCamera {
-    /// The first entry of this id, whatever its period.
+struct CameraObservations {
+    /// Index of the first entry with this id, whatever its period.
     first: Option<usize>,
     links: Vec<usize>,
     marks: Vec<usize>,
 }
 
-impl<'a> SharedDrawings<'a> {
-    /// Of these cameras of a site.
-    pub(crate) fn of(site: &Site, cameras: &[&'a SiteCamera]) -> Self {
-        // Few ids are found fast among few: one camera is solved by itself while an operator draws.
-        let mut of: BTreeMap<&str, OfCamera> =
-            cameras.iter().map(|camera| (camera.id.as_str(), OfCamera::default())).collect();
+impl<'a> SharedObservations<'a> {
+    /// Builds the index for some cameras of a site.
+    pub(crate) fn new(site: &Site, cameras: &[&'a SiteCamera]) -> Self {
+        // The map has only the requested ids: while an operator draws, it is built for a single camera.
+        let mut of: BTreeMap<&str, CameraObservations> =
+            cameras.iter().map(|camera| (camera.id.as_str(), CameraObservations::default())).collect();
         for (index, camera) in site.cameras.iter().enumerate() {
             if let Some(own) = of.get_mut(camera.id.as_str()) {
                 own.first.get_or_insert(index);
@@ -45,78 +45,79 @@ impl<'a> SharedDrawings<'a> {
         }
         for (index, link) in site.links.iter().enumerate().filter(|(_, link)| !link.off) {
             for seen in &link.seen {
-                of.get_mut(seen.camera.as_str()).into_iter().for_each(|own| push(&mut own.links, index));
+                of.get_mut(seen.camera.as_str()).into_iter().for_each(|own| push_once(&mut own.links, index));
             }
         }
         for (index, mark) in site.marks.iter().enumerate().filter(|(_, mark)| !mark.off) {
             for seen in &mark.seen {
-                of.get_mut(seen.camera.as_str()).into_iter().for_each(|own| push(&mut own.marks, index));
+                of.get_mut(seen.camera.as_str()).into_iter().for_each(|own| push_once(&mut own.marks, index));
             }
         }
         Self(of)
     }
 
-    /// The first entry of this id in the site, whatever its period.
+    /// Returns the first entry with this id in the site, whatever its period.
     pub(crate) fn first<'b>(&self, site: &'b Site, id: &str) -> Option<&'b SiteCamera> {
         self.0.get(id)?.first.map(|index| &site.cameras[index])
     }
 
-    /// Links that cameras of this id show, by their indices.
+    /// Returns the indices of the links that cameras with this id observe.
     pub(crate) fn links(&self, id: &str) -> &[usize] {
         self.0.get(id).map_or(&[], |own| &own.links)
     }
 
-    /// Marks that cameras of this id show, by their indices.
+    /// Returns the indices of the marks that cameras with this id observe.
     pub(crate) fn marks(&self, id: &str) -> &[usize] {
         self.0.get(id).map_or(&[], |own| &own.marks)
     }
 }
 
-/// Adds an index that is not the last already.
-fn push(to: &mut Vec<usize>, index: usize) {
+/// Appends an index unless it is already the last one.
+fn push_once(to: &mut Vec<usize>, index: usize) {
     if to.last() != Some(&index) {
         to.push(index);
     }
 }
 
-/// How far beyond the border something may be drawn, in lengths of the longer side.
-const BORDER: f64 = 0.05;
+/// Largest accepted distance beyond the border, relative to the longer side of the image.
+const MAX_BORDER_EXCESS: f64 = 0.05;
 
 impl Site {
-    /// Points that are drawn on a camera, or tied to it, and lie outside its image; what is switched off does not
-    /// count.
+    /// Reports points of a camera's annotations, control points, field of view, links and marks that are
+    /// outside its image. Points switched off are ignored.
     #[must_use]
     pub fn points_outside(&self, entry: &SiteCamera) -> Option<Finding> {
-        self.shared_points_outside(entry, &SharedDrawings::of(self, &[entry]))
+        self.shared_points_outside(entry, &SharedObservations::new(self, &[entry]))
     }
 
-    /// The same, with what cameras share looked up already.
+    /// Reports points outside the image, using an existing index of links and marks.
     pub(crate) fn shared_points_outside(
         &self,
         entry: &SiteCamera,
-        shared: &SharedDrawings,
+        shared: &SharedObservations,
     ) -> Option<Finding> {
-        let points = self.drawn_on(entry, shared);
+        let points = self.annotated_pixels(entry, shared);
         let [width, height] = entry.size();
-        let is_far = |pixel: &Pixel| beyond(pixel, [width, height]) > BORDER * width.max(height);
+        let is_far =
+            |pixel: &Pixel| px_beyond_border(pixel, [width, height]) > MAX_BORDER_EXCESS * width.max(height);
         if !points.iter().any(|(_, pixel)| is_far(pixel)) {
             return None;
         }
-        let is_outside = |pixel: &Pixel| beyond(pixel, [width, height]) > 0.0;
+        let is_outside = |pixel: &Pixel| px_beyond_border(pixel, [width, height]) > 0.0;
         let outside: Vec<Subject> =
             points.iter().filter(|(_, pixel)| is_outside(pixel)).map(|(subject, _)| *subject).collect();
         let (count, drawn) = (outside.len(), points.len());
-        let fits_exchanged = points.iter().all(|(_, pixel)| beyond(pixel, [height, width]) <= 0.0);
+        let fits_exchanged = points.iter().all(|(_, pixel)| px_beyond_border(pixel, [height, width]) <= 0.0);
         let is_other_image = 2 * count > drawn || fits_exchanged && count > 1 && 8 * count >= drawn;
         let first = outside.first().copied().unwrap_or(Subject::Efov);
         let (size, outside) = (entry.size_px, count);
         Some(Finding::PointsOutside { outside, drawn, size, fits_exchanged, is_other_image, first })
     }
 
-    /// Every pixel that is drawn on a camera, and what it is of. Of a camera with several periods what cameras share is
-    /// drawn on the first.
-    fn drawn_on(&self, entry: &SiteCamera, shared: &SharedDrawings) -> Vec<(Subject, Pixel)> {
-        let mut points = entry.drawn();
+    /// Returns every annotated pixel of a camera, with its subject. For a camera with several periods, links
+    /// and marks belong to the first entry.
+    fn annotated_pixels(&self, entry: &SiteCamera, shared: &SharedObservations) -> Vec<(Subject, Pixel)> {
+        let mut points = entry.own_pixels();
         if shared.first(self, &entry.id) != Some(entry) {
             return points;
         }
@@ -136,8 +137,8 @@ impl Site {
 }
 
 impl SiteCamera {
-    /// Every pixel of its annotations, control points and field of view, and what it is of.
-    fn drawn(&self) -> Vec<(Subject, Pixel)> {
+    /// Returns every pixel of the annotations, control points and field of view, with its subject.
+    fn own_pixels(&self) -> Vec<(Subject, Pixel)> {
         let annotations = self.annotations.iter().enumerate().filter(|(_, annotation)| !annotation.off);
         let lines = annotations.flat_map(|(index, annotation)| {
             let points = annotation.polylines().flatten();
@@ -150,8 +151,8 @@ impl SiteCamera {
     }
 }
 
-/// How far a pixel is beyond the border of an image, in pixels; not above 0 inside.
-fn beyond(pixel: &Pixel, [width, height]: [f64; 2]) -> f64 {
+/// Returns the distance of a pixel beyond the border of an image, in pixels; zero or negative inside.
+fn px_beyond_border(pixel: &Pixel, [width, height]: [f64; 2]) -> f64 {
     let past = |value: f64, side: f64| (-value).max(value - side);
     past(pixel.u, width).max(past(pixel.v, height))
 }
@@ -162,9 +163,9 @@ mod tests {
     use calib_core::single::{Annotation, Kind};
 
     use super::*;
-    use crate::document::{Link, LinkKind, LinkSeen};
+    use crate::document::{Link, LinkKind, LinkObservation};
 
-    /// Points all over an image of 1920 x 1080 pixels.
+    /// Points spread over an image of 1920 x 1080 pixels.
     const POINTS: [[f64; 2]; 8] = [
         [120.0, 80.0],
         [1800.0, 90.0],
@@ -190,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_that_are_exchanged_are_of_another_image() {
+    fn exchanged_coordinates_are_reported_as_another_image() {
         assert_eq!(found(&site([1920, 1080], &POINTS)), None);
         let exchanged = POINTS.map(|[u, v]| [v, u]);
         assert_eq!(found(&site([1920, 1080], &exchanged)), Some((Code::NotThisImage, 4, 8)));
@@ -201,13 +202,13 @@ mod tests {
     }
 
     #[test]
-    fn points_of_a_larger_still_are_of_another_image() {
+    fn points_of_a_larger_image_are_reported_as_another_image() {
         let larger = POINTS.map(|[u, v]| [3.0 * u, 3.0 * v]);
         assert_eq!(found(&site([1920, 1080], &larger)), Some((Code::NotThisImage, 7, 8)));
     }
 
     #[test]
-    fn what_is_dragged_off_the_border_may_be_and_what_is_far_off_is_noted() {
+    fn points_slightly_outside_are_accepted_and_points_far_outside_are_reported() {
         let mut points = POINTS;
         points[3] = [-90.0, 1120.0];
         points[2] = [1990.0, 1080.0];
@@ -220,16 +221,16 @@ mod tests {
     }
 
     #[test]
-    fn fields_of_view_and_what_cameras_share_count() {
+    fn field_of_view_and_link_points_are_counted() {
         let mut site = site([1920, 1080], &POINTS);
         site.cameras[0].efov_px = Some(vec![Pixel::new(0.0, 0.0), Pixel::new(5000.0, 10.0)]);
-        let seen = LinkSeen { px: Some(Pixel::new(0.0, 4000.0)), ..LinkSeen::new("door") };
+        let seen = LinkObservation { px: Some(Pixel::new(0.0, 4000.0)), ..LinkObservation::new("door") };
         site.links.push(Link::new(None, LinkKind::Point, vec![seen]));
         assert_eq!(found(&site), Some((Code::PointsOutside, 2, 11)));
     }
 
     #[test]
-    fn a_camera_without_a_result_says_that_its_drawing_is_of_another_image() {
+    fn failure_explains_that_annotations_belong_to_another_image() {
         let report = site([1080, 1920], &POINTS).calibrate(&crate::Options::default());
         let failure = report.cameras[0].1.as_ref().unwrap_err();
         assert!(failure.message.contains("With u and v exchanged"), "{}", failure.message);

@@ -1,7 +1,7 @@
-//! The quality of the site as a whole: places of links and marks, disagreement between cameras, components of
-//! the view graph, scale.
+//! Quality of the solved site: positions of links and marks, disagreement between cameras, connected
+//! components of the view graph, scale.
 //!
-//! What is wrong with the pose of a camera, whatever it was made of.
+//! Also findings about a camera's pose that do not depend on how it was solved.
 
 use std::collections::BTreeMap;
 
@@ -18,10 +18,10 @@ use crate::bundle_step::BundleResult;
 use crate::camera_result::CameraResult;
 use crate::document::{Site, SiteCamera};
 use crate::observations::LandmarkSource;
-use crate::site_solution::{ElementSolution, Scale, SeenResidual, SiteSolution};
+use crate::site_solution::{ElementSolution, ObservationResidual, Scale, SiteSolution};
 use crate::solution::{Sigmas, Stage};
 
-/// The place of a landmark and the residual of every observation of it, in pixels.
+/// Landmark with the residual of each observation, in pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Triangulated {
     landmark: Landmark,
@@ -29,9 +29,9 @@ pub(crate) struct Triangulated {
 }
 
 impl BundleResult {
-    /// Every landmark that a camera of the joint fit shows.
+    /// Returns the landmarks that jointly solved cameras observe; `None` for the others.
     pub(crate) fn triangulated(&self) -> Vec<Option<Triangulated>> {
-        let cameras = self.tied_cameras();
+        let cameras = self.connected_cameras();
         let is_tied = |view: usize| self.cameras[view].as_ref().is_some_and(|joined| joined.is_connected);
         self.landmarks
             .iter()
@@ -41,7 +41,7 @@ impl BundleResult {
                 if seen.is_empty() {
                     return None;
                 }
-                // A landmark that is switched off is not in the fit: it is triangulated.
+                // A landmark that is switched off is not part of the fit, so it is triangulated here.
                 let (model, place) = if landmark.off {
                     triangulate(
                         &Landmark { observations: seen.clone(), ..landmark.clone() },
@@ -49,24 +49,26 @@ impl BundleResult {
                         &|_| true,
                     )?
                 } else {
-                    (landmark.model.clone(), landmark.place)
+                    (landmark.model.clone(), landmark.params)
                 };
-                let landmark = Landmark { model, place, ..landmark.clone() };
-                let off = |seen: Observation| Some((seen, off(&landmark, &seen, &cameras[seen.view])?));
+                let landmark = Landmark { model, params: place, ..landmark.clone() };
+                let off = |seen: Observation| {
+                    Some((seen, reprojection_error(&landmark, &seen, &cameras[seen.view])?))
+                };
                 let seen = seen.into_iter().filter_map(off).collect();
                 Some(Triangulated { seen, landmark })
             })
             .collect()
     }
 
-    fn is_aside(&self, landmark: usize) -> bool {
+    fn is_rejected(&self, landmark: usize) -> bool {
         self.rejected.contains(&OutlierCandidate::Landmark(landmark))
     }
 }
 
-/// Distance of an observation from where its camera shows the landmark, in raw pixels.
-fn off(landmark: &Landmark, seen: &Observation, camera: &Camera) -> Option<f64> {
-    let (place, ground) = (&landmark.place, &landmark.ground);
+/// Returns the distance between an observation and the projected landmark, in raw pixels.
+fn reprojection_error(landmark: &Landmark, seen: &Observation, camera: &Camera) -> Option<f64> {
+    let (place, ground) = (&landmark.params, &landmark.ground);
     let px = match landmark.model {
         LandmarkModel::Line { origin } => {
             let observed = ObservedPixel::new(seen.pixel, &camera.lens)?;
@@ -81,7 +83,7 @@ fn off(landmark: &Landmark, seen: &Observation, camera: &Camera) -> Option<f64> 
     px.is_finite().then_some(px)
 }
 
-/// The id that the operator gave, or else its number in the list.
+/// Returns the id, or the index in the list if there is no id.
 fn name(id: Option<&String>, index: usize) -> String {
     id.cloned().unwrap_or_else(|| index.to_string())
 }
@@ -108,8 +110,7 @@ impl Site {
         }
     }
 
-    /// Writes into every camera the residuals of links and marks, and which of its control points were
-    /// rejected.
+    /// Adds the residuals of links and marks to every camera, and marks rejected control points.
     pub(crate) fn add_shared_residuals(
         &self,
         bundle: &BundleResult,
@@ -120,7 +121,7 @@ impl Site {
             solutions.iter_mut().filter_map(|(index, s)| Some((*index, s.as_mut().ok()?))).collect();
         for (index, ((of, _), triangulated)) in bundle.landmarks.iter().zip(triangulated).enumerate() {
             let (what, id) = self.landmark_name(*of);
-            let outlier = bundle.is_aside(index);
+            let outlier = bundle.is_rejected(index);
             if let LandmarkSource::ControlPoint { camera, point } = *of {
                 let Some(result) = by_camera.get_mut(&camera).filter(|_| outlier) else { continue };
                 let own = result.solution.residuals.iter_mut().filter(|r| r.of == what);
@@ -142,7 +143,7 @@ impl Site {
         }
     }
 
-    /// Where links and marks are that took part, or would have.
+    /// Returns the results of the links and marks with observations by connected cameras.
     pub(crate) fn elements(
         &self,
         bundle: &BundleResult,
@@ -155,10 +156,10 @@ impl Site {
             let mut found = element(landmark, bundle.covariances[index]);
             found.residuals = seen
                 .iter()
-                .map(|(seen, px)| SeenResidual {
+                .map(|(seen, px)| ObservationResidual {
                     camera: self.cameras[seen.view].id.clone(),
                     px: *px,
-                    outlier: bundle.is_aside(index),
+                    outlier: bundle.is_rejected(index),
                 })
                 .collect();
             match of {
@@ -170,7 +171,7 @@ impl Site {
         [links, marks]
     }
 
-    /// Components, scale, and disagreement between cameras.
+    /// Computes components, scale, overlaps and covariances of the site, with findings.
     pub(crate) fn quality(
         &self,
         bundle: &BundleResult,
@@ -185,7 +186,7 @@ impl Site {
             .iter()
             .map(|c| {
                 let is_fitted =
-                    |view: &usize| !bundle.unreached.contains(view) && bundle.cameras[*view].is_some();
+                    |view: &usize| !bundle.unplaced.contains(view) && bundle.cameras[*view].is_some();
                 c.views.iter().copied().filter(is_fitted).collect()
             })
             .filter(|views: &Vec<usize>| !views.is_empty())
@@ -232,7 +233,7 @@ impl Site {
         let apart = components.iter().filter(|views| Some(*views) != largest);
         let mut findings: Vec<Finding> = apart
             .map(|views| {
-                let unreached = views.iter().all(|view| bundle.unreached.contains(view));
+                let unreached = views.iter().all(|view| bundle.unplaced.contains(view));
                 let by_hand = views.iter().any(|&view| self.cameras[view].placement.is_some());
                 let why = match (unreached, by_hand) {
                     (true, _) => WhyNotConnected::TooLittle,
@@ -242,7 +243,8 @@ impl Site {
                 Finding::NotConnected { cameras: views.clone(), why }
             })
             .collect();
-        // Connected, but its position is not determined: a line along its view, a point behind another.
+        // Connected, but its position is undetermined: for example, a line along the view, or two points
+        // behind each other.
         let slides = |result: &CameraResult| {
             let camera = Some(&result.solution).filter(|s| s.stage == Stage::Refined)?.camera()?;
             let wide =
@@ -258,16 +260,16 @@ impl Site {
     }
 }
 
-/// What is there and was not used, with the reason.
+/// Returns findings about unused landmarks, distances and cameras, with the reason.
 fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
     let landmarks = |list: &[usize]| -> Vec<Subject> {
         list.iter().map(|&landmark| bundle.landmarks[landmark].0.into()).collect()
     };
     let list = [
-        (landmarks(&bundle.lost), WhyUnused::OutOfSight),
+        (landmarks(&bundle.unobservable), WhyUnused::OutOfSight),
         (landmarks(&bundle.unused.landmarks), WhyUnused::SeenOnce),
         (bundle.unused.distances.iter().copied().map(Subject::Distance).collect(), WhyUnused::Unmeasured),
-        (bundle.unfitted.iter().copied().map(Subject::Camera).collect(), WhyUnused::Unfitted),
+        (bundle.unsolved.iter().copied().map(Subject::Camera).collect(), WhyUnused::Unfitted),
     ];
     list.into_iter().filter(|(what, _)| !what.is_empty()).map(|(what, why)| Finding::Unused { what, why })
 }
@@ -283,7 +285,7 @@ fn rejected_elements(
                 .as_ref()
                 .and_then(|triangulated| triangulated.seen.iter().max_by(|a, b| a.1.total_cmp(&b.1)));
             let worst = worst.map(|(seen, px)| (seen.view, *px));
-            // Control points are reported with their cameras.
+            // Rejected control points are reported with their cameras.
             let is_element = matches!(element, Subject::Link(_) | Subject::Mark(_));
             is_element.then_some(Finding::ElementOutlier { element, worst })
         }
@@ -298,7 +300,7 @@ fn element(
     landmark: &Landmark,
     covariance: Option<[[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS]>,
 ) -> ElementSolution {
-    let Landmark { model, place, ground, .. } = landmark;
+    let Landmark { model, params: place, ground, .. } = landmark;
     let (at, jacobian) = model.anchor(place, ground);
     let turn = match model {
         LandmarkModel::Mark { .. } => Some(place[2]),
@@ -335,14 +337,14 @@ fn element(
 }
 
 impl SiteCamera {
-    /// What keeps the camera, as it is now, from being relied on, before any line is looked at: it stands below
-    /// the floor, shows none of it, or nothing is known of its errors.
+    /// Returns findings about the current pose that do not depend on the annotations: the camera is below the
+    /// floor, no floor is visible, or the uncertainty is unknown.
     #[must_use]
     pub fn pose_findings(&self) -> Vec<Finding> {
         self.camera().map_or_else(Vec::new, |camera| self.findings_at(&camera))
     }
 
-    /// [`Self::pose_findings`] of a camera that it is to become.
+    /// Returns the findings of [`Self::pose_findings`] for a given camera.
     pub(crate) fn findings_at(&self, camera: &Camera) -> Vec<Finding> {
         let height = camera.position.z;
         let mut findings = Vec::new();
@@ -359,9 +361,9 @@ impl SiteCamera {
     }
 }
 
-/// Whether a code is one of [`SiteCamera::pose_findings`], or of where the drawing lies: these are found anew
-/// whatever a solution says.
-pub(crate) const fn is_found_anew(code: Code) -> bool {
+/// Whether findings with this code are recomputed instead of taken from a stored solution. These are the
+/// findings of [`SiteCamera::pose_findings`] and those about annotations outside the image.
+pub(crate) const fn is_recomputed(code: Code) -> bool {
     matches!(
         code,
         Code::BelowFloor

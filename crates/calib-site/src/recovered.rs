@@ -1,82 +1,83 @@
-//! A camera that turned, as a new entry of the site: what was drawn on its old still stands on the new one, the old
-//! calibration ends where the new one begins.
+//! Recovery of a camera that was rotated or zoomed. The camera gets a new entry with the annotations
+//! transferred to the new image. The validity of the old calibration ends where the new one begins.
 //!
-//! Links and marks are of the first entry of an id, and from then on of the new still. So the solution of the old period
-//! is kept as it was found: solved again it would lack them.
+//! Links and marks refer to the first entry of an id, so from now on they belong to the new image. The
+//! solution of the old period is therefore kept: solving it again would lack them.
 //!
-//! What is carried is evidence, drawn again; the place and the height are beliefs of the old solve. Angles and focal are
-//! not: the same lines tell them, and would tell them twice.
+//! The annotations are transferred as new evidence. The position and the height of the old solution become
+//! priors. Its angles and focal length do not: the same lines determine them and would be counted twice.
 
 use serde::{Deserialize, Serialize};
 
 use crate::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
-use crate::document::{Link, LinkSeen, Mark};
+use crate::document::{Link, LinkObservation, Mark};
 use crate::solution::{DistortionEntry, Method, Solution, Stage};
 use calib_core::camera::Turn;
 use calib_core::camera::{Camera, Covariance, Pixel};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::single::{Annotation, Known, Shape, line_name};
 
-/// What leads from the old still to the new one.
-pub trait Carrier {
-    /// A line on the same edge, or all of it where the whole is wanted; `None` where the new still does not show it.
+/// Transfer of image points from the old image to the new one.
+pub trait ImageTransfer {
+    /// Transfers a line along its edge; `None` if the new image does not show it. With `whole`, only a
+    /// complete line is accepted.
     fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>>;
-    /// A point that looks the same; `None` where the new still shows something else.
+    /// Transfers a point with the same appearance; `None` if the new image shows something else there.
     fn point(&self, old: Pixel) -> Option<Pixel>;
-    /// A corner of a polygon, whatever is there now; `None` outside the lens.
+    /// Transfers a corner of a polygon, whatever the new image shows there; `None` outside the lens.
     fn corner(&self, old: Pixel) -> Option<Pixel>;
 }
 
-/// The new entry's still, and from when on it holds.
+/// Image of the new entry, and the start of its validity.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct NewStill {
-    /// As the site file names it.
+pub struct NewImage {
+    /// Path or URI of the image, as in the site file.
     pub image: String,
-    /// RFC 3339.
+    /// Start of validity (RFC 3339).
     pub since: String,
 }
 
-/// A site with a new period of a camera that is still to be solved.
+/// Site with a new, unsolved validity period of a camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recovered {
-    /// The new entry stands where the old one stood; the old one is the last of the site.
+    /// Site with the new entry at the index of the old one. The old entry is moved to the end.
     pub site: Site,
-    /// Names of what was drawn and is not on the new still.
+    /// Names of annotations that could not be transferred.
     pub left_out: Vec<String>,
-    /// How much was carried.
+    /// Number of transferred annotations.
     pub carried: usize,
 }
 
 impl Site {
-    /// The site with a camera that turned as two periods: what it showed before, and what it shows now.
+    /// Splits the entry of a rotated or zoomed camera into two periods: before and after the change.
     ///
-    /// `None` for a camera that is not solved.
+    /// Returns `None` for a camera that is not solved.
     #[must_use]
     pub fn recovered(
         &self,
         index: usize,
         turn: &Turn,
-        by: &dyn Carrier,
-        still: &NewStill,
+        by: &dyn ImageTransfer,
+        still: &NewImage,
     ) -> Option<Recovered> {
         let old = self.cameras.get(index)?;
         let camera = old.camera()?;
-        let mut work = Work { by, left_out: Vec::new(), carried: 0 };
+        let mut work = Transfer { by, left_out: Vec::new(), carried: 0 };
         let mut site = self.clone();
-        // Those of a period that ended before are its own no more.
-        if self.has_shared(index) {
+        // Links and marks belong to the newest period only.
+        if self.owns_links(index) {
             site.links.iter_mut().enumerate().for_each(|(i, link)| work.link(link, i, &old.id));
             site.marks.iter_mut().enumerate().for_each(|(i, mark)| work.mark(mark, i, &old.id));
         }
         let new = work.camera(old, &camera, turn, still);
-        site.cameras.push(ended(old, &still.since));
+        site.cameras.push(end_period(old, &still.since));
         site.cameras[index] = new;
         Some(Recovered { site, left_out: work.left_out, carried: work.carried })
     }
 }
 
-/// A period that ends at a time, with its solution kept.
-fn ended(old: &SiteCamera, since: &str) -> SiteCamera {
+/// Ends the period of an entry at a time and keeps its solution.
+fn end_period(old: &SiteCamera, since: &str) -> SiteCamera {
     let solution = old.solution.clone().map(|solution| {
         let method = if solution.method.is_entered() { solution.method } else { Method::Kept };
         Solution { method, ..solution }
@@ -84,21 +85,21 @@ fn ended(old: &SiteCamera, since: &str) -> SiteCamera {
     SiteCamera { valid_to: Some(since.to_owned()), solution, ..old.clone() }
 }
 
-/// What is carried and what is not, while it is.
-struct Work<'a> {
-    by: &'a dyn Carrier,
+/// State of a transfer: counts of transferred and missing annotations.
+struct Transfer<'a> {
+    by: &'a dyn ImageTransfer,
     left_out: Vec<String>,
     carried: usize,
 }
 
-impl Work<'_> {
-    fn camera(&mut self, old: &SiteCamera, camera: &Camera, turn: &Turn, still: &NewStill) -> SiteCamera {
+impl Transfer<'_> {
+    fn camera(&mut self, old: &SiteCamera, camera: &Camera, turn: &Turn, still: &NewImage) -> SiteCamera {
         let annotations = self.annotations(&old.annotations);
         let mut control_points = old.control_points.clone();
         let mut index = 0..;
         control_points.retain_mut(|point: &mut ControlPointEntry| {
             let name = point.label(index.next().unwrap_or_default());
-            self.moves(&mut point.px, || format!("control point {name}"))
+            self.transfer_pixel(&mut point.px, || format!("control point {name}"))
         });
         let straight =
             |annotations: &[Annotation]| annotations.iter().filter(|a| a.is_straight_edge()).count();
@@ -140,11 +141,12 @@ impl Work<'_> {
         carried.collect()
     }
 
-    /// A link as the camera shows it now; one that it does not show is left to the others.
+    /// Transfers the observations of a mark. Observations that the new image does not show are removed.
     fn mark(&mut self, mark: &mut Mark, index: usize, camera: &str) {
         let name = mark.id.clone().unwrap_or_else(|| index.to_string());
         mark.seen.retain_mut(|seen| {
-            seen.camera != camera || self.moves(&mut seen.px, || format!("mark {name} {}", seen.point))
+            seen.camera != camera
+                || self.transfer_pixel(&mut seen.px, || format!("mark {name} {}", seen.point))
         });
     }
 
@@ -154,19 +156,19 @@ impl Work<'_> {
             if seen.camera != camera {
                 return true;
             }
-            let moved = self.seen(seen);
+            let moved = self.transfer_observation(seen);
             let moved = self.counted(moved, || format!("link {name}"));
             moved.map(|moved| *seen = moved).is_some()
         });
     }
 
-    fn seen(&self, seen: &LinkSeen) -> Option<LinkSeen> {
+    fn transfer_observation(&self, seen: &LinkObservation) -> Option<LinkObservation> {
         let point = |at: Option<Pixel>| at.map_or(Some(None), |at| self.by.point(at).map(Some));
         let segment = match &seen.segment {
             Some(segment) => Some(self.by.line(segment, false)?),
             None => None,
         };
-        Some(LinkSeen {
+        Some(LinkObservation {
             camera: seen.camera.clone(),
             px: point(seen.px)?,
             foot: point(seen.foot)?,
@@ -176,8 +178,8 @@ impl Work<'_> {
         })
     }
 
-    /// Puts a pixel where it is now; whether it is there.
-    fn moves(&mut self, pixel: &mut Pixel, name: impl FnOnce() -> String) -> bool {
+    /// Replaces a pixel by its position in the new image. Returns whether the transfer succeeded.
+    fn transfer_pixel(&mut self, pixel: &mut Pixel, name: impl FnOnce() -> String) -> bool {
         let moved = self.by.point(*pixel);
         self.counted(moved, name).map(|moved| *pixel = moved).is_some()
     }
@@ -196,27 +198,27 @@ impl Work<'_> {
     }
 }
 
-/// Carries a line, or all of it where the whole is wanted.
-type CarryLine<'a> = dyn FnMut(&[Pixel], bool) -> Option<Vec<Pixel>> + 'a;
+/// Function that transfers a line. If the flag is set, only a complete line is accepted.
+type TransferLine<'a> = dyn FnMut(&[Pixel], bool) -> Option<Vec<Pixel>> + 'a;
 
-/// An annotation with the segments that are there; `None` where it says nothing without those that are not.
-fn segments(annotation: &Annotation, line: &mut CarryLine<'_>) -> Option<Annotation> {
+/// Transfers the segments of an annotation; `None` if the missing segments make it useless.
+fn segments(annotation: &Annotation, line: &mut TransferLine<'_>) -> Option<Annotation> {
     let row = annotation.kind.row();
-    // A part of a length is not the length.
+    // A part of a segment does not have the known length.
     let is_length = row.constraint == calib_core::single::ConstraintKind::Length;
     let carried: Vec<Option<Vec<Pixel>>> =
         annotation.segments.iter().flatten().map(|points| line(points, is_length)).collect();
     let is_of_first = row.constraint == calib_core::single::ConstraintKind::RightAngle;
-    let stands = !is_of_first || carried.first().is_some_and(Option::is_some);
+    let is_usable = !is_of_first || carried.first().is_some_and(Option::is_some);
     let carried: Vec<Vec<Pixel>> = carried.into_iter().flatten().collect();
-    // One that others refer to stays, empty.
+    // An annotation that others refer to is kept, even without segments.
     let is_named = annotation.id.is_some() && !is_of_first;
-    (stands && (!carried.is_empty() || is_named))
+    (is_usable && (!carried.is_empty() || is_named))
         .then(|| Annotation { segments: Some(carried), ..annotation.clone() })
 }
 
-/// What was known of the lens and the angles, after the turn. The lens is the map of pixels that it was: where its edges
-/// were drawn to fit it, they are there again, and else it is held.
+/// Returns the known lens values after the rotation and zoom. The distortion in pixels does not change: it is
+/// fitted again if all straight edges were transferred, otherwise it is fixed.
 fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<LensEntry> {
     let movement = turn.movement(camera);
     let scaled = |known: Known| {
@@ -228,10 +230,10 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<
     let is_sought =
         |distortion: &DistortionEntry| distortion.fit.is_some() || distortion.distortion().is_none();
     let is_fitted = refits && entry.distortion.as_ref().is_none_or(is_sought);
-    // That of a fisheye came from its edges.
+    // The principal point of a fisheye was fitted to its edges.
     let centre = (!is_fitted && camera.lens.distortion.is_wide()).then_some(camera.lens.principal_point);
     let held = || {
-        let of = DistortionEntry::of(&camera.lens, camera.focal)?;
+        let of = DistortionEntry::from_lens(&camera.lens, camera.focal)?;
         Some(DistortionEntry { focal_px: Some(of.focal_px.unwrap_or(camera.focal)), ..of })
     };
     let lens = LensEntry {
@@ -239,7 +241,7 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<
         roll_deg: entry.roll_deg.map(shifted(movement.roll)),
         pitch_deg: entry.pitch_deg.map(shifted(movement.tilt)),
         distortion: if is_fitted { entry.distortion } else { held() },
-        // A focal that is zoomed is its own.
+        // After a zoom, the camera has its own focal length.
         like: entry.like.filter(|_| turn.zoom == 0.0),
         principal_point_px: centre.or(entry.principal_point_px),
         image_circle_px: entry.image_circle_px,
@@ -247,14 +249,14 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<
     (lens != LensEntry::default()).then_some(lens)
 }
 
-/// The height as it was found, as a belief.
+/// Returns the height as a prior from the old solution.
 fn height(old: &SiteCamera, camera: &Camera) -> Option<Known> {
     let sigma = camera.covariance.sigma(Covariance::Z);
     let found = sigma.map(|sigma| Known::prior(camera.position.z, sigma));
     old.height_m.filter(|height| height.fixed).or(found).or(old.height_m)
 }
 
-/// The place where it was found, and the yaw after the turn.
+/// Returns the placement from the old position and the yaw after the rotation.
 fn placement(old: &SiteCamera, now: &Camera) -> Option<PlacementEntry> {
     let is_placed = old.solution.as_ref().is_some_and(|solution| solution.stage > Stage::Partial);
     let scale = Some(now.position.z / STAGE_1_HEIGHT);
@@ -274,10 +276,10 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// A new still that shows no point of the old one.
-    struct Strange;
+    /// Transfer to an image that shows no point of the old one.
+    struct EmptyTransfer;
 
-    impl Carrier for Strange {
+    impl ImageTransfer for EmptyTransfer {
         fn line(&self, _: &[Pixel], _: bool) -> Option<Vec<Pixel>> {
             None
         }
@@ -292,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_newest_still_shares_stays_when_an_older_period_is_recovered() {
+    fn recovering_an_older_period_keeps_links_of_the_newest() {
         let change = "2026-06-01T00:00:00Z";
         let solution = json!({
             "method": "given", "stage": "placed", "position_m": [0, 0, 3], "yaw_deg": 0, "pitch_deg": 30,
@@ -306,10 +308,10 @@ mod tests {
             "links": [{"seen": [seen("a"), seen("b")]}],
         });
         let site = Site::from_json(&document.to_string()).unwrap();
-        let still = NewStill { image: "later".into(), since: "2026-05-01T00:00:00Z".into() };
-        let recovered = |index| site.recovered(index, &Turn::default(), &Strange, &still).unwrap();
+        let still = NewImage { image: "later".into(), since: "2026-05-01T00:00:00Z".into() };
+        let recovered = |index| site.recovered(index, &Turn::default(), &EmptyTransfer, &still).unwrap();
         assert_eq!(recovered(2).site.links, site.links);
         assert!(recovered(2).left_out.is_empty());
-        assert_ne!(recovered(0).site.links, site.links, "its own still shows the point no more");
+        assert_ne!(recovered(0).site.links, site.links, "the new image does not show the point");
     }
 }

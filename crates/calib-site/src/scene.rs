@@ -1,6 +1,5 @@
-//! How far a scene may be from what was drawn, as the site file says it.
-//!
-//! Planes of the scene besides the floor, as the document has them.
+//! Entries of the site file for scene errors (deviations of the scene from the annotations' assumptions) and
+//! for planes other than the floor.
 
 use std::fmt;
 
@@ -14,47 +13,50 @@ use serde::{Deserialize, Serialize};
 use crate::bounds;
 use crate::solution::document;
 
-/// The word for a scene that is what the drawing says.
+/// Keyword for a scene that exactly matches the annotations' assumptions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum ExactScene {
-    /// `"exact"`.
+    /// No scene errors.
     Exact,
 }
 
-/// The scene's own errors: the word "exact", or their standard deviations.
+/// Scene errors: the keyword "exact", or standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum SceneEntry {
-    /// The scene is what the drawing says.
+    /// The scene exactly matches the annotations' assumptions.
     Exact(ExactScene),
-    /// Standard deviations; those left out are the usual ones, but for the crossfall of who says how floors tilt.
+    /// Standard deviations; absent values are the usual ones. Exception: if `floor_tilt_sigma_deg` is set, an
+    /// absent crossfall is 0.
     Sigmas(SceneSigmas),
 }
 
 document! {
-    /// Standard deviations of the scene's own errors.
+    /// Standard deviations of the scene errors.
     #[derive(Copy, Default)]
     struct SceneSigmas {
-        /// Of the lean of verticals against the normal of the floor, in degrees.
+        /// Standard deviation of the angle between verticals and the floor's normal, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_tilt_sigma_deg: Option<f64>,
-        /// Of the fall of the floor to the side of marks of equal length, in degrees, besides its tilt, and of a quarter
-        /// of that along them; where that is given, there is none unless this is, too.
+        /// Standard deviation of the crossfall, in degrees: the slope of the floor perpendicular to marks of
+        /// equal length, in addition to the floor tilt. A quarter of it applies along the marks. If absent,
+        /// it is 0 when `floor_tilt_sigma_deg` is set, otherwise the usual value.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         crossfall_sigma_deg: Option<f64>,
-        /// Of a right angle, in degrees; a direction is off level by a quarter of it.
+        /// Standard deviation of a right angle, in degrees. A quarter of it applies to the level of a floor
+        /// direction.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         angle_sigma_deg: Option<f64>,
-        /// Of a length that is equal to others, relative.
+        /// Relative standard deviation between lengths that are annotated as equal.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_sigma_rel: Option<f64>,
     }
 }
 
-/// By hand, so that a key that is wrong is named.
+/// Implemented by hand, so that an error names the wrong key.
 impl<'de> Deserialize<'de> for SceneEntry {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct WordOrSigmas;
@@ -84,10 +86,10 @@ impl<'de> Deserialize<'de> for SceneEntry {
 }
 
 impl SceneEntry {
-    /// The scene is what the drawing says.
+    /// Scene that exactly matches the annotations' assumptions.
     pub const EXACT: Self = Self::Exact(ExactScene::Exact);
 
-    /// In radians and logs.
+    /// Returns the standard deviations in radians; the length error is relative.
     #[must_use]
     pub fn errors(&self) -> SceneErrors {
         let Self::Sigmas(sigmas) = self else { return SceneErrors::EXACT };
@@ -102,7 +104,7 @@ impl SceneEntry {
     }
 }
 
-/// A number of a plane: known, or known about.
+/// Height or angle of a plane: exact, fixed, or with a standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -110,65 +112,65 @@ impl SceneEntry {
 )]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum PlaneNumber {
-    /// As it is.
+    /// Exact value.
     Exact(f64),
-    /// Held, or with a standard deviation.
+    /// Value that is fixed or has a standard deviation.
     Known(Known),
 }
 
 document! {
-    /// A plane besides the floor: another carriageway, a ramp, a platform, a step of stairs.
+    /// Plane in addition to the floor, such as another carriageway, a ramp, a platform, or a step.
     struct PlaneEntry {
-        /// By which annotations, links and fields of view refer to it.
+        /// Identifier for references from annotations, links and fields of view.
         id: String,
-        /// What the operator calls it.
+        /// Display name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// Height above the floor at the mean of the corners of its region, in metres; unknown if absent.
+        /// Height above the floor at the mean of the corners of the region, in metres; unknown if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         height_m: Option<PlaneNumber>,
-        /// Its fall; level, as far as floors are, if absent.
+        /// Slope; if absent, the plane is level within the usual floor tilt.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         tilt: Option<TiltEntry>,
-        /// Where it holds: a polygon on the plan, in metres. A pixel is mapped to the plane whose region its ray
-        /// meets first.
+        /// Region of the plane: a polygon in floor coordinates, in metres. A pixel is mapped to the plane
+        /// whose region its ray meets first.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         region: Vec<FloorPoint>,
-        /// What solving found out.
+        /// Result of solving.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<PlaneSolution>,
     }
 
-    /// The fall of a plane.
+    /// Slope of a plane.
     #[derive(Copy, Default)]
     struct TiltEntry {
-        /// The direction it falls toward, counter-clockwise from +x, in degrees; unknown if absent.
+        /// Downhill direction, counter-clockwise from +x, in degrees; unknown if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         toward_deg: Option<PlaneNumber>,
-        /// The angle by which it falls, in degrees; unknown if absent.
+        /// Angle of the slope, in degrees; unknown if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         fall_deg: Option<PlaneNumber>,
     }
 
-    /// Where solving found a plane.
+    /// Estimated height and slope of a plane.
     #[derive(Copy)]
     struct PlaneSolution {
-        /// Height above the floor at the mean of the corners of its region, in metres.
+        /// Height above the floor at the mean of the corners of the region, in metres.
         height_m: f64,
-        /// Rise per metre along x and y.
+        /// Rise per metre along x and along y.
         slope: [f64; 2],
-        /// Covariance of height and slope, the upper triangle row by row.
+        /// Covariance of height and slope: upper triangle, row by row.
         covariance: [f64; 6],
     }
 }
 
-/// Standard deviation of a height of which nothing is known, in metres.
-const ANY_HEIGHT: f64 = 3.0;
-/// Standard deviation of a fall of which nothing is known, in degrees.
-const ANY_FALL_DEG: f64 = 6.0;
+/// Standard deviation of an unknown height, in metres.
+const UNKNOWN_HEIGHT_SIGMA_M: f64 = 3.0;
+/// Standard deviation of an unknown slope angle, in degrees.
+const UNKNOWN_FALL_SIGMA_DEG: f64 = 6.0;
 
 impl PlaneNumber {
-    /// Its value.
+    /// Returns the value.
     #[must_use]
     pub const fn value(&self) -> f64 {
         match self {
@@ -177,7 +179,7 @@ impl PlaneNumber {
         }
     }
 
-    /// Its standard deviation; 0 of what is held.
+    /// Returns the standard deviation; 0 if the value is exact or fixed.
     fn sigma(&self) -> f64 {
         match self {
             Self::Exact(_) => 0.0,
@@ -187,19 +189,19 @@ impl PlaneNumber {
 }
 
 impl PlaneEntry {
-    /// A level plane of unknown height without a region.
+    /// Creates a level plane of unknown height, without a region.
     #[must_use]
     pub fn new(id: impl Into<String>) -> Self {
         Self { id: id.into(), name: None, height_m: None, tilt: None, region: Vec::new(), solution: None }
     }
 
-    /// What it is called where it is shown: its name, or its id.
+    /// Returns the display name: the name if set, otherwise the id.
     #[must_use]
     pub fn title(&self) -> &str {
         self.name.as_deref().unwrap_or(&self.id)
     }
 
-    /// The mean of the corners of its region; the origin without one.
+    /// Returns the mean of the region's corners, or the origin without a region.
     #[must_use]
     pub fn anchor(&self) -> FloorPoint {
         let count = self.region.len().max(1) as f64;
@@ -207,11 +209,12 @@ impl PlaneEntry {
         FloorPoint { x: sum(|at| at.x), y: sum(|at| at.y) }
     }
 
-    /// What is known of it before solving; `floor_tilt` is how far a level plane may be off, in radians.
+    /// Returns the prior of the plane before solving. `floor_tilt` is the standard deviation of the tilt of a
+    /// level plane, in radians.
     #[must_use]
     pub fn prior(&self, floor_tilt: f64) -> PlanePrior {
         let (height, height_sigma) =
-            self.height_m.map_or((0.0, ANY_HEIGHT), |height| (height.value(), height.sigma()));
+            self.height_m.map_or((0.0, UNKNOWN_HEIGHT_SIGMA_M), |height| (height.value(), height.sigma()));
         let (id, anchor) = (self.id.clone(), self.anchor());
         let Some(tilt) = self.tilt else {
             let plane = Plane { anchor, ..Plane::level(height) };
@@ -223,10 +226,10 @@ impl PlaneEntry {
             };
         };
         let degrees = |number: PlaneNumber| [number.value(), number.sigma()].map(f64::to_radians);
-        let [fall, fall_sigma] = tilt.fall_deg.map_or([0.0, ANY_FALL_DEG.to_radians()], degrees);
+        let [fall, fall_sigma] = tilt.fall_deg.map_or([0.0, UNKNOWN_FALL_SIGMA_DEG.to_radians()], degrees);
         let steepness = 1.0 + fall.tan() * fall.tan();
         let Some([toward, toward_sigma]) = tilt.toward_deg.map(degrees) else {
-            // Of a fall without a direction only its size is known.
+            // Without a downhill direction, only the size of the slope is known.
             let any = fall.tan().hypot(steepness * fall_sigma);
             let plane = Plane { anchor, ..Plane::level(height) };
             return PlanePrior { id, plane, along: [1.0, 0.0], sigma: [height_sigma, any, any] };
@@ -240,7 +243,7 @@ impl PlaneEntry {
         }
     }
 
-    /// Where it is: as solving found it, or as it is known.
+    /// Returns the surface of the plane: its estimate if solved, otherwise its prior.
     pub(crate) fn surface(&self, floor_tilt: f64) -> Surface {
         let region = self.region.clone();
         let Some(PlaneSolution { height_m, slope, covariance: [hh, hx, hy, xx, xy, yy] }) = self.solution
@@ -254,9 +257,9 @@ impl PlaneEntry {
 }
 
 impl PlaneSolution {
-    /// A plane with its covariance.
+    /// Creates an entry from a plane and the covariance of its height and slope.
     #[must_use]
-    pub const fn of(plane: &Plane, covariance: &[[f64; 3]; 3]) -> Self {
+    pub const fn from_plane(plane: &Plane, covariance: &[[f64; 3]; 3]) -> Self {
         let [[hh, hx, hy], [_, xx, xy], [.., yy]] = *covariance;
         Self { height_m: plane.height, slope: plane.slope, covariance: [hh, hx, hy, xx, xy, yy] }
     }
@@ -267,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_wrong_in_a_scene_is_named() {
+    fn invalid_scene_entry_is_reported_with_its_key() {
         let refused = |text: &str| serde_json::from_str::<SceneEntry>(text).expect_err(text).to_string();
         assert!(refused(r#"{"floor_tlit_sigma_deg": 1}"#).contains("unknown field `floor_tlit_sigma_deg`"));
         assert!(refused(r#""level""#).contains(r#"string "level", expected "exact""#));

@@ -1,4 +1,5 @@
-//! Stage 1 of one camera by itself: its lens, its lines, by either method.
+//! Stage 1 of one camera: its lens and orientation from its own lines, by maximum likelihood or by the
+//! paper's method.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +8,7 @@ use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::lens_step::LensEstimate;
 use crate::options::Options;
-use crate::points_outside::SharedDrawings;
+use crate::points_outside::SharedObservations;
 use crate::shared_lenses::SharedLenses;
 use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
@@ -21,20 +22,20 @@ use calib_core::single::{
 /// Stage 1 of the cameras whose lens others share, by their ids.
 pub(crate) type LensOwners = BTreeMap<String, Result<SingleFit, Failure>>;
 
-/// What a camera has from others.
+/// Inputs from other cameras.
 #[derive(Clone, Copy)]
-pub(crate) struct Others<'a> {
-    /// Lenses that cameras share, estimated already.
+pub(crate) struct SharedInputs<'a> {
+    /// Shared lenses that are already estimated.
     pub(crate) owners: &'a LensOwners,
-    /// Lenses of an earlier calibration.
+    /// Lens fits of an earlier calibration.
     pub(crate) known: &'a LensCache,
-    /// Which cameras have the lens of another.
+    /// Cameras that share the lens of another camera.
     pub(crate) lenses: &'a SharedLenses<'a>,
-    /// What is drawn on several cameras.
-    pub(crate) shared: &'a SharedDrawings<'a>,
+    /// Links and marks by camera.
+    pub(crate) shared: &'a SharedObservations<'a>,
 }
 
-/// The fixed parameters of a camera; a shared lens fixes the focal at that of its owner.
+/// Returns the fixed parameters of a camera. A shared lens fixes the focal length at the value of its owner.
 fn fixed_parameters(
     entry: &SiteCamera,
     owner: Option<&Result<SingleFit, Failure>>,
@@ -42,7 +43,7 @@ fn fixed_parameters(
     let own = entry.fixed_parameters();
     match owner {
         None => Ok(own),
-        // Straight edges do not determine the focal: each camera's own lines do.
+        // Straight edges do not determine the focal length, so each camera estimates its own.
         Some(Ok(owner)) if owner.result.solution.stage == Stage::Lens && owner.fixed.focal.is_none() => {
             Ok(own)
         }
@@ -56,53 +57,54 @@ fn fixed_parameters(
     }
 }
 
-/// What there is beside the lines of a camera: it decides what may be suggested.
+/// Other evidence of a camera, which decides which annotations may be suggested.
 #[derive(Clone, Copy)]
-struct Beside {
-    /// Other cameras, and few links yet to them.
+struct SuggestionContext {
+    /// Whether there are other cameras and only few links to them.
     has_neighbours: bool,
-    /// Neither a plan, points of known place, nor links, which give the scale.
+    /// Whether no plan, control point or link gives the scale.
     is_scale_open: bool,
 }
 
-/// Stage 1 of one camera.
+/// Result of stage 1 of one camera.
 #[derive(Clone, Debug)]
 pub(crate) struct SingleFit {
     pub(crate) result: CameraResult,
     pub(crate) lens_estimate: LensEstimate,
-    /// The constraints under the lens.
+    /// Constraints under the lens.
     pub(crate) constraints: Constraints,
-    /// The parameters that were not estimated.
+    /// Parameters that were not estimated.
     pub(crate) fixed: FixedParameters,
-    /// The maximum-likelihood fit.
+    /// Maximum-likelihood fit.
     pub(crate) fit: Option<Fit>,
 }
 
 impl SingleFit {
-    /// Whether both the lens and the orientation were fitted to drawings of this camera.
+    /// Whether both the lens and the orientation were fitted to annotations of this camera.
     pub(crate) fn is_fitted(&self) -> bool {
         self.fit.is_some() && self.lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
     }
 }
 
 impl Site {
-    /// Stage 1 of a camera; a solution that was typed or imported is kept.
+    /// Runs stage 1 of a camera. An entered or imported solution is kept.
     ///
-    /// A fitted lens is estimated better together with the other constraints: `better` is the estimate of the
-    /// bundle adjustment of the first fit. Until then no line is rejected, for the lens may be wrong.
+    /// The lens is estimated better together with the other constraints: `better` is the estimate from the
+    /// bundle adjustment of the first fit. In the first fit no line is rejected, because the lens may be
+    /// wrong.
     pub(crate) fn fit_single(
         &self,
         entry: &SiteCamera,
         options: &Options,
         better: Option<(&LensEstimate, Lens)>,
-        others: Others,
+        others: SharedInputs,
     ) -> Result<SingleFit, Failure> {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
         let owner = like.and_then(|id| others.owners.get(id));
-        let owned = like.and_then(|id| self.first_of(id));
+        let owned = like.and_then(|id| self.first_entry(id));
         let mut lens_estimate = match (better, owner.zip(owned)) {
             (Some((lens_estimate, _)), _) => lens_estimate.clone(),
-            (None, Some((Ok(owner), owned))) => owner.lens_estimate.shared_by(owned, entry),
+            (None, Some((Ok(owner), owned))) => owner.lens_estimate.for_camera(owned, entry),
             _ => self.lens_estimate(entry, others.known, others.lenses),
         };
         let lens = better.map(|(_, lens)| lens);
@@ -144,7 +146,7 @@ impl Site {
                     lens,
                     fixed,
                     [weak_prior_used, is_draft],
-                    self.beside(entry, others.shared),
+                    self.suggestion_context(entry, others.shared),
                 )?;
                 (result, Some(fit))
             }
@@ -154,20 +156,22 @@ impl Site {
 }
 
 impl Site {
-    /// What there is beside the lines of a camera.
-    fn beside(&self, entry: &SiteCamera, shared: &SharedDrawings) -> Beside {
-        /// With so many links what more would tell is little.
-        const ENOUGH: usize = 4;
+    /// Collects the other evidence of a camera.
+    fn suggestion_context(&self, entry: &SiteCamera, shared: &SharedObservations) -> SuggestionContext {
+        /// Number of links from which no more links are suggested, because further ones add little
+        /// information.
+        const MAX_LINKS_FOR_SUGGESTION: usize = 4;
         let links = shared.links(&entry.id).len();
         let is_placed = entry.placement.as_ref().is_some_and(|placement| placement.scale.is_some());
-        Beside {
-            has_neighbours: links < ENOUGH && self.cameras.iter().any(|other| other.id != entry.id),
+        SuggestionContext {
+            has_neighbours: links < MAX_LINKS_FOR_SUGGESTION
+                && self.cameras.iter().any(|other| other.id != entry.id),
             is_scale_open: links == 0 && self.plan.is_none() && entry.control_points.is_empty() && !is_placed,
         }
     }
 }
 
-/// Stage 1 by maximum likelihood.
+/// Runs stage 1 by maximum likelihood.
 fn likelihood(
     entry: &SiteCamera,
     constraints: &Constraints,
@@ -175,7 +179,7 @@ fn likelihood(
     lens: Lens,
     fixed: FixedParameters,
     [prior, keeps_all]: [bool; 2],
-    Beside { has_neighbours, is_scale_open }: Beside,
+    SuggestionContext { has_neighbours, is_scale_open }: SuggestionContext,
 ) -> Result<(CameraResult, Fit), Failure> {
     let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
     let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
@@ -184,7 +188,7 @@ fn likelihood(
         size: entry.size(),
         efov: entry.efov_px.as_deref().unwrap_or_default(),
         fixed,
-        // A fixed focal needs no prior.
+        // A fixed focal length needs no prior.
         priors: Priors { focal: entry.priors().focal.filter(|_| fixed.focal.is_none()), ..entry.priors() },
         sigma: entry.sigma_px,
         weak_prior: prior,
@@ -194,7 +198,7 @@ fn likelihood(
     };
     let fit = Fit::new(constraints, &options)?;
     let sketches = draw_next(&fit, constraints, &options);
-    let mut solution = Solution::of(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
+    let mut solution = Solution::from_camera(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
     solution.set_uncertainty(&fit.camera, fit.floor_length_rel);
     solution.sigma_px = Some(fit.sigma);
     solution.chi2 = Some(fit.chi2);
@@ -202,14 +206,14 @@ fn likelihood(
     solution.alternatives =
         fit.alternatives.iter().map(|other| alternative(other, entry, &fit.camera.lens)).collect();
     let mut findings = findings(&fit, sketches.first().map(|sketch| sketch.suggestion));
-    findings.extend(unused(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
+    findings.extend(unused_annotations(&entry.annotations, Estimator::MaximumLikelihood, |_| false));
     let off = residuals_when_off(entry, &fit.camera, planes);
     solution.residuals = residual_entries(fit.residuals.iter().copied().chain(off), &fit.outliers);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     Ok((CameraResult { solution, findings, sketches }, fit))
 }
 
-/// Residuals of the annotations that are switched off, in pixels.
+/// Returns the residuals of the annotations that are switched off, in pixels.
 pub(crate) fn residuals_when_off(
     entry: &SiteCamera,
     camera: &Camera,
@@ -231,7 +235,7 @@ fn alternative(other: &LocalMinimum, entry: &SiteCamera, lens: &Lens) -> Alterna
     }
 }
 
-/// Stage 1 as the paper has it.
+/// Runs stage 1 by the paper's method.
 fn paper(
     entry: &SiteCamera,
     constraints: &Constraints,
@@ -251,19 +255,20 @@ fn paper(
         lens,
         covariance: Covariance::EXACT,
     };
-    let mut solution = Solution::of(&camera, Method::Paper, Stage::Partial);
+    let mut solution = Solution::from_camera(&camera, Method::Paper, Stage::Partial);
     let off = Constraints::switched_off(&entry.annotations, &lens, planes);
     let both =
         [constraints, &off].into_iter().flat_map(|constraints| residuals_at(constraints, at, height, width));
     solution.residuals = residual_entries(both, &[]);
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     let unknown = |kind: Kind| !kind.row().in_paper;
-    let mut findings: Vec<Finding> = unused(&entry.annotations, Estimator::Paper, unknown).collect();
-    findings.extend(priors_unused(entry));
+    let mut findings: Vec<Finding> =
+        unused_annotations(&entry.annotations, Estimator::Paper, unknown).collect();
+    findings.extend(unused_priors(entry));
     Ok(CameraResult { findings, ..CameraResult::new(solution) })
 }
 
-/// Residuals of annotations as the document has them, sorted, with outliers marked.
+/// Converts residuals of annotations to entries of the document, sorted, with outliers marked.
 pub(crate) fn residual_entries(
     residuals: impl Iterator<Item = (Source, f64)>,
     outliers: &[Source],
@@ -283,11 +288,11 @@ pub(crate) fn residual_entries(
     list
 }
 
-/// Covariance of a camera of which only the lens was fitted.
+/// Returns the covariance of a camera whose lens alone was fitted.
 fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
     let mut covariance = Covariance::EXACT;
     if let Some(fit) = lens_estimate.fit.as_ref().filter(|fit| fit.fitted.is_some()) {
-        // The focal of a fisheye, as its log, is that of the camera.
+        // For a fisheye, the parameter is the log of the camera's focal length.
         let focal = lens_estimate.lens.focal;
         let place = |k: usize| match k {
             Lens::OWN_FOCAL if lens_estimate.lens.distortion.is_wide() => (Covariance::FOCAL, focal),
@@ -303,9 +308,10 @@ fn lens_covariance(lens_estimate: &LensEstimate) -> Covariance {
     covariance
 }
 
-/// The solution of a camera whose straight edges are all that was drawn: its lens.
+/// Creates the solution of a camera with only straight edges: its lens.
 fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
-    // Without a focal the width of the image is the unit of the coefficients; a fisheye has a focal of its own.
+    // Without a focal length, the coefficients refer to the width of the image. A fisheye has its own focal
+    // length.
     let lens = &lens_estimate.lens;
     let unit = if lens.distortion.is_wide() { lens.focal } else { entry.size()[0] };
     let focal = entry.lens.as_ref().and_then(|lens| lens.focal_px).map_or(unit, |focal| focal.value);
@@ -320,9 +326,9 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
     };
     let mut solution = Solution {
         image_circle_px: entry.image_circle(),
-        distortion: DistortionEntry::of(&camera.lens, focal),
-        sigma: Some(Sigmas::of(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
-        covariance: CovarianceEntry::of(&camera),
+        distortion: DistortionEntry::from_lens(&camera.lens, focal),
+        sigma: Some(Sigmas::from_camera(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
+        covariance: CovarianceEntry::from_camera(&camera),
         ..Solution::new(Method::MaximumLikelihood, Stage::Lens, focal, camera.lens.principal_point)
     };
     solution.residuals = residual_entries(
@@ -334,15 +340,15 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
     CameraResult { findings, ..CameraResult::new(solution) }
 }
 
-/// Root mean square of the residuals of what was used.
+/// Returns the root mean square of the residuals of the used annotations, in pixels.
 pub(crate) fn rms(annotations: &[Annotation], residuals: &[Residual]) -> Option<f64> {
     let is_used = |r: &&Residual| !r.outlier && r.annotation.is_some_and(|index| !annotations[index].off);
     let squares: Vec<f64> = residuals.iter().filter(is_used).map(|r| r.px * r.px).collect();
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// Findings about the annotations that a method cannot use.
-fn unused(
+/// Reports annotations that a method cannot use.
+fn unused_annotations(
     annotations: &[Annotation],
     by: Estimator,
     unknown: impl Fn(Kind) -> bool,
@@ -360,7 +366,7 @@ fn unused(
     })
 }
 
-fn priors_unused(entry: &SiteCamera) -> impl Iterator<Item = Finding> {
+fn unused_priors(entry: &SiteCamera) -> impl Iterator<Item = Finding> {
     let lens = entry.lens.as_ref();
     let priors = [
         (Parameter::Focal, lens.and_then(|l| l.focal_px)),

@@ -1,83 +1,83 @@
-//! What is wrong with a site file: where, about whom, and what, in words once.
+//! Errors in a site file: position, kind, and the camera and annotation concerned.
 
 use std::fmt;
 
-/// What is wrong with a site file, and where.
+/// Error in a site file, with its position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SiteError {
-    /// JSON pointer (RFC 6901) of the value that is wrong.
+    /// JSON pointer (RFC 6901) to the invalid value.
     pub pointer: String,
-    /// What is wrong with it.
-    pub fault: Fault,
-    /// The camera whose entry it is in.
-    pub about: Option<Box<About>>,
+    /// Kind of error.
+    pub kind: SiteErrorKind,
+    /// Camera and annotation that contain the value.
+    pub subject: Option<Box<ErrorSubject>>,
 }
 
-/// What is wrong with a value.
+/// Kind of an error in a site file.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Fault {
-    /// It is not JSON, or not JSON of this document.
+pub enum SiteErrorKind {
+    /// The text is not JSON, or not a site document.
     Unreadable {
-        /// What the JSON reader says.
+        /// Message of the JSON reader.
         why: String,
-        /// Where in the text, by line and column.
+        /// Line and column in the text.
         at: Option<[usize; 2]>,
     },
-    /// The document is longer than any that is read.
+    /// The document is longer than the limit.
     TooLong {
-        /// Its length, in bytes.
+        /// Length, in bytes.
         bytes: usize,
-        /// The longest that is read.
+        /// Limit, in bytes.
         most: usize,
     },
-    /// The document has more values than any that is read.
+    /// The document has more values than the limit.
     TooManyValues {
-        /// About how many it has.
+        /// Approximate number of values.
         values: usize,
-        /// The most that are read.
+        /// Limit.
         most: usize,
     },
-    /// It is there and cannot be so.
+    /// The value is not allowed here.
     Unexpected {
-        /// What was found.
+        /// Value that was found.
         found: String,
-        /// What can be so.
+        /// Description of the allowed values.
         expected: String,
     },
 }
 
-/// Whose entry something is in, by the names the operator gave.
+/// Camera and annotation that contain an invalid value, by the operator's names.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct About {
+pub struct ErrorSubject {
     /// Id of the camera.
     pub camera: String,
-    /// The annotation of that camera.
+    /// Annotation of this camera.
     pub annotation: Option<NamedAnnotation>,
 }
 
-/// An annotation as its entry names it.
+/// Annotation that contains an invalid value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedAnnotation {
-    /// What its kind is called.
+    /// Kind of the annotation.
     pub kind: String,
-    /// Its name, or else its id.
+    /// Name of the annotation, or its id if it has no name.
     pub name: Option<String>,
-    /// Its place in the list, as the pointer has it.
-    pub place: String,
+    /// Index of the annotation in the list, as in the pointer.
+    pub index: String,
 }
 
 impl SiteError {
-    /// An error about the document as a whole.
-    pub(crate) const fn of_document(fault: Fault) -> Self {
-        Self { pointer: String::new(), fault, about: None }
+    /// Creates an error about the document as a whole.
+    pub(crate) const fn for_document(kind: SiteErrorKind) -> Self {
+        Self { pointer: String::new(), kind, subject: None }
     }
 
-    /// What was found and what is expected, and about whom.
+    /// Returns the message: the value that was found, the expected value, and the camera and annotation.
     #[must_use]
     pub fn message(&self) -> String {
-        match &self.about {
-            Some(about) => format!("{} ({about})", self.fault),
-            None => self.fault.to_string(),
+        match &self.subject {
+            Some(subject) => format!("{} ({subject})", self.kind),
+            None => self.kind.to_string(),
         }
     }
 }
@@ -91,7 +91,7 @@ impl fmt::Display for SiteError {
 
 impl std::error::Error for SiteError {}
 
-impl fmt::Display for Fault {
+impl fmt::Display for SiteErrorKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unreadable { why, at: None } => f.write_str(why),
@@ -107,30 +107,29 @@ impl fmt::Display for Fault {
     }
 }
 
-impl fmt::Display for About {
+impl fmt::Display for ErrorSubject {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "camera {}", quoted(&self.camera))?;
-        let Some(NamedAnnotation { kind, name, place }) = &self.annotation else { return Ok(()) };
+        let Some(NamedAnnotation { kind, name, index }) = &self.annotation else { return Ok(()) };
         write!(f, ", {kind}")?;
         if let Some(name) = name {
             write!(f, " {}", quoted(name))?;
         }
-        write!(f, " (annotation {place})")
+        write!(f, " (annotation {index})")
     }
 }
 
-/// A text from the document; a hostile one does not fill the screen.
+/// Quotes a text from the document. Long texts are cut, so that a hostile file cannot fill the screen.
 pub(crate) fn quoted(text: &str) -> String {
     const MOST: usize = 60;
     let short: String = text.chars().take(MOST).collect();
     if short.len() < text.len() { format!("{short:?}...") } else { format!("{short:?}") }
 }
 
-/// What the JSON reader says, in the words of somebody who writes a site file.
+/// Translates an error of the JSON reader into terms of the site file.
 ///
-/// This is the only place that looks into a sentence: the reader tells what it expected in its message and
-/// nowhere else.
-pub(crate) fn in_plain_words(error: &serde_json::Error) -> Fault {
+/// This function has to parse the message, because the reader provides the expected type only there.
+pub(crate) fn kind_from_json_error(error: &serde_json::Error) -> SiteErrorKind {
     const WORDS: [(&str, &str); 9] = [
         ("expected f64", "expected a number, without quotes"),
         ("expected u32", "expected a whole number, without quotes"),
@@ -138,19 +137,20 @@ pub(crate) fn in_plain_words(error: &serde_json::Error) -> Fault {
             "expected struct Known",
             "expected {\"value\": ..., \"fixed\": true} or {\"value\": ..., \"sigma\": ...}",
         ),
-        ("expected a string", "expected a text in quotes"),
+        ("expected a string", "expected text in quotes"),
         ("expected a sequence", "expected a list in [ ]"),
         ("expected a map", "expected an object in { }"),
-        ("EOF while parsing", "the file ends too early, something is not closed:"),
+        ("EOF while parsing", "the file ends too early: a bracket or quote is not closed:"),
         (
             "trailing characters",
-            "more than there should be: a value too many, or a bracket closed too early or missing",
+            "unexpected text: an extra value, or a bracket that is missing or closed too early",
         ),
         ("invalid type:", "found"),
     ];
     let at = [error.line(), error.column()];
-    let said = error.to_string();
-    let what = said.strip_suffix(&format!(" at line {} column {}", at[0], at[1]));
-    let why = WORDS.iter().fold(what.unwrap_or(&said).to_owned(), |said, (from, to)| said.replace(from, to));
-    Fault::Unreadable { why, at: what.map(|_| at) }
+    let message = error.to_string();
+    let text = message.strip_suffix(&format!(" at line {} column {}", at[0], at[1]));
+    let start = text.unwrap_or(&message).to_owned();
+    let why = WORDS.iter().fold(start, |why, (from, to)| why.replace(from, to));
+    SiteErrorKind::Unreadable { why, at: text.map(|_| at) }
 }

@@ -1,4 +1,4 @@
-//! What solving writes of links, marks, and the site as a whole.
+//! Results of solving for links, marks and the site as a whole.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,11 +6,11 @@ use crate::solution::{Sigmas, Warning, document};
 use calib_core::camera::WorldPoint;
 
 document! {
-    /// What solving found out about a link or a mark.
+    /// Result of solving a link or a mark.
     struct ElementSolution {
-        /// Where it is, in metres.
+        /// World position, in metres.
         at_m: WorldPoint,
-        /// In degrees, where it has a direction.
+        /// Rotation about the vertical axis, in degrees; absent without a direction.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         turn_deg: Option<f64>,
         /// Length of a post, in metres.
@@ -19,85 +19,86 @@ document! {
         /// Standard deviations.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma: Option<Sigmas>,
-        /// One for every camera that shows it.
+        /// Residuals, one for each observation.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        residuals: Vec<SeenResidual>,
+        residuals: Vec<ObservationResidual>,
     }
 
-    /// How far a camera's pixel of a link or mark is from the prediction.
-    struct SeenResidual {
+    /// Residual of one observation of a link or mark: the distance between the observed and the predicted
+    /// pixel.
+    struct ObservationResidual {
         /// Id of the camera.
         camera: String,
-        /// In pixels.
+        /// Residual, in pixels.
         px: f64,
-        /// Whether it was rejected.
+        /// Whether the observation was rejected as an outlier.
         outlier: bool,
     }
 
-    /// What solving found out about the site as a whole.
+    /// Results for the site as a whole.
     #[derive(Default)]
     struct SiteSolution {
-        /// Ids of the cameras that hang together, group by group.
+        /// Connected groups of cameras, by their ids.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         components: Vec<Vec<String>>,
-        /// Whether metres are metres.
+        /// Whether the scale of the site is known.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scale: Option<Scale>,
-        /// Gap around the loops of the camera graph, in metres.
+        /// Gap around the loops of the view graph, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         loop_closure_m: Option<f64>,
-        /// Pairs of cameras that see the same floor.
+        /// Pairs of cameras that share floor or links.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         overlaps: Vec<Overlap>,
-        /// Covariances with each other of cameras that were solved together: of up to 45 cameras all, of more those that
-        /// show something in common.
+        /// Covariances between pairs of jointly solved cameras: all pairs for up to 45 cameras, otherwise
+        /// only pairs that share observations.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         cross_covariances: Vec<CrossCovarianceEntry>,
-        /// What the operator should know.
+        /// Warnings about the site.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         warnings: Vec<Warning>,
     }
 
-    /// The covariance of what was estimated of one camera with what was estimated of another.
+    /// Cross-covariance of the estimated parameters of two cameras.
     struct CrossCovarianceEntry {
-        /// Their ids.
+        /// Ids of the two cameras.
         cameras: [String; 2],
-        /// Names as in the solution of the first, with their units.
+        /// Names of the first camera's parameters with their units, as in its solution.
         rows: Vec<String>,
-        /// Names as in the solution of the second, with their units.
+        /// Names of the second camera's parameters with their units, as in its solution.
         columns: Vec<String>,
-        /// Row by row.
+        /// Matrix, row by row.
         values: Vec<f64>,
     }
 
-    /// Two cameras that see the same floor, and how far they disagree there.
+    /// Two cameras that share floor or links, and their disagreement on the floor.
     struct Overlap {
-        /// Their ids.
+        /// Ids of the two cameras.
         cameras: [String; 2],
-        /// Root mean square of the distances on the floor between where the two put what both show, in
-        /// metres; absent where they share no evidence.
+        /// Root mean square distance between the floor positions of shared points as computed from the two
+        /// cameras, in metres; absent without shared points.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_rms_m: Option<f64>,
-        /// Predicted standard deviation of such a distance from the calibration alone, over the floor
-        /// that both see, in metres.
+        /// Predicted standard deviation of this distance due to the calibration alone, over the floor visible
+        /// to both, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_sigma_m: Option<f64>,
     }
 }
 
-/// Whether the site's metres are metres.
+/// Scale of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Scale {
-    /// Something gives it.
+    /// Determined by a measurement or placement.
     Known,
-    /// The height of 3 m of the first camera stands.
+    /// Undetermined; the first camera is assumed to be 3 m high.
     Unknown,
 }
 
 impl SiteSolution {
-    /// Whether there is nothing to be said.
+    /// Whether there are no results.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         let Self { components, scale, loop_closure_m, overlaps, cross_covariances, warnings } = self;

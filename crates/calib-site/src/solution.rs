@@ -1,4 +1,4 @@
-//! What solving writes into the site file.
+//! Results of solving a camera, as stored in the site file.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use calib_core::camera::{Coefficient, DistortionModel, FloorPoint, ImageCircle, 
 use calib_core::outcome::{Code, Drawing, FailureCode, Residual};
 use calib_core::single::Kind;
 
-/// Declares plain structs of the document: strict, with optional fields left out when absent.
+/// Declares structs of the document. Unknown fields are errors, and absent optional fields are not written.
 macro_rules! document {
     ($($(#[$attribute:meta])* struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)+ })+) => {$(
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,267 +24,270 @@ macro_rules! document {
 pub(crate) use document;
 
 document! {
-    /// Coefficients of a distortion model, or which of them to fit.
+    /// Lens distortion: a model with its coefficients, or the coefficients to fit.
     struct DistortionEntry {
-        /// Which model.
+        /// Distortion model.
         model: DistortionModel,
-        /// Brown-Conrady or Kannala-Brandt.
+        /// Coefficient k1 of Brown-Conrady or Kannala-Brandt.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k1: Option<f64>,
-        /// Brown-Conrady or Kannala-Brandt.
+        /// Coefficient k2 of Brown-Conrady or Kannala-Brandt.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k2: Option<f64>,
-        /// Brown-Conrady or Kannala-Brandt.
+        /// Coefficient k3 of Brown-Conrady or Kannala-Brandt.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k3: Option<f64>,
-        /// Kannala-Brandt.
+        /// Coefficient k4 of Kannala-Brandt.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k4: Option<f64>,
-        /// Brown-Conrady.
+        /// Coefficient p1 of Brown-Conrady.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p1: Option<f64>,
-        /// Brown-Conrady.
+        /// Coefficient p2 of Brown-Conrady.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p2: Option<f64>,
-        /// Division.
+        /// Coefficient lambda of the division model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lambda: Option<f64>,
-        /// Unified or double sphere.
+        /// Coefficient xi of the unified or the double-sphere model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         xi: Option<f64>,
-        /// Double sphere.
+        /// Coefficient alpha of the double-sphere model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         alpha: Option<f64>,
-        /// Focal that the coefficients refer to, in pixels.
+        /// Focal length for the coefficients, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<f64>,
-        /// Coefficients to fit.
+        /// Names of the coefficients to fit.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         fit: Option<Vec<Coefficient>>,
     }
 
-    /// What solving found out about a camera.
+    /// Result of solving a camera.
     struct Solution {
-        /// By which method.
+        /// Method that produced the result.
         method: Method,
-        /// How far it got.
+        /// Last completed stage.
         stage: Stage,
-        /// x0, y0, z0, in metres.
+        /// Position x0, y0, z0 of the camera, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         position_m: Option<WorldPoint>,
-        /// In degrees.
+        /// Yaw, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         yaw_deg: Option<f64>,
-        /// In degrees, positive down.
+        /// Pitch, in degrees, positive downwards.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pitch_deg: Option<f64>,
-        /// In degrees.
+        /// Roll, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         roll_deg: Option<f64>,
-        /// In pixels.
+        /// Focal length, in pixels.
         focal_px: f64,
-        /// Raw pixel.
+        /// Principal point, in raw pixels.
         principal_point_px: Pixel,
-        /// The disc in which a fisheye shows the scene, outside of which it has no answer: middle and radius, in pixels.
+        /// Image circle of a fisheye, in pixels: centre and radius. Pixels outside it are not mapped.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image_circle_px: Option<ImageCircle>,
-        /// Coefficients for `focal_px`, or for a focal of their own.
+        /// Distortion coefficients. They refer to `focal_px` of the solution, unless the distortion has its
+        /// own `focal_px`.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         distortion: Option<DistortionEntry>,
-        /// Standard deviations of what was estimated.
+        /// Standard deviations of the estimated parameters.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma: Option<Sigmas>,
-        /// Covariance of everything estimated.
+        /// Covariance of the estimated parameters.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         covariance: Option<CovarianceEntry>,
-        /// Standard deviation of a drawn coordinate that the sigmas stand on, in pixels.
+        /// Standard deviation of an annotated coordinate on which `sigma` and `covariance` are based, in
+        /// pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,
         /// Root mean square of the residuals, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         rms_px: Option<f64>,
-        /// Sum of the squared residuals over their variances.
+        /// Chi-square: sum of the squared residuals divided by their variances.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         chi2: Option<f64>,
-        /// Residuals minus unknowns.
+        /// Degrees of freedom: number of residuals minus number of unknowns.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         dof: Option<usize>,
-        /// The EFOV on the floor, in metres.
+        /// Effective field of view (EFOV) projected onto the floor, in metres.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         efov_m: Vec<FloorPoint>,
-        /// One for every piece of evidence.
+        /// Residuals of all annotations and control points.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         residuals: Vec<Residual>,
-        /// Other minima that the data cannot rule out.
+        /// Other solutions that fit the data as well.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         alternatives: Vec<Alternative>,
-        /// What the operator should know.
+        /// Warnings about the result.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         warnings: Vec<Warning>,
-        /// The drawing that would help most.
+        /// Next annotation that would improve the result most.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        draw_next: Option<DrawNext>,
+        draw_next: Option<SuggestionEntry>,
     }
 
-    /// A remark on a result, with what to do about it.
+    /// Warning about a result, with advice.
     struct Warning {
-        /// Which remark.
+        /// Code of the finding.
         code: Code,
-        /// What is so, in a sentence.
+        /// Description, as a sentence.
         message: String,
-        /// What the operator can do, in a sentence.
+        /// Advice for the operator, as a sentence.
         advice: String,
     }
 
-    /// Why there is no result, with what to do about it.
+    /// Reason for a missing result, with advice.
     #[cfg_attr(feature = "schema", schemars(rename = "Failure"))]
     struct FailureEntry {
-        /// Which reason.
+        /// Code of the failure.
         code: FailureCode,
-        /// What is so, in a sentence.
+        /// Description, as a sentence.
         message: String,
-        /// What the operator can do, in a sentence.
+        /// Advice for the operator, as a sentence.
         advice: String,
     }
 
-    /// A drawing that would help most.
-    struct DrawNext {
-        /// What to draw, and where.
+    /// Suggestion for the next annotation.
+    struct SuggestionEntry {
+        /// Suggested annotation and its approximate position in the image.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         drawing: Option<Drawing>,
-        /// The kind of annotation that it makes; none of links.
+        /// Kind of annotation; absent for links.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         kind: Option<Kind>,
-        /// The same in a sentence.
+        /// Suggestion as a sentence.
         message: String,
-        /// Raw pixels of an example, segment by segment.
+        /// Example: pixel coordinates of the suggested segments.
         segments_px: Vec<[Pixel; 2]>,
-        /// The predicted relative error of floor lengths with it.
+        /// Predicted relative standard deviation of floor lengths with the suggested annotation.
         floor_length_rel: f64,
-        /// What would help as well, the best first.
+        /// Other suggestions, best first.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        otherwise: Vec<DrawNext>,
+        otherwise: Vec<SuggestionEntry>,
     }
 
-    /// Standard deviations of what was estimated; absent where nothing was.
+    /// Standard deviations of the estimated parameters; absent for parameters that were not estimated.
     #[derive(Default)]
     struct Sigmas {
-        /// In metres.
+        /// Standard deviation of x0, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         x_m: Option<f64>,
-        /// In metres.
+        /// Standard deviation of y0, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         y_m: Option<f64>,
-        /// In metres.
+        /// Standard deviation of z0, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         z_m: Option<f64>,
-        /// In degrees.
+        /// Standard deviation of the yaw, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         yaw_deg: Option<f64>,
-        /// In degrees.
+        /// Standard deviation of the pitch, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pitch_deg: Option<f64>,
-        /// In degrees.
+        /// Standard deviation of the roll, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         roll_deg: Option<f64>,
-        /// In pixels.
+        /// Standard deviation of the focal length, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<f64>,
-        /// Coefficient of the distortion.
+        /// Standard deviation of the distortion coefficient k1.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k1: Option<f64>,
-        /// Coefficient of the distortion.
+        /// Standard deviation of the distortion coefficient k2.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k2: Option<f64>,
-        /// Coefficient of the distortion.
+        /// Standard deviation of the distortion coefficient k3.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k3: Option<f64>,
-        /// Coefficient of the distortion.
+        /// Standard deviation of the distortion coefficient k4.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k4: Option<f64>,
-        /// Coefficient of the distortion.
+        /// Standard deviation of the distortion coefficient p1.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p1: Option<f64>,
-        /// Coefficient of the distortion.
+        /// Standard deviation of the distortion coefficient p2.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p2: Option<f64>,
-        /// Coefficient of the distortion.
+        /// Standard deviation of the distortion coefficient lambda.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lambda: Option<f64>,
-        /// In pixels, of a principal point that was fitted.
+        /// Standard deviation of the fitted principal point along u, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_u_px: Option<f64>,
-        /// In pixels.
+        /// Standard deviation of the fitted principal point along v, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_v_px: Option<f64>,
-        /// Relative standard deviation of lengths on the floor inside the EFOV.
+        /// Relative standard deviation of floor lengths inside the EFOV.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_length_rel: Option<f64>,
     }
 
-    /// A covariance matrix: what its rows are, and its upper triangle row by row.
+    /// Covariance matrix: parameter names and upper triangle.
     struct CovarianceEntry {
-        /// Names as in the solution, with their units.
+        /// Names of the parameters with their units, as in the solution.
         of: Vec<String>,
         /// Upper triangle, row by row.
         upper: Vec<f64>,
     }
 
-    /// Another minimum that the data cannot rule out.
+    /// Another solution that fits the data as well.
     struct Alternative {
-        /// In pixels.
+        /// Focal length, in pixels.
         focal_px: f64,
         /// Horizontal field of view, in degrees.
         hfov_deg: f64,
-        /// In degrees.
+        /// Pitch, in degrees, positive downwards.
         pitch_deg: f64,
-        /// In degrees.
+        /// Roll, in degrees.
         roll_deg: f64,
-        /// Its sum of squared residuals over their variances.
+        /// Chi-square of this solution: sum of the squared residuals divided by their variances.
         chi2: f64,
     }
 }
 
-/// How a solution came about.
+/// Method that produced a solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// The joint fit in pixels.
+    /// Maximum-likelihood fit of all annotations, with residuals in pixels.
     MaximumLikelihood,
-    /// The paper's criterion.
+    /// Criterion of the paper.
     Paper,
-    /// Imported or typed.
+    /// Imported or entered.
     Given,
-    /// Of a period that has ended: as it was found, together with what its camera shared with others then.
+    /// Kept from a validity period that has ended. The solution is not recomputed, even if its links were
+    /// then solved with other cameras.
     Kept,
 }
 
 impl Method {
-    /// Whether it was entered, or is kept: solving does not find it again.
+    /// Whether the solution was entered or is kept, so that solving does not recompute it.
     #[must_use]
     pub const fn is_entered(self) -> bool {
         matches!(self, Self::Given | Self::Kept)
     }
 }
 
-/// How far a solution got.
+/// Last completed stage of a solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
-    /// Only the distortion.
+    /// Distortion only.
     Lens,
-    /// Roll, pitch and focal: stage 1.
+    /// Stage 1: roll, pitch and focal length.
     Partial,
-    /// Position and yaw, too: stage 2.
+    /// Stage 2: also position and yaw.
     Placed,
-    /// Improved together with other cameras.
+    /// Refined jointly with other cameras.
     Refined,
 }
 
 impl DistortionEntry {
-    /// The field of a coefficient.
+    /// Returns the value of a coefficient.
     #[must_use]
     pub const fn coefficient(&self, which: Coefficient) -> Option<f64> {
         match which {
@@ -300,7 +303,7 @@ impl DistortionEntry {
         }
     }
 
-    /// The field of a coefficient, to be changed.
+    /// Returns a mutable reference to the value of a coefficient.
     pub const fn coefficient_mut(&mut self, which: Coefficient) -> &mut Option<f64> {
         match which {
             Coefficient::K1 => &mut self.k1,
@@ -317,7 +320,7 @@ impl DistortionEntry {
 }
 
 impl Solution {
-    /// A solution that says nothing but its focal, in pixels, and its principal point.
+    /// Creates a solution with only a focal length, in pixels, and a principal point.
     #[must_use]
     pub const fn new(method: Method, stage: Stage, focal_px: f64, principal_point_px: Pixel) -> Self {
         Self {
@@ -345,9 +348,9 @@ impl Solution {
         }
     }
 
-    /// Whether one of its warnings has this code.
+    /// Whether one of the warnings has this code.
     #[must_use]
-    pub fn warns_of(&self, code: Code) -> bool {
+    pub fn has_warning(&self, code: Code) -> bool {
         self.warnings.iter().any(|warning| warning.code == code)
     }
 }

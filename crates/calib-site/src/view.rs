@@ -1,6 +1,4 @@
-//! The calibrated camera that an id, a time and a stream mean.
-//!
-//! All that the solutions of a site say, in one list.
+//! Calibrated cameras by id, time and stream, and the list of all stored findings.
 
 use std::fmt;
 
@@ -9,50 +7,51 @@ use calib_core::floor::{CameraView, Stream, StreamError};
 use calib_core::outcome::{Code, Severity};
 
 use crate::document::{Site, SiteCamera};
-use crate::period::NoCamera;
+use crate::period::CameraLookupError;
 use crate::site_solution::Scale;
 use crate::solution::{FailureEntry, Solution, Stage, Warning};
 
-/// Why there is no calibrated camera.
+/// Error of a lookup of a calibrated camera.
 #[derive(Clone, Debug, PartialEq)]
-pub enum NoView {
-    /// The id means no entry.
-    Camera(NoCamera),
-    /// It is not calibrated, or could not be, and why.
+pub enum CameraViewError {
+    /// The id does not match an entry.
+    Camera(CameraLookupError),
+    /// The camera is not calibrated; with the failure, if it could not be.
     Uncalibrated(Option<FailureEntry>),
-    /// Its lens is known, and nothing else.
+    /// Only the lens is calibrated.
     LensOnly,
-    /// The stream does not go with its still.
+    /// The stream does not match the image of the calibration.
     Stream(StreamError),
 }
 
-impl fmt::Display for NoView {
+impl fmt::Display for CameraViewError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Camera(why) => why.fmt(f),
             Self::Uncalibrated(None) => f.write_str("is not calibrated: solve the site first"),
             Self::Uncalibrated(Some(why)) => write!(f, "could not be calibrated: {why}"),
             Self::LensOnly => f.write_str(
-                "is calibrated as far as its lens: draw lines that tell its focal and its lean, and solve the site again",
+                "has only a calibrated lens: draw lines that determine its focal length and orientation, then solve the site again",
             ),
             Self::Stream(why) => why.fmt(f),
         }
     }
 }
 
-impl std::error::Error for NoView {}
+impl std::error::Error for CameraViewError {}
 
 impl Site {
-    /// The calibrated camera of this id that holds at a time (RFC 3339), for the pixels of a stream.
+    /// Returns the calibrated camera with this id at a time (RFC 3339), for the pixels of a stream.
     ///
     /// # Errors
-    /// Why there is not one: see [`Site::camera_at`] and [`CameraView::with_stream`].
-    pub fn view(&self, id: &str, time: Option<&str>, stream: Stream) -> Result<CameraView, NoView> {
-        let view = self.view_of(self.camera_at(id, time).map_err(NoView::Camera)?)?;
-        view.with_stream(stream).map_err(NoView::Stream)
+    /// If the camera is missing, not calibrated, or does not match the stream: see [`Site::camera_at`] and
+    /// [`CameraView::with_stream`].
+    pub fn view(&self, id: &str, time: Option<&str>, stream: Stream) -> Result<CameraView, CameraViewError> {
+        let view = self.view_of(self.camera_at(id, time).map_err(CameraViewError::Camera)?)?;
+        view.with_stream(stream).map_err(CameraViewError::Stream)
     }
 
-    /// Ids of the calibrated cameras, in the order of the file; an id of several periods once.
+    /// Returns the ids of the calibrated cameras in the order of the file, each id once.
     #[must_use]
     pub fn calibrated(&self) -> Vec<&str> {
         let mut ids = Vec::new();
@@ -64,82 +63,84 @@ impl Site {
         ids
     }
 
-    /// Whether something gives the scale of a camera: a height, a length, a distance, control points, or its place on
-    /// the plan. Of cameras that were solved together without any the file says so of all of them.
+    /// Whether the scale of a camera is known: from a height, length, distance, control points, or its
+    /// placement on the plan. Cameras that were solved jointly without a scale share this state.
     #[must_use]
     pub fn scale_is_known(&self, entry: &SiteCamera) -> bool {
         let Some(solution) = &entry.solution else { return false };
-        let is_assumed = says(solution, Code::ScaleAssumed);
+        let is_assumed = has_warning(solution, Code::ScaleAssumed);
         let scale = self.solution.as_ref().and_then(|solution| solution.scale);
         !(is_assumed || solution.stage == Stage::Refined && scale == Some(Scale::Unknown))
     }
 
-    /// The camera of an entry as its points are to be used: where nothing gives its scale nothing is known of the error
-    /// of its height, and where a hand placed it of those of its place, which is not the same as no error.
+    /// Returns the camera of an entry for mapping points. If its scale is unknown, the variance of its height
+    /// is unknown. If it was placed by hand, the variance of its position is unknown. An unknown variance is
+    /// not the same as zero.
     #[must_use]
     pub fn camera_for_use(&self, entry: &SiteCamera) -> Option<Camera> {
         let camera = entry.camera()?;
-        let is_by_hand = says(entry.solution.as_ref()?, Code::PlacedByHand);
-        let mut open = if is_by_hand { entry.open_place(&camera) } else { Vec::new() };
+        let is_by_hand = has_warning(entry.solution.as_ref()?, Code::PlacedByHand);
+        let mut open = if is_by_hand { entry.unknown_pose_parameters(&camera) } else { Vec::new() };
         open.extend((!self.scale_is_known(entry)).then_some(Covariance::Z));
         Some(Camera { covariance: camera.covariance.without(&open), ..camera })
     }
 
-    /// A camera of this site with what it covers, for the pixels of its still.
+    /// Returns a camera of this site with its field of view, for the pixels of its image.
     ///
     /// # Errors
-    /// When it is not calibrated.
-    pub fn view_of(&self, entry: &SiteCamera) -> Result<CameraView, NoView> {
+    /// If the camera is not calibrated.
+    pub fn view_of(&self, entry: &SiteCamera) -> Result<CameraView, CameraViewError> {
         let camera = self.camera_for_use(entry).ok_or_else(|| match (&entry.error, &entry.solution) {
-            (None, Some(_)) => NoView::LensOnly,
-            (error, _) => NoView::Uncalibrated(error.clone()),
+            (None, Some(_)) => CameraViewError::LensOnly,
+            (error, _) => CameraViewError::Uncalibrated(error.clone()),
         })?;
         let view = CameraView::new(&camera, entry.size(), self.efov_on_floor(entry));
         Ok(view.with_scale(self.scale_is_known(entry)).with_surfaces(self.covering_surfaces()))
     }
 }
 
-/// Whether a solution has a remark.
-fn says(solution: &Solution, code: Code) -> bool {
+/// Whether a solution has a warning with this code.
+fn has_warning(solution: &Solution, code: Code) -> bool {
     solution.warnings.iter().any(|warning| warning.code == code)
 }
 
-/// Something that an operator should know about a calibration, as the site has it.
+/// Stored finding about a camera or the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FindingEntry<'a> {
-    /// The id of the camera that it is about; `None` where it is about the site.
+    /// Id of the camera; `None` for a finding about the site.
     pub camera: Option<&'a str>,
-    /// Which finding, as in files: of [`Code`](calib_core::Code) or of [`FailureCode`](calib_core::FailureCode).
+    /// Code as in files: of [`Code`](calib_core::outcome::Code) or
+    /// [`FailureCode`](calib_core::outcome::FailureCode).
     pub code: &'static str,
-    /// How bad it is; a camera without a result is an error.
+    /// Severity; a camera without a result is an error.
     pub severity: Severity,
-    /// What is so, in a sentence.
+    /// Description, as a sentence.
     pub message: &'a str,
-    /// What to do, in a sentence.
+    /// Advice for the operator, as a sentence.
     pub advice: &'a str,
 }
 
 impl Site {
-    /// What the solutions say of the cameras, in their order, and then of the site.
+    /// Returns all stored findings: first of the cameras, in their order, then of the site.
     pub fn findings(&self) -> impl Iterator<Item = FindingEntry<'_>> {
         let of_cameras = self.cameras.iter().flat_map(|entry| {
             let warnings = entry.solution.iter().flat_map(|solution| &solution.warnings);
-            let failures = entry.error.iter().map(|failure| of_failure(&entry.id, failure));
-            warnings.map(|warning| of_warning(Some(&entry.id), warning)).chain(failures)
+            let failures = entry.error.iter().map(|failure| entry_from_failure(&entry.id, failure));
+            warnings.map(|warning| entry_from_warning(Some(&entry.id), warning)).chain(failures)
         });
         let of_site = self.solution.iter().flat_map(|solution| &solution.warnings);
-        of_cameras.chain(of_site.map(|warning| of_warning(None, warning)))
+        of_cameras.chain(of_site.map(|warning| entry_from_warning(None, warning)))
     }
 }
 
-fn of_warning<'a>(
+fn entry_from_warning<'a>(
     camera: Option<&'a str>,
     Warning { code, message, advice }: &'a Warning,
 ) -> FindingEntry<'a> {
     FindingEntry { camera, code: code.as_str(), severity: code.severity(), message, advice }
 }
 
-fn of_failure<'a>(
+fn entry_from_failure<'a>(
     camera: &'a str,
     FailureEntry { code, message, advice }: &'a FailureEntry,
 ) -> FindingEntry<'a> {
@@ -150,7 +151,8 @@ fn of_failure<'a>(
 mod tests {
     use super::*;
 
-    /// A camera whose orientation three verticals and two directions tell; its height as said.
+    /// Solves a camera whose orientation is determined by three verticals and two floor directions, with the
+    /// given JSON for its height.
     fn solved(height: &str) -> Site {
         let text = format!(
             r#"{{"format": "calib-site", "version": 1, "cameras": [{{"id": "door", "size_px": [1920, 1080]{height},
@@ -165,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_height_that_nobody_gave_has_an_error_that_nobody_knows() {
+    fn assumed_height_has_an_unknown_uncertainty() {
         let of = |height: &str| {
             let site = solved(height);
             let view = site.view("door", None, Stream::default()).unwrap();
@@ -178,8 +180,8 @@ mod tests {
         assert!(is_known && pixel > 0.0 && calibration > 0.0 && covariance.is_known());
         let (is_known, [assumed, calibration], covariance) = of("");
         assert!(!is_known && calibration.is_nan());
-        assert!((assumed / pixel - 1.0).abs() < 1e-3, "the pixel's part is that of a height of 3 m");
+        assert!((assumed / pixel - 1.0).abs() < 1e-3, "the pixel part must match a height of 3 m");
         assert_eq!(covariance.sigma(Covariance::Z), None);
-        assert!(covariance.sigma(Covariance::PITCH).is_some(), "what is known stays");
+        assert!(covariance.sigma(Covariance::PITCH).is_some(), "known uncertainties must not change");
     }
 }

@@ -1,4 +1,4 @@
-//! The calibrations of a site, ready to project with, and which of them holds for a row.
+//! Calibrations of a site, prepared for mapping, and the selection of the valid calibration of each row.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -10,128 +10,129 @@ use calib_site::{Site, SiteCamera};
 use serde_json::json;
 
 use crate::cast::texts;
-use crate::columns::{AtColumn, BadCells, Place, column, names};
+use crate::columns::{AtColumn, BadCells, RowName, column, names};
 use crate::table_error::TableError;
 use crate::wording::Wording;
 
-/// A calibrated camera of a table.
+/// Calibrated camera of a table.
 #[derive(Clone, Debug)]
 pub struct TableCamera<'a> {
-    /// In the site.
+    /// Id of the camera in the site.
     pub id: &'a str,
-    /// From when its calibration holds, where that is said.
+    /// Start of validity of its calibration, if limited.
     pub valid_from: Option<&'a str>,
-    /// The camera.
+    /// Camera parameters.
     pub camera: Camera,
-    /// Width and height of its still, in pixels.
+    /// Width and height of its image, in pixels.
     pub size: [f64; 2],
 }
 
-/// One calibrated camera, for the time that it holds.
+/// Calibrated camera for one period of validity.
 #[derive(Debug)]
 pub(crate) struct Calibration {
     pub(crate) projector: FloorProjector,
-    /// In which detections are made.
+    /// Mapping between the stream of the detections and the image.
     pub(crate) stream: StreamMap,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
-    entry: Entry,
+    entry: CalibrationPeriod,
 }
 
-/// What is said of a calibration.
+/// Camera id and period of validity of a calibration.
 #[derive(Debug)]
-struct Entry {
+struct CalibrationPeriod {
     camera: String,
     from: Option<String>,
     to: Option<String>,
-    /// The same as nanoseconds since 1970.
+    /// Period as nanoseconds since 1970: start and end.
     period: [i64; 2],
 }
 
-/// The calibrations that a table is projected with.
+/// Calibrations for mapping a table.
 #[derive(Debug)]
 pub struct Calibrations {
     pub(crate) list: Vec<Calibration>,
     pub(crate) planes: Planes,
-    /// Indices of every camera's.
-    of_camera: HashMap<String, Vec<u32>>,
-    camera: ByCamera,
+    /// Indices of the calibrations, by camera id.
+    by_camera: HashMap<String, Vec<u32>>,
+    camera: CameraSource,
     at: Option<AtColumn>,
     /// SHA-256 of the site file.
     sha256: String,
     wording: Wording,
     notes: Vec<String>,
-    /// Rows without a calibration, by camera: of so many cameras as one would look through.
-    lost: BTreeMap<String, u64>,
-    /// Such rows of further cameras.
-    lost_more: u64,
+    /// Number of rows without a calibration, by camera id; limited to [`MAX_UNCALIBRATED_IDS`] ids.
+    uncalibrated: BTreeMap<String, u64>,
+    /// Number of rows without a calibration of further cameras.
+    uncalibrated_others: u64,
 }
 
-/// The planes of a site besides the floor, if any of them covers a part of the plan.
+/// Planes of a site other than the floor, if any of them covers a part of the plan.
 #[derive(Debug)]
 pub(crate) struct Planes {
     pub(crate) surfaces: Vec<Surface>,
-    /// Of each, in the same order.
+    /// Ids of the planes, in the same order.
     pub(crate) ids: Vec<String>,
 }
 
 impl Planes {
-    fn of(site: &Site) -> Self {
+    fn from_site(site: &Site) -> Self {
         let surfaces = site.covering_surfaces();
         let ids = site.planes.iter().map(|plane| plane.id.clone()).take(surfaces.len()).collect();
         Self { surfaces, ids }
     }
 }
 
-/// Whoever names a column that is none of cameras has an id in every row.
-const MOST_LOST: usize = 1000;
+/// Maximum number of ids without a calibration that are counted separately. A wrongly chosen column may have
+/// another id in every row.
+const MAX_UNCALIBRATED_IDS: usize = 1000;
 
-/// Whose rows there are.
+/// Camera of the rows.
 #[derive(Clone, Debug)]
-pub enum ByCamera {
-    /// All of one camera.
+pub enum CameraSource {
+    /// One camera for all rows.
     Only(String),
-    /// Of the camera that this column names.
+    /// Column with the camera's id.
     Column(String),
 }
 
-/// Which calibrations are wanted, and for what.
+/// Request for calibrations.
 #[derive(Clone, Debug)]
-pub struct Wanted {
-    /// Whose rows.
-    pub camera: ByCamera,
-    /// The column of times, where rows have one.
+pub struct CalibrationRequest {
+    /// Camera of the rows.
+    pub camera: CameraSource,
+    /// Column of times, if rows have one.
     pub at: Option<AtColumn>,
-    /// Of the plane, in metres.
+    /// Height of the plane above the floor, in metres.
     pub height: f64,
-    /// In which detections are made.
+    /// Stream of the detections.
     pub stream: Stream,
-    /// For messages.
+    /// Style of option names in messages.
     pub wording: Wording,
 }
 
-/// Which calibration every row has; the number of calibrations is none of them.
+/// Indices of the calibrations of the rows. A row without a calibration has the number of calibrations as its index.
 pub(crate) enum Choice {
     All(u32),
     Rows(Vec<u32>),
 }
 
 impl Calibration {
-    fn of(site: &Site, entry: &SiteCamera, wanted: &Wanted) -> Result<Self, TableError> {
+    fn new(site: &Site, entry: &SiteCamera, wanted: &CalibrationRequest) -> Result<Self, TableError> {
         let camera = site.camera_for_use(entry).ok_or_else(|| {
             let why =
                 entry.error.as_ref().map_or_else(|| "only its lens is known".into(), ToString::to_string);
             TableError::Unsolved(format!("camera \"{}\" is not calibrated: {why}", entry.id))
         })?;
         let period = entry.period_ns().map_err(|error| TableError::Invalid(error.to_string()))?;
-        let stream = map_of(wanted, entry)?;
+        let stream = stream_map(wanted, entry)?;
         let (from, to) = (entry.valid_from.clone(), entry.valid_to.clone());
         Ok(Self {
             projector: FloorProjector::new(&camera, wanted.height),
             stream,
             size: entry.size(),
             efov: site.efov_on_floor(entry),
-            entry: Entry { camera: entry.id.clone(), from, to, period },
+            entry: CalibrationPeriod { camera: entry.id.clone(), from, to, period },
         })
     }
 
@@ -141,30 +142,30 @@ impl Calibration {
 }
 
 impl Calibrations {
-    /// The calibrations that are wanted; a camera that is not calibrated among them is told.
+    /// Collects the requested calibrations. Cameras that are not calibrated are reported in [`Self::notes`].
     ///
     /// # Errors
-    /// When none of them is calibrated, when a time is needed to tell them apart, and when the stream does not go
-    /// with a still.
-    pub fn of(site: &Site, sha256: String, wanted: Wanted) -> Result<Self, TableError> {
+    ///
+    /// Fails if no requested camera is calibrated, or if the stream does not match an image. Also fails if a camera has several periods but the rows have no time.
+    pub fn from_site(site: &Site, sha256: String, wanted: CalibrationRequest) -> Result<Self, TableError> {
         let mut notes = Vec::new();
         let is_wanted = |entry: &&SiteCamera| match &wanted.camera {
-            ByCamera::Only(id) => entry.id == *id,
-            ByCamera::Column(_) => true,
+            CameraSource::Only(id) => entry.id == *id,
+            CameraSource::Column(_) => true,
         };
         if site.cameras.iter().any(SiteCamera::is_placed) {
             let loose =
                 site.cameras.iter().filter(is_wanted).filter(|c| c.camera().is_some() && !c.is_placed());
             for entry in loose {
                 notes.push(format!(
-                    "camera \"{}\" is not placed: its metres are from its own foot, not of the site",
+                    "camera \"{}\" is not placed: its coordinates are relative to the floor point below it, not to the site",
                     entry.id
                 ));
             }
         }
         let (mut list, mut refused) = (Vec::new(), None);
         for entry in site.cameras.iter().filter(is_wanted) {
-            match Calibration::of(site, entry, &wanted) {
+            match Calibration::new(site, entry, &wanted) {
                 Ok(calibration) => list.push(calibration),
                 Err(TableError::Unsolved(why)) => {
                     notes.extend(refused.replace(why));
@@ -191,12 +192,23 @@ impl Calibrations {
             );
             return Err(TableError::Usage(what));
         }
-        let Wanted { camera, at, wording, .. } = wanted;
-        let (lost, planes) = (BTreeMap::new(), Planes::of(site));
-        Ok(Self { list, planes, of_camera, camera, at, sha256, wording, notes, lost, lost_more: 0 })
+        let CalibrationRequest { camera, at, wording, .. } = wanted;
+        let (lost, planes) = (BTreeMap::new(), Planes::from_site(site));
+        Ok(Self {
+            list,
+            planes,
+            by_camera: of_camera,
+            camera,
+            at,
+            sha256,
+            wording,
+            notes,
+            uncalibrated: lost,
+            uncalibrated_others: 0,
+        })
     }
 
-    /// What the output says of them, beside what the input said.
+    /// Returns the metadata of the output: the calibrations, in addition to the input's metadata.
     pub(crate) fn describe(&self, schema: &Schema) -> HashMap<String, String> {
         let mut about = schema.metadata().clone();
         let mut put = |key: &str, value: String| about.insert(format!("calib.{key}"), value);
@@ -214,47 +226,47 @@ impl Calibrations {
         about
     }
 
-    /// Which calibration every row of a batch has.
+    /// Selects the calibration of every row of a batch.
     pub(crate) fn choose(
         &mut self,
         batch: &RecordBatch,
-        place: Place<'_>,
+        place: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Choice, TableError> {
         let times = self.times(batch, place, bad)?;
         self.choose_at(batch, times.as_deref())
     }
 
-    /// The times of all rows, where there is a column of them.
+    /// Reads the times of all rows, if there is a column of times.
     pub(crate) fn times(
         &self,
         batch: &RecordBatch,
-        place: Place<'_>,
+        place: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Option<Vec<Option<i64>>>, TableError> {
         self.at.as_ref().map(|at| at.times(batch, place, bad)).transpose()
     }
 
-    /// Which calibration every row of a batch has, whose rows are of these times.
+    /// Selects the calibration of every row of a batch, given the times of the rows.
     pub(crate) fn choose_at(
         &mut self,
         batch: &RecordBatch,
         times: Option<&[Option<i64>]>,
     ) -> Result<Choice, TableError> {
-        if let (ByCamera::Only(_), None) = (&self.camera, &times) {
+        if let (CameraSource::Only(_), None) = (&self.camera, &times) {
             return Ok(Choice::All(0));
         }
         let ids = match &self.camera {
-            ByCamera::Only(_) => None,
-            ByCamera::Column(name) => Some(ids(batch, name, self.wording)?),
+            CameraSource::Only(_) => None,
+            CameraSource::Column(name) => Some(ids(batch, name, self.wording)?),
         };
         let only = match &self.camera {
-            ByCamera::Only(id) => id.clone(),
-            ByCamera::Column(_) => String::new(),
+            CameraSource::Only(id) => id.clone(),
+            CameraSource::Column(_) => String::new(),
         };
         let none = self.list.len() as u32;
         let mut rows = Vec::with_capacity(batch.num_rows());
-        // Rows of a camera often follow each other.
+        // Consecutive rows often belong to the same camera.
         let mut last: Option<(&str, &[u32])> = None;
         for row in 0..batch.num_rows() {
             let id = match &ids {
@@ -264,7 +276,7 @@ impl Calibrations {
             };
             let periods = match last {
                 Some((before, periods)) if before == id => periods,
-                _ => self.of_camera.get(id).map_or(&[][..], Vec::as_slice),
+                _ => self.by_camera.get(id).map_or(&[][..], Vec::as_slice),
             };
             last = Some((id, periods));
             let found = match &times {
@@ -275,12 +287,12 @@ impl Calibrations {
                 }),
             };
             if found.is_none() {
-                if let Some(count) = self.lost.get_mut(id) {
+                if let Some(count) = self.uncalibrated.get_mut(id) {
                     *count += 1;
-                } else if self.lost.len() < MOST_LOST {
-                    self.lost.insert(id.to_owned(), 1);
+                } else if self.uncalibrated.len() < MAX_UNCALIBRATED_IDS {
+                    self.uncalibrated.insert(id.to_owned(), 1);
                 } else {
-                    self.lost_more += 1;
+                    self.uncalibrated_others += 1;
                 }
             }
             rows.push(found.copied().unwrap_or(none));
@@ -288,7 +300,7 @@ impl Calibrations {
         Ok(Choice::Rows(rows))
     }
 
-    /// The calibrated cameras, every period by itself, in the order of their indices.
+    /// Returns the calibrated cameras in the order of their indices, each period separately.
     pub fn cameras(&self) -> impl Iterator<Item = TableCamera<'_>> {
         self.list.iter().map(|calibration| TableCamera {
             id: &calibration.entry.camera,
@@ -298,53 +310,53 @@ impl Calibrations {
         })
     }
 
-    /// The corners of what each of them covers of the floor, in metres.
+    /// Returns the corners of each camera's EFOV on the floor, in metres.
     pub fn efovs(&self) -> impl Iterator<Item = &[FloorPoint]> {
         self.list.iter().map(|calibration| calibration.efov.as_slice())
     }
 
-    /// What is to be said of the cameras, before rows are mapped.
+    /// Returns messages about the cameras, before rows are mapped.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
 
-    /// What is to be said of the rows that had no calibration.
+    /// Returns messages about the rows without a calibration.
     #[must_use]
-    pub fn lost(&self) -> Vec<String> {
-        const MOST: usize = 5;
+    pub fn uncalibrated_notes(&self) -> Vec<String> {
+        const MAX_IDS: usize = 5;
         let mut notes = Vec::new();
-        for (id, count) in self.lost.iter().take(MOST) {
-            let why = if self.of_camera.contains_key(id) {
-                "are at times at which no calibration holds"
+        for (id, count) in self.uncalibrated.iter().take(MAX_IDS) {
+            let why = if self.by_camera.contains_key(id) {
+                "have times without a valid calibration"
             } else {
-                "are of a camera that has no calibration"
+                "have no calibration"
             };
             notes.push(format!("{count} rows of camera \"{id}\" {why}: status no-calibration"));
         }
-        let more = self.lost_more + self.lost.values().skip(MOST).sum::<u64>();
+        let more = self.uncalibrated_others + self.uncalibrated.values().skip(MAX_IDS).sum::<u64>();
         if more > 0 {
-            notes.push(format!("and {more} rows of other cameras; is that the column of cameras?"));
+            notes.push(format!("and {more} rows of other cameras; check the name of the camera column"));
         }
         notes
     }
 }
 
-/// Where the pixels of the stream lie in the still of a camera.
-fn map_of(wanted: &Wanted, entry: &SiteCamera) -> Result<StreamMap, TableError> {
+/// Returns the mapping between the stream and the image of a camera.
+fn stream_map(wanted: &CalibrationRequest, entry: &SiteCamera) -> Result<StreamMap, TableError> {
     wanted.stream.map(entry.size()).map_err(|why| {
         let (id, said) = (&entry.id, wanted.wording.name("stream-size"));
         TableError::Usage(match (why, wanted.wording) {
             (StreamError::Proportion { size: [w, h], shown: [sw, sh] }, Wording::Flags) => format!(
-                "{said} {w}x{h}: the sides of camera \"{id}\", {sw} x {sh} pixels, are in another proportion; say \
-                 how the image was fitted, with --stream-fit stretch or --stream-fit letterbox"
+                "{said} {w}x{h}: camera \"{id}\" has another aspect ratio ({sw} x {sh} pixels); choose \
+                 --stream-fit stretch or --stream-fit letterbox"
             ),
             (why, _) => format!("{said}: camera \"{id}\": {why}"),
         })
     })
 }
 
-/// The ids in a column: text, numbers, or a dictionary of either.
+/// Reads a column of ids: text, numbers, or a dictionary of either.
 fn ids(batch: &RecordBatch, name: &str, wording: Wording) -> Result<StringArray, TableError> {
     let asked = wording.with("camera-column", name);
     let found = column(batch, name).ok_or_else(|| {

@@ -1,6 +1,7 @@
-//! What columns hold as the few types that are computed with: doubles, whole numbers, text, nanoseconds.
+//! Conversion of columns to the few types used for computing: doubles, integers, text, nanoseconds.
 //!
-//! Arrow's own `cast` makes every type of every other, and weighs more than all that a table is mapped by.
+//! Arrow's own `cast` converts between all types, and its code is larger than the rest of this crate with its
+//! dependencies.
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
@@ -14,7 +15,7 @@ use arrow_cast::display::{ArrayFormatter, FormatOptions};
 use arrow_schema::{ArrowError, DataType, TimeUnit};
 use arrow_select::take::take;
 
-/// Numbers of any type as doubles; none where the column is of something else.
+/// Converts numbers of any type to doubles; `None` for a column of another type.
 pub(crate) fn doubles(column: &ArrayRef) -> Option<Float64Array> {
     fn each<T: ArrowPrimitiveType>(column: &ArrayRef, value: impl Fn(T::Native) -> f64) -> Float64Array {
         column.as_primitive::<T>().unary(value)
@@ -51,7 +52,8 @@ pub(crate) fn doubles(column: &ArrayRef) -> Option<Float64Array> {
     })
 }
 
-/// Whole numbers of any type; none where the column is of something else, and null where one has no room.
+/// Converts integers of any type; `None` for a column of another type. Values that exceed 64 bits become
+/// null.
 pub(crate) fn whole_numbers(column: &ArrayRef) -> Option<Int64Array> {
     fn each<T: ArrowPrimitiveType<Native: Into<i64>>>(column: &ArrayRef) -> Int64Array {
         column.as_primitive::<T>().unary(Into::into)
@@ -69,8 +71,8 @@ pub(crate) fn whole_numbers(column: &ArrayRef) -> Option<Int64Array> {
     })
 }
 
-/// Times and dates as nanoseconds since 1970; none where the column is of something else, and null where one has
-/// no room.
+/// Converts times and dates to nanoseconds since 1970; `None` for a column of another type. Values that
+/// exceed 64 bits become null.
 pub(crate) fn nanoseconds(column: &ArrayRef) -> Option<Int64Array> {
     const DAY: i64 = 86_400_000_000_000;
     fn each<T: ArrowPrimitiveType<Native: Into<i64>>>(column: &ArrayRef, unit: i64) -> Int64Array {
@@ -87,7 +89,7 @@ pub(crate) fn nanoseconds(column: &ArrayRef) -> Option<Int64Array> {
     })
 }
 
-/// Values as text, as they are printed; an error where they are lists or records.
+/// Converts values to their printed text; fails for lists and records.
 pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
     fn utf8(bytes: Option<&[u8]>) -> Option<&str> {
         str::from_utf8(bytes?).ok()
@@ -121,7 +123,7 @@ pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
     })
 }
 
-/// The values of runs, one a row.
+/// Expands run-length encoded values to one per row.
 fn expanded<E: RunEndIndexType>(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     let runs = column.as_run::<E>();
     let of_row = (0..runs.len()).map(|row| runs.get_physical_index(row) as u64);
@@ -140,7 +142,7 @@ mod tests {
     use super::*;
 
     fn printed(column: ArrayRef) -> Vec<Option<String>> {
-        let texts = texts(&column).expect("values that are printed");
+        let texts = texts(&column).expect("values can be printed");
         texts.iter().map(|text| text.map(str::to_owned)).collect()
     }
 
@@ -149,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn every_type_of_number_is_a_double() {
+    fn all_number_types_convert_to_doubles() {
         let decimals = Decimal128Array::from(vec![Some(150), None, Some(-25)]);
         let decimals: ArrayRef = Arc::new(decimals.with_precision_and_scale(5, 2).expect("a decimal"));
         let expected = Float64Array::from(vec![Some(1.5), None, Some(-0.25)]);
@@ -164,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_room_is_null() {
+    fn values_beyond_64_bits_are_null() {
         let huge: ArrayRef = Arc::new(UInt64Array::from(vec![7, u64::MAX]));
         assert_eq!(whole_numbers(&huge), Some(Int64Array::from(vec![Some(7), None])));
         let late: ArrayRef = Arc::new(TimestampSecondArray::from(vec![1, i64::MAX]));
@@ -174,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn ids_of_every_type_are_text() {
+    fn ids_of_all_types_convert_to_text() {
         assert_eq!(printed(Arc::new(Int64Array::from(vec![-1, 2, 30]))), some(["-1", "2", "30"]));
         let named: DictionaryArray<Int8Type> = ["door", "hall", "door"].into_iter().collect();
         assert_eq!(printed(Arc::new(named)), some(["door", "hall", "door"]));

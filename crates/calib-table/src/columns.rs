@@ -1,4 +1,4 @@
-//! Columns of a table as numbers and times, and what becomes of cells that are neither.
+//! Columns of a table as numbers and times, and the handling of invalid cells.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -11,73 +11,73 @@ use crate::json_text::{is_json, plain};
 use crate::table_error::TableError;
 use crate::wording::Wording;
 
-/// Says which row of a batch is meant.
-pub type Place<'a> = &'a dyn Fn(usize) -> String;
+/// Function that names a row of a batch, for messages.
+pub type RowName<'a> = &'a dyn Fn(usize) -> String;
 
-/// What becomes of a row that is not whole, or with a cell that is no number, or no time.
+/// Handling of incomplete rows, and of cells that are not a number or not a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum BadRows {
-    /// The run ends and writes nothing
+    /// The run stops and writes nothing
     Fail,
-    /// Its status says so: missing without a number and where it is not whole, no-calibration without a time
+    /// The row gets a status: missing if it is incomplete or has no number, no-calibration if it has no time
     Status,
 }
 
-/// Cells that are no numbers and no times.
+/// Handling and counts of invalid cells and rows.
 #[derive(Debug)]
 pub struct BadCells {
     rows: BadRows,
     count: AtomicU64,
-    /// Rows that are not whole.
-    broken: AtomicU64,
+    /// Number of incomplete rows.
+    incomplete: AtomicU64,
     wording: Wording,
 }
 
 impl BadCells {
-    /// None yet; what becomes of those that are met.
+    /// Creates the counters, with the handling of invalid rows.
     #[must_use]
     pub const fn new(rows: BadRows, wording: Wording) -> Self {
-        Self { rows, count: AtomicU64::new(0), broken: AtomicU64::new(0), wording }
+        Self { rows, count: AtomicU64::new(0), incomplete: AtomicU64::new(0), wording }
     }
 
     pub(crate) const fn wording(&self) -> Wording {
         self.wording
     }
 
-    /// One more; an error where they end the run.
-    fn met(&self, place: &str, column: &str, found: &str, expected: &str) -> Result<(), TableError> {
+    /// Counts an invalid cell, or returns an error if invalid rows stop the run.
+    fn count_cell(&self, place: &str, column: &str, found: &str, expected: &str) -> Result<(), TableError> {
         if self.rows == BadRows::Status {
             self.count.fetch_add(1, Ordering::Relaxed);
             return Ok(());
         }
         Err(TableError::Invalid(format!(
-            "{place}, column {column}: found \"{found}\", expected {expected}; {} goes on with the others",
+            "{place}, column {column}: found \"{found}\", expected {expected}; use {} to continue",
             self.wording.with("bad-rows", "status")
         )))
     }
 
-    /// Another row that is not whole.
+    /// Counts an incomplete row.
     pub(crate) fn met_broken(&self) {
-        self.broken.fetch_add(1, Ordering::Relaxed);
+        self.incomplete.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// What is to be said of them, if there were any.
+    /// Returns messages about the invalid cells and rows.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
-        let whole = "are not whole (too few or too many cells, no JSON object, or not UTF-8)";
+        let whole = "are incomplete (wrong number of cells, not a JSON object, or not UTF-8)";
         let told = [
-            (&self.broken, format!("rows {whole}: they have")),
-            (&self.count, "cells are no numbers or no times: their rows have".to_owned()),
+            (&self.incomplete, format!("rows {whole}: their status is")),
+            (&self.count, "cells are not numbers or times: the status of their rows is".to_owned()),
         ];
         let met = told.into_iter().map(|(count, what)| (count.load(Ordering::Relaxed), what));
         met.filter(|(count, _)| *count > 0)
-            .map(|(count, what)| format!("{count} {what} the status missing or no-calibration"))
+            .map(|(count, what)| format!("{count} {what} missing or no-calibration"))
             .collect()
     }
 }
 
-/// The column of a name, as plain text where it holds JSON.
+/// Returns the column with a name; JSON values become plain text.
 pub(crate) fn column(batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
     let schema = batch.schema();
     let (index, field) = schema.column_with_name(name)?;
@@ -85,24 +85,24 @@ pub(crate) fn column(batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
     Some(if is_json(field) { plain(column) } else { column.clone() })
 }
 
-/// The names of all columns, as they are said.
+/// Lists the names of all columns, for messages.
 pub(crate) fn names(batch: &RecordBatch) -> String {
     let schema = batch.schema();
     schema.fields().iter().map(|field| field.name().as_str()).collect::<Vec<_>>().join(",")
 }
 
-/// Columns of numbers, NaN where there is none.
+/// Reads columns of numbers; missing values are NaN.
 pub(crate) fn numbers<const N: usize>(
     batch: &RecordBatch,
     wanted: [&str; N],
     expected: &str,
-    place: Place<'_>,
+    place: RowName<'_>,
     bad: &BadCells,
 ) -> Result<[Vec<f64>; N], TableError> {
     let mut found = [const { Vec::new() }; N];
     for (values, name) in found.iter_mut().zip(wanted) {
         let Some(column) = column(batch, name) else {
-            // The columns of CSV are in its header; JSON has them line by line.
+            // CSV has its columns in the header line; JSON has them in each line.
             let is_csv = batch.num_rows() == 0
                 || place(0).starts_with("line") && !batch.schema().fields().iter().any(|f| is_json(f));
             let place = if is_csv { "line 1".into() } else { place(0) };
@@ -114,7 +114,12 @@ pub(crate) fn numbers<const N: usize>(
     Ok(found)
 }
 
-fn doubles(column: &ArrayRef, name: &str, place: Place<'_>, bad: &BadCells) -> Result<Vec<f64>, TableError> {
+fn doubles(
+    column: &ArrayRef,
+    name: &str,
+    place: RowName<'_>,
+    bad: &BadCells,
+) -> Result<Vec<f64>, TableError> {
     let refused = || {
         TableError::Invalid(format!(
             "column {name}: found values of type {}, expected numbers",
@@ -132,7 +137,7 @@ fn doubles(column: &ArrayRef, name: &str, place: Place<'_>, bad: &BadCells) -> R
         kind if is_text(kind) => {
             let texts = texts(column).map_err(|_| refused())?;
             let number = |text: &str| text.parse().ok();
-            let parsed = parsed(&texts, name, place, bad, "a number", number)?;
+            let parsed = parse_cells(&texts, name, place, bad, "a number", number)?;
             Ok(parsed.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect())
         }
         _ => Err(refused()),
@@ -143,11 +148,11 @@ fn is_text(kind: &DataType) -> bool {
     matches!(kind, DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View | DataType::Dictionary(..))
 }
 
-/// The cells of a column of text as values; none where there is no text, or not such a one.
-fn parsed<T>(
+/// Parses the cells of a text column; empty and invalid cells are `None`.
+fn parse_cells<T>(
     texts: &StringArray,
     name: &str,
-    place: Place<'_>,
+    place: RowName<'_>,
     bad: &BadCells,
     expected: &str,
     value: impl Fn(&str) -> Option<T>,
@@ -157,13 +162,13 @@ fn parsed<T>(
         None | Some("") => Ok(None),
         Some(text) => match value(text) {
             Some(value) => Ok(Some(value)),
-            None => bad.met(&place(row), name, text, expected).map(|()| None),
+            None => bad.count_cell(&place(row), name, text, expected).map(|()| None),
         },
     });
     parsed.collect()
 }
 
-/// What numbers of a column of times count, from 1970-01-01 UTC.
+/// Unit of numbers in a column of times, counted from 1970-01-01 UTC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum AtUnit {
@@ -178,15 +183,15 @@ pub enum AtUnit {
 }
 
 impl AtUnit {
-    /// Columns of numbers have their unit in their name: `at_s`, `time_ms`.
-    fn of_name(name: &str) -> Option<Self> {
+    /// Returns the unit at the end of a column's name: `at_s`, `time_ms`.
+    fn from_column_name(name: &str) -> Option<Self> {
         let (_, unit) = name.rsplit_once('_')?;
-        Self::named(&unit.to_ascii_lowercase())
+        Self::from_name(&unit.to_ascii_lowercase())
     }
 
-    /// The one of this name: s, ms, us or ns.
+    /// Returns the unit with this name: s, ms, us or ns.
     #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "s" => Self::S,
             "ms" => Self::Ms,
@@ -205,21 +210,22 @@ impl AtUnit {
         }
     }
 
-    /// Whole numbers as they are: a double has no nanoseconds of this century.
+    /// Parses a time. Integers are parsed exactly, because a double cannot resolve nanoseconds since 1970.
     fn time(self, number: &str) -> Option<i64> {
         let whole = number.parse::<i64>().ok().and_then(|number| number.checked_mul(self.nanoseconds()));
-        whole.or_else(|| self.of_double(number.parse().ok()?))
+        whole.or_else(|| self.time_from_double(number.parse().ok()?))
     }
 
-    fn of_double(self, number: f64) -> Option<i64> {
-        // Whole units and their parts by themselves: their product has more digits than a double.
+    fn time_from_double(self, number: f64) -> Option<i64> {
+        // The whole units and the fraction are converted separately, because their sum in nanoseconds has
+        // more digits than a double.
         let in_range = (number * self.nanoseconds() as f64).abs() < i64::MAX as f64;
         let parts = (number.fract() * self.nanoseconds() as f64).round() as i64;
         (number.trunc() as i64).checked_mul(self.nanoseconds())?.checked_add(parts).filter(|_| in_range)
     }
 }
 
-/// The column that says when a row was.
+/// Column with the time of each row.
 #[derive(Clone, Debug)]
 pub struct AtColumn {
     name: String,
@@ -228,37 +234,41 @@ pub struct AtColumn {
 }
 
 impl AtColumn {
-    /// The column of a name; numbers in it count in the unit, or in that of its name.
+    /// Creates a column of times. Numbers count in `unit`, or otherwise in the unit at the end of the name.
     #[must_use]
     pub fn new(name: String, unit: Option<AtUnit>, wording: Wording) -> Self {
-        let unit = unit.or_else(|| AtUnit::of_name(&name));
+        let unit = unit.or_else(|| AtUnit::from_column_name(&name));
         Self { name, unit, wording }
     }
 
-    fn asked(&self) -> String {
+    fn option_text(&self) -> String {
         self.wording.with("at-column", &self.name)
     }
 
-    /// Times as nanoseconds since 1970; times without an offset count as UTC.
+    /// Reads times as nanoseconds since 1970; times without an offset are UTC.
     pub(crate) fn times(
         &self,
         batch: &RecordBatch,
-        place: Place<'_>,
+        place: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Vec<Option<i64>>, TableError> {
         let name = &self.name;
         let column = column(batch, name).ok_or_else(|| {
-            TableError::Invalid(format!("{}: the table has the columns \"{}\"", self.asked(), names(batch)))
+            TableError::Invalid(format!(
+                "{}: the table has the columns \"{}\"",
+                self.option_text(),
+                names(batch)
+            ))
         })?;
         if let Some(exact) = nanoseconds(&column) {
             return Ok(exact.iter().collect());
         }
         match column.data_type() {
-            kind if is_text(kind) => self.of_text(&column, place, bad),
-            kind if kind.is_numeric() => self.of_numbers(&column),
+            kind if is_text(kind) => self.times_from_text(&column, place, bad),
+            kind if kind.is_numeric() => self.times_from_numbers(&column),
             other => Err(TableError::Invalid(format!(
                 "{}: found {other}, expected timestamps, numbers, or text such as 2026-05-01T08:00:00Z",
-                self.asked()
+                self.option_text()
             ))),
         }
     }
@@ -267,10 +277,10 @@ impl AtColumn {
         format!("{} s, ms, us or ns", self.wording.name("at-unit"))
     }
 
-    fn of_text(
+    fn times_from_text(
         &self,
         column: &ArrayRef,
-        place: Place<'_>,
+        place: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Vec<Option<i64>>, TableError> {
         let texts = texts(column)?;
@@ -282,14 +292,14 @@ impl AtColumn {
             Some(_) => "a number or a time such as 2026-05-01T08:00:00Z".to_owned(),
             None => format!("a time such as 2026-05-01T08:00:00Z, or numbers with {}", self.units()),
         };
-        parsed(&texts, &self.name, place, bad, &expected, time)
+        parse_cells(&texts, &self.name, place, bad, &expected, time)
     }
 
-    fn of_numbers(&self, column: &ArrayRef) -> Result<Vec<Option<i64>>, TableError> {
+    fn times_from_numbers(&self, column: &ArrayRef) -> Result<Vec<Option<i64>>, TableError> {
         let Some(unit) = self.unit else {
             return Err(TableError::Invalid(format!(
-                "{}: found {}; say with {} what it counts from 1970",
-                self.asked(),
+                "{}: found {}; give its unit with {}",
+                self.option_text(),
                 column.data_type(),
                 self.units()
             )));
@@ -298,7 +308,7 @@ impl AtColumn {
             return Ok(whole.iter().map(|time| time?.checked_mul(unit.nanoseconds())).collect());
         }
         let doubles = cast::doubles(column);
-        Ok(doubles.iter().flatten().map(|time| unit.of_double(time?)).collect())
+        Ok(doubles.iter().flatten().map(|time| unit.time_from_double(time?)).collect())
     }
 }
 
@@ -308,9 +318,9 @@ mod tests {
 
     #[test]
     fn numbers_count_from_1970_in_the_unit_of_their_name() {
-        assert_eq!(AtUnit::of_name("at_s"), Some(AtUnit::S));
-        assert_eq!(AtUnit::of_name("frame_time_ms"), Some(AtUnit::Ms));
-        assert_eq!(AtUnit::of_name("seconds"), None);
+        assert_eq!(AtUnit::from_column_name("at_s"), Some(AtUnit::S));
+        assert_eq!(AtUnit::from_column_name("frame_time_ms"), Some(AtUnit::Ms));
+        assert_eq!(AtUnit::from_column_name("seconds"), None);
         assert_eq!(AtUnit::S.time("1777622400"), Some(1_777_622_400_000_000_000));
         assert_eq!(AtUnit::Ms.time("1777622400000.5"), Some(1_777_622_400_000_500_000));
         assert_eq!(AtUnit::Ns.time("1777622400123456789"), Some(1_777_622_400_123_456_789));

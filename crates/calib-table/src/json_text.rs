@@ -1,4 +1,4 @@
-//! Columns of JSON values as they were written: Arrow's canonical extension type `arrow.json`.
+//! Columns of unparsed JSON values, as Arrow's canonical extension type `arrow.json`.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -10,19 +10,19 @@ use arrow_schema::{DataType, Field};
 const KEY: &str = "ARROW:extension:name";
 const NAME: &str = "arrow.json";
 
-/// A column of JSON values.
+/// Returns the field of a column of JSON values.
 #[must_use]
 pub fn json_field(name: &str) -> Field {
     Field::new(name, DataType::Utf8, true).with_metadata(HashMap::from([(KEY.to_owned(), NAME.to_owned())]))
 }
 
-/// Whether a column holds JSON values.
+/// Whether a column contains JSON values.
 #[must_use]
 pub fn is_json(field: &Field) -> bool {
     field.data_type() == &DataType::Utf8 && field.metadata().get(KEY).is_some_and(|name| name == NAME)
 }
 
-/// JSON values as plain text: strings without quotes, null as null.
+/// Converts JSON values to plain text: strings without quotes, null as null.
 #[must_use]
 pub fn plain(column: &ArrayRef) -> ArrayRef {
     let values = column.as_string::<i32>();

@@ -1,8 +1,16 @@
-//! Tables of pixels to the floor, and of points of space to pixels, batch by batch: every row by its camera, and by the
-//! calibration that held at its time.
+//! Mapping of tables of detections to the floor, and of 3D points to pixels, in batches of Apache Arrow. Each
+//! row is mapped by the calibration of its camera that is valid at its time.
 //!
-//! This is what `calib project` and `Site.project` of Python do between reading and writing: [`Calibrations`] are those
-//! of a site, a [`Mapping`] says which columns are mapped and how, and gives every batch of Arrow its new columns.
+//! `calib project` and Python's `Site.project` call this crate between reading and writing. [`Calibrations`]
+//! holds the calibrations of a site. A [`Mapping`] selects the columns and adds the results to every batch.
+//!
+//! Files, in the order of the data:
+//! - `cast`, `json_text`: conversion of Arrow and JSON columns to numbers and text
+//! - `columns`: columns of numbers and times, with the handling of invalid cells
+//! - `calibrations`: selection of the calibration of each row
+//! - `mapping`: mapped columns of a table
+//! - `sightings`: sightings of people, for drift detection
+//! - `table_error`, `wording`: errors, and the style of option names in messages
 
 mod wording;
 mod table_error;
@@ -13,8 +21,8 @@ mod calibrations;
 mod mapping;
 mod sightings;
 
-pub use calibrations::{ByCamera, Calibrations, TableCamera, Wanted};
-pub use columns::{AtColumn, AtUnit, BadCells, BadRows, Place};
+pub use calibrations::{CalibrationRequest, Calibrations, CameraSource, TableCamera};
+pub use columns::{AtColumn, AtUnit, BadCells, BadRows, RowName};
 pub use json_text::{is_json, json_field, plain};
 pub use mapping::{Columns, Mapping, Rows, To};
 pub use sightings::{SightingColumns, usual_at_column, usual_camera_column};

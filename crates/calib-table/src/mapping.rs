@@ -1,9 +1,8 @@
-//! How a table is mapped, and the columns that it gets.
+//! Mapping of a table and its output columns.
 //!
-//! The columns of a site with planes besides the floor: on which plane a point is, and how high.
-//!
-//! The columns of standard deviations: the pixel's part, and the calibration's, which is common to all detections
-//! of a camera and must not be averaged away.
+//! A site with planes other than the floor adds the plane and the height of each point. Standard deviations are
+//! added in two parts: one of the pixel and one of the calibration. The latter is common to all detections of
+//! a camera and must not be averaged away.
 
 use std::sync::Arc;
 
@@ -14,14 +13,14 @@ use calib_core::floor::{BoxForm, StreamMap, SurfacePoint};
 use calib_core::{FloorCovariance, Pixel, Status, SurfaceProjector, WorldPoint};
 
 use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
-use crate::columns::{BadCells, Place, names, numbers};
+use crate::columns::{BadCells, RowName, names, numbers};
 use crate::table_error::TableError;
 
-/// Standard deviations and correlation of x and y.
+/// Standard deviations and correlation of x and y, from the pixel and from the calibration.
 const SIGMA_COLUMNS: [&str; 6] =
     ["sigma_x_m", "sigma_y_m", "rho", "calibration_sigma_x_m", "calibration_sigma_y_m", "calibration_rho"];
 
-/// As many columns; NaN where there is no point, or nobody knows.
+/// Values of [`SIGMA_COLUMNS`]; NaN for a missing point or an unknown uncertainty.
 pub(crate) struct Sigmas([Vec<f64>; SIGMA_COLUMNS.len()]);
 
 impl Sigmas {
@@ -29,9 +28,10 @@ impl Sigmas {
         Self(std::array::from_fn(|_| vec![f64::NAN; rows]))
     }
 
-    /// Of the points that pixels of the still show, each known to so many pixels of the stream; `covariance` is
-    /// that of the point of a row, for a pixel known to so many pixels of the still.
-    pub(crate) fn of(
+    /// Computes the uncertainty of the points at pixels of the image. `sigma` is the standard deviation of a
+    /// pixel of the stream. `covariance` returns the covariance of a row's point, for a standard deviation in
+    /// image pixels.
+    pub(crate) fn from_pixels(
         calibration: &Calibration,
         [u, v]: [&[f64]; 2],
         sigma: f64,
@@ -41,8 +41,8 @@ impl Sigmas {
         let mut sigmas = Self::unknown(u.len());
         for (row, (&u, &v)) in u.iter().zip(v).enumerate() {
             let Some(found) = covariance(row, Pixel { u, v }, sigma) else { continue };
-            let known = found.calibration.map(ellipse);
-            let parts = ellipse(found.pixel).into_iter().chain(known.unwrap_or([f64::NAN; 3]));
+            let known = found.calibration.map(sigmas_and_correlation);
+            let parts = sigmas_and_correlation(found.pixel).into_iter().chain(known.unwrap_or([f64::NAN; 3]));
             put(&mut sigmas.0, row, parts);
         }
         sigmas
@@ -63,32 +63,33 @@ fn put(columns: &mut [Vec<f64>], row: usize, values: impl Iterator<Item = f64>) 
     columns.iter_mut().zip(values).for_each(|(column, value)| column[row] = value);
 }
 
-/// Standard deviations and correlation; no correlation of what is certain.
-fn ellipse([[xx, xy], [_, yy]]: [[f64; 2]; 2]) -> [f64; 3] {
+/// Returns the standard deviations and the correlation of a covariance; the correlation is zero if a variance
+/// is zero.
+fn sigmas_and_correlation([[xx, xy], [_, yy]]: [[f64; 2]; 2]) -> [f64; 3] {
     let [x, y] = [xx, yy].map(|variance| variance.max(0.0).sqrt());
     [x, y, if x > 0.0 && y > 0.0 { (xy / (x * y)).clamp(-1.0, 1.0) } else { 0.0 }]
 }
 
-/// What the height of a point is called, and the plane that it is on.
+/// Names of the columns for the height of a point and the plane that it is on.
 const PLANE_COLUMNS: [&str; 2] = ["z_m", "plane"];
 
-/// Where points are, row by row; nowhere where a pixel shows nothing.
-pub(crate) struct OnPlanes(Vec<Option<SurfacePoint>>);
+/// Points on the floor and on planes, row by row; `None` if a pixel shows neither.
+pub(crate) struct PlanePoints(Vec<Option<SurfacePoint>>);
 
-impl OnPlanes {
-    pub(crate) fn nowhere(rows: usize) -> Self {
+impl PlanePoints {
+    pub(crate) fn missing(rows: usize) -> Self {
         Self(vec![None; rows])
     }
 
-    /// Maps pixels of the still to whichever of the floor and the planes each shows, `height` metres above it.
+    /// Maps image pixels to the first of the floor and the planes that each shows, `height` metres above it.
     pub(crate) fn map(
         calibration: &Calibration,
         planes: &Planes,
         [u, v]: [&[f64]; 2],
         height: f64,
         sigma: Option<f64>,
-    ) -> Mapped {
-        let mut mapped = Mapped::nowhere(u.len(), false, true);
+    ) -> MappedPoints {
+        let mut mapped = MappedPoints::uncalibrated(u.len(), false, true);
         let projector = SurfaceProjector::new(calibration.projector.camera(), height, &planes.surfaces);
         let mut points: Vec<Option<SurfacePoint>> = vec![None; u.len()];
         projector.pixels_to_surfaces(&calibration.extent(), [u, v], &mut points, &mut mapped.status);
@@ -96,11 +97,11 @@ impl OnPlanes {
             (*x, *y) = point.map_or((f64::NAN, f64::NAN), |SurfacePoint { at, .. }| (at.x, at.y));
         }
         mapped.sigmas = sigma.map(|sigma| {
-            Sigmas::of(calibration, [u, v], sigma, |row, pixel, sigma| {
+            Sigmas::from_pixels(calibration, [u, v], sigma, |row, pixel, sigma| {
                 points[row].and_then(|point| projector.covariance(pixel, sigma, point.surface))
             })
         });
-        mapped.on_planes = Some(Self(points));
+        mapped.plane_points = Some(Self(points));
         mapped
     }
 
@@ -108,7 +109,8 @@ impl OnPlanes {
         rows.iter().zip(&some.0).for_each(|(&row, &point)| self.0[row] = point);
     }
 
-    /// The plane of a point of the floor is empty, as both are where there is no point.
+    /// Returns the columns of height and plane. The plane is empty for a point on the floor; both are empty
+    /// for a missing point.
     pub(crate) fn columns(self, planes: &Planes) -> [(&'static str, ArrayRef); 2] {
         let heights: Float64Array = self.0.iter().map(|point| point.map(|point| point.at.z)).collect();
         let mut ids = StringBuilder::new();
@@ -121,21 +123,22 @@ impl OnPlanes {
     }
 }
 
-/// Which way to map.
+/// Direction of the mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum To {
-    /// Columns `u,v` (or the boxes `x,y,w,h`) to `x_m,y_m,status`; of a site whose planes have regions also `z_m` and `plane`, the id of the plane a pixel shows first,
+    /// Columns `u,v` (or the boxes `x,y,w,h`) to `x_m,y_m,status`; if planes of the site have regions, also
+    /// `z_m` and `plane`, the id of the first plane that a pixel shows
     Floor,
     /// Columns `x_m,y_m,z_m` to `u,v,status`
     Pixel,
 }
 
-/// What the pixels of a table are.
+/// Type of the pixels in a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Columns {
-    /// Points if there are `u` and `v`, else boxes
+    /// Points if the columns `u` and `v` exist, otherwise boxes
     Auto,
     /// Points: `u,v`
     Points,
@@ -143,43 +146,44 @@ pub enum Columns {
     Boxes,
 }
 
-/// What its source knows of the rows of a batch.
+/// Information from the source about the rows of a batch.
 #[derive(Clone, Copy)]
 #[expect(missing_debug_implementations, reason = "closures have none")]
 pub struct Rows<'a> {
-    /// Which row of the source is meant.
-    pub place: Place<'a>,
-    /// Whether a row is not whole.
-    pub is_broken: &'a dyn Fn(usize) -> bool,
+    /// Function that names a row, for messages.
+    pub row_name: RowName<'a>,
+    /// Whether a row is incomplete.
+    pub is_incomplete: &'a dyn Fn(usize) -> bool,
 }
 
-/// How a table is mapped.
+/// Options of the mapping of a table.
 #[derive(Debug)]
 pub struct Mapping {
-    /// Which way.
+    /// Direction of the mapping.
     pub to: To,
-    /// What its pixels are.
+    /// Type of the pixels.
     pub columns: Columns,
-    /// Of the plane, in metres, where the table does not say.
+    /// Height of the plane above the floor, in metres, if the table has no heights.
     pub height: f64,
-    /// Standard deviation of a detection, in pixels of its stream; with it, points have theirs.
+    /// Standard deviation of a detection, in pixels of its stream; adds the columns of uncertainty.
     pub sigma: Option<f64>,
-    /// Whether columns that are there are written anew.
+    /// Whether existing columns are replaced.
     pub replaces: bool,
-    /// What becomes of cells that are no numbers and no times.
+    /// Handling of invalid cells.
     pub bad: BadCells,
 }
 
 impl Mapping {
-    /// The batch with the columns that were mapped.
+    /// Adds the mapped columns to a batch.
     ///
     /// # Errors
-    /// When a column is absent, or there already, or has a cell that cannot be read.
+    ///
+    /// Fails if an input column is missing, an output column exists already, or a cell is invalid.
     pub fn map(
         &self,
         batch: &RecordBatch,
         calibrations: &mut Calibrations,
-        Rows { place, is_broken }: Rows<'_>,
+        Rows { row_name: place, is_incomplete: is_broken }: Rows<'_>,
     ) -> Result<RecordBatch, TableError> {
         let mut points = self.points(batch, place)?;
         for row in (0..batch.num_rows()).filter(|&row| is_broken(row)) {
@@ -194,7 +198,7 @@ impl Mapping {
         for (name, column) in mapped.columns(self.to, &calibrations.planes) {
             let field = Arc::new(Field::new(name, column.data_type().clone(), true));
             match schema.index_of(name) {
-                Ok(_) if !self.replaces => return Err(self.taken(batch, name)),
+                Ok(_) if !self.replaces => return Err(self.existing_column_error(batch, name)),
                 Ok(index) => (fields[index], columns[index]) = (field, column),
                 Err(_) => {
                     fields.push(field);
@@ -207,16 +211,16 @@ impl Mapping {
         Ok(RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)?)
     }
 
-    fn taken(&self, batch: &RecordBatch, name: &str) -> TableError {
+    fn existing_column_error(&self, batch: &RecordBatch, name: &str) -> TableError {
         TableError::Invalid(format!(
-            "the table has a column {name} already, among \"{}\"; {} writes it anew, or rename it",
+            "the table already has a column {name}, among \"{}\"; use {} to replace it, or rename it",
             names(batch),
             self.bad.wording().name("replace")
         ))
     }
 
-    /// What is to be mapped: pixels of the stream, or points of space.
-    fn points(&self, batch: &RecordBatch, place: Place<'_>) -> Result<Points, TableError> {
+    /// Reads the input points: pixels of the stream, or 3D points.
+    fn points(&self, batch: &RecordBatch, place: RowName<'_>) -> Result<Points, TableError> {
         let schema = batch.schema();
         let has = |name: &str| schema.column_with_name(name).is_some();
         if self.to == To::Pixel {
@@ -237,13 +241,13 @@ impl Mapping {
         Ok(Points { a, b, c: Vec::new() })
     }
 
-    fn pixels(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], TableError> {
+    fn pixels(&self, batch: &RecordBatch, place: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
         let expected = if self.columns == Columns::Auto { "u,v or x,y,w,h" } else { "u,v" };
         numbers(batch, ["u", "v"], expected, place, &self.bad)
     }
 
-    /// The middles of the lower edges of boxes.
-    fn feet(&self, batch: &RecordBatch, place: Place<'_>) -> Result<[Vec<f64>; 2], TableError> {
+    /// Computes the middles of the lower edges of boxes.
+    fn feet(&self, batch: &RecordBatch, place: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
         let names = ["x", "y", "w", "h"];
         let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", place, &self.bad)?;
         for row in 0..x.len() {
@@ -253,26 +257,26 @@ impl Mapping {
     }
 }
 
-/// What is to be mapped, column by column; NaN where there is nothing.
+/// Input points, column by column; NaN for missing values.
 struct Points {
     a: Vec<f64>,
     b: Vec<f64>,
-    /// Heights, of points of space.
+    /// Heights of 3D points; empty for pixels.
     c: Vec<f64>,
 }
 
-/// What was mapped, column by column.
-pub(crate) struct Mapped {
+/// Mapped points, column by column.
+pub(crate) struct MappedPoints {
     pub(crate) x: Vec<f64>,
     pub(crate) y: Vec<f64>,
     pub(crate) status: Vec<Status>,
     pub(crate) sigmas: Option<Sigmas>,
-    /// Of a site with planes besides the floor.
-    pub(crate) on_planes: Option<OnPlanes>,
+    /// Points on planes, for a site with planes other than the floor.
+    pub(crate) plane_points: Option<PlanePoints>,
 }
 
 impl Points {
-    fn mapped(&self, mapping: &Mapping, calibrations: &Calibrations, choice: &Choice) -> Mapped {
+    fn mapped(&self, mapping: &Mapping, calibrations: &Calibrations, choice: &Choice) -> MappedPoints {
         let chosen = match choice {
             Choice::All(index) => {
                 return self.map(mapping, &calibrations.list[*index as usize], &calibrations.planes);
@@ -280,19 +284,19 @@ impl Points {
             Choice::Rows(chosen) => chosen,
         };
         let on_planes = mapping.to == To::Floor && !calibrations.planes.ids.is_empty();
-        let mut all = Mapped::nowhere(self.a.len(), mapping.sigma.is_some(), on_planes);
+        let mut all = MappedPoints::uncalibrated(self.a.len(), mapping.sigma.is_some(), on_planes);
         let mut of_each = vec![Vec::new(); calibrations.list.len() + 1];
         for (row, &index) in chosen.iter().enumerate() {
             of_each[index as usize].push(row);
         }
         let used = calibrations.list.iter().zip(&of_each).filter(|(_, rows)| !rows.is_empty());
         for (calibration, rows) in used {
-            all.put(rows, &self.some(rows).map(mapping, calibration, &calibrations.planes));
+            all.put(rows, &self.select_rows(rows).map(mapping, calibration, &calibrations.planes));
         }
         all
     }
 
-    fn some(&self, rows: &[usize]) -> Self {
+    fn select_rows(&self, rows: &[usize]) -> Self {
         let pick = |values: &[f64]| match values {
             [] => Vec::new(),
             _ => rows.iter().map(|&row| values[row]).collect(),
@@ -300,15 +304,15 @@ impl Points {
         Self { a: pick(&self.a), b: pick(&self.b), c: pick(&self.c) }
     }
 
-    /// All of them with one calibration.
-    fn map(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> Mapped {
+    /// Maps all points with one calibration.
+    fn map(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> MappedPoints {
         match mapping.to {
             To::Floor => self.to_floor(mapping, calibration, planes),
             To::Pixel => self.to_pixels(calibration),
         }
     }
 
-    fn to_floor(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> Mapped {
+    fn to_floor(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> MappedPoints {
         let stream = calibration.stream;
         let in_still = |axis, values: &[f64]| -> Vec<f64> {
             values.iter().map(|&value| stream.in_still(axis, value)).collect()
@@ -316,22 +320,22 @@ impl Points {
         let scaled = (stream != StreamMap::STILL).then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
         let [u, v] = scaled.as_ref().map_or([&self.a, &self.b], |[u, v]| [u, v]);
         if !planes.ids.is_empty() {
-            return OnPlanes::map(calibration, planes, [u, v], mapping.height, mapping.sigma);
+            return PlanePoints::map(calibration, planes, [u, v], mapping.height, mapping.sigma);
         }
-        let mut mapped = Mapped::nowhere(self.a.len(), false, false);
-        let Mapped { x, y, status, .. } = &mut mapped;
+        let mut mapped = MappedPoints::uncalibrated(self.a.len(), false, false);
+        let MappedPoints { x, y, status, .. } = &mut mapped;
         calibration.projector.pixels_to_floor_within(&calibration.extent(), [u, v], [x, y], status);
         let camera = calibration.projector.camera();
         mapped.sigmas = mapping.sigma.map(|sigma| {
-            Sigmas::of(calibration, [u, v], sigma, |_, pixel, sigma| {
+            Sigmas::from_pixels(calibration, [u, v], sigma, |_, pixel, sigma| {
                 camera.plane_covariance(pixel, sigma, mapping.height)
             })
         });
         mapped
     }
 
-    fn to_pixels(&self, calibration: &Calibration) -> Mapped {
-        let mut mapped = Mapped::nowhere(self.a.len(), false, false);
+    fn to_pixels(&self, calibration: &Calibration) -> MappedPoints {
+        let mut mapped = MappedPoints::uncalibrated(self.a.len(), false, false);
         let extent = calibration.extent();
         for i in 0..self.a.len() {
             let point = WorldPoint { x: self.a[i], y: self.b[i], z: self.c[i] };
@@ -346,16 +350,16 @@ impl Points {
     }
 }
 
-impl Mapped {
-    /// Rows that no calibration maps.
-    pub(crate) fn nowhere(rows: usize, with_sigmas: bool, on_planes: bool) -> Self {
+impl MappedPoints {
+    /// Creates rows without a calibration.
+    pub(crate) fn uncalibrated(rows: usize, with_sigmas: bool, on_planes: bool) -> Self {
         let nothing = || vec![f64::NAN; rows];
         let sigmas = with_sigmas.then(|| Sigmas::unknown(rows));
-        let on_planes = on_planes.then(|| OnPlanes::nowhere(rows));
-        Self { x: nothing(), y: nothing(), status: vec![Status::NoCalibration; rows], sigmas, on_planes }
+        let plane_points = on_planes.then(|| PlanePoints::missing(rows));
+        Self { x: nothing(), y: nothing(), status: vec![Status::NoCalibration; rows], sigmas, plane_points }
     }
 
-    /// Puts what was mapped of some rows in its places.
+    /// Copies the mapped values of a subset into its rows.
     fn put(&mut self, rows: &[usize], some: &Self) {
         for (i, &row) in rows.iter().enumerate() {
             (self.x[row], self.y[row], self.status[row]) = (some.x[i], some.y[i], some.status[i]);
@@ -363,12 +367,12 @@ impl Mapped {
         if let (Some(all), Some(some)) = (&mut self.sigmas, &some.sigmas) {
             all.put(rows, some);
         }
-        if let (Some(all), Some(some)) = (&mut self.on_planes, &some.on_planes) {
+        if let (Some(all), Some(some)) = (&mut self.plane_points, &some.plane_points) {
             all.put(rows, some);
         }
     }
 
-    /// The columns by their names.
+    /// Returns the output columns with their names.
     fn columns(self, to: To, planes: &Planes) -> Vec<(&'static str, ArrayRef)> {
         let [x, y] = match to {
             To::Floor => ["x_m", "y_m"],
@@ -376,14 +380,18 @@ impl Mapped {
         };
         let status = ("status", status_names(&self.status));
         let sigmas = self.sigmas.into_iter().flat_map(Sigmas::columns);
-        let sigmas = sigmas.map(|(name, values)| (name, known(values)));
-        let on_planes = self.on_planes.into_iter().flat_map(|on| on.columns(planes));
-        [(x, known(self.x)), (y, known(self.y)), status].into_iter().chain(on_planes).chain(sigmas).collect()
+        let sigmas = sigmas.map(|(name, values)| (name, nan_to_null(values)));
+        let on_planes = self.plane_points.into_iter().flat_map(|on| on.columns(planes));
+        [(x, nan_to_null(self.x)), (y, nan_to_null(self.y)), status]
+            .into_iter()
+            .chain(on_planes)
+            .chain(sigmas)
+            .collect()
     }
 }
 
-/// NaN becomes null.
-fn known(values: Vec<f64>) -> ArrayRef {
+/// Converts NaN to null.
+fn nan_to_null(values: Vec<f64>) -> ArrayRef {
     if values.iter().all(|value| !value.is_nan()) {
         return Arc::new(Float64Array::from(values));
     }

@@ -1,19 +1,19 @@
-//! Why a table cannot be mapped.
+//! Error type of this crate.
 
 use std::fmt;
 
 use arrow_schema::ArrowError;
 
-/// Why a table cannot be mapped.
+/// Reason why a table cannot be mapped.
 #[derive(Debug)]
 pub enum TableError {
-    /// What is asked for does not go together.
+    /// Contradictory or incomplete options.
     Usage(String),
-    /// The table is not one that can be mapped.
+    /// Table with invalid content.
     Invalid(String),
-    /// A camera is not calibrated.
+    /// Camera without a calibration.
     Unsolved(String),
-    /// Arrow cannot do it.
+    /// Error of the Arrow library.
     Arrow(ArrowError),
 }
 

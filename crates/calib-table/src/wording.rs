@@ -1,16 +1,16 @@
-//! How options are written where they are asked for.
+//! Style of option names in messages.
 
-/// How options are written where they are asked for.
+/// Style of option names in messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wording {
-    /// On a command line: `--at-column`.
+    /// Command line: `--at-column`.
     Flags,
-    /// In a call: `at_column`.
+    /// Function call: `at_column`.
     Keywords,
 }
 
 impl Wording {
-    /// An option by its name.
+    /// Formats the name of an option.
     pub(crate) fn name(self, option: &str) -> String {
         match self {
             Self::Flags => format!("--{option}"),
@@ -18,7 +18,7 @@ impl Wording {
         }
     }
 
-    /// An option with a value.
+    /// Formats an option with its value.
     pub(crate) fn with(self, option: &str, value: &str) -> String {
         match self {
             Self::Flags => format!("--{option} {value}"),
@@ -32,7 +32,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_option_is_written_as_it_is_asked_for() {
+    fn options_are_formatted_as_flags_or_keywords() {
         assert_eq!(Wording::Flags.with("bad-rows", "status"), "--bad-rows status");
         assert_eq!(Wording::Keywords.with("bad-rows", "status"), "bad_rows=\"status\"");
         assert_eq!(Wording::Keywords.name("at-unit"), "at_unit");

@@ -151,7 +151,7 @@ const CHECKS: &[Check] = &[
     Check {
         name: "the wheel for Python",
         command: &["xtask", "py", "--test"],
-        tools: &[&PYTHON],
+        tools: &[&PYTHON, &JAVA],
         ..OF_BUILT
     },
     Check {
@@ -177,7 +177,7 @@ const CHECKS: &[Check] = &[
         command: &["cargo", "test", "--workspace", "--all-features", "--no-fail-fast"],
         // The cases of properties, too, from one seed; `cargo test` alone draws others every time.
         environment: &[("PROPTEST_RNG_SEED", "1")],
-        tools: &[&PEERS, &ENGINES, &JAVA],
+        tools: &[&PEERS, &ENGINES],
         runs_without: true,
         ..PLAIN
     },

@@ -60,11 +60,11 @@ pub(crate) const PEERS: Tool = python!(
     "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93 pycolmap==4.2.1 PyYAML==6.0.3"
 );
 
-/// `DuckDB` and Spark, for the tests and the benchmark of archives.
+/// `DuckDB`, for the tests and the benchmark of archives.
 pub(crate) const ENGINES: Tool = python!(
     "the engines' Python packages",
     "target/engines-venv",
-    "duckdb==2.0.0 pandas==3.1.1 pyarrow==26.0.1 pyspark==4.3.0"
+    "duckdb==2.0.0 pandas==3.1.1 pyarrow==26.0.1"
 );
 
 /// What builds the wheel, what checks it, and the packages that its users have.
@@ -73,7 +73,7 @@ pub(crate) const PYTHON: Tool = python!(
     "target/python-venv",
     "maturin==1.16.0 numpy==2.4.6 pytest==9.2.0 mypy==2.4.1 twine==6.2.0 auditwheel==6.8.2 matplotlib==3.11.2 \
      nbclient==0.11.0 ipykernel==7.4.0 opencv-python-headless==5.0.0.93 supervision==0.31.2 norfair==2.1.1 \
-     pyarrow==26.0.1 polars==2.1.0 pandas==3.1.0"
+     pyarrow==26.0.1 polars==2.1.0 pandas==3.1.0 pyspark==4.3.0"
 );
 
 /// Ultralytics, with Debian's `PyTorch`: that of `PyPI` is of gigabytes for graphics processors.

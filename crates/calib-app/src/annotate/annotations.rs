@@ -1,6 +1,4 @@
-//! The table of annotations: what was drawn, how well it fits, switches.
-//!
-//! Menu of objects with a usual size, for operators who have measured nothing.
+//! Panel: the table of annotations with residuals and switches, and the menu of usual sizes.
 
 use calib_core::single::{ConstraintKind, KINDS, Known, USUAL_SIZES, UsualSize, line_name, straightness};
 use calib_core::{Annotation, Pixel};
@@ -14,14 +12,14 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field, number};
 
-/// What is chosen in the menu.
+/// Choice in the menu of usual sizes.
 pub(crate) enum SizeChoice {
     Like(&'static UsualSize),
-    /// The size that it has, as if it was measured.
+    /// The current size, as a measured one.
     Measured(Known),
 }
 
-/// The menu of things that an annotation may be like.
+/// Shows the menu of objects with a usual size that suits the annotation.
 pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation) -> Option<SizeChoice> {
     let palette = theme::palette(ui.ctx());
     let constraint = annotation.kind.row().constraint;
@@ -44,15 +42,15 @@ pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation
         }
     })
     .response
-    .on_hover_text("A thing whose size is known about");
+    .on_hover_text("An object of a usual size");
     chosen
 }
 
 fn size(units: Units, usual: &UsualSize) -> String {
-    units.small_and_sigma(usual.size.value, usual.size.sigma.unwrap_or(0.0))
+    units.short_length_and_sigma(usual.size.value, usual.size.sigma.unwrap_or(0.0))
 }
 
-/// What a row asks for.
+/// Request of a row.
 enum Wish {
     Select(usize, usize, bool),
     Toggle(usize),
@@ -62,7 +60,7 @@ enum Wish {
     Sure(usize, Box<Annotation>),
 }
 
-/// The panel.
+/// Shows the panel.
 pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Lines", "residual, px");
     app.hover.lit = None;
@@ -74,7 +72,7 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
         let palette = theme::palette(ui.ctx());
         ui.label(
             RichText::new(
-                "Nothing drawn yet. Shift+P proposes lines; V draws verticals, P parallels, R right angles.",
+                "No lines yet. Shift+P detects lines; V draws verticals, P parallels, R right angles.",
             )
             .color(palette.text2),
         );
@@ -83,15 +81,15 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
     ui.spacing_mut().item_spacing.y = 0.0;
     for row in KINDS {
         let mut letter = 'a';
-        // What has nothing of its own to say stands under one heading with the others of its kind.
+        // Annotations without a name or settings are listed under one heading per kind.
         let (plain, named): (Vec<usize>, Vec<usize>) = (0..annotations.len())
             .filter(|&i| annotations[i].kind == row.kind)
             .partition(|&i| row.is_one_group() && annotations[i].name.is_none());
         let headings = std::iter::once(plain).chain(named.into_iter().map(|index| vec![index]));
         for indices in headings.filter(|indices| !indices.is_empty()) {
             let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
-            let (first, units) = (indices[0], app.editor.session().units);
-            let guess = |line: &[Pixel]| planes::estimated_line(app.editor.session(), line);
+            let (first, units) = (indices[0], app.editor.session().tool.units);
+            let guess = |line: &[Pixel]| planes::estimated_line_length(app.editor.session(), line);
             group(ui, units, &annotations[first], first, (letter, count), guess, &mut wishes);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
             for index in indices {
@@ -138,7 +136,7 @@ fn group(
         ui.label(RichText::new(count.to_string()).color(palette.text3));
         if annotation.at_right_angles_to.is_some() {
             ui.label(RichText::new("square").color(palette.text2))
-                .on_hover_text("at right angles to another direction");
+                .on_hover_text("perpendicular to another direction");
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if row.has_length || row.constraint == ConstraintKind::Upright {
@@ -217,7 +215,7 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
     let painter = ui.painter();
     painter.text(egui::pos2(rect.left() + 24.0, y), Align2::LEFT_CENTER, &name, theme::medium(12.0), text);
     let length: f64 = line.points.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-    let about = if suspect { "set aside".to_owned() } else { format!("{length:.0} px") };
+    let about = if suspect { "rejected".to_owned() } else { format!("{length:.0} px") };
     painter.text(
         egui::pos2(rect.left() + 64.0, y),
         Align2::LEFT_CENTER,
@@ -251,8 +249,8 @@ fn is_in_hand(app: &App, index: usize) -> bool {
     app.editor.session().selection.iter().any(is_own)
 }
 
-/// How far every point of a straight edge in the hand is from straight once the lens is taken out: the bad one is
-/// seen before the line is drawn again.
+/// Shows the deviation of every point of the selected straight edge from a straight line in the undistorted
+/// image. A wrong point can be found this way.
 fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
     let session = app.editor.session();
     let is_own = |part: &Part| match *part {
@@ -279,7 +277,7 @@ fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
     });
 }
 
-/// The box that switches a line on or off; whether it was clicked.
+/// Shows the checkbox of a line; returns whether it was clicked.
 fn switch(ui: &mut Ui, row: Rect, name: &str, mut on: bool) -> bool {
     let place = Rect::from_min_size(row.min + Vec2::new(2.0, 1.0), Vec2::new(18.0, 17.0));
     let check = ui.put(place, egui::Checkbox::without_text(&mut on));
@@ -287,7 +285,7 @@ fn switch(ui: &mut Ui, row: Rect, name: &str, mut on: bool) -> bool {
     check.changed()
 }
 
-/// A bar as long as the residual is large, with a tick at three sigma.
+/// Paints a bar proportional to the residual, with a tick at three sigmas.
 fn bar(ui: &Ui, row: Rect, over_sigma: f64) {
     const WIDTH: f32 = 44.0;
     const MOST: f64 = 4.2;
@@ -306,7 +304,7 @@ fn bar(ui: &Ui, row: Rect, over_sigma: f64) {
 }
 
 fn grant(app: &mut App, wish: Wish) {
-    app.send(Action::Drop);
+    app.send(Action::CancelGesture);
     let drawn = |index: usize| app.editor.session().entry()?.annotations.get(index).cloned();
     let action = match wish {
         Wish::Select(annotation, segment, true) => {
@@ -325,8 +323,8 @@ fn grant(app: &mut App, wish: Wish) {
             annotate(index, measured, "enter a known length")
         }),
         Wish::Usual(index, chosen) => drawn(index)
-            .map(|annotation| annotate(index, with_size(annotation, &chosen), "say what it is like")),
-        Wish::Sure(index, annotation) => Some(annotate(index, *annotation, "say how sure a drawing is")),
+            .map(|annotation| annotate(index, with_size(annotation, &chosen), "choose a usual size")),
+        Wish::Sure(index, annotation) => Some(annotate(index, *annotation, "change \u{b1}")),
         Wish::Height(index, value) => drawn(index).map(|mut annotation| {
             if let Some(height) = &mut annotation.height_m {
                 height.value = value;
@@ -337,7 +335,7 @@ fn grant(app: &mut App, wish: Wish) {
     action.into_iter().for_each(|action| app.send(action));
 }
 
-/// An annotation with the size that was chosen for it, in use.
+/// Returns the annotation with the chosen size, switched on.
 fn with_size(annotation: Annotation, chosen: &SizeChoice) -> Annotation {
     let bare = Annotation { like: None, length_m: None, height_m: None, off: false, ..annotation };
     match chosen {

@@ -1,4 +1,4 @@
-//! The circle that the image of a fisheye fills: found in the picture, entered, or removed.
+//! Panel: the image circle of a fisheye, detected, entered or removed.
 
 use calib_core::{DistortionModel, ImageCircle};
 use calib_editor::Action;
@@ -7,10 +7,10 @@ use egui::{DragValue, RichText, Ui};
 use crate::state::App;
 use crate::theme;
 
-/// Said where the picture has none.
-const NOT_FOUND: &str = "No circle with black around it was found in this picture. It can be entered.";
+/// Note shown if no image circle was detected.
+const NOT_FOUND: &str = "No image circle was detected. Enter its centre and radius.";
 
-/// The row of the camera in hand, if it is a fisheye or has a circle.
+/// Shows the row of the current camera, if it has a fisheye lens or an image circle.
 pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.session().entry() else { return };
@@ -21,16 +21,16 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
     let mut chosen = circle;
     ui.horizontal(|ui| {
         ui.label(RichText::new("Image circle").color(palette.text2))
-            .on_hover_text("The disc in which a fisheye shows the scene; black is around it");
-        if ui.button("Find").on_hover_text("Find it in the picture").clicked() {
+            .on_hover_text("The round area of a fisheye image; black around it");
+        if ui.button("Find").on_hover_text("Detect it in the image").clicked() {
             match found(app) {
                 Some(circle) => chosen = Some(circle),
-                None => app.send(Action::Complain(NOT_FOUND.into())),
+                None => app.send(Action::AddError(NOT_FOUND.into())),
             }
         }
         let inscribed = ImageCircle { u: 0.5 * width, v: 0.5 * height, radius: 0.5 * width.min(height) };
         if circle.is_none() {
-            if ui.button("Enter").on_hover_text("Begin with the largest that is whole").clicked() {
+            if ui.button("Enter").on_hover_text("Start with the largest complete circle").clicked() {
                 chosen = Some(inscribed);
             }
         } else if ui.button("Remove").clicked() {
@@ -50,13 +50,13 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// The circle in the picture of the camera in hand, once that is read.
+/// Returns the circle detected in the current image; `None` until the image is read.
 pub(crate) fn found(app: &App) -> Option<ImageCircle> {
     let name = app.editor.session().entry()?.image.as_deref()?;
     calib_image::image_circle(&app.pictures.ready(name)?.image)
 }
 
-/// Whether the camera in hand has the lens of a fisheye, or is to get one.
+/// Whether the current camera has a fisheye lens, given or to be fitted.
 fn is_fisheye(app: &App) -> bool {
     let session = app.editor.session();
     let lens = session.entry().and_then(|entry| entry.lens.as_ref());

@@ -1,9 +1,9 @@
-//! A still on a canvas: its picture, and what lies on it.
+//! Image canvas: the image of a camera and its overlay.
 
 use std::cell::RefCell;
 
 use calib_core::Pixel;
-use calib_editor::{Icon, OldStill, Pane, Part, TOOLS, hit};
+use calib_editor::{Icon, Pane, Part, ReplacedImage, TOOLS, hit};
 use calib_image::Verdict;
 use egui::{Color32, Painter, Rect, Ui};
 
@@ -13,7 +13,7 @@ use crate::picture::Piece;
 use crate::state::{App, Mode, Place};
 use crate::theme;
 
-/// Paints a still, or says why it is not there.
+/// Paints an image, or the reason why it is missing.
 pub(crate) fn paint(app: &mut App, painter: &Painter, name: Option<&str>, mapping: &Mapping, rect: Rect) {
     let Some(name) = name else { return };
     let images = &app.editor.session().images;
@@ -28,7 +28,7 @@ pub(crate) fn paint(app: &mut App, painter: &Painter, name: Option<&str>, mappin
     painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, theme::regular(12.0), colour);
 }
 
-/// The still that was replaced, over the new one.
+/// Paints the replaced image over the new one.
 pub(crate) fn blend_old(
     app: &mut App,
     painter: &Painter,
@@ -36,29 +36,30 @@ pub(crate) fn blend_old(
     mapping: &Mapping,
     [w, h]: [f64; 2],
 ) {
-    let Some(OldStill { of, image: name, share, .. }) = app.editor.old_still().cloned() else {
+    let Some(ReplacedImage { of, image: name, opacity: share, .. }) = app.editor.replaced_image().cloned()
+    else {
         return;
     };
     let images = &app.editor.session().images;
     let picture = app.pictures.get(painter.ctx(), &name, || images.reader(&name));
-    if let Some(picture) =
-        picture.filter(|_| app.editor.session().site.cameras.get(camera).is_some_and(|entry| of.is_of(entry)))
+    if let Some(picture) = picture
+        .filter(|_| app.editor.session().site.cameras.get(camera).is_some_and(|entry| of.matches(entry)))
     {
         let whole = Piece { low: [0.0, 0.0], size: [w, h], texture: picture.overview.id() };
         whole.paint(painter, mapping, Color32::from_white_alpha((255.0 * share) as u8));
     }
 }
 
-/// What is proposed for a camera, on its own canvas.
+/// Returns the automatic calibration of a camera, to be painted on its own canvas.
 fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
     let is_shown = place == Place::Main && camera == app.editor.session().camera;
     let proposed = app.shown_proposal().filter(|_| is_shown)?;
-    // Of two that explain the edges alike the horizons tell which it is.
-    let is_believed = proposed.verdict != Verdict::None || proposed.alternative.is_some();
+    // If two calibrations explain the edges equally well, their horizons distinguish them.
+    let is_believed = proposed.confidence != Verdict::None || proposed.alternative.is_some();
     Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.hover.lit_group })
 }
 
-/// What lies on the image of a camera.
+/// Returns the overlay of a camera's image.
 pub(crate) fn overlay<'a>(
     app: &'a App,
     ui: &Ui,
@@ -106,9 +107,9 @@ pub(crate) fn overlay<'a>(
             .filter(|(of, _)| *of == camera && place == Place::Main && app.editor.tool().is_idle())
             .map(|(_, family)| family)
             .filter(|family| {
-                app.editor.session().site.cameras.get(camera).is_some_and(|now| family.is_of(now))
+                app.editor.session().site.cameras.get(camera).is_some_and(|now| family.is_current(now))
             }),
-        begun: app.editor.tool().begun(app.editor.session()),
+        begun: app.editor.tool().open_link(app.editor.session()),
         suggested: Vec::new(),
         proposed: ghosts(app, camera, place),
         changed: None,

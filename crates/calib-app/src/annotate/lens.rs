@@ -1,10 +1,10 @@
-//! What is known of the camera in hand: its names, its still, its lens.
+//! Panel: name, image and lens of the current camera.
 
 use calib_core::DistortionModel;
 
 use calib_core::camera::Coefficient;
 
-use calib_editor::{Action, OldStill};
+use calib_editor::{Action, ReplacedImage};
 use calib_site::DistortionEntry;
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
@@ -13,21 +13,21 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
 
-/// The coefficients that are fitted where it is not asked for others.
+/// Coefficients that are fitted by default.
 const USUAL: [Coefficient; 2] = [Coefficient::K1, Coefficient::K2];
 
-/// Where the distortion comes from.
+/// Source of the distortion.
 #[derive(Clone, Debug, PartialEq)]
 enum From {
-    /// As much as the straight edges support.
+    /// Fitted, with as many coefficients as the straight edges support.
     Edges,
-    /// Named coefficients are fitted.
+    /// Fitted, with these coefficients.
     Fitted(Vec<Coefficient>),
-    /// Those of a fisheye are fitted.
+    /// Fitted, with a fisheye model.
     Fisheye,
-    /// Coefficients are given.
+    /// Given coefficients.
     Given,
-    /// Another camera's lens.
+    /// Lens of another camera, by its id.
     Like(String),
 }
 
@@ -65,7 +65,7 @@ impl From {
     }
 }
 
-/// The panel.
+/// Shows the panel.
 pub fn lens_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.session().entry() else { return };
@@ -80,7 +80,7 @@ pub fn lens_ui(app: &mut App, ui: &mut Ui) {
     choices.extend(own_fit);
     choices.extend([From::Fisheye, From::Given]);
     let free = |camera: &&calib_site::SiteCamera| {
-        // A lens is shared with a camera that has one of its own.
+        // Only cameras with a lens entry of their own can be shared from.
         camera.id != id && camera.lens.as_ref().is_none_or(|lens| lens.like.is_none())
     };
     choices.extend(
@@ -149,7 +149,7 @@ fn set(app: &mut App, to: From) {
         session.solved.pose(session.camera).map(|pose| pose.lens).filter(|lens| lens.distortion.is_wide());
     let is_sought = to == From::Fisheye;
     let circle = if is_sought { circle::found(app) } else { None };
-    app.change_lens("change where the lens comes from", |lens| {
+    app.change_lens("change the lens source", |lens| {
         lens.like = None;
         lens.image_circle_px = lens.image_circle_px.or(circle);
         let bare = DistortionEntry::new(DistortionModel::BrownConrady);
@@ -159,7 +159,7 @@ fn set(app: &mut App, to: From) {
             From::Fisheye => Some(DistortionEntry::new(DistortionModel::KannalaBrandt)),
             From::Given => {
                 let zero = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..bare };
-                // The focal and the principal point of a fisheye came from its edges.
+                // Focal and principal point of a fisheye were fitted to its edges.
                 lens.principal_point_px = wide.map(|lens| lens.principal_point).or(lens.principal_point_px);
                 let focal_px = wide.map(|lens| lens.focal).or(focal);
                 Some(DistortionEntry { fit: None, focal_px, ..current.unwrap_or(zero) })
@@ -172,12 +172,12 @@ fn set(app: &mut App, to: From) {
     });
 }
 
-/// Has the lens fitted to the straight edges.
+/// Requests that the lens is fitted to the straight edges.
 pub fn fit(app: &mut App) {
     set(app, From::Fitted(USUAL.to_vec()));
 }
 
-/// The coefficients that are given, and the focal that they refer to.
+/// Shows the given coefficients, and the focal to which they refer.
 fn coefficients(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());
@@ -204,24 +204,27 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// The still before this one, blended over it, to see whether the camera moved.
+/// Blends the previous image over this one, to show whether the camera moved.
 pub fn old_still(app: &mut App, ui: &mut Ui) {
-    let Some(OldStill { of, mut share, size, .. }) = app.editor.old_still().cloned() else { return };
-    let Some(entry) = app.editor.session().entry().filter(|entry| of.is_of(entry)) else { return };
+    let Some(ReplacedImage { of, opacity: mut share, size, .. }) = app.editor.replaced_image().cloned()
+    else {
+        return;
+    };
+    let Some(entry) = app.editor.session().entry().filter(|entry| of.matches(entry)) else { return };
     let [w, h] = entry.size_px;
     let palette = theme::palette(ui.ctx());
     let (mut done, shown) = (false, share);
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Old still").color(palette.text2));
+        let label = ui.label(RichText::new("Old image").color(palette.text2));
         ui.add(egui::Slider::new(&mut share, 0.0..=1.0).show_value(false)).labelled_by(label.id);
         done = ui.button("Done").clicked();
     });
-    if size.is_some() && ui.button(format!("Rescale what is drawn to {w} \u{d7} {h} px")).clicked() {
-        app.send(Action::RescaleToStill);
+    if size.is_some() && ui.button(format!("Rescale the annotations to {w} \u{d7} {h} px")).clicked() {
+        app.send(Action::RescaleToImage);
     }
     if done {
-        app.send(Action::ForgetOldStill);
+        app.send(Action::HideReplacedImage);
     } else if share != shown {
-        app.send(Action::BlendOldStill(share));
+        app.send(Action::BlendReplacedImage(share));
     }
 }

@@ -1,10 +1,8 @@
-//! Links, a table: a row for each, a column for every camera that shows any.
-//!
-//! Virtual elements: the kind of the next one, and those there are.
+//! Panels: the table of links, with a column for each camera, and the marks (virtual elements).
 
 use calib_core::single::Known;
 use calib_core::{MarkKind, WorldPoint};
-use calib_editor::{Action, Apart, Part, apart, far_links, planes};
+use calib_editor::{Action, LinkDistance, Part, inconsistent_links, link_distance, planes};
 use calib_site::{Link, LinkKind, Mark, counted};
 use egui::{DragValue, RichText, ScrollArea, Ui, Vec2};
 
@@ -27,7 +25,7 @@ const fn icon(kind: MarkKind) -> Icon {
     }
 }
 
-/// Virtual elements: the kind of the next one, and those there are.
+/// Shows the marks: the kind of the next one, and the list of existing ones.
 pub(crate) fn marks_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Marks", "M");
     let mut wanted = None;
@@ -36,7 +34,7 @@ pub(crate) fn marks_ui(app: &mut App, ui: &mut Ui) {
         for kind in MarkKind::ALL {
             let name = format!("{kind:?}").to_lowercase();
             let look = Look {
-                chosen: app.editor.session().mark_kind == kind,
+                chosen: app.editor.session().tool.mark_kind == kind,
                 size: Vec2::splat(28.0),
                 ..Look::default()
             };
@@ -60,7 +58,7 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     let selected = app.editor.session().selection.contains(&part);
     let name = app.editor.session().part_name(part);
     let WorldPoint { x, y, .. } = mark.at_m;
-    let units = app.editor.session().units;
+    let units = app.editor.session().tool.units;
     let mut on = !mark.off;
     ui.horizontal(|ui| {
         ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}"));
@@ -87,10 +85,10 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     }
 }
 
-/// Size, turn and height of the mark that is selected.
+/// Shows size, rotation and height of the selected mark.
 fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
     let palette = theme::palette(ui.ctx());
-    let units = app.editor.session().units;
+    let units = app.editor.session().tool.units;
     let mut changed = false;
     let mut field = |ui: &mut Ui, title: &str, edit: DragValue<'_>| {
         let label = ui.label(RichText::new(title).small().color(palette.text2));
@@ -115,7 +113,7 @@ fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
         field(ui, "above the floor", length_field(units, &mut mark.at_m.z, -1e5));
     });
     let was_fixed = mark.fixed;
-    ui.checkbox(&mut mark.fixed, "stays where it is when all cameras are refined");
+    ui.checkbox(&mut mark.fixed, "fixed when all cameras are refined");
     if changed || was_fixed != mark.fixed {
         for size in &mut mark.size_m {
             *size = size.clamp(1e-3, 1e4);
@@ -130,12 +128,12 @@ fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
     }
 }
 
-/// Links: who sees each and how far off each is, how far the views are apart on the floor; a column for each.
+/// Shows the links: the residual of every camera, and the disagreement on the floor.
 pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    heading(ui, "Links", "px by camera, apart on the floor");
+    heading(ui, "Links", "error in px per camera; gap on the floor");
     if app.editor.session().site.links.is_empty() {
-        ui.label(RichText::new("K links what two views show.").color(palette.text2));
+        ui.label(RichText::new("K links a point that two views show.").color(palette.text2));
         return;
     }
     let cameras = linked(app);
@@ -159,7 +157,7 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     wishes.into_iter().for_each(|wish| grant(app, wish));
 }
 
-/// What a row of the table asks for.
+/// Request of a row.
 enum Wish {
     Change(usize, Box<Link>),
     Select(usize),
@@ -173,18 +171,18 @@ fn grant(app: &mut App, wish: Wish) {
             let seen = site.links.get(link).and_then(|link| link.seen.first());
             let camera = seen.and_then(|seen| site.cameras.iter().position(|c| c.id == seen.camera));
             if let Some(camera) = camera {
-                app.send(Action::Drop);
+                app.send(Action::CancelGesture);
                 app.send(Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }));
             }
         }
     }
 }
 
-/// The cameras that any link shows, in the order of the site.
+/// Returns the cameras that observe a link, in the order of the site.
 fn linked(app: &App) -> Vec<usize> {
     let site = app.editor.site();
     let is_linked = |id: &str| site.links.iter().any(|link| link.seen.iter().any(|seen| seen.camera == id));
-    let is_asked = |&camera: &usize| site.has_shared(camera) && is_linked(&site.cameras[camera].id);
+    let is_asked = |&camera: &usize| site.owns_links(camera) && is_linked(&site.cameras[camera].id);
     (0..site.cameras.len()).filter(is_asked).collect()
 }
 
@@ -222,10 +220,10 @@ fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], wishes: &mu
             }
         });
     }
-    let (text, colour) = match (waits, apart(app.editor.session(), link)) {
+    let (text, colour) = match (waits, link_distance(app.editor.session(), link)) {
         (true, _) => ("1 view".into(), palette.text2),
         (false, Some(apart)) => {
-            (how_far(app, apart), if apart.is_far() { palette.bad } else { palette.text2 })
+            (how_far(app, apart), if apart.is_significant() { palette.bad } else { palette.text2 })
         }
         (false, None) => ("\u{2014}".into(), palette.text2),
     };
@@ -234,7 +232,7 @@ fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], wishes: &mu
     });
 }
 
-/// A cell of this width, what is in it at its right.
+/// Shows a right-aligned cell of this width.
 fn right(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
     let layout = egui::Layout::right_to_left(egui::Align::Center);
     ui.allocate_ui_with_layout(Vec2::new(width, 16.0), layout, |ui| {
@@ -243,7 +241,7 @@ fn right(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
     });
 }
 
-/// How many pixels off a view is after a joint solve; a dot where that is not known.
+/// Shows the residual of a view after the joint solve, in pixels; a dot while it is unknown.
 fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let palette = theme::palette(ui.ctx());
     let site = app.editor.site();
@@ -251,7 +249,7 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
         site.links.get(link).and_then(|link| link.seen.iter().find(|seen| seen.camera == camera)?.sigma_px);
     let of_camera = site.camera(camera).and_then(|camera| camera.sigma_px).unwrap_or(1.0);
     let drawn = own.map_or(String::new(), |sigma| {
-        let advice = if sigma > of_camera { ": zoom in and drag it to place it finer" } else { "" };
+        let advice = if sigma > of_camera { ": zoom in and drag it for more accuracy" } else { "" };
         format!("Clicked to \u{b1} {} px{advice}", (100.0 * sigma).round() / 100.0)
     });
     let found = app.editor.session().solved.joint_link(site, link);
@@ -268,7 +266,7 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
 }
 
-/// What a link is and how high it is; the link as it is to become.
+/// Shows kind and height of a link; returns the changed link.
 fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
     let link = app.editor.session().site.links.get(index)?;
     let mut new = link.clone();
@@ -277,14 +275,14 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
             let mut height = link.height_m.unwrap_or(0.0);
             let label = ui.label("above the floor");
             if ui
-                .add(length_field(app.editor.session().units, &mut height, -1e5))
+                .add(length_field(app.editor.session().tool.units, &mut height, -1e5))
                 .labelled_by(label.id)
                 .changed()
             {
                 new.height_m = Some(height).filter(|height| *height != 0.0);
             }
         }
-        LinkKind::Line if ui.button("It is a post").on_hover_text("Foot first, then head").clicked() => {
+        LinkKind::Line if ui.button("Make it a post").on_hover_text("Foot first, then head").clicked() => {
             new.kind = LinkKind::Post;
             for seen in &mut new.seen {
                 let ends = seen.segment.take().unwrap_or_default();
@@ -293,7 +291,7 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
         }
         LinkKind::Post => {
             post_fields(app, ui, link, &mut new);
-            if ui.button("It is a floor line").clicked() {
+            if ui.button("Make it a floor line").clicked() {
                 (new.kind, new.length_m) = (LinkKind::Line, None);
                 for seen in &mut new.seen {
                     seen.segment =
@@ -306,37 +304,40 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
     (new != *link).then_some((index, new))
 }
 
-/// The length of a post: measured, or empty with what it looks like as a hint.
+/// Shows the length of a post: measured, or empty with its estimate as a hint.
 fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     let session = app.editor.session();
     let label = ui.label("long");
     let Some(known) = &mut new.length_m else {
-        let estimate = planes::estimated_post(session, link);
-        let metres = empty_field(ui, ("post", &link.id), label.id, session.units, estimate);
+        let estimate = planes::estimated_post_height(session, link);
+        let metres = empty_field(ui, ("post", &link.id), label.id, session.tool.units, estimate);
         new.length_m = metres.map(|metres| Known::prior(metres, TAPE));
         return;
     };
-    known_fields(ui, label.id, session.units, known);
+    known_fields(ui, label.id, session.tool.units, known);
     if ui.button("Not measured").clicked() {
         new.length_m = None;
     }
 }
 
-/// A distance between views, with how far they may be apart by their own uncertainty.
-fn how_far(app: &App, apart: Apart) -> String {
-    let units = app.editor.session().units;
-    apart.sigma.map_or_else(|| units.small(apart.metres), |sigma| units.small_and_sigma(apart.metres, sigma))
+/// Returns a distance between views as text, with the distance that their uncertainty explains.
+fn how_far(app: &App, apart: LinkDistance) -> String {
+    let units = app.editor.session().tool.units;
+    apart.sigma.map_or_else(
+        || units.short_length(apart.metres),
+        |sigma| units.short_length_and_sigma(apart.metres, sigma),
+    )
 }
 
-/// Links of the camera in hand that are farther apart than chance explains.
+/// Shows the links of the current camera that disagree more than their uncertainty explains.
 pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
-    let (far, all) = far_links(app.editor.session(), app.editor.session().camera);
+    let (far, all) = inconsistent_links(app.editor.session(), app.editor.session().camera);
     if all == 0 {
         return;
     }
     let palette = theme::palette(ui.ctx());
     let all = counted(all, "link", "links");
-    let text = format!("{far} of {all} apart by more than 3 \u{3c3}");
+    let text = format!("{far} of {all} disagree by more than 3 \u{3c3}");
     let shows = ui.horizontal(|ui| {
         ui.label(RichText::new(text).color(if far > 0 { palette.bad } else { palette.text2 }));
         far > 0 && ui.button("Show").clicked()

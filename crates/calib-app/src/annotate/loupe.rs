@@ -1,4 +1,4 @@
-//! The loupe beside what is held: the image and its lines, enlarged.
+//! Loupe: the image and its lines around a dragged point, enlarged.
 
 use egui::{Color32, Pos2, Rect, Ui, Vec2};
 
@@ -8,12 +8,12 @@ use crate::paint::{Pen, line};
 use crate::state::{App, Place};
 use crate::theme::{self, on_image};
 
-/// Its side, in points.
+/// Side of the loupe, in points.
 const SIDE: f32 = 172.0;
-/// How much it enlarges.
+/// Magnification.
 const ZOOM: f64 = 6.0;
 
-/// Up and left of what is held, else on the side where there is room; never off the canvas.
+/// Returns the rectangle of the loupe: up and left of the point, or on the side with room, inside the canvas.
 fn beside(held: Pos2, canvas: Rect) -> Rect {
     const GAP: Vec2 = Vec2::new(62.0, 44.0);
     let side = SIDE.min(0.45 * canvas.width()).min(0.6 * canvas.height());
@@ -28,7 +28,7 @@ fn beside(held: Pos2, canvas: Rect) -> Rect {
     Rect::from_min_size(corner.clamp(canvas.min, most), Vec2::splat(side))
 }
 
-/// The neighbourhood of what is held, enlarged, lines and all.
+/// Paints the neighbourhood of the dragged point, with the overlay.
 pub(crate) fn loupe_ui(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at: [f64; 2]) {
     let rect = beside(mapping.screen(at), mapping.rect);
     let view = View { centre: mapping.flat(at), zoom: ZOOM * mapping.view.zoom, y_up: false };

@@ -1,4 +1,4 @@
-//! The whole image, small, in a corner of a view that shows a part of it; a drag moves the view.
+//! Minimap: the whole image in a corner of a zoomed canvas; a drag moves the view.
 
 use calib_editor::Pane;
 use egui::{Color32, Painter, Pos2, Rect, Role, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo};
@@ -7,14 +7,15 @@ use crate::annotate::image;
 use crate::canvas::{Mapping, View};
 use crate::state::{App, Place};
 
-/// Its longer side, in points.
+/// Longer side of the minimap, in points.
 const SIDE: f32 = 124.0;
-/// How far it is from the edges of the canvas.
+/// Distance from the border of the canvas, in points.
 const MARGIN: f32 = 10.0;
-/// Below this size of the canvas there is no room for it.
+/// Smallest canvas side with a minimap, in points.
 const LEAST: f32 = 360.0;
 
-/// Where it lies; `None` where the view shows the whole image and not through a window, or is small.
+/// Returns the rectangle of the minimap; `None` if the canvas is small, shows the whole image, or shows a
+/// fisheye window.
 pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
     let [w, h] = size;
     let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|at| mapping.screen(at));
@@ -29,7 +30,7 @@ pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
     Some(Rect::from_min_size(corner, size))
 }
 
-/// The part of the image that the canvas shows: a rectangle, or the outline of a window.
+/// Paints the visible part of the image: a rectangle, or the outline of a fisheye window.
 fn paint_shown(painter: &Painter, mapping: &Mapping, small: &Mapping) {
     const STEPS: u16 = 24;
     let stroke = Stroke::new(1.5, Color32::WHITE);
@@ -52,10 +53,10 @@ fn paint_shown(painter: &Painter, mapping: &Mapping, small: &Mapping) {
     }
 }
 
-/// Shows it over the canvas.
+/// Shows the minimap over the canvas.
 pub(crate) fn minimap_ui(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, size: [f64; 2]) {
     let key = (Place::Main, Pane::Image(camera));
-    // What is drawn or dragged may have to go there.
+    // It is hidden during gestures, which may need the space.
     let rect = rect(mapping, size).filter(|_| app.editor.tool().is_idle());
     app.view.panes.minimap = rect.map(|rect| (key, rect));
     let Some(rect) = rect else { return };

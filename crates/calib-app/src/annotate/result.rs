@@ -1,6 +1,4 @@
-//! The result with its uncertainty, and a lock for every number that can be held or given.
-//!
-//! A length that was measured: an empty field with today's estimate as a hint, and nothing until it is entered.
+//! Panel: the result with its uncertainty and a lock for every number, and fields for measured lengths.
 
 use calib_core::Code;
 use calib_core::camera::Coefficient;
@@ -15,10 +13,11 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{cells, decimals, heading, length_field, number};
 
-/// How sure a tape is unless the operator says otherwise, in metres.
+/// Default standard deviation of a tape measurement, in metres.
 pub(crate) const TAPE: f64 = 0.01;
 
-/// A field for a length that is not known yet; the length in metres, once it was entered.
+/// Shows an empty field for a length, with an estimate as a hint; returns the length in metres once it is
+/// entered.
 pub(crate) fn empty_field(
     ui: &mut Ui,
     salt: impl std::hash::Hash + std::fmt::Debug,
@@ -29,8 +28,8 @@ pub(crate) fn empty_field(
     let id = ui.scope_id().with(salt);
     let mut typed: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
     let hint = estimate.map_or_else(
-        || units.sign().to_owned(),
-        |metres| format!("about {} {}", number(metres / units.metres(), 2), units.sign()),
+        || units.symbol().to_owned(),
+        |metres| format!("about {} {}", number(metres / units.metres(), 2), units.symbol()),
     );
     let field = TextEdit::singleline(&mut typed).hint_text(hint).desired_width(92.0);
     let response = ui.add(field).labelled_by(label);
@@ -43,14 +42,14 @@ pub(crate) fn empty_field(
     entered
 }
 
-/// The metres that a text tells of; none of what is no length.
+/// Parses a length; returns metres, or `None` for invalid text.
 fn metres_in(text: &str, units: Units) -> Option<f64> {
-    let text = text.trim().trim_end_matches(units.sign()).trim().replace(',', ".");
+    let text = text.trim().trim_end_matches(units.symbol()).trim().replace(',', ".");
     let metres = text.parse::<f64>().ok()? * units.metres();
     (metres.is_finite() && (1e-3..1e5).contains(&metres)).then_some(metres)
 }
 
-/// Fields for a length that was measured and how sure it is. Whether it was changed.
+/// Shows fields for a measured length and its standard deviation; returns whether they were changed.
 pub(crate) fn known_fields(ui: &mut Ui, label: egui::Id, units: Units, known: &mut Known) -> bool {
     let mut changed = ui.add(length_field(units, &mut known.value, 1e-3)).labelled_by(label).changed();
     if known.fixed {
@@ -59,13 +58,13 @@ pub(crate) fn known_fields(ui: &mut Ui, label: egui::Id, units: Units, known: &m
     let sure = ui.label(RichText::new("\u{b1}").color(theme::palette(ui.ctx()).text3));
     let mut sigma = known.sigma.unwrap_or(TAPE);
     let field = length_field(units, &mut sigma, 1e-4);
-    if ui.add(field).labelled_by(sure.id).on_hover_text("How sure: one sigma").changed() {
+    if ui.add(field).labelled_by(sure.id).on_hover_text("Standard deviation (\u{b1})").changed() {
         (known.sigma, changed) = (Some(sigma), true);
     }
     changed
 }
 
-/// A number of the result that can be held.
+/// Number of the result that can be fixed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Number {
     Focal,
@@ -86,16 +85,16 @@ impl Number {
         }
     }
 
-    /// The sign of its unit, and how many of the document's units that is.
+    /// Returns the symbol of the unit and its size in the unit of the site file.
     const fn unit(self, units: Units) -> (&'static str, f64) {
         match self {
             Self::Focal => ("px", 1.0),
             Self::Pitch | Self::Roll => ("\u{b0}", 1.0),
-            Self::Height => (units.sign(), units.metres()),
+            Self::Height => (units.symbol(), units.metres()),
         }
     }
 
-    /// The value and its sigma.
+    /// Returns value and sigma.
     fn of(self, solution: &Solution) -> Option<(f64, Option<f64>)> {
         let sigma = solution.sigma.as_ref();
         Some(match self {
@@ -137,7 +136,7 @@ impl Number {
     }
 }
 
-/// The panel.
+/// Shows the panel.
 pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let solution = app.editor.session().solution().cloned();
@@ -162,25 +161,26 @@ pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
     floor_row(ui, &solution);
 }
 
-/// A number of a result; of a camera that looks straight down not pitch and roll, but what is known in their place.
+/// Shows a number of the result. For a camera that looks straight down, the tilt and its direction replace
+/// pitch and roll, which are undetermined.
 pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let down = solution.camera().and_then(|camera| camera.straight_down());
-    // What is held can be released.
+    // A fixed number can always be released.
     let Some(down) = down.filter(|_| which.known(app).is_none()) else {
         return number_row(app, ui, solution, which);
     };
     match which {
         Number::Focal | Number::Height => number_row(app, ui, solution, which),
-        Number::Pitch => down_cells(ui, "Off straight down", down.tilt, down.tilt_sigma),
+        Number::Pitch => down_cells(ui, "Off vertical", down.tilt, down.tilt_sigma),
         Number::Roll if solution.stage >= Stage::Placed => {
             down_cells(ui, TOP, down.heading, down.heading_sigma);
         }
-        // Where it is turned is told with its place.
+        // The rotation about the vertical is shown with the placement.
         Number::Roll => {}
     }
 }
 
-/// Where the top of the image heads.
+/// Label for the direction of the top of the image.
 pub(crate) const TOP: &str = "Image top";
 
 fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
@@ -191,27 +191,27 @@ fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
     });
 }
 
-/// A number of a result with its sigma and its lock.
+/// Shows a number with its sigma and its lock.
 fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let Some((value, sigma)) = which.of(solution) else { return };
     let known = which.known(app);
-    let unit = which.unit(app.editor.session().units);
+    let unit = which.unit(app.editor.session().tool.units);
     let [to, from] = [1.0 / unit.1, unit.1];
     let shown = (to * value, sigma.map(|sigma| to * sigma));
-    let is_assumed = solution.warns_of(Code::ScaleAssumed);
+    let is_assumed = solution.has_warning(Code::ScaleAssumed);
     let title = if which == Number::Height && is_assumed { "Height, assumed" } else { which.title() };
     if let Some(new) = row(ui, (which, title), shown, unit.0, known.map(|known| scaled(known, to))) {
         which.set(app, new.map(|known| scaled(known, from)));
     }
 }
 
-/// A held number keeps the digits that its uncertainty supports, and one more.
+/// Rounds a fixed number to the digits that its uncertainty supports, plus one.
 pub(crate) fn held_at(value: f64, digits: usize) -> f64 {
     let digits = 10_f64.powi(digits as i32 + 1);
     (value * digits).round() / digits
 }
 
-/// The lock of a number that is held, believed or neither; whether it was clicked.
+/// Shows the lock of a number that is fixed, has a prior, or neither; returns whether it was clicked.
 pub(crate) fn lock(ui: &mut Ui, title: &str, is_held: Option<bool>, tip: &str) -> bool {
     let palette = theme::palette(ui.ctx());
     let (icon, colour, verb) = match is_held {
@@ -223,12 +223,12 @@ pub(crate) fn lock(ui: &mut Ui, title: &str, is_held: Option<bool>, tip: &str) -
     icons::button(ui, icon, &format!("{verb} the {title}"), tip, look).clicked()
 }
 
-/// What is known, in another unit.
+/// Converts value and sigma to another unit.
 fn scaled(known: Known, by: f64) -> Known {
     Known { value: by * known.value, sigma: known.sigma.map(|sigma| by * sigma), ..known }
 }
 
-/// One number: value, sigma, unit, lock. What it is to become, if the lock was clicked or a field changed.
+/// Shows value, sigma, unit and lock; returns the new entry if the lock was clicked or a field changed.
 fn row(
     ui: &mut Ui,
     (which, title): (Number, &str),
@@ -242,8 +242,8 @@ fn row(
         cells(ui, title, &number(value, shown), sigma.map(|s| number(s, shown)), unit);
         let title = which.title().to_lowercase();
         let tip = match known {
-            None => format!("Hold the {title} at {}", number(value, shown)),
-            Some(_) => format!("Let the lines tell the {title}"),
+            None => format!("Fix the {title} at {}", number(value, shown)),
+            Some(_) => format!("Estimate the {title} from the lines"),
         };
         if lock(ui, &title, known.map(|known| known.fixed), &tip) {
             change = Some(known.is_none().then(|| Known::fixed(held_at(value, shown))));
@@ -255,7 +255,7 @@ fn row(
     change
 }
 
-/// Value and sigma of what is held or believed, to be typed.
+/// Shows fields for value and sigma of a fixed number or a prior.
 fn fields(ui: &mut Ui, which: Number, unit: &str, known: Known, change: &mut Option<Option<Known>>) {
     let palette = theme::palette(ui.ctx());
     ui.horizontal(|ui| {
@@ -275,7 +275,10 @@ fn fields(ui: &mut Ui, which: Number, unit: &str, known: Known, change: &mut Opt
         if !fixed {
             ui.label(RichText::new("\u{b1}").color(palette.text3));
             let field = DragValue::new(&mut sigma).speed(0.1 * speed).range(1e-6..=1e6).max_decimals(4);
-            typed = ui.add(field.update_while_editing(false)).on_hover_text("How sure: one sigma").changed();
+            typed = ui
+                .add(field.update_while_editing(false))
+                .on_hover_text("Standard deviation (\u{b1})")
+                .changed();
         }
         if response.changed() || held.changed() || typed {
             let new = if fixed { Known::fixed(value) } else { Known::prior(value, sigma) };
@@ -289,21 +292,21 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let (lens, size) = (solution.lens(), entry.size());
     let view = |focal: f64| view_angle(&lens, focal, size).to_degrees();
     let hfov = view(solution.focal_px);
-    // That of a fisheye is not the focal's alone.
+    // The angle of view of a fisheye depends on more than its focal.
     let is_wide = lens.distortion.is_wide();
     let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px).filter(|_| !is_wide);
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());
     let shown = spread.map_or(1, decimals).min(2);
     ui.horizontal(|ui| {
-        // In a narrow panel the number comes first.
-        let title = if ui.available_width() < 230.0 { "View" } else { "Horizontal view" };
+        // A narrow panel shortens the title.
+        let title = if ui.available_width() < 230.0 { "View" } else { "Horizontal field of view" };
         cells(ui, title, &number(hfov, shown), spread.map(|s| number(s, shown)), "\u{b0}");
     });
 }
 
 fn lens_row(ui: &mut Ui, solution: &Solution) {
     let Some(distortion) = &solution.distortion else { return };
-    // The decentring is too small to be read here.
+    // Tangential coefficients are too small to be read here.
     let is_shown = |which: &Coefficient| !matches!(which, Coefficient::P1 | Coefficient::P2);
     let value = |which| distortion.coefficient(which).filter(|value| *value != 0.0);
     let used: Vec<(&str, f64)> = Coefficient::ALL
@@ -311,7 +314,7 @@ fn lens_row(ui: &mut Ui, solution: &Solution) {
         .filter(is_shown)
         .filter_map(|which| Some((which.title(), value(which)?)))
         .collect();
-    // No more of them in a row than the column has room for.
+    // Each row has as many coefficients as the column has room for.
     for row in used.chunks(2) {
         let names: Vec<&str> = row.iter().map(|(name, _)| *name).collect();
         let values: Vec<String> = row.iter().map(|(_, value)| number(*value, 3)).collect();
@@ -323,8 +326,8 @@ fn floor_row(ui: &mut Ui, solution: &Solution) {
     let palette = theme::palette(ui.ctx());
     let Some(rel) = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel) else { return };
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 26.0), Sense::hover());
-    // A length that may be twice as long or nothing is not known.
-    let text = if rel < 1.0 { format!("\u{b1} {:.1} %", 100.0 * rel) } else { "not known".into() };
+    // An error of 100 % or more counts as unknown.
+    let text = if rel < 1.0 { format!("\u{b1} {:.1} %", 100.0 * rel) } else { "unknown".into() };
     let words = format!("Length on the floor {text}");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, &words));
     ui.painter().rect_filled(rect, 4.0, palette.raised);

@@ -1,6 +1,4 @@
-//! How sure one drawing is, where it is not as sure as any other: its clicks, its angle, its lengths.
-//!
-//! How far the scene may be from what is drawn: what kind of place it is.
+//! Panel: standard deviations of the scene and of single annotations.
 
 use calib_core::single::ConstraintKind;
 use calib_core::{Annotation, SceneErrors};
@@ -12,15 +10,15 @@ use egui::{ComboBox, DragValue, RichText, Ui};
 use crate::state::App;
 use crate::theme;
 
-/// A kind of place: its name, what it may be off, where it is.
+/// Kind of scene: name, errors, and typical places.
 type Place = (&'static str, Option<SceneEntry>, &'static str);
 
-/// The kinds of places that are offered.
+/// Kinds of scenes to choose from.
 const PLACES: [Place; 4] = [
-    ("Any place", None, "Where nothing is known"),
-    ("Level floors", Some(falls(0.3, 0.0)), "Shops, factories"),
-    ("Falling floors", Some(falls(1.5, 2.0)), "Streets, yards"),
-    ("As drawn", Some(SceneEntry::EXACT), "Measured: verticals, corners and levels are what lines say"),
+    ("Unknown", None, "The default: floors may slope a little"),
+    ("Level", Some(falls(0.3, 0.0)), "Shops, factories"),
+    ("Sloping", Some(falls(1.5, 2.0)), "Streets, yards"),
+    ("Exact", Some(SceneEntry::EXACT), "Measured scenes: lines are exactly vertical, level and square"),
 ];
 
 const fn falls(tilt: f64, crossfall: f64) -> SceneEntry {
@@ -32,13 +30,13 @@ const fn falls(tilt: f64, crossfall: f64) -> SceneEntry {
     })
 }
 
-/// The choice for the whole site, and for a camera whose place is of another kind.
+/// Shows the choice for the whole site, and for the current camera if it differs.
 pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
     let site = session.site.scene;
     let Some(own) = session.entry().map(|entry| entry.scene) else { return };
     let chosen = choice(ui, "Scene", site, PLACES[0], errors(None));
-    let as_site = ("As the site", None, "Where the site says");
+    let as_site = ("Same as the site", None, "The accuracy of the site");
     let own_chosen = choice(ui, "This camera", own, as_site, errors(site));
     if chosen == site && own_chosen == own {
         return;
@@ -48,10 +46,10 @@ pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     if let Some(entry) = changed.cameras.get_mut(index) {
         entry.scene = own_chosen;
     }
-    app.send(Action::Change { site: Box::new(changed), name: "change what the scene may be off".into() });
+    app.send(Action::Change { site: Box::new(changed), name: "change the accuracy of the scene".into() });
 }
 
-/// A list of places; `usual` is that of which nothing is said, and `unsaid` what is possible then.
+/// Shows a list of scene kinds; `usual` is the default, `unsaid` its label.
 fn choice(
     ui: &mut Ui,
     title: &str,
@@ -65,7 +63,7 @@ fn choice(
     let places = || std::iter::once(usual).chain(PLACES[1..].iter().copied());
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new(title).color(palette.text2));
-        let named = places().find(|(_, scene, _)| *scene == now).map_or("Its own", |(title, ..)| title);
+        let named = places().find(|(_, scene, _)| *scene == now).map_or("Own value", |(title, ..)| title);
         ComboBox::from_id_salt(title)
             .selected_text(named)
             .show_ui(ui, |ui| {
@@ -81,20 +79,20 @@ fn choice(
     chosen
 }
 
-/// What a scene may be off; of one of which the site says nothing, what the core takes for usual.
+/// Returns the errors of a scene; the defaults if the site has no entry.
 fn errors(scene: Option<SceneEntry>) -> SceneErrors {
     scene.unwrap_or(SceneEntry::Sigmas(SceneSigmas::default())).errors()
 }
 
-/// What is usual where a drawing says nothing.
+/// Defaults for annotations without their own values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Usual {
-    /// Of a click, in pixels.
+    /// Standard deviation of a click, in pixels.
     pub(crate) click: f64,
     pub(crate) scene: SceneErrors,
 }
 
-/// Fields for the sigmas of a drawing in the hand; the drawing as it was changed.
+/// Shows fields for the sigmas of the selected annotation; returns the changed annotation.
 pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<Annotation> {
     let mut annotation = drawn.clone();
     let constraint = drawn.kind.row().constraint;
@@ -102,21 +100,22 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
     let has_scene = has_angle || constraint == ConstraintKind::Length;
     ui.horizontal_wrapped(|ui| {
         ui.add_space(24.0);
-        let click = Field { tip: "One sigma of a click", unit: " px", usual: usual.click, scale: 1.0 };
+        let click =
+            Field { tip: "Standard deviation of a click", unit: " px", usual: usual.click, scale: 1.0 };
         click.show(ui, &mut annotation.sigma_px);
         if has_angle && !annotation.exact {
             let angle = usual.scene.angle.to_degrees();
-            let tip = "One sigma of its angle; it is off level by a quarter of that";
+            let tip = "Standard deviation of the angle (a quarter of it applies to the level)";
             Field { tip, unit: "\u{b0}", usual: angle, scale: 1.0 }.show(ui, &mut annotation.angle_sigma_deg);
         }
         if constraint == ConstraintKind::Length && !annotation.exact {
-            let tip = "One sigma of its length";
+            let tip = "Standard deviation of the length";
             let length = Field { tip, unit: " %", usual: 100.0 * usual.scene.length, scale: 100.0 };
             length.show(ui, &mut annotation.length_sigma_rel);
         }
         if has_scene {
             let says =
-                "The scene is what this drawing says: measured to be square, level, and of these lengths";
+                "Trust this annotation exactly: it was measured to be square, level, or of this length";
             ui.checkbox(&mut annotation.exact, "Exact").on_hover_text(says);
         }
         let own = Annotation {
@@ -126,20 +125,20 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
             exact: false,
             ..annotation.clone()
         };
-        if own != annotation && ui.small_button("As usual").clicked() {
+        if own != annotation && ui.small_button("Default").clicked() {
             annotation = own;
         }
     });
     (annotation != *drawn).then_some(annotation)
 }
 
-/// A sigma that may be a drawing's own.
+/// Field for a sigma that an annotation can override.
 struct Field {
     tip: &'static str,
     unit: &'static str,
-    /// As it is shown.
+    /// Default, in the shown unit.
     usual: f64,
-    /// What is shown over what the file has.
+    /// Ratio of the shown value to the value in the file.
     scale: f64,
 }
 

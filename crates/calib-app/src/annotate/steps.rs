@@ -1,9 +1,8 @@
-//! The steps of the camera in hand, and what each still needs.
-//!
-//! The pictures of the three steps on the start page: what is drawn, what is placed, what is checked.
+//! Panel: the steps of the current camera and their missing parts. Also the pictures of the three steps on
+//! the start page.
 
 use calib_core::Kind;
-use calib_editor::steps::{bent_px, steps};
+use calib_editor::steps::{nonstraightness_px, steps};
 use egui::{Color32, Painter, Pos2, Rect, RichText, Shape, Stroke, Ui, Vec2};
 
 use crate::annotate::lens;
@@ -13,30 +12,30 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
 
-/// How large a picture is, in points.
+/// Size of a picture, in points.
 pub(crate) const SIZE: Vec2 = Vec2::new(170.0, 84.0);
 
-/// What a line of a picture stands for; `web/page.css` has the same colours by these names.
+/// Meaning of a line in a picture; `web/page.css` defines the same colours by these names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ink {
-    /// What is there.
+    /// Scene.
     Scene,
-    /// A plumb line that was drawn.
+    /// Vertical line.
     Plumb,
-    /// A floor line that was drawn.
+    /// Floor line.
     Parallel,
-    /// A line at right angles to it.
+    /// Line perpendicular to it.
     Square,
-    /// A field of view, filled.
+    /// Field of view, filled.
     Field,
-    /// Where the field was.
+    /// Earlier field of view.
     Before,
-    /// What stands in every view.
+    /// Mark that all views show.
     Mark,
 }
 
 impl Ink {
-    /// Its name in `web/page.css`.
+    /// Returns the name in `web/page.css`.
     #[cfg(test)]
     const fn name(self) -> &'static str {
         match self {
@@ -65,10 +64,10 @@ impl Ink {
 
 type Line = (Ink, &'static [[f32; 2]]);
 
-/// Lines from the upper left corner.
+/// Lines, from the upper left corner.
 pub(crate) type Picture = &'static [Line];
 
-/// A corridor with what is drawn on it: everything that leads away leads to one point.
+/// Corridor with lines that lead to one vanishing point.
 pub(crate) const DRAW: Picture = &[
     (Ink::Scene, &[[58.0, 40.0], [58.0, 10.0], [112.0, 10.0], [112.0, 40.0]]),
     (Ink::Scene, &[[4.0, 84.0], [58.0, 40.0], [112.0, 40.0], [166.0, 84.0]]),
@@ -81,7 +80,7 @@ pub(crate) const DRAW: Picture = &[
     (Ink::Square, &[[44.0, 54.0], [126.0, 54.0]]),
 ];
 
-/// A plan from above with a field of view on it, and where it lay before it was turned.
+/// Plan with a field of view, before and after its rotation.
 pub(crate) const PLACE: Picture = &[
     (Ink::Scene, &[[16.0, 8.0], [154.0, 8.0], [154.0, 76.0], [16.0, 76.0], [16.0, 8.0]]),
     (Ink::Scene, &[[96.0, 8.0], [96.0, 28.0]]),
@@ -92,7 +91,7 @@ pub(crate) const PLACE: Picture = &[
     (Ink::Mark, &[[28.0, 50.0], [28.0, 62.0], [36.0, 56.0], [28.0, 50.0]]),
 ];
 
-/// Two views of one floor, with one mark in both.
+/// Two views of one floor with the same mark.
 pub(crate) const CHECK: Picture = &[
     (Ink::Scene, &[[6.0, 8.0], [82.0, 8.0], [82.0, 76.0], [6.0, 76.0], [6.0, 8.0]]),
     (Ink::Scene, &[[88.0, 8.0], [164.0, 8.0], [164.0, 76.0], [88.0, 76.0], [88.0, 8.0]]),
@@ -106,7 +105,7 @@ pub(crate) const CHECK: Picture = &[
     (Ink::Mark, &[[131.0, 59.0], [131.0, 38.0]]),
 ];
 
-/// Paints a picture with its upper left corner there.
+/// Paints a picture with its upper left corner at `at`.
 pub(crate) fn paint(painter: &Painter, picture: Picture, at: Pos2) {
     let (palette, is_dark) = (theme::palette(painter.ctx()), painter.ctx().theme() == egui::Theme::Dark);
     let clip = painter.with_clip_rect(Rect::from_min_size(at, SIZE));
@@ -125,7 +124,7 @@ pub(crate) fn paint(painter: &Painter, picture: Picture, at: Pos2) {
     }
 }
 
-/// A picture as the page has it.
+/// Returns a picture as SVG for the page.
 #[cfg(test)]
 pub(crate) fn svg(picture: Picture) -> String {
     use std::fmt::Write as _;
@@ -133,13 +132,13 @@ pub(crate) fn svg(picture: Picture) -> String {
     let mut text = format!("<svg viewBox=\"0 0 {} {}\">", SIZE.x, SIZE.y);
     for (ink, points) in picture {
         let points: Vec<String> = points.iter().map(|[x, y]| format!("{x} {y}")).collect();
-        // A string takes whatever is written.
+        // Writing to a string cannot fail.
         let _ = write!(text, "<path class=\"{}\" d=\"M{}\"/>", ink.name(), points.join("L"));
     }
     text + "</svg>"
 }
 
-/// The panel.
+/// Shows the panel.
 pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let session = app.editor.session();
@@ -147,11 +146,11 @@ pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Steps", &id);
     let list = steps(session, session.camera);
     let first = list.iter().position(|step| !step.is_done && !step.is_optional);
-    let bent = bent_px(session, session.camera).is_some();
+    let bent = nonstraightness_px(session, session.camera).is_some();
     for (i, step) in list.into_iter().enumerate() {
         let is_next = first == Some(i);
         let (icon, colour) = match (step.is_done, is_next) {
-            (true, _) if step.is_doubted => (Icon::Warn, palette.bad),
+            (true, _) if step.is_contradicted => (Icon::Warn, palette.bad),
             (true, _) => (Icon::Check, palette.ok),
             (false, true) => (Icon::Chevron, palette.accent),
             (false, false) => (Icon::Open, palette.text3),

@@ -1,4 +1,4 @@
-//! The tree of widgets as HTML that is heard and not seen: for screen readers, and for tests.
+//! Widget tree as invisible HTML, for screen readers and tests.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::time::Duration;
@@ -9,20 +9,20 @@ use serde_json::{Value, json};
 
 use crate::platform::web::page;
 
-/// So often at most is the tree sent, in seconds.
+/// Shortest interval between two updates, in seconds.
 const PACE: f64 = 0.1;
 
-/// Sends what changed to the page.
+/// Sends changes of the tree to the page.
 #[derive(Debug, Default)]
 pub(crate) struct Mirror {
-    /// What was sent last, and when.
+    /// Hash of the last update, and its time.
     sent: (u64, f64),
-    /// Whether every widget tells where it is.
+    /// Whether each node contains its rectangle.
     tells_places: bool,
 }
 
 impl Mirror {
-    /// A mirror; for tests it tells where widgets are.
+    /// Creates a mirror; tests need the rectangles of widgets.
     pub(crate) fn new(tells_places: bool) -> Self {
         Self { tells_places, ..Self::default() }
     }
@@ -58,7 +58,7 @@ impl Plugin for Mirror {
 fn tree(update: &TreeUpdate, tells_places: bool) -> Value {
     let mut nodes: Vec<&(NodeId, Node)> =
         update.nodes.iter().filter(|(_, node)| says_something(node)).collect();
-    // As one reads: rows from above, in a row from the left.
+    // Reading order: rows from the top, each from the left.
     nodes.sort_by(|a, b| place(&a.1).total_cmp(&place(&b.1)).then(a.0.cmp(&b.0)));
     let spoken = update.nodes.iter().find(|(id, _)| *id == update.focus).and_then(|(_, node)| node.label());
     let list: Vec<Value> = nodes.into_iter().map(|(id, node)| entry(*id, node, tells_places)).collect();
@@ -69,7 +69,7 @@ fn says_something(node: &Node) -> bool {
     !node.is_hidden() && (node.label().is_some() || node.value().is_some())
 }
 
-/// Rows of eight points, then columns.
+/// Sort key: rows of eight points, then columns.
 fn place(node: &Node) -> f64 {
     node.bounds().map_or(0.0, |bounds| (bounds.y0 / 8.0).round() * 1e5 + bounds.x0)
 }
@@ -82,7 +82,7 @@ fn entry(id: NodeId, node: &Node, tells_places: bool) -> Value {
     });
     let value =
         node.value().map(str::to_owned).or_else(|| node.numeric_value().map(|value| value.to_string()));
-    // A label's words are its value; said once.
+    // The text of a label is its value; it is sent once.
     let (label, value) = if node.role() == Role::Label {
         (node.value().or(node.label()), None)
     } else {

@@ -1,12 +1,11 @@
-//! The app in the browser: one canvas, what the page asks of it, the sites that the browser keeps, and the
-//! worker beside it.
+//! The app in the browser: its canvas, the requests of the page, the stored sites, and the workers.
 
 mod mirror;
 mod shelf;
 mod worker;
 mod runner;
 
-/// Starts as the page's app, or as its worker.
+/// Starts the app of the page, or a worker.
 pub fn start() {
     if web_sys::window().is_some() {
         runner::start();

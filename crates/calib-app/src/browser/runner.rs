@@ -1,5 +1,4 @@
-//! The app on its canvas: started, told what the page was asked, and put on another canvas when a graphics
-//! context is lost.
+//! Runs the app on its canvas: start, requests of the page, and a new canvas after a lost graphics context.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -21,29 +20,29 @@ use crate::platform::web::{breath, page, read_all};
 use crate::state::App;
 use crate::theme;
 
-/// What the page was asked for.
+/// Request of the page.
 enum Wish {
-    /// A command by its name.
+    /// Command by its name.
     Command(String),
-    /// Files to be opened.
+    /// Files to open.
     Files(Array),
-    /// A press on a widget that is heard and not seen.
+    /// Press on a widget of the accessibility tree.
     Press(u64),
 }
 
-/// The app, and what outlives a canvas.
+/// The app and everything that survives a lost canvas.
 #[derive(Clone)]
 struct Stage {
     app: Rc<RefCell<Option<App>>>,
     ctx: Rc<RefCell<Context>>,
     runner: eframe::WebRunner,
-    /// Whether the page reports coordinates and takes orders from tests.
+    /// Whether the page reports coordinates and accepts commands from tests.
     tested: bool,
 }
 
 /// Starts the app on the page's canvas.
 pub(super) fn start() {
-    // The page says it, and offers the site. What follows on the stack is lost.
+    // The page reports the panic and offers the site for download. Unwinding is not possible here.
     std::panic::set_hook(Box::new(|info| page::panicked(&info.to_string())));
     let query = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
     let stage = Stage {
@@ -61,7 +60,7 @@ pub(super) fn start() {
 }
 
 impl Stage {
-    /// What the page may call.
+    /// Registers the functions that the page calls.
     fn listen(&self) {
         let ctx = Rc::clone(&self.ctx);
         let wake = Closure::<dyn Fn()>::new(move || ctx.borrow().request_repaint());
@@ -79,7 +78,7 @@ impl Stage {
                     .and_then(|app| app.as_ref().map(|app| report(app).to_string()))
                     .unwrap_or_default()
             });
-            // Only tests miss it.
+            // Only tests need it.
             let _ = Reflect::set(&js_sys::global(), &"calibState".into(), state.as_ref());
             state.forget();
             let app = Rc::clone(&self.app);
@@ -91,7 +90,7 @@ impl Stage {
         }
     }
 
-    /// Shows the app on a canvas; the first time it is made.
+    /// Shows the app on a canvas; the first call creates it.
     async fn show(&self, canvas: &web_sys::HtmlCanvasElement) -> Result<(), JsValue> {
         let lost = Closure::<dyn Fn(web_sys::Event)>::new({
             let stage = self.clone();
@@ -127,7 +126,7 @@ impl Stage {
         made.await
     }
 
-    /// The graphics context is gone: says so, and tries again by itself once.
+    /// Reports a lost graphics context, and tries once to restore it.
     fn lost(&self) {
         page::context_lost();
         let stage = self.clone();
@@ -145,7 +144,7 @@ impl Stage {
             stage.runner.destroy();
             match stage.show(&page::fresh_canvas()).await {
                 Ok(()) => page::context_back(),
-                // The page offers to try again.
+                // The page offers another attempt.
                 Err(_) => page::context_lost(),
             }
         });
@@ -156,7 +155,7 @@ impl Stage {
 struct Shown {
     stage: Stage,
     frames: u32,
-    /// The theme that the browser keeps.
+    /// Theme that the browser stores.
     theme: egui::ThemePreference,
 }
 
@@ -169,7 +168,7 @@ impl Shown {
             Wish::Command(name) if name == "tour" => {
                 command::run(app, ctx, Command::Tour, egui::Modifiers::NONE);
             }
-            // Tests look at what the page says then.
+            // Tests check the page's report of a panic.
             Wish::Command(name) if name == "panic" && self.stage.tested => panic!("as a test asked"),
             Wish::Files(files) => {
                 app.jobs.arriving.push(Task::wait(ctx, async move { read_all(&files).await }));
@@ -203,7 +202,7 @@ impl eframe::App for Shown {
         let unkept = app.storage.shelf.as_ref().is_some_and(|shelf| shelf.is_behind());
         page::PAGE.with(|page| page.set_unkept(unkept && !app.editor.session().is_saved()));
         self.frames += 1;
-        // The first frame lays out, the second is whole.
+        // The first frame computes the layout, the second is complete.
         match self.frames {
             1 => ui.ctx().request_repaint(),
             2 => page::shown(),
@@ -212,7 +211,7 @@ impl eframe::App for Shown {
     }
 }
 
-/// What was asked since the last frame.
+/// Returns the requests since the last frame.
 fn wishes() -> Vec<Wish> {
     let queue = page::PAGE.with(page::Page::queue);
     let taken: Vec<JsValue> = queue.iter().collect();
@@ -232,7 +231,7 @@ fn wishes() -> Vec<Wish> {
     taken.into_iter().filter_map(one).collect()
 }
 
-/// How long the solve of the first camera takes, in milliseconds: the median of some runs.
+/// Returns the median duration of solving the first camera, in milliseconds.
 fn solve(app: &App, runs: u32) -> f64 {
     let site = &app.editor.session().site;
     let options = Options {
@@ -251,7 +250,7 @@ fn solve(app: &App, runs: u32) -> f64 {
     took.get(took.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// What a test asks about: where canvases are, and the site with its results.
+/// Returns the state for tests: canvases, and the site with its results.
 fn report(app: &App) -> Value {
     let panes: Vec<Value> = app
         .panes
@@ -274,14 +273,14 @@ fn report(app: &App) -> Value {
     json!({
         "panes": panes,
         "site": serde_json::from_str::<Value>(&solved.to_json()).unwrap_or(Value::Null),
-        "generation": session.generation,
+        "generation": session.revision.generation,
         "behind": app.storage.shelf.as_ref().is_some_and(|shelf| shelf.is_behind()),
         "reading": app.pictures.loading() + app.edges.looking() + app.jobs.arriving.len(),
         "refining": app.jobs.refining.is_some(),
         "proposing": app.jobs.proposing.is_some(),
-        "proposed": session.proposed().map(|own| json!({"verdict": own.verdict.name(), "lines": own.count()})),
+        "proposed": session.proposed().map(|own| json!({"verdict": own.confidence.name(), "lines": own.count()})),
         "comparing": app.is_comparing(),
-        "newer": app.editor.newer_in_hand().map(|own| own.comparison.became.name()),
+        "newer": app.editor.selected_newer().map(|own| own.comparison.became.name()),
         "error": app.editor.error(),
         "note": session.note,
         "milliseconds": session.solved.milliseconds,
@@ -289,7 +288,7 @@ fn report(app: &App) -> Value {
 }
 
 impl App {
-    /// Textures of a graphics context that is gone are made again when they are next asked for.
+    /// Drops all textures after a lost graphics context; they are created again when needed.
     pub(crate) fn forget_textures(&mut self, ctx: &Context) {
         theme::install(ctx);
         self.pictures.clear();

@@ -25,17 +25,17 @@ use crate::storage::demo;
 
 const KEY: &str = "calib.theme";
 
-/// `None` where the browser keeps nothing, as in a private window.
+/// Returns the local storage; `None` where the browser has none, as in a private window.
 fn storage() -> Option<web_sys::Storage> {
     web_sys::window()?.local_storage().ok()?
 }
 
-/// The theme that is chosen now.
+/// Returns the current theme.
 fn chosen(ctx: &Context) -> ThemePreference {
     ctx.options(|options| options.theme_preference)
 }
 
-/// Takes up the theme of an earlier visit; what it is now.
+/// Restores the theme of an earlier visit, and returns it.
 pub(super) fn restore(ctx: &Context) -> ThemePreference {
     match storage().and_then(|storage| storage.get_item(KEY).ok().flatten()).as_deref() {
         Some("dark") => ctx.set_theme(ThemePreference::Dark),
@@ -45,7 +45,7 @@ pub(super) fn restore(ctx: &Context) -> ThemePreference {
     chosen(ctx)
 }
 
-/// Writes the theme down where it is another than the one kept.
+/// Stores the theme if it changed.
 pub(super) fn keep(ctx: &Context, kept: &mut ThemePreference) {
     let now = chosen(ctx);
     if now == *kept {
@@ -58,28 +58,28 @@ pub(super) fn keep(ctx: &Context, kept: &mut ThemePreference) {
         ThemePreference::System => "system",
     };
     if let Some(storage) = storage() {
-        // A full or forbidden storage costs the theme of the next visit, nothing else.
+        // A failure only loses the theme.
         let _ = storage.set_item(KEY, name);
     }
 }
 
-/// A kept site, as the database has it.
+/// Stored site, as in the database.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 struct Record {
     id: String,
-    /// How often it was written: two tabs that know different ones do not overwrite each other.
+    /// Number of writes. Two tabs with different numbers do not overwrite each other.
     revision: u32,
     name: String,
     cameras: usize,
     last: String,
     thumbnail: Option<String>,
     path: Option<PathBuf>,
-    /// Its images are made, not kept.
+    /// Whether its images are rendered instead of stored.
     demonstration: bool,
     site: String,
     images: Vec<StoredImage>,
-    /// Written by the page: all bytes, and the time in milliseconds.
+    /// Total size and time in milliseconds, written by the page.
     #[serde(skip_serializing)]
     bytes: u64,
     #[serde(skip_serializing)]
@@ -97,22 +97,22 @@ struct StoredImage {
 struct State {
     entries: Vec<Entry>,
     news: VecDeque<News>,
-    /// The id of the open site; none before its first gesture.
+    /// Id of the open site; `None` before its first gesture.
     own: Option<String>,
-    /// How often every site was written, as far as is known here.
+    /// Known number of writes of every site.
     revisions: BTreeMap<String, u32>,
-    /// Images of the open site that were handed over.
+    /// Images of the open site that were already stored.
     sent: BTreeSet<String>,
-    /// What waits while something is written, one record for every site.
+    /// Records that wait for a running write, at most one per site.
     waiting: VecDeque<(Record, Array)>,
     writing: bool,
-    /// The last attempt failed.
+    /// Whether the last attempt failed.
     failed: bool,
-    /// Whether the browser was asked not to throw sites away.
+    /// Whether persistent storage was requested.
     asked: bool,
 }
 
-/// The browser's database.
+/// Database of the browser.
 #[derive(Clone, Debug)]
 pub(crate) struct Database {
     state: Rc<RefCell<State>>,
@@ -120,7 +120,7 @@ pub(crate) struct Database {
 }
 
 impl Database {
-    /// Opens it and lists what it keeps.
+    /// Opens the database and lists its sites.
     pub(crate) fn open(ctx: &Context) -> Self {
         let database = Self { state: Rc::default(), ctx: ctx.clone() };
         database.list();
@@ -142,14 +142,14 @@ impl Database {
                     own.ctx.request_repaint();
                 }
                 Err(error) => own.tell(News::Trouble(format!(
-                    "This browser keeps nothing here ({}). Save the site as a file before you close the page.",
+                    "This browser cannot store sites ({}). Save the site as a file before you close the page.",
                     name_of(&error)
                 ))),
             }
         });
     }
 
-    /// Writes what waits, one thing after the other.
+    /// Writes the waiting records one after the other.
     fn write(&self) {
         let mut state = self.state.borrow_mut();
         if state.writing {
@@ -181,20 +181,20 @@ impl Database {
                 self.list();
             }
             Err(error) if name_of(&error) == "VersionError" && is_own => {
-                // What the other tab did stays; this goes on beside it, with every image.
+                // Another tab wrote this site; the open site continues as a new entry with all its images.
                 state.own = None;
                 state.sent.clear();
                 state.waiting.retain(|(waiting, _)| waiting.id != record.id);
                 let name = if record.name.is_empty() { "This site".to_owned() } else { record.name };
                 state.news.push_back(News::Again);
                 state.news.push_back(News::Note(format!(
-                    "{name} was changed in another tab. What you do here is kept beside it, as a site of its own."
+                    "{name} was changed in another tab. Your changes here are stored as a separate site."
                 )));
                 drop(state);
             }
             Err(error) => {
                 let was_known = std::mem::replace(&mut state.failed, true);
-                // They did not arrive: they go with what waits, or with the next gesture.
+                // Images that were not stored are added to the waiting record, or to the next one.
                 let waits = state.waiting.iter().find(|(waiting, _)| waiting.id == record.id);
                 let waits = waits.map(|(_, waiting)| waiting.clone());
                 for image in images.iter() {
@@ -262,14 +262,14 @@ impl Shelf for Database {
         let asks = !std::mem::replace(&mut state.asked, true);
         drop(state);
         if asks && let Some(window) = web_sys::window() {
-            // Whatever the browser answers, it is told when something cannot be written.
+            // The answer is not needed: failed writes are reported.
             let _ = window.navigator().storage().persist();
         }
         self.write();
     }
 
     fn begin(&mut self) {
-        // What waits for the site before is written all the same.
+        // A waiting record of the previous site is still written.
         let mut state = self.state.borrow_mut();
         (state.own, state.failed) = (None, false);
         state.sent.clear();
@@ -291,7 +291,7 @@ impl Shelf for Database {
                     drop(state);
                     own.tell(News::Opened(Box::new(found)));
                 }
-                Err(error) => own.tell(News::Trouble(format!("The kept site cannot be opened: {error}."))),
+                Err(error) => own.tell(News::Trouble(format!("The stored site cannot be opened: {error}."))),
             }
         });
     }
@@ -300,7 +300,7 @@ impl Shelf for Database {
         let (own, id) = (self.clone(), id.to_owned());
         spawn_local(async move {
             if let Err(error) = JsFuture::from(page::remove(&id)).await {
-                own.tell(News::Trouble(format!("The kept site cannot be removed: {}.", name_of(&error))));
+                own.tell(News::Trouble(format!("The stored site cannot be removed: {}.", name_of(&error))));
             }
             own.list();
         });
@@ -321,11 +321,11 @@ fn trouble(name: &str) -> String {
         "QuotaExceededError" => "The browser has no room left to keep this site. Save it as a file now; \
             removing kept sites from the start page makes room."
             .into(),
-        other => format!("The browser could not keep this site ({other}). Save it as a file now."),
+        other => format!("The browser could not store this site ({other}). Save it as a file now."),
     }
 }
 
-/// The name of an exception.
+/// Returns the name of a JavaScript exception.
 fn name_of(error: &JsValue) -> String {
     let name = Reflect::get(error, &"name".into()).ok().and_then(|name| name.as_string());
     name.unwrap_or_else(|| format!("{error:?}"))
@@ -352,7 +352,8 @@ fn found(kept: &JsValue) -> Result<(Record, Found), String> {
     let text = kept.get(0).as_string().ok_or("it has no record")?;
     let record: Record = serde_json::from_str(&text).map_err(|error| error.to_string())?;
     let site = Site::from_json(&record.site).map_err(|error| error.to_string())?;
-    let mut images = Images::beside(None, record.demonstration.then_some(demo::render as calib_editor::Make));
+    let mut images =
+        Images::in_folder(None, record.demonstration.then_some(demo::render as calib_editor::RenderImage));
     for pair in Array::from(&kept.get(1)).iter() {
         let pair = Array::from(&pair);
         let Some(id) = pair.get(0).as_string() else { continue };
@@ -364,7 +365,7 @@ fn found(kept: &JsValue) -> Result<(Record, Found), String> {
     Ok((record, Found { site, images, path, held: None, at: None }))
 }
 
-/// An id that no other site has.
+/// Returns a new id.
 fn fresh_id() -> String {
     format!("{:x}-{:x}", js_sys::Date::now() as u64, (js_sys::Math::random() * 2f64.powi(48)) as u64)
 }

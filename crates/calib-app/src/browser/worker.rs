@@ -1,4 +1,4 @@
-//! The same program in a worker: it decodes, renders, looks for edges, proposes, compares and refines while the page goes on.
+//! Worker of the page: decodes, renders, detects edges, calibrates, compares and refines.
 
 use calib_editor::edges;
 use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
@@ -11,19 +11,19 @@ use crate::platform::Recovery;
 use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE, message};
 use crate::storage::demo;
 
-/// Waits for work; in a worker there is no page.
+/// Waits for work.
 pub(super) fn start() {
     let act = Closure::<dyn Fn(String, String, u32, Uint8Array) -> Result<Array, JsValue>>::new(
         |kind: String, name: String, width: u32, bytes: Uint8Array| {
             act(&kind, &name, width, &bytes.to_vec()).map_err(|error| JsValue::from(&error))
         },
     );
-    // The page hears of a worker without it when it asks.
+    // If this fails, the page gets an error when it sends work.
     let _ = Reflect::set(&js_sys::global(), &"calibWork".into(), act.as_ref());
     act.forget();
 }
 
-/// Does one piece of work: what comes back are arrays of numbers.
+/// Does one piece of work and returns arrays of numbers.
 fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     match kind {
         "decode" => numbers(&calib_editor::decode(bytes)?, &[]),
@@ -64,7 +64,7 @@ fn of_bytes(width: u32, bytes: &[u8]) -> Result<RgbImage, String> {
     RgbImage::from_raw(width, height, bytes.to_vec()).ok_or_else(|| "an image of another size".into())
 }
 
-/// Two images of one size, one after the other.
+/// Splits the bytes into two images of one size.
 fn two_of_bytes(width: u32, bytes: &[u8]) -> Result<[RgbImage; 2], String> {
     let (old, new) = bytes.split_at(bytes.len() / 2);
     Ok([of_bytes(width, old)?, of_bytes(width, new)?])

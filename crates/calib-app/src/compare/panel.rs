@@ -1,8 +1,7 @@
-//! A newer still of the camera in hand: what became of the camera, with its numbers, and the way to recover it.
-//!
-//! A newer still on the canvas of its camera: beside the old one by a line that wipes, or both by turns.
+//! Newer image of the current camera: its canvas (wipe or blink), and the panel with the measured change and
+//! the recovery.
 
-use calib_editor::{Action, Newer, OnNewer, Pane};
+use calib_editor::{Action, NewerAction, NewerImage, Pane};
 use calib_image::Became;
 use egui::{Color32, CursorIcon, Painter, Rect, RichText, Role, Sense, Slider, TextEdit, Ui, WidgetInfo};
 
@@ -16,11 +15,11 @@ use crate::state::{App, Glance, Mode, Place, Showing};
 use crate::theme::{self, Palette, on_image};
 use crate::widgets::{decimals, heading, number, section};
 
-/// How long one of two stills is shown, in seconds.
+/// Display time of each image while blinking, in seconds.
 const TURN: f64 = 0.7;
 
-/// Paints the newer still of the camera in hand over the old one. From which place of the screen on, to the right, it is
-/// the newer one that is seen; none where no newer still is looked at.
+/// Paints the newer image of the current camera over the old one. Returns the screen x from which the newer
+/// image is visible; `None` without a newer image.
 pub(crate) fn paint(
     app: &mut App,
     painter: &Painter,
@@ -45,9 +44,9 @@ pub(crate) fn paint(
     Some(split)
 }
 
-/// The line that wipes is dragged by itself while nothing is in the hand.
+/// Drags the wipe line while no gesture is active.
 pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (width, split): (f64, f32)) {
-    /// How far beside it a press still takes it, in points.
+    /// Distance from the line at which a press still drags it, in points.
     const BESIDE: f32 = 6.0;
     let is_free =
         app.view.glance.showing == Showing::Wipe && app.editor.tool_row() == 0 && app.editor.tool().is_idle();
@@ -56,7 +55,7 @@ pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (w
     app.view.panes.wipe = strip.map(|strip| ((Place::Main, Pane::Image(camera)), strip));
     let Some(strip) = strip else { return };
     let response = ui.interact(strip, ui.scope_id().with("wipe"), Sense::drag());
-    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "The line between the stills"));
+    response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "The line between the images"));
     if let Some(to) = response.interact_pointer_pos() {
         let [u, _] = mapping.document(to);
         app.view.glance.share = (u / width).clamp(0.0, 1.0) as f32;
@@ -71,7 +70,7 @@ fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f3
         Showing::Wipe => mapping.screen([width * f64::from(glance.share), 0.0]).x,
         Showing::Old => f32::INFINITY,
         Showing::New => f32::NEG_INFINITY,
-        // Nothing blinks for whoever asked for less motion.
+        // Reduced motion disables blinking.
         Showing::Blink if Here::wants_stillness() => f32::NEG_INFINITY,
         Showing::Blink => {
             let time = painter.ctx().input(|input| input.time);
@@ -82,14 +81,14 @@ fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f3
     }
 }
 
-/// The panel, while there is one.
+/// Shows the panel if the camera has a newer image.
 pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
-    let Some(newer) = app.editor.newer_in_hand().filter(|_| app.view.mode == Mode::Image).cloned() else {
+    let Some(newer) = app.editor.selected_newer().filter(|_| app.view.mode == Mode::Image).cloned() else {
         return;
     };
     let is_held = app.is_recovering_in_hand();
     section(ui, |ui| {
-        heading(ui, "Newer still", &newer.title);
+        heading(ui, "Newer image", &newer.title);
         judgement(ui, &newer);
         glance(app, ui);
         since(app, ui, &newer);
@@ -101,9 +100,9 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
                     app.tell(Command::Recover);
                 }
             }
-            // What it is recovered with is not to change meanwhile.
-            let waits = "It is being recovered from; cancel that first";
-            let button = egui::Button::new("Put aside");
+            // The newer image must not change during the recovery.
+            let waits = "The recovery uses this image. Cancel it first.";
+            let button = egui::Button::new("Discard");
             if ui.add_enabled(!is_held, button).on_disabled_hover_text(waits).clicked() {
                 app.tell(Command::DismissNewer);
             }
@@ -111,20 +110,20 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
     });
 }
 
-/// A word for what became of a camera, and how it is to be taken: its colour, and what is behind it.
+/// Returns label, icon, text colour and background colour of a comparison result.
 pub(crate) fn verdict(became: Became, palette: &Palette) -> (&'static str, Icon, Color32, Color32) {
     match became {
         Became::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
         Became::Moved => ("Moved", Icon::Warn, palette.bad, palette.bad_bg),
-        Became::Shifted => ("Shifted in place", Icon::Warn, palette.bad, palette.bad_bg),
+        Became::Shifted => ("Image shifted", Icon::Warn, palette.bad, palette.bad_bg),
         Became::Replaced => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
-        Became::TooDark => ("Too dark to tell", Icon::Warn, palette.warn, palette.warn_bg),
-        Became::Blind => ("Cannot tell: no edges", Icon::Warn, palette.warn, palette.warn_bg),
-        Became::TooFewEdges => ("Cannot tell: few edges", Icon::Warn, palette.warn, palette.warn_bg),
+        Became::TooDark => ("Unclear: too dark", Icon::Warn, palette.warn, palette.warn_bg),
+        Became::Blind => ("Unclear: no edges", Icon::Warn, palette.warn, palette.warn_bg),
+        Became::TooFewEdges => ("Unclear: few edges", Icon::Warn, palette.warn, palette.warn_bg),
     }
 }
 
-fn judgement(ui: &mut Ui, newer: &Newer) {
+fn judgement(ui: &mut Ui, newer: &NewerImage) {
     let palette = theme::palette(ui.ctx());
     let (word, icon, colour, fill) = verdict(newer.comparison.became, palette);
     egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
@@ -150,16 +149,17 @@ fn sentence(became: Became) -> String {
     format!("{first}{}.", letters.as_str())
 }
 
-/// An angle and its sigma in degrees, with the digits that the sigma supports.
+/// Returns an angle and its sigma in degrees, with the digits that the sigma supports.
 fn degrees(angle: f64, sigma: f64) -> [String; 2] {
     let decimals = decimals(sigma.to_degrees());
     [angle, sigma].map(|value| number(value.to_degrees(), decimals))
 }
 
-/// How it moved, each with its sigma, and of how much that is told.
-fn numbers(newer: &Newer) -> Vec<String> {
+/// Returns rows for the measured rotation and zoom with their uncertainties, and the fraction of edges
+/// matched.
+fn numbers(newer: &NewerImage) -> Vec<String> {
     let found = &newer.comparison;
-    let again = format!("{:.0} % of {} places found again", 100.0 * found.found, found.places);
+    let again = format!("{:.0} % of {} edge points matched", 100.0 * found.found, found.places);
     if !found.became.is_aligned() {
         return vec![again];
     }
@@ -175,17 +175,17 @@ fn numbers(newer: &Newer) -> Vec<String> {
     let [turned, turned_sigma] = degrees(angle, angle_sigma);
     let [zoom, zoom_sigma] = [zoom, zoom_sigma].map(|value| number(value, decimals(zoom_sigma)));
     vec![
-        format!("turned {turned}\u{b0} \u{b1} {turned_sigma}"),
+        format!("rotated {turned}\u{b0} \u{b1} {turned_sigma}"),
         format!("zoom {zoom} \u{b1} {zoom_sigma}"),
         axis("yaw", 0),
         axis("pitch", 1),
         axis("roll", 2),
-        format!("image moved {:.2} px", found.shift),
+        format!("image shifted {:.2} px", found.shift),
         again,
     ]
 }
 
-/// Which of the two stills is seen.
+/// Shows the choice between wipe, blink, newer and old image.
 fn glance(app: &mut App, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -203,22 +203,22 @@ fn glance(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Since when the camera stands so: what its calibrations are told apart by.
-fn since(app: &mut App, ui: &mut Ui, newer: &Newer) {
+/// Shows the field for the time since which the camera has its new pose; periods are distinguished by it.
+fn since(app: &mut App, ui: &mut Ui, newer: &NewerImage) {
     if !newer.has_moved() {
         return;
     }
     let palette = theme::palette(ui.ctx());
     let mut text = newer.since.clone();
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Holds since").color(palette.text2));
+        let label = ui.label(RichText::new("Valid from").color(palette.text2));
         let field = TextEdit::singleline(&mut text).hint_text("2026-05-01T08:00:00Z");
         let field = field.desired_width(f32::INFINITY);
-        let waits = "It is being recovered from as of this time; cancel that first";
+        let waits = "The recovery uses this time. Cancel it first.";
         let is_free = !app.is_recovering_in_hand();
         ui.add_enabled(is_free, field).on_disabled_hover_text(waits).labelled_by(label.id);
     });
     if text != newer.since {
-        app.send(Action::Newer(OnNewer::Since(text)));
+        app.send(Action::Newer(NewerAction::SetSince(text)));
     }
 }

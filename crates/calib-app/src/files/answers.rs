@@ -1,4 +1,4 @@
-//! The answers of choosers: each goes where it was asked for.
+//! Results of file choosers, dispatched by their purpose.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ impl App {
         self.take_chosen(ctx, purpose, chosen);
     }
 
-    /// Where the system has no file chooser, the path is typed.
+    /// Shows a field for the path, where the system has no file chooser.
     pub fn type_path(&mut self, purpose: Purpose) {
         let own = self.editor.session().path.as_ref().map(|path| path.display().to_string());
         let text =
@@ -32,7 +32,7 @@ impl App {
         self.dialogs.path_field = Some(PathField { purpose, text });
     }
 
-    /// Takes a path that was typed.
+    /// Takes a typed path.
     pub(crate) fn typed(&mut self, ctx: &Context, typed: Option<PathField>) {
         self.dialogs.path_field = None;
         let Some(PathField { purpose, text }) = typed.filter(|typed| !typed.text.trim().is_empty()) else {
@@ -46,7 +46,7 @@ impl App {
         self.take_chosen(ctx, purpose, vec![Chosen::of_path(path)]);
     }
 
-    /// What was chosen goes where it was asked for: every purpose has its arm.
+    /// Dispatches chosen files by purpose.
     fn take_chosen(&mut self, ctx: &Context, purpose: Purpose, chosen: Vec<Chosen>) {
         match purpose {
             Purpose::OpenSite => self.open_chosen(ctx, chosen),
@@ -70,7 +70,7 @@ impl App {
         }
     }
 
-    /// Opens what was chosen: from a disk by its path, else together with its images.
+    /// Opens chosen files: a file on disk by its path, other files together with their images.
     fn open_chosen(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
         if chosen.iter().all(|file| file.path.is_none()) {
             self.take_together(ctx, chosen);
@@ -88,7 +88,7 @@ impl App {
         let name = file.name.clone();
         self.act(match file.into_text().and_then(|text| parse(&text, None)) {
             Ok((site, _)) => Action::Compare(Some(Box::new(site))),
-            Err(error) => Action::Fail(format!("{name}: {error}")),
+            Err(error) => Action::SetError(format!("{name}: {error}")),
         });
     }
 }

@@ -1,13 +1,10 @@
-//! Stills that come in: read off the frame's path, then taken as cameras or in place of another.
-//!
-//! Lenses and cameras of other programs: read here, taken by the editor.
-//!
-//! The floor plan of a site: its picture, and the world file that says where it lies.
+//! Image files: new cameras, replaced and newer images, floor plans with their world files, imported lenses.
+//! Files are read in the background.
 
 use std::path::Path;
 
 use calib_editor::images::{camera_name, has_ending, is_image, mime};
-use calib_editor::{Action, NewStill, plan_told_by, recognise, world_endings};
+use calib_editor::{Action, NewImage, import_any, plan_from_world_file, world_endings};
 use calib_formats::{File, Format, Imported};
 use calib_input::time_in_name;
 use calib_site::Plan;
@@ -17,25 +14,26 @@ use crate::choice::Chosen;
 use crate::platform::{Here, Platform as _, Task};
 use crate::state::{App, Comparing, Mode, Planning, Read, ReadPicture};
 
-/// Whether a file says where the picture of a plan lies.
+/// Whether a file is a world file, which georeferences a plan image.
 pub(crate) fn is_world_file(file: &Chosen) -> bool {
     world_endings().iter().any(|ending| has_ending(Path::new(&file.name), ending))
 }
 
-/// Whether a world file is that of a picture: plan.pgw and plan.png. A drawing has no pixels to be told of.
+/// Whether a world file belongs to an image: plan.pgw and plan.png. A drawing has no pixels, so it has no
+/// world file.
 fn is_of(world: &Chosen, picture: &Chosen) -> bool {
     let stem = |file: &Chosen| Path::new(&file.name).file_stem().map(ToOwned::to_owned);
     is_image(Path::new(&picture.name)) && stem(world) == stem(picture)
 }
 
-/// The plan that a world file tells of.
+/// Reads the plan entry from a world file.
 fn told_by(file: Chosen) -> Result<Plan, String> {
     let name = file.name.clone();
     let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
-    plan_told_by(File { name, bytes })
+    plan_from_world_file(File { name, bytes })
 }
 
-/// The world file beside a picture on disk.
+/// Returns the world file next to an image on disk.
 fn beside(picture: &Chosen) -> Option<Chosen> {
     let path = picture.path.as_deref().filter(|path| is_image(path))?;
     let path = world_endings().iter().map(|end| path.with_extension(end)).find(|path| path.is_file())?;
@@ -44,8 +42,8 @@ fn beside(picture: &Chosen) -> Option<Chosen> {
 }
 
 impl App {
-    /// Takes what was chosen for the plan: its picture, its world file, or both. A site has one plan;
-    /// whatever else was chosen is named.
+    /// Loads chosen files as the plan: an image, a world file, or both. A site has one plan; an error names
+    /// the other files.
     pub fn load_plan(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
         let (worlds, mut pictures): (Vec<_>, Vec<_>) = chosen.into_iter().partition(is_world_file);
         let mut worlds = worlds.into_iter();
@@ -62,14 +60,14 @@ impl App {
         }
         let left: Vec<String> = pictures.into_iter().chain(worlds).map(|file| file.name).collect();
         if !left.is_empty() {
-            self.act(Action::Complain(format!("Not taken, a site has one plan: {}.", left.join(", "))));
+            self.act(Action::AddError(format!("A site has one plan. Not loaded: {}.", left.join(", "))));
         }
     }
 
-    /// Begins to read the picture of a plan that lies as `world` says.
+    /// Starts reading a plan image with the georeference of `world`.
     fn read_plan(&mut self, ctx: &Context, picture: Chosen, world: Option<Chosen>) {
         let told = world.map(told_by).transpose().unwrap_or_else(|error| {
-            self.act(Action::Complain(error));
+            self.act(Action::AddError(error));
             None
         });
         self.jobs.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
@@ -85,19 +83,20 @@ impl App {
                 self.show(Mode::Plan);
                 self.view.panes.views.clear();
             }
-            Some(Err(error)) => self.act(Action::Complain(error)),
+            Some(Err(error)) => self.act(Action::AddError(error)),
         }
     }
 
     fn take_world_file(&mut self, file: Chosen) {
         let name = file.name.clone();
         self.act(match told_by(file) {
-            Ok(told) => Action::LayPlan(told, name),
-            Err(error) => Action::Complain(error),
+            Ok(told) => Action::ApplyWorldFile(told, name),
+            Err(error) => Action::AddError(error),
         });
     }
 
-    /// Takes world files, and the pictures of the same name that they make plans, out of what was dropped.
+    /// Takes world files and the images of the same name out of the dropped files, and loads them as the
+    /// plan.
     pub(crate) fn take_plans(&mut self, ctx: &Context, dropped: &mut Vec<Chosen>) {
         if !dropped.iter().any(is_world_file) {
             return;
@@ -111,13 +110,14 @@ impl App {
 }
 
 impl App {
-    /// Begins to read a still that becomes a camera.
+    /// Starts reading an image that becomes a camera.
     pub fn add_still(&mut self, ctx: &Context, file: Chosen) {
         let task = self.read_still(ctx, file);
         self.jobs.adding.push(task);
     }
 
-    /// Begins to compare newer stills: each with the camera that its name begins with, else with that in hand.
+    /// Starts comparing newer images, each with the camera that its file name begins with, otherwise with the
+    /// current camera.
     pub fn add_newer(&mut self, ctx: &Context, files: Vec<Chosen>) {
         let in_hand = self.editor.session().entry().map(|entry| entry.id.clone());
         for file in files {
@@ -129,16 +129,16 @@ impl App {
         }
     }
 
-    /// The id of the camera that the name of a still begins with.
+    /// Returns the id of the camera that a file name begins with.
     fn named_by(&self, name: &str) -> Option<String> {
-        self.editor.site().camera_of_name(&camera_name(Path::new(name))).map(str::to_owned)
+        self.editor.site().camera_id_from_name(&camera_name(Path::new(name))).map(str::to_owned)
     }
 
-    /// Whether a file is a newer still of a camera, by its name: of one that is solved, and it says a time.
+    /// Whether a file is a newer image of a solved camera, judged by its name, which must contain a time.
     pub(crate) fn is_newer(&self, file: &Chosen) -> bool {
         let name = Path::new(&file.name);
         let taken = time_in_name(&camera_name(name)).filter(|_| is_image(name));
-        let index = || self.editor.site().entry_at(&self.named_by(&file.name)?, taken.as_deref());
+        let index = || self.editor.site().entry_index_at(&self.named_by(&file.name)?, taken.as_deref());
         let is_solved = |index: usize| self.editor.session().solved.pose(index).is_some();
         taken.is_some() && index().is_some_and(is_solved)
     }
@@ -155,8 +155,8 @@ impl App {
         };
         let read = self.editor.session().images.reader(&name);
         Here::still(ctx, file.name, read, |bytes, picture, drawn| ReadPicture {
-            taken: time_in_name(&title).or_else(|| calib_input::taken(bytes)),
-            still: NewStill {
+            taken: time_in_name(&title).or_else(|| calib_input::capture_time(bytes)),
+            still: NewImage {
                 image: name,
                 title,
                 size: picture.dimensions().into(),
@@ -168,7 +168,7 @@ impl App {
 
     pub(crate) fn poll_stills(&mut self) {
         let was_empty = self.editor.site().cameras.is_empty();
-        // Threads finish in any order; cameras come in that of their files.
+        // Threads finish in any order; cameras keep the order of their files.
         while let Some(still) = self.jobs.adding.first().and_then(Task::outcome) {
             self.jobs.adding.remove(0);
             match still.map_err(|_| "An image could not be read.".to_owned()).flatten() {
@@ -176,36 +176,36 @@ impl App {
                     let still = self.stored(picture);
                     self.act(Action::AddCamera(still));
                 }
-                Err(error) => self.act(Action::Complain(error)),
+                Err(error) => self.act(Action::AddError(error)),
             }
         }
         if was_empty && !self.editor.site().cameras.is_empty() {
-            self.act(Action::Choose(0));
+            self.act(Action::SelectCamera(0));
         }
         if let Some(task) = self.jobs.replacing.take() {
             match task.poll() {
                 None => self.jobs.replacing = Some(task),
                 Some(Ok(picture)) => {
                     let still = self.stored(picture);
-                    self.act(Action::ReplaceStill(self.jobs.replaced.clone(), still));
+                    self.act(Action::ReplaceImage(self.jobs.replaced.clone(), still));
                 }
-                Some(Err(error)) => self.act(Action::Complain(error)),
+                Some(Err(error)) => self.act(Action::AddError(error)),
             }
         }
     }
 
-    /// The still of a picture; one that was drawn is stored.
-    pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewStill {
+    /// Returns the image of a camera; a rasterised drawing is stored.
+    pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewImage {
         let ReadPicture { still, drawn, taken: _ } = picture;
         let Some(png) = drawn else { return still };
         let name = format!("{}.png", still.title);
         let image = self.editor.store_image(png.into(), "image/png", Some(&name));
-        NewStill { image, ..still }
+        NewImage { image, ..still }
     }
 }
 
 impl App {
-    /// Takes what files of another program say about cameras.
+    /// Imports lenses and cameras from files of another program.
     pub(crate) fn import(&mut self, chosen: Vec<Chosen>) {
         let Some(first) = chosen.first().map(|file| file.name.clone()) else { return };
         let read = chosen.into_iter().map(|file| {
@@ -213,18 +213,18 @@ impl App {
             let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
             Ok(File { name, bytes })
         });
-        let taken = read.collect::<Result<Vec<File>, String>>().and_then(|files| recognise(&files));
+        let taken = read.collect::<Result<Vec<File>, String>>().and_then(|files| import_any(&files));
         match taken {
             Ok((format, imported)) => self.take_imported(&first, format, imported),
-            Err(error) => self.act(Action::Fail(error)),
+            Err(error) => self.act(Action::SetError(error)),
         }
     }
 
     fn take_imported(&mut self, name: &str, format: &Format, Imported { site, notes }: Imported) {
-        // A world file alone lays the plan that is there.
+        // A world file alone georeferences the existing plan.
         let open = self.editor.site();
         if let (Some(plan), true, Some(_)) = (&site.plan, site.cameras.is_empty(), &open.plan) {
-            self.act(Action::LayPlan(plan.clone(), name.to_owned()));
+            self.act(Action::ApplyWorldFile(plan.clone(), name.to_owned()));
             return;
         }
         if open.cameras.is_empty() {

@@ -1,6 +1,5 @@
-//! Images that the site names outside its folder: nothing is read of them before the operator says so.
-//!
-//! What has to be decided first: over whose work a file is written, and where; which files are read.
+//! Decisions about files: images outside the site's folder, conflicts on saving, typed paths. No outside
+//! image is read before the operator allows it.
 
 use std::path::PathBuf;
 
@@ -14,26 +13,27 @@ use crate::state::{App, Conflict, Decision, PathField, Why};
 use crate::theme;
 
 impl App {
-    /// Asks about images outside the folder of the site, whenever the site names others than before.
+    /// Asks about images outside the site's folder whenever the image names change.
     pub(crate) fn watch_outside(&mut self) {
         let names = image_names(self.editor.site());
         if names == self.dialogs.outside.names {
             return;
         }
         let images = &self.editor.session().images;
-        let reach = images.reach();
+        let reach = images.allowed_files();
         let files = names.iter().filter_map(|name| images.file(name));
-        let beyond = files.filter(|file| !reach.holds(file, Here::real)).filter_map(|file| Here::real(&file));
+        let beyond =
+            files.filter(|file| !reach.allows(file, Here::real)).filter_map(|file| Here::real(&file));
         self.dialogs.outside.asked =
             beyond.filter(|file| !self.dialogs.outside.left.contains(file)).collect();
         self.dialogs.outside.names = names;
     }
 
-    /// Reads the images outside the folder, for as long as this site is open, or leaves them out.
+    /// Reads the outside images while this site is open, or skips them.
     pub(crate) fn settle_outside(&mut self, allows: bool) {
         let asked = std::mem::take(&mut self.dialogs.outside.asked);
         if !allows {
-            let note = "Left out: the site keeps the names of its images. \u{201c}Read images again\u{201d} asks again.";
+            let note = "Images not read. \u{201c}Read images again\u{201d} asks again.";
             self.act(Action::Note(note.into()));
             self.dialogs.outside.left.extend(asked);
             return;
@@ -48,38 +48,40 @@ impl App {
         self.editor.allow_images(asked);
     }
 
-    /// Asks again about what was left out.
+    /// Asks again about the skipped images.
     pub(crate) fn ask_outside_again(&mut self) {
         self.dialogs.outside.left.clear();
         self.dialogs.outside.names.clear();
     }
 
-    /// A file that the operator chose is read wherever it is.
+    /// Allows a file that the operator chose, wherever it is.
     pub(crate) fn allow_chosen(&mut self, file: &std::path::Path) {
         self.editor.allow_images(Here::real(file));
     }
 
-    /// What is read beside one folder is read on when the site has another.
+    /// Keeps images readable that were readable before the site got another folder.
     pub(crate) fn keep_reach(&mut self) {
         let session = self.editor.session();
-        let reach = session.images.reach();
+        let reach = session.images.allowed_files();
         let files = image_names(&session.site).into_iter().filter_map(|name| session.images.file(&name));
-        let read: Vec<PathBuf> =
-            files.filter(|file| reach.holds(file, Here::real)).filter_map(|file| Here::real(&file)).collect();
+        let read: Vec<PathBuf> = files
+            .filter(|file| reach.allows(file, Here::real))
+            .filter_map(|file| Here::real(&file))
+            .collect();
         self.editor.allow_images(read);
     }
 }
 
-/// The sheet that asks, if there is one.
+/// Shows the dialog of the pending decision.
 pub(crate) fn asked_ui(app: &mut App, ctx: &Context) {
     if let Some(conflict) = app.dialogs.conflict.clone() {
-        sheet("A file is not written", ctx, |ui| decide(app, ui, &conflict));
+        sheet("File not saved", ctx, |ui| decide(app, ui, &conflict));
     }
     if let Some(field) = app.dialogs.path_field.clone() {
         sheet("A path", ctx, |ui| path(app, ui, field));
     }
     if !app.dialogs.outside.asked.is_empty() {
-        sheet("Images elsewhere", ctx, |ui| outside(app, ui));
+        sheet("Images outside the site's folder", ctx, |ui| outside(app, ui));
     }
 }
 
@@ -92,7 +94,7 @@ fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
         .show(ctx, contents);
 }
 
-/// Which images the site names outside its folder, and whether they are read.
+/// Lists the images outside the site's folder and asks whether to read them.
 fn outside(app: &mut App, ui: &mut Ui) {
     const MOST: usize = 8;
     let palette = theme::palette(ui.ctx());
@@ -101,7 +103,7 @@ fn outside(app: &mut App, ui: &mut Ui) {
     ui.set_max_width(420.0);
     let path = app.editor.session().path.as_deref().and_then(std::path::Path::file_name);
     let site = path.map_or_else(|| "The site".into(), std::ffi::OsStr::to_string_lossy);
-    let what = format!("{site} names {} outside its folder.", counted(files.len(), "image", "images"));
+    let what = format!("{site} refers to {} outside its folder.", counted(files.len(), "image", "images"));
     ui.label(RichText::new(what).font(theme::medium(13.0)));
     for file in files.iter().take(MOST) {
         ui.label(file);
@@ -109,11 +111,10 @@ fn outside(app: &mut App, ui: &mut Ui) {
     if files.len() > MOST {
         ui.label(format!("and {} more", files.len() - MOST));
     }
-    let why =
-        "Whoever made the site chose them, not you. What is read is shown here, and stands in a report.";
+    let why = "The author of the site chose these files. They will be shown here and included in reports.";
     ui.label(RichText::new(why).color(palette.text2));
     ui.horizontal(|ui| {
-        for (text, allows) in [("Allow once for this site", true), ("Leave out", false)] {
+        for (text, allows) in [("Read them now", true), ("Skip", false)] {
             if ui.button(text).clicked() {
                 app.decide_outside(allows);
             }
@@ -127,13 +128,11 @@ fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
     ui.set_max_width(420.0);
     let (what, way_out) = match &conflict.why {
         Why::Changed(_) => (
-            format!("{name} was changed since it was read here."),
+            format!("{name} changed since you opened it."),
             "Reload opens what the file holds; your work stays under \u{201c}Work that was not saved\u{201d}. \
              Overwrite puts yours in its place.",
         ),
-        Why::ReadOnly => {
-            (format!("{name} is read-only."), "Save under another name, or write it all the same.")
-        }
+        Why::ReadOnly => (format!("{name} is read-only."), "Save it under another name, or overwrite it."),
     };
     ui.label(RichText::new(what).font(theme::medium(13.0)));
     if let Why::Changed(differences) = &conflict.why {
@@ -144,7 +143,7 @@ fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
     let others = [
         ("Save as\u{2026}", Decision::SaveAs),
         ("Overwrite", Decision::Overwrite),
-        ("Leave it", Decision::Leave),
+        ("Cancel", Decision::Leave),
     ];
     ui.horizontal(|ui| {
         for (text, decision) in reload.into_iter().chain(others) {
@@ -155,14 +154,14 @@ fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
     });
 }
 
-/// What somebody else did to the file.
+/// Lists the changes that somebody else made to the file.
 fn changes(ui: &mut Ui, differences: &[String]) {
     const MOST: usize = 8;
     if differences.is_empty() {
-        ui.label("It differs in results or in layout alone.");
+        ui.label("Only results or formatting differ.");
     }
     for difference in differences.iter().take(MOST) {
-        ui.label(format!("In the file, {difference}"));
+        ui.label(format!("Changed in the file: {difference}"));
     }
     if differences.len() > MOST {
         ui.label(format!("and {} more", differences.len() - MOST));
@@ -176,16 +175,16 @@ fn path(app: &mut App, ui: &mut Ui, mut field: PathField) {
         Purpose::SaveSite | Purpose::SavePlain => "Path to save the site to",
         Purpose::AddImages => "Path of an image, or of a folder of images",
         Purpose::LoadPlan => "Path of the floor plan",
-        Purpose::ReplaceStill => "Path of the still",
-        Purpose::NewerStill => "Path of the newer still",
+        Purpose::ReplaceStill => "Path of the image",
+        Purpose::NewerStill => "Path of the newer image",
         Purpose::Compare => "Path of the saved version",
         Purpose::Import => "Path of the file to import",
         Purpose::Export => "Path of the folder to export into",
-        Purpose::SavePicture => "Path to save the picture to",
+        Purpose::SavePicture => "Path of the screenshot",
         Purpose::SaveReport => "Path to save the report to",
     };
     let label = ui.label(RichText::new(what).font(theme::medium(13.0)));
-    let why = "This system has no file chooser: xdg-desktop-portal or zenity brings one.";
+    let why = "This system has no file chooser. Type a path, or install zenity.";
     ui.label(RichText::new(why).color(palette.text2));
     let typed = ui.add(TextEdit::singleline(&mut field.text).desired_width(400.0)).labelled_by(label.id);
     let is_entered = typed.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));

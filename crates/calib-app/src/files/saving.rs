@@ -1,12 +1,9 @@
-//! The site's own file: it is written only while it is what was read, or when the operator says so.
-//!
-//! What is done with the document as a whole: opened, recovered, saved.
-//!
-//! Files that arrive together, by a drop or a choice of several: a site with its images, or images.
+//! Opening, recovering, saving and dropping of sites. A site file is overwritten only if it is unchanged
+//! since it was read, or if the operator confirms.
 
 use std::path::{Path, PathBuf};
 
-use calib_editor::images::{base, has_ending, is_image, mime};
+use calib_editor::images::{file_name, has_ending, is_image, mime};
 use calib_editor::{Action, Images, Opened, differences, image_names, parse};
 use calib_site::{Site, counted};
 use egui::Context;
@@ -20,7 +17,7 @@ use crate::storage::autosave::{self, Autosave, Found, News, Recent, Work};
 use crate::storage::files;
 
 impl App {
-    /// Opens a site in place of the one that is open.
+    /// Opens a site in place of the current one.
     pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
         self.open(Opened { site, images, path, is_unsaved: false });
     }
@@ -37,7 +34,7 @@ impl App {
         self.edges.clear();
         self.view.panes = Panes::default();
         self.view.orbit = None;
-        // Nothing that was asked for the old site lands in the new one.
+        // Requests of the old site must not reach the new one.
         self.jobs.adding.clear();
         (self.jobs.replacing, self.jobs.planning, self.jobs.refining, self.dialogs.dialog) =
             (None, None, None, None);
@@ -48,7 +45,7 @@ impl App {
         self.view.compares_views = false;
     }
 
-    /// Opens a site file; what is wrong with it is shown.
+    /// Opens a site file; errors are shown.
     pub fn open_path(&mut self, path: &Path) {
         match files::open_stamped(path) {
             Ok((site, images, held)) => {
@@ -57,29 +54,29 @@ impl App {
                 self.remember_recent(path, &as_held);
                 (self.storage.held, self.storage.as_held) = (Some(held), Some(as_held));
             }
-            Err(error) => self.act(Action::Fail(error)),
+            Err(error) => self.act(Action::SetError(error)),
         }
     }
 
-    /// Remembers a site for the start page.
+    /// Adds a site to the list on the start page.
     pub(crate) fn remember_recent(&mut self, path: &Path, site: &Site) {
         if let Some((folder, now)) = self.storage.folder.as_deref().zip(Here::now()) {
             self.storage.recent = autosave::remember(folder, Recent::of(path, site, now));
         }
     }
 
-    /// Goes on with what a crashed session left.
+    /// Restores an autosave of a crashed session.
     pub fn recover(&mut self, index: usize) {
         if index >= self.storage.found.len() {
             return;
         }
         let (slot, Found { site, images, path, held, .. }) = self.storage.found.remove(index);
-        // It differs from its file, and is kept already.
+        // The restored site differs from its file and already has an autosave.
         self.open(Opened { site, images, path, is_unsaved: true });
         (self.storage.autosave, self.storage.held) = (Some(slot), held);
     }
 
-    /// Leaves the work on the open site where it is kept, to be gone on with, and keeps the next elsewhere.
+    /// Keeps the autosave of the open site, and uses another slot from now on.
     fn put_aside(&mut self) {
         let Some(slot) = self.storage.autosave.clone() else { return };
         let session = self.editor.session();
@@ -89,7 +86,10 @@ impl App {
         }
         let (images, path) = (session.images.clone(), session.path.clone());
         let held = self.storage.held;
-        self.storage.found.push((slot, Found { site: session.kept(), images, path, held, at: Here::now() }));
+        self.storage.found.push((
+            slot,
+            Found { site: session.site_with_joint_results(), images, path, held, at: Here::now() },
+        ));
         self.storage.autosave = None;
         for slot in self.storage.folder.iter().flat_map(|folder| Autosave::slots(folder)) {
             let is_taken = self.storage.found.iter().any(|(found, _)| found.folder() == slot.folder());
@@ -105,47 +105,48 @@ impl App {
         }
     }
 
-    /// Forgets what a crashed session left.
+    /// Deletes an autosave of a crashed session.
     pub fn discard_found(&mut self, index: usize) {
         if index < self.storage.found.len() {
             self.storage.found.remove(index).0.forget();
         }
     }
 
-    /// What the shelf has to tell.
+    /// Handles messages of the browser's site storage.
     pub(crate) fn poll_shelf(&mut self) {
         while let Some(news) = self.storage.shelf.as_mut().and_then(|shelf| shelf.news()) {
             match news {
                 News::Opened(found) => {
-                    // It stays the shelf's: what follows is kept in its place.
+                    // The storage keeps its entry; later changes replace it.
                     let shelf = self.storage.shelf.take();
                     let Found { site, images, path, .. } = *found;
                     self.open(Opened { site, images, path, is_unsaved: true });
                     self.storage.shelf = shelf;
                 }
-                News::Trouble(error) => self.act(Action::Fail(error)),
+                News::Trouble(error) => self.act(Action::SetError(error)),
                 News::Note(note) => self.act(Action::Note(note)),
                 News::Again => self.storage.kept = u64::MAX,
             }
         }
     }
 
-    /// Keeps every finished gesture where a crash does not reach it.
+    /// Autosaves after every finished gesture.
     pub(crate) fn remember(&mut self) {
-        let generation = self.editor.session().generation;
-        // What was kept before its still was decoded is kept again with its picture.
+        let generation = self.editor.session().revision.generation;
+        // An autosave made before its image was decoded is repeated with the thumbnail.
         let is_due = self.storage.shelf.is_some() && self.storage.thumbnail.is_due(&self.pictures);
         if self.storage.kept == generation && !is_due {
             return;
         }
         self.storage.kept = generation;
         if self.storage.autosave.is_none() && self.storage.folder.is_some() && generation == 1 {
-            let note = "Not kept against a crash: nine unsaved sites wait already. Save it as a file.";
+            let note = "Autosave is full (nine unsaved sites). Save this site to a file.";
             self.act(Action::Note(note.into()));
         }
         let session = self.editor.session();
-        // Undo to what is saved leaves nothing to lose, but the file tells no tale of it: keep it all the same.
-        let site = session.kept();
+        // Undo to the saved state loses nothing, but the autosave does not record this, so it is written all
+        // the same.
+        let site = session.site_with_joint_results();
         if self.storage.shelf.is_some() {
             self.storage.thumbnail.renew(&site, &self.pictures);
         }
@@ -164,21 +165,21 @@ impl App {
         let Some(autosave) = &self.storage.autosave else { return };
         if let Err(error) = autosave.keep(&site, &session.images, session.path.as_deref(), self.storage.held)
         {
-            self.act(Action::Fail(format!("Autosave: {error}")));
+            self.act(Action::SetError(format!("Autosave: {error}")));
         }
     }
 
-    /// Saves the site without its images: a file to lie beside them.
+    /// Saves the site without embedded images; the file must lie next to them.
     pub(crate) fn save_plain(&mut self, path: &Path) {
         let session = self.editor.session();
-        let site = session.images.name_into(&session.solved.write_into(&session.site));
+        let site = session.images.with_file_names(&session.solved.write_into(&session.site));
         self.act(match Here::write(path, site.to_json().as_bytes()) {
             Ok(()) => Action::Note(format!("Saved {} without its images.", path.display())),
-            Err(error) => Action::Fail(error),
+            Err(error) => Action::SetError(error),
         });
     }
 
-    /// Writes what the sheet shows into a folder; in the browser, without one, as downloads.
+    /// Writes the exported files into a folder, or as downloads in the browser.
     pub(crate) fn write_export(&mut self, folder: &Path) {
         let Some(files) = self.dialogs.export.files() else { return };
         let written = files.iter().try_for_each(|file| Here::write(&folder.join(&file.name), &file.bytes));
@@ -186,26 +187,26 @@ impl App {
         match written {
             Ok(()) => {
                 self.act(Action::Note(if folder.as_os_str().is_empty() {
-                    format!("Handed over as downloads: {count}.")
+                    format!("Downloaded {count}.")
                 } else {
                     format!("Wrote {count} to {}.", folder.display())
                 }));
                 self.dialogs.export.close();
             }
-            Err(error) => self.act(Action::Fail(error)),
+            Err(error) => self.act(Action::SetError(error)),
         }
     }
 }
 
 impl App {
-    /// Saves to the site's own file.
+    /// Saves to the site's file.
     pub fn save(&mut self) {
         if let Some(path) = self.editor.session().path.clone() {
             self.save_to(path);
         }
     }
 
-    /// Saves to a file, which is the site's own from then on, unless that would take something away.
+    /// Saves to a file, which becomes the site's file, unless it must not be overwritten without asking.
     pub(crate) fn save_to(&mut self, path: PathBuf) {
         match self.obstacle(&path) {
             Some(why) => self.dialogs.conflict = Some(Conflict { path, why }),
@@ -213,12 +214,12 @@ impl App {
         }
     }
 
-    /// Why a file is not to be written without asking.
+    /// Returns the reason why a file must not be written without asking.
     fn obstacle(&self, path: &Path) -> Option<Why> {
         if !Here::HAS_FOLDERS {
             return None;
         }
-        // Whatever is there and cannot be read is not what was read.
+        // An unreadable file counts as changed.
         let there = path.exists().then(|| Here::read(path).map_or(0, |bytes| files::stamp(&bytes)));
         let is_own = self.editor.session().path.as_deref() == Some(path);
         match there {
@@ -230,7 +231,8 @@ impl App {
         }
     }
 
-    /// What a file has that was otherwise when it was read; where that is not known, against the open site.
+    /// Lists the changes of a file since it was read, or its differences from the open site if that is
+    /// unknown.
     fn changes_of(&self, path: &Path) -> Vec<String> {
         let before = self.storage.as_held.as_ref().unwrap_or_else(|| self.editor.site());
         match files::open(path) {
@@ -239,7 +241,7 @@ impl App {
         }
     }
 
-    /// Does what the operator decided about a file that was not written.
+    /// Carries out the decision about a conflict.
     pub(crate) fn decide_on_file(&mut self, decision: Decision) {
         let Some(Conflict { path, .. }) = self.dialogs.conflict.take() else { return };
         match decision {
@@ -250,7 +252,7 @@ impl App {
         }
     }
 
-    /// What is being looked for goes on under the names that its images have beside the file.
+    /// Renames images in running work to their names relative to the new file.
     fn rebase_work(&mut self, folder: &Path) {
         let images = &self.editor.session().images;
         let compared = self.jobs.comparing.iter_mut().flat_map(Comparing::images_mut);
@@ -269,7 +271,7 @@ impl App {
                 (self.storage.held, self.storage.as_held) = (Some(held), Some(solved));
             }
             Err(error) => {
-                self.act(Action::Fail(error));
+                self.act(Action::SetError(error));
                 return;
             }
         }
@@ -285,12 +287,12 @@ impl App {
         if let Some(autosave) = &self.storage.autosave {
             autosave.forget();
         }
-        self.storage.kept = self.editor.session().generation;
+        self.storage.kept = self.editor.session().revision.generation;
     }
 }
 
 impl App {
-    /// Takes what was dropped or named: a site, an image, or a folder of images.
+    /// Opens a dropped or named path: a site, an image, or a folder of images.
     pub fn take_path(&mut self, ctx: &Context, path: PathBuf) {
         if has_ending(&path, "json") {
             self.open_path(&path);
@@ -302,8 +304,8 @@ impl App {
         }
         let images = if is_image(&path) { vec![path.clone()] } else { Here::images_in(&path) };
         if images.is_empty() {
-            self.act(Action::Complain(format!(
-                "{}: neither a site (.json) nor an image (.png, .jpg), nor a folder of images",
+            self.act(Action::AddError(format!(
+                "Can't open {}. Use a site (.json), an image (.png, .jpg), or a folder of images.",
                 path.display()
             )));
         }
@@ -327,14 +329,15 @@ impl App {
                 self.take_path(ctx, path);
             }
             if has_site {
-                // Its plan lies as the site says.
+                // The site georeferences its plan itself.
                 others.retain(|file| !is_world_file(file));
             } else {
                 self.take_plans(ctx, &mut others);
             }
-            // The images of a site that came with it are no further cameras.
+            // Images of the site that were dropped with it are not additional cameras.
             let own: Vec<String> = image_names(self.editor.site());
-            let is_own = |file: &Chosen| has_site && own.iter().any(|name| base(name) == base(&file.name));
+            let is_own =
+                |file: &Chosen| has_site && own.iter().any(|name| file_name(name) == file_name(&file.name));
             for path in others.into_iter().filter(|file| !is_own(file)).filter_map(|file| file.path) {
                 self.take_path(ctx, path);
             }
@@ -344,7 +347,7 @@ impl App {
         }
     }
 
-    /// Takes files that are not on a disk: a site with the images it names, or images.
+    /// Opens files that are not on disk: a site with its images, or images.
     pub fn take_together(&mut self, ctx: &Context, mut files: Vec<Chosen>) {
         if let Some(site) = files.iter().position(Chosen::is_site) {
             let file = files.remove(site);
@@ -352,14 +355,14 @@ impl App {
             match file.into_text().and_then(|text| parse(&text, None)) {
                 Ok((site, images)) => self.open_site(site, images, Some(name.into())),
                 Err(error) => {
-                    self.act(Action::Fail(format!("{name}: {error}")));
+                    self.act(Action::SetError(format!("{name}: {error}")));
                     return;
                 }
             }
             self.attach(&mut files);
             if !files.is_empty() {
                 let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-                let note = format!("Not of this site: {}.", names.join(", "));
+                let note = format!("Not part of this site: {}.", names.join(", "));
                 self.act(Action::Note(note));
             }
             return;
@@ -372,8 +375,8 @@ impl App {
             if file.bytes.is_some() && has_ending(name, "svg") {
                 self.load_plan(ctx, vec![file]);
             } else if file.bytes.is_none() || !is_image(name) {
-                self.act(Action::Complain(format!(
-                    "{}: neither a site (.json) nor an image (.png, .jpg)",
+                self.act(Action::AddError(format!(
+                    "Can't open {}. Use a site (.json) or an image (.png, .jpg).",
                     file.name
                 )));
             } else {
@@ -382,14 +385,14 @@ impl App {
         }
     }
 
-    /// Compares those files that are newer stills of cameras, and takes them from `files`.
+    /// Compares those files that are newer images of cameras, and removes them from `files`.
     fn take_newer(&mut self, ctx: &Context, files: &mut Vec<Chosen>) {
         let (newer, others) = std::mem::take(files).into_iter().partition(|file| self.is_newer(file));
         *files = others;
         self.add_newer(ctx, newer);
     }
 
-    /// Gives the site those of its images that are not there yet, and takes them from `files`.
+    /// Attaches missing images of the site, and removes them from `files`.
     fn attach(&mut self, files: &mut Vec<Chosen>) {
         let made = self.editor.session().images.missing.is_some();
         let mut used = vec![false; files.len()];
@@ -398,7 +401,9 @@ impl App {
             if made || self.editor.session().images.is_stored(&name) {
                 continue;
             }
-            let Some(index) = files.iter().position(|file| base(&file.name) == base(&name)) else { continue };
+            let Some(index) = files.iter().position(|file| file_name(&file.name) == file_name(&name)) else {
+                continue;
+            };
             let Some(bytes) = files[index].bytes.clone() else { continue };
             let id = self.editor.store_image(bytes.into(), mime(&name), Some(&name));
             self.pictures.forget(&name);

@@ -1,6 +1,4 @@
-//! A picture of a view: taken from the window, then saved where it was chosen.
-//!
-//! The report: one page to hand over, as `calib report` writes it.
+//! Screenshots of a view, and the report of `calib report`.
 
 use std::path::Path;
 
@@ -13,12 +11,12 @@ use crate::platform::{Here, Platform as _};
 use crate::state::{App, Mode};
 
 impl App {
-    /// Asks for a picture of the view that was used last.
+    /// Requests a screenshot of the view that was used last.
     pub fn take_picture(&mut self, ctx: &Context) {
         let (sender, picture) = std::sync::mpsc::channel();
         let again = ctx.clone();
         ctx.request_screenshot(move |image| {
-            // Nobody waits any more when the receiver is gone.
+            // The receiver may be gone.
             let _ = sender.send(image);
             again.request_repaint();
         });
@@ -50,7 +48,7 @@ impl App {
                 self.jobs.pictured = Some(png.into_inner());
                 self.ask(Purpose::SavePicture);
             }
-            Err(error) => self.act(Action::Fail(error)),
+            Err(error) => self.act(Action::SetError(error)),
         }
     }
 
@@ -58,40 +56,40 @@ impl App {
         let Some(png) = self.jobs.pictured.take() else { return };
         match Here::write(path, &png) {
             Ok(()) => self.act(Action::Note(format!("Saved {}.", path.display()))),
-            Err(error) => self.act(Action::Fail(error)),
+            Err(error) => self.act(Action::SetError(error)),
         }
     }
 }
 
 impl App {
-    /// Writes the report of the site as it is solved now.
+    /// Writes the report of the current results.
     pub(crate) fn save_report(&mut self, path: &Path) {
         let session = self.editor.session();
         let site = session.solved.write_into(&session.site);
         let html = page(&site, None, &mut |shown| picture(session, shown));
         match Here::write(path, html.as_bytes()) {
             Ok(()) => self.act(Action::Note(format!("Saved {}.", path.display()))),
-            Err(error) => self.act(Action::Fail(error)),
+            Err(error) => self.act(Action::SetError(error)),
         }
     }
 }
 
-/// A picture as it is, within the page.
+/// Returns an image for embedding in the page.
 fn picture(session: &Session, shown: Shown<'_>) -> Result<Picture, String> {
     let name = match shown {
         Shown::Camera(camera) => camera.image.as_deref(),
         Shown::Plan => session.site.plan.as_ref().and_then(|plan| plan.image.as_deref()),
     };
-    let name = name.ok_or("There is no picture.")?;
+    let name = name.ok_or("The image is missing.")?;
     let said = |why: String| format!("{}: {why}", session.images.shown_name(name));
-    // What is rendered in a worker is not waited for here.
-    if !Here::HAS_FOLDERS && session.images.reader(name).made_by_name().is_some() {
-        return Err(said("still being made; write the report again when it is shown".into()));
+    // Images that a worker renders are not waited for.
+    if !Here::HAS_FOLDERS && session.images.reader(name).name_to_render().is_some() {
+        return Err(said("The image is not rendered yet. Save the report again when it is visible.".into()));
     }
     let (href, bytes) = session.images.embedded(name, Here::read_within).map_err(said)?;
     let size = match shown {
         Shown::Camera(camera) => camera.size_px,
-        Shown::Plan => calib_input::size_of(&bytes).map_err(|error| said(error.to_string()))?,
+        Shown::Plan => calib_input::image_size(&bytes).map_err(|error| said(error.to_string()))?,
     };
     Ok(Picture { href, size })
 }

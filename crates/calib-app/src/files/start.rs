@@ -1,4 +1,4 @@
-//! What is shown while nothing is open.
+//! Start page, shown while no site is open.
 
 use std::path::Path;
 
@@ -19,40 +19,39 @@ use crate::storage::autosave::{Entry, Shelf};
 use crate::storage::autosave::{Recent, ago};
 use crate::theme;
 
-/// How wide the card is, in points, where there is room; what lies on it keeps this far from its edges.
+/// Width of the card and its inner margin, in points.
 const CARD: f32 = 696.0;
 const MARGIN: f32 = 24.0;
-/// How far the card begins above the middle of the window.
+/// Distance of the card's top from the middle of the window, in points.
 const RISE: f32 = 240.0;
-/// The column of what to begin with, and the height of both columns; `web/page.css` has them, too.
+/// Width of the left column and height of both columns, in points; `web/page.css` has the same numbers.
 const LEFT: f32 = 320.0;
 const COLUMNS: f32 = 304.0;
-/// A step with its picture.
+/// Size of a step with its picture, in points.
 const STEP: Vec2 = Vec2::new(312.0, 96.0);
 
-const TITLE: &str = "Calibrate cameras from one still each";
-const BELOW: &str =
-    "Draw along edges that you see; get metres on the floor for every pixel, with their \u{b1}.";
+const TITLE: &str = "Calibrate cameras from one image each";
+const BELOW: &str = "Draw along visible edges. Every floor pixel gets metric coordinates with \u{b1}.";
 
-/// What is done, in three pictures.
+/// The three steps, each with a picture.
 const STEPS: [(Picture, &str, &str); 3] = [
-    (DRAW, "Draw", "Lines that are plumb, parallel or square tell how a camera looks."),
-    (PLACE, "Place", "Its field of view is moved, turned and scaled on the plan."),
-    (CHECK, "Check", "A mark stands on the same spot in every view."),
+    (DRAW, "Draw", "Vertical, parallel and perpendicular lines determine how the camera looks."),
+    (PLACE, "Place", "Move, rotate and scale its field of view on the plan."),
+    (CHECK, "Check", "A mark is on the same spot in every view."),
 ];
 
-/// What to begin with.
+/// Commands to begin with.
 const CHOICES: [(&str, Command, &str); 4] = [
-    ("Add images\u{2026}", Command::AddImages, "one of each camera"),
+    ("Add images\u{2026}", Command::AddImages, "one per camera"),
     ("Open a site\u{2026}", Command::Open, "with its images"),
     ("Open the demonstration site", Command::Demo, "six cameras"),
-    ("Take the tour", Command::Tour, "five steps, ten minutes"),
+    ("Start the tour", Command::Tour, "five steps, ten minutes"),
 ];
 
 const HINT: &str = "Or drop images, a folder, or a site file here.";
 const KEPT: [&str; 2] = ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
 
-/// The start page; `web/index.html` shows the same picture until the program is there.
+/// Shows the start page; `web/index.html` shows the same picture while the program loads.
 pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let (mut chosen, mut recover) = (None, None);
@@ -88,7 +87,7 @@ pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// What lies on the card: what was chosen to begin with, and of work that a crash left whether to go on with it.
+/// Shows the card; returns the chosen command, and the decision about an autosave.
 fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)>) {
     let palette = theme::palette(ui.ctx());
     let is_narrow = ui.ctx().content_rect().width() <= crate::widgets::NARROW;
@@ -117,7 +116,7 @@ fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)
     (chosen, recover)
 }
 
-/// A line of words in a row of this height, whatever the font.
+/// Shows a line of text in a row of this height, independent of the font.
 fn line(ui: &mut Ui, height: f32, text: RichText) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::hover());
     let layout = Layout::left_to_right(Align::Center);
@@ -125,7 +124,7 @@ fn line(ui: &mut Ui, height: f32, text: RichText) {
     row.add(egui::Label::new(text).extend());
 }
 
-/// What to begin with, each a button of the whole column.
+/// Shows the commands to begin with, as buttons of full width.
 fn choices(ui: &mut Ui) -> Option<Command> {
     let palette = theme::palette(ui.ctx());
     let mut chosen = None;
@@ -160,7 +159,7 @@ fn choices(ui: &mut Ui) -> Option<Command> {
     chosen
 }
 
-/// Work that a crash left behind: which was chosen, and whether to go on with it.
+/// Shows the autosaves of crashed sessions; returns the chosen one, and whether to restore it.
 fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
     let mut recover = None;
     for index in 0..app.storage.found.len() {
@@ -187,7 +186,7 @@ fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
     recover
 }
 
-/// The name of work that was not saved, and what else tells it from other work.
+/// Returns the name of an autosave, and details that distinguish it from others.
 fn told(found: &Found) -> [String; 2] {
     let file =
         found.path.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
@@ -198,19 +197,19 @@ fn told(found: &Found) -> [String; 2] {
     [name, parts.into_iter().flatten().collect::<Vec<_>>().join(", ")]
 }
 
-/// Whether to go on with it or to discard it, once either was pressed.
+/// Shows the buttons to restore or discard an autosave; returns the choice.
 fn offer(ui: &mut Ui, [name, words]: &[String; 2]) -> Option<bool> {
     let palette = theme::palette(ui.ctx());
     ui.label(RichText::new(name).font(theme::medium(13.0)));
     ui.label(RichText::new(words).color(palette.text2));
     ui.horizontal(|ui| {
-        let goes_on = ui.button("Go on with it").clicked().then_some(true);
+        let goes_on = ui.button("Continue").clicked().then_some(true);
         goes_on.or_else(|| ui.button("Discard").clicked().then_some(false))
     })
     .inner
 }
 
-/// A still, small; a bare card until it is there.
+/// Shows a thumbnail, or an empty frame until it is decoded.
 fn thumbnail(app: &mut App, ui: &mut Ui, image: Option<(String, Source)>) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(84.0, 52.0), Sense::hover());
     ui.painter().rect_filled(rect, 4.0, theme::palette(ui.ctx()).canvas);
@@ -221,9 +220,9 @@ fn thumbnail(app: &mut App, ui: &mut Ui, image: Option<(String, Source)>) {
     }
 }
 
-/// The sites that were opened or saved last.
+/// Shows the recent sites.
 fn recent(app: &mut App, ui: &mut Ui) {
-    /// A screen holds no more.
+    /// Number of recent sites that fit.
     const SHOWN: usize = 4;
     let list: Vec<Recent> = app.storage.recent.iter().take(SHOWN).cloned().collect();
     let Some(now) = Here::now().filter(|_| !list.is_empty()) else { return };
@@ -239,7 +238,7 @@ fn recent(app: &mut App, ui: &mut Ui) {
 fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
     let palette = theme::palette(ui.ctx());
     let image = recent.image.as_ref().map(|path| path.to_string_lossy().into_owned());
-    let images = Images::beside(recent.path.parent().map(Path::to_path_buf), None);
+    let images = Images::in_folder(recent.path.parent().map(Path::to_path_buf), None);
     let image = image.map(|path| (path.clone(), images.reader(&path)));
     ui.horizontal(|ui| {
         thumbnail(app, ui, image);
@@ -256,7 +255,7 @@ fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
     });
 }
 
-/// The three steps, each with its picture.
+/// Shows the three steps with their pictures.
 fn pictures(ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     for (picture, title, text) in STEPS {
@@ -265,7 +264,7 @@ fn pictures(ui: &mut Ui) {
         paint(ui.painter(), picture, rect.left_top() + Vec2::new(8.0, 6.0));
         let at = rect.left_top() + Vec2::new(SIZE.x + 20.0, 10.0);
         let words = Rect::from_min_max(at, rect.max - Vec2::new(8.0, 4.0));
-        // It takes no more room than the step.
+        // The text stays inside the step.
         let mut told = ui.new_child(egui::UiBuilder::new().max_rect(words));
         told.label(RichText::new(title).font(theme::medium(13.0)));
         told.add_space(3.0);
@@ -274,9 +273,9 @@ fn pictures(ui: &mut Ui) {
     }
 }
 
-/// The sites that the shelf keeps, each a row.
+/// Shows the sites in the browser's storage.
 fn kept(app: &mut App, ui: &mut Ui) {
-    /// Four rows.
+    /// Height of four rows, in points.
     const SHOWN: f32 = 232.0;
     let entries = app.storage.shelf.as_ref().map(|shelf| shelf.entries()).unwrap_or_default();
     if entries.is_empty() {
@@ -307,9 +306,9 @@ fn kept(app: &mut App, ui: &mut Ui) {
     });
 }
 
-/// The still that an entry of the shelf shows, with the name by which it is decoded once.
+/// Returns the thumbnail of a stored site, with the name of its texture.
 fn still_of(entry: &Entry) -> Option<(String, Source)> {
-    let source = Source::of_data_uri(entry.thumbnail.as_deref()?)?;
+    let source = Source::from_data_uri(entry.thumbnail.as_deref()?)?;
     Some((format!("{} {}", entry.id, entry.bytes), source))
 }
 
@@ -317,11 +316,14 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     let palette = theme::palette(ui.ctx());
     let name = if entry.name.is_empty() { "Unnamed site" } else { &entry.name };
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-        // What is removed is gone: the second press means it.
+        // Removing cannot be undone, therefore it needs a second click.
         let id = ui.scope_id().with(("remove", &entry.id));
         let armed = ui.data(|data| data.get_temp(id).unwrap_or(false));
-        let text =
-            if armed { RichText::new("Remove for good").color(palette.bad) } else { RichText::new("Remove") };
+        let text = if armed {
+            RichText::new("Remove permanently").color(palette.bad)
+        } else {
+            RichText::new("Remove")
+        };
         let button = ui.button(text);
         button.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Remove {name}")));
         if button.clicked() && armed {
@@ -333,7 +335,7 @@ fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
             ui.add_space(4.0);
             let title = Button::new(RichText::new(name).font(theme::medium(13.0))).truncate();
             let open = ui.add(title.min_size(Vec2::new(120.0, 26.0)));
-            open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Go on with {name}")));
+            open.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("Continue {name}")));
             if open.on_hover_text(format!("Last: {}", entry.last)).clicked() {
                 shelf.open(&entry.id);
             }
@@ -347,7 +349,7 @@ fn cameras(count: usize) -> String {
     counted(count, "camera", "cameras")
 }
 
-/// Bytes for the eye.
+/// Returns a number of bytes as text.
 fn size(bytes: u64) -> String {
     match bytes as f64 {
         few if few < 1e5 => "under 0.1 MB".into(),

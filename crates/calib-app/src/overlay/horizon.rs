@@ -1,4 +1,4 @@
-//! The horizon on an image; where several cameras fit, those of two of them and all that lies between.
+//! Horizon on an image; if several cameras fit equally well, the band between their horizons.
 
 use calib_core::{Camera, Covariance, Pixel};
 
@@ -10,9 +10,9 @@ use crate::overlay::Overlay;
 use crate::paint::{Pen, line, tag};
 use crate::theme::on_image;
 
-/// Points between two strokes of the hatching.
+/// Distance between hatch lines, in points.
 const HATCH: f32 = 9.0;
-/// Points between the places where its ends are looked for.
+/// Horizontal step at which the band is sampled, in points.
 const STEP: f32 = 3.0;
 
 impl Overlay<'_> {
@@ -23,8 +23,8 @@ impl Overlay<'_> {
         let Some(family) = self.family else {
             let sigma = camera.covariance.0[Covariance::PITCH][Covariance::PITCH].sqrt();
             let text = if sigma > 1.0 {
-                // Of more than a radian nobody is helped by pixels.
-                "horizon, not known".into()
+                // A sigma above one radian is shown as unknown.
+                "horizon, uncertain".into()
             } else if sigma > 0.0 {
                 format!("horizon \u{b1} {:.0} px", (sigma * camera.focal).max(1.0))
             } else {
@@ -52,7 +52,7 @@ impl Overlay<'_> {
             .collect()
     }
 
-    /// A horizon, and what it is at this share of the width.
+    /// Paints a horizon with its label at `share` of the width.
     pub(crate) fn paint_named(
         &self,
         painter: &Painter,
@@ -73,13 +73,13 @@ impl Overlay<'_> {
         }
     }
 
-    /// Hatching between the horizons of the cameras at the ends of all that fit.
+    /// Hatches the band between the horizons of the two extreme cameras that fit.
     fn paint_band(&self, painter: &Painter, ends: &[Camera; 2], entry: &SiteCamera) {
         let clip = painter.clip_rect();
         let columns = (clip.width() / STEP).ceil() as usize + 1;
         let [w, h] = entry.size();
         let heights = ends.each_ref().map(|camera| {
-            // A horizon that is out of sight lies above whoever sees the floor.
+            // A camera that sees the floor has an invisible horizon above its image.
             let sees_floor = camera.pixel_to_floor(Pixel::new(0.5 * w, 0.5 * h), 0.0).is_some();
             let beyond = if sees_floor { clip.top() } else { clip.bottom() };
             let heights = heights(&self.horizon_of(camera, entry), clip.left(), columns);
@@ -99,12 +99,12 @@ impl Overlay<'_> {
         if let Some(column) = wide.filter(|_| self.labels) {
             let [top, bottom] = between[column];
             let at = Pos2::new(clip.left() + column as f32 * STEP, 0.5 * (top + bottom));
-            tag(painter, at, Align2::CENTER_CENTER, "horizon somewhere here", on_image::DOUBT);
+            tag(painter, at, Align2::CENTER_CENTER, "horizon in this band", on_image::DOUBT);
         }
     }
 }
 
-/// How high a line runs at every column, from the left one on.
+/// Returns the height of a line at every column, from the left.
 fn heights(pieces: &[Vec<Pos2>], left: f32, columns: usize) -> Vec<Option<f32>> {
     let mut heights = vec![None; columns];
     for pair in pieces.iter().flat_map(|piece| piece.windows(2)) {
@@ -120,14 +120,14 @@ fn heights(pieces: &[Vec<Pos2>], left: f32, columns: usize) -> Vec<Option<f32>> 
     heights
 }
 
-/// Rising strokes that fill what lies between.
+/// Returns rising strokes that fill the band.
 fn hatched(between: &[[f32; 2]], left: f32) -> Vec<[Pos2; 2]> {
     let filled = between.iter().filter(|[top, bottom]| top < bottom);
     let Some(low) = filled.clone().map(|[top, _]| *top).reduce(f32::min) else { return Vec::new() };
     let high = filled.map(|[_, bottom]| *bottom).fold(low, f32::max);
     let right = left + between.len() as f32 * STEP;
     let mut strokes = Vec::new();
-    // Along a stroke x + y is the same: multiples of the spacing, so that strokes stay where they are.
+    // Strokes have constant x + y, at multiples of the spacing, so that they do not move with the band.
     let numbers = ((left + low) / HATCH).floor() as i32..=((right + high) / HATCH).ceil() as i32;
     for sum in numbers.map(|number| number as f32 * HATCH) {
         let column = |x: f32| (((x - left) / STEP).max(0.0) as usize).min(between.len());

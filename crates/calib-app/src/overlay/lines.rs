@@ -1,31 +1,29 @@
-//! Drawn lines on an image: in the colour of their kind or residual, with a second sign, extended.
-//!
-//! What a newer still shows of the old one: places of edges that are found again and those that are not, and what was drawn
-//! where it is now.
+//! Overlay of annotations, in the colour of their kind or residual, with sign and extension; and of a newer
+//! image with matched edge points.
 
 use calib_core::Pixel;
 use calib_core::camera::Turned;
 use calib_core::single::line_name;
 use calib_draw::{Laid, Line, Look, Meaning, Sign, extension, lay};
-use calib_editor::{Newer, Part};
+use calib_editor::{NewerImage, Part};
 use egui::{Align2, Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
 use crate::overlay::Overlay;
 use crate::paint::{Pen, is_lit, line, tag};
 use crate::theme::{self, on_image};
 
-/// A newer still that is looked at.
+/// Newer image that is compared on the canvas.
 #[derive(Clone, Copy, Debug)]
 pub struct Changed<'a> {
-    /// What became of the camera by it.
-    pub newer: &'a Newer,
-    /// From this place of the screen on, to the right, it is the newer still that is seen.
+    /// The newer image with its comparison.
+    pub newer: &'a NewerImage,
+    /// Screen x from which the newer image is visible.
     pub split: f32,
 }
 
 impl<'a> Overlay<'a> {
-    /// Looks at a newer still: what lies on the floor of the old one steps back.
-    pub(crate) fn compare(&mut self, split: f32, newer: Option<&'a Newer>) {
+    /// Shows a newer image; overlays of the old floor become fainter.
+    pub(crate) fn compare(&mut self, split: f32, newer: Option<&'a NewerImage>) {
         self.changed = newer.map(|newer| Changed { newer, split });
         self.suggested.clear();
         let layers = &mut self.layers;
@@ -33,7 +31,7 @@ impl<'a> Overlay<'a> {
         (layers.field, layers.extensions) = (false, false);
     }
 
-    /// Each place on the side of the still that is seen there.
+    /// Paints the edge points of each image on its side of the wipe line.
     pub(crate) fn paint_changed(&self, painter: &Painter, Changed { newer, split }: &Changed<'_>) {
         let clip = painter.clip_rect();
         let left = painter.with_clip_rect(clip.intersect(left_of(*split)));
@@ -53,7 +51,7 @@ impl<'a> Overlay<'a> {
         }
     }
 
-    /// What was drawn, where the turn puts it.
+    /// Paints the annotations transferred by the measured rotation and zoom.
     fn paint_carried(&self, painter: &Painter, turned: &Turned) {
         let Some(entry) = self.entry() else { return };
         for points in entry.annotations.iter().flat_map(|drawn| drawn.polylines()) {
@@ -64,17 +62,17 @@ impl<'a> Overlay<'a> {
     }
 }
 
-/// The part of the screen to the right of a place.
+/// Returns the part of the screen right of `split`.
 pub(crate) fn right_of(split: f32) -> Rect {
     Rect::EVERYTHING.with_min_x(split)
 }
 
-/// The part to its left.
+/// Returns the part of the screen left of `split`.
 fn left_of(split: f32) -> Rect {
     Rect::EVERYTHING.with_max_x(split)
 }
 
-/// A place of an edge: full where it is found again, a ring where it is not.
+/// Paints an edge point: filled if it was found in the newer image, otherwise a ring.
 fn dot(painter: &Painter, at: Pos2, found: bool) {
     if !painter.clip_rect().contains(at) {
         return;
@@ -87,7 +85,7 @@ fn dot(painter: &Painter, at: Pos2, found: bool) {
 }
 
 impl Overlay<'_> {
-    /// Whether a line is selected, or its row or it is under the cursor.
+    /// Whether a line is selected, or it or its row is under the pointer.
     fn is_bright(&self, drawn: &Line) -> bool {
         let Line { annotation, segment, .. } = *drawn;
         self.lit == Some((annotation, segment))
@@ -95,7 +93,7 @@ impl Overlay<'_> {
                 && self.session.selection.contains(&Part::Line { annotation, segment })
     }
 
-    /// By kind or by residual, as is wanted; the residuals' colours are those of the theme.
+    /// Returns the colour by kind or by residual; residual colours depend on the theme.
     fn used_colour(&self, painter: &Painter, drawn: &Line) -> Color32 {
         match drawn.over_sigma.filter(|_| self.layers.by_residual) {
             Some(over_sigma) => theme::residual(theme::palette(painter.ctx()), over_sigma),
@@ -128,7 +126,7 @@ impl Overlay<'_> {
     }
 
     fn name_line(&self, painter: &Painter, drawn: &Line, points: &[Pos2]) {
-        // That of a bad line stands on it, not where the next one begins.
+        // The label of a bad line is in its middle, not at its end, where the next line may begin.
         let named = if drawn.is_outlier { points.get(points.len() / 2) } else { points.last() };
         let (Some(&at), Some(entry)) = (named, self.entry()) else { return };
         let at = match points {
@@ -137,21 +135,21 @@ impl Overlay<'_> {
         };
         let name = line_name(&entry.annotations, drawn.annotation, drawn.segment);
         let (text, colour) = match drawn.residual_px.map(f64::abs) {
-            Some(px) if drawn.is_outlier => (format!("{name} set aside {px:.1} px"), on_image::BAD),
+            Some(px) if drawn.is_outlier => (format!("{name} rejected {px:.1} px"), on_image::BAD),
             Some(px) => (format!("{name} {px:.1} px"), on_image::WHITE),
             None => (name, on_image::WHITE),
         };
         tag(painter, at + Vec2::new(14.0, 8.0), Align2::LEFT_TOP, &text, colour);
     }
 
-    /// Blinks for a while, then stays lit.
+    /// Paints a halo that blinks for a while, then stays.
     fn halo(&self, painter: &Painter, points: &[Pos2]) {
         if is_lit(painter.ctx(), self.time) {
             line(painter, points, Pen::new(on_image::BAD.gamma_multiply(0.35), 9.0).bare());
         }
     }
 
-    /// The line beyond its ends, in its own colour.
+    /// Paints the extension of a line beyond its ends.
     fn extend(&self, painter: &Painter, pixels: &[Pixel], drawn: &Line) {
         let Some(camera) = self.session.solved.pose(self.camera) else { return };
         let colour = self.line_colour(painter, drawn);
@@ -162,9 +160,10 @@ impl Overlay<'_> {
         }
     }
 
-    /// The sign of a kind, so that colour is never alone, and its length where it has one.
+    /// Paints the sign of a kind, so that kinds do not differ by colour alone, and the length if one is
+    /// given.
     pub(crate) fn paint_sign(&self, painter: &Painter, sign: Sign, [a, b]: [Pos2; 2], drawn: &Line) {
-        /// On shorter lines a sign would be all that is seen.
+        /// Shortest line with a sign, in points.
         const LEAST: f32 = 24.0;
         let far = (b - a).length();
         if far < LEAST || !far.is_finite() {
@@ -176,7 +175,7 @@ impl Overlay<'_> {
         }
         let entry = self.entry().and_then(|entry| entry.annotations.get(drawn.annotation));
         if let Some(annotation) = entry.filter(|_| drawn.kind.row().has_length) {
-            let text = self.session.units.length(annotation.length_m.unwrap_or(1.0), 2);
+            let text = self.session.tool.units.length(annotation.length_m.unwrap_or(1.0), 2);
             tag(painter, a + 0.5 * (b - a), Align2::CENTER_CENTER, &text, colour);
         }
     }

@@ -1,4 +1,4 @@
-//! What is painted on a camera's image: annotations, EFOV, grid, prism, horizon, marks, links. Reads only.
+//! Overlay of a camera's image: annotations, field of view, grid, horizon, marks, links.
 
 mod lines;
 mod horizon;
@@ -15,8 +15,8 @@ use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
     reach, seen,
 };
-use calib_editor::{Edge, Family, Part, Session, Trace, Units, hit};
-use calib_site::{DrawNext, Site, SiteCamera, Solution};
+use calib_editor::{Edge, Family, Part, SearchLine, Session, Units, hit};
+use calib_site::{Site, SiteCamera, Solution, SuggestionEntry};
 use egui::{Align2, Color32, Painter, Pos2, Rect, Stroke, Vec2};
 
 use crate::canvas::Mapping;
@@ -28,7 +28,7 @@ pub use lines::Changed;
 pub(crate) use lines::right_of;
 pub use proposed::Ghosts;
 
-/// A session as what is drawn comes from it: the site in hand, and results of solves that go on.
+/// Session as a source of drawings: the open site with its current results.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown<'a>(pub(crate) &'a Session);
 
@@ -50,44 +50,44 @@ impl Scene for Shown<'_> {
     }
 }
 
-/// What the overlay of one image needs to know.
+/// Input of the overlay of one image.
 #[derive(Debug)]
 pub struct Overlay<'a> {
     /// The site and its results.
     pub session: &'a Session,
-    /// The camera whose image it is.
+    /// Index of the camera.
     pub camera: usize,
-    /// Where the image is on the screen.
+    /// Position of the image on the screen.
     pub mapping: Mapping,
-    /// What is shown.
+    /// Visible layers.
     pub layers: Layers,
-    /// Where the cursor is, if it is on this image.
+    /// Pointer, if it is on this image.
     pub cursor: Option<Pixel>,
-    /// A line that is lit because its row or it is under the cursor.
+    /// Line that is highlighted because it or its row is under the pointer.
     pub lit: Option<(usize, usize)>,
-    /// Whether a handle is in the hand.
+    /// Whether a handle is being dragged.
     pub holding: bool,
-    /// Whether something is being drawn: then what does not help to see the edge steps back.
+    /// Whether a line is being drawn; layers that hide the edge become fainter then.
     pub drawing: bool,
-    /// Seconds, for what blinks.
+    /// Time for blinking, in seconds.
     pub time: f64,
-    /// What fits as well as the solution, where anything does.
+    /// Cameras that fit as well as the solution.
     pub family: Option<&'a Family>,
-    /// The link that is to be shown in a further view.
+    /// Link that needs a click in another view.
     pub begun: Option<usize>,
-    /// Edges on which the lines that would help most can be drawn.
+    /// Detected edges on which the suggested lines can be drawn.
     pub suggested: Vec<Edge>,
-    /// What the still proposes, where it is shown.
+    /// Automatic calibration, where it is shown.
     pub proposed: Option<Ghosts<'a>>,
-    /// What a newer still shows, where it is looked at.
+    /// Newer image, where it is compared.
     pub changed: Option<Changed<'a>>,
-    /// Whether names are shown: not on small images.
+    /// Whether labels are shown; small images have none.
     pub labels: bool,
-    /// Whether links and marks say their names without being asked, where that covers no other name.
+    /// Whether links and marks always show their names, where there is room.
     pub names_elements: bool,
-    /// Where names stand already.
+    /// Rectangles of the labels so far.
     pub(crate) named: RefCell<Vec<Rect>>,
-    /// Whether drawn lines are shown: among many views they hide what is compared.
+    /// Whether annotations are shown; with many views they would hide the comparison.
     pub lines: bool,
 }
 
@@ -100,7 +100,7 @@ impl Overlay<'_> {
         self.mapping.path(pixels)
     }
 
-    /// Lines that are drawn by their ends, as the lens bends them.
+    /// Returns lines given by their ends as they appear in the distorted image.
     pub(crate) fn curve(&self, pixels: &[Pixel]) -> Vec<Pos2> {
         let Some(entry) = self.entry() else { return self.path(pixels) };
         self.path(&drawn_line(&hit::shown_lens(entry, self.session.solved.pose(self.camera)), pixels))
@@ -110,14 +110,14 @@ impl Overlay<'_> {
         self.session.site.cameras.get(self.camera)
     }
 
-    /// Whether a thing says its name: all of them at once hide the image.
+    /// Whether an element shows its name; all names at once would hide the image.
     fn says_name(&self, at: Pos2, selected: bool) -> bool {
         const NEAR: f32 = 48.0;
         let over = self.cursor.is_some_and(|cursor| self.at(cursor).distance(at) < NEAR);
         self.labels && (over || selected && self.session.camera == self.camera)
     }
 
-    /// Paints everything.
+    /// Paints all layers.
     pub fn paint(&self, painter: &Painter) {
         let Some(entry) = self.entry() else { return };
         if self.layers.hidden {
@@ -128,7 +128,7 @@ impl Overlay<'_> {
         let shown = Shown(self.session);
         let view = ImageView::new(&shown, self.camera);
         match &self.proposed {
-            // One grid and one horizon: those of the camera that is proposed.
+            // While an automatic calibration is shown, grid and horizon are those of its camera.
             Some(ghosts) if ghosts.is_camera() => self.paint_supposed(painter, ghosts),
             _ => {
                 self.paint_items(painter, &items_on_image(&view, &self.on_floor(solution)));
@@ -154,15 +154,15 @@ impl Overlay<'_> {
         self.paint_selection(painter);
     }
 
-    /// What lies under all that was drawn.
+    /// Returns the layers below the annotations.
     fn on_floor(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
         let polygon = solution.map_or(&[][..], |solution| &solution.efov_m);
-        let grid = ImageLayer::Grid(grid_step(polygon, self.session.units));
+        let grid = ImageLayer::Grid(grid_step(polygon, self.session.tool.units));
         let prism = (self.layers.prism && !self.drawing).then_some(ImageLayer::DrawnPrism);
         (self.layers.grid && !self.drawing).then_some(grid).into_iter().chain(prism).collect()
     }
 
-    /// What was drawn, from the lowest.
+    /// Returns the layers of annotations, lowest first.
     fn drawn(&self) -> Vec<ImageLayer> {
         let (field, free) = (self.layers.field, !self.drawing);
         let layers = [
@@ -214,9 +214,9 @@ impl Overlay<'_> {
         let pen = Pen::of(Look::of(meaning));
         match meaning {
             Meaning::Mark(_) if self.is_selected(meaning) => pen.coloured(on_image::ACCENT),
-            // A prism that follows the hand must not hide what is drawn.
+            // The walls of the field of view must not hide annotations.
             Meaning::Prism(_) => pen.faint(),
-            Meaning::Plane(index) if self.session.plane == Some(index) => pen.coloured(on_image::ACCENT),
+            Meaning::Plane(index) if self.session.tool.plane == Some(index) => pen.coloured(on_image::ACCENT),
             _ => pen,
         }
     }
@@ -240,11 +240,11 @@ impl Overlay<'_> {
         }
     }
 
-    /// A thing says its name when it is held, waits, or the cursor is near.
+    /// Paints the name of an element if it is selected, unfinished, or near the pointer.
     fn paint_label(&self, painter: &Painter, at: Pos2, text: &str, meaning: Meaning) {
         let is_selected = self.is_selected(meaning);
         let (is_shown, by, align) = match meaning {
-            // Where cameras are compared, one thing is known in all of them by its name.
+            // Where cameras are compared, names identify an element in all views.
             Meaning::Mark(_) => {
                 let is_shown = is_selected || self.names_elements || self.says_name(at, false);
                 (is_shown, Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
@@ -261,9 +261,9 @@ impl Overlay<'_> {
         }
     }
 
-    /// Whether a name covers no other one; then its place is taken.
+    /// Whether a label overlaps no earlier one; if not, its rectangle is reserved.
     fn has_room(&self, align: Align2, at: Pos2, text: &str) -> bool {
-        /// A letter and a tag, in points.
+        /// Width of a letter and size of the label's margin, in points.
         const LETTER: f32 = 6.5;
         const TAG: Vec2 = Vec2::new(14.0, 18.0);
         let size = TAG + Vec2::new(LETTER * text.chars().count() as f32, 0.0);
@@ -276,20 +276,20 @@ impl Overlay<'_> {
         is_free
     }
 
-    /// A person on the floor under the cursor: a thing to judge height and plumb by.
+    /// Paints a person at the pointer, to judge height and vertical.
     fn paint_guide(&self, painter: &Painter, camera: &Camera) {
         const HEIGHT: f64 = 1.75;
         let Some(foot) = self.cursor.filter(|_| self.layers.guide && !self.holding) else { return };
         let Some((items, head)) = guide(camera, foot, HEIGHT) else { return };
         self.paint_items(painter, &items);
         if let Some(head) = head.filter(|_| self.labels) {
-            let text = format!("person {}", self.session.units.length(HEIGHT, 2));
+            let text = format!("person {}", self.session.tool.units.length(HEIGHT, 2));
             let at = self.at(head) - Vec2::new(0.0, 6.0);
             tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
         }
     }
 
-    /// Of every link that waits for this view.
+    /// Paints the epipolar lines of all links that need a click in this view.
     fn paint_traces(&self, painter: &Painter, camera: &Camera, entry: &SiteCamera) {
         for (index, link) in self.session.site.links.iter().enumerate() {
             let waits = link.seen.len() == 1 || self.begun == Some(index);
@@ -299,33 +299,33 @@ impl Overlay<'_> {
         }
     }
 
-    /// Where this view must show the link that another view shows.
+    /// Paints the epipolar line of a link that another view shows.
     fn paint_trace(&self, painter: &Painter, camera: &Camera, link: &calib_site::Link) {
-        let may_show = self.session.site.has_shared(self.camera);
-        if !may_show || self.session.solved.placed(self.camera).is_none() {
+        let may_show = self.session.site.owns_links(self.camera);
+        if !may_show || self.session.solved.placed_pose(self.camera).is_none() {
             return;
         }
         let trace = link.seen.iter().find_map(|seen| {
             let other = self.session.site.cameras.iter().position(|entry| entry.id == seen.camera)?;
             let plane = self.session.solved.plane(&self.session.site, link.plane.as_deref());
-            Trace::of(self.session.solved.placed(other)?, link, &plane, seen)
+            SearchLine::from_link(self.session.solved.placed_pose(other)?, link, &plane, seen)
         });
         let Some(trace) = trace else { return };
         self.paint_items(painter, &seen(camera, Meaning::Epipolar, &trace.path));
         if let Some(at) = trace.at.and_then(|point| camera.world_to_pixel(point)) {
             let at = self.at(at);
             painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::WAITING));
-            let text = format!("{} {}", link.id.as_deref().unwrap_or("the link"), trace.invites);
+            let text = format!("{} {}", link.id.as_deref().unwrap_or("the link"), trace.instruction);
             tag(painter, at + Vec2::new(12.0, 0.0), Align2::LEFT_CENTER, &text, on_image::WAITING);
         }
     }
 
-    /// Ghosts of the lines that would help most, on edges of the image; numbered where it needs several.
+    /// Paints the suggested lines on detected edges, numbered if there are several.
     fn paint_suggestion(&self, painter: &Painter, solution: Option<&Solution>) {
         if solution.is_none() || !self.labels || self.session.camera != self.camera {
             return;
         }
-        let Some(next) = self.session.proposal() else { return };
+        let Some(next) = self.session.suggestion() else { return };
         let Some(kind) = next.kind else { return };
         let colour = theme::kind(kind);
         let look = Look::of(Meaning::Suggestion(kind));
@@ -356,10 +356,10 @@ impl Overlay<'_> {
     }
 }
 
-/// What drawing there would bring.
-fn proposal(next: &DrawNext, kind: Kind) -> String {
+/// Returns the effect of the suggestion as text.
+fn proposal(next: &SuggestionEntry, kind: Kind) -> String {
     let gain = 100.0 * next.floor_length_rel;
-    format!("{} here? then floor about \u{b1} {gain:.1} %   N", kind.row().title.to_lowercase())
+    format!("{} here: floor error about \u{b1} {gain:.1} %   N", kind.row().title.to_lowercase())
 }
 
 fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
@@ -369,7 +369,7 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
     painter.circle_filled(at, 1.25, colour);
 }
 
-/// A step of the grid that leaves cells to be told apart: 1, 2, 5, 10, ... of the unit.
+/// Returns a grid step of 1, 2, 5, 10, … units that keeps the cells distinguishable.
 #[must_use]
 pub fn grid_step(polygon: &[calib_core::FloorPoint], units: Units) -> f64 {
     units.step(reach(polygon), 30.0).max(0.5 * units.metres())

@@ -1,10 +1,10 @@
-//! What the still proposes, faint over the image: its lines by their kinds, with horizon and grid of the camera that
-//! they would make.
+//! Overlay of an automatic calibration: its lines by kind, with horizon and grid of its camera, in faint
+//! colours.
 
 use calib_core::{Camera, Kind, Pixel, Plane};
 
 use calib_draw::{ImageLayer, ImageView, Look, Meaning, Scene, on_image as items_on_image};
-use calib_editor::{Preview, ProposedGroup, hit};
+use calib_editor::{PendingGroup, Preview, hit};
 use calib_site::{Site, Solution};
 use egui::{Align2, Painter, Pos2, Vec2};
 
@@ -12,7 +12,7 @@ use crate::overlay::{Overlay, Shown, grid_step};
 use crate::paint::{Pen, line, tag};
 use crate::theme;
 
-/// A session in which one camera is what all that is proposed makes of it.
+/// Session in which the camera is the one of the automatic calibration.
 #[derive(Debug)]
 struct Supposed<'a> {
     shown: Shown<'a>,
@@ -38,26 +38,26 @@ impl Scene for Supposed<'_> {
     }
 }
 
-/// What is proposed, as it is looked at.
+/// Automatic calibration as it is painted.
 #[derive(Clone, Copy, Debug)]
 pub struct Ghosts<'a> {
-    /// What it would make of the camera.
+    /// Preview of its camera.
     pub preview: &'a Preview,
-    /// Whether that is to be believed.
+    /// Whether its confidence is high enough to show the camera.
     pub is_believed: bool,
-    /// The group whose row is under the cursor.
+    /// Group whose row is under the pointer.
     pub lit: Option<usize>,
 }
 
 impl Ghosts<'_> {
-    /// Whether it makes a camera that is to be believed.
+    /// Whether it contains a camera of sufficient confidence.
     pub(crate) fn is_camera(&self) -> bool {
         self.is_believed && self.preview.pose.is_some()
     }
 }
 
 impl Overlay<'_> {
-    /// Grid and horizon of the proposed camera, and the horizon of its rival.
+    /// Paints grid and horizon of its camera, and the horizon of the alternative.
     pub(crate) fn paint_supposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
         let (Some(entry), Some(pose), Some(solution)) =
             (self.entry(), &ghosts.preview.pose, &ghosts.preview.solution)
@@ -67,14 +67,14 @@ impl Overlay<'_> {
         if self.layers.grid {
             let supposed =
                 Supposed { shown: Shown(self.session), camera: self.camera, preview: ghosts.preview };
-            let step = grid_step(&solution.efov_m, self.session.units);
+            let step = grid_step(&solution.efov_m, self.session.tool.units);
             let view = ImageView::new(&supposed, self.camera);
             self.paint_items(painter, &items_on_image(&view, &[ImageLayer::Grid(step)]));
         }
         if !self.layers.horizon {
             return;
         }
-        self.paint_named(painter, pose, entry, (1.0, "proposed horizon"));
+        self.paint_named(painter, pose, entry, (1.0, "detected horizon"));
         let rival = self.session.proposed().and_then(|proposed| proposed.alternative.as_ref());
         if let Some(rival) = rival.map(|rival| rival.orientation) {
             let rival = Camera { roll: rival.roll, pitch: rival.pitch, focal: rival.focal, ..*pose };
@@ -82,15 +82,15 @@ impl Overlay<'_> {
         }
     }
 
-    /// The lines that are proposed: the chosen group, or that whose row is under the cursor, stands out.
+    /// Paints its lines; the selected group and the one under the pointer are highlighted.
     pub(crate) fn paint_proposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
         let Some(proposed) = self.session.proposed() else { return };
         let at = self.cursor.zip(self.entry());
         let over = at.and_then(|(at, entry)| {
             let lens = hit::shown_lens(entry, self.session.solved.pose(self.camera));
-            proposed.under(&lens, at, self.near())
+            proposed.line_at(&lens, at, self.near())
         });
-        let picked = self.session.picked();
+        let picked = self.session.picked_line();
         let lit = ghosts.lit.or(over.map(|(group, _)| group));
         for (index, group) in proposed.groups.iter().enumerate() {
             let is_bright = lit == Some(index) || picked.is_some_and(|(chosen, _)| chosen == index);
@@ -104,7 +104,7 @@ impl Overlay<'_> {
         }
     }
 
-    /// How near to a line the pointer means it, in pixels.
+    /// Returns the distance within which the pointer selects a line, in pixels.
     fn near(&self) -> f64 {
         self.mapping.units(theme::HIT)
     }
@@ -129,9 +129,9 @@ impl Overlay<'_> {
         }
     }
 
-    /// The name of a floor direction stands on its longest line: all of them have one colour.
-    fn name_group(&self, painter: &Painter, group: &ProposedGroup) {
-        /// Of a name, in points.
+    /// Paints the name of a floor direction on its longest line, because all directions have the same colour.
+    fn name_group(&self, painter: &Painter, group: &PendingGroup) {
+        /// Width of a name, in points.
         const ROOM: f32 = 64.0;
         if group.kind != Kind::Parallel {
             return;
@@ -143,7 +143,7 @@ impl Overlay<'_> {
             return;
         };
         let at = a.lerp(b, 0.5);
-        // At the right end of the view a name has no room beside its line.
+        // At the right border the name is left of its line.
         let (by, align) = if at.x + ROOM < painter.clip_rect().right() {
             (8.0, Align2::LEFT_CENTER)
         } else {

@@ -1,12 +1,9 @@
-//! Distances that were measured: they give the scale where no plan does.
-//!
-//! What cameras share: control points, and how well views agree.
-//!
-//! A joint solution that no longer follows from the site says so, with the way out.
+//! Panels: measured distances, agreement of cameras, control points, and the notice of an outdated joint
+//! solution.
 
 use calib_core::ResidualOf;
 use calib_core::single::Known;
-use calib_editor::{Action, Part, pair_apart, planes};
+use calib_editor::{Action, Part, pair_rms_distance, planes};
 use calib_site::Distance;
 use egui::{ComboBox, Frame, Margin, RichText, Ui, Vec2};
 
@@ -17,20 +14,20 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field};
 
-/// How a saved version differs from this one.
+/// Shows the differences between a saved version and the current site.
 pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
-    let Some(saved) = app.editor.compared() else { return };
-    heading(ui, "Against the saved version", "position, turn");
+    let Some(saved) = app.editor.compared_site() else { return };
+    heading(ui, "Compared with the saved version", "position, rotation");
     for (index, camera) in app.editor.session().site.cameras.iter().enumerate() {
         let old = saved.camera(&camera.id).and_then(calib_site::SiteCamera::camera);
         let text = match (old, app.editor.session().solved.pose(index)) {
             (Some(old), Some(new)) => {
                 let turned = turned(&old, new);
-                let moved = app.editor.session().units.small(old.position.distance(new.position));
+                let moved = app.editor.session().tool.units.short_length(old.position.distance(new.position));
                 format!("{moved}, {turned:.2}\u{b0}")
             }
-            (None, _) => "not in it, or not solved".into(),
+            (None, _) => "missing there, or not solved".into(),
             (_, None) => "not solved now".into(),
         };
         ui.horizontal(|ui| {
@@ -43,38 +40,39 @@ pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// By how much two poses are turned against each other about the vertical, in degrees.
+/// Returns the difference of the yaws of two poses, in degrees.
 fn turned(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
     let by = (a.yaw - b.yaw).to_degrees().rem_euclid(360.0);
     by.min(360.0 - by)
 }
 
-/// For every pair of cameras that see the same floor: how far they are apart there, before and after.
+/// Shows, for every pair of cameras with a common floor area, their disagreement before and after refining.
 fn pairs(app: &App, ui: &mut Ui) {
     let session = app.editor.session();
     let Some(report) = session.solved.joint_report() else { return };
-    let units = session.units;
+    let units = session.tool.units;
     let index = |id: &String| session.site.cameras.iter().position(|camera| camera.id == *id);
     egui::Grid::new("pairs").num_columns(3).show(ui, |ui| {
         for overlap in &report.site.overlaps {
             let [a, b] = &overlap.cameras;
             ui.label(format!("{a} and {b}"));
-            let before = session.before_refine.as_ref().zip(index(a).zip(index(b)));
-            let was = before.and_then(|(poses, (a, b))| pair_apart(session, poses, [a, b]));
-            let now = overlap.floor_rms_m.map_or_else(|| "no link".into(), |rms| units.small(rms));
+            let before = session.live.before_refine.as_ref().zip(index(a).zip(index(b)));
+            let was = before.and_then(|(poses, (a, b))| pair_rms_distance(session, poses, [a, b]));
+            let now = overlap.floor_rms_m.map_or_else(|| "no link".into(), |rms| units.short_length(rms));
             let change =
-                was.map_or_else(|| now.clone(), |was| format!("{} \u{2192} {now}", units.small(was)));
+                was.map_or_else(|| now.clone(), |was| format!("{} \u{2192} {now}", units.short_length(was)));
             ui.label(change);
-            // Links that leave nothing to spare agree by themselves: what they say is in the \u{b1}.
-            let sure =
-                overlap.floor_sigma_m.map_or_else(String::new, |s| format!("\u{b1} {}", units.small(s)));
+            // Links without redundancy agree by construction; their uncertainty is in the \u{b1}.
+            let sure = overlap
+                .floor_sigma_m
+                .map_or_else(String::new, |s| format!("\u{b1} {}", units.short_length(s)));
             ui.label(sure);
             ui.end_row();
         }
     });
 }
 
-/// Refine, and what it changed.
+/// Shows the Refine button and the effect of the last refinement.
 pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "All cameras together", "");
@@ -84,11 +82,12 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
         if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
             chosen = Some(Command::Refine);
         }
-        if app.editor.session().before_refine.is_some() && ui.button("Compare with before").clicked() {
+        if app.editor.session().live.before_refine.is_some() && ui.button("Show the earlier poses").clicked()
+        {
             chosen = Some(Command::CompareBefore);
         }
     });
-    if let Some(before) = &app.editor.session().before_refine {
+    if let Some(before) = &app.editor.session().live.before_refine {
         for (index, camera) in app.editor.session().site.cameras.iter().enumerate() {
             let (Some(Some(old)), Some(new)) = (before.get(index), app.editor.session().solved.pose(index))
             else {
@@ -98,12 +97,12 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
             let turned = turned(old, new);
             ui.horizontal(|ui| {
                 ui.label(&camera.id);
-                let moved = app.editor.session().units.small(moved);
-                let text = format!("moved {moved}, turned {turned:.2}\u{b0}");
+                let moved = app.editor.session().tool.units.short_length(moved);
+                let text = format!("moved {moved}, rotated {turned:.2}\u{b0}");
                 ui.label(RichText::new(text).color(palette.text2));
             });
         }
-        ui.label(RichText::new("Undo brings the old cameras back.").small().color(palette.text3));
+        ui.label(RichText::new("Undo restores the earlier cameras.").small().color(palette.text3));
     }
     pairs(app, ui);
     if let Some(command) = chosen {
@@ -111,14 +110,14 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// The control points of the camera in hand.
+/// Shows the control points of the current camera.
 pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "Control points", "residual, px");
     let Some(entry) = app.editor.session().entry() else { return };
     let points = entry.control_points.clone();
     if points.is_empty() {
-        ui.label(RichText::new("C sets a point whose place you know.").color(palette.text2));
+        ui.label(RichText::new("C adds a point with known coordinates.").color(palette.text2));
     }
     let plan = app.editor.session().site.plan.clone();
     let mut change = None;
@@ -152,7 +151,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
                 for (title, value) in [("x", &mut world.x), ("y", &mut world.y), ("z", &mut world.z)] {
                     let label = ui.label(RichText::new(title).color(palette.text2));
                     changed |= ui
-                        .add(length_field(app.editor.session().units, value, -1e5))
+                        .add(length_field(app.editor.session().tool.units, value, -1e5))
                         .labelled_by(label.id)
                         .changed();
                 }
@@ -170,7 +169,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// The panel.
+/// Shows the panel of distances.
 pub(crate) fn distances_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Distances", "measured");
     let mut list = app.editor.session().site.distances.clone();
@@ -182,7 +181,7 @@ pub(crate) fn distances_ui(app: &mut App, ui: &mut Ui) {
         ui.horizontal(|ui| list.extend(entered(app, ui, &ids)));
     } else {
         let palette = theme::palette(ui.ctx());
-        ui.label(RichText::new("Needs two links or marks.").color(palette.text2));
+        ui.label(RichText::new("Add two links or marks first.").color(palette.text2));
     }
     if list != app.editor.session().site.distances {
         app.send(Action::SetDistances(list));
@@ -194,7 +193,7 @@ fn list_fields(app: &App, ui: &mut Ui, list: &mut Vec<Distance>) {
     for (index, distance) in list.iter_mut().enumerate() {
         ui.horizontal(|ui| {
             let label = ui.label(format!("{} to {}", distance.between[0], distance.between[1]));
-            known_fields(ui, label.id, app.editor.session().units, &mut distance.length_m);
+            known_fields(ui, label.id, app.editor.session().tool.units, &mut distance.length_m);
             let look = Look { size: Vec2::splat(18.0), ..Look::default() };
             if icons::button(ui, Icon::Close, &format!("Remove distance {}", index + 1), "", look).clicked() {
                 removed = Some(index);
@@ -206,7 +205,7 @@ fn list_fields(app: &App, ui: &mut Ui, list: &mut Vec<Distance>) {
     }
 }
 
-/// Two ids to choose, and a field for what was measured between them; the distance, once it was entered.
+/// Shows the choice of two ids and the field for their distance; returns the entered distance.
 fn entered(app: &mut App, ui: &mut Ui, ids: &[String]) -> Option<Distance> {
     let [a, b] = &mut app.pair;
     for (salt, chosen) in [("from", a), ("to", b)] {
@@ -223,13 +222,13 @@ fn entered(app: &mut App, ui: &mut Ui, ids: &[String]) -> Option<Distance> {
     let session = app.editor.session();
     let estimate = planes::estimated_distance(session, &app.pair);
     let label = ui.label(RichText::new("measured").color(theme::palette(ui.ctx()).text2));
-    let metres = empty_field(ui, ("distance", &app.pair), label.id, session.units, estimate)?;
+    let metres = empty_field(ui, ("distance", &app.pair), label.id, session.tool.units, estimate)?;
     let between = app.pair.clone();
     let length_m = Known::prior(metres, TAPE);
     Some(Distance { id: None, name: None, off: false, keep: false, between, length_m })
 }
 
-/// The part, while what was solved together is out of date.
+/// Shows the notice that the joint solution is out of date, with the button to renew it.
 pub(crate) fn out_of_date_ui(app: &mut App, ui: &mut Ui) {
     if !app.editor.session().solved.is_joint_out_of_date() || !app.editor.tool().is_idle() {
         return;
@@ -238,7 +237,7 @@ pub(crate) fn out_of_date_ui(app: &mut App, ui: &mut Ui) {
     let mut again = false;
     Frame::NONE.fill(palette.warn_bg).inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
         ui.set_width(ui.available_width());
-        let what = "Refined together, out of date: what it follows from was changed.";
+        let what = "Changed since the last Refine. Refine again.";
         ui.label(RichText::new(what).color(palette.warn));
         again = ui.button("Refine again").clicked();
     });

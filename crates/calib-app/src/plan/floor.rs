@@ -1,4 +1,4 @@
-//! What is painted on the floor from above: plan, images laid on it, polygons, cameras, marks. Reads only.
+//! Painting of the floor seen from above: plan, projected images, fields of view, cameras, marks.
 
 use calib_core::{Camera, FloorPoint};
 use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, cone_corners, on_plan};
@@ -12,26 +12,26 @@ use crate::picture::{Pictures, Piece};
 use crate::plan::mesh::{fill, lay};
 use crate::theme::{self, on_image};
 
-/// What the floor's canvas needs to know.
+/// Input of the plan canvas.
 #[derive(Debug)]
 pub struct Floor<'a> {
     /// The site and its results.
     pub session: &'a Session,
-    /// Where the floor is on the screen.
+    /// Mapping between floor and screen.
     pub mapping: Mapping,
-    /// Opacity of the images laid on the plan, 0 to 1.
+    /// Opacity of the projected images, 0 to 1.
     pub opacity: f32,
-    /// Whether images of all cameras are laid on it, not only of the one in hand.
+    /// Whether the images of all cameras are projected, not only the current one.
     pub blend: bool,
-    /// Whether fields are filled, so that overlap shows.
+    /// Whether fields of view are filled, so that overlaps are visible.
     pub coverage: bool,
-    /// Poses before the gesture under way or the last joint solve, to be shown as ghosts.
+    /// Poses before the current gesture or the last joint solve, painted as ghosts.
     pub before: &'a [Option<Camera>],
 }
 
-/// How many standard deviations an ellipse spans.
+/// Size of a position ellipse, in standard deviations.
 pub const SIGMAS: f64 = 2.0;
-/// How much larger than life an ellipse is drawn.
+/// Magnification of position ellipses.
 pub const MAGNIFIED: f64 = 10.0;
 
 impl Floor<'_> {
@@ -43,7 +43,7 @@ impl Floor<'_> {
         points.iter().map(|&point| self.at(point)).collect()
     }
 
-    /// The plan's picture under everything, turned as the plan is.
+    /// Paints the plan image, rotated by the angle of the plan.
     pub fn paint_plan(&self, painter: &Painter, pieces: &[Piece]) {
         let scale = plan_scale(&self.session.site);
         for piece in pieces {
@@ -62,18 +62,18 @@ impl Floor<'_> {
         }
     }
 
-    /// The grid, where there is no plan or where it ends.
+    /// Paints the grid, where the plan image does not cover the floor.
     pub fn paint_grid(&self, painter: &Painter, colour: Color32) {
-        // No lines nearer to each other than 24 points.
-        let step = self.session.units.step(1.0 / self.mapping.view.zoom, 1.0 / 24.0);
+        // Lines are at least 24 points apart.
+        let step = self.session.tool.units.step(1.0 / self.mapping.view.zoom, 1.0 / 24.0);
         paint_grid(painter, &self.mapping, step, colour);
     }
 
-    /// The images laid on the floor.
+    /// Paints the images projected onto the floor.
     pub fn paint_images(&self, painter: &Painter, pictures: &Pictures) {
         for index in 0..self.session.site.cameras.len() {
             let is_asked =
-                self.blend && !self.session.site.is_followed(index) || index == self.session.camera;
+                self.blend && !self.session.site.is_superseded(index) || index == self.session.camera;
             if !is_asked || self.opacity <= 0.0 {
                 continue;
             }
@@ -91,7 +91,7 @@ impl Floor<'_> {
         }
     }
 
-    /// Every camera with its field; the one in hand last and with handles.
+    /// Paints every camera with its field of view, the current one last and with handles.
     pub fn paint_cameras(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
         for index in 0..self.session.site.cameras.len() {
             self.paint_ghost(painter, index);
@@ -129,7 +129,7 @@ impl Floor<'_> {
         }
     }
 
-    /// The outline of the field in hand is bold and solid.
+    /// Returns the pen of a field of view; the current camera has a bold solid outline.
     fn field_pen(&self, index: usize, pen: Pen) -> Pen {
         if index == self.session.camera { Pen { width: 2.5, ..pen }.dashed(&[]) } else { pen }
     }
@@ -151,20 +151,20 @@ impl Floor<'_> {
         }
     }
 
-    /// A camera that is off the screen: its letter at the border, and how far it is.
+    /// Paints a marker at the border for a camera outside the screen, with its letter and distance.
     fn paint_far(&self, painter: &Painter, index: usize, pose: &Camera, rect: Rect, foot: Pos2) {
         let at = rect.clamp(foot);
         chip(painter, at, index);
         let middle = self.mapping.document(rect.center());
         let far = (pose.position.x - middle[0]).hypot(pose.position.y - middle[1]);
-        let far = self.session.units.length(far, 0);
+        let far = self.session.tool.units.length(far, 0);
         let text = format!("{}, {far}", self.session.site.cameras[index].id);
         let align = if at.x > rect.center().x { Align2::RIGHT_CENTER } else { Align2::LEFT_CENTER };
         let side = if at.x > rect.center().x { -12.0 } else { 12.0 };
         tag(painter, at + Vec2::new(side, 0.0), align, &text, on_image::WHITE);
     }
 
-    /// Where the field of a camera lay before it was moved.
+    /// Paints the field of view of a camera before it was moved.
     fn paint_ghost(&self, painter: &Painter, index: usize) {
         let Some(Some(before)) = self.before.get(index) else { return };
         let solved = &self.session.solved;
@@ -189,14 +189,14 @@ impl Floor<'_> {
         let screen: Vec<(PlanHandle, Pos2)> =
             handles.into_iter().map(|(handle, at)| (handle, self.mapping.screen(at))).collect();
         let find = |wanted: PlanHandle| screen.iter().find(|(h, _)| *h == wanted).map(|(_, at)| *at);
-        if let (Some(foot), Some(turn)) = (find(PlanHandle::Foot), find(PlanHandle::Turn)) {
+        if let (Some(foot), Some(turn)) = (find(PlanHandle::Foot), find(PlanHandle::Rotate)) {
             painter.line_segment([foot, turn], Stroke::new(1.0, Color32::WHITE));
         }
         let over = cursor.map(|at| self.mapping.screen(at));
         for (which, at) in screen {
             let colour = theme::camera(self.session.camera);
             match which {
-                PlanHandle::Turn => ring(painter, at, on_image::ACCENT, true),
+                PlanHandle::Rotate => ring(painter, at, on_image::ACCENT, true),
                 PlanHandle::Scale => {
                     let rect = Rect::from_center_size(at, Vec2::splat(9.0));
                     painter.rect_filled(rect, 0.0, Color32::WHITE);
@@ -215,14 +215,14 @@ impl Floor<'_> {
             }
         }
         self.paint_told(painter);
-        if let Some(pivot) = self.session.pivot {
+        if let Some(pivot) = self.session.tool.pivot {
             let at = self.mapping.screen(pivot);
             painter.circle_stroke(at, 6.0, Stroke::new(1.5, on_image::WAITING));
             painter.circle_filled(at, 2.0, on_image::WAITING);
         }
     }
 
-    /// At the foot of a camera in the hand: how it stands now, and how it stood before.
+    /// Paints the old and new numbers next to a camera that is being dragged.
     fn paint_told(&self, painter: &Painter) {
         let camera = self.session.camera;
         let (Some(Some(before)), Some(now)) = (self.before.get(camera), self.session.solved.pose(camera))
@@ -230,12 +230,12 @@ impl Floor<'_> {
             return;
         };
         let turn = |pose: &Camera| number(pose.yaw.to_degrees(), 1);
-        let height = |pose: &Camera| self.session.units.length(pose.position.z, 2);
+        let height = |pose: &Camera| self.session.tool.units.length(pose.position.z, 2);
         let moved = now.position.on_floor().distance(before.position.on_floor());
         let told = [
-            (turn(now) != turn(before), format!("turn {}\u{b0}, was {}\u{b0}", turn(now), turn(before))),
+            (turn(now) != turn(before), format!("yaw {}\u{b0}, was {}\u{b0}", turn(now), turn(before))),
             (height(now) != height(before), format!("height {}, was {}", height(now), height(before))),
-            (moved > 0.005, format!("moved {}", self.session.units.small(moved))),
+            (moved > 0.005, format!("moved {}", self.session.tool.units.short_length(moved))),
         ];
         let told: Vec<String> =
             told.into_iter().filter(|(differs, _)| *differs).map(|(_, text)| text).collect();
@@ -245,7 +245,7 @@ impl Floor<'_> {
         }
     }
 
-    /// Regions of planes, marks, links that were solved, control points with a rubber band to where the camera shows them.
+    /// Paints plane regions, marks, solved links, and control points with a line to their projected position.
     pub fn paint_elements(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
         let over = cursor.map(|at| self.mapping.screen(at));
         let shown = Shown(self.session);
@@ -253,7 +253,7 @@ impl Floor<'_> {
         for item in on_plan(&PlanView::new(&shown), &layers) {
             self.paint_element(painter, &item, over);
         }
-        if let Some([a, b]) = self.session.measured {
+        if let Some([a, b]) = self.session.tool.measured {
             let scale = plan_scale(&self.session.site);
             let ends = [a, b].map(|p| self.at(scale.floor_from_plan(p)));
             line(painter, &ends, Pen::new(on_image::WAITING, 2.0));
@@ -299,7 +299,7 @@ impl Floor<'_> {
     fn is_held(&self, meaning: Meaning) -> bool {
         match meaning {
             Meaning::Mark(index) => self.session.selection.contains(&Part::Mark(index)),
-            Meaning::Plane(index) => self.session.plane == Some(index),
+            Meaning::Plane(index) => self.session.tool.plane == Some(index),
             _ => false,
         }
     }
@@ -308,16 +308,16 @@ impl Floor<'_> {
         let pen = Pen::of(Look::of(meaning));
         match meaning {
             _ if self.is_held(meaning) => pen.coloured(on_image::ACCENT),
-            // Control points of all cameras lie on one floor.
+            // Control points of all cameras are on one floor, so each has the colour of its camera.
             Meaning::ControlPoint { camera, .. } => pen.coloured(theme::camera(camera)),
             _ => pen,
         }
     }
 
-    /// A bar of a round length, and how ellipses are drawn.
+    /// Paints the scale bar, and the note about the size of ellipses.
     pub fn paint_scale(&self, painter: &Painter) {
         let rect = painter.clip_rect();
-        let units = self.session.units;
+        let units = self.session.tool.units;
         let metres = units.step(1.0 / self.mapping.view.zoom, 1.0 / 80.0);
         let (length, left) =
             ((metres * self.mapping.view.zoom) as f32, rect.left_bottom() + Vec2::new(16.0, -16.0));
@@ -325,7 +325,7 @@ impl Floor<'_> {
         let tick = Vec2::new(0.0, 5.0);
         line(painter, &[left - tick, left, right, right - tick], Pen::new(on_image::WHITE, 1.5));
         let at = left + Vec2::new(0.5 * length, -8.0);
-        let text = format!("{} {}", metres / units.metres(), units.sign());
+        let text = format!("{} {}", metres / units.metres(), units.symbol());
         tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
         let at = rect.right_bottom() + Vec2::new(-16.0, -16.0);
         let text = format!("ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}");
@@ -335,7 +335,7 @@ impl Floor<'_> {
     }
 }
 
-/// Lines of a grid over all that is shown.
+/// Paints grid lines over the visible area.
 pub fn paint_grid(painter: &Painter, mapping: &Mapping, step: f64, colour: Color32) {
     let rect = painter.clip_rect();
     let (a, b) = (mapping.document(rect.left_bottom()), mapping.document(rect.right_top()));

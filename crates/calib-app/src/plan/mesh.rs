@@ -1,4 +1,4 @@
-//! Areas as triangles: fields that are filled, and images laid on the floor.
+//! Triangle meshes: filled fields of view, and images projected onto the floor.
 
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -10,20 +10,20 @@ use egui::{Color32, Context, Mesh, Painter, Pos2, Shape};
 use crate::canvas::Mapping;
 use crate::picture::Picture;
 
-/// Most cells of the mesh on which an image is laid on the floor, along a side of a triangle.
+/// Largest number of mesh cells along a side of a triangle.
 const CELLS: usize = 12;
-/// A cell need not be smaller than this, in points.
+/// Smallest side of a mesh cell, in points.
 const CELL: f32 = 24.0;
 
-/// Into how many cells the sides of a triangle are cut: what is small on the screen is flat enough.
+/// Returns the number of cells along the sides of a triangle, from its size on the screen.
 fn cells(mapping: &Mapping, triangle: &[[f64; 2]; 3]) -> usize {
     let [a, b, c] = triangle.map(|corner| mapping.screen(corner));
     let side = a.distance(b).max(b.distance(c)).max(c.distance(a));
     ((side / CELL).ceil() as usize).clamp(1, CELLS)
 }
 
-/// The image inside its field, which lies on a plane: the field cut into small triangles, each corner looked up
-/// in the image.
+/// Paints an image inside its field of view on a plane: small triangles whose corners are looked up in the
+/// image.
 pub(crate) fn lay(
     painter: &Painter,
     mapping: &Mapping,
@@ -72,7 +72,7 @@ pub(crate) fn lay(
     painter.add(Shape::mesh(mesh));
 }
 
-/// Fills a polygon of the floor that need not be convex, which the screen shows at `points`.
+/// Fills a polygon of the floor, convex or not, at the screen positions `points`.
 pub(crate) fn fill(painter: &Painter, polygon: &[FloorPoint], points: &[Pos2], colour: Color32) {
     let corners: Vec<[f64; 2]> = polygon.iter().map(|&point| point.into()).collect();
     let mut mesh = Mesh::default();
@@ -86,7 +86,7 @@ pub(crate) fn fill(painter: &Painter, polygon: &[FloorPoint], points: &[Pos2], c
     painter.add(Shape::mesh(mesh));
 }
 
-/// The corners of a polygon, by which its triangles are found again.
+/// Corners of a polygon, the key of the triangle cache.
 #[derive(Clone, Copy)]
 struct Corners<'a>(&'a [[f64; 2]]);
 
@@ -96,7 +96,7 @@ impl Hash for Corners<'_> {
     }
 }
 
-/// Cuts polygons into triangles.
+/// Computes the triangles of the cache.
 #[derive(Default)]
 struct Cutter;
 
@@ -106,13 +106,13 @@ impl ComputerMut<Corners<'_>, Arc<Vec<[usize; 3]>>> for Cutter {
     }
 }
 
-/// The triangles of a polygon of the floor: cut once, for how it is looked at does not change them.
+/// Returns the triangles of a polygon. They are cached, because pan and zoom do not change them.
 fn triangles_of(ctx: &Context, corners: &[[f64; 2]]) -> Arc<Vec<[usize; 3]>> {
     type Cache = FrameCache<Arc<Vec<[usize; 3]>>, Cutter>;
     ctx.memory_mut(|memory| Arc::clone(memory.caches.cache::<Cache>().get(Corners(corners))))
 }
 
-/// A simple polygon as triangles, cut off at its ears (Meisters 1975): the indices of their corners.
+/// Triangulates a simple polygon by ear clipping (Meisters 1975); returns indices of corners.
 fn triangles(polygon: &[[f64; 2]]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..polygon.len()).collect();
     let mut ring = polygon.to_vec();
@@ -138,7 +138,7 @@ fn triangles(polygon: &[[f64; 2]]) -> Vec<[usize; 3]> {
             };
             cross(a, b, c) * sign > 0.0 && !ring.iter().any(|p| holds(&p))
         };
-        // A polygon that crosses itself has no ear at some point: then any corner goes.
+        // A polygon that crosses itself may have no ear; any corner is cut then.
         let i = (0..count).find(is_ear).unwrap_or(0);
         found.push([(i + count - 1) % count, i, (i + 1) % count].map(|i| left[i]));
         ring.remove(i);

@@ -1,4 +1,4 @@
-//! Stage 2: numbers of the place, and the scale of the plan.
+//! Panel of stage 2: the numbers of the placement, and the scale of the plan.
 
 use calib_core::Placement;
 
@@ -6,7 +6,7 @@ use calib_core::floor::STAGE_1_HEIGHT;
 
 use calib_core::single::Known;
 
-use calib_editor::{Action, PlaceNumber, Units};
+use calib_editor::{Action, PlacementNumber, Units};
 use calib_site::{Sigmas, Solution};
 use egui::{Align, DragValue, Layout, RichText, Ui};
 
@@ -16,14 +16,14 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{cells, decimals, heading, length_field, number};
 
-/// Where the camera in hand stands, by numbers.
+/// Shows the placement of the current camera as numbers.
 pub fn placement_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let camera = app.editor.session().camera;
     let Some(entry) = app.editor.session().entry() else { return };
     let (id, fixed) = (entry.id.clone(), entry.placement.as_ref().is_some_and(|p| p.fixed));
     heading(ui, &format!("{id} on the plan"), if fixed { "held" } else { "" });
-    if app.editor.session().is_held_by_points(camera) {
+    if app.editor.session().is_fixed_by_control_points(camera) {
         let text = "Placed by control points. Switch them off to move it by hand.";
         ui.label(RichText::new(text).color(palette.text2));
         pose_rows(app, ui);
@@ -31,10 +31,7 @@ pub fn placement_ui(app: &mut App, ui: &mut Ui) {
         return;
     }
     let Some(placement) = app.editor.session().placement(camera) else {
-        ui.label(
-            RichText::new("Draw lines on the image first: they tell how the camera looks at the floor.")
-                .color(palette.text2),
-        );
+        ui.label(RichText::new("Draw lines on the image first.").color(palette.text2));
         return;
     };
     numbers(app, ui, &id, placement, fixed);
@@ -42,7 +39,7 @@ pub fn placement_ui(app: &mut App, ui: &mut Ui) {
     from_stage_1(app, ui);
 }
 
-/// How a camera is turned on the plan, as it is shown.
+/// Yaw of a camera as it is shown on the plan.
 struct Turn {
     title: &'static str,
     degrees: f64,
@@ -50,7 +47,8 @@ struct Turn {
 }
 
 impl Turn {
-    /// Of a camera that looks straight down where the top of its image heads: its yaw is one turn with its roll.
+    /// Returns the yaw; for a camera that looks straight down, the direction of the top of its image, because
+    /// yaw and roll are one rotation there.
     fn of(solution: Option<&Solution>, degrees: f64) -> Self {
         let camera = solution.and_then(Solution::camera);
         let Some((yaw, down)) = camera.and_then(|camera| Some((camera.yaw, camera.straight_down()?))) else {
@@ -63,13 +61,13 @@ impl Turn {
     }
 }
 
-/// The numbers of the place, to be typed, held and released.
+/// Shows the numbers of the placement, with fields and locks.
 fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed: bool) {
     let (palette, camera) = (theme::palette(ui.ctx()), app.editor.session().camera);
     let told = Turn::of(app.editor.session().solution(), placement.turn.to_degrees());
     let mut turn = told.degrees;
     let mut height = placement.scale * STAGE_1_HEIGHT;
-    let units = app.editor.session().units;
+    let units = app.editor.session().tool.units;
     let sigmas = app.editor.session().solution().and_then(|solution| solution.sigma.clone());
     let of = |value: fn(&Sigmas) -> Option<f64>, unit: f64| Some(value(sigmas.as_ref()?)? / unit);
     let degrees = DragValue::new(&mut turn).speed(0.1).range(-360.0..=360.0).suffix("\u{b0}").max_decimals(3);
@@ -95,21 +93,21 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     let text = format!("Height = {} \u{d7} scale {scale:.3}", units.length(STAGE_1_HEIGHT, 2));
     ui.label(RichText::new(text).small().color(palette.text3));
     match locked {
-        // A height that is believed is a number of the result, too.
+        // A height with a prior is a result, too.
         Some("Height") if !fixed => {
             let held = known.is_none().then(|| Known::fixed(held_at(height, 2)));
             Number::Height.set(app, held);
         }
-        Some("Height") => app.send(Action::HoldNumber(PlaceNumber::Height)),
-        Some("x") => app.send(Action::HoldNumber(PlaceNumber::X)),
-        Some("y") => app.send(Action::HoldNumber(PlaceNumber::Y)),
-        Some(_) => app.send(Action::HoldNumber(PlaceNumber::Turn)),
+        Some("Height") => app.send(Action::ToggleNumberFixed(PlacementNumber::Height)),
+        Some("x") => app.send(Action::ToggleNumberFixed(PlacementNumber::X)),
+        Some("y") => app.send(Action::ToggleNumberFixed(PlacementNumber::Y)),
+        Some(_) => app.send(Action::ToggleNumberFixed(PlacementNumber::Rotation)),
         None => {}
     }
     if changed == Some("Height")
         && let Some(known) = known.filter(|known| known.fixed && !fixed)
     {
-        // What is held is what counts.
+        // A fixed value overrides the others.
         Number::Height.set(app, Some(Known { value: height, ..known }));
     } else if let Some(what) = changed.filter(|_| height > 0.0) {
         (placement.turn, placement.scale) = (placement.turn + (turn - told.degrees).to_radians(), scale);
@@ -117,7 +115,8 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     }
 }
 
-/// A number of the place: its field, its sigma and its lock. Whether it was changed, and whether the lock was clicked.
+/// Shows a number with field, sigma and lock; returns whether it was changed, and whether the lock was
+/// clicked.
 fn field(
     ui: &mut Ui,
     title: &str,
@@ -132,18 +131,18 @@ fn field(
         let changed = ui.add_sized([84.0, 20.0], edit).labelled_by(label.id).changed();
         let clicked = ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let tip = match (is_held, title) {
-                (Some(_), _) => "Let the others move it in a joint solve",
-                (None, "Height") => "Hold the height",
-                (None, _) => "Hold it in a joint solve; the others stay free",
+                (Some(_), _) => "Estimate it in the joint solve",
+                (None, "Height") => "Fix the height",
+                (None, _) => "Fix it in the joint solve; the other values stay free",
             };
-            // Straight down a held yaw holds nothing: roll trades places with it.
+            // Fixing the yaw of a camera that looks straight down has no effect: its roll can compensate.
             let clicked =
                 (title != TOP || is_held.is_some()) && lock(ui, &title.to_lowercase(), is_held, tip);
             let (sure, why) = match sigma {
-                Some(sigma) => (number(sigma, decimals(sigma)), "One sigma"),
-                None if is_held == Some(true) => ("0".into(), "Held: as it was given"),
-                // A hand says nothing of how sure it is, and unknown is not nothing.
-                None => ("?".into(), "Not known: links or control points tell how sure it is"),
+                Some(sigma) => (number(sigma, decimals(sigma)), "Standard deviation (\u{b1})"),
+                None if is_held == Some(true) => ("0".into(), "Fixed as entered"),
+                // A manual placement has no uncertainty, and unknown is not zero.
+                None => ("?".into(), "Unknown: add links or control points"),
             };
             ui.label(RichText::new(format!("\u{b1} {sure}")).color(palette.text2)).on_hover_text(why);
             clicked
@@ -153,7 +152,7 @@ fn field(
     .inner
 }
 
-/// What the image tells of the camera, wherever it stands.
+/// Shows the values that stage 1 determines, independent of the placement.
 fn from_stage_1(app: &mut App, ui: &mut Ui) {
     let Some(solution) = app.editor.session().solution().cloned() else { return };
     ui.add_space(4.0);
@@ -166,7 +165,7 @@ fn from_stage_1(app: &mut App, ui: &mut Ui) {
 fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
     let mut chosen = None;
     ui.horizontal(|ui| {
-        if ui.button(if fixed { "Release" } else { "Hold here" }).clicked() {
+        if ui.button(if fixed { "Release" } else { "Fix here" }).clicked() {
             chosen = Some(Command::FixPlacement);
         }
         if ui.button("Forget").clicked() {
@@ -181,18 +180,18 @@ fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
     }
 }
 
-/// What the handles of the camera in hand do.
+/// Shows the meaning of the handles of the current camera.
 pub fn handles(app: &App, ui: &mut Ui) {
     let (palette, session) = (theme::palette(ui.ctx()), app.editor.session());
-    if session.placement(session.camera).is_none() || session.is_held_by_points(session.camera) {
+    if session.placement(session.camera).is_none() || session.is_fixed_by_control_points(session.camera) {
         return;
     }
     heading(ui, "Handles", "");
     for (title, what) in [
         ("Foot, polygon", "move"),
-        ("Ring", "turn about the camera"),
+        ("Ring", "rotate about the camera"),
         ("Square", "scale, sets the height"),
-        ("Corners", "turn and scale about the centre"),
+        ("Corners", "rotate and scale about the centre"),
         ("Double click", "pin a pivot for the corners"),
     ] {
         ui.horizontal(|ui| {
@@ -205,13 +204,13 @@ pub fn handles(app: &App, ui: &mut Ui) {
 fn pose_rows(app: &App, ui: &mut Ui) {
     let Some(solution) = app.editor.session().solution() else { return };
     let (Some(at), sigma) = (solution.position_m, solution.sigma.as_ref()) else { return };
-    let units = app.editor.session().units;
+    let units = app.editor.session().tool.units;
     let turn = Turn::of(Some(solution), solution.yaw_deg.unwrap_or_default());
     let rows = [
-        ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.sign()),
-        ("y", at.y, sigma.and_then(|s| s.y_m), units.metres(), units.sign()),
+        ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.symbol()),
+        ("y", at.y, sigma.and_then(|s| s.y_m), units.metres(), units.symbol()),
         (turn.title, turn.degrees, turn.sigma, 1.0, "\u{b0}"),
-        ("Height", at.z, sigma.and_then(|s| s.z_m), units.metres(), units.sign()),
+        ("Height", at.z, sigma.and_then(|s| s.z_m), units.metres(), units.symbol()),
     ];
     for (title, value, sigma, one, unit) in rows {
         let (value, sigma) = (value / one, sigma.map(|sigma| sigma / one));
@@ -222,14 +221,14 @@ fn pose_rows(app: &App, ui: &mut Ui) {
     }
 }
 
-/// The plan: its scale, and how images lie on it.
+/// Shows the plan: its scale, and the opacity of projected images.
 pub fn plan(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let name = name.map(|name| app.editor.session().images.shown_name(&name));
     heading(ui, "Plan", name.as_deref().unwrap_or("none"));
     if app.editor.session().site.plan.is_none() {
-        ui.label(RichText::new("A floor is shown without one.").color(palette.text2));
+        ui.label(RichText::new("No plan loaded. You can work without one.").color(palette.text2));
         if ui.button("Load a floor plan\u{2026}").clicked() {
             app.ask(crate::choice::Purpose::LoadPlan);
         }
@@ -257,7 +256,7 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
     let mut changed = None;
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new("Scale").color(palette.text2));
-        let (unit, suffix) = match app.editor.session().units {
+        let (unit, suffix) = match app.editor.session().tool.units {
             Units::Metres => (1e-3, " mm a pixel"),
             Units::Feet => (0.0254, " in a pixel"),
         };
@@ -268,18 +267,18 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
             changed = Some("change the scale of the plan");
         }
     });
-    if let Some([a, b]) = app.editor.session().measured {
+    if let Some([a, b]) = app.editor.session().tool.measured {
         let px = a.distance(b);
         let mut metres = px * plan.metres_per_px;
         ui.horizontal(|ui| {
             let label = ui.label(format!("{px:.0} px are"));
-            let field = length_field(app.editor.session().units, &mut metres, 1e-3);
+            let field = length_field(app.editor.session().tool.units, &mut metres, 1e-3);
             if ui.add(field).labelled_by(label.id).changed() && px > 0.0 {
                 plan.metres_per_px = metres / px;
                 changed = Some("set the scale of the plan");
             }
             if ui.button("Done").clicked() {
-                app.send(Action::MeasuredDone);
+                app.send(Action::ClearMeasurement);
             }
         });
     } else {
@@ -287,14 +286,14 @@ fn scale_fields(app: &mut App, ui: &mut Ui) {
         ui.label(RichText::new(text).small().color(palette.text3));
     }
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Turn of x axis").color(palette.text2));
+        let label = ui.label(RichText::new("Angle of x axis").color(palette.text2));
         let field = DragValue::new(&mut plan.x_axis_deg)
             .speed(0.1)
             .range(-360.0..=360.0)
             .suffix(" \u{b0}")
             .max_decimals(3);
         if ui.add(field.update_while_editing(false)).labelled_by(label.id).changed() {
-            changed = Some("turn the plan's axes");
+            changed = Some("rotate the plan's axes");
         }
     });
     if let Some(name) = changed {

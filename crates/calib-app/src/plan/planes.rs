@@ -1,9 +1,8 @@
-//! Planes besides the floor: what is known of each, and where it holds.
-//!
-//! On which plane what is selected lies.
+//! Panel: planes other than the floor, their parameters and regions, and the plane of the selected
+//! annotations.
 
 use calib_core::single::Known;
-use calib_editor::planes::{Planes, planes_under};
+use calib_editor::planes::{PlaneAction, planes_of_parts};
 use calib_editor::{Action, TOOLS, Units};
 use calib_site::{PlaneEntry, PlaneNumber, TiltEntry};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui, Vec2};
@@ -13,33 +12,33 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field, number};
 
-/// The panel.
+/// Shows the panel.
 pub(crate) fn planes_ui(app: &mut App, ui: &mut Ui) {
-    heading(ui, "Planes", "besides the floor");
+    heading(ui, "Planes", "other than the floor");
     for index in 0..app.editor.site().planes.len() {
         row(app, ui, index);
     }
     if ui.button("Add a plane").on_hover_text("A ramp, a platform, another carriageway").clicked() {
-        app.send(Action::Planes(Planes::Add));
+        app.send(Action::Planes(PlaneAction::Add));
     }
 }
 
 fn row(app: &mut App, ui: &mut Ui, index: usize) {
     let palette = theme::palette(ui.ctx());
     let Some(plane) = app.editor.site().planes.get(index).cloned() else { return };
-    let is_chosen = app.editor.session().plane == Some(index);
+    let is_chosen = app.editor.session().tool.plane == Some(index);
     let mut asked = None;
     ui.horizontal(|ui| {
         let title = RichText::new(&plane.id).font(theme::medium(12.0));
         if ui.selectable_label(is_chosen, title).on_hover_text(format!("Plane {}", plane.id)).clicked() {
-            asked = Some(Planes::Choose((!is_chosen).then_some(index)));
+            asked = Some(PlaneAction::Choose((!is_chosen).then_some(index)));
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let look = Look { size: Vec2::splat(18.0), ..Look::default() };
             let remove = format!("Remove plane {}", plane.id);
-            if icons::button(ui, Icon::Close, &remove, "What lies on it returns to the floor", look).clicked()
+            if icons::button(ui, Icon::Close, &remove, "Its annotations return to the floor", look).clicked()
             {
-                asked = Some(Planes::Delete(index));
+                asked = Some(PlaneAction::Delete(index));
             }
             let text = RichText::new(summary(app, &plane)).color(palette.text2);
             ui.add(egui::Label::new(text).truncate());
@@ -51,26 +50,30 @@ fn row(app: &mut App, ui: &mut Ui, index: usize) {
     asked.into_iter().for_each(|planes| app.send(Action::Planes(planes)));
 }
 
-/// How high it is and how it falls, as solved or as it is known.
+/// Returns height and slope of a plane, as solved or as entered.
 fn summary(app: &App, plane: &PlaneEntry) -> String {
-    let (session, units) = (app.editor.session(), app.editor.session().units);
+    let (session, units) = (app.editor.session(), app.editor.session().tool.units);
     let now = session.solved.plane(&session.site, Some(&plane.id));
     let is_known = plane.height_m.is_some() || now != session.site.plane_or_floor(Some(&plane.id));
     let height = if is_known { units.length(now.height, 2) } else { "height unknown".into() };
     if now.fall() == 0.0 {
         height
     } else {
-        format!("{height}, falls {}\u{b0}", number(now.fall().to_degrees(), 1))
+        format!("{height}, slope {}\u{b0}", number(now.fall().to_degrees(), 1))
     }
 }
 
-/// What is known of the plane in hand.
-fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Option<Planes> {
-    let renamed = name_field(ui, index, &plane.id).map(|id| Planes::Rename(index, id));
-    let (mut new, units) = (plane.clone(), app.editor.session().units);
+/// Shows the parameters of the current plane.
+fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Option<PlaneAction> {
+    let renamed = name_field(ui, index, &plane.id).map(|id| PlaneAction::Rename(index, id));
+    let (mut new, units) = (plane.clone(), app.editor.session().tool.units);
     let mut changed = known_number(ui, units, Quantity::Height, &mut new.height_m).then_some("height");
     let mut falls = new.tilt.is_some();
-    if ui.checkbox(&mut falls, "It falls").on_hover_text("Off: level, as far as floors are").changed() {
+    if ui
+        .checkbox(&mut falls, "It slopes")
+        .on_hover_text("When off, the plane is level like the floor")
+        .changed()
+    {
         (new.tilt, changed) = (falls.then(TiltEntry::default), Some("fall"));
     }
     if let Some(tilt) = &mut new.tilt {
@@ -79,7 +82,7 @@ fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Optio
         changed = changed.or(fall).or(toward);
     }
     let region = region_buttons(app, ui, index, plane);
-    let set = changed.map(|what| Planes::Set {
+    let set = changed.map(|what| PlaneAction::Set {
         index,
         plane: Box::new(new),
         name: format!("change the {what} of {}", plane.id),
@@ -87,7 +90,7 @@ fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Optio
     renamed.or(set).or(region)
 }
 
-/// The name, once another one was entered.
+/// Shows the name field; returns a new name once it is entered.
 fn name_field(ui: &mut Ui, index: usize, id: &str) -> Option<String> {
     let salt = ui.scope_id().with(("plane", index));
     let mut typed = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| id.to_owned());
@@ -105,7 +108,7 @@ fn name_field(ui: &mut Ui, index: usize, id: &str) -> Option<String> {
     (response.lost_focus() && !is_dropped && typed != id).then_some(typed)
 }
 
-/// A number of a plane.
+/// Parameter of a plane.
 #[derive(Clone, Copy, Debug)]
 enum Quantity {
     Height,
@@ -118,11 +121,11 @@ impl Quantity {
         match self {
             Self::Height => "Height above the floor",
             Self::Fall => "Fall",
-            Self::Toward => "Falls toward",
+            Self::Toward => "Slopes towards",
         }
     }
 
-    /// Where it begins when it comes to be known, and how sure that is.
+    /// Returns the initial value and sigma of a parameter that is switched on.
     const fn usual(self) -> [f64; 2] {
         match self {
             Self::Height => [0.0, 0.02],
@@ -131,7 +134,7 @@ impl Quantity {
         }
     }
 
-    /// A field for it; a standard deviation is never 0.
+    /// Creates the field of a value or of its standard deviation, which is never 0.
     fn field(self, units: Units, value: &mut f64, is_sigma: bool) -> DragValue<'_> {
         let (low, most) = match self {
             Self::Height => return length_field(units, value, if is_sigma { 1e-4 } else { -1e5 }),
@@ -146,9 +149,9 @@ impl Quantity {
 
 const UNKNOWN: &str = "unknown";
 const KNOWN: &str = "known";
-const ABOUT: &str = "known about";
+const ABOUT: &str = "approximate";
 
-/// A number that is unknown, known, or known to so much. Whether it was changed.
+/// Shows a number that is unknown, fixed, or known with a sigma; returns whether it was changed.
 fn known_number(ui: &mut Ui, units: Units, what: Quantity, number: &mut Option<PlaneNumber>) -> bool {
     let palette = theme::palette(ui.ctx());
     let before = *number;
@@ -180,7 +183,9 @@ fn known_number(ui: &mut Ui, units: Units, what: Quantity, number: &mut Option<P
         let mut sigma = (chosen == ABOUT).then_some(sigma.unwrap_or(usual_sigma));
         if let Some(sigma) = &mut sigma {
             let sure = ui.label(RichText::new("\u{b1}").color(palette.text3));
-            ui.add(what.field(units, sigma, true)).labelled_by(sure.id).on_hover_text("How sure: one sigma");
+            ui.add(what.field(units, sigma, true))
+                .labelled_by(sure.id)
+                .on_hover_text("Standard deviation (\u{b1})");
         }
         let is_same = before.is_some_and(|before| before.value() == value && sigma_of(before) == sigma);
         if !is_same {
@@ -200,43 +205,43 @@ const fn sigma_of(number: PlaneNumber) -> Option<f64> {
     }
 }
 
-/// Where it holds: drawn on the plan, or what the camera in hand covers.
-fn region_buttons(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Option<Planes> {
+/// Shows the buttons for the region: draw it on the plan, or take the field of view of the current camera.
+fn region_buttons(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Option<PlaneAction> {
     let palette = theme::palette(ui.ctx());
     let mut asked = None;
     ui.horizontal_wrapped(|ui| {
         let corners = plane.region.len();
         let text = if corners == 0 {
-            "No region: nothing is mapped to it".into()
+            "No region: no pixels are mapped to it".into()
         } else {
             format!("Region of {corners} corners")
         };
         ui.label(RichText::new(text).color(palette.text2));
         if ui.button("Draw").on_hover_text("Corner by corner on the plan (O)").clicked() {
             let tool = TOOLS.iter().position(|tool| tool.icon == calib_editor::Icon::Region);
-            tool.into_iter().for_each(|tool| app.send(Action::TakeTool(tool)));
+            tool.into_iter().for_each(|tool| app.send(Action::SelectTool(tool)));
         }
         let camera = app.editor.session().entry().map_or("this camera", |entry| &entry.id);
         if ui
-            .button("Take the field")
-            .on_hover_text(format!("What the field of view of {camera} covers"))
+            .button("Use the field of view")
+            .on_hover_text(format!("The floor area that {camera} sees"))
             .clicked()
         {
-            asked = Some(Planes::TakeField(index));
+            asked = Some(PlaneAction::SetRegionFromField(index));
         }
         if corners > 0 && ui.button("Clear").clicked() {
             let bare = PlaneEntry { region: Vec::new(), ..plane.clone() };
             let name = format!("clear the region of {}", plane.id);
-            asked = Some(Planes::Set { index, plane: Box::new(bare), name });
+            asked = Some(PlaneAction::Set { index, plane: Box::new(bare), name });
         }
     });
     asked
 }
 
-/// The choice, where there are planes and something is selected that can lie on one.
+/// Shows the choice of the plane for the selected annotations, if planes exist.
 pub(crate) fn lies_on_ui(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
-    let under = planes_under(&session.site, session.camera, &session.selection);
+    let under = planes_of_parts(&session.site, session.camera, &session.selection);
     if session.site.planes.is_empty() || under.is_empty() {
         return;
     }
@@ -250,8 +255,8 @@ pub(crate) fn lies_on_ui(app: &mut App, ui: &mut Ui) {
     };
     let mut chosen = None;
     ui.horizontal(|ui| {
-        let label = ui.label(RichText::new("Lies on").color(palette.text2));
-        ComboBox::from_id_salt("lies on")
+        let label = ui.label(RichText::new("On plane").color(palette.text2));
+        ComboBox::from_id_salt("on plane")
             .selected_text(now)
             .show_ui(ui, |ui| {
                 for id in ids {
@@ -265,5 +270,5 @@ pub(crate) fn lies_on_ui(app: &mut App, ui: &mut Ui) {
             .labelled_by(label.id)
             .on_hover_text(session.selection_name());
     });
-    chosen.into_iter().for_each(|plane| app.send(Action::Planes(Planes::Lay(plane))));
+    chosen.into_iter().for_each(|plane| app.send(Action::Planes(PlaneAction::Assign(plane))));
 }

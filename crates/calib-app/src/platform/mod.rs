@@ -1,5 +1,5 @@
-//! What a desktop and a browser do differently, behind one trait: files and choosers, work off the frame's path,
-//! what is kept. No other folder asks on which of the two it runs.
+//! Differences between desktop and browser behind one trait: files, choosers, background work, storage. No
+//! other folder asks on which of the two it runs.
 
 #[cfg(not(target_arch = "wasm32"))]
 mod native;
@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 
-use calib_editor::{Edge, FileResult, Reach, Source};
+use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{Comparison, LineSegment, Proposal};
-use calib_site::{NewStill, Recovered, Site, SiteCamera};
+use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
 
@@ -27,110 +27,111 @@ pub use web::Task;
 #[cfg(target_arch = "wasm32")]
 pub(crate) use web::Web as Here;
 
-/// Work that ended without a result, by a fault of the program.
+/// Background work that ended without a result because of a panic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lost;
 
-/// Two stills of a camera, the old one first.
+/// Old and new image of a camera.
 pub(crate) type Stills = [Arc<RgbImage>; 2];
 
-/// A camera that is to be recovered.
+/// Input of the recovery of a camera.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Recovery {
     /// The site with its solutions.
     pub(crate) site: Site,
-    /// The index of the camera.
+    /// Index of the camera.
     pub(crate) index: usize,
-    /// What became of it.
+    /// Comparison of its two images.
     pub(crate) comparison: Comparison,
-    /// Its newer still.
-    pub(crate) still: NewStill,
+    /// Its newer image.
+    pub(crate) still: NewImage,
 }
 
 impl Recovery {
-    /// Recovers it.
+    /// Recovers the camera.
     pub(crate) fn done(&self, [old, new]: [&RgbImage; 2]) -> Result<Recovered, String> {
         let found = calib_image::recovered(&self.site, self.index, &self.comparison, [old, new], &self.still);
         found.map_err(|refusal| refusal.to_string())
     }
 }
 
-/// The files that a chooser is closed with, some time later.
+/// Future with the files of a chooser.
 pub(crate) type Answer = Pin<Box<dyn Future<Output = Vec<Chosen>>>>;
 
-/// A kind of system that the app runs on; [`Here`] is the one it was built for.
+/// System on which the app runs; [`Here`] is the one that it was built for.
 pub(crate) trait Platform {
-    /// Ctrl+N is the system's, so that ours needs Alt.
+    /// Whether the system uses Ctrl+N, so that the app's shortcut adds Alt.
     const KEEPS_CTRL_N: bool;
-    /// What is saved lies in a folder, with its images beside it; else it is a download.
+    /// Whether files are saved to folders, next to their images; otherwise they are downloads.
     const HAS_FOLDERS: bool;
-    /// The face of headings.
+    /// Font of headings.
     const MEDIUM_FONT: &'static [u8];
-    /// A folder that one window has for itself, for as long as this lives.
+    /// Lock of a folder, held while the value lives.
     type Claim: std::fmt::Debug;
 
-    /// Whether the operator asked their system for less motion.
+    /// Whether the operator asked the system for reduced motion.
     fn wants_stillness() -> bool;
 
-    /// Reads a file of any size a site or image may have.
+    /// Reads a file, up to the largest size of a site or an image.
     ///
     /// # Errors
-    /// When it is not there, or larger than that.
+    /// When it is missing or too large.
     fn read(path: &Path) -> FileResult<Vec<u8>>;
 
-    /// Reads a file as [`Self::read`] does, if it is within reach once every link is followed.
+    /// Reads a file as [`Self::read`] does, if it is allowed after all links are resolved.
     ///
     /// # Errors
-    /// When it is not, and as that.
-    fn read_within(path: &Path, reach: &Reach) -> FileResult<Vec<u8>>;
+    /// When it is not allowed, and as `read`.
+    fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u8>>;
 
-    /// Where a path leads once every link is followed; none where there is no file.
+    /// Resolves all links of a path; `None` if the file is missing.
     fn real(path: &Path) -> Option<PathBuf>;
 
-    /// Writes a file whole or not at all, and waits until the disk has it.
+    /// Writes a file atomically, and waits until it is on disk.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     fn write(path: &Path, bytes: &[u8]) -> FileResult<()>;
 
-    /// Writes a file whole or not at all. It survives the end of this program, not that of the machine.
+    /// Writes a file atomically, without waiting for the disk. It survives a crash of the program, but not of
+    /// the machine.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()>;
 
-    /// Seconds since 1970; none where nothing is dated.
+    /// Returns the time in seconds since 1970; `None` where autosaves have no time.
     fn now() -> Option<u64>;
 
-    /// Whether a file is there and may not be written to.
+    /// Whether a file exists and is read-only.
     fn is_read_only(path: &Path) -> bool;
 
-    /// Where autosaves and the demonstration's images live.
+    /// Returns the folder of autosaves and of the demonstration's images.
     fn data_dir() -> Option<PathBuf>;
 
-    /// The images in a folder, by name.
+    /// Returns the images in a folder, sorted by name.
     fn images_in(folder: &Path) -> Vec<PathBuf>;
 
-    /// Claims a folder; `None` when another window has it.
+    /// Locks a folder; `None` if another window has it.
     fn claim(folder: &Path) -> Option<Self::Claim>;
 
-    /// Forgets the file of an autosave, and its images.
+    /// Deletes an autosave and its images.
     fn forget(folder: &Path, file: &Path);
 
-    /// Asks for files, or for where to put them.
+    /// Opens a chooser for files, or for a place to save.
     fn ask(purpose: Purpose) -> Answer;
 
-    /// What was dropped, as if it had been chosen.
+    /// Reads dropped files as chosen files.
     fn dropped(ctx: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>>;
 
-    /// Decodes an image; `then` makes of it what is wanted.
+    /// Decodes an image and passes it to `then`.
     fn picture<T: Send + 'static>(
         ctx: &Context,
         source: Source,
         then: impl FnOnce(RgbImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
-    /// Reads the picture of a file of this name for its bytes and its pixels; a drawing becomes the picture that stands for it.
+    /// Reads an image file, and returns its bytes and pixels; a drawing is rasterised.
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
@@ -138,30 +139,31 @@ pub(crate) trait Platform {
         then: impl FnOnce(&[u8], &RgbImage, Option<Vec<u8>>) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
-    /// Finds the straight edges of an image.
+    /// Detects the straight edges of an image.
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>>;
 
-    /// Finds the straight edges of an image to a fraction of a pixel, each with its noise.
+    /// Detects the straight edges of an image with subpixel accuracy and their noise.
     fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>>;
 
-    /// What edges propose for a camera, whose lens is known as far as it is entered.
+    /// Calibrates a camera automatically from its edges; a lens that was entered is used.
     fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>>;
 
-    /// Nobody waits for edges that are measured, or for what they propose, any more.
+    /// Cancels edge measurement and automatic calibration.
     fn stop_proposing();
 
-    /// What became of a camera, that is solved, between two stills.
+    /// Compares two images of a solved camera.
     fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>>;
 
-    /// A camera that moved between two stills, solved from what was drawn on the first; why not, where it is refused.
+    /// Recovers a camera that moved between two images, from the annotations of the first; the error is the
+    /// reason of a refusal.
     fn recover(ctx: &Context, asked: Recovery, stills: Stills) -> Task<Result<Recovered, String>>;
 
-    /// Nobody waits for what became of a camera any more.
+    /// Cancels the comparison and the recovery.
     fn stop_comparing();
 
-    /// Improves all cameras of a site together; it waits for no other work.
+    /// Refines all cameras of a site jointly; it starts at once, even if other work is running.
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>>;
 
-    /// Nobody waits for the refined site any more.
+    /// Cancels the refinement.
     fn stop_refining();
 }

@@ -1,4 +1,4 @@
-//! The floor of one camera from above, as the camera faces it: the image laid flat, with its floor lines.
+//! Floor view of one camera: its image projected onto the floor, seen from above with the camera facing up.
 
 use calib_core::{Camera, FloorPoint, Plane};
 
@@ -18,12 +18,12 @@ use crate::plan::mesh::lay;
 use crate::state::App;
 use crate::theme;
 
-/// Height of the part, in points.
+/// Height of the view, in points.
 pub const HEIGHT: f32 = 220.0;
-/// How much larger than life uncertainty is drawn here.
+/// Magnification of position ellipses.
 const MAGNIFIED: f64 = 5.0;
 
-/// The part below the cameras.
+/// Shows the view below the camera list.
 pub fn above_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let mut hide = false;
@@ -47,28 +47,28 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
     match (app.editor.session().entry(), app.editor.session().pose()) {
         (Some(entry), Some(pose)) => {
             let picture = entry.image.as_ref().and_then(|name| app.pictures.ready(name));
-            let units = app.editor.session().units;
+            let units = app.editor.session().tool.units;
             let step = paint(&painter, rect, entry, pose, picture, units);
             let step = units.length(step, 0);
             words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}"));
         }
-        _ => words("Needs lines that tell the camera".into()),
+        _ => words("Draw lines first".into()),
     }
     if hide {
         app.tell(Command::Above);
     }
 }
 
-/// The pose with its foot at (0, 0), facing up: so the floor lies as the operator sees it.
+/// Returns the pose moved to (0, 0) and facing up, so that left and right are as in the image.
 fn facing_up(pose: &Camera) -> Camera {
     let mut camera = *pose;
     (camera.position.x, camera.position.y, camera.yaw) = (0.0, 0.0, 0.0);
     camera
 }
 
-/// The floor round the foot of a camera, as far as its image shows it.
+/// Returns the floor area around the foot of a camera that its image shows.
 fn around(camera: &Camera, [w, h]: [f64; 2]) -> Vec<FloorPoint> {
-    /// In heights of the camera.
+    /// Radius, in camera heights.
     const RADIUS: f64 = 4.0;
     const POINTS: u32 = 48;
     let radius = RADIUS * camera.position.z.abs();
@@ -83,7 +83,7 @@ fn around(camera: &Camera, [w, h]: [f64; 2]) -> Vec<FloorPoint> {
     (0..POINTS).map(at).filter(is_seen).collect()
 }
 
-/// Paints the floor into a rectangle; the step of its grid, in metres.
+/// Paints the floor into a rectangle; returns the grid step, in metres.
 pub fn paint(
     painter: &Painter,
     rect: Rect,
@@ -92,14 +92,14 @@ pub fn paint(
     picture: Option<&Picture>,
     units: Units,
 ) -> f64 {
-    /// Beyond so many heights of the camera the floor is a smear.
+    /// Distance beyond which the projected image is a smear, in camera heights.
     const REACH: f64 = 12.0;
     let camera = facing_up(pose);
     let near = |at: &FloorPoint| at.x.hypot(at.y) < REACH * camera.position.z.abs().max(0.1);
     let on_floor = |pixel| camera.pixel_to_floor(pixel, 0.0);
     let corners = corners_of(entry);
     let field: Vec<FloorPoint> = corners.iter().filter_map(|&pixel| on_floor(pixel)).filter(near).collect();
-    // The corners of a fisheye's image show nothing.
+    // The corners of a fisheye image are black.
     let field = if field.len() < 3 { around(&camera, entry.size()) } else { field };
     let range = |of: fn(&FloorPoint) -> f64| {
         let values = || field.iter().map(of);
@@ -132,7 +132,7 @@ pub fn paint(
         let (Some(at), Some(known)) = (on_floor(corner), known) else {
             continue;
         };
-        // What is hardly known at all would cover everything.
+        // A very large ellipse would cover everything.
         let is_small = |outline: &Vec<FloorPoint>| {
             outline
                 .iter()

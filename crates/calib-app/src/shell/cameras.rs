@@ -1,9 +1,8 @@
-//! The cameras: thumbnail, what is missing, floor sigma; filtered and sorted.
-//!
-//! Two cameras that fit what was drawn equally well, side by side; a slider each where a whole family does.
+//! Camera list with thumbnails, missing steps and floor error; and the dock that compares two cameras which
+//! fit the lines equally well.
 
 use calib_core::{floor_grid, on_image};
-use calib_editor::{Action, Family, Fit, Standing, Verdict, steps, summary, verdict};
+use calib_editor::{Action, CameraStatus, Family, Fit, StatusLevel, camera_status, steps, summary};
 use calib_image::Became;
 use egui::{
     Align2, Color32, Key, Painter, Rect, RichText, Role, ScrollArea, Sense, Slider, Stroke, TextEdit, Ui,
@@ -22,7 +21,7 @@ use crate::state::{App, Mode, Order};
 use crate::theme::{self, Palette};
 use crate::widgets::number;
 
-/// The list, or (`rail`) a narrow strip of it.
+/// Shows the list, or a narrow strip of it (`rail`).
 pub(crate) fn cameras_ui(app: &mut App, ui: &mut Ui, rail: bool) {
     let rows = rows(app);
     if !rail && app.view.above && app.view.mode == Mode::Image && ui.available_height() > 2.0 * above::HEIGHT
@@ -42,8 +41,8 @@ pub(crate) fn cameras_ui(app: &mut App, ui: &mut Ui, rail: bool) {
         ui.spacing_mut().item_spacing.y = 0.0;
         for &camera in &rows {
             if row(app, ui, camera, rail) {
-                app.send(Action::Drop);
-                app.send(Action::Choose(camera));
+                app.send(Action::CancelGesture);
+                app.send(Action::SelectCamera(camera));
             }
         }
         if !rail {
@@ -71,7 +70,7 @@ fn header(app: &mut App, ui: &mut Ui) {
                 }
             });
         });
-        // A few cameras need no finding.
+        // A short list needs no filter.
         if app.editor.session().site.cameras.len() > 6 {
             let label = ui.label(RichText::new("Filter").small().color(palette.text3));
             ui.add(
@@ -83,7 +82,7 @@ fn header(app: &mut App, ui: &mut Ui) {
             ui.horizontal(|ui| {
                 ui.checkbox(&mut app.view.list.unfinished, "unfinished");
                 let text = match app.view.list.order {
-                    Order::Site => "in order",
+                    Order::Site => "sort by name",
                     Order::Missing => "missing",
                     Order::Sigma => "floor \u{b1}",
                 };
@@ -114,7 +113,9 @@ fn rows(app: &App) -> Vec<usize> {
         .collect();
     match app.view.list.order {
         Order::Site => {}
-        Order::Missing => rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing(app.editor.session(), i))),
+        Order::Missing => {
+            rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing_steps(app.editor.session(), i)))
+        }
         Order::Sigma => {
             let sigma = |i: usize| steps::floor_sigma(app.editor.session(), i).unwrap_or(f64::INFINITY);
             rows.sort_by(|&a, &b| sigma(b).total_cmp(&sigma(a)));
@@ -123,7 +124,7 @@ fn rows(app: &App) -> Vec<usize> {
     rows
 }
 
-/// One camera; whether it was clicked.
+/// Shows a camera; returns whether it was clicked.
 fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return false };
@@ -168,7 +169,7 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 8.0));
     let top = egui::pos2(left, rect.top() + 7.0);
     let sigma = steps::floor_sigma(app.editor.session(), camera);
-    // A length that may be twice as long or nothing is not known.
+    // An error of 100 % or more counts as unknown.
     let sigma = sigma.filter(|rel| *rel < 1.0);
     let sigma = sigma.map_or_else(|| "\u{2014}".into(), |rel| format!("{:.1} %", 100.0 * rel));
     let right = egui::pos2(rect.right() - 10.0, rect.top() + 8.0);
@@ -180,22 +181,22 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
 }
 
-/// How a camera stands; that its newest still shows it changed comes first.
+/// Returns the status of a camera; a change shown by its newest image has priority.
 fn about(app: &App, camera: usize, palette: &Palette) -> (String, Color32) {
     let changed = app.editor.newer(camera).filter(|newer| newer.comparison.became != Became::Unchanged);
     if let Some(newer) = changed {
         let (word, _, colour, _) = panel::verdict(newer.comparison.became, palette);
-        return (format!("newest still: {}", word.to_lowercase()), colour);
+        return (format!("newest image: {}", word.to_lowercase()), colour);
     }
     let ended = app.editor.site().cameras.get(camera).and_then(|entry| entry.valid_to.as_ref());
     if let Some(to) = ended {
         return (format!("until {}", to.get(..10).unwrap_or(to)), palette.text3);
     }
-    let Verdict { text, standing } = verdict(app.editor.session(), camera);
+    let CameraStatus { text, level: standing } = camera_status(app.editor.session(), camera);
     let colour = match standing {
-        Standing::Good => palette.ok,
-        Standing::Open => palette.warn,
-        Standing::Wrong => palette.bad,
+        StatusLevel::Good => palette.ok,
+        StatusLevel::Incomplete => palette.warn,
+        StatusLevel::Contradictory => palette.bad,
     };
     (text, colour)
 }
@@ -216,17 +217,19 @@ fn thumbnail(app: &mut App, ui: &Ui, name: Option<&str>, rect: Rect) {
     }
 }
 
-/// Height of the part, in points.
+/// Height of the dock, in points.
 pub(crate) const HEIGHT: f32 = 236.0;
 
-/// A line over the foot of the image: the image stays where it is until the operator asks for more.
+/// Shows a line over the lower edge of the image that offers the comparison.
 pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
     let palette = theme::palette(ui.ctx());
     let Some((_, family)) = app.editor.family() else { return };
     let [a, b] = [0, 1].map(|which| family.shown[which].view);
     let text = match family.range {
-        Some([low, high]) => format!("Every view from {low:.0}\u{b0} to {high:.0}\u{b0} fits these lines"),
-        None => format!("Views of {a:.0}\u{b0} and {b:.0}\u{b0} fit equally well"),
+        Some([low, high]) => {
+            format!("Every field of view from {low:.0}\u{b0} to {high:.0}\u{b0} fits these lines")
+        }
+        None => format!("Fields of view of {a:.0}\u{b0} and {b:.0}\u{b0} fit equally well"),
     };
     let size = Vec2::new(400.0_f32.min(rect.width() - 24.0), 30.0);
     let bar = Rect::from_center_size(egui::pos2(rect.center().x, rect.bottom() - 28.0), size);
@@ -246,7 +249,7 @@ pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
     });
 }
 
-/// The part below the image.
+/// Shows the dock below the image.
 pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some((_, family)) = app.editor.family() else { return };
@@ -275,7 +278,7 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
                             .extend(card(app, ui, family, which).map(|view| Action::ShowView(which, view)));
                         let view = family.shown[which].view;
                         if ui.button(format!("Use {view:.0}\u{b0}")).clicked() {
-                            actions.push(Action::UseFocal(family.shown[which].solution.focal_px));
+                            actions.push(Action::SetFocalPrior(family.shown[which].solution.focal_px));
                         }
                     });
                 });
@@ -286,7 +289,7 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
     actions.into_iter().for_each(|action| app.send(action));
 }
 
-/// One camera: its numbers, its image with the grid, its floor. The field of view it is to have instead.
+/// Shows one camera with its numbers, image and floor; returns the field of view that the operator chose.
 fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
     let palette = theme::palette(ui.ctx());
     let Fit { view, solution, pose } = &family.shown[which];
@@ -300,8 +303,10 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
         if let Some([low, high]) = family.range {
             let mut slid = *view;
             let slider = Slider::new(&mut slid, low..=high).show_value(false);
-            let response = ui.add(slider).on_hover_text("Horizontal view: every place fits the lines");
-            let label = format!("Horizontal view {}", which + 1);
+            let response = ui
+                .add(slider)
+                .on_hover_text("Horizontal field of view: every position of the slider fits the lines");
+            let label = format!("Horizontal field of view {}", which + 1);
             response.widget_info(|| WidgetInfo::slider(true, slid, &label));
             wanted = response.changed().then_some(slid);
         }
@@ -310,7 +315,7 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
     });
     let size = Vec2::new(ui.available_width(), (ui.available_height() - 28.0).max(40.0));
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
-    let label = format!("Camera with a view of {view:.0}\u{b0}");
+    let label = format!("Camera with a field of view of {view:.0}\u{b0}");
     response.widget_info(|| WidgetInfo::labeled(Role::Image, true, &label));
     let (left, right) = rect.split_left_right_at_fraction(0.6);
     let (left, right) = (left.with_max_x(left.right() - 4.0), right.with_min_x(right.left() + 4.0));
@@ -327,12 +332,12 @@ fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
         whole.paint(&painter, &mapping, Color32::WHITE);
     }
     grid(app, &painter, &mapping, &family.shown[which]);
-    above::paint(&clip(right), right, entry, pose, picture, app.editor.session().units);
+    above::paint(&clip(right), right, entry, pose, picture, app.editor.session().tool.units);
     wanted
 }
 
 fn grid(app: &App, painter: &Painter, mapping: &Mapping, fit: &Fit) {
-    let step = grid_step(&fit.solution.efov_m, app.editor.session().units);
+    let step = grid_step(&fit.solution.efov_m, app.editor.session().tool.units);
     for points in floor_grid(&fit.solution.efov_m, step) {
         for piece in on_image(&fit.pose, &points) {
             let piece: Vec<egui::Pos2> =

@@ -18,13 +18,13 @@ use crate::state::{App, Mode};
 use crate::widgets::{NARROW, PHONE, section};
 use crate::{compare, export, propose, theme};
 
-/// In a window at least this wide the right panel has its full width.
+/// Window width from which the right panel has its full width, in points.
 const WIDE: f32 = 1280.0;
 
-/// How wide the panels beside the canvas are: by the window as it is now, not as it was when they were shown first.
+/// Widths of the panels, from the current width of the window.
 #[derive(Clone, Copy)]
 struct Widths {
-    /// What the panels are remembered by: in a window of another kind they begin anew.
+    /// Id of the remembered panel widths; another layout starts afresh.
     kind: &'static str,
     has_rail: bool,
     right: f32,
@@ -41,7 +41,7 @@ impl Widths {
     }
 }
 
-/// The whole window.
+/// Shows the whole window.
 pub fn window_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let bar = |fill| Frame::NONE.fill(fill).inner_margin(Margin::symmetric(12, 0));
@@ -107,12 +107,13 @@ fn right(app: &mut App, ui: &mut Ui) {
         compare::panel::compare_ui(app, ui);
         section(ui, |ui| steps::steps_ui(app, ui));
         lens::old_still(app, ui);
-        if app.editor.compared().is_some() {
+        if app.editor.compared_site().is_some() {
             section(ui, |ui| distances::compared(app, ui));
         }
         match app.view.mode {
             Mode::Image => {
-                // Fields above what comes and goes: they stay under the pointer while one types.
+                // Fields come before notices that appear and disappear, so that they stay under the pointer
+                // while typing.
                 section(ui, |ui| lens::lens_ui(app, ui));
                 section(ui, |ui| result::result_ui(app, ui));
                 section(ui, |ui| warnings::warnings_ui(app, ui));

@@ -1,4 +1,4 @@
-//! The searchable list of commands, the shortcut sheet and the about sheet.
+//! Command palette, shortcut sheet and about sheet.
 
 use calib_editor::command::Group;
 use egui::{Align2, Context, Key, RichText, ScrollArea, TextEdit, Ui, Vec2, Window};
@@ -9,7 +9,7 @@ use crate::keys;
 use crate::state::App;
 use crate::theme;
 
-/// The sheets that are open.
+/// Shows the open sheets.
 pub fn palette_ui(app: &mut App, ctx: &Context) {
     if app.dialogs.palette.is_open {
         commands(app, ctx);
@@ -22,7 +22,7 @@ pub fn palette_ui(app: &mut App, ctx: &Context) {
     }
 }
 
-/// Whether every word that was typed begins somewhere in the text.
+/// Whether every typed word begins a word of the text.
 fn is_match(text: &str, query: &str) -> bool {
     let text = text.to_lowercase();
     query.to_lowercase().split_whitespace().all(|word| text.contains(word))
@@ -32,7 +32,7 @@ fn commands(app: &mut App, ctx: &Context) {
     let query = app.dialogs.palette.query.clone();
     let rows: Vec<command::Row> = command::all()
         .filter(|row| !matches!(row.command, Command::Palette))
-        .filter(|row| is_match(&app.editor.words(row.command), &query))
+        .filter(|row| is_match(&app.editor.command_text(row.command), &query))
         .collect();
     let (up, down, enter, escape) = ctx.input(|i| {
         let pressed = |key| i.key_pressed(key);
@@ -67,7 +67,7 @@ fn commands(app: &mut App, ctx: &Context) {
                         shortcut_text(ui, keys::shortcut(row.command, keys))
                     });
                     let lit = i == app.dialogs.palette.row;
-                    let button = egui::Button::new(app.editor.words(row.command))
+                    let button = egui::Button::new(app.editor.command_text(row.command))
                         .selected(lit)
                         .shortcut_text(keys)
                         .min_size(Vec2::new(ui.available_width(), 22.0));
@@ -89,20 +89,20 @@ fn commands(app: &mut App, ctx: &Context) {
     }
 }
 
-/// The key sheet's groups: a title, and which commands stand under it.
+/// Group of the shortcut sheet: a title, and a test for its commands.
 type KeyGroup = (&'static str, fn(Group) -> bool);
 
 const GROUPS: [KeyGroup; 7] = [
     ("Tools", |group| matches!(group, Group::Tool(_))),
     ("Files", |group| matches!(group, Group::Files(_))),
-    ("In the hand", |group| matches!(group, Group::Gesture(_) | Group::Nudge(_))),
+    ("While drawing", |group| matches!(group, Group::Gesture(_) | Group::Nudge(_))),
     ("Selected", |group| matches!(group, Group::Selection(_))),
     ("Lines", |group| matches!(group, Group::Lines(_) | Group::Proposing(_) | Group::Newer(_))),
     ("Cameras and solving", |group| matches!(group, Group::Cameras(_) | Group::Solving(_))),
     ("View", |group| matches!(group, Group::View(_) | Group::Switch(_))),
 ];
 
-/// A group of the key sheet.
+/// Shows a group of the shortcut sheet.
 fn key_group(ui: &mut Ui, (title, is_of): &KeyGroup) {
     let palette = theme::palette(ui.ctx());
     crate::widgets::heading(ui, title, "");
@@ -140,7 +140,7 @@ fn shortcuts(app: &mut App, ctx: &Context) {
             ui.separator();
             for line in [
                 "Wheel: zoom at the cursor.   Middle button, or Space and drag: pan.   Tab: next handle.",
-                "While dragging: Shift moves a tenth, Esc puts back.  While dragging or drawing: Alt pulls onto the edge.",
+                "While dragging: Shift moves a tenth, Esc cancels.  While dragging or drawing: Alt snaps to the edge.",
                 "Marks: Alt drags the camera instead of the mark, Ctrl changes its height.   Ctrl+click: select more.",
             ] {
                 ui.label(RichText::new(line).color(palette.text2));
@@ -163,9 +163,9 @@ fn about(app: &mut App, ctx: &Context) {
             ui.label("The method is that of A. Abramov, \u{201c}Two-Stage Camera Calibration Method for Multi-Camera Systems Using Scene Geometry\u{201d}.");
             ui.label("Images never leave this machine.");
             ui.separator();
-            ui.label("Type: IBM Plex Sans, \u{a9} 2017 IBM Corp., SIL Open Font License 1.1.");
+            ui.label("Font: IBM Plex Sans, \u{a9} 2017 IBM Corp., SIL Open Font License 1.1.");
             ui.collapsing("Third-party notices", notices);
-            ui.collapsing("Licence of the type", |ui| {
+            ui.collapsing("Font licence", |ui| {
                 ScrollArea::vertical().max_height(240.0).show(ui, |ui| {
                     ui.label(RichText::new(include_str!("../../assets/IBMPlexSans-LICENSE.txt")).small());
                 });
@@ -174,7 +174,7 @@ fn about(app: &mut App, ctx: &Context) {
     app.dialogs.about &= open;
 }
 
-/// What everything that is part of this program asks to be said; only the lines that show are laid out.
+/// Shows the licence notices; only visible lines are laid out.
 fn notices(ui: &mut Ui) {
     const NOTICES: &str = include_str!("../../assets/THIRD-PARTY.txt");
     static LINES: std::sync::LazyLock<Vec<&str>> = std::sync::LazyLock::new(|| NOTICES.lines().collect());

@@ -1,6 +1,4 @@
-//! The line below: what the next click does, where the cursor is, how the solve went.
-//!
-//! The tools, each with its key.
+//! Status line (next click, pointer position, duration of the solve) and the strip of tools.
 
 use calib_core::floor::SurfacePoint;
 use calib_core::{Pixel, SurfaceProjector};
@@ -14,7 +12,7 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{decimals, number};
 
-/// The status line.
+/// Shows the status line.
 pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let mut stop = false;
@@ -25,14 +23,14 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
                 "Open the demonstration, open a site, or drop images here.".into()
             }
             _ if app.view.layers.hidden && app.editor.tool().is_idle() => {
-                "What lies on the image is hidden.  H: show it".into()
+                "The overlay is hidden.  H: show it".into()
             }
             _ => proposal_hint(app).unwrap_or_else(|| app.editor.tool().hint(app.editor.session())),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let is_narrow = ui.ctx().content_rect().width() < crate::widgets::NARROW;
             state(app, ui, &mut stop);
-            // In a narrow window what the next click does comes first.
+            // A narrow window shows only the effect of the next click.
             if !is_narrow {
                 place(app, ui);
             }
@@ -46,27 +44,27 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// What keys do with what is proposed.
+/// Returns the hint for the keys that accept or discard the automatic calibration.
 fn proposal_hint(app: &App) -> Option<String> {
     let proposed =
         app.shown_proposal().filter(|_| app.editor.tool_row() == 0 && app.editor.tool().is_idle())?;
-    let picked = app.editor.session().picked().and_then(|(group, _)| proposed.groups.get(group));
+    let picked = app.editor.session().picked_line().and_then(|(group, _)| proposed.groups.get(group));
     Some(match picked {
-        Some(group) => format!("One of the {}: Delete leaves it out.", group.title()),
-        None if proposed.verdict == Verdict::None && proposed.alternative.is_some() => {
-            "Two cameras explain the edges alike: click which it is; Esc dismisses what is proposed.".into()
+        Some(group) => format!("A line of {}. Delete removes it.", group.title()),
+        None if proposed.confidence == Verdict::None && proposed.alternative.is_some() => {
+            "Two cameras explain the edges equally well. Click the right one; Esc discards both.".into()
         }
-        None if proposed.verdict == Verdict::None => "Esc dismisses what is proposed.".into(),
+        None if proposed.confidence == Verdict::None => "Esc discards the detected lines.".into(),
         None => {
             let lines = counted(proposed.count(), "line", "lines");
-            format!("{lines} proposed: Enter accepts all, Esc dismisses them, a click on one chooses it.")
+            format!("{lines} detected: Enter accepts all, Esc discards them, a click selects one.")
         }
     })
 }
 
-/// Whether a note is new enough to be read instead of what the next click does.
+/// Whether a note is recent enough to replace the hint for the next click.
 fn is_fresh(ui: &Ui, note: &str) -> bool {
-    /// In seconds.
+    /// Duration of a note, in seconds.
     const LASTS: f64 = 10.0;
     let (id, now) = (ui.scope_id().with("note"), ui.input(|input| input.time));
     let known: Option<(String, f64)> = ui.data(|data| data.get_temp(id));
@@ -84,7 +82,7 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     let loading = app.pictures.loading();
     if app.is_working() {
         let look = Look { size: Vec2::splat(18.0), ..Look::default() };
-        if icons::button(ui, Icon::Close, "Cancel what is under way", "Cancel", look).clicked() {
+        if icons::button(ui, Icon::Close, "Cancel the running task", "Cancel", look).clicked() {
             *stop = true;
         }
     }
@@ -104,7 +102,7 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     let waiting = app.waiting();
     if waiting > 0 {
         ui.spinner();
-        ui.label(RichText::new(format!("{waiting} to be taken")).color(palette.text2));
+        ui.label(RichText::new(format!("{waiting} waiting")).color(palette.text2));
     }
     if loading > 0 {
         ui.spinner();
@@ -153,7 +151,7 @@ fn place(app: &App, ui: &mut Ui) {
             let seen = (0..app.editor.session().site.cameras.len())
                 .filter(|&i| {
                     let field = app.editor.session().solved.solution(i).map(|solution| &solution.efov_m);
-                    let holds = !app.editor.site().is_followed(i);
+                    let holds = !app.editor.site().is_superseded(i);
                     holds && field.is_some_and(|field| calib_editor::is_inside(field, at))
                 })
                 .map(|i| app.editor.session().site.cameras[i].id.as_str());
@@ -167,7 +165,7 @@ fn place(app: &App, ui: &mut Ui) {
                 ui.label(RichText::new(format!("plan px {:.0}, {:.0}", px.x, px.y)).color(palette.text3));
                 ui.add_space(12.0);
             }
-            ui.label(strong(app.editor.session().units.point(at, 2)));
+            ui.label(strong(app.editor.session().tool.units.point(at, 2)));
             ui.label(RichText::new("floor").color(palette.text2));
         }
     }
@@ -180,31 +178,31 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     let Some(SurfacePoint { surface, at: point }) = pose.pixel_to_surface(at, 0.0, &surfaces) else {
         let is_wall = pose.pixel_to_floor(at, 0.0).is_some();
         let place = if is_wall { "on the wall of a pit" } else { "above the horizon" };
-        ui.label(RichText::new(format!("no metres {place}")).color(palette.text2));
+        ui.label(RichText::new(format!("no position {place}")).color(palette.text2));
         return;
     };
     let covariance = SurfaceProjector::new(pose, 0.0, &surfaces).covariance(at, 1.0, surface);
     let sigma = covariance.and_then(|covariance| covariance.worst_sigma());
     let shown = sigma.map_or(2, |sigma| decimals(sigma).min(3));
     if let Some(sigma) = sigma {
-        let sigma = app.editor.session().units.number(sigma, shown);
+        let sigma = app.editor.session().tool.units.number(sigma, shown);
         ui.label(RichText::new(format!("\u{b1} {sigma}")).color(palette.text2));
     }
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
-    ui.label(strong(session.units.point(point.on_floor().into(), shown)));
+    ui.label(strong(session.tool.units.point(point.on_floor().into(), shown)));
     let plane = surface.and_then(|index| session.site.planes.get(index));
     ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
 }
 
-/// Behind which tools a gap stands.
+/// Tools that are followed by a gap.
 const GAPS: [&str; 3] = ["Select", "Upright", "Mark"];
 
-/// The strip of tools.
+/// Shows the strip of tools.
 pub(crate) fn toolstrip_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let dark = ui.visuals().dark_mode;
     ui.add_space(6.0);
-    // The buttons share the height that there is.
+    // The buttons share the available height.
     let height = ((ui.available_height() - 24.0) / TOOLS.len() as f32).clamp(22.0, 34.0);
     let mut chosen = None;
     ui.vertical_centered(|ui| {
@@ -232,6 +230,6 @@ pub(crate) fn toolstrip_ui(app: &mut App, ui: &mut Ui) {
         }
     });
     if let Some(index) = chosen {
-        app.send(Action::TakeTool(index));
+        app.send(Action::SelectTool(index));
     }
 }

@@ -1,4 +1,4 @@
-//! Menu, name of the site, views, undo, solving, commands.
+//! Top bar: menu, name of the site, views, undo, refine, commands.
 
 use egui::{Align, Button, Layout, RichText, Ui, Vec2};
 
@@ -8,7 +8,7 @@ use crate::icons::{self, Icon, Look};
 use crate::state::{App, Mode};
 use crate::theme;
 
-/// The commands of the menu, in its order; a gap between groups.
+/// Commands of the menu, in groups.
 const MENU: &[&[Command]] = &[
     &[
         Command::NewSite,
@@ -33,7 +33,7 @@ const VIEWS: [(Mode, Command, Icon, &str); 4] = [
     (Mode::Scene, Command::ViewScene, Icon::Scene, "Scene"),
 ];
 
-/// The bar at the top.
+/// Shows the top bar.
 pub fn topbar_ui(app: &mut App, ui: &mut Ui) {
     let mut chosen = None;
     ui.horizontal_centered(|ui| {
@@ -44,7 +44,7 @@ pub fn topbar_ui(app: &mut App, ui: &mut Ui) {
             return;
         }
         title(app, ui);
-        // The views stand in the middle of the window.
+        // The views are in the middle of the window.
         let width = 4.0 * 112.0;
         let middle = ui.ctx().content_rect().center().x;
         let rect = egui::Rect::from_center_size(
@@ -98,7 +98,7 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     ui.spacing_mut().item_spacing.x = 4.0;
     for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
         let is_on = app.view.mode == mode;
-        // On a phone the icons speak for themselves.
+        // On a phone the buttons have icons only.
         let phone = ui.ctx().content_rect().width() < crate::widgets::NARROW;
         let text = if phone { "     ".into() } else { format!("      {title}   {}", i + 1) };
         let text = RichText::new(text);
@@ -123,7 +123,7 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     }
 }
 
-/// From the right edge inwards.
+/// Shows the right part, from the right edge inwards.
 fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
     let mut button = |ui: &mut Ui, icon, label: &str, command, on: bool| {
@@ -132,19 +132,19 @@ fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
             *chosen = Some(command);
         }
     };
-    button(ui, Icon::Sun, "Light or dark theme", Command::Theme, false);
+    button(ui, Icon::Sun, "Switch between light and dark theme", Command::Theme, false);
     button(ui, Icon::Search, "Commands (Ctrl+K)", Command::Palette, false);
     let paused = app.editor.session().solved.paused;
     let (icon, label) = if paused { (Icon::Play, "Resume solving") } else { (Icon::Pause, "Pause solving") };
     button(ui, icon, label, Command::Pause, paused);
-    let redo = app.editor.words(Command::Redo);
+    let redo = app.editor.command_text(Command::Redo);
     button(ui, Icon::Redo, &redo, Command::Redo, false);
-    let undo = app.editor.words(Command::Undo);
+    let undo = app.editor.command_text(Command::Undo);
     button(ui, Icon::Undo, &undo, Command::Undo, false);
-    // The words give way before the views do.
+    // Labels are hidden before the views are.
     let room = ui.available_width() - 4.0;
     if app.editor.session().history.undo_name().is_some() && room > 60.0 {
-        // Painted: the button beside it says the same to a screen reader.
+        // Painted only: the button next to it has the same name for screen readers.
         let galley = ui.painter().layout_no_wrap(undo, theme::regular(12.0), palette.text2);
         let size = Vec2::new(galley.size().x.min(room), galley.size().y);
         let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());

@@ -1,4 +1,4 @@
-//! The tour: a strip above the canvas, so that it covers nothing it speaks of. A step is done when it is right.
+//! Strip of the tour above the canvas. A step ends when its task is done correctly.
 
 use egui::{Frame, Margin, Panel, RichText, Ui};
 
@@ -6,7 +6,7 @@ use crate::command::Command;
 use crate::state::{App, STEPS};
 use crate::theme;
 
-/// The strip of the step one is at; after the last one, what to do with one's own images.
+/// Shows the current step; after the last one, the way to one's own images.
 pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
     let Some(index) = app.tour.step else { return };
     let open = app.tour.open(app.editor.session(), app.view.mode);
@@ -28,7 +28,7 @@ pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// What a button of the strip asks for.
+/// Request of a button of the strip.
 enum Wish {
     Tell(Command),
     Skip,
@@ -66,7 +66,7 @@ fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<Wish> {
 fn end(ui: &mut Ui) -> Option<Wish> {
     let palette = theme::palette(ui.ctx());
     let mut wish = None;
-    ui.label(RichText::new("That was all of it").font(theme::medium(13.0)));
+    ui.label(RichText::new("The tour is complete").font(theme::medium(13.0)));
     let text = "With your own images: one still of every camera, and a floor plan if there is one. Draw on each what you \
                 drew here, place it, link what two views show (K), then Refine (F9) and save (Ctrl+S).";
     ui.add(egui::Label::new(RichText::new(text).color(palette.text2)).wrap());

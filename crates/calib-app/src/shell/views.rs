@@ -1,4 +1,4 @@
-//! The middle of the window: one image, image and plan, all cameras, or the scene.
+//! Middle of the window: one image, image and plan, all cameras, or the scene.
 
 use calib_editor::{Action, Pane};
 use egui::{Align2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
@@ -12,12 +12,12 @@ use crate::state::{App, Looking, Mode, Orbit, Place};
 use crate::theme;
 use crate::widgets::number;
 
-/// Height of the line above a view, in points.
+/// Height of the header of a view, in points.
 const HEADER: f32 = 28.0;
-/// The least height of a view among many, in points.
+/// Smallest height of a tile, in points.
 const LEAST: f32 = 150.0;
 
-/// What the mode shows.
+/// Shows the views of the current mode.
 pub fn views_ui(app: &mut App, ui: &mut Ui) {
     let rect = ui.max_rect();
     app.view.panes.middle = Some(rect);
@@ -56,7 +56,7 @@ pub fn views_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// The image on one side, if it is wanted there; what is left.
+/// Shows the image on one side if it is enabled; returns the remaining rectangle.
 fn beside(app: &mut App, ui: &mut Ui, rect: Rect, is_wanted: bool) -> Rect {
     const SHARE: f32 = 0.46;
     if !is_wanted {
@@ -89,7 +89,7 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     camera_header(app, ui, above, (camera, place), &switches);
 }
 
-/// The camera in hand, and below it the one that shares most of its floor.
+/// Shows the current camera, and below it the one that shares most of its floor.
 fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     let camera = app.editor.session().camera;
     let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {
@@ -102,11 +102,11 @@ fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER), other, Place::Tile);
 }
 
-/// The placed camera that sees most of this one's field.
+/// Returns the placed camera that sees most of this one's field of view.
 fn neighbour(app: &App, camera: usize) -> Option<usize> {
     let own = app.editor.session().solved.solution(camera)?;
     let shared = |index: usize| {
-        let pose = app.editor.session().solved.placed(index)?;
+        let pose = app.editor.session().solved.placed_pose(index)?;
         let [w, h] = app.editor.session().site.cameras.get(index)?.size();
         let is_seen = |p: &&calib_core::FloorPoint| {
             pose.world_to_pixel(p.at_height(0.0))
@@ -132,11 +132,11 @@ fn camera_header(
     let (id, title) = (entry.id.clone(), entry.name.clone().unwrap_or_else(|| entry.id.clone()));
     let key = (place, Pane::Image(camera));
     let zoom = app.view.panes.views.get(&key).map_or_else(String::new, |view| {
-        // Of the screen's own pixels, not of points.
+        // Zoom in physical pixels, not in points.
         let zoom = view.zoom * f64::from(ui.ctx().pixels_per_point());
         format!("{} %", number(100.0 * zoom, 0))
     });
-    // In a narrow view the switches that matter least give way to the name.
+    // A narrow view hides the least important switches.
     let room = ((rect.width() - 180.0) / 66.0).max(0.0) as usize;
     let shown = &switches[..switches.len().min(room)];
     header(app, ui, rect, "", shown);
@@ -154,7 +154,7 @@ fn camera_header(
     }
 }
 
-/// The line above a view: a title and switches.
+/// Shows the header of a view: a title and switches.
 fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Command]) {
     let palette = theme::palette(ui.ctx());
     ui.painter().rect_filled(rect, 0.0, palette.panel);
@@ -179,7 +179,7 @@ fn header(app: &mut App, ui: &mut Ui, rect: Rect, title: &str, switches: &[Comma
     }
 }
 
-/// A switch in a word, and whether it is on.
+/// Returns the label of a switch, and whether it is on.
 const fn state(app: &App, command: Command) -> (&'static str, bool) {
     match command {
         Command::Grid => ("Grid", app.view.layers.grid),
@@ -189,15 +189,15 @@ const fn state(app: &App, command: Command) -> (&'static str, bool) {
         Command::Guide => ("Guide", app.view.layers.guide),
         Command::Straighten => ("Straighten", app.view.layers.straight),
         Command::NextWindow => ("Window", !matches!(app.view.looking, Looking::Whole)),
-        Command::Snap => ("Snap", app.editor.session().snap),
-        Command::ColourByResidual => ("By residual", app.view.layers.by_residual),
+        Command::Snap => ("Snap", app.editor.session().tool.snap),
+        Command::ColourByResidual => ("Colour by error", app.view.layers.by_residual),
         Command::Coverage => ("Coverage", app.view.coverage),
         Command::Blend => ("All images", app.view.blend),
         _ => ("", false),
     }
 }
 
-/// Every camera at once, and the floor.
+/// Shows every camera, and the floor.
 fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
     let count = app.editor.session().site.cameras.len() + 1;
     let columns = columns(count, rect);
@@ -233,7 +233,7 @@ fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
     });
 }
 
-/// As many columns as make the tiles nearest to the shape of a still.
+/// Returns the number of columns whose tiles are closest to the shape of an image.
 fn columns(count: usize, rect: Rect) -> usize {
     const STILL: f32 = 1.6;
     let off = |columns: usize| {
@@ -268,7 +268,7 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
         })
         .flatten()
     {
-        app.send(Action::Choose(camera));
+        app.send(Action::SelectCamera(camera));
     }
     let painter = ui.painter().with_clip_rect(rect);
     let palette = theme::palette(ui.ctx());
@@ -276,7 +276,7 @@ fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
     let plan = name.and_then(|name| app.pictures.ready(name)).map(|p| (p.overview.id(), p.size()));
     scene3d::paint(&painter, rect, (&orbit, ui.visuals().dark_mode), app.editor.session(), plan);
-    let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to take it.";
+    let text = "Drag: orbit.  Shift and drag: pan.  Wheel: zoom.  Click a camera to select it.";
     painter.text(
         rect.left_top() + Vec2::new(12.0, 12.0),
         Align2::LEFT_TOP,

@@ -1,9 +1,7 @@
-//! What an operator should know of a result, with what to do about it as a button.
-//!
-//! Every camera with the age of its calibration and what its newest still shows.
+//! Panels: warnings of a result with buttons that act on them, and the age of every calibration.
 
 use calib_core::{Code, Finding, Severity, Subject};
-use calib_editor::{Action, Part, held_since, site_subject};
+use calib_editor::{Action, Part, site_subject, valid_since};
 use calib_site::{SiteCamera, Warning};
 use egui::{RichText, Ui};
 
@@ -15,7 +13,7 @@ use crate::storage::autosave::ago;
 use crate::theme;
 use crate::widgets::heading;
 
-/// The list.
+/// Shows every camera with the age of its calibration and the result of its newest image.
 pub(crate) fn health_ui(app: &mut App, ui: &mut Ui) {
     let count = app.editor.site().cameras.len();
     let compared = (0..count).filter(|&camera| app.editor.newer(camera).is_some()).count();
@@ -25,7 +23,7 @@ pub(crate) fn health_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// One camera; a click takes it in hand and looks at its image.
+/// Shows a camera; a click selects it and shows its image.
 fn row(app: &mut App, ui: &mut Ui, camera: usize) {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.site().cameras.get(camera) else { return };
@@ -35,7 +33,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize) {
             let (word, _, colour, _) = verdict(newer.comparison.became, palette);
             (word, colour)
         }
-        None => ("no newer still", palette.text3),
+        None => ("no newer image", palette.text3),
     };
     let mut wanted = false;
     ui.horizontal_wrapped(|ui| {
@@ -45,13 +43,13 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize) {
         ui.label(RichText::new(word).color(colour));
     });
     if wanted {
-        app.send(Action::Drop);
-        app.send(Action::Choose(camera));
+        app.send(Action::CancelGesture);
+        app.send(Action::SelectCamera(camera));
         app.view.mode = Mode::Image;
     }
 }
 
-/// Of a period that has ended with its end.
+/// Returns the name of a camera period, with its end if it has ended.
 fn name(entry: &SiteCamera) -> String {
     match &entry.valid_to {
         Some(to) => format!("{} until {}", entry.id, to.get(..10).unwrap_or(to)),
@@ -59,13 +57,13 @@ fn name(entry: &SiteCamera) -> String {
     }
 }
 
-/// How old the calibration is: since it holds, or since its still was taken.
+/// Returns the age of the calibration, since its period began or its image was taken.
 fn age(app: &App, camera: usize) -> String {
-    let known = held_since(app.editor.session(), camera);
-    known.map_or_else(|| "of unknown age".into(), |since| format!("of {}", ago(since, (app.clock)())))
+    let known = valid_since(app.editor.session(), camera);
+    known.map_or_else(|| "age unknown".into(), |since| format!("of {}", ago(since, (app.clock)())))
 }
 
-/// The warnings of the camera in hand: the gravest is open, the others are folded and never cut.
+/// Shows the warnings of the current camera; the most severe is open, the others are folded.
 pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
     let warnings = ordered(app);
     let mut wish = None;
@@ -73,13 +71,13 @@ pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
     let mut shows_all = ui.data(|data| data.get_temp::<bool>(is_open)).unwrap_or(false);
     let first = warnings.len().min(1);
     for warning in warnings.iter().take(if shows_all { warnings.len() } else { first }) {
-        let message = app.editor.session().as_on_screen(app.editor.session().camera, warning);
+        let message = app.editor.session().warning_text(app.editor.session().camera, warning);
         let shown = Warning { message, ..warning.clone() };
         card(ui, &shown, |ui| buttons(app, ui, warning, &mut wish));
     }
     if warnings.len() > 1 {
         let more = format!("{} more", warnings.len() - 1);
-        if ui.button(if shows_all { "Show the first alone" } else { &more }).clicked() {
+        if ui.button(if shows_all { "Show only the first" } else { &more }).clicked() {
             shows_all = !shows_all;
             ui.data_mut(|data| data.insert_temp(is_open, shows_all));
         }
@@ -100,7 +98,7 @@ pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// What was set aside of what the camera in hand shares with others, with where it shows it.
+/// Returns the rejected links and marks of the current camera, with their position in its image.
 fn set_aside(app: &App) -> Vec<(Warning, Part)> {
     let session = app.editor.session();
     let (Some(report), Some(entry)) = (session.solved.joint_report(), session.entry()) else {
@@ -115,7 +113,7 @@ fn set_aside(app: &App) -> Vec<(Warning, Part)> {
     outliers.filter_map(here).collect()
 }
 
-/// What can be done about something that was set aside.
+/// Shows the buttons for a rejected observation.
 fn on_part(ui: &mut Ui, part: Part, wish: &mut Option<Deed>) {
     ui.horizontal_wrapped(|ui| {
         if ui.button("Show").clicked() {
@@ -129,7 +127,7 @@ fn on_part(ui: &mut Ui, part: Part, wish: &mut Option<Deed>) {
     });
 }
 
-/// The gravest first.
+/// Returns the warnings, the most severe first.
 fn ordered(app: &App) -> Vec<Warning> {
     let solution = app.editor.session().solution();
     let mut warnings = solution.map(|solution| solution.warnings.clone()).unwrap_or_default();
@@ -138,7 +136,7 @@ fn ordered(app: &App) -> Vec<Warning> {
 }
 
 fn grant(app: &mut App, deed: Deed) {
-    app.send(Action::Drop);
+    app.send(Action::CancelGesture);
     match deed {
         Deed::Show(Place::Part(part)) => {
             app.send(Action::Select(part));
@@ -152,7 +150,7 @@ fn grant(app: &mut App, deed: Deed) {
     }
 }
 
-/// The warnings of the site as a whole.
+/// Shows the warnings of the site.
 pub(crate) fn site(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
     let Some(report) = session.solved.joint_report() else { return };
@@ -169,7 +167,7 @@ pub(crate) fn site(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Selects what a warning of the site is about, and shows every camera: what cameras share stands in all of them.
+/// Selects the subject of a site warning, and shows all cameras.
 fn show_subject(app: &mut App, subject: Option<Subject>) {
     let site = app.editor.site();
     let camera_of = |id: &str| site.cameras.iter().position(|camera| camera.id == id);
@@ -179,10 +177,10 @@ fn show_subject(app: &mut App, subject: Option<Subject>) {
             first(link).map(|camera| Action::SelectOn(camera, Part::Link { link, seen: 0, point: 0 }))
         }
         Some(Subject::Mark(mark)) => Some(Action::Select(Part::Mark(mark))),
-        Some(Subject::Camera(camera)) => Some(Action::Choose(camera)),
+        Some(Subject::Camera(camera)) => Some(Action::SelectCamera(camera)),
         _ => None,
     };
-    app.send(Action::Drop);
+    app.send(Action::CancelGesture);
     app.tell(Command::ViewAll);
     action.into_iter().for_each(|action| app.send(action));
 }
@@ -208,14 +206,14 @@ fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
     ui.add_space(4.0);
 }
 
-/// Where to look at what a warning is about.
+/// Location of the subject of a warning.
 #[derive(Clone, Copy)]
 enum Place {
     Part(Part),
     View(Command),
 }
 
-/// What a button of a warning asks for.
+/// Request of a button of a warning.
 #[derive(Clone, Copy)]
 enum Deed {
     Show(Place),
@@ -238,7 +236,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
             {
                 let buttons = [
                     ("Show what helps   N", Command::TakeSuggestion),
-                    ("Something else   Shift+N", Command::DismissSuggestion),
+                    ("Another suggestion   Shift+N", Command::DismissSuggestion),
                 ];
                 for (text, command) in buttons {
                     if ui.button(text).clicked() {
@@ -251,7 +249,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
     });
 }
 
-/// What a warning is about, where it can be seen.
+/// Returns the location of the subject of a warning.
 fn place_of(app: &App, warning: &Warning) -> Place {
     let session = app.editor.session();
     let entry = session.entry();
@@ -277,7 +275,7 @@ fn place_of(app: &App, warning: &Warning) -> Place {
     found.or_else(suspect).or_else(worst).unwrap_or(Place::View(Command::ViewImage))
 }
 
-/// The line that is farthest off.
+/// Returns the line with the largest residual.
 fn worst_line(app: &App) -> Option<Part> {
     let residuals = app.editor.session().solution()?.residuals.iter();
     let lines =
@@ -291,7 +289,7 @@ fn first_outlier(app: &App) -> Option<Part> {
     Some(Part::Line { annotation: residual.annotation?, segment: residual.segment? })
 }
 
-/// An error that concerns the document.
+/// Shows an error that concerns the document.
 pub(crate) fn error(app: &mut App, ui: &mut Ui) {
     let Some(error) = app.editor.error().map(str::to_owned) else { return };
     let palette = theme::palette(ui.ctx());

@@ -1,10 +1,4 @@
-//! The app's state, and what is done with it without a view.
-//!
-//! Windows onto the images of fisheyes.
-//!
-//! The lines that would help most, where the image has edges for them.
-//!
-//! What the still in hand proposes, as the view shows it.
+//! State of the app, and the operations on it that need no view.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
@@ -13,9 +7,9 @@ use calib_core::floor::{Mount, lens_reach};
 use calib_core::outcome::Drawing;
 use calib_core::{Lens, Pixel};
 use calib_editor::{
-    Action, Command, Edge, Editor, Pane, Part, Period, Proposed, TOOLS, edges, edit, hit, suggest,
+    Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, TOOLS, edges, edit, hit, suggest,
 };
-use calib_site::{DrawNext, LensEntry, Site};
+use calib_site::{LensEntry, Site, SuggestionEntry};
 use egui::Context;
 use web_time::{SystemTime, UNIX_EPOCH};
 
@@ -41,68 +35,68 @@ use crate::theme;
 #[derive(Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
 pub struct ViewState {
-    /// What the middle shows.
+    /// View in the middle of the window.
     pub mode: Mode,
-    /// How canvases are looked at.
+    /// Pan, zoom and pointer of every canvas.
     pub panes: Panes,
-    /// What lies on images.
+    /// Layers that are painted on images.
     pub layers: Layers,
-    /// How the images of fisheyes are looked at.
+    /// Window through which fisheye images are shown.
     pub looking: Looking,
-    /// The image stands beside the plan.
+    /// Whether the image is shown next to the plan.
     pub beside_plan: bool,
-    /// The image stands beside the scene.
+    /// Whether the image is shown next to the 3-D scene.
     pub beside_scene: bool,
-    /// Images of all cameras lie on the plan.
+    /// Whether the images of all cameras are projected onto the plan.
     pub blend: bool,
-    /// Fields are filled on the plan.
+    /// Whether fields of view are filled on the plan.
     pub coverage: bool,
-    /// The floor from above is shown beside the image.
+    /// Whether the floor, seen from above, is shown next to the image.
     pub above: bool,
-    /// Poses before the joint solve are shown beside the new ones.
+    /// Whether the poses before the joint solve are shown next to the new ones.
     pub show_before: bool,
-    /// From where the scene is looked at.
+    /// Viewpoint of the 3-D scene.
     pub orbit: Option<Orbit>,
-    /// Two cameras that fit equally well are shown side by side.
+    /// Whether two cameras that fit the lines equally well are shown side by side.
     pub compares_views: bool,
-    /// How the list of cameras is filtered and sorted.
+    /// Filter and order of the camera list.
     pub list: List,
-    /// How a newer still is looked at.
+    /// How a newer image is shown over the calibrated one.
     pub glance: Glance,
 }
 
 /// Highlights that follow the pointer and the selection.
 #[derive(Debug, Default)]
 pub struct Hover {
-    /// The line whose row is under the cursor.
+    /// Annotation and segment whose row is under the pointer.
     pub lit: Option<(usize, usize)>,
-    /// The group of proposed lines whose row is under the cursor.
+    /// Group of the automatic calibration whose row is under the pointer.
     pub lit_group: Option<usize>,
-    /// When the suspect changed, for its blinking, in seconds.
+    /// Time at which the most suspicious line changed, in seconds; it blinks from then on.
     pub suspect_since: f64,
     pub(crate) suspect: Option<(usize, usize, usize)>,
-    /// A field for text had the focus when the last frame ended.
+    /// Whether a text field had the focus at the end of the last frame.
     pub(crate) was_typing: bool,
 }
 
 /// Sheets and dialogs above the window.
 #[derive(Debug)]
 pub struct Dialogs {
-    /// What other programs take.
+    /// The export sheet.
     pub export: Sheet,
     /// The command palette.
     pub palette: Palette,
-    /// The shortcut sheet is open.
+    /// Whether the shortcut sheet is open.
     pub shortcuts: bool,
-    /// The about sheet is open.
+    /// Whether the about sheet is open.
     pub about: bool,
-    /// How files are asked for.
+    /// Function that opens a file chooser.
     pub chooser: fn(Purpose) -> Dialog,
-    /// A file that waits for a decision.
+    /// File that is written only after a decision of the operator.
     pub conflict: Option<Conflict>,
-    /// Images that the site names outside its folder.
+    /// Images outside the site's folder that the site names.
     pub outside: Outside,
-    /// A path that is typed in place of a file chooser.
+    /// Field for a typed path, used where no file chooser is available.
     pub path_field: Option<PathField>,
     pub(crate) dialog: Option<Dialog>,
 }
@@ -110,22 +104,22 @@ pub struct Dialogs {
 /// Files, autosaves and recent sites.
 #[derive(Debug)]
 pub struct Storage {
-    /// Work of crashed sessions, offered, each with where it is kept.
+    /// Autosaves of crashed sessions that are offered, each with its slot.
     pub found: Vec<(Autosave, Found)>,
     /// Sites that were opened or saved last.
     pub recent: Vec<Recent>,
-    /// The small still by which the site is known where sites are kept.
+    /// Small image that represents the site in lists.
     pub(crate) thumbnail: Thumbnail,
-    /// Where a browser keeps sites.
+    /// Site storage of the browser.
     pub shelf: Option<Box<dyn Shelf>>,
     pub(crate) autosave: Option<Autosave>,
-    /// What the site's own file held when it was read or written last.
+    /// Hash of the site file when it was last read or written.
     pub(crate) held: Option<u64>,
-    /// The site as its file had it then.
+    /// The site as its file contained it at that time.
     pub(crate) as_held: Option<Site>,
-    /// Where autosaves are.
+    /// Folder of the autosaves.
     pub(crate) folder: Option<PathBuf>,
-    /// The autosaves that no other window touches while this one lives.
+    /// Locks that keep other windows from these autosaves while this window lives.
     pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
     pub(crate) kept: u64,
 }
@@ -137,7 +131,7 @@ pub struct Jobs {
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
     pub(crate) pictured: Option<Vec<u8>>,
     pub(crate) adding: Vec<Task<Read>>,
-    /// The camera whose still is asked for, or read.
+    /// Camera period whose image is being replaced.
     pub(crate) replaced: Period,
     pub(crate) replacing: Option<Task<Read>>,
     pub(crate) planning: Option<Planning>,
@@ -147,21 +141,21 @@ pub struct Jobs {
     pub(crate) recovering: Option<Recovering>,
 }
 
-/// What views read: the document, how it is looked at, and what is under way.
+/// Everything that views read: the document, its view, and running work.
 #[derive(Debug)]
 pub struct App {
     /// The document.
     pub editor: Editor,
     pub(crate) sent: Vec<Sent>,
-    /// Decoded stills.
+    /// Decoded images.
     pub pictures: Pictures,
-    /// Straight edges of the stills.
+    /// Straight edges that were detected in the images.
     pub edges: Edges,
-    /// How far a newcomer has come.
+    /// Progress of the tour for newcomers.
     pub tour: Tour,
-    /// Between which links or marks the next distance is measured.
+    /// Ids of the links or marks between which the next distance is measured.
     pub pair: [String; 2],
-    /// Seconds since 1970, for how old calibrations are.
+    /// Clock in seconds since 1970, for the age of calibrations.
     pub clock: fn() -> u64,
     /// How the document is viewed: mode, canvases, layers and switches.
     pub view: ViewState,
@@ -197,7 +191,7 @@ impl Default for ViewState {
 }
 
 impl App {
-    /// The app with nothing open; what a crashed session left in `folder` is offered.
+    /// Creates the app with an empty document; autosaves in `folder` are offered.
     #[must_use]
     pub fn new(ctx: &Context, folder: Option<PathBuf>) -> Self {
         theme::install(ctx);
@@ -239,58 +233,58 @@ impl App {
         }
     }
 
-    /// Has the editor do something now: for canvases, which show in this frame what the pointer does.
+    /// Applies an action at once. For canvases, which show its effect in the same frame.
     pub fn act(&mut self, action: Action) {
         self.editor.apply(action);
     }
 
-    /// Asks for something to be done at the end of the frame: for panels, which show one state of the site.
+    /// Queues an action for the end of the frame. For panels, which show one state of the site.
     pub fn send(&mut self, action: Action) {
         self.sent.push(Sent::Action(action));
     }
 
-    /// Asks for a command to be run at the end of the frame.
+    /// Queues a command for the end of the frame.
     pub fn tell(&mut self, command: Command) {
         self.sent.push(Sent::Command(command));
     }
 
-    /// Asks for a site file to be opened, at the end of the frame.
+    /// Queues opening a site file for the end of the frame.
     pub(crate) fn open_later(&mut self, path: PathBuf) {
         self.sent.push(Sent::OpenPath(path));
     }
 
-    /// Asks for what a crashed session left to be gone on with, or to be discarded.
+    /// Queues the decision to restore an autosave (`goes_on`) or to discard it.
     pub(crate) fn decide(&mut self, index: usize, goes_on: bool) {
         self.sent.push(if goes_on { Sent::Recover(index) } else { Sent::Discard(index) });
     }
 
-    /// Decides what becomes of a file that is not written without asking, at the end of the frame.
+    /// Queues the decision about a file that would be overwritten.
     pub(crate) fn settle_conflict(&mut self, decision: Decision) {
         self.sent.push(Sent::Decide(decision));
     }
 
-    /// Decides whether images outside the site's folder are read, at the end of the frame.
+    /// Queues the decision about reading images outside the site's folder.
     pub(crate) fn decide_outside(&mut self, allows: bool) {
         self.sent.push(Sent::Outside(allows));
     }
 
-    /// Takes a path that was typed, or none, at the end of the frame.
+    /// Queues the typed path, or closes its field.
     pub(crate) fn take_typed(&mut self, typed: Option<PathField>) {
         self.sent.push(Sent::Typed(typed));
     }
 
-    /// Whether a command would do something now.
+    /// Whether a command has an effect now.
     #[must_use]
     pub fn is_enabled(&self, command: Command) -> bool {
         self.editor.is_enabled(command, self.is_working())
     }
 
-    /// Asks for files.
+    /// Opens a file chooser.
     pub fn ask(&mut self, purpose: Purpose) {
         self.dialogs.dialog = Some((self.dialogs.chooser)(purpose));
     }
 
-    /// Asks for what is known of the lens of the camera in hand to be changed.
+    /// Queues a change of the lens entry of the current camera, named `name` in the undo history.
     pub(crate) fn change_lens(&mut self, name: &str, change: impl FnOnce(&mut LensEntry)) {
         let Some(entry) = self.editor.session().entry() else { return };
         let mut lens = entry.lens.clone().unwrap_or_default();
@@ -298,22 +292,22 @@ impl App {
         self.send(Action::Lens { lens: Box::new(lens), name: name.to_owned() });
     }
 
-    /// Shows another view.
+    /// Switches to another view.
     pub fn show(&mut self, mode: Mode) {
-        // A control point that waits for the plan waits through this.
-        if !self.editor.is_at_rest() {
-            self.act(Action::Drop);
+        // A control point without a plan position survives the switch.
+        if !self.editor.is_settled() {
+            self.act(Action::CancelGesture);
         }
         self.view.mode = mode;
-        // What draws on an image has nothing to do on the plan: there the handles are meant.
+        // Tools that annotate images have no use on the plan, where placement handles are needed.
         let drew =
             self.editor.tool_kind().is_some() || TOOLS[self.editor.tool_row()].title == "Field of view";
         if mode == Mode::Plan && drew {
-            self.act(Action::TakeTool(0));
+            self.act(Action::SelectTool(0));
         }
     }
 
-    /// Closes what is open above the window. Whether anything was.
+    /// Closes all sheets and dialogs; returns whether one was open.
     pub fn close_sheets(&mut self) -> bool {
         let exported = self.dialogs.export.close();
         let was_asked = self.dialogs.conflict.take().is_some()
@@ -334,7 +328,7 @@ impl App {
         was_open
     }
 
-    /// The canvas that zoom keys mean.
+    /// Returns the canvas to which the zoom keys apply.
     #[must_use]
     pub fn zoom_key(&self) -> (Place, Pane) {
         let own = Pane::Image(self.editor.session().camera);
@@ -346,7 +340,7 @@ impl App {
         }
     }
 
-    /// Looks at a part of the image in hand so that it fills a good deal of the canvas.
+    /// Zooms the current image to a part of it.
     pub fn reveal(&mut self, part: Part) {
         let camera = self.editor.session().camera;
         let key = (Place::Main, Pane::Image(camera));
@@ -367,7 +361,7 @@ impl App {
         self.view.panes.views.insert(key, View::of(low, high, mapping.rect, false, false));
     }
 
-    /// The edge of a camera's image under a pixel, while a tool that draws lines is in the hand.
+    /// Returns the detected edge under a pixel of a camera's image, while a line tool is active.
     pub fn offer(&mut self, ctx: &Context, camera: usize, at: Pixel, radius: f64) -> Option<Edge> {
         let draws = self
             .editor
@@ -383,7 +377,7 @@ impl App {
         }
         let name = self.editor.session().site.cameras.get(camera)?.image.as_deref()?;
         let picture = self.pictures.ready(name)?;
-        // What stands upright is not offered what lies flat.
+        // Flat edges are not offered to a tool for vertical lines.
         let plumb = self.editor.tool_kind().is_some_and(|kind| kind.row().is_upright());
         let edge = edges::under(self.edges.of(ctx, name, &picture.image), at, radius)?;
         let [a, b] = edge;
@@ -392,7 +386,7 @@ impl App {
 }
 
 impl App {
-    /// The lens and focal of a camera, if it is a fisheye, with how it hangs: under a ceiling, while nothing tells.
+    /// Returns lens, focal and mount of a fisheye camera; ceiling mount while its pose is unknown.
     fn fisheye(&self, camera: usize) -> Option<(Lens, f64, Mount)> {
         let session = self.editor.session();
         let pose = session.solved.pose(camera);
@@ -401,13 +395,13 @@ impl App {
         Some((lens, pose.map_or(lens.focal, |pose| pose.focal), mount))
     }
 
-    /// Whether a camera is a fisheye, which windows are for.
+    /// Whether a camera has a fisheye lens, so that it can be viewed through windows.
     #[must_use]
     pub fn is_fisheye(&self, camera: usize) -> bool {
         self.fisheye(camera).is_some()
     }
 
-    /// The window that a fisheye is looked at through.
+    /// Returns the window through which a fisheye image is shown.
     pub(crate) fn window(&self, camera: usize) -> Option<Bend> {
         let (lens, focal, mount) = self.fisheye(camera)?;
         let size = self.editor.session().site.cameras.get(camera)?.size();
@@ -421,14 +415,14 @@ impl App {
         Some(Bend::Window { lens, focal, window })
     }
 
-    /// Looks at the image in hand through another window: shown whole at first.
+    /// Shows the current image through another window, zoomed to fit.
     pub(crate) fn look(&mut self, looking: Looking) {
         self.view.looking = looking;
         let own = Pane::Image(self.editor.session().camera);
         self.view.panes.views.remove(&(Place::Main, own));
     }
 
-    /// Turns the window towards what a pixel of the image in hand shows.
+    /// Points the window at a pixel of the current image.
     pub(crate) fn look_at(&mut self, pixel: Pixel) {
         let camera = self.editor.session().camera;
         let Some((lens, focal, _)) = self.fisheye(camera) else { return };
@@ -439,20 +433,21 @@ impl App {
 }
 
 impl App {
-    /// What the camera in hand proposes to draw, while its floor is not known well enough without.
+    /// Returns the suggestion for the current camera, while its floor error is too large.
     #[must_use]
-    pub fn proposal(&self) -> Option<&DrawNext> {
-        /// Floors known better than this need no more lines.
+    pub fn proposal(&self) -> Option<&SuggestionEntry> {
+        /// Relative floor error below which no more lines are suggested.
         const GOOD: f64 = 0.015;
         let solution = self.editor.session().solution()?;
-        let next = self.editor.session().proposal();
+        let next = self.editor.session().suggestion();
         let rel = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
-        let is_needed =
-            |next: &&DrawNext| rel.is_none_or(|rel| rel >= GOOD) || next.drawing == Some(Drawing::KnownSize);
+        let is_needed = |next: &&SuggestionEntry| {
+            rel.is_none_or(|rel| rel >= GOOD) || next.drawing == Some(Drawing::KnownSize)
+        };
         next.filter(|next| self.view.layers.suggestion && is_needed(next))
     }
 
-    /// Edges of the image in hand on which the proposed lines can be drawn; none while something is in the hand.
+    /// Returns detected edges of the current image that match the suggestion; none during a gesture.
     #[must_use]
     pub fn suggested(&mut self, ctx: &Context) -> Vec<Edge> {
         let Some(next) = self.proposal().cloned() else { return Vec::new() };
@@ -462,10 +457,10 @@ impl App {
         let Some(picture) = self.pictures.ready(&name).filter(|_| self.editor.tool().is_idle()) else {
             return Vec::new();
         };
-        suggest::on_edges(&next, &pose, &entry, self.edges.of(ctx, &name, &picture.image))
+        suggest::edges_for_suggestion(&next, &pose, &entry, self.edges.of(ctx, &name, &picture.image))
     }
 
-    /// The suggested edge under a pixel, while the tool that draws it is in the hand.
+    /// Returns the suggested edge under a pixel, while the matching tool is active.
     pub(crate) fn suggested_under(&mut self, ctx: &Context, at: Pixel, radius: f64) -> Option<Edge> {
         let kind = self.proposal()?.kind;
         if kind.is_none() || self.editor.tool_kind() != kind {
@@ -477,13 +472,14 @@ impl App {
 }
 
 impl App {
-    /// What the still of the camera in hand proposes, where its image is what is looked at.
+    /// Returns the automatic calibration of the current image, if that image is shown.
     #[must_use]
-    pub fn shown_proposal(&self) -> Option<&Proposed> {
+    pub fn shown_proposal(&self) -> Option<&PendingCalibration> {
         self.editor.session().proposed().filter(|_| self.view.mode == Mode::Image)
     }
 
-    /// Whether Enter and Escape mean the proposal: nothing is in the hand, and no button has the focus.
+    /// Whether Enter and Escape apply to the automatic calibration: no gesture is active and no button has
+    /// the focus.
     pub(crate) fn decides_proposal(&self, ctx: &Context) -> bool {
         self.shown_proposal().is_some()
             && self.editor.tool().is_idle()

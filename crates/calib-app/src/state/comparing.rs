@@ -1,52 +1,50 @@
-//! Newer stills that are being compared, and a camera that is being recovered.
-//!
-//! Newer stills: compared one after the other beside the frame, and cameras recovered from them.
+//! Comparison of newer images with calibrated ones, and recovery of cameras that moved.
 
 use std::sync::Arc;
 
 use calib_core::Camera;
-use calib_editor::{Action, NewStill, Newer, OnNewer, Period};
+use calib_editor::{Action, NewImage, NewerAction, NewerImage, Period};
 use calib_image::{Comparison, OtherSize, Uncompared};
-use calib_site::{NewStill as RecoveredStill, Recovered, Site, SiteCamera};
+use calib_site::{NewImage as RecoveredStill, Recovered, Site, SiteCamera};
 use egui::Context;
 
 use crate::platform::{Here, Lost, Platform as _, Recovery, Stills, Task};
 use crate::state::{App, Read, ReadPicture};
 
-/// A newer still of which it is known whose it is.
+/// Newer image with the camera period to which it belongs.
 #[derive(Debug)]
 pub(crate) struct OfCamera {
-    /// The camera with its solution.
+    /// The camera entry with its solution.
     pub(crate) entry: SiteCamera,
     pub(crate) pose: Camera,
-    pub(crate) still: NewStill,
+    pub(crate) still: NewImage,
     pub(crate) taken: Option<String>,
 }
 
 #[derive(Debug)]
 pub(crate) enum Step {
-    /// The file is being read.
+    /// Its file is being read.
     Opening(Task<Read>),
     /// Both images are being decoded.
     Reading(Box<OfCamera>),
     Comparing(Box<OfCamera>, Task<Result<Comparison, String>>),
 }
 
-/// A newer still that is being compared.
+/// Comparison that is waiting or running.
 #[derive(Debug)]
 pub(crate) struct Comparing {
-    /// The id of its camera.
+    /// Id of the camera.
     pub(crate) camera: String,
     pub(crate) step: Step,
 }
 
 impl Comparing {
-    /// Begins with reading its file.
+    /// Creates a comparison that begins with reading the file.
     pub(crate) const fn new(camera: String, opening: Task<Read>) -> Self {
         Self { camera, step: Step::Opening(opening) }
     }
 
-    /// The names by which it knows images.
+    /// Returns the names of its images in the picture store, to rename them.
     pub(crate) fn images_mut(&mut self) -> impl Iterator<Item = &mut String> {
         let of = match &mut self.step {
             Step::Opening(_) => None,
@@ -56,29 +54,29 @@ impl Comparing {
     }
 }
 
-/// A camera that is being recovered.
+/// Recovery that is running.
 #[derive(Debug)]
 pub(crate) struct Recovering {
     pub(crate) of: Period,
-    /// The site when it was asked for.
+    /// The site at the start of the recovery.
     pub(crate) from: Site,
     pub(crate) task: Task<Result<Recovered, String>>,
 }
 
 impl App {
-    /// Whether newer stills are compared, or a camera is recovered.
+    /// Whether a comparison or a recovery is running.
     #[must_use]
     pub fn is_comparing(&self) -> bool {
         !self.jobs.comparing.is_empty() || self.jobs.recovering.is_some()
     }
 
-    /// Whether the camera in hand is being recovered: what that was asked with is not to change meanwhile.
+    /// Whether the current camera is being recovered; its inputs must not change until then.
     pub(crate) fn is_recovering_in_hand(&self) -> bool {
         let entry = self.editor.session().entry();
-        self.jobs.recovering.as_ref().zip(entry).is_some_and(|(own, entry)| own.of.is_of(entry))
+        self.jobs.recovering.as_ref().zip(entry).is_some_and(|(own, entry)| own.of.matches(entry))
     }
 
-    /// What is being done, in words.
+    /// Returns the running step as a sentence.
     pub(crate) fn doing_newer(&self) -> Option<String> {
         if let Some(recovering) = &self.jobs.recovering {
             return Some(format!("recovering {}", recovering.of.camera));
@@ -88,35 +86,35 @@ impl App {
             1 => String::new(),
             count => format!(", {} more wait", count - 1),
         };
-        Some(format!("comparing a newer still of {}{others}", first.camera))
+        Some(format!("comparing a newer image of {}{others}", first.camera))
     }
 
-    /// Waits for nothing of it any more.
+    /// Cancels all comparisons and the recovery.
     pub(crate) fn stop_comparing(&mut self) {
         self.jobs.comparing.clear();
         self.jobs.recovering = None;
         Here::stop_comparing();
     }
 
-    /// Goes on with the first of them: each takes the memory of two images.
+    /// Advances the first comparison. Only one runs at a time, because each needs the memory of two images.
     pub(crate) fn poll_comparing(&mut self, ctx: &Context) {
         let Some(Comparing { camera, step }) = self.jobs.comparing.pop_front() else { return };
         match self.advance(ctx, &camera, step) {
             Ok(Some(step)) => self.jobs.comparing.push_front(Comparing { camera, step }),
-            // The next one begins with the next frame.
+            // The next comparison begins with the next frame.
             Ok(None) => ctx.request_repaint(),
-            Err(error) => self.act(Action::Complain(format!("{camera}: {error}"))),
+            Err(error) => self.act(Action::AddError(format!("{camera}: {error}"))),
         }
     }
 
-    /// The step that follows; none where it is done.
+    /// Returns the next step, or `None` at the end.
     fn advance(&mut self, ctx: &Context, camera: &str, step: Step) -> Result<Option<Step>, String> {
         match step {
             Step::Opening(task) => match task.outcome() {
                 None => Ok(Some(Step::Opening(task))),
                 Some(read) => {
                     let read =
-                        read.map_err(|Lost| "the newer still could not be read".to_owned()).flatten()?;
+                        read.map_err(|Lost| "the newer image could not be read".to_owned()).flatten()?;
                     self.of_whom(camera, read).map(|asked| Some(Step::Reading(Box::new(asked))))
                 }
             },
@@ -130,9 +128,9 @@ impl App {
             Step::Comparing(asked, task) => {
                 let Some(found) = task.outcome() else { return Ok(Some(Step::Comparing(asked, task))) };
                 let comparison =
-                    found.map_err(|Lost| "comparing ended without a result".to_owned()).flatten()?;
+                    found.map_err(|Lost| "the comparison failed without a result".to_owned()).flatten()?;
                 let OfCamera { entry, pose, still, taken } = *asked;
-                self.act(Action::Newer(OnNewer::Compared(Box::new(Newer {
+                self.act(Action::Newer(NewerAction::Compared(Box::new(NewerImage {
                     ids: [entry.id].into(),
                     period: [entry.valid_from, entry.valid_to],
                     old: entry.image,
@@ -147,17 +145,17 @@ impl App {
         }
     }
 
-    /// The camera of a still, in the period in which it was taken.
+    /// Returns the period of the camera in which the image was taken.
     fn of_whom(&self, camera: &str, read: ReadPicture) -> Result<OfCamera, String> {
         let session = self.editor.session();
         let ReadPicture { still, taken, .. } = read;
-        let none = || "no calibration of it holds when this still was taken".to_owned();
-        let index = session.site.entry_at(camera, taken.as_deref()).ok_or_else(none)?;
+        let none = || "it has no calibration for the time of this image".to_owned();
+        let index = session.site.entry_index_at(camera, taken.as_deref()).ok_or_else(none)?;
         let pose = session.solved.pose(index).copied();
         let pose = pose.ok_or_else(|| Uncompared::NotCalibrated.to_string())?;
         let entry = session.solved.write_into(&session.site).cameras.swap_remove(index);
         if entry.image.is_none() {
-            return Err("it has no still to compare with".into());
+            return Err("it has no image to compare with".into());
         }
         if entry.size_px != still.size {
             return Err(OtherSize { old: entry.size_px, new: still.size }.to_string());
@@ -165,7 +163,7 @@ impl App {
         Ok(OfCamera { entry, pose, still, taken })
     }
 
-    /// Both stills, once they are decoded.
+    /// Returns both images once they are decoded.
     fn both(&mut self, ctx: &Context, asked: &OfCamera) -> Result<Option<Stills>, String> {
         let names = [asked.entry.image.as_deref().unwrap_or_default(), &asked.still.image];
         let images = &self.editor.session().images;
@@ -174,27 +172,27 @@ impl App {
             picture.map(|picture| Arc::clone(&picture.image))
         });
         if let Some(error) = names.into_iter().find_map(|name| self.pictures.error(name)) {
-            return Err(format!("not compared without both stills: {error}"));
+            return Err(format!("both images are needed: {error}"));
         }
         let [old, new] = found;
         Ok(old.zip(new).map(|(old, new)| [old, new]))
     }
 
-    /// Begins to recover the camera in hand from its newer still.
+    /// Starts the recovery of the current camera from its newer image.
     pub(crate) fn recover_newer(&mut self, ctx: &Context) {
         let session = self.editor.session();
-        let newer = self.editor.newer_in_hand().filter(|newer| newer.has_moved());
+        let newer = self.editor.selected_newer().filter(|newer| newer.has_moved());
         let (Some(newer), Some(entry), None) = (newer.cloned(), session.entry(), &self.jobs.recovering)
         else {
             return;
         };
-        let of = Period::of(entry);
+        let of = Period::from_camera(entry);
         let why_not = match entry.is_valid_at(newer.since.trim()) {
-            Err(_) => Some("enter since when it stands so, such as 2026-05-01T08:00:00Z"),
-            Ok(false) => Some("its calibration does not hold at this time; enter one within its period"),
+            Err(_) => Some("enter the time since which the new pose is valid, such as 2026-05-01T08:00:00Z"),
+            Ok(false) => Some("this time is outside its calibration period; enter one inside"),
             // What was measured is of the camera as it was then.
             Ok(true) if session.solved.pose(session.camera) != Some(&newer.pose) => {
-                Some("it was solved anew since its newer still was compared; compare it again")
+                Some("it was solved again after the comparison; compare it again")
             }
             Ok(true) => None,
         };
@@ -205,9 +203,9 @@ impl App {
         let stills =
             [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
         let [Some(old), Some(new)] = stills else {
-            return self.act(Action::Note("Its stills are being read: recover again in a moment.".into()));
+            return self.act(Action::Note("Its images are being read. Recover again in a moment.".into()));
         };
-        self.act(Action::Drop);
+        self.act(Action::CancelGesture);
         let session = self.editor.session();
         let from = session.site.clone();
         let asked = Recovery {
@@ -227,9 +225,9 @@ impl App {
         };
         let Recovering { of, from, .. } = recovering;
         let camera = of.camera;
-        match found.map_err(|Lost| "it ended without a result".to_owned()).flatten() {
-            Ok(found) => self.act(Action::Newer(OnNewer::Recovered(camera, Box::new((from, found))))),
-            Err(why) => self.act(Action::Complain(format!("{camera} is not recovered: {why}."))),
+        match found.map_err(|Lost| "it failed without a result".to_owned()).flatten() {
+            Ok(found) => self.act(Action::Newer(NewerAction::Recovered(camera, Box::new((from, found))))),
+            Err(why) => self.act(Action::AddError(format!("{camera} is not recovered: {why}."))),
         }
     }
 }

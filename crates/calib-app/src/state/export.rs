@@ -1,10 +1,10 @@
-//! What other programs are to be given: what is asked for, and what has been made of it.
+//! State of the export sheet: the request and its result.
 
 use calib_formats::{Export, FORMATS, Format};
 
 use crate::platform::Task;
 
-/// What is asked for, and from which state of the site.
+/// Requested format and options, with the generation of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Asked {
     pub(crate) format: usize,
@@ -15,10 +15,10 @@ pub(crate) struct Asked {
     pub(crate) has_plan: bool,
 }
 
-/// What the making of it ended with.
+/// Result of an export.
 pub(crate) type Outcome = Result<Export, String>;
 
-/// The sheet: what is asked for, what it gives, and whether its losses are agreed to.
+/// Export sheet: the request, its result, and the consent to losses.
 #[derive(Debug, Default)]
 pub struct Sheet {
     pub(crate) is_open: bool,
@@ -33,32 +33,32 @@ pub struct Sheet {
 }
 
 impl Sheet {
-    /// Opens it.
+    /// Opens the sheet.
     pub fn open(&mut self) {
         *self = Self { is_open: true, format: self.format, ..Self::default() };
     }
 
-    /// Asks for the format of this name.
+    /// Selects a format by its name.
     pub fn choose(&mut self, name: &str) {
         if let Some(index) = formats().position(|format| format.name == name) {
             (self.format, self.extension) = (index, 0);
         }
     }
 
-    /// Closes it. Whether it was open.
+    /// Closes the sheet; returns whether it was open.
     pub fn close(&mut self) -> bool {
         self.making = None;
         std::mem::take(&mut self.is_open)
     }
 
-    /// The files that may be written: there is nothing that is lost without a word.
+    /// Returns the files to write, if nothing is lost or the operator accepted the losses.
     pub(crate) fn files(&self) -> Option<&[calib_formats::File]> {
         let export = self.made.as_ref()?.as_ref().ok()?;
         (self.agreed || export.losses.is_empty()).then_some(export.files.as_slice())
     }
 }
 
-/// The formats that can be written.
+/// Returns the formats that can be exported.
 pub(crate) fn formats() -> impl Iterator<Item = &'static Format> {
     FORMATS.iter().filter(|format| format.can_export())
 }

@@ -1,88 +1,82 @@
-//! What keeps the site from being written to a file without asking.
-//!
-//! A path that is typed where the system has no file chooser.
-//!
-//! Images that the site names outside its folder.
-//!
-//! Pictures that are being read.
+//! Files that need a decision: conflicts, typed paths, images outside the site's folder, images being read.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use calib_editor::NewStill;
+use calib_editor::NewImage;
 use calib_site::Plan;
 
 use crate::choice::Purpose;
 use crate::platform::Task;
 
-/// Why a file is not written without asking.
+/// Reason for not writing a file without asking.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Why {
-    /// It is not what was read: somebody wrote it meanwhile. What differs, in words.
+    /// The file changed since it was read; the differences as sentences.
     Changed(Vec<String>),
-    /// It may not be written to.
+    /// The file is read-only.
     ReadOnly,
 }
 
-/// A file that is not written without asking.
+/// File that is not written without asking.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Conflict {
-    /// Which.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Why.
+    /// Reason.
     pub why: Why,
 }
 
-/// What the operator decides.
+/// Decision of the operator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
-    /// Opens what the file holds now; the work on the open site is kept aside.
+    /// Opens the file as it is now; the work on the open site is kept as an autosave.
     Reload,
-    /// Writes another file.
+    /// Saves to another file.
     SaveAs,
-    /// Writes this one all the same.
+    /// Overwrites the file.
     Overwrite,
-    /// Nothing is written.
+    /// Writes nothing.
     Leave,
 }
 
-/// A path that is being typed.
+/// Path that is being typed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PathField {
-    /// What for.
+    /// Purpose of the file.
     pub purpose: Purpose,
-    /// What was typed.
+    /// Typed text.
     pub text: String,
 }
 
-/// What became of the images that the site names outside its folder.
+/// Images that the site names outside its folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outside {
-    /// Files that wait for a decision, without links in their paths.
+    /// Files that wait for a decision, as canonical paths.
     pub asked: BTreeSet<PathBuf>,
-    /// Files that are left out.
+    /// Files that are not read.
     pub(crate) left: BTreeSet<PathBuf>,
-    /// The names that the site had for its images when they were looked at.
+    /// Image names of the site at the last check.
     pub(crate) names: Vec<String>,
 }
 
-/// A picture that was read, to become a still or the plan.
+/// Image file that was read, for a camera or for the plan.
 #[derive(Debug)]
 pub(crate) struct ReadPicture {
-    pub(crate) still: NewStill,
-    /// A drawing as the picture that stands for it.
+    pub(crate) still: NewImage,
+    /// PNG of a drawing that was rasterised.
     pub(crate) drawn: Option<Vec<u8>>,
-    /// When it was taken (RFC 3339), if its name says it, or the clock of its camera.
+    /// Time at which the image was taken (RFC 3339), from its name or its EXIF data.
     pub(crate) taken: Option<String>,
 }
 
-/// What reading gives.
+/// Result of reading an image file.
 pub(crate) type Read = Result<ReadPicture, String>;
 
-/// A plan whose picture is being read.
+/// Plan image that is being read.
 #[derive(Debug)]
 pub(crate) struct Planning {
     pub(crate) picture: Task<Read>,
-    /// What its world file says.
+    /// Plan entry from its world file.
     pub(crate) told: Option<Plan>,
 }

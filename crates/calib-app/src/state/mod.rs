@@ -1,4 +1,4 @@
-//! What views read: the document, and how it is looked at. No view is named here.
+//! State that views read: the document, its view, dialogs, storage and running work. No view is named here.
 
 mod view;
 mod files;

@@ -1,4 +1,4 @@
-//! What panels ask for in a frame, to be done at its end.
+//! Requests of panels, carried out at the end of the frame.
 
 use std::path::PathBuf;
 
@@ -6,19 +6,19 @@ use calib_editor::{Action, Command};
 
 use crate::state::{Decision, PathField};
 
-/// What panels asked for in this frame.
+/// Request of a panel.
 #[derive(Debug)]
 pub(crate) enum Sent {
     Action(Action),
     Command(Command),
     Recover(usize),
     Discard(usize),
-    /// A site file is opened.
+    /// Opens a site file.
     OpenPath(PathBuf),
-    /// What becomes of a file that is not written without asking.
+    /// Decides about a file that would be overwritten.
     Decide(Decision),
-    /// Whether images outside the site's folder are read.
+    /// Decides whether images outside the site's folder are read.
     Outside(bool),
-    /// A path was typed, or is not to be.
+    /// Takes a typed path, or cancels.
     Typed(Option<PathField>),
 }

@@ -1,44 +1,44 @@
-//! The step of the tour that a newcomer has come to, and what is true of the camera that is theirs to do.
+//! The tour for newcomers: its steps, the current one, and the check that a step is done.
 
 use calib_core::{Camera, Kind, Pixel};
 
-use calib_editor::{Command, Session, Standing, TOOLS, verdict};
+use calib_editor::{Command, Session, StatusLevel, TOOLS, camera_status};
 use calib_site::{Mark, Stage};
 
 use crate::state::Mode;
 
-/// How far a newcomer has come.
+/// Progress of the tour.
 #[derive(Clone, Debug, Default)]
 pub struct Tour {
     pub(crate) step: Option<usize>,
-    /// The camera that is theirs, as it truly is.
+    /// Ground truth of the camera that the newcomer calibrates.
     truth: Option<Camera>,
-    /// The marks as they were when the tour began.
+    /// Marks at the start of the tour.
     marks: Vec<Mark>,
 }
 
-/// One step of the tour.
+/// Step of the tour.
 #[derive(Clone, Copy, Debug)]
 pub struct TourStep {
-    /// What is to be done.
+    /// Task.
     pub title: &'static str,
-    /// How.
+    /// Instruction.
     pub text: &'static str,
-    /// Buttons: what they say, and what they do.
+    /// Buttons: label and effect.
     pub buttons: &'static [(&'static str, TourButton)],
 }
 
-/// What a button of a step does.
+/// Effect of a button of a step.
 #[derive(Clone, Copy, Debug)]
 pub enum TourButton {
-    /// Takes the tool of this title.
+    /// Takes the tool with this title.
     Tool(&'static str),
-    /// Gives a command.
+    /// Runs a command.
     Command(Command),
 }
 
 impl TourButton {
-    /// The command that it gives.
+    /// Returns the command.
     #[must_use]
     pub fn command(self) -> Command {
         match self {
@@ -50,16 +50,16 @@ impl TourButton {
     }
 }
 
-/// The steps, in their order.
+/// Steps in their order.
 pub const STEPS: [TourStep; 5] = [
     TourStep {
-        title: "Draw two plumb lines",
-        text: "Drag along two edges that stand upright, far from each other: of the columns, of the fridge. An edge that lights up under the pointer is taken whole by a click.",
+        title: "Draw two vertical lines",
+        text: "Drag along two vertical edges that are far apart, such as the columns and the fridge. Or click an edge that lights up under the pointer.",
         buttons: &[("Vertical tool (V)", TourButton::Tool("Vertical"))],
     },
     TourStep {
         title: "Draw two pairs of floor lines",
-        text: "Drag along two joints of the tiles that run the same way. Press New direction, then draw two joints that cross them.",
+        text: "Drag along two parallel joints of the tiles. Press New direction, then draw two joints that cross them.",
         buttons: &[
             ("Parallel tool (P)", TourButton::Tool("Parallel")),
             ("New direction (W)", TourButton::Command(Command::NewGroup)),
@@ -67,17 +67,17 @@ pub const STEPS: [TourStep; 5] = [
     },
     TourStep {
         title: "Draw the field of view",
-        text: "Click the corners of the floor that matters, and the first one again to close. The squares of the grid should look square on the floor; they lie on the tiles once the camera is placed.",
+        text: "Click the corners of the floor area, and the first one again to close it. The grid should look square on the floor.",
         buttons: &[("Field of view tool (F)", TourButton::Tool("Field of view"))],
     },
     TourStep {
         title: "Place the camera on the plan",
-        text: "Drag the white dot to where the camera hangs; the ring turns it, the square scales it, until its image lies on the plan.",
+        text: "Drag the white dot to the camera's position. Rotate with the ring and scale with the square until the image matches the plan.",
         buttons: &[("Plan (2)", TourButton::Command(Command::ViewPlan))],
     },
     TourStep {
         title: "Check it in every view",
-        text: "Drag a mark, a box or a post, in one view: it should stand on the same spot in all of them.",
+        text: "Drag a box or a post in one view. It should be on the same spot in all views.",
         buttons: &[
             ("All cameras (3)", TourButton::Command(Command::ViewAll)),
             ("Select tool (Q)", TourButton::Tool("Select")),
@@ -86,19 +86,19 @@ pub const STEPS: [TourStep; 5] = [
 ];
 
 impl Tour {
-    /// Begins at the first step, with the first camera as it truly is.
+    /// Starts the tour at its first step, with the ground truth of the first camera.
     #[must_use]
     pub const fn begun(truth: Option<Camera>, marks: Vec<Mark>) -> Self {
         Self { step: Some(0), truth, marks }
     }
 
-    /// The step one is at; `None` after the last.
+    /// Returns the current step; `None` after the last.
     #[must_use]
     pub fn step(&self) -> Option<&'static TourStep> {
         STEPS.get(self.step?)
     }
 
-    /// What is not right yet, in words; `None` once the step is done.
+    /// Returns the missing part of the current step as a sentence; `None` once it is done.
     #[must_use]
     pub(crate) fn open(&self, session: &Session, mode: Mode) -> Option<String> {
         match self.step? {
@@ -116,13 +116,13 @@ impl Tour {
         match (lines.len() - leaning, leaning) {
             (2.., 0) => None,
             (_, 0) => Some(format!("{} of 2 drawn", lines.len())),
-            _ => Some(
-                "One of them does not stand upright: undo it (Ctrl+Z), and draw along a plumb edge.".into(),
-            ),
+            _ => {
+                Some("One of them is not vertical. Undo it (Ctrl+Z), and draw along a vertical edge.".into())
+            }
         }
     }
 
-    /// Whether a drawn line is not plumb to the camera as it truly is.
+    /// Whether a line is not vertical in space, by the true camera.
     fn leans(&self, line: &[Pixel]) -> bool {
         const MOST: f64 = 0.07;
         let (Some(truth), [a, .., b]) = (self.truth, line) else { return false };
@@ -135,18 +135,18 @@ impl Tour {
         let pairs = groups.filter(|drawn| drawn.polylines().count() >= 2).count();
         if pairs < 2 {
             return Some(match drawn(session, Kind::Parallel).len() {
-                0 | 1 => "Two lines of one direction first.".into(),
+                0 | 1 => "Draw two lines of one direction first.".into(),
                 _ => "Now the other direction: press New direction, then draw two lines.".to_owned(),
             });
         }
-        let told = verdict(session, session.camera);
-        if told.standing == Standing::Wrong {
-            return Some(format!("{}: undo (Ctrl+Z) the line that is off.", told.text));
+        let told = camera_status(session, session.camera);
+        if told.level == StatusLevel::Contradictory {
+            return Some(format!("{}: undo (Ctrl+Z) the wrong line.", told.text));
         }
         let is_near = self.truth.zip(session.pose()).is_none_or(|(truth, pose)| {
             (pose.focal / truth.focal).ln().abs() < 0.15 && (pose.pitch - truth.pitch).abs() < 0.05
         });
-        (!is_near).then(|| "The lines are short or near each other: draw longer ones, far apart.".into())
+        (!is_near).then(|| "The lines are short or close together. Draw longer ones, far apart.".into())
     }
 
     fn placed(&self, session: &Session) -> Option<String> {
@@ -159,14 +159,14 @@ impl Tour {
         let turned = (pose.yaw - truth.yaw).sin().atan2((pose.yaw - truth.yaw).cos()).to_degrees();
         let scaled = pose.position.z / truth.position.z;
         if off > 1.5 {
-            return Some(format!("{} to go: drag the white dot.", session.units.length(off, 1)));
+            return Some(format!("{} to go: drag the white dot.", session.tool.units.length(off, 1)));
         }
         if turned.abs() > 8.0 {
             let side = if turned > 0.0 { "right" } else { "left" };
-            return Some(format!("Turn it to the {side} by the ring, {:.0}\u{b0}.", turned.abs()));
+            return Some(format!("Rotate it to the {side} with the ring, by {:.0}\u{b0}.", turned.abs()));
         }
         let by = if scaled > 1.0 { "smaller" } else { "larger" };
-        ((scaled - 1.0).abs() > 0.15).then(|| format!("Make it {by} by the square."))
+        ((scaled - 1.0).abs() > 0.15).then(|| format!("Make it {by} with the square."))
     }
 
     fn checked(&self, session: &Session, mode: Mode) -> Option<String> {
@@ -178,7 +178,7 @@ impl Tour {
     }
 }
 
-/// The lines of a kind on the image in hand.
+/// Returns the lines of a kind on the current image.
 fn drawn(session: &Session, kind: Kind) -> Vec<Vec<Pixel>> {
     let of_kind = session.entry().into_iter().flat_map(|entry| &entry.annotations).filter(|a| a.kind == kind);
     of_kind.flat_map(|annotation| annotation.polylines().collect::<Vec<_>>()).collect()
@@ -190,5 +190,5 @@ fn field(session: &Session) -> Option<String> {
     };
     let pose = session.pose()?;
     let is_sky = corners.iter().any(|&corner| pose.pixel_to_floor(corner, 0.0).is_none());
-    is_sky.then(|| "A corner lies above the floor: undo (Ctrl+Z), and keep to the floor.".into())
+    is_sky.then(|| "A corner is above the floor. Undo (Ctrl+Z), and click floor points only.".into())
 }

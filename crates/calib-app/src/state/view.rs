@@ -1,18 +1,4 @@
-//! What canvases remember between frames: how each is looked at, and the pointer on them.
-//!
-//! What the middle of the window shows.
-//!
-//! What lies on images, each layer with its switch.
-//!
-//! From where the scene is looked at: turned, moved and zoomed by the pointer.
-//!
-//! How the image of a fisheye is looked at: whole, or through a window.
-//!
-//! How a newer still is looked at.
-//!
-//! How the list of cameras is filtered and sorted.
-//!
-//! The command palette: whether it is open, what was typed, and which row is lit.
+//! View state of the window: mode, canvases, layers, fisheye windows, viewpoint of the scene, lists.
 
 use std::collections::HashMap;
 
@@ -23,75 +9,75 @@ use egui::{Pos2, Rect, Vec2};
 
 use crate::canvas::{Bend, Mapping, View};
 
-/// What the middle of the window shows.
+/// View in the middle of the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
-    /// The image of the camera in hand.
+    /// Image of the current camera.
     #[default]
     Image,
     /// Image and plan.
     Plan,
-    /// Every camera at once.
+    /// Images of all cameras.
     All,
-    /// The site in space.
+    /// 3-D scene.
     Scene,
 }
 
-/// Where a pane stands: a camera alone and among others is looked at in two ways.
+/// Position of a canvas in the layout; each has its own pan and zoom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Place {
-    /// It has the canvas.
+    /// The only canvas.
     Main,
-    /// It stands beside the plan.
+    /// Next to the plan.
     Half,
-    /// One of many.
+    /// One tile of many.
     Tile,
 }
 
-/// What canvases remember between frames.
+/// State of the canvases between frames.
 #[derive(Debug, Default)]
 pub struct Panes {
-    /// How each is looked at.
+    /// Pan and zoom of each canvas.
     pub views: HashMap<(Place, Pane), View>,
-    /// What the views were when they were made to fit.
+    /// Pan and zoom that fit the document, as last computed.
     pub(crate) fitted: HashMap<(Place, Pane), View>,
-    /// The plan whose picture was shown last.
+    /// Name of the plan image that was shown last.
     pub(crate) plan: Option<String>,
-    /// Whether there are more tiles than the window shows.
+    /// Whether the window has room for fewer tiles than there are cameras.
     pub tiles_overflow: bool,
-    /// Where the cursor is, in the pane's units.
+    /// Canvas under the pointer, and the pointer in document units.
     pub cursor: Option<(Pane, [f64; 2])>,
-    /// The pane and place that holds the pointer while a button is down.
+    /// Canvas that receives the pointer while a button is down.
     pub(crate) captured: Option<(Place, Pane)>,
     pub(crate) pressed: Pos2,
     pub(crate) moved: bool,
-    /// The last point of the document that the pointer was at while a button was down.
+    /// Last pointer position while a button was down, in document units.
     pub(crate) pointed: [f64; 2],
     pub(crate) double: bool,
-    /// Whether nothing was in the hand before the last press.
+    /// Whether no gesture was active before the last press.
     pub(crate) was_idle: bool,
     pub(crate) last_press: Option<(f64, Pos2)>,
-    /// The pane over which the whole image lies small, and where.
+    /// Canvas with a minimap, and the minimap's rectangle.
     pub(crate) minimap: Option<((Place, Pane), Rect)>,
-    /// The pane over which a line wipes between two stills, and the strip in which it is taken.
+    /// Canvas that wipes between two images, and the rectangle of the handle.
     pub(crate) wipe: Option<((Place, Pane), Rect)>,
-    /// The pane that was used last: zoom keys mean it.
+    /// Canvas that was used last; zoom keys apply to it.
     pub active: Option<(Place, Pane)>,
-    /// Where every pane was shown last, for zoom keys and tests.
+    /// Rectangle of each canvas in the last frame, for zoom keys and tests.
     pub rects: HashMap<(Place, Pane), Rect>,
-    /// The middle of the window, whatever it shows.
+    /// Rectangle of the middle of the window.
     pub middle: Option<Rect>,
-    /// What is taken out of what panes show.
+    /// Fisheye windows that are applied to canvases.
     pub(crate) bends: HashMap<(Place, Pane), Bend>,
 }
 
 impl Panes {
-    /// Forgets a pointer whose release will never be told.
+    /// Forgets a pressed pointer whose release will not arrive.
     pub fn forget_pointer(&mut self) {
         (self.captured, self.last_press) = (None, None);
     }
 
-    /// Forgets where panes were, and a cursor on one that is no longer shown.
+    /// Forgets the rectangles of the last frame, and a pointer on a hidden canvas.
     pub fn begin_frame(&mut self) {
         let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
         self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
@@ -99,7 +85,8 @@ impl Panes {
         self.bends.clear();
     }
 
-    /// The view the operator chose, or the one that fits: a pane that nobody panned goes on fitting.
+    /// Returns the view that the operator chose, or else the one that fits; an untouched canvas keeps
+    /// fitting.
     pub(crate) fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
         let chosen = self.views.get(&key).copied();
         let was_fitted = chosen.is_none() || chosen == self.fitted.get(&key).copied();
@@ -110,13 +97,13 @@ impl Panes {
         chosen.filter(|_| !was_fitted).unwrap_or(whole)
     }
 
-    /// Whether something lies over a pane there.
+    /// Whether a minimap or a wipe handle covers a position on a canvas.
     pub(crate) fn is_covered(&self, key: (Place, Pane), at: Pos2) -> bool {
         let over = [self.minimap, self.wipe];
         over.into_iter().flatten().any(|(own, rect)| own == key && rect.contains(at))
     }
 
-    /// Where a pane shows its document.
+    /// Returns the mapping between screen and document of a canvas.
     #[must_use]
     pub fn mapping(&self, place: Place, pane: Pane) -> Option<Mapping> {
         let bend = self.bends.get(&(place, pane)).copied();
@@ -125,31 +112,31 @@ impl Panes {
     }
 }
 
-/// What is shown.
+/// Layers that are visible on images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch above the image")]
 pub struct Layers {
-    /// The metre grid of the floor.
+    /// Metre grid of the floor.
     pub grid: bool,
-    /// The horizon.
+    /// Horizon.
     pub horizon: bool,
-    /// The polygon of the field of view.
+    /// Field-of-view polygon.
     pub field: bool,
-    /// Its prism.
+    /// Vertical walls on the edges of the field of view.
     pub prism: bool,
-    /// A person of 1.75 m at the cursor.
+    /// Person of 1.75 m at the pointer.
     pub guide: bool,
-    /// Lines extended to their vanishing point.
+    /// Extensions of lines to their vanishing point.
     pub extensions: bool,
-    /// Colour lines by residual, not by kind.
+    /// Colours by residual instead of by kind.
     pub by_residual: bool,
-    /// The likely next lines.
+    /// Suggested lines.
     pub suggestion: bool,
-    /// Edges that were found are offered.
+    /// Detected edges, to click.
     pub edges: bool,
-    /// The bend of the lens is taken out of the image.
+    /// Undistorted image.
     pub straight: bool,
-    /// Everything is hidden.
+    /// Hides all layers.
     pub hidden: bool,
 }
 
@@ -171,24 +158,24 @@ impl Default for Layers {
     }
 }
 
-/// From where the scene is looked at.
+/// Viewpoint of the 3-D scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// The point in the middle, in metres.
+    /// Point in the middle of the view, in metres.
     pub target: [f64; 3],
-    /// Distance from it, in metres.
+    /// Distance from the target, in metres.
     pub distance: f64,
-    /// Turn about the vertical, in radians.
+    /// Azimuth, in radians.
     pub yaw: f64,
-    /// Above the floor, in radians.
+    /// Elevation above the floor, in radians.
     pub pitch: f64,
 }
 
-/// Nearer than this to the eye nothing is drawn, in metres.
+/// Near plane: nothing nearer to the eye is painted, in metres.
 pub(crate) const NEAR: f64 = 0.05;
 
 impl Orbit {
-    /// Sees the whole site.
+    /// Returns the viewpoint that shows the whole site.
     #[must_use]
     pub fn of(session: &Session) -> Self {
         let count = session.site.cameras.len();
@@ -214,7 +201,7 @@ impl Orbit {
         [[cy, sy, 0.0], [sy * sp, -cy * sp, -cp], [-sy * cp, cy * cp, -sp]]
     }
 
-    /// Right, down and forward of a point as the eye has it, in metres.
+    /// Returns right, down and forward coordinates of a point in the eye's frame, in metres.
     pub(crate) fn seen(&self, point: WorldPoint) -> [f64; 3] {
         let by = [point.x - self.target[0], point.y - self.target[1], point.z - self.target[2]];
         let mut seen = self.axes().map(|axis| axis.iter().zip(by).map(|(a, b)| a * b).sum::<f64>());
@@ -222,26 +209,26 @@ impl Orbit {
         seen
     }
 
-    /// Where the screen shows what the eye has there.
+    /// Projects a point in the eye's frame to the screen.
     pub(crate) fn screen(rect: Rect, [x, y, z]: [f64; 3]) -> Pos2 {
         let focal = 0.9 * f64::from(rect.height().min(rect.width()));
         rect.center() + Vec2::new((focal * x / z) as f32, (focal * y / z) as f32)
     }
 
-    /// Where the screen shows a point; `None` behind the eye.
+    /// Projects a world point to the screen; `None` behind the eye.
     #[must_use]
     pub fn project(&self, rect: Rect, point: WorldPoint) -> Option<Pos2> {
         let seen = self.seen(point);
         (seen[2] > NEAR).then(|| Self::screen(rect, seen))
     }
 
-    /// Turns by a drag of so many points.
+    /// Orbits by a drag, in points.
     pub fn turn(&mut self, by: Vec2) {
         self.yaw -= 0.008 * f64::from(by.x);
         self.pitch = (self.pitch + 0.008 * f64::from(by.y)).clamp(-0.2, 1.57);
     }
 
-    /// Moves the point in the middle by a drag of so many points.
+    /// Moves the target by a drag, in points.
     pub fn pan(&mut self, by: Vec2) {
         let [right, down, _] = self.axes();
         let share = self.distance / 700.0;
@@ -250,13 +237,13 @@ impl Orbit {
         }
     }
 
-    /// Comes nearer or goes farther.
+    /// Multiplies the magnification by `factor`.
     pub fn zoom(&mut self, factor: f64) {
         self.distance = (self.distance / factor).clamp(0.2, 1e4);
     }
 }
 
-/// The palette: what was typed, and which row is lit.
+/// Command palette: its text and its selected row.
 #[derive(Clone, Debug, Default)]
 pub struct Palette {
     pub(crate) is_open: bool,
@@ -265,66 +252,66 @@ pub struct Palette {
 }
 
 impl Palette {
-    /// Opens it empty, or closes it.
+    /// Opens an empty palette, or closes it.
     pub fn toggle(&mut self) {
         *self = Self { is_open: !self.is_open, ..Self::default() };
     }
 
-    /// Closes it.
+    /// Closes the palette.
     pub const fn close(&mut self) {
         self.is_open = false;
     }
 
-    /// Whether it is open.
+    /// Whether the palette is open.
     #[must_use]
     pub const fn is_open(&self) -> bool {
         self.is_open
     }
 }
 
-/// How the list is ordered.
+/// Order of the camera list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// As in the site.
+    /// Order of the site file.
     #[default]
     Site,
-    /// Those that miss most first.
+    /// Unfinished cameras first.
     Missing,
-    /// Those whose floor is known worst first.
+    /// Largest floor error first.
     Sigma,
 }
 
-/// How the list is filtered and sorted.
+/// Filter and order of the camera list.
 #[derive(Clone, Debug, Default)]
 pub struct List {
-    /// Part of a name.
+    /// Part of a camera's name.
     pub filter: String,
-    /// Only those that are not finished.
+    /// Whether finished cameras are hidden.
     pub unfinished: bool,
-    /// How it is ordered.
+    /// Order of the list.
     pub order: Order,
 }
 
-/// Which of two stills is shown.
+/// Display mode of a newer image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Showing {
-    /// The old one on the left of a line, the newer one on its right.
+    /// The old image left of a line, the newer one right of it.
     #[default]
     Wipe,
-    /// Both by turns.
+    /// Both images alternating.
     Blink,
-    /// The newer one.
+    /// The newer image.
     New,
-    /// The old one.
+    /// The old image.
     Old,
 }
 
 impl Showing {
-    /// Every way, with its word.
+    /// All modes with their labels.
     pub const ALL: [(Self, &str); 4] =
         [(Self::Wipe, "Wipe"), (Self::Blink, "Blink"), (Self::New, "New"), (Self::Old, "Old")];
 
-    /// The next way.
+    /// Returns the next mode.
     #[must_use]
     pub fn next(self) -> Self {
         let at = Self::ALL.iter().position(|(way, _)| *way == self).unwrap_or_default();
@@ -332,12 +319,12 @@ impl Showing {
     }
 }
 
-/// How a newer still is looked at.
+/// How a newer image is shown over the calibrated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Glance {
-    /// Which of the two is shown.
+    /// Display mode.
     pub showing: Showing,
-    /// Where the line of a wipe stands, as a share of the width of the image.
+    /// Position of the wipe line, as a fraction of the image width.
     pub share: f32,
 }
 
@@ -347,22 +334,22 @@ impl Default for Glance {
     }
 }
 
-/// Which window the image of a fisheye is looked at through.
+/// Window through which a fisheye image is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Looking {
-    /// None: the image as it is.
+    /// No window: the raw image.
     #[default]
     Whole,
-    /// One of four round its axis.
+    /// One of four views around the optical axis.
     Quadrant(usize),
-    /// All round, unrolled.
+    /// Unrolled panorama.
     Panorama,
-    /// One towards a direction in axes of the camera.
+    /// View in a direction given in camera axes.
     Toward([f64; 3]),
 }
 
 impl Looking {
-    /// The next one.
+    /// Returns the next kind of window.
     #[must_use]
     pub const fn next(self) -> Self {
         match self {
@@ -373,11 +360,12 @@ impl Looking {
         }
     }
 
-    /// The window itself, of a camera that hangs so and sees so far from its axis, in radians.
+    /// Returns the window for a camera with this mount; `reach` is the largest angle from its axis, in
+    /// radians.
     pub(crate) fn window(self, mount: Mount, reach: f64) -> Option<Window> {
         const FLAT: [usize; 2] = [1280, 800];
         const ROUND: [usize; 2] = [2400, 800];
-        /// As wide as a person takes in.
+        /// Horizontal angle of view, in radians; about that of a person.
         const WIDE: f64 = 1.7;
         match self {
             Self::Whole => None,

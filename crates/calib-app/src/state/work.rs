@@ -1,6 +1,5 @@
-//! Work that goes on beside the frame: images are read, edges looked for, lines proposed, cameras refined.
-//!
-//! The floor and its plan as they are shown: how far they reach, the plan's picture, how much shines through.
+//! Background work: reading images, detecting edges, automatic calibration, refinement; the plan image and
+//! its extent.
 
 use std::sync::Arc;
 
@@ -15,7 +14,7 @@ use crate::picture::Piece;
 use crate::state::App;
 
 impl App {
-    /// How many files were chosen and are not taken yet.
+    /// Returns the number of chosen files that are not read yet.
     #[must_use]
     pub fn waiting(&self) -> usize {
         self.jobs.adding.len()
@@ -23,7 +22,7 @@ impl App {
             + usize::from(self.jobs.planning.is_some())
     }
 
-    /// Whether images are being read, edges looked for, cameras refined.
+    /// Whether any background work is running.
     #[must_use]
     pub fn is_working(&self) -> bool {
         self.waiting() > 0
@@ -34,7 +33,7 @@ impl App {
             || self.edges.looking() > 0
     }
 
-    /// Whether something was asked for that changes the site when it comes.
+    /// Whether running work will change the site when it ends.
     pub(crate) fn awaits(&self) -> bool {
         self.waiting() > 0
             || self.dialogs.dialog.is_some()
@@ -44,20 +43,20 @@ impl App {
             || !self.jobs.arriving.is_empty()
     }
 
-    /// Waits no longer for images, edges and refined cameras.
+    /// Cancels all background work.
     pub fn stop_work(&mut self) {
         if self.jobs.refining.take().is_some() {
             self.act(Action::Note("Cancelled: no camera was moved.".into()));
             return;
         }
         if self.jobs.proposing.take().is_some() {
-            self.act(Action::Note("Cancelled: nothing is proposed.".into()));
+            self.act(Action::Note("Cancelled. No lines were detected.".into()));
             return;
         }
         if self.is_comparing() {
             self.stop_comparing();
             self.act(Action::Note(
-                "Cancelled: newer stills were not compared, no camera was recovered.".into(),
+                "Cancelled. The newer images were not compared, and no camera was recovered.".into(),
             ));
             return;
         }
@@ -67,33 +66,33 @@ impl App {
         self.pictures.stop();
         self.edges.stop();
         self.act(Action::Note(match count {
-            0 => "Cancelled. \u{201c}Read images again\u{201d} goes on with it.".into(),
+            0 => "Cancelled. \u{201c}Read images again\u{201d} continues.".into(),
             count => {
                 let images = calib_site::counted(count, "image", "images");
-                format!("Cancelled before {images} could be taken. Add again what is wanted.")
+                format!("Cancelled before {images} could be added. Add them again if needed.")
             }
         }));
     }
 
-    /// Begins to improve all cameras together.
+    /// Starts the joint refinement of all cameras.
     pub(crate) fn refine(&mut self, ctx: &Context) {
         if self.jobs.refining.is_none() {
             self.jobs.refining = Some(Refining::begin(ctx, self.editor.site()));
         }
     }
 
-    /// Begins to look for what the still of the camera in hand proposes.
+    /// Starts the automatic calibration of the current image.
     pub(crate) fn propose(&mut self) {
         let session = self.editor.session();
         let Some(entry) = session.entry() else { return };
-        let (Some(camera), Some(image)) = (session.undrawn(), entry.image.clone()) else {
+        let (Some(camera), Some(image)) = (session.without_annotations(), entry.image.clone()) else {
             let note = format!(
-                "{} has no image: choose \u{201c}Replace the still of this camera\u{201d}.",
+                "{} has no image: choose \u{201c}Replace the image of this camera\u{201d}.",
                 entry.id
             );
             return self.act(Action::Note(note));
         };
-        self.act(Action::Drop);
+        self.act(Action::CancelGesture);
         self.jobs.proposing = Some(Proposing::new(camera, image));
     }
 
@@ -102,20 +101,20 @@ impl App {
         let of = proposing.of();
         let camera = of.camera.clone();
         let is_asked =
-            |entry: &SiteCamera| of.is_of(entry) && entry.image.as_deref() == Some(proposing.image());
-        // A camera that is gone, or has another still by now, is not what was asked about.
+            |entry: &SiteCamera| of.matches(entry) && entry.image.as_deref() == Some(proposing.image());
+        // The result is dropped if its camera was removed or has another image now.
         if !self.editor.site().cameras.iter().any(is_asked) {
             return;
         }
         if let Some(error) = self.pictures.error(proposing.image()) {
-            let error = format!("{camera}: nothing is proposed without its image: {error}");
-            return self.act(Action::Complain(error));
+            let error = format!("{camera}: automatic calibration needs its image: {error}");
+            return self.act(Action::AddError(error));
         }
         let picture = self.pictures.ready(proposing.image()).map(|picture| Arc::clone(&picture.image));
         match proposing.poll(ctx, picture.as_ref()) {
-            Some(Ok(proposal)) => self.act(Action::Propose(of, Box::new(proposal))),
+            Some(Ok(proposal)) => self.act(Action::SetAutomaticCalibration(of, Box::new(proposal))),
             Some(Err(error)) => {
-                self.act(Action::Complain(format!("{camera}: looking for a proposal stopped: {error}")));
+                self.act(Action::AddError(format!("{camera}: automatic calibration failed: {error}")));
             }
             None => self.jobs.proposing = Some(proposing),
         }
@@ -125,14 +124,14 @@ impl App {
         let Some(refining) = self.jobs.refining.take() else { return };
         match refining.poll() {
             Some(Ok(refined)) => self.act(Action::Refined(Box::new((refining.from.clone(), refined)))),
-            Some(Err(error)) => self.act(Action::Complain(format!("Refining stopped: {error}"))),
+            Some(Err(error)) => self.act(Action::AddError(format!("The refinement failed: {error}"))),
             None => self.jobs.refining = Some(refining),
         }
     }
 }
 
 impl App {
-    /// The floor that is worth looking at, in metres.
+    /// Returns the bounds of the floor that the plan canvas shows, in metres.
     #[must_use]
     pub fn floor_bounds(&self) -> [[f64; 2]; 2] {
         let session = self.editor.session();
@@ -150,7 +149,7 @@ impl App {
         [[low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]]
     }
 
-    /// Where the corners of the plan's picture lie on the floor.
+    /// Returns the floor positions of the corners of the plan image.
     fn plan_corners(&self) -> Vec<FloorPoint> {
         let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
         let Some(picture) = name.and_then(|name| self.pictures.ready(name)) else { return Vec::new() };
@@ -160,7 +159,7 @@ impl App {
         [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(corner).to_vec()
     }
 
-    /// Starts decoding of the plan.
+    /// Starts decoding the plan image.
     pub fn ask_for_plan(&mut self, ctx: &Context) {
         let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
         if let Some(name) = name {
@@ -169,7 +168,7 @@ impl App {
         }
     }
 
-    /// The plan's picture, in pieces, as sharp as it is.
+    /// Returns the plan image as texture pieces at full resolution.
     pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
         let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
         let Some(name) = name else { return Vec::new() };
@@ -178,7 +177,7 @@ impl App {
         picture.map(|picture| picture.pieces(ctx)).unwrap_or_default()
     }
 
-    /// Opacity of images on the plan, remembered for every site.
+    /// Returns the opacity of images on the plan; it is stored for each site.
     #[must_use]
     pub fn opacity(&self, ctx: &Context) -> f32 {
         ctx.data_mut(|data| data.get_persisted(self.opacity_id())).unwrap_or(0.8)

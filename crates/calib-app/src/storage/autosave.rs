@@ -1,10 +1,5 @@
-//! What a crash must not take: every finished gesture is kept, and offered when the app is started again.
-//!
-//! The sites that were opened or saved last, to be gone on with from the start page.
-//!
-//! Where a browser keeps sites between visits, behind a trait: the app asks, and hears of it in a later frame.
-//!
-//! The small still by which a site is known where sites are kept.
+//! Autosaves, recent sites, and the storage of sites in the browser. Every finished gesture is autosaved, and
+//! offered at the next start after a crash.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
@@ -19,24 +14,24 @@ use serde::{Deserialize, Serialize};
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform};
 
-/// A place that is written after every gesture, and empty after a save.
+/// Autosave slot: written after every gesture, empty after a save.
 #[derive(Clone, Debug)]
 pub struct Autosave {
     folder: PathBuf,
 }
 
-/// An autosave that was found.
+/// Autosave found at the start.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// The site.
     pub site: Site,
-    /// Its images.
+    /// Images of the site.
     pub images: Images,
-    /// The file it was opened from.
+    /// File from which the site was opened.
     pub path: Option<PathBuf>,
-    /// What that file held when it was read or written last.
+    /// Hash of that file when it was last read or written.
     pub held: Option<u64>,
-    /// When it was kept, in seconds since 1970.
+    /// Time of the autosave, in seconds since 1970.
     pub at: Option<u64>,
 }
 
@@ -55,8 +50,8 @@ struct Kept {
 }
 
 impl Autosave {
-    /// The places for autosaves in a folder: more than one, so that unsaved work of one session is not
-    /// overwritten by the next.
+    /// Returns the autosave slots of a folder. Several slots keep sessions from overwriting each other's
+    /// work.
     pub fn slots(folder: &Path) -> impl Iterator<Item = Self> + '_ {
         const SLOTS: usize = 9;
         (0..SLOTS).map(|slot| {
@@ -65,13 +60,13 @@ impl Autosave {
         })
     }
 
-    /// Keeps in this folder.
+    /// Creates a slot in this folder.
     #[must_use]
     pub const fn new(folder: PathBuf) -> Self {
         Self { folder }
     }
 
-    /// Where it keeps.
+    /// Returns the folder.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -109,12 +104,12 @@ impl Autosave {
         Here::write_quickly(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
     }
 
-    /// What was kept, if it can be read.
+    /// Reads the autosave, if it exists and is readable.
     #[must_use]
     pub fn find(&self) -> Option<Found> {
         let kept: Kept = serde_json::from_slice(&Here::read(&self.file()).ok()?).ok()?;
         let site = Site::from_json(&kept.site).ok()?;
-        let mut images = Images::beside(kept.folder, None);
+        let mut images = Images::in_folder(kept.folder, None);
         images.allowed = kept.allowed;
         for (id, mime) in kept.stored {
             if let Ok(bytes) = Here::read(&self.image_file(&id)) {
@@ -124,18 +119,18 @@ impl Autosave {
         Some(Found { site, images, path: kept.path, held: kept.held, at: kept.at })
     }
 
-    /// Forgets what was kept: it is saved elsewhere, or not wanted.
+    /// Deletes the autosave after a save, or on request.
     pub fn forget(&self) {
         Here::forget(&self.folder, &self.file());
     }
 }
 
-/// The autosaves of a folder, as one window finds them.
+/// Autosave slots of a folder, from the view of one window.
 #[derive(Debug, Default)]
 pub(crate) struct Slots {
-    /// What crashed sessions left.
+    /// Autosaves of crashed sessions.
     pub(crate) found: Vec<(Autosave, Found)>,
-    /// Where this one keeps its own.
+    /// Slot of this window.
     pub(crate) autosave: Option<Autosave>,
     pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
 }
@@ -144,7 +139,7 @@ impl Slots {
     pub(crate) fn of(folder: Option<&Path>) -> Self {
         let mut slots = Self::default();
         for slot in folder.into_iter().flat_map(Autosave::slots) {
-            // What another window keeps is its own; what was found stays until the operator has decided.
+            // Slots of other windows are locked; found autosaves stay until the operator decides.
             let Some(claim) = Here::claim(slot.folder()) else { continue };
             let folder = slot.folder().to_path_buf();
             match slot.find() {
@@ -158,26 +153,26 @@ impl Slots {
     }
 }
 
-/// A site that was opened or saved.
+/// Site that was opened or saved recently.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Recent {
-    /// Its file.
+    /// Path of its file.
     pub path: PathBuf,
-    /// What its operator calls it.
+    /// Name of the site.
     pub name: String,
-    /// How many cameras it has.
+    /// Number of cameras.
     pub cameras: usize,
-    /// The still of its first camera, if that is a file.
+    /// Image of its first camera, if that is a file.
     pub image: Option<PathBuf>,
-    /// When, in seconds since 1970.
+    /// Time of opening or saving, in seconds since 1970.
     pub at: u64,
 }
 
-/// So many are remembered.
+/// Largest number of recent sites.
 const MOST: usize = 8;
 
 impl Recent {
-    /// A site as it is remembered; its images are looked for beside `path`.
+    /// Creates the entry of a site; its images are searched next to `path`.
     #[must_use]
     pub fn of(path: &Path, site: &Site, at: u64) -> Self {
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
@@ -198,7 +193,7 @@ fn file(folder: &Path) -> PathBuf {
     folder.join("recent.json")
 }
 
-/// What is remembered in a folder, the newest first; files that are gone are left out.
+/// Reads the list from a folder, newest first, without missing files.
 #[must_use]
 pub(crate) fn list(folder: &Path) -> Vec<Recent> {
     let known = Here::read(&file(folder)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
@@ -206,17 +201,17 @@ pub(crate) fn list(folder: &Path) -> Vec<Recent> {
     known.into_iter().filter(|recent| recent.path.is_file()).collect()
 }
 
-/// The list with one more in front, as it is kept in a folder from now on.
+/// Adds an entry at the front of the list in a folder, and returns the list.
 #[must_use]
 pub(crate) fn remember(folder: &Path, recent: Recent) -> Vec<Recent> {
     let others = list(folder).into_iter().filter(|known| known.path != recent.path);
     let all: Vec<Recent> = std::iter::once(recent.clone()).chain(others).take(MOST).collect();
-    // What cannot be remembered is opened by its name.
+    // A failure is harmless: the site can still be opened by its name.
     let _ = serde_json::to_vec(&all).map(|bytes| Here::write_quickly(&file(folder), &bytes));
     all
 }
 
-/// How long ago something was, in words.
+/// Returns the time since `at` as text.
 #[must_use]
 pub(crate) fn ago(at: u64, now: u64) -> String {
     let minutes = now.saturating_sub(at) / 60;
@@ -231,85 +226,85 @@ pub(crate) fn ago(at: u64, now: u64) -> String {
     }
 }
 
-/// A site that is kept.
+/// Site in the browser's storage.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Entry {
-    /// By which it is asked for.
+    /// Id of the entry.
     pub id: String,
-    /// What the operator calls it.
+    /// Name of the site.
     pub name: String,
-    /// How many cameras it has.
+    /// Number of cameras.
     pub cameras: usize,
-    /// How large it is with its images, in bytes.
+    /// Size with its images, in bytes.
     pub bytes: u64,
-    /// When it was kept last, in words.
+    /// Time of the last autosave, as text.
     pub when: String,
-    /// The last finished gesture.
+    /// Name of the last gesture.
     pub last: String,
-    /// Its first still, small, as a `data:` URI.
+    /// Thumbnail of the first image, as a `data:` URI.
     pub thumbnail: Option<String>,
 }
 
-/// What is to be kept after a finished gesture.
+/// Autosave after a finished gesture.
 #[derive(Debug)]
 pub struct Work<'a> {
     /// The site.
     pub site: &'a Site,
-    /// Its images.
+    /// Images of the site.
     pub images: &'a Images,
-    /// The file it was opened from or saved to.
+    /// File from which it was opened, or to which it was saved.
     pub path: Option<PathBuf>,
-    /// The gesture.
+    /// Name of the gesture.
     pub last: &'a str,
-    /// Its first still, small, as a `data:` URI, once it was decoded.
+    /// Thumbnail of the first image, as a `data:` URI, once it is decoded.
     pub thumbnail: Option<&'a str>,
 }
 
-/// What a shelf tells.
+/// Message of the storage.
 #[derive(Debug)]
 pub enum News {
-    /// The site that was asked for.
+    /// The requested site.
     Opened(Box<Found>),
-    /// What went wrong, and what to do.
+    /// Error with advice.
     Trouble(String),
-    /// Something that went right in a way one should know of.
+    /// Information.
     Note(String),
-    /// What is open is to be kept once more, whole.
+    /// Request to store the open site again, completely.
     Again,
 }
 
-/// A place that keeps sites.
+/// Storage of sites in a browser.
 pub trait Shelf: Debug {
-    /// What is kept, newest first.
+    /// Returns the entries, newest first.
     fn entries(&self) -> Vec<Entry>;
-    /// Keeps the site that is open.
+    /// Stores the open site.
     fn keep(&mut self, work: Work<'_>);
-    /// From now on another site is open: it is kept beside the others.
+    /// Starts a new entry for another site.
     fn begin(&mut self);
-    /// Asks for a site.
+    /// Requests a site.
     fn open(&mut self, id: &str);
-    /// Forgets a site.
+    /// Removes a site.
     fn remove(&mut self, id: &str);
-    /// What happened since the last frame.
+    /// Returns the next message since the last frame.
     fn news(&mut self) -> Option<News>;
-    /// Whether something that was to be kept is not kept yet.
+    /// Whether an autosave is still being written.
     fn is_behind(&self) -> bool;
 }
 
-/// Twice what the start page shows, for screens of many pixels.
+/// Size of a thumbnail, in pixels: twice its size on the start page, for high-resolution screens.
 const SIZE: [u32; 2] = [168, 104];
 
-/// The first still of a site, small: made once, when it is decoded.
+/// Thumbnail of a site: its first image, scaled down when it is decoded.
 #[derive(Debug, Default)]
 pub(crate) struct Thumbnail {
-    /// What the site calls the still, and the small one as a `data:` URI.
+    /// Name of the image, and its thumbnail as a `data:` URI.
     made: Option<(String, String)>,
-    /// The still whose pixels were not there yet.
+    /// Name of the image that is not decoded yet.
     awaited: Option<String>,
 }
 
 impl Thumbnail {
-    /// Makes it, if that is another still than before and its pixels are there.
+    /// Creates the thumbnail if the first image changed and is decoded.
     pub(crate) fn renew(&mut self, site: &Site, pictures: &Pictures) {
         self.awaited = None;
         let Some(name) = first(site).filter(|name| self.made.as_ref().is_none_or(|(made, _)| made != name))
@@ -322,12 +317,12 @@ impl Thumbnail {
         self.made = small.map(|small| (name.to_owned(), small)).or(self.made.take());
     }
 
-    /// Whether the pixels have arrived that were not there when it was to be made.
+    /// Whether the awaited image is decoded now.
     pub(crate) fn is_due(&self, pictures: &Pictures) -> bool {
         self.awaited.as_ref().is_some_and(|name| pictures.ready(name).is_some())
     }
 
-    /// That of a site.
+    /// Returns the thumbnail of a site.
     pub(crate) fn of(&self, site: &Site) -> Option<&str> {
         let (name, uri) = self.made.as_ref()?;
         (first(site)? == name).then_some(uri)
@@ -338,7 +333,7 @@ fn first(site: &Site) -> Option<&str> {
     site.cameras.iter().find_map(|camera| camera.image.as_deref())
 }
 
-/// The middle of a still in the shape of the card.
+/// Returns the middle of an image, in the aspect ratio of the card.
 fn small(still: &RgbImage) -> Option<String> {
     let [w, h] = SIZE;
     let (width, height) = still.dimensions();
@@ -368,7 +363,7 @@ mod tests {
         let site = Site { cameras: vec![camera], ..Site::new() };
         autosave.keep(&site, &images, Some(Path::new("/x/site.json")), Some(7)).unwrap();
         let found = autosave.find().unwrap();
-        assert_eq!(found.images.put_into(&found.site, None), images.put_into(&site, None));
+        assert_eq!(found.images.embed_into(&found.site, None), images.embed_into(&site, None));
         assert_eq!((found.path.as_deref(), found.held), (Some(Path::new("/x/site.json")), Some(7)));
         autosave.forget();
         assert!(autosave.find().is_none());
@@ -408,7 +403,7 @@ mod tests {
         let uri = small(&still).unwrap();
         assert!(uri.starts_with("data:image/jpeg;base64,") && uri.len() < 12_000, "{}", uri.len());
         let bytes =
-            calib_editor::Source::of_data_uri(&uri).unwrap().read(|_, _| Err("no file".into())).unwrap();
+            calib_editor::Source::from_data_uri(&uri).unwrap().read(|_, _| Err("no file".into())).unwrap();
         let shown = calib_editor::decode(&bytes).unwrap();
         assert_eq!(<[u32; 2]>::from(shown.dimensions()), SIZE);
         assert!(shown.get_pixel(4, 50).0[0] > 240 && shown.get_pixel(163, 50).0[0] > 240);

@@ -1,4 +1,4 @@
-//! The demonstration site: rendered when its images are first asked for, and kept for the next start.
+//! Demonstration site; its images are rendered on first use and cached on disk.
 
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -10,27 +10,27 @@ use calib_site::Site;
 
 use crate::platform::{Here, Platform as _};
 
-/// The folder in which rendered images are kept.
+/// Returns the folder of the rendered images.
 fn folder() -> Option<PathBuf> {
     Here::data_dir().map(|folder| folder.join("demonstration"))
 }
 
-/// The site, and where its images come from.
+/// Returns the site and its image source.
 #[must_use]
 pub fn open() -> (Site, Images) {
     let (site, images, _) = open_with_truth();
     (site, images)
 }
 
-/// The site, where its images come from, and its first camera as it truly is.
+/// Returns the site, its image source, and the ground truth of its first camera.
 #[must_use]
 pub fn open_with_truth() -> (Site, Images, Option<Camera>) {
     let demo = calib_demo::demo_site();
     let truth = demo.truth.first().map(|(_, camera)| *camera);
-    (demo.site, Images::beside(folder(), Some(render)), truth)
+    (demo.site, Images::in_folder(folder(), Some(render)), truth)
 }
 
-/// Renders one image of the site as PNG.
+/// Renders an image of the site as PNG.
 ///
 /// # Errors
 /// When the site has no image of this name.
@@ -48,7 +48,7 @@ pub fn render(name: &str) -> Result<Vec<u8>, String> {
         .write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png)
         .map_err(|error| error.to_string())?;
     if let Some(folder) = folder() {
-        // A picture that cannot be kept is rendered again.
+        // A failed write only costs another rendering.
         let _ = Here::write(&folder.join(name), &bytes);
     }
     Ok(bytes)

@@ -1,4 +1,4 @@
-//! The system's file chooser, asked without holding up the frame, and what is in the files it is closed with.
+//! File chooser of the system, polled so that the frame continues, and the chosen files.
 
 use std::task::{Context, Poll, Waker};
 use std::time::Duration;
@@ -9,12 +9,12 @@ use web_time::Instant;
 use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Here, Platform as _};
 
-/// Nobody closes a chooser faster.
+/// Shortest time in which a person closes a chooser.
 const UNSEEN: Duration = Duration::from_millis(400);
 
-/// A chooser that is open.
+/// Open file chooser.
 pub struct Dialog {
-    /// What for.
+    /// Purpose of the files.
     pub purpose: Purpose,
     opened: Option<Instant>,
     answer: Answer,
@@ -33,25 +33,25 @@ impl Dialog {
         Self { purpose, opened: Some(Instant::now()), answer: Here::ask(purpose) }
     }
 
-    /// A chooser that was answered before it was opened: for tests and scripts.
+    /// Creates a chooser that is already answered, for tests and scripts.
     #[must_use]
     pub fn answered(purpose: Purpose, chosen: Vec<Chosen>) -> Self {
         Self { purpose, opened: None, answer: Box::pin(std::future::ready(chosen)) }
     }
 
-    /// A chooser that the system does not have: it is closed as soon as it is opened.
+    /// Creates a chooser that is closed at once, as on a system without one.
     #[must_use]
     pub fn refused(purpose: Purpose) -> Self {
         Self { opened: Some(Instant::now()), ..Self::answered(purpose, Vec::new()) }
     }
 
-    /// Whether it has been open for so short a time that nobody can have seen it.
+    /// Whether it was closed too quickly for a person to have seen it.
     #[must_use]
     pub fn is_just_opened(&self) -> bool {
         self.opened.is_some_and(|opened| opened.elapsed() < UNSEEN)
     }
 
-    /// What was chosen, once the operator is done; nothing if the chooser was closed.
+    /// Returns the chosen files once the chooser is closed; none if it was cancelled.
     pub fn poll(&mut self) -> Option<Vec<Chosen>> {
         let mut context = Context::from_waker(Waker::noop());
         match self.answer.as_mut().poll(&mut context) {
@@ -62,7 +62,7 @@ impl Dialog {
 }
 
 impl Chosen {
-    /// What is in the file.
+    /// Returns the content of the file.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -74,10 +74,10 @@ impl Chosen {
         }
     }
 
-    /// The text of the file.
+    /// Returns the text of the file.
     ///
     /// # Errors
-    /// When it cannot be read or is no text.
+    /// When it cannot be read or is not UTF-8.
     pub fn into_text(self) -> FileResult<String> {
         String::from_utf8(self.into_bytes()?).map_err(|_| "not text".into())
     }

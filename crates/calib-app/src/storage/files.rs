@@ -1,4 +1,4 @@
-//! Site files: opened and saved whole.
+//! Reading and writing of site files.
 
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
@@ -8,13 +8,13 @@ use calib_site::Site;
 
 use crate::platform::{Here, Platform as _};
 
-/// Where autosaves and the demonstration's images live.
+/// Returns the folder of autosaves and of the demonstration's images.
 #[must_use]
 pub fn data_dir() -> Option<PathBuf> {
     Here::data_dir()
 }
 
-/// What a file held when it was read: another window that writes it makes another one.
+/// Returns the hash of a file's content, which shows whether another program changed it.
 #[must_use]
 pub fn stamp(bytes: &[u8]) -> u64 {
     let mut hasher = DefaultHasher::new();
@@ -25,15 +25,15 @@ pub fn stamp(bytes: &[u8]) -> u64 {
 /// Reads a site file.
 ///
 /// # Errors
-/// When it cannot be read or is no site.
+/// When it cannot be read or is not a valid site.
 pub fn open(path: &Path) -> FileResult<(Site, Images)> {
     open_stamped(path).map(|(site, images, _)| (site, images))
 }
 
-/// Reads a site file, and what it held.
+/// Reads a site file, and returns the hash of its content.
 ///
 /// # Errors
-/// When it cannot be read or is no site.
+/// When it cannot be read or is not a valid site.
 pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     let bytes = Here::read(path)?;
     let held = stamp(&bytes);
@@ -44,12 +44,12 @@ pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     Ok((site, images, held))
 }
 
-/// Writes a site file, and tells what it holds; from then on its images are looked for beside it.
+/// Writes a site file, and returns the hash of its content. Its images are then searched next to it.
 ///
 /// # Errors
 /// When it cannot be written.
 pub fn save(path: &Path, site: &Site, images: &Images) -> FileResult<u64> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    let text = images.put_into(site, Some(folder)).to_json();
+    let text = images.embed_into(site, Some(folder)).to_json();
     Here::write(path, text.as_bytes()).map(|()| stamp(text.as_bytes()))
 }

@@ -467,7 +467,7 @@ async function touch() {
   await fingers("touchEnd", []);
   await desk.page.waitForTimeout(300);
   await desk.picture("touch");
-  await desk.press("Delete what is selected");
+  await desk.press("Delete the selection");
   await desk.until("deleted", (state) => !state.site.cameras[0].annotations?.length);
   const zoom = async () => (await desk.state()).panes.find(({ pane }) => pane === "Image(0)").zoom;
   const before = await zoom();

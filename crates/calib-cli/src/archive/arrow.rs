@@ -1,6 +1,4 @@
-//! Arrow IPC, as a stream and as a file.
-//!
-//! Times of any zone as times of UTC: text has offsets and no names of zones.
+//! Arrow IPC streams and files, and the conversion of zoned times to UTC for text formats.
 
 use std::io::{BufRead as _, BufReader, Read};
 use std::sync::Arc;
@@ -19,88 +17,89 @@ use arrow_ipc::root_as_message;
 use arrow_ipc::writer::{FileWriter, StreamWriter};
 use arrow_schema::{ArrowError, DataType, Field, FieldRef, Schema, SchemaRef, TimeUnit};
 
-use super::{Input, Output, Packing, Purpose, Sink, Source};
-use crate::stop::Stop;
+use super::{Input, Output, OutputOptions, ReadOptions, Sink, Source};
+use crate::stop::CommandError;
 
-/// An IPC file begins and ends with this; between is a stream, after some zeros, and the list of its parts.
+/// First and last bytes of an IPC file. Between them are padding zeros, a stream, and a footer.
 const MAGIC: &[u8] = b"ARROW1";
 
-/// Bytes read at once.
+/// Number of bytes read at once.
 const CHUNK: usize = 1 << 20;
 
-/// Before the length of a message; older streams have none.
-const CONTINUES: [u8; 4] = [0xFF; 4];
+/// Marker before the length of a message; older streams do not have it.
+const CONTINUATION: [u8; 4] = [0xFF; 4];
 
-/// Bytes that a batch may take once it is unpacked: memory is taken for what a length promises, before
-/// anything is unpacked.
-const MOST_UNPACKED: u64 = 256 << 20;
-/// What a large batch may promise for every byte that is there.
-const MOST_RATIO: u64 = 64;
+/// Limit for the decompressed size of a batch, in bytes. Arrow allocates the stated size before it
+/// decompresses.
+const MAX_BATCH_BYTES: u64 = 256 << 20;
+/// Limit for the compression ratio of batches that are larger than [`MAX_BATCH_BYTES`].
+const MAX_COMPRESSION_RATIO: u64 = 64;
 
 struct Stream {
     name: String,
     from: BufReader<Box<dyn Read>>,
     is_file: bool,
     /// Whether the last message was read.
-    is_over: bool,
-    /// Takes memory for what has come, not for what a length promises.
+    is_finished: bool,
+    /// Decoder of messages; it allocates memory for received bytes only, not for stated lengths.
     decoder: StreamDecoder,
     chunk: Buffer,
-    /// A batch that came along with the schema.
+    /// Batch that was decoded together with the schema.
     first: Option<RecordBatch>,
-    /// Rows before the last batch, and in it.
-    before: usize,
+    /// Number of rows before the last batch, for messages; `rows` is the number in that batch.
+    rows_before: usize,
     rows: usize,
 }
 
-pub(super) fn open(mut input: Input, _purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(mut input: Input, _purpose: ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError> {
     let name = input.name.clone();
     let is_file = input.format()?.name == "arrow-file";
     let (decoder, chunk) = (StreamDecoder::new(), Buffer::from(Vec::<u8>::new()));
     let from = BufReader::with_capacity(CHUNK, input.into_read());
     let (first, before, rows) = (None, 0, 0);
-    let mut stream = Stream { name, from, is_file, is_over: false, decoder, chunk, first, before, rows };
+    let mut stream =
+        Stream { name, from, is_file, is_finished: false, decoder, chunk, first, rows_before: before, rows };
     if is_file {
         stream.skip_to_stream()?;
     }
     stream.first = stream.decode()?;
     if stream.decoder.schema().is_none() {
-        return Err(stream.broken("no schema"));
+        return Err(stream.invalid("no schema"));
     }
     Ok(Box::new(stream))
 }
 
 impl Stream {
-    fn broken(&self, error: impl std::fmt::Display) -> Stop {
-        Stop::invalid(&self.name, format!("not a whole Arrow IPC stream or file: {error}"))
+    fn invalid(&self, error: impl std::fmt::Display) -> CommandError {
+        CommandError::invalid(&self.name, format!("not a complete Arrow IPC stream or file: {error}"))
     }
 
-    /// Reads so many bytes more, or all there are.
-    fn read(&mut self, bytes: &mut Vec<u8>, count: u64) -> Result<(), Stop> {
+    /// Reads up to `count` bytes.
+    fn read(&mut self, bytes: &mut Vec<u8>, count: u64) -> Result<(), CommandError> {
         let read = self.from.by_ref().take(count).read_to_end(bytes);
-        read.map(drop).map_err(|error| self.broken(error))
+        read.map(drop).map_err(|error| self.invalid(error))
     }
 
-    /// Reads on, if all that was read is decoded: a message, and after the last one what else there is.
-    /// Whether there is anything left.
-    fn fill(&mut self) -> Result<bool, Stop> {
+    /// Reads the next message if all previous bytes are decoded; after the last message, reads the remaining
+    /// bytes. Returns whether any bytes are left.
+    fn fill(&mut self) -> Result<bool, CommandError> {
         if self.chunk.is_empty() {
             let mut bytes = Vec::new();
-            if self.is_over {
+            if self.is_finished {
                 self.read(&mut bytes, CHUNK as u64)?;
             } else {
-                self.is_over = !self.read_message(&mut bytes)?;
+                self.is_finished = !self.read_message(&mut bytes)?;
             }
             self.chunk = Buffer::from(bytes);
         }
         Ok(!self.chunk.is_empty())
     }
 
-    /// Reads a message. Whether others may follow: not after the mark of the end, nor after what is none,
-    /// which the decoder names.
-    fn read_message(&mut self, bytes: &mut Vec<u8>) -> Result<bool, Stop> {
+    /// Reads a message, and returns whether more can follow. None follows an end marker or an invalid
+    /// message; the decoder reports the latter.
+    fn read_message(&mut self, bytes: &mut Vec<u8>) -> Result<bool, CommandError> {
         self.read(bytes, 4)?;
-        if *bytes == CONTINUES {
+        if *bytes == CONTINUATION {
             self.read(bytes, 4)?;
         }
         let length = bytes.last_chunk().map_or(0, |length| i32::from_le_bytes(*length));
@@ -120,24 +119,31 @@ impl Stream {
             let at = usize::try_from(offset).ok().and_then(|offset| start.checked_add(offset))?;
             bytes.get(at..)?.first_chunk().map(|bytes| i64::from_le_bytes(*bytes))
         };
-        self.check_promise(offsets.into_iter().filter_map(promised), (bytes.len() - start) as u64)?;
+        self.check_stated_size(offsets.into_iter().filter_map(promised), (bytes.len() - start) as u64)?;
         Ok(true)
     }
 
-    /// Refuses a batch that promises to unpack to more than is read from so many bytes, before memory is taken.
-    fn check_promise(&self, promised: impl Iterator<Item = i64>, packed: u64) -> Result<(), Stop> {
-        // A negative length says that a column is not packed, or is refused by the library.
+    /// Refuses a batch whose stated decompressed size exceeds the limits for its `packed` compressed bytes,
+    /// before memory is allocated.
+    fn check_stated_size(
+        &self,
+        promised: impl Iterator<Item = i64>,
+        packed: u64,
+    ) -> Result<(), CommandError> {
+        // A negative length marks an uncompressed column, or is refused by the library.
         let sum = promised.filter_map(|length| u64::try_from(length).ok()).fold(0, u64::saturating_add);
-        let most = MOST_UNPACKED.max(packed.saturating_mul(MOST_RATIO));
+        let most = MAX_BATCH_BYTES.max(packed.saturating_mul(MAX_COMPRESSION_RATIO));
         if sum > most {
-            let what = format!("a batch of {packed} bytes unpacks to {sum} bytes; at most {most} are read");
-            return Err(self.broken(what));
+            let what = format!(
+                "a batch of {packed} bytes decompresses to {sum} bytes, more than the limit of {most}"
+            );
+            return Err(self.invalid(what));
         }
-        calib_input::room_for(sum).map_err(|error| self.broken(format!("a batch {error}")))
+        calib_input::check_memory(sum).map_err(|error| self.invalid(format!("a batch {error}")))
     }
 
-    /// After the magic zeros fill up to 8 or to 64 bytes.
-    fn skip_to_stream(&mut self) -> Result<(), Stop> {
+    /// Skips the magic bytes and the zeros that pad them to 8 or 64 bytes.
+    fn skip_to_stream(&mut self) -> Result<(), CommandError> {
         let mut bytes = Vec::new();
         self.read(&mut bytes, MAGIC.len() as u64 + 2)?;
         while let Ok(ahead) = self.from.fill_buf() {
@@ -150,33 +156,33 @@ impl Stream {
         Ok(())
     }
 
-    /// The next batch.
-    fn decode(&mut self) -> Result<Option<RecordBatch>, Stop> {
+    /// Decodes the next batch.
+    fn decode(&mut self) -> Result<Option<RecordBatch>, CommandError> {
         while self.fill()? {
             match self.decoder.decode(&mut self.chunk) {
                 Ok(None) => {}
                 Ok(batch) => return Ok(batch),
-                // The stream has ended, and the list of its parts follows.
+                // The stream has ended; the footer follows.
                 Err(_) if self.is_file && self.decoder.finish().is_ok() => {
                     return self.check_end().map(|()| None);
                 }
-                Err(error) => return Err(self.broken(error)),
+                Err(error) => return Err(self.invalid(error)),
             }
         }
         let ended = self.decoder.finish();
-        ended.map_err(|error: ArrowError| self.broken(error))?;
-        if self.is_file { Err(self.broken("its end is missing")) } else { Ok(None) }
+        ended.map_err(|error: ArrowError| self.invalid(error))?;
+        if self.is_file { Err(self.invalid("its end is missing")) } else { Ok(None) }
     }
 
-    /// A file that was cut has not the end of one.
-    fn check_end(&mut self) -> Result<(), Stop> {
+    /// Checks the last bytes of the file, which are missing if it was truncated.
+    fn check_end(&mut self) -> Result<(), CommandError> {
         let mut end = Vec::new();
         while self.fill()? {
             end.extend_from_slice(&self.chunk);
             end.drain(..end.len().saturating_sub(MAGIC.len()));
             self.chunk.advance(self.chunk.len());
         }
-        if end == MAGIC { Ok(()) } else { Err(self.broken("its end is missing")) }
+        if end == MAGIC { Ok(()) } else { Err(self.invalid("its end is missing")) }
     }
 }
 
@@ -185,8 +191,8 @@ impl Source for Stream {
         self.decoder.schema()
     }
 
-    fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
-        self.before += self.rows;
+    fn next(&mut self) -> Option<Result<RecordBatch, CommandError>> {
+        self.rows_before += self.rows;
         self.rows = 0;
         let batch = match self.first.take() {
             Some(batch) => Ok(Some(batch)),
@@ -196,28 +202,28 @@ impl Source for Stream {
         batch.transpose()
     }
 
-    fn place(&self, row: usize) -> String {
-        format!("row {}", self.before + row + 1)
+    fn row_name(&self, row: usize) -> String {
+        format!("row {}", self.rows_before + row + 1)
     }
 }
 
 impl Sink for StreamWriter<Output<'_>> {
-    fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
+    fn write(&mut self, batch: &RecordBatch) -> Result<(), CommandError> {
         Ok(Self::write(self, batch)?)
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), Stop> {
+    fn finish(mut self: Box<Self>) -> Result<(), CommandError> {
         Self::finish(&mut self)?;
         Ok(self.get_mut().flush()?)
     }
 }
 
 impl Sink for FileWriter<Output<'_>> {
-    fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
+    fn write(&mut self, batch: &RecordBatch) -> Result<(), CommandError> {
         Ok(Self::write(self, batch)?)
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), Stop> {
+    fn finish(mut self: Box<Self>) -> Result<(), CommandError> {
         Self::finish(&mut self)?;
         Ok(self.get_mut().flush()?)
     }
@@ -226,35 +232,35 @@ impl Sink for FileWriter<Output<'_>> {
 pub(super) fn create_stream<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _packing: Packing,
-) -> Result<Box<dyn Sink + 'a>, Stop> {
+    _packing: OutputOptions,
+) -> Result<Box<dyn Sink + 'a>, CommandError> {
     Ok(Box::new(StreamWriter::try_new(output, schema)?))
 }
 
 pub(super) fn create_file<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _packing: Packing,
-) -> Result<Box<dyn Sink + 'a>, Stop> {
+    _packing: OutputOptions,
+) -> Result<Box<dyn Sink + 'a>, CommandError> {
     Ok(Box::new(FileWriter::try_new(output, schema)?))
 }
 
-/// As it is written in text.
+/// UTC offset in text.
 const UTC: &str = "+00:00";
 
-/// The same instants, with the offset that is written.
-pub(super) fn in_utc(batch: &RecordBatch) -> Result<RecordBatch, Stop> {
+/// Converts zoned times to the same instants in UTC, because text has offsets but no zone names.
+pub(super) fn to_utc(batch: &RecordBatch) -> Result<RecordBatch, CommandError> {
     let schema = batch.schema();
-    let columns = batch.columns().iter().map(column_in_utc).collect::<Result<Vec<_>, _>>()?;
+    let columns = batch.columns().iter().map(column_to_utc).collect::<Result<Vec<_>, _>>()?;
     let fields: Vec<FieldRef> =
-        schema.fields().iter().zip(&columns).map(|(field, column)| field_of(field, column)).collect();
+        schema.fields().iter().zip(&columns).map(|(field, column)| field_with_type(field, column)).collect();
     let options = RecordBatchOptions::new().with_row_count(Some(batch.num_rows()));
     let schema = Arc::new(Schema::new(fields).with_metadata(schema.metadata().clone()));
     Ok(RecordBatch::try_new_with_options(schema, columns, &options)?)
 }
 
-/// Times of a zone are counted in UTC as they lie: only what is said of them changes.
-fn column_in_utc(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
+/// Converts a column. Zoned times are stored in UTC, so only the zone in the data type changes.
+fn column_to_utc(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     Ok(match column.data_type() {
         DataType::Timestamp(unit, Some(_)) => match unit {
             TimeUnit::Second => {
@@ -272,32 +278,33 @@ fn column_in_utc(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
         },
         DataType::List(_) => {
             let (item, ends, values, nulls) = column.as_list::<i32>().clone().into_parts();
-            let values = column_in_utc(&values)?;
-            Arc::new(ListArray::try_new(field_of(&item, &values), ends, values, nulls)?)
+            let values = column_to_utc(&values)?;
+            Arc::new(ListArray::try_new(field_with_type(&item, &values), ends, values, nulls)?)
         }
         DataType::LargeList(_) => {
             let (item, ends, values, nulls) = column.as_list::<i64>().clone().into_parts();
-            let values = column_in_utc(&values)?;
-            Arc::new(LargeListArray::try_new(field_of(&item, &values), ends, values, nulls)?)
+            let values = column_to_utc(&values)?;
+            Arc::new(LargeListArray::try_new(field_with_type(&item, &values), ends, values, nulls)?)
         }
         DataType::FixedSizeList(..) => {
             let (item, size, values, nulls) = column.as_fixed_size_list().clone().into_parts();
-            let values = column_in_utc(&values)?;
-            let item = field_of(&item, &values);
+            let values = column_to_utc(&values)?;
+            let item = field_with_type(&item, &values);
             Arc::new(FixedSizeListArray::try_new_with_length(item, size, values, nulls, column.len())?)
         }
         DataType::Struct(_) => {
             let (fields, columns, nulls) = column.as_struct().clone().into_parts();
-            let columns = columns.iter().map(column_in_utc).collect::<Result<Vec<_>, _>>()?;
-            let fields = fields.iter().zip(&columns).map(|(field, column)| field_of(field, column)).collect();
+            let columns = columns.iter().map(column_to_utc).collect::<Result<Vec<_>, _>>()?;
+            let fields =
+                fields.iter().zip(&columns).map(|(field, column)| field_with_type(field, column)).collect();
             Arc::new(StructArray::try_new_with_length(fields, columns, nulls, column.len())?)
         }
         _ => Arc::clone(column),
     })
 }
 
-/// A field that says what its column holds now.
-fn field_of(field: &FieldRef, column: &ArrayRef) -> FieldRef {
+/// Returns the field with the data type of its converted column.
+fn field_with_type(field: &FieldRef, column: &ArrayRef) -> FieldRef {
     Arc::new(Field::clone(field).with_data_type(column.data_type().clone()))
 }
 
@@ -314,14 +321,14 @@ mod tests {
     }
 
     #[test]
-    fn times_of_a_zone_are_the_same_instants_of_utc_however_deep_they_lie() {
+    fn nested_zoned_times_become_the_same_instants_in_utc() {
         let nested = |zone: &str| -> ArrayRef {
             let item = Arc::new(Field::new("item", times(zone).data_type().clone(), true));
             let ends = OffsetBuffer::from_lengths([2, 0, 1]);
             let lists: ArrayRef = Arc::new(ListArray::new(item, ends, times(zone), None));
             let item = Arc::new(Field::new("item", times(zone).data_type().clone(), true));
             let none = FixedSizeListArray::try_new_with_length(item, 0, times(zone).slice(0, 0), None, 3);
-            let none: ArrayRef = Arc::new(none.expect("three lists of nothing"));
+            let none: ArrayRef = Arc::new(none.expect("three empty lists"));
             let named = |name: &str, of: &ArrayRef| Arc::new(Field::new(name, of.data_type().clone(), true));
             Arc::new(StructArray::from(vec![
                 (named("at", &times(zone)), times(zone)),
@@ -331,7 +338,7 @@ mod tests {
         };
         let kept: ArrayRef = Arc::new(["a", "b", "a"].into_iter().collect::<DictionaryArray<Int32Type>>());
         let batch = |zone| RecordBatch::try_from_iter([("seen", nested(zone)), ("door", Arc::clone(&kept))]);
-        let found = in_utc(&batch("Asia/Kathmandu").expect("a batch")).ok();
+        let found = to_utc(&batch("Asia/Kathmandu").expect("a batch")).ok();
         assert_eq!(found, batch(UTC).ok());
     }
 }

@@ -1,7 +1,5 @@
-//! CSV: every column is text, and stays as it is in CSV; for formats whose columns have types, the first rows
-//! tell them.
-//!
-//! What the cells of a column of text are, for formats whose columns have types.
+//! CSV tables. All columns are text and stay unchanged in CSV output. For typed formats, the types are
+//! inferred from the first rows.
 
 use std::cell::Cell;
 use std::io::{Read, Write as _};
@@ -18,44 +16,44 @@ use arrow_cast::display::{ArrayFormatter, FormatOptions};
 use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use calib_formats::is_spreadsheet_formula;
 
-use super::arrow::in_utc;
+use super::arrow::to_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing, Purpose,
-    Sink, Source,
+    BATCH_ROWS, CELL_BYTES, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, OutputOptions, ReadOptions,
+    Sink, Source, TYPE_INFERENCE_ROWS,
 };
-use crate::files::say;
-use crate::stop::Stop;
+use crate::files::print_message;
+use crate::stop::CommandError;
 
-/// Text that a batch may have before it is handed on.
+/// Size of the text in a batch, in bytes.
 const BATCH_BYTES: usize = 16 << 20;
 
 struct Csv {
     name: String,
-    reader: Reader<Limited>,
+    reader: Reader<LimitedReader>,
     left: Rc<Cell<u64>>,
-    /// As it is handed on; of text until the types are known.
+    /// Schema of the batches; all columns are text until the types are inferred.
     schema: SchemaRef,
-    /// Whether the first rows are still to tell the types.
-    is_untold: bool,
+    /// Whether the types are not inferred yet.
+    needs_types: bool,
     /// Columns that stay text.
     as_text: Vec<String>,
-    keeps_broken: bool,
+    keeps_incomplete: bool,
     record: ByteRecord,
-    /// The rows that told the types.
+    /// First batch; the types were inferred from it.
     first: Option<RecordBatch>,
-    /// Line of every row of the last batch.
+    /// Line number of each row of the last batch.
     lines: Vec<u64>,
-    /// Of them, in the same order, those that are not whole.
-    broken: Vec<u64>,
+    /// Line numbers of the incomplete rows, in ascending order.
+    incomplete: Vec<u64>,
 }
 
-/// Reads until a row has become too long.
-struct Limited {
+/// Reader that fails if a row exceeds its maximum length.
+struct LimitedReader {
     from: Box<dyn Read>,
     left: Rc<Cell<u64>>,
 }
 
-impl Read for Limited {
+impl Read for LimitedReader {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let count = self.from.read(buffer)?;
         let left = self.left.get().checked_sub(count as u64);
@@ -64,32 +62,32 @@ impl Read for Limited {
     }
 }
 
-pub(super) fn open(input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError> {
     let (name, left) = (input.name.clone(), Rc::new(Cell::new(MAX_ROW_BYTES)));
-    let limited = Limited { from: input.into_read(), left: Rc::clone(&left) };
-    let mut reader = ReaderBuilder::new().flexible(purpose.keeps_broken).from_reader(limited);
-    let header = reader.headers().map_err(|error| Stop::invalid(&name, error))?;
+    let limited = LimitedReader { from: input.into_read(), left: Rc::clone(&left) };
+    let mut reader = ReaderBuilder::new().flexible(purpose.keeps_incomplete).from_reader(limited);
+    let header = reader.headers().map_err(|error| CommandError::invalid(&name, error))?;
     if header.len() > MAX_COLUMNS {
         let what = format!("found {} columns, expected at most {MAX_COLUMNS}", header.len());
-        return Err(Stop::invalid(&name, what));
+        return Err(CommandError::invalid(&name, what));
     }
     let fields: Vec<Field> =
         header.iter().map(|column| Field::new(column.trim(), DataType::Utf8, true)).collect();
     let schema = Arc::new(Schema::new(fields));
-    check_columns(&name, &schema, purpose.as_text)?;
+    check_column_names(&name, &schema, purpose.as_text)?;
     let (is_untold, as_text) = (purpose.to.is_typed, purpose.as_text.to_vec());
     let mut csv = Csv {
         name,
         reader,
         left,
         schema,
-        is_untold,
+        needs_types: is_untold,
         as_text,
-        keeps_broken: purpose.keeps_broken,
+        keeps_incomplete: purpose.keeps_incomplete,
         record: ByteRecord::new(),
         first: None,
         lines: Vec::new(),
-        broken: Vec::new(),
+        incomplete: Vec::new(),
     };
     if is_untold {
         csv.first = csv.read()?;
@@ -97,19 +95,19 @@ pub(super) fn open(input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>
     Ok(Box::new(csv))
 }
 
-/// Refuses a name that no column has.
-fn check_columns(name: &str, schema: &Schema, as_text: &[String]) -> Result<(), Stop> {
+/// Refuses a name that is not a column.
+fn check_column_names(name: &str, schema: &Schema, as_text: &[String]) -> Result<(), CommandError> {
     let Some(unknown) = as_text.iter().find(|column| schema.index_of(column).is_err()) else { return Ok(()) };
     let columns: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
-    Err(Stop::invalid(
+    Err(CommandError::invalid(
         name,
         format!("--as-text {unknown}: the table has the columns \"{}\"", columns.join(",")),
     ))
 }
 
 impl Csv {
-    /// The next rows, if there are any.
-    fn read(&mut self) -> Result<Option<RecordBatch>, Stop> {
+    /// Reads the next batch.
+    fn read(&mut self) -> Result<Option<RecordBatch>, CommandError> {
         let count = self.schema.fields().len();
         let rows = BATCH_ROWS.min(BATCH_BYTES / CELL_BYTES / count.max(1));
         let mut columns: Vec<StringBuilder> =
@@ -119,54 +117,54 @@ impl Csv {
         }
         let columns: Vec<ArrayRef> =
             columns.iter_mut().map(|column| Arc::new(column.finish()) as ArrayRef).collect();
-        let columns = self.typed(columns)?;
+        let columns = self.with_types(columns)?;
         Ok(Some(RecordBatch::try_new(Arc::clone(&self.schema), columns)?))
     }
 
-    /// The columns with the types that the first rows told.
-    fn typed(&mut self, columns: Vec<ArrayRef>) -> Result<Vec<ArrayRef>, Stop> {
-        if std::mem::take(&mut self.is_untold) {
+    /// Converts the columns to the inferred types.
+    fn with_types(&mut self, columns: Vec<ArrayRef>) -> Result<Vec<ArrayRef>, CommandError> {
+        if std::mem::take(&mut self.needs_types) {
             let fields = self.schema.fields().iter().zip(&columns).map(|(field, column)| {
                 let stays = self.as_text.contains(field.name());
-                let kind = if stays { DataType::Utf8 } else { kind(column) };
+                let kind = if stays { DataType::Utf8 } else { infer_type(column) };
                 Field::new(field.name(), kind, true)
             });
             self.schema = Arc::new(Schema::new(fields.collect::<Vec<_>>()));
         }
         let typed = self.schema.fields().iter().zip(&columns).map(|(field, column)| {
-            parsed(column, field.data_type()).map_err(|(row, expected)| {
+            parse_as(column, field.data_type()).map_err(|(row, expected)| {
                 let (name, text) = (field.name(), column.as_string::<i32>().value(row));
                 let what = format!(
                     "{}, column {name}: found \"{text}\", expected {expected} as in the first rows; --as-text {name} \
                      keeps the column as text",
-                    self.place(row)
+                    self.row_name(row)
                 );
-                Stop::invalid(&self.name, what)
+                CommandError::invalid(&self.name, what)
             })
         });
         typed.collect()
     }
 
-    /// Reads rows into the builders; whether there were any.
-    fn fill(&mut self, columns: &mut [StringBuilder]) -> Result<bool, Stop> {
+    /// Reads rows into the builders, and returns whether there were any.
+    fn fill(&mut self, columns: &mut [StringBuilder]) -> Result<bool, CommandError> {
         self.lines.clear();
-        self.broken.clear();
+        self.incomplete.clear();
         let mut bytes = 0;
-        let most = if self.is_untold { FIRST_ROWS } else { BATCH_ROWS };
+        let most = if self.needs_types { TYPE_INFERENCE_ROWS } else { BATCH_ROWS };
         while self.lines.len() < most && bytes < BATCH_BYTES {
             self.left.set(MAX_ROW_BYTES);
             let more = self.reader.read_byte_record(&mut self.record);
-            if !more.map_err(|error| self.unreadable(&error))? {
+            if !more.map_err(|error| self.read_error(&error))? {
                 break;
             }
             let line = self.record.position().map_or(0, ::csv::Position::line);
             let is_text = self.record.iter().all(|cell| std::str::from_utf8(cell).is_ok());
             let is_whole = is_text && self.record.len() == columns.len();
-            if !is_text && !self.keeps_broken {
-                return Err(self.not_text(line));
+            if !is_text && !self.keeps_incomplete {
+                return Err(self.encoding_error(line));
             }
-            // In a column of a type, what is in the cells of a broken row may be of another one.
-            let is_kept = is_whole || !(self.is_untold || self.has_types());
+            // The cells of an incomplete row may be shifted, so typed columns must not contain them.
+            let is_kept = is_whole || !(self.needs_types || self.has_types());
             for (index, column) in columns.iter_mut().enumerate() {
                 let cell = self.record.get(index).filter(|cell| is_kept && !cell.is_empty());
                 let text = cell.map(String::from_utf8_lossy);
@@ -174,7 +172,7 @@ impl Csv {
                 column.append_option(text);
             }
             if !is_whole {
-                self.broken.push(line);
+                self.incomplete.push(line);
             }
             self.lines.push(line);
         }
@@ -185,16 +183,16 @@ impl Csv {
         self.schema.fields().iter().any(|field| field.data_type() != &DataType::Utf8)
     }
 
-    fn unreadable(&self, error: &::csv::Error) -> Stop {
+    fn read_error(&self, error: &::csv::Error) -> CommandError {
         let is_of_length = matches!(error.kind(), ::csv::ErrorKind::UnequalLengths { .. });
         let hint = if is_of_length { format!("; {GOES_ON}") } else { String::new() };
-        Stop::invalid(&self.name, format!("{error}{hint}"))
+        CommandError::invalid(&self.name, format!("{error}{hint}"))
     }
 
-    fn not_text(&self, line: u64) -> Stop {
+    fn encoding_error(&self, line: u64) -> CommandError {
         let at = self.record.iter().position(|cell| std::str::from_utf8(cell).is_err());
         let column = at.and_then(|at| self.schema.fields().get(at)).map_or("", |field| field.name());
-        Stop::invalid(&self.name, format!("line {line}, column {column}: not UTF-8 text; {GOES_ON}"))
+        CommandError::invalid(&self.name, format!("line {line}, column {column}: not UTF-8 text; {GOES_ON}"))
     }
 }
 
@@ -203,7 +201,7 @@ impl Source for Csv {
         Some(Arc::clone(&self.schema))
     }
 
-    fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
+    fn next(&mut self) -> Option<Result<RecordBatch, CommandError>> {
         match self.first.take() {
             Some(batch) => Some(Ok(batch)),
             None => self.read().transpose(),
@@ -211,10 +209,10 @@ impl Source for Csv {
     }
 
     fn is_broken(&self, row: usize) -> bool {
-        self.lines.get(row).is_some_and(|line| self.broken.binary_search(line).is_ok())
+        self.lines.get(row).is_some_and(|line| self.incomplete.binary_search(line).is_ok())
     }
 
-    fn place(&self, row: usize) -> String {
+    fn row_name(&self, row: usize) -> String {
         format!("line {}", self.lines.get(row).copied().unwrap_or_default())
     }
 }
@@ -222,17 +220,17 @@ impl Source for Csv {
 struct CsvSink<'a> {
     writer: Writer<Output<'a>>,
     is_verbatim: bool,
-    /// Cells that got an apostrophe.
-    quoted: usize,
+    /// Number of cells with a protective apostrophe.
+    protected: usize,
 }
 
 pub(super) fn create<'a>(
     output: Output<'a>,
     schema: &Schema,
-    packing: Packing,
-) -> Result<Box<dyn Sink + 'a>, Stop> {
+    packing: OutputOptions,
+) -> Result<Box<dyn Sink + 'a>, CommandError> {
     let writer = Writer::from_writer(output);
-    let mut sink = CsvSink { writer, is_verbatim: packing.is_verbatim, quoted: 0 };
+    let mut sink = CsvSink { writer, is_verbatim: packing.is_verbatim, protected: 0 };
     for field in schema.fields() {
         sink.write_text(field.name().as_bytes())?;
     }
@@ -241,22 +239,25 @@ pub(super) fn create<'a>(
 }
 
 impl CsvSink<'_> {
-    /// Writes a cell that a spreadsheet would run with an apostrophe before it, which makes it text there.
-    fn write_text(&mut self, text: &[u8]) -> Result<(), Stop> {
+    /// Writes a cell. A formula for spreadsheets gets an apostrophe in front, which makes it text.
+    fn write_text(&mut self, text: &[u8]) -> Result<(), CommandError> {
         if self.is_verbatim || !is_spreadsheet_formula(text) {
             return Ok(self.writer.write_field(text)?);
         }
-        self.quoted += 1;
+        self.protected += 1;
         Ok(self.writer.write_field([b"'", text].concat())?)
     }
 }
 
 impl Sink for CsvSink<'_> {
-    fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
-        let batch = in_utc(batch)?;
+    fn write(&mut self, batch: &RecordBatch) -> Result<(), CommandError> {
+        let batch = to_utc(batch)?;
         let options = FormatOptions::new();
-        let cells: Vec<Cells<'_>> =
-            batch.columns().iter().map(|column| Cells::of(column, &options)).collect::<Result<_, Stop>>()?;
+        let cells: Vec<Cells<'_>> = batch
+            .columns()
+            .iter()
+            .map(|column| Cells::new(column, &options))
+            .collect::<Result<_, CommandError>>()?;
         let mut text = Vec::new();
         for row in 0..batch.num_rows() {
             for cell in &cells {
@@ -269,19 +270,19 @@ impl Sink for CsvSink<'_> {
         Ok(())
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), Stop> {
-        if self.quoted > 0 {
-            let cells = calib_site::counted(self.quoted, "cell", "cells");
-            say(format_args!(
-                "calib: an apostrophe was put before {cells} that a spreadsheet would take for a formula; --verbatim \
-                 leaves it out"
+    fn finish(mut self: Box<Self>) -> Result<(), CommandError> {
+        if self.protected > 0 {
+            let cells = calib_site::counted(self.protected, "cell", "cells");
+            print_message(format_args!(
+                "calib: added an apostrophe to {cells} that a spreadsheet would read as a formula; --verbatim \
+                 writes cells unchanged"
             ));
         }
         Ok(self.writer.flush()?)
     }
 }
 
-/// The cells of a column, in the shortest form that is read back as the same value.
+/// Cells of a column, formatted in the shortest form that reads back as the same value.
 enum Cells<'a> {
     Text(&'a arrow_array::StringArray),
     Double(&'a Float64Array),
@@ -290,7 +291,7 @@ enum Cells<'a> {
 }
 
 impl<'a> Cells<'a> {
-    fn of(column: &'a ArrayRef, options: &'a FormatOptions<'a>) -> Result<Self, Stop> {
+    fn new(column: &'a ArrayRef, options: &'a FormatOptions<'a>) -> Result<Self, CommandError> {
         Ok(match column.data_type() {
             DataType::Utf8 => Self::Text(column.as_string()),
             DataType::Float64 => Self::Double(column.as_primitive::<Float64Type>()),
@@ -299,7 +300,7 @@ impl<'a> Cells<'a> {
         })
     }
 
-    fn print(&self, row: usize, text: &mut Vec<u8>) -> Result<(), Stop> {
+    fn print(&self, row: usize, text: &mut Vec<u8>) -> Result<(), CommandError> {
         match self {
             Self::Text(column) if column.is_valid(row) => {
                 text.extend_from_slice(column.value(row).as_bytes());
@@ -315,9 +316,9 @@ impl<'a> Cells<'a> {
     }
 }
 
-/// What all cells are; text where they are not of one kind, or would be read back as another text: a zero that
-/// leads is part of an id.
-pub(super) fn kind(column: &ArrayRef) -> DataType {
+/// Infers the type of a column from all its cells. Mixed types give text, and so do numbers that would be
+/// printed differently, such as ids with leading zeros.
+pub(super) fn infer_type(column: &ArrayRef) -> DataType {
     let values = || column.as_string::<i32>().iter().flatten();
     let is_whole = |value: &str| value.parse::<i64>().is_ok_and(|number| number.to_string() == value);
     let has_zeros = |value: &str| {
@@ -325,7 +326,7 @@ pub(super) fn kind(column: &ArrayRef) -> DataType {
         digits.starts_with('0') && digits[1..].starts_with(|c: char| c.is_ascii_digit())
     };
     let begins = |value: &str| value.starts_with(|c: char| matches!(c, '-' | '.') || c.is_ascii_digit());
-    // A whole number that does not fit would lose its last digits as a double.
+    // An integer that exceeds 64 bits would lose its last digits as a double.
     let is_huge = |value: &str| value.parse::<i64>().is_err() && value.bytes().all(|b| b.is_ascii_digit());
     let is_number =
         |value: &str| begins(value) && value.parse::<f64>().is_ok() && !has_zeros(value) && !is_huge(value);
@@ -342,8 +343,9 @@ pub(super) fn kind(column: &ArrayRef) -> DataType {
     }
 }
 
-/// The cells as a type; else the first row that is not, and what it should be.
-pub(super) fn parsed(column: &ArrayRef, kind: &DataType) -> Result<ArrayRef, (usize, &'static str)> {
+/// Parses the cells as a type. On failure, returns the first wrong row and a description of the expected
+/// value.
+pub(super) fn parse_as(column: &ArrayRef, kind: &DataType) -> Result<ArrayRef, (usize, &'static str)> {
     match kind {
         DataType::Int64 => all::<i64, Int64Array>(column, "a whole number"),
         DataType::Float64 => all::<f64, Float64Array>(column, "a number"),
@@ -370,11 +372,11 @@ mod tests {
     use super::*;
 
     fn of(cells: &[&str]) -> DataType {
-        kind(&(Arc::new(StringArray::from_iter_values(cells)) as ArrayRef))
+        infer_type(&(Arc::new(StringArray::from_iter_values(cells)) as ArrayRef))
     }
 
     #[test]
-    fn a_column_is_what_all_its_cells_are() {
+    fn column_type_fits_all_cells() {
         assert_eq!(of(&["1", "-20"]), DataType::Int64);
         assert_eq!(of(&["1", "2.5", "-1e-3", ".5", "0.1"]), DataType::Float64);
         assert_eq!(of(&["true", "false"]), DataType::Boolean);

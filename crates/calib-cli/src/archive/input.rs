@@ -1,8 +1,5 @@
-//! A file or pipe that a table is read from.
-//!
-//! Text that is packed as a whole: gzip and Zstandard, known by their first bytes or by the name.
-//!
-//! Readers of libraries that may panic over broken input: that, too, is an input that is invalid.
+//! Input file or pipe of a table, with decompression (gzip and Zstandard, recognised by their first bytes or
+//! by name). Panics of the table readers are reported as invalid input.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -17,43 +14,47 @@ use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 
-use super::{Format, Output, Packing, Purpose, Source};
-use crate::stop::Stop;
+use super::{Format, Output, OutputOptions, ReadOptions, Source};
+use crate::stop::CommandError;
 
-struct Guarded {
+struct PanicGuard {
     name: String,
     source: Box<dyn Source>,
 }
 
-/// Opens a table.
-pub(super) fn open(format: &Format, input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+/// Opens a table. Panics of its reader become errors.
+pub(super) fn open(
+    format: &Format,
+    input: Input,
+    purpose: ReadOptions<'_>,
+) -> Result<Box<dyn Source>, CommandError> {
     let name = input.name.clone();
-    let source = guarded(&name, || (format.open)(input, purpose))?;
-    Ok(Box::new(Guarded { name, source }))
+    let source = catch_panics(&name, || (format.open)(input, purpose))?;
+    Ok(Box::new(PanicGuard { name, source }))
 }
 
-/// Does `work` without a word on stderr if it panics.
-fn guarded<T>(name: &str, work: impl FnOnce() -> Result<T, Stop>) -> Result<T, Stop> {
+/// Runs `work`; a panic becomes an error and prints nothing.
+fn catch_panics<T>(name: &str, work: impl FnOnce() -> Result<T, CommandError>) -> Result<T, CommandError> {
     let hook = take_hook();
     set_hook(Box::new(|_| {}));
-    // What panicked is not used again.
+    // A reader is not used again after a panic.
     let done = catch_unwind(AssertUnwindSafe(work));
     set_hook(hook);
-    done.unwrap_or_else(|_| Err(Stop::invalid(name, "not a whole table: it contradicts itself")))
+    done.unwrap_or_else(|_| Err(CommandError::invalid(name, "damaged table: its content is inconsistent")))
 }
 
-impl Source for Guarded {
+impl Source for PanicGuard {
     fn schema(&self) -> Option<SchemaRef> {
         self.source.schema()
     }
 
-    fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
+    fn next(&mut self) -> Option<Result<RecordBatch, CommandError>> {
         let Self { name, source } = self;
-        guarded(name, || source.next().transpose()).transpose()
+        catch_panics(name, || source.next().transpose()).transpose()
     }
 
-    fn place(&self, row: usize) -> String {
-        self.source.place(row)
+    fn row_name(&self, row: usize) -> String {
+        self.source.row_name(row)
     }
 
     fn is_broken(&self, row: usize) -> bool {
@@ -64,21 +65,21 @@ impl Source for Guarded {
         self.source.rows()
     }
 
-    fn packing(&self) -> Packing {
-        self.source.packing()
+    fn output_options(&self) -> OutputOptions {
+        self.source.output_options()
     }
 }
 
-/// How a file is packed as a whole.
+/// Compression of a whole file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Packed {
+pub(crate) enum FileCompression {
     Gzip,
     Zstd,
 }
 
-impl Packed {
-    /// As the first bytes say.
-    pub(super) fn of_bytes(head: &[u8]) -> Option<Self> {
+impl FileCompression {
+    /// Detects the compression from the first bytes.
+    pub(super) fn from_first_bytes(head: &[u8]) -> Option<Self> {
         match head {
             [0x1F, 0x8B, ..] => Some(Self::Gzip),
             [0x28, 0xB5, 0x2F, 0xFD, ..] => Some(Self::Zstd),
@@ -86,8 +87,8 @@ impl Packed {
         }
     }
 
-    /// As the name says, and the name of what is packed.
-    pub(super) fn of_path(path: &str) -> Option<(Self, &str)> {
+    /// Detects the compression from the file name, and returns the name without the compression's extension.
+    pub(super) fn from_file_name(path: &str) -> Option<(Self, &str)> {
         let extension = Path::new(path).extension()?.to_str()?;
         let packed = match extension.to_ascii_lowercase().as_str() {
             "gz" => Self::Gzip,
@@ -97,122 +98,125 @@ impl Packed {
         Some((packed, &path[..path.len() - extension.len() - 1]))
     }
 
-    /// What is read once it is unpacked.
-    pub(super) fn unpack(self, from: Box<dyn Read>) -> std::io::Result<Box<dyn Read>> {
+    /// Returns a reader of the decompressed bytes.
+    pub(super) fn decoder(self, from: Box<dyn Read>) -> std::io::Result<Box<dyn Read>> {
         Ok(match self {
             Self::Gzip => Box::new(MultiGzDecoder::new(from)),
             Self::Zstd => Box::new(zstd::Decoder::new(from)?),
         })
     }
 
-    /// Packs what is written.
-    pub(crate) fn pack(self, to: Output<'_>) -> Result<Output<'_>, Stop> {
+    /// Returns a writer that compresses to `to`.
+    pub(crate) fn encoder(self, to: Output<'_>) -> Result<Output<'_>, CommandError> {
         Ok(match self {
-            Self::Gzip => Box::new(Ended(Some(GzEncoder::new(to, Compression::default())))),
-            Self::Zstd => Box::new(Ended(Some(zstd::Encoder::new(to, zstd::DEFAULT_COMPRESSION_LEVEL)?))),
+            Self::Gzip => Box::new(FinishOnFlush(Some(GzEncoder::new(to, Compression::default())))),
+            Self::Zstd => {
+                Box::new(FinishOnFlush(Some(zstd::Encoder::new(to, zstd::DEFAULT_COMPRESSION_LEVEL)?)))
+            }
         })
     }
 }
 
-/// An encoder whose end is written with the last flush, where its failure is told: a table is flushed once.
-struct Ended<E: End>(Option<E>);
+/// Encoder that finishes on the first flush, so that the error of finishing is reported. A table is flushed
+/// once.
+struct FinishOnFlush<E: Finish>(Option<E>);
 
-trait End: Write {
-    fn end(self) -> std::io::Result<()>;
+trait Finish: Write {
+    fn finish_encoding(self) -> std::io::Result<()>;
 }
 
-impl End for GzEncoder<Output<'_>> {
-    fn end(self) -> std::io::Result<()> {
+impl Finish for GzEncoder<Output<'_>> {
+    fn finish_encoding(self) -> std::io::Result<()> {
         self.finish()?.flush()
     }
 }
 
-impl End for zstd::Encoder<'_, Output<'_>> {
-    fn end(self) -> std::io::Result<()> {
+impl Finish for zstd::Encoder<'_, Output<'_>> {
+    fn finish_encoding(self) -> std::io::Result<()> {
         self.finish()?.flush()
     }
 }
 
-impl<E: End> Write for Ended<E> {
+impl<E: Finish> Write for FinishOnFlush<E> {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.0.as_mut().map_or(Ok(0), |encoder| encoder.write(bytes))
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
-        self.0.take().map_or(Ok(()), End::end)
+        self.0.take().map_or(Ok(()), Finish::finish_encoding)
     }
 }
 
-/// First bytes that tell a format.
-const HEAD: u64 = 8;
+/// Number of first bytes that identify a format.
+const HEAD_BYTES: u64 = 8;
 
-/// A file or pipe that a table is read from.
+/// Input file or pipe of a table.
 pub(crate) struct Input {
-    /// For messages.
+    /// Name for messages.
     pub(crate) name: String,
-    from: From,
-    /// Bytes read so far.
+    from: Origin,
+    /// Number of bytes read so far.
     read: Rc<Cell<u64>>,
-    /// Bytes in all, of a file.
+    /// Size of the file, in bytes; absent for a pipe.
     pub(crate) bytes: Option<u64>,
-    /// Whether it is packed as a whole.
-    is_packed: bool,
+    /// Whether the whole file is compressed.
+    is_compressed: bool,
 }
 
-enum From {
+enum Origin {
     File(File),
     Pipe(Box<dyn Read>),
 }
 
 impl Input {
-    /// Opens a file or a named pipe; `-` is stdin. What is packed as a whole is unpacked as it is read.
-    pub(crate) fn open(path: &str) -> Result<Self, Stop> {
-        let mut input = if path == "-" { Self::stdin() } else { Self::of_path(path)? };
+    /// Opens a file or a named pipe, with decompression; `-` is stdin.
+    pub(crate) fn open(path: &str) -> Result<Self, CommandError> {
+        let mut input = if path == "-" { Self::stdin() } else { Self::open_path(path)? };
         let head = input.head()?;
-        if let Some(packed) = Packed::of_bytes(&head) {
-            let refused = |error| Stop::invalid(&input.name, error);
-            let unpacked = packed.unpack(input.from.into_read(&input.read)).map_err(refused)?;
-            input = Self { from: From::Pipe(unpacked), is_packed: true, ..input };
+        if let Some(packed) = FileCompression::from_first_bytes(&head) {
+            let refused = |error| CommandError::invalid(&input.name, error);
+            let unpacked = packed.decoder(input.from.into_read(&input.read)).map_err(refused)?;
+            input = Self { from: Origin::Pipe(unpacked), is_compressed: true, ..input };
         }
         Ok(input)
     }
 
     fn stdin() -> Self {
         let read = Rc::default();
-        let from = From::Pipe(counted(std::io::stdin().lock(), &read));
-        Self { name: "stdin".into(), from, read, bytes: None, is_packed: false }
+        let from = Origin::Pipe(counted(std::io::stdin().lock(), &read));
+        Self { name: "stdin".into(), from, read, bytes: None, is_compressed: false }
     }
 
-    fn of_path(path: &str) -> Result<Self, Stop> {
-        let refused = |error| Stop::invalid(path, error);
+    fn open_path(path: &str) -> Result<Self, CommandError> {
+        let refused = |error| CommandError::invalid(path, error);
         let about = std::fs::metadata(path).map_err(refused)?;
         if about.is_dir() {
-            return Err(Stop::invalid(path, "is a folder, expected a file"));
+            return Err(CommandError::invalid(path, "is a folder, expected a file"));
         }
         if is_device(&about) {
-            return Err(Stop::invalid(path, "is a device, expected a file or a pipe"));
+            return Err(CommandError::invalid(path, "is a device, expected a file or a pipe"));
         }
         let file = File::open(path).map_err(refused)?;
         let read = Rc::default();
-        // A named pipe cannot be gone back in.
+        // A named pipe does not support seeking.
         let (from, bytes) = match about.is_file() {
-            true => (From::File(file), Some(about.len())),
-            false => (From::Pipe(counted(file, &read)), None),
+            true => (Origin::File(file), Some(about.len())),
+            false => (Origin::Pipe(counted(file, &read)), None),
         };
-        Ok(Self { name: path.into(), from, read, bytes, is_packed: false })
+        Ok(Self { name: path.into(), from, read, bytes, is_compressed: false })
     }
 
-    /// The first bytes, which are still to be read.
-    fn head(&mut self) -> Result<Vec<u8>, Stop> {
+    /// Returns the first bytes without consuming them.
+    fn head(&mut self) -> Result<Vec<u8>, CommandError> {
         let mut head = Vec::new();
-        let refused = |error| Stop::invalid(&self.name, error);
+        let refused = |error| CommandError::invalid(&self.name, error);
         match &mut self.from {
-            From::File(file) => {
-                file.take(HEAD).read_to_end(&mut head).map_err(refused)?;
+            Origin::File(file) => {
+                file.take(HEAD_BYTES).read_to_end(&mut head).map_err(refused)?;
                 file.seek(SeekFrom::Start(0)).map_err(refused)?;
             }
-            From::Pipe(pipe) => {
-                pipe.take(HEAD).read_to_end(&mut head).map_err(refused)?;
+            Origin::Pipe(pipe) => {
+                pipe.take(HEAD_BYTES).read_to_end(&mut head).map_err(refused)?;
                 let rest = std::mem::replace(pipe, Box::new(std::io::empty()));
                 *pipe = Box::new(Cursor::new(head.clone()).chain(rest));
             }
@@ -220,30 +224,30 @@ impl Input {
         Ok(head)
     }
 
-    /// The format that the first bytes tell.
-    pub(crate) fn format(&mut self) -> Result<&'static Format, Stop> {
-        Ok(Format::of_bytes(&self.head()?))
+    /// Detects the format from the first bytes.
+    pub(crate) fn format(&mut self) -> Result<&'static Format, CommandError> {
+        Ok(Format::from_first_bytes(&self.head()?))
     }
 
-    /// How many bytes have been read, whoever reads them.
+    /// Returns the counter of bytes read so far.
     pub(crate) fn counter(&self) -> Rc<Cell<u64>> {
         Rc::clone(&self.read)
     }
 
-    /// To be read from front to back.
+    /// Returns a sequential reader.
     pub(crate) fn into_read(self) -> Box<dyn Read> {
         self.from.into_read(&self.read)
     }
 
-    /// To be read anywhere; a pipe is kept in a temporary file that nobody sees.
-    pub(crate) fn into_file(self) -> Result<File, Stop> {
-        if self.is_packed {
-            let what = "a table of this format is not packed as a whole; unpack it first";
-            return Err(Stop::invalid(&self.name, what));
+    /// Returns a seekable file; a pipe is copied to an anonymous temporary file.
+    pub(crate) fn into_file(self) -> Result<File, CommandError> {
+        if self.is_compressed {
+            let what = "a file of this format cannot be compressed as a whole; decompress it first";
+            return Err(CommandError::invalid(&self.name, what));
         }
         match self.from {
-            From::File(file) => Ok(file),
-            From::Pipe(mut pipe) => {
+            Origin::File(file) => Ok(file),
+            Origin::Pipe(mut pipe) => {
                 let mut kept = tempfile::tempfile()?;
                 std::io::copy(&mut pipe, &mut kept)?;
                 kept.seek(SeekFrom::Start(0))?;
@@ -253,7 +257,7 @@ impl Input {
     }
 }
 
-impl From {
+impl Origin {
     fn into_read(self, read: &Rc<Cell<u64>>) -> Box<dyn Read> {
         match self {
             Self::File(file) => counted(file, read),
@@ -262,7 +266,7 @@ impl From {
     }
 }
 
-/// Whether a path leads to what has no end and no place: a disk, a terminal, a source of zeros.
+/// Whether a path is a device, which has no definite length: a disk, a terminal, or a source of zeros.
 fn is_device(about: &std::fs::Metadata) -> bool {
     #[cfg(unix)]
     {

@@ -1,4 +1,9 @@
-//! Tables of any size, read and written batch by batch: one format a file, and the list of them.
+//! Tables of any size in CSV, NDJSON, Arrow IPC and Parquet, read and written in batches.
+//!
+//! A reader never allocates memory for a size that the input only states. Files, in the order of the data:
+//! - `input`: input files and pipes, with decompression
+//! - `csv`, `ndjson`, `arrow`, `parquet`: readers and writers of one format each
+//! - `page_guard`, `zstd_bound`: limits for the decompressed size of Parquet pages
 
 mod arrow;
 mod csv;
@@ -15,97 +20,97 @@ use arrow_array::RecordBatch;
 use arrow_schema::{Schema, SchemaRef};
 
 use calib_table::{is_json, json_field, plain};
-pub(crate) use input::{Input, Packed};
-pub(crate) use parquet::Packing;
+pub(crate) use input::{FileCompression, Input};
+pub(crate) use parquet::OutputOptions;
 
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// Rows of a batch: enough to keep the columns busy, few enough to stay in the cache.
+/// Number of rows of a batch: large enough for efficient columns, small enough for the cache.
 pub(crate) const BATCH_ROWS: usize = 8192;
 
-/// Most bytes that one row of text may have: what is longer is not a table.
+/// Maximum size of a row of text, in bytes.
 const MAX_ROW_BYTES: u64 = 64 << 20;
 
-/// Most columns of a table of text: what has more is a bag of anything.
+/// Maximum number of columns of a text table.
 const MAX_COLUMNS: usize = 10_000;
-/// Rows of a table of text that tell the types of its columns.
-const FIRST_ROWS: usize = 1 << 16;
-/// What a cell of a table of text takes beside its text, in bytes: empty cells count, too.
+/// Number of first rows of a text table that determine the column types.
+const TYPE_INFERENCE_ROWS: usize = 1 << 16;
+/// Memory of a text cell without its text, in bytes.
 const CELL_BYTES: usize = 8;
 
-/// A table that is read.
+/// Table reader.
 pub(crate) trait Source {
-    /// The columns, where they are known before the first row.
+    /// Returns the columns, if they are known before the first row.
     fn schema(&self) -> Option<SchemaRef>;
 
-    /// The next rows; columns may differ from batch to batch where the format allows it.
-    fn next(&mut self) -> Option<Result<RecordBatch, Stop>>;
+    /// Returns the next batch; its columns may differ from the previous batch if the format allows it.
+    fn next(&mut self) -> Option<Result<RecordBatch, CommandError>>;
 
-    /// What a row of the batch read last is called in messages.
-    fn place(&self, row: usize) -> String;
+    /// Returns the name of a row of the last batch, for messages.
+    fn row_name(&self, row: usize) -> String;
 
-    /// Whether a row of the batch read last is not whole: what is in its cells may be of others.
+    /// Whether a row of the last batch is incomplete; its cells may be shifted.
     fn is_broken(&self, _row: usize) -> bool {
         false
     }
 
-    /// Rows in all, where that is known.
+    /// Returns the total number of rows, if known.
     fn rows(&self) -> Option<u64> {
         None
     }
 
-    /// How the table is packed, in the terms of the format that says so.
-    fn packing(&self) -> Packing {
-        Packing::default()
+    /// Returns the compression of the table, for output in the same format.
+    fn output_options(&self) -> OutputOptions {
+        OutputOptions::default()
     }
 }
 
-/// A table that is written.
+/// Table writer.
 pub(crate) trait Sink {
-    fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop>;
+    fn write(&mut self, batch: &RecordBatch) -> Result<(), CommandError>;
 
-    /// Ends the table.
-    fn finish(self: Box<Self>) -> Result<(), Stop>;
+    /// Finishes the table.
+    fn finish(self: Box<Self>) -> Result<(), CommandError>;
 }
 
-/// What a table is read for.
+/// Options for reading a table.
 #[derive(Clone, Copy)]
-pub(crate) struct Purpose<'a> {
-    /// In which it is to be written.
+pub(crate) struct ReadOptions<'a> {
+    /// Format of the output.
     pub(crate) to: &'static Format,
-    /// Columns that stay text, whatever their cells look like.
+    /// Columns that stay text, even if their cells look like numbers.
     pub(crate) as_text: &'a [String],
-    /// Whether rows that are not whole are handed on ([`Source::is_broken`]), and do not end the run.
-    pub(crate) keeps_broken: bool,
+    /// Whether incomplete rows are read ([`Source::is_broken`]) instead of ending the run.
+    pub(crate) keeps_incomplete: bool,
 }
 
-/// What to do about a row that is not whole.
-const GOES_ON: &str = "--bad-rows status goes on with the others";
+/// Advice for an incomplete row.
+const GOES_ON: &str = "use --bad-rows status to continue";
 
-/// Where a table is written to.
+/// Writer of the output.
 pub(crate) type Output<'a> = Box<dyn Write + Send + 'a>;
 
-type Open = fn(Input, Purpose<'_>) -> Result<Box<dyn Source>, Stop>;
-type Create = for<'a> fn(Output<'a>, &Schema, Packing) -> Result<Box<dyn Sink + 'a>, Stop>;
+type Open = fn(Input, ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError>;
+type Create = for<'a> fn(Output<'a>, &Schema, OutputOptions) -> Result<Box<dyn Sink + 'a>, CommandError>;
 
-/// A format of tables.
+/// Table format.
 pub(crate) struct Format {
-    /// By which it is asked for.
+    /// Name on the command line.
     pub(crate) name: &'static str,
     pub(crate) about: &'static str,
-    /// Of file names, without the dot.
+    /// File name extensions, without the dot.
     extensions: &'static [&'static str],
-    /// First bytes by which it is known in a pipe.
+    /// First bytes of the format, for detection in a pipe.
     magic: &'static [&'static [u8]],
-    /// Whether values have types; where they have none, all are text.
+    /// Whether values have types; otherwise all are text.
     is_typed: bool,
-    /// Whether it is text, which is packed as a whole or not at all.
+    /// Whether the format is text, which is compressed as a whole or not at all.
     is_text: bool,
     open: Open,
     pub(crate) create: Create,
 }
 
-/// The list is the registry; what has no magic and no extension is the first.
+/// Supported formats. The first is the default for input with unknown first bytes and extension.
 pub(crate) const FORMATS: &[Format] = &[
     Format {
         name: "csv",
@@ -119,7 +124,7 @@ pub(crate) const FORMATS: &[Format] = &[
     },
     Format {
         name: "ndjson",
-        about: "one JSON object a line",
+        about: "one JSON object per line",
         extensions: &["ndjson", "jsonl"],
         magic: &[b"{"],
         is_typed: true,
@@ -161,35 +166,39 @@ pub(crate) const FORMATS: &[Format] = &[
 
 impl Format {
     /// Opens a table.
-    pub(crate) fn open(&self, input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+    pub(crate) fn open(
+        &self,
+        input: Input,
+        purpose: ReadOptions<'_>,
+    ) -> Result<Box<dyn Source>, CommandError> {
         input::open(self, input, purpose)
     }
 
-    /// The format of a name that was checked already.
-    pub(crate) fn named(name: &str) -> Result<&'static Self, Stop> {
+    /// Returns the format with a name that was checked before.
+    pub(crate) fn from_name(name: &str) -> Result<&'static Self, CommandError> {
         let found = FORMATS.iter().find(|format| format.name == name);
-        found.ok_or_else(|| Stop::Usage(format!("{name}: no such format of tables")))
+        found.ok_or_else(|| CommandError::Usage(format!("{name}: unknown table format")))
     }
 
-    /// The format that the name of a file asks for, however that is packed.
+    /// Returns the format for a file name, ignoring the extension of a compression.
     pub(crate) fn of_path(path: &str) -> Option<&'static Self> {
-        let path = Packed::of_path(path).map_or(path, |(_, inner)| inner);
+        let path = FileCompression::from_file_name(path).map_or(path, |(_, inner)| inner);
         let extension = Path::new(path).extension()?.to_string_lossy().to_lowercase();
         FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))
     }
 
-    /// How the name of a file asks a table of this format to be packed as a whole.
-    pub(crate) fn packed(&self, path: &str) -> Result<Option<Packed>, Stop> {
-        let Some((packed, inner)) = Packed::of_path(path) else { return Ok(None) };
+    /// Returns the compression that the output's file name requests.
+    pub(crate) fn compression_for(&self, path: &str) -> Result<Option<FileCompression>, CommandError> {
+        let Some((packed, inner)) = FileCompression::from_file_name(path) else { return Ok(None) };
         if self.is_text {
             return Ok(Some(packed));
         }
-        let what = format!("--output {path}: {} is packed inside; name it {inner}", self.name);
-        Err(Stop::Usage(what))
+        let what = format!("--output {path}: {} is compressed internally; name the file {inner}", self.name);
+        Err(CommandError::Usage(what))
     }
 
-    /// The format of a table that begins with these bytes.
-    pub(crate) fn of_bytes(bytes: &[u8]) -> &'static Self {
+    /// Detects the format from the first bytes of a table.
+    pub(crate) fn from_first_bytes(bytes: &[u8]) -> &'static Self {
         let known = |format: &&Self| format.magic.iter().any(|magic| bytes.starts_with(magic));
         FORMATS.iter().find(known).unwrap_or(&FORMATS[0])
     }

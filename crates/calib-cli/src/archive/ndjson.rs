@@ -1,5 +1,5 @@
-//! NDJSON: values that are passed on to NDJSON stay as they were written; for other formats, the first
-//! lines tell the types.
+//! NDJSON tables. Values stay unchanged in NDJSON output. For other formats, the types are inferred from the
+//! first lines.
 
 use std::borrow::Cow;
 use std::io::{BufRead as _, BufReader, Read};
@@ -18,62 +18,72 @@ use arrow_schema::{DataType, Field, FieldRef, Schema, SchemaRef};
 use serde::de::{Deserializer, Error as _, MapAccess, Visitor};
 use serde_json::value::RawValue;
 
-use super::arrow::in_utc;
+use super::arrow::to_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, FIRST_ROWS, Format, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, Packing,
-    Purpose, Sink, Source, is_json, json_field, plain,
+    BATCH_ROWS, CELL_BYTES, Format, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, OutputOptions,
+    ReadOptions, Sink, Source, TYPE_INFERENCE_ROWS, is_json, json_field, plain,
 };
-use crate::stop::Stop;
+use crate::stop::CommandError;
 
-/// Text that a batch may have before it is handed on.
+/// Size of the text in a batch, in bytes.
 const BATCH_BYTES: usize = 64 << 20;
 
-struct Lines {
+struct NdjsonSource {
     name: String,
     reader: BufReader<Box<dyn Read>>,
     to: &'static Format,
-    keeps_broken: bool,
-    /// The columns of a format that has the same ones in every row.
+    keeps_incomplete: bool,
+    /// Columns with types, for output formats with the same columns in every row.
     types: Option<Vec<(String, DataType)>>,
     text: Vec<u8>,
-    /// Of the last line read.
+    /// Number of the last line read.
     line: u64,
-    /// Line of every row of the last batch.
+    /// Line number of each row of the last batch.
     lines: Vec<u64>,
-    /// Of them, in the same order, those that are no JSON object.
-    broken: Vec<u64>,
+    /// Line numbers of the lines that are not JSON objects, in ascending order.
+    incomplete: Vec<u64>,
 }
 
-/// A column while its lines are read.
+/// Column while its lines are read.
 struct Column {
     name: String,
     values: StringBuilder,
 }
 
-pub(super) fn open(input: Input, purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
-    let Purpose { to, keeps_broken, .. } = purpose;
+pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError> {
+    let ReadOptions { to, keeps_incomplete: keeps_broken, .. } = purpose;
     let name = input.name.clone();
     let reader = BufReader::with_capacity(1 << 16, input.into_read());
     let (text, lines, broken) = (Vec::new(), Vec::new(), Vec::new());
-    Ok(Box::new(Lines { name, reader, to, keeps_broken, types: None, text, line: 0, lines, broken }))
+    Ok(Box::new(NdjsonSource {
+        name,
+        reader,
+        to,
+        keeps_incomplete: keeps_broken,
+        types: None,
+        text,
+        line: 0,
+        lines,
+        incomplete: broken,
+    }))
 }
 
-impl Lines {
-    /// Whether every value can stay as it was written.
-    fn passes_on(&self) -> bool {
+impl NdjsonSource {
+    /// Whether the output keeps the text of every value.
+    fn keeps_text(&self) -> bool {
         self.to.name == "ndjson"
     }
 
-    /// Reads the next line that is not empty; whether there was one.
-    fn read_line(&mut self) -> Result<bool, Stop> {
+    /// Reads the next line that is not empty, and returns whether there was one.
+    fn read_line(&mut self) -> Result<bool, CommandError> {
         loop {
             self.text.clear();
             self.line += 1;
             let count = self.reader.by_ref().take(MAX_ROW_BYTES).read_until(b'\n', &mut self.text);
-            let count = count.map_err(|error| Stop::invalid(&self.name, error))?;
+            let count = count.map_err(|error| CommandError::invalid(&self.name, error))?;
             if count as u64 == MAX_ROW_BYTES {
                 let what = format!("line {}: longer than 64 MiB", self.line);
-                return Err(Stop::invalid(&self.name, what));
+                return Err(CommandError::invalid(&self.name, what));
             }
             if count == 0 || !self.text.trim_ascii().is_empty() {
                 return Ok(count > 0);
@@ -82,24 +92,24 @@ impl Lines {
     }
 
     /// Reads lines into columns.
-    fn fill(&mut self) -> Result<Vec<Column>, Stop> {
-        let most = if self.types.is_none() && !self.passes_on() { FIRST_ROWS } else { BATCH_ROWS };
+    fn fill(&mut self) -> Result<Vec<Column>, CommandError> {
+        let most = if self.types.is_none() && !self.keeps_text() { TYPE_INFERENCE_ROWS } else { BATCH_ROWS };
         let mut columns = Vec::new();
         let mut bytes = 0;
         self.lines.clear();
-        self.broken.clear();
+        self.incomplete.clear();
         while self.lines.len() < most && bytes < BATCH_BYTES && self.read_line()? {
             let row = self.lines.len();
-            let object = Object { columns: &mut columns, row };
+            let object = LineVisitor { columns: &mut columns, row };
             let mut json = serde_json::Deserializer::from_slice(&self.text);
             let read = json.deserialize_map(object).and_then(|()| json.end());
             if let Err(error) = read {
-                if !self.keeps_broken {
+                if !self.keeps_incomplete {
                     let what =
-                        format!("line {}: expected one JSON object a line: {error}; {GOES_ON}", self.line);
-                    return Err(Stop::invalid(&self.name, what));
+                        format!("line {}: expected one JSON object per line: {error}; {GOES_ON}", self.line);
+                    return Err(CommandError::invalid(&self.name, what));
                 }
-                self.broken.push(self.line);
+                self.incomplete.push(self.line);
             }
             bytes += self.text.len() + CELL_BYTES * columns.len();
             self.lines.push(self.line);
@@ -110,22 +120,22 @@ impl Lines {
         Ok(columns)
     }
 
-    /// Gives the columns the types that the first lines told.
-    fn typed(&mut self, columns: Vec<(String, ArrayRef)>) -> Result<RecordBatch, Stop> {
+    /// Converts the columns to the types inferred from the first lines.
+    fn with_types(&mut self, columns: Vec<(String, ArrayRef)>) -> Result<RecordBatch, CommandError> {
         let has_types = self.to.is_typed;
         let types = self.types.get_or_insert_with(|| {
-            let kind = |column| if has_types { kind(column) } else { DataType::Utf8 };
+            let kind = |column| if has_types { infer_type(column) } else { DataType::Utf8 };
             columns.iter().map(|(name, column)| (name.clone(), kind(column))).collect()
         });
         if let Some((name, _)) = columns.iter().find(|(name, _)| types.iter().all(|(known, _)| known != name))
         {
             let what = format!(
-                "{} or soon after: the key \"{name}\" is not in the first {FIRST_ROWS} lines, which tell the \
-                 columns of {}; give it there as null, or write ndjson",
-                self.place(0),
+                "{} or soon after: the key \"{name}\" is missing in the first {TYPE_INFERENCE_ROWS} lines, which \
+                 determine the columns of {}; add it there as null, or write ndjson",
+                self.row_name(0),
                 self.to.name
             );
-            return Err(Stop::invalid(&self.name, what));
+            return Err(CommandError::invalid(&self.name, what));
         }
         let rows = self.lines.len();
         let mut fields = Vec::new();
@@ -139,14 +149,14 @@ impl Lines {
             });
             arrays.push(match found {
                 None => new_null_array(fields[fields.len() - 1].data_type(), rows),
-                Some((_, values)) => parsed(values, kind).map_err(|(row, expected)| {
+                Some((_, values)) => parse_as(values, kind).map_err(|(row, expected)| {
                     let text = values.as_string::<i32>().value(row);
                     let what = format!(
                         "line {}, key {name}: found {text}, expected {expected} as in the first lines; write \
                          ndjson, or make the values one type",
                         self.lines[row]
                     );
-                    Stop::invalid(&self.name, what)
+                    CommandError::invalid(&self.name, what)
                 })?,
             });
         }
@@ -154,12 +164,12 @@ impl Lines {
     }
 }
 
-/// What the values of a column are; null where only JSON itself can say.
-fn kind(column: &ArrayRef) -> DataType {
+/// Infers the type of a column from its values; null for a column that must stay JSON.
+fn infer_type(column: &ArrayRef) -> DataType {
     let values = || column.as_string::<i32>().iter().flatten().filter(|value| *value != "null");
     let is_number = |value: &str| value.starts_with(|c: char| c == '-' || c.is_ascii_digit());
     let is_whole = |value: &str| value.parse::<i64>().is_ok();
-    // A whole number that does not fit would lose its last digits as a double.
+    // An integer that exceeds 64 bits would lose its last digits as a double.
     let is_huge =
         |value: &str| value.bytes().all(|byte| byte == b'-' || byte.is_ascii_digit()) && !is_whole(value);
     if values().next().is_none() || values().any(is_huge) {
@@ -177,8 +187,9 @@ fn kind(column: &ArrayRef) -> DataType {
     }
 }
 
-/// JSON values as a type; else the first row that is not, and what it should be.
-fn parsed(column: &ArrayRef, kind: &DataType) -> Result<ArrayRef, (usize, &'static str)> {
+/// Parses JSON values as a type. On failure, returns the first wrong row and a description of the expected
+/// value.
+fn parse_as(column: &ArrayRef, kind: &DataType) -> Result<ArrayRef, (usize, &'static str)> {
     let values = column.as_string::<i32>();
     fn all<'a, T: std::str::FromStr, A: FromIterator<Option<T>> + Array + 'static>(
         values: impl Iterator<Item = Option<&'a str>>,
@@ -199,12 +210,12 @@ fn parsed(column: &ArrayRef, kind: &DataType) -> Result<ArrayRef, (usize, &'stat
     }
 }
 
-impl Source for Lines {
+impl Source for NdjsonSource {
     fn schema(&self) -> Option<SchemaRef> {
         None
     }
 
-    fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
+    fn next(&mut self) -> Option<Result<RecordBatch, CommandError>> {
         let columns = match self.fill() {
             Ok(_) if self.lines.is_empty() => return None,
             Ok(columns) => columns,
@@ -214,27 +225,27 @@ impl Source for Lines {
             .into_iter()
             .map(|mut column| (column.name, Arc::new(column.values.finish()) as ArrayRef))
             .collect();
-        if !self.passes_on() {
-            return Some(self.typed(columns));
+        if !self.keeps_text() {
+            return Some(self.with_types(columns));
         }
         let fields: Vec<Field> = columns.iter().map(|(name, _)| json_field(name)).collect();
         let arrays = columns.into_iter().map(|(_, array)| array).collect();
         let options = arrow_array::RecordBatchOptions::new().with_row_count(Some(self.lines.len()));
         let batch = RecordBatch::try_new_with_options(Arc::new(Schema::new(fields)), arrays, &options);
-        Some(batch.map_err(Stop::from))
+        Some(batch.map_err(CommandError::from))
     }
 
     fn is_broken(&self, row: usize) -> bool {
-        self.lines.get(row).is_some_and(|line| self.broken.binary_search(line).is_ok())
+        self.lines.get(row).is_some_and(|line| self.incomplete.binary_search(line).is_ok())
     }
 
-    fn place(&self, row: usize) -> String {
+    fn row_name(&self, row: usize) -> String {
         format!("line {}", self.lines.get(row).copied().unwrap_or_default())
     }
 }
 
 impl Column {
-    /// Rows that had no such key.
+    /// Adds nulls for rows without this key.
     fn pad(&mut self, rows: usize) {
         use arrow_array::builder::ArrayBuilder as _;
         let short = rows.saturating_sub(self.values.len());
@@ -242,13 +253,13 @@ impl Column {
     }
 }
 
-/// One line, read into the columns.
-struct Object<'a> {
+/// Visitor that reads one line into the columns.
+struct LineVisitor<'a> {
     columns: &'a mut Vec<Column>,
     row: usize,
 }
 
-impl<'de> Visitor<'de> for Object<'_> {
+impl<'de> Visitor<'de> for LineVisitor<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -257,7 +268,7 @@ impl<'de> Visitor<'de> for Object<'_> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
         use arrow_array::builder::ArrayBuilder as _;
-        // Lines mostly have the same keys in the same order.
+        // Lines usually have the same keys in the same order.
         let mut guess = 0;
         while let Some(key) = map.next_key::<Cow<'de, str>>()? {
             let value: &RawValue = map.next_value()?;
@@ -275,7 +286,7 @@ impl<'de> Visitor<'de> for Object<'_> {
             let column = &mut self.columns[index];
             column.pad(self.row);
             if column.values.len() > self.row {
-                return Err(A::Error::custom(format!("the key \"{}\" twice", column.name)));
+                return Err(A::Error::custom(format!("duplicate key \"{}\"", column.name)));
             }
             column.values.append_value(value.get());
             guess = index + 1;
@@ -289,28 +300,28 @@ struct NdjsonSink<'a>(Writer<Output<'a>, LineDelimited>);
 pub(super) fn create<'a>(
     output: Output<'a>,
     _schema: &Schema,
-    _packing: Packing,
-) -> Result<Box<dyn Sink + 'a>, Stop> {
-    let builder = WriterBuilder::new().with_encoder_factory(Arc::new(AsWritten));
+    _packing: OutputOptions,
+) -> Result<Box<dyn Sink + 'a>, CommandError> {
+    let builder = WriterBuilder::new().with_encoder_factory(Arc::new(UnchangedJson));
     Ok(Box::new(NdjsonSink(builder.build(output))))
 }
 
 impl Sink for NdjsonSink<'_> {
-    fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
-        Ok(self.0.write(&in_utc(batch)?)?)
+    fn write(&mut self, batch: &RecordBatch) -> Result<(), CommandError> {
+        Ok(self.0.write(&to_utc(batch)?)?)
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), Stop> {
+    fn finish(mut self: Box<Self>) -> Result<(), CommandError> {
         self.0.finish()?;
         Ok(self.0.get_mut().flush()?)
     }
 }
 
-/// Writes JSON values as they are.
+/// Encoder factory that writes JSON columns unchanged.
 #[derive(Debug)]
-struct AsWritten;
+struct UnchangedJson;
 
-impl EncoderFactory for AsWritten {
+impl EncoderFactory for UnchangedJson {
     fn make_default_encoder<'a>(
         &self,
         field: &'a FieldRef,
@@ -318,13 +329,13 @@ impl EncoderFactory for AsWritten {
         _options: &'a EncoderOptions,
     ) -> Result<Option<NullableEncoder<'a>>, ArrowError> {
         let values = array.as_string_opt::<i32>().filter(|_| is_json(field));
-        Ok(values.map(|values| NullableEncoder::new(Box::new(Written(values)), values.nulls().cloned())))
+        Ok(values.map(|values| NullableEncoder::new(Box::new(JsonText(values)), values.nulls().cloned())))
     }
 }
 
-struct Written<'a>(&'a StringArray);
+struct JsonText<'a>(&'a StringArray);
 
-impl Encoder for Written<'_> {
+impl Encoder for JsonText<'_> {
     fn encode(&mut self, index: usize, out: &mut Vec<u8>) {
         out.extend_from_slice(self.0.value(index).as_bytes());
     }

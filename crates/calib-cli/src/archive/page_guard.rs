@@ -1,5 +1,5 @@
-//! A Parquet file whose pages may not promise more than is read: memory is taken for what a header says, before
-//! anything is unpacked.
+//! Parquet file reader that limits the decompressed size of pages. The library allocates the size in a page's
+//! header before it decompresses, so the header is checked first.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -15,38 +15,39 @@ use bytes::Bytes;
 
 use super::zstd_bound;
 
-/// Most that a page may unpack to, in bytes: writers make pages of a megabyte.
-const MOST: u64 = 256 << 20;
-/// Most that a byte of gzip stands for.
-const GZIP: u64 = 1032;
-/// Most values that the lists of one column may hold in a group of rows: a single row may have all of them, and
-/// nothing takes no bytes.
-const MOST_LISTED: u64 = 64 << 20;
-/// What a value of a list takes, in bytes: itself, and two levels.
-const LISTED_BYTES: u64 = 12;
-/// Most that the fields of a page's header take up to its number of values: five numbers of 32 bits with their
-/// names, and a struct's beginning.
-const HEAD: u64 = 40;
+/// Maximum decompressed size of a page, in bytes; writers make pages of about a megabyte.
+const MAX_PAGE_BYTES: u64 = 256 << 20;
+/// Maximum compression ratio of gzip.
+const MAX_GZIP_RATIO: u64 = 1032;
+/// Maximum number of values in the lists of one column in a row group. A single row may contain all of them,
+/// and null values take no bytes in the file.
+const MAX_LIST_VALUES: u64 = 64 << 20;
+/// Memory of a value in a list, in bytes: the value and two levels.
+const LIST_VALUE_BYTES: u64 = 12;
+/// Maximum size of a page header up to its number of values, in bytes: five 32-bit numbers with their field
+/// headers, and the start of a struct.
+const MAX_HEADER_BYTES: u64 = 40;
 
-/// The pages of a file.
+/// Parquet file with checked pages.
 pub(super) struct PageGuard {
     file: File,
     chunks: Arc<[Chunk]>,
 }
 
-/// A file from where a page may begin: whoever reads on reads its header.
-pub(super) struct FromPage {
+/// Reader at the possible start of a page. The first read checks the header.
+pub(super) struct PageReader {
     file: <File as ChunkReader>::T,
     begin: u64,
-    /// Until the first byte is wanted: the library goes to where pages begin without reading, too.
+    /// Chunks to check against, until the first byte is read. The library also seeks to page starts without
+    /// reading.
     chunks: Option<Arc<[Chunk]>>,
     head: Cursor<Vec<u8>>,
 }
 
-impl Read for FromPage {
+impl Read for PageReader {
     fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
         if let Some(chunks) = self.chunks.take() {
-            self.file.by_ref().take(HEAD).read_to_end(self.head.get_mut())?;
+            self.file.by_ref().take(MAX_HEADER_BYTES).read_to_end(self.head.get_mut())?;
             let chunk = chunk_at(&chunks, self.begin);
             let checked = chunk.map_or(Ok(()), |chunk| chunk.check(self.begin, self.head.get_ref()));
             checked.map_err(std::io::Error::other)?;
@@ -56,18 +57,18 @@ impl Read for FromPage {
     }
 }
 
-/// The chunk at a place.
+/// Returns the chunk that contains a file offset.
 fn chunk_at(chunks: &[Chunk], at: u64) -> Option<&Chunk> {
     let index = chunks.partition_point(|chunk| chunk.range.start <= at).checked_sub(1)?;
     chunks.get(index).filter(|chunk| chunk.range.contains(&at))
 }
 
-/// The pages of a column in a group of rows.
+/// Pages of a column in a row group.
 struct Chunk {
     range: Range<u64>,
-    packed: Compression,
-    /// How many values every page says it has, by where it begins; of lists.
-    listed: Option<Mutex<BTreeMap<u64, u64>>>,
+    codec: Compression,
+    /// Stated number of values of each page, by file offset; only for list columns.
+    list_values: Option<Mutex<BTreeMap<u64, u64>>>,
 }
 
 impl PageGuard {
@@ -78,8 +79,8 @@ impl PageGuard {
             let has_lists = column.column_descr().max_rep_level() > 0;
             Chunk {
                 range: start..start.saturating_add(length),
-                packed: column.compression(),
-                listed: has_lists.then(Mutex::default),
+                codec: column.compression(),
+                list_values: has_lists.then(Mutex::default),
             }
         });
         let mut chunks: Vec<_> = chunks.collect();
@@ -89,20 +90,20 @@ impl PageGuard {
 }
 
 impl Chunk {
-    /// Refuses a page that begins there if it, or its column so far, promises too much.
+    /// Refuses a page if its size, or the number of values of its column so far, exceeds the limit.
     fn check(&self, at: u64, head: &[u8]) -> Result<()> {
         let header = || {
-            PageHeader::of(head).ok_or_else(|| {
-                ParquetError::General("the header of a page does not begin with its sizes".into())
+            PageHeader::parse(head).ok_or_else(|| {
+                ParquetError::General("the header of a page does not start with its sizes".into())
             })
         };
-        if self.packed != Compression::UNCOMPRESSED {
-            check(header()?.unpacked)?;
+        if self.codec != Compression::UNCOMPRESSED {
+            check(header()?.decompressed_size)?;
         }
-        let Some(listed) = &self.listed else { return Ok(()) };
+        let Some(listed) = &self.list_values else { return Ok(()) };
         let mut pages = listed.lock().unwrap_or_else(PoisonError::into_inner);
         pages.insert(at, header()?.values);
-        check_listed(pages.values().sum())
+        check_list_values(pages.values().sum())
     }
 }
 
@@ -113,19 +114,21 @@ impl Length for PageGuard {
 }
 
 impl ChunkReader for PageGuard {
-    type T = FromPage;
+    type T = PageReader;
 
     fn get_read(&self, start: u64) -> Result<Self::T> {
         let (file, chunks) = (self.file.get_read(start)?, Some(Arc::clone(&self.chunks)));
-        Ok(FromPage { file, begin: start, chunks, head: Cursor::default() })
+        Ok(PageReader { file, begin: start, chunks, head: Cursor::default() })
     }
 
-    /// The bytes of a page.
+    /// Reads the bytes of a page, and checks the decompressed size from the data.
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
         let bytes = self.file.get_bytes(start, length)?;
-        match chunk_at(&self.chunks, start).map(|chunk| chunk.packed) {
-            Some(Compression::ZSTD(_)) => check(zstd_bound::unpacked(&bytes))?,
-            Some(Compression::GZIP(_)) if GZIP * length as u64 > MOST => check(gunzipped(&bytes))?,
+        match chunk_at(&self.chunks, start).map(|chunk| chunk.codec) {
+            Some(Compression::ZSTD(_)) => check(zstd_bound::decompressed_size(&bytes))?,
+            Some(Compression::GZIP(_)) if MAX_GZIP_RATIO * length as u64 > MAX_PAGE_BYTES => {
+                check(gzip_decompressed_size(&bytes))?
+            }
             _ => {}
         }
         Ok(bytes)
@@ -133,57 +136,60 @@ impl ChunkReader for PageGuard {
 }
 
 fn check(unpacked: u64) -> Result<()> {
-    if unpacked > MOST {
-        let what = format!("a page unpacks to {unpacked} bytes; at most {MOST} are read");
+    if unpacked > MAX_PAGE_BYTES {
+        let what =
+            format!("a page decompresses to {unpacked} bytes, more than the limit of {MAX_PAGE_BYTES}");
         return Err(ParquetError::General(what));
     }
-    calib_input::room_for(unpacked).map_err(|error| ParquetError::General(format!("a page {error}")))
+    calib_input::check_memory(unpacked).map_err(|error| ParquetError::General(format!("a page {error}")))
 }
 
-fn check_listed(values: u64) -> Result<()> {
-    if values > MOST_LISTED {
+fn check_list_values(values: u64) -> Result<()> {
+    if values > MAX_LIST_VALUES {
         let what = format!(
-            "the lists of a column hold {values} values in one group of rows; at most {MOST_LISTED} are read: write \
-             the file with smaller groups, or without that column"
+            "the lists of a column contain {values} values in one row group, more than the limit of {MAX_LIST_VALUES}: \
+             write the file with smaller row groups, or without that column"
         );
         return Err(ParquetError::General(what));
     }
-    let room = calib_input::room_for(LISTED_BYTES * values);
+    let room = calib_input::check_memory(LIST_VALUE_BYTES * values);
     room.map_err(|error| ParquetError::General(format!("a column of lists {error}")))
 }
 
-/// How much a page unpacks to, by unpacking it into nothing.
-fn gunzipped(bytes: &[u8]) -> u64 {
-    let unpacked = flate2::read::MultiGzDecoder::new(bytes).take(MOST + 1);
+/// Returns the decompressed size of a page, by decompressing it without storing the result.
+fn gzip_decompressed_size(bytes: &[u8]) -> u64 {
+    let unpacked = flate2::read::MultiGzDecoder::new(bytes).take(MAX_PAGE_BYTES + 1);
     std::io::copy(&mut { unpacked }, &mut std::io::sink()).unwrap_or_default()
 }
 
-/// What a page promises.
+/// Sizes stated in a page header.
 #[derive(Debug, PartialEq)]
 struct PageHeader {
-    /// In bytes.
-    unpacked: u64,
-    /// How many there are, with those that are nothing.
+    /// Decompressed size, in bytes.
+    decompressed_size: u64,
+    /// Number of values, including nulls.
     values: u64,
 }
 
 impl PageHeader {
-    /// In Thrift's compact protocol, with every writer: type, unpacked size, packed size, perhaps a checksum, then
-    /// a struct for the kind of page, whose first field is the number of values.
-    fn of(head: &[u8]) -> Option<Self> {
+    /// Parses a page header in Thrift's compact protocol. All writers use the same order: type, decompressed
+    /// size, compressed size, optional checksum, and a struct for the page type. The first field of that
+    /// struct is the number of values.
+    fn parse(head: &[u8]) -> Option<Self> {
         const STRUCT: u8 = 0x0C;
-        let (_, rest) = number(head)?;
-        let (unpacked, rest) = number(rest)?;
-        let (_, rest) = number(rest)?;
-        let rest = number(rest).map_or(rest, |(_, rest)| rest);
+        let (_, rest) = parse_number(head)?;
+        let (unpacked, rest) = parse_number(rest)?;
+        let (_, rest) = parse_number(rest)?;
+        let rest = parse_number(rest).map_or(rest, |(_, rest)| rest);
         let (_, inside) = rest.split_first().filter(|(begin, _)| **begin & 0x0F == STRUCT)?;
-        let (values, _) = number(inside)?;
-        Some(Self { unpacked, values })
+        let (values, _) = parse_number(inside)?;
+        Some(Self { decompressed_size: unpacked, values })
     }
 }
 
-/// The next field, of 32 bits, and what follows. Signs alternate; a negative one is refused by the library.
-fn number(head: &[u8]) -> Option<(u64, &[u8])> {
+/// Parses the next 32-bit field, and returns it with the remaining bytes. Numbers are zigzag encoded; the
+/// library refuses negative ones.
+fn parse_number(head: &[u8]) -> Option<(u64, &[u8])> {
     const NEXT_NUMBER: u8 = 0x15;
     let rest = head.strip_prefix(&[NEXT_NUMBER])?;
     let end = rest.iter().position(|byte| byte & 0x80 == 0)? + 1;
@@ -197,14 +203,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_promise_of_a_page_is_read_from_its_header() {
+    fn page_sizes_are_parsed_from_the_header() {
         const SIZES: [u8; 10] = [0x15, 0x00, 0x15, 0xFE, 0xFF, 0xFF, 0xFF, 0x0F, 0x15, 0x02];
-        let told = Some(PageHeader { unpacked: 0x7FFF_FFFF, values: 5 });
-        assert_eq!(PageHeader::of(&[&SIZES[..], &[0x2C, 0x15, 0x0A]].concat()), told);
+        let told = Some(PageHeader { decompressed_size: 0x7FFF_FFFF, values: 5 });
+        assert_eq!(PageHeader::parse(&[&SIZES[..], &[0x2C, 0x15, 0x0A]].concat()), told);
         let with_checksum = [&SIZES[..], &[0x15, 0xFE, 0x01, 0x4C, 0x15, 0x0A]].concat();
-        assert_eq!(PageHeader::of(&with_checksum), told);
-        assert_eq!(PageHeader::of(&SIZES), None);
-        assert_eq!(PageHeader::of(&[0x2C, 0x15, 0x04]), None);
-        assert_eq!(PageHeader::of(&[]), None);
+        assert_eq!(PageHeader::parse(&with_checksum), told);
+        assert_eq!(PageHeader::parse(&SIZES), None);
+        assert_eq!(PageHeader::parse(&[0x2C, 0x15, 0x04]), None);
+        assert_eq!(PageHeader::parse(&[]), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Apache Parquet: row groups are read and written page by page.
+//! Apache Parquet tables: row groups are read page by page.
 
 use std::sync::Arc;
 
@@ -14,25 +14,25 @@ use arrow_array::RecordBatch;
 use arrow_schema::{DataType, Schema, SchemaRef};
 
 use super::page_guard::PageGuard;
-use super::{BATCH_ROWS, Input, Output, Purpose, Sink, Source};
-use crate::stop::Stop;
+use super::{BATCH_ROWS, Input, Output, ReadOptions, Sink, Source};
+use crate::stop::CommandError;
 
-/// Rows of a group that is written: it is in memory, encoded, until it is whole.
+/// Number of rows of a written row group, which stays encoded in memory until it is complete.
 const GROUP_ROWS: usize = 1 << 18;
 
-/// How a table is written: a Parquet file as the one that is read is packed.
+/// Options of the output; a Parquet output keeps the compression of a Parquet input.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Packing {
-    /// Whether cells of text stay as they are, even what a spreadsheet would run.
+pub(crate) struct OutputOptions {
+    /// Whether text cells stay unchanged, even if a spreadsheet would read them as formulas.
     pub(crate) is_verbatim: bool,
     codec: Option<Compression>,
-    /// Columns without a dictionary: they have shown that it is built in vain.
+    /// Columns without a dictionary in the input, because it did not help there.
     plain: Vec<ColumnPath>,
 }
 
-impl Packing {
-    /// As the first row group is.
-    fn of(about: &ParquetMetaData) -> Self {
+impl OutputOptions {
+    /// Returns the compression of the first row group.
+    fn from_metadata(about: &ParquetMetaData) -> Self {
         let Some(group) = about.row_groups().first() else { return Self::default() };
         let has_dictionary = |column: &ColumnChunkMetaData| {
             column.encodings().any(|e| matches!(e, Encoding::RLE_DICTIONARY | Encoding::PLAIN_DICTIONARY))
@@ -47,35 +47,35 @@ impl Packing {
     }
 }
 
-struct Pages {
+struct ParquetSource {
     name: String,
     reader: ParquetRecordBatchReader,
     schema: SchemaRef,
-    packing: Packing,
-    all: u64,
-    /// Rows before the last batch, and in it.
-    before: usize,
+    packing: OutputOptions,
+    row_count: u64,
+    /// Number of rows before the last batch, for messages; `rows` is the number in that batch.
+    rows_before: usize,
     rows: usize,
 }
 
-pub(super) fn open(input: Input, _purpose: Purpose<'_>) -> Result<Box<dyn Source>, Stop> {
+pub(super) fn open(input: Input, _purpose: ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError> {
     let name = input.name.clone();
-    let broken = |error| Stop::invalid(&name, format!("not a whole Parquet file: {error}"));
+    let broken = |error| CommandError::invalid(&name, format!("not a complete Parquet file: {error}"));
     let file = input.into_file()?;
     let meta = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new()).map_err(broken)?;
     let about = meta.metadata();
     check_codecs(&name, about)?;
     let all = u64::try_from(about.file_metadata().num_rows()).unwrap_or_default();
-    let packing = Packing::of(about);
+    let packing = OutputOptions::from_metadata(about);
     let schema = Arc::clone(meta.schema());
     let guard = PageGuard::new(file, about);
     let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(guard, meta);
     let reader = builder.with_batch_size(BATCH_ROWS).build().map_err(broken)?;
-    Ok(Box::new(Pages { name, reader, schema, packing, all, before: 0, rows: 0 }))
+    Ok(Box::new(ParquetSource { name, reader, schema, packing, row_count: all, rows_before: 0, rows: 0 }))
 }
 
-/// Refuses what is packed in a way that is not read, by its name.
-fn check_codecs(name: &str, about: &ParquetMetaData) -> Result<(), Stop> {
+/// Refuses unsupported compression, and names it.
+fn check_codecs(name: &str, about: &ParquetMetaData) -> Result<(), CommandError> {
     let columns = about.row_groups().iter().flat_map(|group| group.columns());
     for column in columns {
         let codec = match column.compression() {
@@ -84,40 +84,43 @@ fn check_codecs(name: &str, about: &ParquetMetaData) -> Result<(), Stop> {
             _ => continue,
         };
         let what = format!(
-            "column {}: packed with {codec}, which is not read; write the file with Zstandard, Snappy, gzip or LZ4",
+            "column {}: compressed with {codec}, which is not supported; use Zstandard, Snappy, gzip or LZ4",
             column.column_path()
         );
-        return Err(Stop::invalid(name, what));
+        return Err(CommandError::invalid(name, what));
     }
     Ok(())
 }
 
-impl Source for Pages {
+impl Source for ParquetSource {
     fn schema(&self) -> Option<SchemaRef> {
         Some(Arc::clone(&self.schema))
     }
 
-    fn next(&mut self) -> Option<Result<RecordBatch, Stop>> {
+    fn next(&mut self) -> Option<Result<RecordBatch, CommandError>> {
         let batch = self.reader.next()?;
-        self.before += self.rows;
+        self.rows_before += self.rows;
         self.rows = batch.as_ref().map_or(0, RecordBatch::num_rows);
-        // The library's batches say nothing of what the file says of itself.
+        // The batches of the library do not contain the metadata of the file.
         let batch = batch.and_then(|batch| batch.with_schema(Arc::clone(&self.schema)));
         Some(batch.map_err(|error| {
-            let place = self.place(0);
-            Stop::invalid(&self.name, format!("{place} or soon after: not a whole Parquet file: {error}"))
+            let place = self.row_name(0);
+            CommandError::invalid(
+                &self.name,
+                format!("{place} or soon after: not a complete Parquet file: {error}"),
+            )
         }))
     }
 
-    fn place(&self, row: usize) -> String {
-        format!("row {}", self.before + row + 1)
+    fn row_name(&self, row: usize) -> String {
+        format!("row {}", self.rows_before + row + 1)
     }
 
     fn rows(&self) -> Option<u64> {
-        Some(self.all)
+        Some(self.row_count)
     }
 
-    fn packing(&self) -> Packing {
+    fn output_options(&self) -> OutputOptions {
         self.packing.clone()
     }
 }
@@ -125,9 +128,9 @@ impl Source for Pages {
 pub(super) fn create<'a>(
     output: Output<'a>,
     schema: &Schema,
-    packing: Packing,
-) -> Result<Box<dyn Sink + 'a>, Stop> {
-    // What the input has and cannot be written (LZO) is written as what is read everywhere.
+    packing: OutputOptions,
+) -> Result<Box<dyn Sink + 'a>, CommandError> {
+    // Codecs without a writer (LZO, Brotli) are replaced by Zstandard, and deprecated LZ4 by its raw form.
     let codec = match packing.codec {
         None | Some(Compression::LZO | Compression::BROTLI(_)) => Compression::ZSTD(ZstdLevel::default()),
         Some(Compression::LZ4) => Compression::LZ4_RAW,
@@ -140,7 +143,7 @@ pub(super) fn create<'a>(
         .set_max_row_group_row_count(Some(GROUP_ROWS))
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_key_value_metadata(Some(about));
-    // Doubles hardly repeat.
+    // Dictionaries are useless for doubles, which rarely repeat.
     let doubles = schema.fields().iter().filter(|field| field.data_type() == &DataType::Float64);
     let doubles = doubles.map(|field| ColumnPath::from(field.name().as_str()));
     for path in doubles.chain(packing.plain) {
@@ -151,11 +154,11 @@ pub(super) fn create<'a>(
 }
 
 impl Sink for ArrowWriter<Output<'_>> {
-    fn write(&mut self, batch: &RecordBatch) -> Result<(), Stop> {
+    fn write(&mut self, batch: &RecordBatch) -> Result<(), CommandError> {
         Ok(Self::write(self, batch)?)
     }
 
-    fn finish(self: Box<Self>) -> Result<(), Stop> {
+    fn finish(self: Box<Self>) -> Result<(), CommandError> {
         use std::io::Write as _;
         Ok(self.into_inner()?.flush()?)
     }

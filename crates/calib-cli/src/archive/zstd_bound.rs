@@ -1,19 +1,21 @@
-//! What Zstandard frames can unpack to, from the headers of their blocks (RFC 8878, 3.1.1).
+//! Upper bound of the decompressed size of Zstandard frames, from their block headers (RFC 8878, 3.1.1).
 //!
-//! The size that a frame states is compared with what came out only when all of it has.
+//! The size stated in a frame's header is not sufficient: a decoder compares it only after it has
+//! decompressed everything.
 
-/// Most that a block unpacks to.
-const BLOCK: u64 = 128 << 10;
-const FRAME: u32 = 0xFD2F_B528;
+/// Maximum decompressed size of a block, in bytes.
+const MAX_BLOCK_BYTES: u64 = 128 << 10;
+const FRAME_MAGIC: u32 = 0xFD2F_B528;
 
-/// An upper bound of the bytes that whole frames unpack to. What is no frame ends the walk, as it ends decoding.
-pub(super) fn unpacked(mut bytes: &[u8]) -> u64 {
+/// Returns an upper bound of the decompressed size of complete frames, in bytes. It stops at invalid data, as
+/// the decoder does.
+pub(super) fn decompressed_size(mut bytes: &[u8]) -> u64 {
     let mut all = 0_u64;
-    while let Some((magic, rest)) = number(bytes, 4) {
+    while let Some((magic, rest)) = parse_number(bytes, 4) {
         let after = match magic as u32 {
-            FRAME => frame(rest, &mut all),
-            // Frames that are skipped state their length.
-            0x184D_2A50..=0x184D_2A5F => number(rest, 4).and_then(|(length, rest)| rest.get(length..)),
+            FRAME_MAGIC => skip_frame(rest, &mut all),
+            // Skippable frames state their length.
+            0x184D_2A50..=0x184D_2A5F => parse_number(rest, 4).and_then(|(length, rest)| rest.get(length..)),
             _ => None,
         };
         let Some(after) = after else { break };
@@ -22,8 +24,8 @@ pub(super) fn unpacked(mut bytes: &[u8]) -> u64 {
     all
 }
 
-/// What follows a frame; `all` grows by what its blocks unpack to.
-fn frame<'a>(bytes: &'a [u8], all: &mut u64) -> Option<&'a [u8]> {
+/// Returns the bytes after a frame, and adds the decompressed size of its blocks to `all`.
+fn skip_frame<'a>(bytes: &'a [u8], all: &mut u64) -> Option<&'a [u8]> {
     let (&about, rest) = bytes.split_first()?;
     let is_single = about & 0x20 != 0;
     let window = usize::from(!is_single);
@@ -31,13 +33,13 @@ fn frame<'a>(bytes: &'a [u8], all: &mut u64) -> Option<&'a [u8]> {
     let size = [usize::from(is_single), 2, 4, 8][usize::from(about >> 6)];
     let mut rest = rest.get(window + dictionary + size..)?;
     loop {
-        let (head, block) = number(rest, 3)?;
+        let (head, block) = parse_number(rest, 3)?;
         let (is_last, kind, length) = (head & 1 == 1, head >> 1 & 3, head >> 3);
-        // Plain, one byte over and over, packed.
+        // Block types: raw, run of one byte, compressed.
         let (stored, unpacked) = match kind {
             0 => (length, length as u64),
             1 => (1, length as u64),
-            _ => (length, BLOCK),
+            _ => (length, MAX_BLOCK_BYTES),
         };
         *all = all.saturating_add(unpacked);
         rest = block.get(stored..)?;
@@ -48,8 +50,8 @@ fn frame<'a>(bytes: &'a [u8], all: &mut u64) -> Option<&'a [u8]> {
     }
 }
 
-/// A little-endian number of so many bytes, and what follows.
-fn number(bytes: &[u8], count: usize) -> Option<(usize, &[u8])> {
+/// Parses a little-endian number of `count` bytes, and returns it with the remaining bytes.
+fn parse_number(bytes: &[u8], count: usize) -> Option<(usize, &[u8])> {
     let (head, rest) = bytes.split_at_checked(count)?;
     Some((head.iter().rev().fold(0, |number, &byte| number << 8 | usize::from(byte)), rest))
 }
@@ -59,15 +61,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_frame_unpacks_to_more_than_its_bound() {
+    fn frames_do_not_exceed_their_bound() {
         let motley: Vec<u8> = (0..300_000_u32).map(|i| (i.wrapping_mul(i) / 7) as u8).collect();
         for plain in [&[][..], b"short", &motley, &vec![0; 5 << 20]] {
             let mut packed = zstd::encode_all(plain, 3).unwrap_or_default();
-            let bound = unpacked(&packed);
-            assert!((plain.len() as u64..=plain.len() as u64 + 2 * BLOCK).contains(&bound), "{bound}");
+            let bound = decompressed_size(&packed);
+            assert!(
+                (plain.len() as u64..=plain.len() as u64 + 2 * MAX_BLOCK_BYTES).contains(&bound),
+                "{bound}"
+            );
             packed.extend_from_within(..);
-            assert_eq!(unpacked(&packed), 2 * bound, "frames follow each other");
+            assert_eq!(decompressed_size(&packed), 2 * bound, "frames follow each other");
         }
-        assert_eq!(unpacked(b"not a frame"), 0);
+        assert_eq!(decompressed_size(b"not a frame"), 0);
     }
 }

@@ -1,6 +1,4 @@
-//! The bundle adjustment of several cameras, from the view graph to covariances.
-//!
-//! The result of a bundle adjustment.
+//! Bundle adjustment of several cameras, from the view graph to the covariances, and its result.
 
 use std::collections::{HashMap, HashSet};
 
@@ -15,59 +13,60 @@ use crate::bundle::view_graph::{Component, clusters};
 use crate::camera::Camera;
 use crate::single::{Constraints, PlanePrior, Problem, Source, State, predictable};
 
-/// A camera after the adjustment.
+/// Camera after the adjustment.
 #[derive(Clone, Debug)]
 pub struct CameraEstimate {
-    /// With the covariance of what was estimated.
+    /// Camera with the covariance of its estimated parameters.
     pub camera: Camera,
-    /// It is in the base system, or where its component is not located or oriented, in one system with the
-    /// cameras of its component. If not, only its orientation, focal, lens and what its own annotations say
-    /// of its height were refined; position and yaw are those it came with.
+    /// Whether the pose is in the base system, or in the common system of its component if that is not
+    /// located or oriented. If not, only orientation, focal length, lens and the height given by its own
+    /// annotations were refined, and position and yaw keep their input values.
     pub is_connected: bool,
-    /// Sum of the squared residuals, in sigmas, of all that was refined together with it.
+    /// Sum of the squared residuals, in standard deviations, of all cameras refined together with this one.
     pub chi2: f64,
     /// Number of these residuals minus the number of parameters.
     pub dof: i64,
-    /// Standard deviation of what was drawn on it, in pixels: as it was known, or as the residuals have it.
+    /// Standard deviation of the annotated pixels, in pixels: the given value, or the value estimated from
+    /// the residuals.
     pub sigma: f64,
-    /// Distance of every annotation from its prediction, in pixels, those rejected among them.
+    /// Distance of every annotation from its prediction, in pixels, including rejected annotations.
     pub residuals: Vec<(Source, f64)>,
-    /// The chi-square of what was refined together is too large for the noise, at a level of 1 %, and no
+    /// Whether the chi-square of the joint refinement is too large for the noise, at a level of 1 %, and no
     /// outlier explains it.
     pub is_misfit: bool,
 }
 
-/// The result of a bundle adjustment. Indices are those of the adjustment.
+/// Result of a bundle adjustment. Indices refer to the adjustment.
 #[derive(Clone, Debug, Default)]
 pub struct BundleSummary {
-    /// Of every camera; `None` where nothing connects it and its lens is not estimated, where it was
-    /// [`oversized`](Self::oversized) or [`unsolved`](Self::unsolved).
+    /// Estimate of every camera. It is `None` if the camera is not connected and its lens is not estimated,
+    /// or if it is [`oversized`](Self::oversized) or [`unsolved`](Self::unsolved).
     pub cameras: Vec<Option<CameraEstimate>>,
-    /// Every landmark where it was found; switched off where it was rejected or took no part.
+    /// Landmarks at their estimated positions; rejected and unused ones are switched off.
     pub landmarks: Vec<Landmark>,
-    /// Covariance of the parameters of every landmark that was refined; zeros for those that are not free.
+    /// Covariance of the parameters of every refined landmark; zeros for fixed parameters.
     pub landmark_covariances: Vec<Option<[[f64; 3]; 3]>>,
-    /// Planes that were estimated.
+    /// Estimated planes.
     pub planes: Vec<Option<PlaneEstimate>>,
-    /// Every distance; switched off where it was rejected or took no part.
+    /// Distances; rejected and unused ones are switched off.
     pub distances: Vec<DistanceMeasurement>,
-    /// Outliers.
+    /// Rejected outliers.
     pub rejected: Vec<OutlierCandidate>,
-    /// The connected components of the view graph.
+    /// Connected components of the view graph.
     pub components: Vec<Component>,
-    /// Cameras of a component that share too little with the others to be placed.
+    /// Cameras of a component that share too few landmarks with the others to be placed.
     pub unreached: Vec<usize>,
-    /// Cameras that share so much that the system of equations would fill the memory of any machine.
+    /// Cameras whose shared landmarks would give a system of equations that exceeds any memory.
     pub oversized: Vec<usize>,
-    /// Cameras of a cluster in which not everything that is shared can be seen from anywhere.
+    /// Cameras of a cluster with a shared landmark that is not visible from the initial poses.
     pub unsolved: Vec<usize>,
-    /// Landmarks that an observing camera cannot show at the place triangulated from the others.
+    /// Landmarks whose triangulated position is not visible in one of the observing cameras.
     pub unobservable: Vec<usize>,
-    /// Largest root mean square disagreement on the floor, in metres, that the initialisation left between
-    /// two cameras that share landmarks and were not placed one by the other; `None` without loops.
+    /// Largest root mean square disagreement on the floor after initialisation, in metres, over camera pairs
+    /// that share landmarks but no edge of the spanning tree. It is `None` without loops.
     pub loop_closure: Option<f64>,
-    /// Covariance of every two cameras that were refined together, the lower index first; of over 45 cameras, of those
-    /// that observe a landmark in common.
+    /// Covariance of every two cameras refined together, the lower index first. With more than 45 cameras,
+    /// only pairs that observe a common landmark are included.
     pub cross_covariances: HashMap<[usize; 2], CrossCovariance>,
 }
 
@@ -77,13 +76,13 @@ impl BundleSummary {
         !self.unreached.contains(&camera) && self.components.iter().any(|c| c.views.contains(&camera))
     }
 
-    /// The component of a camera, unless it is not reached in it.
+    /// Returns the component of a camera; `None` if the camera is unreached.
     pub(crate) fn component(&self, camera: usize) -> Option<&Component> {
         let component = self.components.iter().find(|component| component.views.contains(&camera));
         component.filter(|_| !self.unreached.contains(&camera))
     }
 
-    /// Landmarks that these cameras observe, and distances between them.
+    /// Returns the landmarks that these cameras observe, and the distances between them.
     pub(crate) fn observed_by(&self, cluster: &[usize]) -> (Vec<usize>, Vec<usize>) {
         let is_observed = |landmark: &Landmark| {
             let mut seen = landmark.observations.iter();
@@ -99,8 +98,8 @@ impl BundleSummary {
         (landmarks, distances)
     }
 
-    /// Takes over a refined cluster, of which cameras, landmarks and distances have these indices.
-    pub(crate) fn take(
+    /// Adds the result of a refined cluster with the given indices of cameras, landmarks and distances.
+    pub(crate) fn add_refined(
         &mut self,
         refined: Refined,
         of: (&[BundleCamera], &[PlanePrior]),
@@ -117,8 +116,8 @@ impl BundleSummary {
         }
         for (estimate, &landmark) in refined.landmarks.iter().zip(landmarks) {
             if let Some(estimate) = estimate {
-                let Landmark { model, place, plane, ground, .. } = &mut self.landmarks[landmark];
-                (*model, *place) = (estimate.model.clone(), estimate.place);
+                let Landmark { model, params, plane, ground, .. } = &mut self.landmarks[landmark];
+                (*model, *params) = (estimate.model.clone(), estimate.params);
                 let found = plane.and_then(|plane| refined.planes[plane]);
                 *ground = found.map_or(*ground, |found| found.plane);
                 self.landmark_covariances[landmark] = Some(estimate.covariance);
@@ -170,7 +169,8 @@ impl CameraEstimate {
     }
 }
 
-/// Residuals of the annotations of every view in sigmas, those of one annotation's parts together.
+/// Returns the residuals of the annotations of every view, in standard deviations; the residuals of one
+/// annotation's parts are combined.
 fn annotation_residuals(refined: &Refined, views: usize) -> Vec<Vec<(Source, f64)>> {
     let mut own: Vec<Vec<(Source, f64)>> = vec![Vec::new(); views];
     for (kind, residual) in &refined.residuals {
@@ -183,7 +183,8 @@ fn annotation_residuals(refined: &Refined, views: usize) -> Vec<Vec<(Source, f64
     own
 }
 
-/// Distances in pixels of the annotations that stage 1 rejected from what the refined camera predicts.
+/// Returns the distances, in pixels, of the annotations rejected by stage 1 from the prediction of the
+/// refined camera.
 fn rejected_residuals(
     entry: &BundleCamera,
     camera: &Camera,
@@ -206,24 +207,25 @@ fn rejected_residuals(
     residuals
 }
 
-/// Several cameras, what they observe in common, and distances that were measured: refined together.
+/// Joint refinement of several cameras from shared landmarks and measured distances.
 ///
-/// 1. The view graph is split into components; each is initialised along a spanning tree, every camera placed by
-///    the landmarks that it shares with cameras placed before it, and all floors are aligned to close loops.
+/// 1. The view graph is split into components. Each component is initialised along a spanning tree: every
+///    camera is placed by the landmarks that it shares with cameras placed before it. All floors are then
+///    aligned to close loops.
 /// 2. Landmarks are triangulated.
-/// 3. Cameras, landmarks and the nuisance parameters of stage 1 are refined by least squares,
-///    every residual divided by its standard deviation: observations and annotations in pixels, priors and
-///    distances in their units. Outliers among landmarks and distances are rejected one by one.
+/// 3. Cameras, landmarks and the nuisance parameters of stage 1 are refined by least squares. Every residual
+///    is divided by its standard deviation: observations and annotations in pixels, priors and distances in
+///    their units. Outliers among landmarks and distances are rejected one by one.
 ///
-/// Unlike in structure from motion, roll, pitch, focal and lens of every camera are known about right before
-/// (from [`Fit`](crate::Fit), or from elsewhere), and the floor is horizontal: only positions and yaws are
-/// without initial values. What of the gauge of a component nothing in the base system fixes is fixed by the
-/// placement of one camera, its [root](crate::Component::root).
+/// Unlike in structure from motion, roll, pitch, focal length and lens of every camera are approximately
+/// known in advance (from [`Fit`](crate::Fit) or another source), and the floor is horizontal. Only positions
+/// and yaws have no initial values. If no known value in the base system fixes the gauge of a component, the
+/// placement of one camera fixes it: the [root](crate::bundle::Component::root).
 ///
 /// # Example
 ///
-/// Two cameras of known height, roll, pitch and focal see four points of the floor; the first stands at the
-/// origin of the base system. Where is the second, and where does it look?
+/// Two cameras of known height, roll, pitch and focal length observe four points of the floor. The first
+/// camera is at the origin of the base system. The example computes the position and yaw of the second.
 ///
 /// ```
 /// use calib_core::{
@@ -255,7 +257,7 @@ fn rejected_residuals(
 ///     BundleAdjustment { cameras: vec![first, second], landmarks: landmarks.to_vec(), ..Default::default() };
 /// let summary = adjustment.solve()?;
 ///
-/// let second = summary.cameras[1].as_ref().expect("it is connected");
+/// let second = summary.cameras[1].as_ref().expect("the second camera is connected");
 /// assert!(second.camera.position.distance(truth[1].position) < 1e-6);
 /// assert!((second.camera.yaw - 0.5).abs() < 1e-6);
 /// assert!(second.camera.covariance.sigma(Covariance::YAW).is_some_and(|sigma| sigma < 0.01));
@@ -264,52 +266,54 @@ fn rejected_residuals(
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct BundleAdjustment<'a> {
-    /// Observations name them by their index.
+    /// Cameras; observations refer to them by index.
     pub cameras: Vec<BundleCamera<'a>>,
-    /// What they observe.
+    /// Landmarks with their observations.
     pub landmarks: Vec<Landmark>,
     /// Distances between landmarks.
     pub distances: Vec<DistanceMeasurement>,
-    /// Planes besides the floor: those that the constraints of cameras and landmarks name by their index.
+    /// Planes other than the floor; constraints and landmarks refer to them by index.
     pub planes: Vec<PlanePrior>,
 }
 
-/// What of an adjustment names something that does not exist, or has an impossible standard deviation.
+/// Invalid index or standard deviation in an adjustment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BundleError {
-    /// The lens of this camera is that of a camera that does not exist, or has it from another itself.
-    LensOf {
+    /// This camera shares the lens of a camera that does not exist, or that shares another camera's lens.
+    SharedLens {
         /// Index of the camera.
         camera: usize,
     },
-    /// This camera has constraints and no fit they belong to.
+    /// This camera has constraints but no fit.
     MissingFit {
         /// Index of the camera.
         camera: usize,
     },
-    /// Something is drawn on this camera on a plane that does not exist.
+    /// This camera has an annotation on a plane that does not exist.
     CameraPlane {
         /// Index of the camera.
         camera: usize,
     },
-    /// This landmark stands on a plane that does not exist.
+    /// This landmark is on a plane that does not exist.
     LandmarkPlane {
         /// Index of the landmark.
         landmark: usize,
     },
-    /// An observation of a camera or a point that does not exist, or its standard deviation is not positive.
+    /// This observation refers to a camera or point that does not exist, or its standard deviation is not
+    /// positive.
     Observation {
         /// Index of the landmark.
         landmark: usize,
         /// Index of the observation in the landmark.
         observation: usize,
     },
-    /// A prior on a parameter that does not exist, or its standard deviation is not positive.
+    /// This landmark has a prior on a parameter that does not exist, or with a standard deviation that is not
+    /// positive.
     LandmarkPrior {
         /// Index of the landmark.
         landmark: usize,
     },
-    /// An end of this distance does not exist, or its standard deviation is not positive.
+    /// This distance refers to a landmark that does not exist, or its standard deviation is not positive.
     Distance {
         /// Index of the distance.
         distance: usize,
@@ -319,21 +323,29 @@ pub enum BundleError {
 impl std::fmt::Display for BundleError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::LensOf { camera } => write!(f, "camera {camera} has the lens of a camera without one"),
+            Self::SharedLens { camera } => write!(
+                f,
+                "camera {camera} shares the lens of a camera that does not exist or shares another lens"
+            ),
             Self::MissingFit { camera } => write!(f, "camera {camera} has constraints but no fit"),
-            Self::CameraPlane { camera } => write!(f, "camera {camera} shows a plane that does not exist"),
+            Self::CameraPlane { camera } => {
+                write!(f, "camera {camera} has an annotation on an unknown plane")
+            }
             Self::LandmarkPlane { landmark } => {
-                write!(f, "landmark {landmark} stands on a plane that does not exist")
+                write!(f, "landmark {landmark} is on an unknown plane")
             }
             Self::Observation { landmark, observation } => write!(
                 f,
-                "observation {observation} of landmark {landmark} is of nothing, or its sigma not positive"
+                "observation {observation} of landmark {landmark} is invalid: unknown camera or point, or sigma not positive"
             ),
             Self::LandmarkPrior { landmark } => {
-                write!(f, "a prior on landmark {landmark} is on nothing, or its sigma not positive")
+                write!(
+                    f,
+                    "a prior on landmark {landmark} is invalid: unknown parameter, or sigma not positive"
+                )
             }
             Self::Distance { distance } => {
-                write!(f, "an end of distance {distance} does not exist, or its sigma is not positive")
+                write!(f, "distance {distance} is invalid: unknown landmark, or sigma not positive")
             }
         }
     }
@@ -342,17 +354,17 @@ impl std::fmt::Display for BundleError {
 impl std::error::Error for BundleError {}
 
 impl BundleAdjustment<'_> {
-    /// Initialises and refines.
+    /// Initialises and refines all cameras and landmarks.
     ///
     /// # Errors
-    /// Where an index or a standard deviation is impossible. What cannot be solved is no error: the summary
-    /// has its indices.
+    /// Returns an error for an invalid index or standard deviation. Cameras and landmarks that cannot be
+    /// solved are not an error: the summary lists their indices.
     pub fn solve(&self) -> Result<BundleSummary, BundleError> {
         self.check()?;
         Ok(self.solve_checked())
     }
 
-    /// As [`Self::solve`], for indices and standard deviations that are right by construction.
+    /// Does the same as [`Self::solve`], for indices and standard deviations that are valid by construction.
     pub fn solve_checked(&self) -> BundleSummary {
         let initial = initialize(&self.cameras, &self.landmarks, &self.distances);
         let Initialization { poses, landmarks, distances, components, unreached, unobservable, loop_closure } =
@@ -384,8 +396,8 @@ impl BundleAdjustment<'_> {
         }
         let mut of_cluster = local_landmarks(&landmarks, cluster, summary);
         let mut between = local_distances(&distances, &landmarks, summary);
-        let copies = Copies::of(&of_cluster, &between);
-        copies.widen(&mut of_cluster, &mut between);
+        let copies = Copies::new(&of_cluster, &between);
+        copies.inflate(&mut of_cluster, &mut between);
         let refinement = Refinement {
             views: self.views(cluster, poses, summary),
             landmarks: of_cluster,
@@ -396,13 +408,18 @@ impl BundleAdjustment<'_> {
         };
         match refinement.solve() {
             Some(refined) => {
-                summary.take(refined, (&self.cameras, &self.planes), [cluster, &landmarks, &distances]);
+                summary.add_refined(
+                    refined,
+                    (&self.cameras, &self.planes),
+                    [cluster, &landmarks, &distances],
+                );
             }
             None => summary.unsolved.extend(cluster),
         }
     }
 
-    /// The cameras of a cluster: at their initial poses where they are connected, else at those given.
+    /// Returns the views of a cluster. Connected cameras start at their initial poses, the others at their
+    /// input poses.
     fn views(&self, cluster: &[usize], poses: &[Camera], summary: &BundleSummary) -> Vec<View<'_>> {
         let view = |&index: &usize| {
             let camera = &self.cameras[index];
@@ -419,7 +436,7 @@ impl BundleAdjustment<'_> {
         for (index, camera) in self.cameras.iter().enumerate() {
             let owner = camera.lens_owner(index);
             if self.cameras.get(owner).is_none_or(|camera| camera.lens_owner(owner) != owner) {
-                return Err(BundleError::LensOf { camera: index });
+                return Err(BundleError::SharedLens { camera: index });
             }
             if camera.fit.is_none() && !camera.constraints.is_empty() {
                 return Err(BundleError::MissingFit { camera: index });
@@ -467,7 +484,7 @@ impl BundleAdjustment<'_> {
     }
 }
 
-/// Landmarks of a cluster, with the observations of its cameras by their indices in the cluster.
+/// Copies the landmarks of a cluster, with the observations of its cameras renumbered to the cluster.
 fn local_landmarks(landmarks: &[usize], cluster: &[usize], summary: &BundleSummary) -> Vec<Landmark> {
     let local = |&index: &usize| {
         let mut landmark = summary.landmarks[index].clone();
@@ -478,7 +495,7 @@ fn local_landmarks(landmarks: &[usize], cluster: &[usize], summary: &BundleSumma
     landmarks.iter().map(local).collect()
 }
 
-/// Distances of a cluster between its landmarks by their indices in the cluster.
+/// Copies the distances of a cluster, with their landmarks renumbered to the cluster.
 fn local_distances(
     distances: &[usize],
     landmarks: &[usize],
@@ -492,9 +509,10 @@ fn local_distances(
     distances.iter().map(local).collect()
 }
 
-/// Whether the cameras share so much that the system of equations would fill the memory of any machine.
+/// Whether the shared landmarks of the cameras would give a system of equations that exceeds any memory.
 fn is_oversized<'a>(landmarks: impl Iterator<Item = &'a Landmark>) -> bool {
-    /// Pairs of cameras that observe a landmark in common: 450 cameras, every one with every other.
+    /// Largest number of camera pairs that observe a common landmark: 450 cameras, each paired with every
+    /// other.
     const MAX_PAIRS: usize = 100_000;
     let mut pairs = HashSet::new();
     for landmark in landmarks {

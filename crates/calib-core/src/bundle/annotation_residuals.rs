@@ -1,17 +1,19 @@
-//! The residuals of stage 1 in a bundle adjustment: under the lens of the state, their derivatives sorted into the
-//! blocks of the camera, of its nuisance parameters, and of a tilt that views share.
+//! Residuals of stage 1 in a bundle adjustment, under the lens of the state. Their derivatives are sorted
+//! into the blocks of the camera, of its nuisance parameters, and of the tilt and planes that views share.
 
 use crate::bundle::camera::CAMERA_PARAMS;
-use crate::bundle::initialization::{CommonTilt, by_common};
+use crate::bundle::initialization::{CommonTilt, common_tilt_derivatives};
 use crate::bundle::problem::BundleProblem;
-use crate::bundle::residuals::{ResidualKind, Stage1Residuals, listed, stage_1_by_lens, stage_1_residuals};
-use crate::bundle::shared_planes::{ByPlane, POSE_OF_PLANE};
+use crate::bundle::residuals::{
+    ResidualKind, Stage1Residuals, compact_blocks, stage_1_by_lens, stage_1_residuals,
+};
+use crate::bundle::shared_planes::{PLANE_POSE_PARAMS, PlaneDerivatives};
 use crate::camera::{Camera, Covariance, Lens};
 use crate::optimize::{JacobianBlock, NormalEquations, NuisanceJacobian};
 use crate::single::{Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL, State};
 
 impl BundleProblem<'_> {
-    /// The residuals of stage 1, those of the priors on the camera included, under the lens of the state.
+    /// Evaluates the residuals of stage 1, including the priors on the camera, under the lens of the state.
     pub(crate) fn each_annotation(
         &self,
         state: &[f64],
@@ -20,7 +22,7 @@ impl BundleProblem<'_> {
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) -> Option<()> {
         let height = camera.position.z;
-        // A camera below the floor has no log height; residuals that depend on it are impossible there.
+        // A camera below the floor has no log height; residuals that depend on it are impossible.
         let log_height = if height > 0.0 { height.ln() } else { f64::NEG_INFINITY };
         let parameters = [camera.roll, camera.pitch, camera.focal.ln(), log_height];
         let stage_1 = State { parameters, nuisance: self.nuisance(state, view) };
@@ -34,13 +36,14 @@ impl BundleProblem<'_> {
             by[Covariance::FOCAL] = jacobian[LOG_FOCAL];
             by[Covariance::Z] = if height > 0.0 { jacobian[LOG_HEIGHT] / height } else { 0.0 };
             d_lens.get(i).iter().for_each(|d_lens| self.views[view].add_lens(&mut by, d_lens));
-            let in_common = tilt.and_then(|(at, lean, yaw)| by_common(nuisance, at, lean, yaw));
-            let is_prior_of_another = source.is_none() && self.tilt.is_some_and(|tilt| tilt.first != view);
+            let in_common = tilt.and_then(|(at, lean, yaw)| common_tilt_derivatives(nuisance, at, lean, yaw));
+            let is_prior_of_another =
+                source.is_none() && self.tilt.is_some_and(|tilt| tilt.prior_view != view);
             if in_common.is_some() && is_prior_of_another {
                 continue;
             }
-            let on_plane = self.by_plane(state, view, camera, nuisance);
-            // A plane that is shared has its priors once, by itself.
+            let on_plane = self.plane_derivatives(state, view, camera, nuisance);
+            // A shared plane has its priors once, in `each_plane_prior`.
             if on_plane.is_some() && source.is_none() {
                 continue;
             }
@@ -49,12 +52,12 @@ impl BundleProblem<'_> {
                     by[Covariance::YAW] += *by_yaw;
                     JacobianBlock { block, by: by_lean }
                 });
-            let plane = on_plane.as_ref().and_then(|ByPlane { plane, by_plane, by_pose }| {
-                POSE_OF_PLANE.iter().zip(by_pose).for_each(|(&at, by_pose)| by[at] += by_pose);
+            let plane = on_plane.as_ref().and_then(|PlaneDerivatives { plane, by_plane, by_pose }| {
+                PLANE_POSE_PARAMS.iter().zip(by_pose).for_each(|(&at, by_pose)| by[at] += by_pose);
                 Some(JacobianBlock { block: self.plane_blocks[*plane]?, by: by_plane })
             });
             let own = self.nuisance_jacobian(view, nuisance, &mut sorted);
-            let (others, count) = listed([tilt, plane, own]);
+            let (others, count) = compact_blocks([tilt, plane, own]);
             let kind =
                 source.map_or(ResidualKind::CameraPrior, |source| ResidualKind::Annotation { view, source });
             self.sink_view(view, *residual, &by, &others[..count], kind, sink);
@@ -62,7 +65,7 @@ impl BundleProblem<'_> {
         Some(())
     }
 
-    /// Drops the weak priors on focals, from the normal equations at a state, too.
+    /// Removes the weak priors on focal lengths, also from the normal equations at a state.
     pub(crate) fn drop_weak_priors(&mut self, state: &[f64], normal: &mut NormalEquations) {
         for view in 0..self.views.len() {
             let Some(prior) = self.views[view].stage_1.priors.weak_log_focal.take() else { continue };
@@ -76,7 +79,8 @@ impl BundleProblem<'_> {
         }
     }
 
-    /// The residuals of stage 1 and, of a lens that is estimated, their derivatives by its parameters.
+    /// Returns the residuals of stage 1 and, for an estimated lens, their derivatives with respect to its
+    /// parameters.
     fn stage_1(
         &self,
         view: usize,
@@ -96,7 +100,8 @@ impl BundleProblem<'_> {
         (d_lens.len() == residuals.len()).then_some((residuals, d_lens))
     }
 
-    /// The derivatives of a residual by the nuisance parameters of a view, sorted into their block.
+    /// Returns the derivatives of a residual with respect to the nuisance parameters of a view, sorted into
+    /// their block.
     fn nuisance_jacobian<'b>(
         &self,
         view: usize,
@@ -104,26 +109,26 @@ impl BundleProblem<'_> {
         sorted: &'b mut Vec<f64>,
     ) -> Option<JacobianBlock<'b>> {
         let entries =
-            || nuisance.entries().iter().filter_map(|&(i, by)| Some((self.own_place(view, i)?, by)));
+            || nuisance.entries().iter().filter_map(|&(i, by)| Some((self.own_nuisance_slot(view, i)?, by)));
         let ((block, _), _) = entries().next()?;
         sorted.clear();
         sorted.resize(self.blocks.sizes[block], 0.0);
-        entries().for_each(|((_, place), by)| sorted[place] = by);
+        entries().for_each(|((_, slot), by)| sorted[slot] = by);
         Some(JacobianBlock { block, by: sorted })
     }
 
-    /// Block and place of a nuisance parameter that is the view's own.
-    fn own_place(&self, view: usize, nuisance: usize) -> Option<(usize, usize)> {
-        let is_shared = |place: &(usize, usize)| self.tilt.is_some_and(|tilt| tilt.block == place.0);
-        self.nuisance_places[view][nuisance].filter(|place| !is_shared(place))
+    /// Returns the block and index of a nuisance parameter that is not shared with other views.
+    fn own_nuisance_slot(&self, view: usize, nuisance: usize) -> Option<(usize, usize)> {
+        let is_shared = |slot: &(usize, usize)| self.tilt.is_some_and(|tilt| tilt.block == slot.0);
+        self.nuisance_layout[view][nuisance].filter(|slot| !is_shared(slot))
     }
 
-    /// Of a view that shows a tilt which it shares with others: its index among the nuisance parameters of the
-    /// view, the lean in the base system, and the yaw of the view.
+    /// Returns the shared tilt as it affects a view: its index among the nuisance parameters of the view, the
+    /// tilt in the base system, and the yaw of the view. Returns `None` if the view does not share it.
     pub(crate) fn common_tilt(&self, state: &[f64], view: usize) -> Option<(usize, [f64; 2], f64)> {
         let CommonTilt { block, .. } = self.tilt?;
         let at = self.views[view].stage_1.nuisances().tilt();
-        self.nuisance_places[view].get(at).copied().flatten().filter(|place| place.0 == block)?;
+        self.nuisance_layout[view].get(at).copied().flatten().filter(|slot| slot.0 == block)?;
         let offset = self.blocks.offsets[block];
         let yaw = match self.camera_layout[view][Covariance::YAW] {
             Some(at) => state[self.blocks.at(at)],

@@ -1,7 +1,7 @@
-//! A bundle problem at its minimum: its cameras and landmarks, their covariance, and how well every outlier
-//! candidate agrees with the rest.
+//! Bundle problem at its minimum: its cameras and landmarks, their covariances, and the agreement of every
+//! outlier candidate with the rest.
 //!
-//! Covariances of cameras and landmarks, from the inverse of the normal equations at the minimum.
+//! Covariances of cameras and landmarks are computed from the inverse of the normal equations at the minimum.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 
 use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::landmark::{
-    DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, observing_in_common,
+    DistanceMeasurement, LANDMARK_PARAMS, Landmark, LandmarkModel, covisible_pairs,
 };
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
@@ -17,43 +17,44 @@ use crate::camera::{Camera, Covariance, Plane};
 use crate::optimize::{BlockCovariance, LevenbergMarquardt, MISFIT_SCORE, chi2_score, is_misfit};
 use crate::single::PRIOR_TELLS;
 
-/// Covariance of the parameters of one camera (rows) with those of another (columns), in the order and
-/// units of [`Covariance`].
+/// Covariance between the parameters of one camera (rows) and of another (columns), in the order and units of
+/// [`Covariance`].
 pub type CrossCovariance = Box<[[f64; Covariance::SIZE]; Covariance::SIZE]>;
 
 /// Covariances of a problem at a state.
 pub(crate) struct Marginals<'a> {
     pub(crate) problem: &'a BundleProblem<'a>,
     pub(crate) covariance: &'a BlockCovariance,
-    /// The cameras at the state.
+    /// Cameras at the state.
     pub(crate) cameras: &'a [Camera],
     /// Factor of the standard deviations of every view.
     pub(crate) inflation: &'a [f64],
-    /// Of all blocks of all cameras, by their pairs, where there are few cameras.
+    /// Covariances of all pairs of camera blocks, if there are few cameras.
     pub(crate) between: Option<&'a HashMap<[usize; 2], DMatrix<f64>>>,
 }
 
-/// Most pairs of cameras, those of 45, of which all covariances are given; of more cameras only those are that the
-/// cameras have which observe something in common.
-const MOST_PAIRS: usize = 1000;
+/// Largest number of camera pairs whose covariances are all computed: 45 cameras. With more cameras, only
+/// pairs with shared landmarks are computed.
+const MAX_CAMERA_PAIRS: usize = 1000;
 
-/// Whether there are so few views that the covariances of all pairs are given.
-pub(crate) fn are_few(views: usize) -> bool {
-    views > 1 && views * (views - 1) / 2 <= MOST_PAIRS
+/// Whether there are few enough views to compute the covariances of all pairs.
+pub(crate) fn has_all_pair_covariances(views: usize) -> bool {
+    views > 1 && views * (views - 1) / 2 <= MAX_CAMERA_PAIRS
 }
 
-/// The blocks of all cameras.
+/// Returns the blocks of all cameras.
 pub(crate) fn camera_blocks(problem: &BundleProblem) -> Vec<usize> {
     let of = |view: usize| problem.camera_layout(view).iter().flatten().map(|&(block, _)| block);
     (0..problem.views.len()).flat_map(of).collect::<BTreeSet<usize>>().into_iter().collect()
 }
 
 impl Marginals<'_> {
-    /// Covariance of the parameters of two cameras, or of one, with the focal in pixels.
-    pub(crate) fn of_cameras(&self, [a, b]: [usize; 2]) -> CrossCovariance {
+    /// Returns the covariance of the parameters of two cameras, or of one camera, with the focal length in
+    /// pixels.
+    pub(crate) fn camera_covariance(&self, [a, b]: [usize; 2]) -> CrossCovariance {
         let inflation = self.inflation[a] * self.inflation[b];
         let mut found = Box::new([[0.0; CAMERA_PARAMS]; CAMERA_PARAMS]);
-        // The few blocks that two cameras have, each taken from the inverse once.
+        // Two cameras have few blocks; each is computed from the inverse only once.
         let mut blocks: Vec<([usize; 2], DMatrix<f64>)> = Vec::new();
         for (i, from) in self.problem.camera_layout(a).iter().enumerate() {
             for (j, to) in self.problem.camera_layout(b).iter().enumerate() {
@@ -75,25 +76,26 @@ impl Marginals<'_> {
         known.unwrap_or_else(|| self.covariance.block(&self.problem.blocks, pair[0], pair[1]))
     }
 
-    /// Derivative of a reported value by its parameter: 1, but of the focal by its log.
+    /// Returns the derivative of a reported value with respect to its parameter. It is 1, except for the
+    /// focal length, whose parameter is its log.
     fn per_parameter(&self, index: usize, view: usize) -> f64 {
         if index == Covariance::FOCAL { self.cameras[view].focal } else { 1.0 }
     }
 
-    /// Pairs of cameras that err together, the lower index first, with their covariance.
-    pub(crate) fn of_pairs(&self) -> Vec<([usize; 2], CrossCovariance)> {
+    /// Returns the pairs of correlated cameras, the lower index first, with their covariance.
+    pub(crate) fn camera_pair_covariances(&self) -> Vec<([usize; 2], CrossCovariance)> {
         let views = self.cameras.len();
         let pairs = match self.between {
             Some(_) => (0..views).flat_map(|a| (a + 1..views).map(move |b| [a, b])).collect(),
-            None => observing_in_common(&self.problem.landmarks),
+            None => covisible_pairs(&self.problem.landmarks),
         };
-        let with_covariance = pairs.into_iter().map(|pair| (pair, self.of_cameras(pair)));
+        let with_covariance = pairs.into_iter().map(|pair| (pair, self.camera_covariance(pair)));
         with_covariance.filter(|(_, found)| found.iter().flatten().any(|&value| value != 0.0)).collect()
     }
 }
 
-/// Covariance of the parameters of a landmark; zeros for those that are not free.
-pub(crate) fn of_landmark(
+/// Returns the covariance of the parameters of a landmark; zeros for fixed parameters.
+pub(crate) fn landmark_covariance(
     problem: &BundleProblem,
     covariance: &BlockCovariance,
     landmark: usize,
@@ -111,93 +113,94 @@ pub(crate) fn of_landmark(
     found
 }
 
-/// Most accepted steps of a minimisation; from an initialised state few are needed.
+/// Largest number of accepted steps of a minimisation; an initialised state needs few.
 const MAX_STEPS: usize = 60;
-/// Regularisation of the covariance: this share of the information of its own residuals is added to every
-/// parameter, so that what is not determined has a large, not an infinite, variance.
+/// Regularisation of the covariance: the fraction of a parameter's own information that is added to it. An
+/// undetermined parameter then has a large variance, not an infinite one.
 const REGULARIZATION: f64 = 1e-12;
 
-/// Something that may be rejected as an outlier, by its index.
+/// Candidate for rejection as an outlier, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutlierCandidate {
-    /// A landmark with all its observations.
+    /// Landmark with all its observations.
     Landmark(usize),
-    /// A measured distance.
+    /// Measured distance.
     Distance(usize),
 }
 
-/// A landmark, its parameters with their covariance, zeros for those that are not free.
+/// Landmark with its estimated parameters and their covariance, zeros for fixed parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LandmarkEstimate {
-    /// A line with the origin that its parameters are of.
+    /// Model; for a line with the origin of its parameters.
     pub(crate) model: LandmarkModel,
-    pub(crate) place: [f64; LANDMARK_PARAMS],
+    pub(crate) params: [f64; LANDMARK_PARAMS],
     pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
 }
 
-/// A plane as it was estimated.
+/// Estimated plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneEstimate {
-    /// Where it is.
+    /// Position and slope.
     pub plane: Plane,
     /// Covariance of height and slope, in square metres and squares of rise per metre.
     pub covariance: [[f64; 3]; 3],
 }
 
-/// What may be rejected, with what its own residuals say against it.
+/// Outlier candidate with the chi-square of its residuals.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scored {
     pub(crate) candidate: OutlierCandidate,
-    /// Sum of its squared residuals in sigmas.
+    /// Sum of its squared residuals, in standard deviations.
     pub(crate) chi2: f64,
-    /// Number of these residuals minus the number of its own parameters.
+    /// Number of these residuals minus the number of its free parameters.
     pub(crate) dof: i64,
 }
 
 impl Scored {
-    /// The standard normal score of its chi-square where variances are `factor` times those assumed.
+    /// Returns the standard normal score of its chi-square, with the assumed variances multiplied by
+    /// `factor`.
     pub(crate) fn score(&self, factor: f64) -> f64 {
         chi2_score(self.chi2 / factor, self.dof as f64)
     }
 }
 
-/// The score beyond which the largest of so many is an outlier.
-pub(crate) fn largest_of(count: usize) -> f64 {
+/// Returns the score above which the largest of `count` candidates is an outlier.
+pub(crate) fn outlier_score_limit(count: usize) -> f64 {
     (MISFIT_SCORE * MISFIT_SCORE + 2.0 * (count.max(1) as f64).ln()).sqrt()
 }
 
-/// A problem at its minimum, or on the way there.
+/// Problem at its minimum, or close to it.
 pub(crate) struct Converged<'a> {
     pub(crate) problem: BundleProblem<'a>,
-    /// What led there.
+    /// Minimisation that produced the state.
     run: LevenbergMarquardt<BundleProblem<'a>>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
-    /// Every residual in sigmas.
+    /// Residuals, in standard deviations.
     pub(crate) residuals: Vec<(ResidualKind, f64)>,
-    /// Where it has been computed already.
+    /// Covariance, once computed.
     pub(crate) covariance: Option<BlockCovariance>,
 }
 
-/// The angle in [-180, 180) degrees, in radians.
+/// Wraps an angle, in radians, to [-180°, 180°).
 fn wrapped(angle: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-/// A problem so near its minimum that its residuals tell gross errors, if not more.
+/// Minimises a problem until its residuals are accurate enough to detect gross errors.
 pub(crate) fn nearly_converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
-    /// Relative decrease of the cost by a step after which it is, if the step was not a short one.
-    const NEAR: f64 = 0.02;
+    /// Relative decrease of the cost below which an undamped step ends the minimisation.
+    const MAX_RELATIVE_DECREASE: f64 = 0.02;
     let mut run = LevenbergMarquardt::new(&problem, problem.start())?;
     for _ in 0..MAX_STEPS {
         let before = run.cost;
         if run.advance(&problem).is_some() {
-            // From here it may go on: where a last step was believed it is looked at.
+            // The last step may have been accepted without an evaluation, so a new run evaluates its end.
             run = LevenbergMarquardt::new(&problem, run.state)?;
             break;
         }
-        if before - run.cost <= NEAR * before && run.is_undamped() {
+        if before - run.cost <= MAX_RELATIVE_DECREASE * before && run.is_undamped() {
             break;
         }
     }
@@ -219,7 +222,7 @@ impl<'a> Converged<'a> {
         Some(Self { problem, run, chi2, dof, residuals, covariance: None })
     }
 
-    /// The minimum without weak priors on focals, from where few steps with them led.
+    /// Returns the minimum without weak priors on focal lengths, starting from a few steps with them.
     pub(crate) fn without_weak_priors(self) -> Option<Self> {
         let Self { mut problem, run: LevenbergMarquardt { state, mut normal, .. }, .. } = self;
         problem.drop_weak_priors(&state, &mut normal);
@@ -228,7 +231,7 @@ impl<'a> Converged<'a> {
         Self::new(problem, run)
     }
 
-    /// The parameters.
+    /// Returns the state.
     pub(crate) fn state(&self) -> &[f64] {
         &self.run.state
     }
@@ -237,9 +240,9 @@ impl<'a> Converged<'a> {
         self.problem.blocks.covariance(&self.run.normal, REGULARIZATION)
     }
 
-    /// The covariances of all cameras with each other, where they are few.
+    /// Returns the covariances of all cameras with each other, if there are few.
     pub(crate) fn covariance_between_cameras(&self) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
-        if !are_few(self.problem.views.len()) {
+        if !has_all_pair_covariances(self.problem.views.len()) {
             return None;
         }
         self.problem.blocks.covariance_between(
@@ -249,7 +252,7 @@ impl<'a> Converged<'a> {
         )
     }
 
-    /// A camera without covariance, a free yaw in [-180, 180) degrees.
+    /// Returns a camera without covariance; a free yaw is wrapped to [-180°, 180°).
     pub(crate) fn camera(&self, view: usize) -> Camera {
         let camera = self.problem.camera(self.state(), view);
         let is_free = self.problem.camera_layout(view)[Covariance::YAW].is_some();
@@ -266,15 +269,15 @@ impl<'a> Converged<'a> {
         let estimate = |landmark: usize| {
             let unknown = [[0.0; LANDMARK_PARAMS]; LANDMARK_PARAMS];
             let covariance = covariance
-                .map_or(unknown, |covariance| of_landmark(problem, covariance, landmark, inflation));
+                .map_or(unknown, |covariance| landmark_covariance(problem, covariance, landmark, inflation));
             let model = problem.landmarks[landmark].model.clone();
-            LandmarkEstimate { model, place: problem.place(self.state(), landmark), covariance }
+            LandmarkEstimate { model, params: problem.landmark_params(self.state(), landmark), covariance }
         };
         let count = problem.landmarks.len();
         (0..count).map(|index| (!problem.landmarks[index].off).then(|| estimate(index))).collect()
     }
 
-    /// The planes that were estimated, as far as the covariance is known.
+    /// Returns the estimated planes; `None` for those without a covariance.
     pub(crate) fn planes(
         &self,
         covariance: Option<&BlockCovariance>,
@@ -290,15 +293,15 @@ impl<'a> Converged<'a> {
         (0..self.problem.planes.len()).map(estimate).collect()
     }
 
-    /// Whether the focal of a view is estimated and its log has so large a variance that the weak prior tells something, or
-    /// none that is a number.
-    pub(crate) fn prior_tells(&self, view: usize) -> bool {
-        let Some((block, place)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
+    /// Whether the focal length of a view is estimated and its variance is so large, or not finite, that the
+    /// weak prior matters.
+    pub(crate) fn weak_prior_matters(&self, view: usize) -> bool {
+        let Some((block, index)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
         let own = self.covariance.as_ref().map(|known| known.block(&self.problem.blocks, block, block));
-        !own.is_some_and(|own| own[(place, place)] < PRIOR_TELLS * PRIOR_TELLS)
+        !own.is_some_and(|own| own[(index, index)] < PRIOR_TELLS * PRIOR_TELLS)
     }
 
-    /// What may be rejected, with its chi-square.
+    /// Returns the outlier candidates with their chi-squares.
     pub(crate) fn candidates(&self) -> Vec<Scored> {
         let (landmarks, distances) = self.chi2_by_candidate();
         let landmark = |(index, landmark): (usize, &Landmark)| {
@@ -316,14 +319,14 @@ impl<'a> Converged<'a> {
         of_landmarks.chain(self.problem.distances.iter().enumerate().filter_map(distance)).collect()
     }
 
-    /// What may be rejected, the largest score first.
+    /// Returns the outlier candidates, the largest score first.
     pub(crate) fn worst_first(&self) -> Vec<Scored> {
         let mut candidates = self.candidates();
         candidates.sort_by(|a, b| b.score(1.0).total_cmp(&a.score(1.0)));
         candidates
     }
 
-    /// Sums of the squared residuals of every landmark and every distance.
+    /// Returns the sums of the squared residuals of every landmark and every distance.
     fn chi2_by_candidate(&self) -> (Vec<f64>, Vec<f64>) {
         let mut landmarks = vec![0.0; self.problem.landmarks.len()];
         let mut distances = vec![0.0; self.problem.distances.len()];
@@ -342,11 +345,11 @@ impl<'a> Converged<'a> {
         (landmarks, distances)
     }
 
-    /// Whether the chi-square of all residuals, or that of one candidate as the largest of many, is too large
-    /// for the noise.
+    /// Whether the chi-square of all residuals, or the largest chi-square of a candidate, is too large for
+    /// the noise.
     pub(crate) fn has_outliers(&self) -> bool {
         let candidates = self.candidates();
         let worst = candidates.iter().map(|scored| scored.score(1.0)).fold(0.0, f64::max);
-        is_misfit(self.chi2, self.dof) || worst > largest_of(candidates.len())
+        is_misfit(self.chi2, self.dof) || worst > outlier_score_limit(candidates.len())
     }
 }

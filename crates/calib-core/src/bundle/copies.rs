@@ -1,10 +1,10 @@
-//! Landmarks and distances that are there more than once, and count once.
+//! Landmarks and distances that were annotated more than once, and count once.
 //!
-//! A landmark is a copy of another where each of its observations is beside one of the other's in the same image,
-//! and, of control points, where both have the same place: whoever shows the same thing again repeats what is wrong
-//! with it. Of `n` copies each has `n` times the variance, in its observations and in its priors, so that together
-//! they say what one of them says; distances between the same two things likewise. What they have more of residuals
-//! than of unknowns is divided by `n`, too.
+//! A landmark is a copy of another if each of its observations is close to one of the other's in the same
+//! image. Copies of a control point must also have the same measured position. Annotating an object twice
+//! repeats its systematic error. Each of `n` copies therefore gets `n` times the variance, in its
+//! observations and priors, so that together they have the weight of one. The same applies to distances
+//! between the same two landmarks. Their redundancy, residuals minus unknowns, is divided by `n`, too.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, Obse
 use crate::camera::Pixel;
 use crate::single::{BESIDE, lies_on};
 
-/// How often landmarks and distances are there.
+/// Numbers of copies of landmarks and distances.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Copies {
     landmarks: Vec<f64>,
@@ -20,23 +20,23 @@ pub(crate) struct Copies {
 }
 
 impl Copies {
-    pub(crate) fn of(landmarks: &[Landmark], distances: &[DistanceMeasurement]) -> Self {
-        let sorts = Sorts::new(landmarks);
+    pub(crate) fn new(landmarks: &[Landmark], distances: &[DistanceMeasurement]) -> Self {
+        let sorts = IdenticalGroups::new(landmarks);
         let mut counts: HashMap<[usize; 2], f64> = HashMap::new();
         let ends = |distance: &DistanceMeasurement| {
-            let [a, b] = distance.between.map(|landmark| sorts.of[landmark]);
+            let [a, b] = distance.between.map(|landmark| sorts.group_of_landmark[landmark]);
             [a.min(b), a.max(b)]
         };
         distances.iter().for_each(|distance| *counts.entry(ends(distance)).or_default() += 1.0);
-        let of_sort = sorts.times(landmarks);
+        let of_sort = sorts.copy_counts(landmarks);
         Self {
-            landmarks: sorts.of.iter().map(|&sort| of_sort[sort]).collect(),
+            landmarks: sorts.group_of_landmark.iter().map(|&sort| of_sort[sort]).collect(),
             distances: distances.iter().map(|distance| counts[&ends(distance)]).collect(),
         }
     }
 
-    /// Widens what is there more than once.
-    pub(crate) fn widen(&self, landmarks: &mut [Landmark], distances: &mut [DistanceMeasurement]) {
+    /// Multiplies the variances of copied landmarks and distances by the number of copies.
+    pub(crate) fn inflate(&self, landmarks: &mut [Landmark], distances: &mut [DistanceMeasurement]) {
         for (landmark, times) in landmarks.iter_mut().zip(&self.landmarks).filter(|(_, times)| **times > 1.0)
         {
             landmark.observations.iter_mut().for_each(|seen| seen.sigma *= times.sqrt());
@@ -48,8 +48,9 @@ impl Copies {
         }
     }
 
-    /// What of residuals less unknowns is of copies alone, of the landmarks and distances that are on.
-    pub(crate) fn repeated(&self, landmarks: &[Landmark], distances: &[DistanceMeasurement]) -> i64 {
+    /// Returns the redundancy (residuals minus unknowns) that is due to copies, among active landmarks and
+    /// distances.
+    pub(crate) fn redundant_dof(&self, landmarks: &[Landmark], distances: &[DistanceMeasurement]) -> i64 {
         let again = |times: &f64| 1.0 - times.recip();
         let on = landmarks.iter().zip(&self.landmarks).filter(|(landmark, _)| !landmark.off);
         let of_landmarks: f64 = on.map(|(landmark, times)| landmark.redundancy() as f64 * again(times)).sum();
@@ -59,15 +60,15 @@ impl Copies {
     }
 }
 
-/// Landmarks that are alike to the last bit, as one sort.
-struct Sorts {
-    /// Of every landmark.
-    of: Vec<usize>,
-    /// The first landmark of every sort, and how many there are.
+/// Groups of bit-identical landmarks.
+struct IdenticalGroups {
+    /// Group of every landmark.
+    group_of_landmark: Vec<usize>,
+    /// First landmark of every group, and the size of the group.
     members: Vec<(usize, f64)>,
 }
 
-impl Sorts {
+impl IdenticalGroups {
     fn new(landmarks: &[Landmark]) -> Self {
         let mut known: HashMap<Vec<u64>, usize> = HashMap::new();
         let mut members: Vec<(usize, f64)> = Vec::new();
@@ -79,12 +80,12 @@ impl Sorts {
             members[sort].1 += 1.0;
             sort
         };
-        let of = landmarks.iter().enumerate().map(sort).collect();
-        Self { of, members }
+        let group_of_landmark = landmarks.iter().enumerate().map(sort).collect();
+        Self { group_of_landmark, members }
     }
 
-    /// How often each sort is there, with the others that it is a copy of.
-    fn times(&self, landmarks: &[Landmark]) -> Vec<f64> {
+    /// Returns the number of copies of each group, including copies in other groups.
+    fn copy_counts(&self, landmarks: &[Landmark]) -> Vec<f64> {
         let mut by_cell: HashMap<Cell, Vec<usize>> = HashMap::new();
         for (sort, &(first, _)) in self.members.iter().enumerate() {
             let mut cells = cells(&landmarks[first]);
@@ -109,42 +110,44 @@ impl Sorts {
     }
 }
 
-/// A part of an image: view, point of the landmark, column and row.
+/// Cell of an image: view, point of the landmark, column and row.
 type Cell = (usize, usize, [i64; 2]);
 
-/// The side of a cell of points: what is beside each other is in cells that touch.
-const OF_POINTS: f64 = BESIDE;
-/// The side of a cell of lines, in pixels, and the distance of the places on a line whose cells it is in.
-const OF_LINES: f64 = 64.0;
+/// Side of a cell of points, in pixels; observations closer than this are in adjacent cells.
+const POINT_CELL_PX: f64 = BESIDE;
+/// Side of a cell of lines, and the sampling distance along a line, in pixels.
+const LINE_CELL_PX: f64 = 64.0;
 
 fn cell((view, point): (usize, usize), at: Pixel, side: f64) -> Cell {
     let index = |coordinate: f64| (coordinate / side).floor() as i64;
     (view, point, [index(at.u), index(at.v)])
 }
 
-/// The cells in which a landmark is found; a line all along, for its copies may be set to other points of it.
+/// Returns the cells that contain a landmark. A line is sampled along its length, because a copy may have
+/// other points of it.
 fn cells(landmark: &Landmark) -> Vec<Cell> {
     if !matches!(landmark.model, LandmarkModel::Line { .. }) {
-        let of = |seen: &Observation| cell((seen.view, seen.point), seen.pixel, OF_POINTS);
+        let of = |seen: &Observation| cell((seen.view, seen.point), seen.pixel, POINT_CELL_PX);
         return landmark.observations.iter().map(of).collect();
     }
     let along = |view: usize| {
         let ends = segment(landmark, view);
-        let steps = ends.map_or(0.0, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]) / OF_LINES).ceil();
-        let at = move |i: usize| Some(cell((view, 0), between(ends?, i as f64 / steps.max(1.0)), OF_LINES));
+        let steps = ends.map_or(0.0, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]) / LINE_CELL_PX).ceil();
+        let at =
+            move |i: usize| Some(cell((view, 0), between(ends?, i as f64 / steps.max(1.0)), LINE_CELL_PX));
         (0..=steps as usize).filter_map(at)
     };
     landmark.views().into_iter().flat_map(along).collect()
 }
 
-/// The cells in one of which a landmark is that this one is a copy of: around its first point, or the middle of
-/// its first segment.
+/// Returns the cells that can contain an original of this landmark: around its first point, or around the
+/// middle of its first segment.
 fn cells_around(own: &Landmark) -> Vec<Cell> {
     let Some(seen) = own.observations.first() else { return Vec::new() };
-    let middle = || Some(cell((seen.view, 0), between(segment(own, seen.view)?, 0.5), OF_LINES));
+    let middle = || Some(cell((seen.view, 0), between(segment(own, seen.view)?, 0.5), LINE_CELL_PX));
     let cell = match own.model {
         LandmarkModel::Line { .. } => middle(),
-        _ => Some(cell((seen.view, seen.point), seen.pixel, OF_POINTS)),
+        _ => Some(cell((seen.view, seen.point), seen.pixel, POINT_CELL_PX)),
     };
     let around = |(view, point, [u, v]): Cell| {
         (-1..=1).flat_map(move |i| (-1..=1).map(move |j| (view, point, [u + i, v + j])))
@@ -156,7 +159,7 @@ fn between([a, b]: [[f64; 2]; 2], share: f64) -> Pixel {
     Pixel::new(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
 }
 
-/// All that tells two landmarks apart.
+/// Returns all values that distinguish two landmarks.
 fn bits(landmark: &Landmark) -> Vec<u64> {
     let observations = landmark.observations.iter();
     let of = |seen: &Observation| {
@@ -171,56 +174,57 @@ fn bits(landmark: &Landmark) -> Vec<u64> {
             [2].into_iter().chain(numbers.map(f64::to_bits)).collect()
         }
         LandmarkModel::Measured => {
-            [3].into_iter().chain(landmark.place.into_iter().map(f64::to_bits)).collect()
+            [3].into_iter().chain(landmark.params.into_iter().map(f64::to_bits)).collect()
         }
         LandmarkModel::Line { .. } => vec![4],
     };
     [plane].into_iter().chain(model).chain(observations.flat_map(of)).collect()
 }
 
-/// Whether a landmark shows nothing but what another one shows, too.
+/// Whether every observation of a landmark repeats an observation of another one.
 fn is_copy(own: &Landmark, other: &Landmark) -> bool {
     std::mem::discriminant(&own.model) == std::mem::discriminant(&other.model)
         && own.plane == other.plane
-        && is_one_place(own, other)
+        && has_same_position(own, other)
         && match own.model {
-            LandmarkModel::Line { .. } => is_one_edge(own, other),
+            LandmarkModel::Line { .. } => is_on_same_edge(own, other),
             _ => own
                 .observations
                 .iter()
-                .all(|seen| other.observations.iter().any(|there| is_beside(seen, there))),
+                .all(|seen| other.observations.iter().any(|there| is_same_point(seen, there))),
         }
 }
 
-fn is_beside(a: &Observation, b: &Observation) -> bool {
+fn is_same_point(a: &Observation, b: &Observation) -> bool {
     (a.view, a.point) == (b.view, b.point) && a.pixel.distance(b.pixel) <= BESIDE
 }
 
-/// Whether measured points are at one place, as far as they were measured.
-fn is_one_place(own: &Landmark, other: &Landmark) -> bool {
-    /// In metres: what is nearer is measured twice, not two things.
-    const SAME: f64 = 0.01;
-    /// So many standard deviations apart two measurements may be.
-    const SIGMAS: f64 = 3.0;
+/// Whether two measured points are at the same position within their uncertainty.
+fn has_same_position(own: &Landmark, other: &Landmark) -> bool {
+    /// Distance below which two measured points count as the same point, in metres.
+    const MAX_SAME_POINT_DISTANCE_M: f64 = 0.01;
+    /// Largest difference of two measurements of the same point, in standard deviations.
+    const MAX_SAME_POINT_SIGMAS: f64 = 3.0;
     let sigma = |landmark: &Landmark, k: usize| {
         landmark.priors.iter().find(|(index, _)| *index == k).map_or(0.0, |(_, prior)| prior.sigma)
     };
     let is_near = |k: usize| {
-        let most = SAME.max(SIGMAS * sigma(own, k).hypot(sigma(other, k)));
-        (own.place[k] - other.place[k]).abs() <= most
+        let most =
+            MAX_SAME_POINT_DISTANCE_M.max(MAX_SAME_POINT_SIGMAS * sigma(own, k).hypot(sigma(other, k)));
+        (own.params[k] - other.params[k]).abs() <= most
     };
-    own.model != LandmarkModel::Measured || (0..own.place.len()).all(is_near)
+    own.model != LandmarkModel::Measured || (0..own.params.len()).all(is_near)
 }
 
-/// Whether every view of a line shows a part of what another line shows there.
-fn is_one_edge(own: &Landmark, other: &Landmark) -> bool {
+/// Whether in every view of a line its segment is part of the other line's segment.
+fn is_on_same_edge(own: &Landmark, other: &Landmark) -> bool {
     own.views().into_iter().all(|view| {
         let there = segment(other, view);
         segment(own, view).zip(there).is_some_and(|(here, there)| lies_on(&here, &there))
     })
 }
 
-/// From the first to the last point of a line in a view.
+/// Returns the first and last observed point of a line in a view.
 fn segment(line: &Landmark, view: usize) -> Option<[[f64; 2]; 2]> {
     let mut seen = line.observations.iter().filter(|seen| seen.view == view).map(|seen| seen.pixel);
     let first: Pixel = seen.next()?;

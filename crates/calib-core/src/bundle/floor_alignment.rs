@@ -1,47 +1,48 @@
-//! The floors of all cameras aligned at once, which closes the loops of a spanning tree before the
+//! Joint alignment of the floors of all cameras. It closes the loops of the spanning tree before the
 //! adjustment starts.
 //!
-//! Every camera sees the floor in true shape (roll, pitch and focal are known from stage 1) up to a
-//! similarity of its own: turn `t`, scale `s` and move `m`. As in global structure from motion, rotations
-//! are averaged before translations are solved for:
+//! Every camera observes the floor in true shape, because roll, pitch and focal length are known from stage
+//! 1, up to a similarity: rotation `t`, scale `s` and translation `m`. As in global structure from motion,
+//! rotations are averaged before translations are solved for:
 //!
-//! 1. Of two cameras a and b that share points, the similarity between their floors gives the relative turn
-//!    `t_ba` and log scale `l_ba`. With `t_a - t_b = t_ba` and `log s_a - log s_b = l_ba` for all pairs, the
-//!    turns and scales of all cameras are a sparse linear least-squares problem (rotation averaging in the
-//!    plane, where it is linear as long as the errors of the start are less than half a turn).
-//! 2. With turns and scales fixed, `m_a + p_a = x` for every point x that camera a sees at `p_a` relative to
-//!    itself: a sparse linear problem in the moves and the points, which are eliminated.
+//! 1. Two cameras a and b that share points give the similarity between their floors, with relative rotation
+//!    `t_ba` and log scale `l_ba`. The equations `t_a - t_b = t_ba` and `log s_a - log s_b = l_ba` for all
+//!    pairs are a sparse linear least-squares problem. (Rotation averaging in the plane is linear as long as
+//!    the initial errors are below 180°.)
+//! 2. With rotations and scales fixed, `m_a + p_a = x` for every point x that camera a observes at `p_a`
+//!    relative to itself. This is a sparse linear problem in the translations and the points, and the points
+//!    are eliminated.
 //!
-//! Solving for all of it at once would be linear, too, but would shrink every floor a little with its
-//! distance from the first: noise in `p_a` multiplies the unknown scale.
+//! Solving for all unknowns at once would be linear, too. But it would shrink every floor with its distance
+//! from the first, because the noise in `p_a` multiplies the unknown scale.
 //!
-//! A similarity of two floors is estimated with weights for outliers: iteratively reweighted least squares
-//! with Cauchy's weights `1 / (1 + (e / c)^2)`, `c` three times the median error.
+//! The similarity of two floors is estimated robustly by iteratively reweighted least squares with Cauchy
+//! weights `1 / (1 + (e / c)^2)`. Here e is the error, and c is three times the median error.
 
 use std::collections::BTreeMap;
 
-use crate::bundle::landmark::{Landmark, LandmarkModel, SAME_PLACE};
-use crate::bundle::triangulation::{is_known, on_floor};
+use crate::bundle::landmark::{Landmark, LandmarkModel, SAME_POSITION_M};
+use crate::bundle::triangulation::{floor_positions, is_known};
 use crate::camera::{Camera, FloorPoint, WorldPoint};
 use crate::optimize::{BlockStructure, JacobianBlock, NormalEquations};
 
-/// The place of a point by a camera, and its known place.
-type PlacePair = ([f64; 2], FloorPoint);
+/// Floor position of a point as computed from a camera, and its known position.
+type PositionPair = ([f64; 2], FloorPoint);
 
-/// The place of a point of the floor by one camera.
+/// Floor position of a point as computed from one camera.
 #[derive(Clone, Copy, Debug)]
 struct FloorSighting {
     view: usize,
-    /// Relative to the foot of the camera, in metres.
+    /// Position relative to the foot of the camera, in metres.
     at: [f64; 2],
     foot: FloorPoint,
-    /// Number of the point, the same for all cameras that observe it.
+    /// Index of the point, the same for all cameras that observe it.
     point: usize,
-    /// Pixels per metre there, divided by the focal.
+    /// Pixels per metre at the point, divided by the focal length.
     weight: f64,
 }
 
-/// Moves, turns and scales the cameras that are `free` until their floors agree on the points they share.
+/// Translates, rotates and scales the `free` cameras until their floors agree on the shared points.
 pub(crate) fn align_floors(cameras: &mut [Camera], free: &[bool], landmarks: &[Landmark]) {
     let (sightings, _) = sightings(cameras, landmarks);
     let Some(turns) = solve_rotations(&sightings, free) else { return };
@@ -56,10 +57,10 @@ pub(crate) fn align_floors(cameras: &mut [Camera], free: &[bool], landmarks: &[L
     }
 }
 
-/// Moves a component, none of whose cameras observes enough known places by itself, so that all its known
-/// places agree: by a similarity, or by a translation where only one place is known.
+/// Aligns a component to its known positions, if none of its cameras alone observes enough of them. The
+/// alignment is a similarity, or a translation if only one position is known.
 pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landmarks: &[Landmark]) {
-    let pairs = known_places(component, cameras, landmarks);
+    let pairs = known_positions(component, cameras, landmarks);
     if pairs.is_empty() {
         return;
     }
@@ -73,8 +74,8 @@ pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landma
     }
 }
 
-/// The known places that a component observes: by its cameras, and as known.
-fn known_places(component: &[usize], cameras: &[Camera], landmarks: &[Landmark]) -> Vec<PlacePair> {
+/// Returns the known positions that a component observes, each as computed from a camera and as known.
+fn known_positions(component: &[usize], cameras: &[Camera], landmarks: &[Landmark]) -> Vec<PositionPair> {
     let known = landmarks.iter().filter(|landmark| !landmark.off && is_known(landmark));
     let mut pairs = Vec::new();
     for landmark in known {
@@ -88,14 +89,14 @@ fn known_places(component: &[usize], cameras: &[Camera], landmarks: &[Landmark])
     pairs
 }
 
-/// The least-squares similarity `q = to + [a, -b; b, a] (p - from)` about the centroids: of complex numbers
-/// `a + i b = sum conj(p) q / sum |p|^2`. A translation only where all places are the same.
-fn similarity_to(pairs: &[PlacePair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
+/// Returns the least-squares similarity `q = to + [a, -b; b, a] (p - from)` about the centroids. With complex
+/// numbers, `a + i b = sum conj(p) q / sum |p|^2`. It is a translation if all positions coincide.
+fn similarity_to(pairs: &[PositionPair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
     let count = pairs.len() as f64;
-    let mean = |value: &dyn Fn(&PlacePair) -> f64| pairs.iter().map(value).sum::<f64>() / count;
+    let mean = |value: &dyn Fn(&PositionPair) -> f64| pairs.iter().map(value).sum::<f64>() / count;
     let (from, to) = ([mean(&|p| p.0[0]), mean(&|p| p.0[1])], [mean(&|p| p.1.x), mean(&|p| p.1.y)]);
     let first = pairs.first().map(|pair| pair.1).unwrap_or_default();
-    if !pairs.iter().any(|pair| pair.1.distance(first) > SAME_PLACE) {
+    if !pairs.iter().any(|pair| pair.1.distance(first) > SAME_POSITION_M) {
         return (from, to, [1.0, 0.0]);
     }
     let (mut dot, mut cross, mut square) = (0.0, 0.0, 0.0);
@@ -109,11 +110,11 @@ fn similarity_to(pairs: &[PlacePair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
     (from, to, if is_determined { [dot / square, cross / square] } else { [1.0, 0.0] })
 }
 
-/// Two cameras with the turn and log scale that take the floor of the first to that of the second, and the
+/// Two cameras, the rotation and log scale from the floor of the first to the floor of the second, and the
 /// weight of both.
 type RelativeSimilarity = ([usize; 2], [f64; 2], f64);
 
-/// Turn and log scale of every camera that is free.
+/// Returns the rotation and log scale of every free camera.
 fn solve_rotations(sightings: &[FloorSighting], free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
     let relative: Vec<RelativeSimilarity> = sightings_by_pair(sightings)
         .iter()
@@ -138,7 +139,7 @@ fn solve_rotations(sightings: &[FloorSighting], free: &[bool]) -> Option<Vec<(us
     })
 }
 
-/// The sightings that two cameras share, for every pair of cameras, the lower index first.
+/// Groups the sightings of shared points by pair of cameras, the lower index first.
 fn sightings_by_pair(sightings: &[FloorSighting]) -> BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> {
     let mut pairs: BTreeMap<[usize; 2], Vec<[FloorSighting; 2]>> = BTreeMap::new();
     for same in sightings.chunk_by(|a, b| a.point == b.point) {
@@ -152,7 +153,7 @@ fn sightings_by_pair(sightings: &[FloorSighting]) -> BTreeMap<[usize; 2], Vec<[F
     pairs
 }
 
-/// Move of every camera that is free.
+/// Returns the translation of every free camera.
 fn solve_translations(
     sightings: &[FloorSighting],
     points: usize,
@@ -182,8 +183,8 @@ fn solve_translations(
     })
 }
 
-/// Solves for two unknowns of every free view, and for `points` of two unknowns, which are eliminated;
-/// `coupled` lists the views that a pair or a point couples.
+/// Solves for two unknowns of every free view and two unknowns of each of `points` points, which are
+/// eliminated. `coupled` lists the views coupled by each pair or point.
 fn solve(
     free: &dyn Fn(usize) -> bool,
     coupled: impl Iterator<Item = Vec<usize>>,
@@ -204,22 +205,22 @@ fn solve(
     let blocks = BlockStructure::new(sizes, &keep, &groups.collect::<Vec<Vec<usize>>>());
     let mut normal = blocks.normal();
     fill(&blocks, &block_of, &mut normal);
-    // The damping fixes what is not determined.
+    // The damping fixes undetermined unknowns.
     let (step, _) = blocks.step(&normal, 1e-9)?;
     Some(views.iter().enumerate().map(|(i, &view)| (view, [step[2 * i], step[2 * i + 1]])).collect())
 }
 
-/// A turn and a log scale about the centroids of weighted points.
+/// Rotation and log scale about the centroids of weighted points.
 struct FloorSimilarity {
     turn: f64,
     log_scale: f64,
     centres: [[f64; 2]; 2],
-    /// Root of the weighted scatter of the points: how well turn and log scale are determined.
+    /// Square root of the weighted scatter of the points, which is the precision of rotation and log scale.
     weight: f64,
 }
 
 impl FloorSimilarity {
-    /// `None` where all points of one of the floors are one.
+    /// Fits the similarity; `None` if all points of one floor coincide.
     fn new(points: &[[FloorSighting; 2]], weights: &[f64]) -> Option<Self> {
         let total: f64 = weights.iter().sum();
         let mean = |which: usize, axis: usize| {
@@ -234,7 +235,7 @@ impl FloorSimilarity {
             first += w * (x * x + y * y);
             second += w * (u * u + v * v);
         }
-        // The ratio of the scatters favours neither of the two floors (Horn 1987).
+        // The ratio of the scatters treats both floors symmetrically (Horn 1987).
         (first > 0.0 && second > 0.0).then(|| Self {
             turn: cross.atan2(dot),
             log_scale: 0.5 * (second / first).ln(),
@@ -243,7 +244,8 @@ impl FloorSimilarity {
         })
     }
 
-    /// Distance of the transformed first point from the second, in pixels divided by the focal.
+    /// Returns the distance between the transformed first point and the second, in pixels divided by the
+    /// focal length.
     fn error(&self, pair: &[FloorSighting; 2]) -> f64 {
         let (sin, cos) = self.turn.sin_cos();
         let scale = self.log_scale.exp();
@@ -256,10 +258,10 @@ fn from_centre(pair: &[FloorSighting; 2], centres: &[[f64; 2]; 2], which: usize)
     [pair[which].at[0] - centres[which][0], pair[which].at[1] - centres[which][1]]
 }
 
-/// Turn and log scale that take the first floor to the second, and their weight, by iteratively reweighted
-/// least squares.
+/// Estimates the rotation and log scale from the first floor to the second, and their weight, by iteratively
+/// reweighted least squares.
 fn similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
-    /// Iterations of reweighting; the last ones change little.
+    /// Number of reweighting iterations; later ones change little.
     const ITERATIONS: usize = 4;
     if points.len() < 2 {
         return None;
@@ -279,7 +281,8 @@ fn similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
     (turn.is_finite() && log_scale.is_finite()).then_some(([turn, log_scale], weight))
 }
 
-/// The sightings of all points that two or more cameras observe, point by point, and the number of points.
+/// Returns the sightings of all points that at least two cameras observe, sorted by point, and the number of
+/// points.
 fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>, usize) {
     let mut sightings: Vec<FloorSighting> = Vec::new();
     let mut count = 0;
@@ -291,7 +294,7 @@ fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>,
         let is_head = |point: usize| landmark.model == LandmarkModel::Post && point > 0;
         for point in points.into_iter().filter(|&point| !is_head(point)) {
             let height = landmark.point(point).z;
-            let seen = on_floor(landmark, point, cameras);
+            let seen = floor_positions(landmark, point, cameras);
             if seen.len() > 1 {
                 let own =
                     seen.into_iter().map(|(view, at)| sighting(view, &cameras[view], at, height, count));
@@ -303,16 +306,16 @@ fn sightings(cameras: &[Camera], landmarks: &[Landmark]) -> (Vec<FloorSighting>,
     (sightings, count)
 }
 
-/// Whether aligned floors have a landmark at one place: not for lines, which give no point.
+/// Whether a landmark has a point that aligned floors share. Lines have no such point.
 fn is_alignable(landmark: &Landmark) -> bool {
     let is_point = !matches!(landmark.model, LandmarkModel::Line { .. } | LandmarkModel::Measured);
     !landmark.off && landmark.free[0] && is_point
 }
 
-/// The sighting of a point at `height` metres by a camera.
+/// Returns the sighting of a point at `height` metres by a camera.
 ///
-/// At a distance d from the foot of a camera h above the point, a pixel is `(d^2 + h^2) / (f h)` metres of
-/// floor along the ray.
+/// At a distance d from the foot of a camera h above the point, a pixel covers `(d^2 + h^2) / (f h)` metres
+/// of floor along the ray.
 fn sighting(view: usize, camera: &Camera, at: FloorPoint, height: f64, point: usize) -> FloorSighting {
     let foot = camera.position.on_floor();
     let at = [at.x - foot.x, at.y - foot.y];
@@ -328,7 +331,7 @@ mod tests {
     use crate::camera::{Lens, Pixel};
 
     #[test]
-    fn floors_that_agree_but_for_a_similarity_are_laid_exactly() {
+    fn floors_that_differ_by_similarities_are_aligned_exactly() {
         let camera = |x: f64, yaw: f64, z: f64| Camera {
             position: WorldPoint::new(x, 0.0, z),
             yaw,

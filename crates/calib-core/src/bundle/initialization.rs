@@ -1,12 +1,14 @@
-//! Where the adjustment starts: cameras placed one after the other along a spanning tree of the view
-//! graph, floors aligned to close its loops, landmarks triangulated.
+//! Initial state of the adjustment: cameras placed one after the other along a spanning tree of the view
+//! graph, floors aligned to close its loops, and landmarks triangulated.
 //!
-//! The lean of the verticals against a floor that several views show: two parameters in the base system, of
-//! which every view sees the components to its right and ahead.
+//! # Shared tilt
 //!
-//! With yaw y the right of a camera on the floor is `(cos y, sin y)` and ahead of it is `(-sin y, cos y)`, so
-//! that a lean t is seen as `(right . t, ahead . t)`, with the derivatives `(ahead . t, -right . t)` by y. Taken
-//! for one each, the leans of two views would count as twice the evidence.
+//! The tilt of the floor against the verticals, shared by several views, has two parameters in the base
+//! system. Every view observes its components to the right and ahead.
+//!
+//! With yaw y, right on the floor is `(cos y, sin y)` and ahead is `(-sin y, cos y)`. A tilt t is therefore
+//! observed as `(right . t, ahead . t)`, with the derivatives `(ahead . t, -right . t)` with respect to y.
+//! With a separate tilt for each view, two views would count as twice the evidence.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
@@ -16,42 +18,42 @@ use crate::bundle::floor_alignment::{align_floors, align_to_known};
 use crate::bundle::landmark::{DistanceMeasurement, Landmark};
 use crate::bundle::triangulation::{floor_disagreements, is_known, is_visible, triangulate};
 use crate::bundle::view_graph::{
-    Component, PlacedLandmark, attach, components, control_points, describe, root,
+    Component, TriangulatedLandmark, attach, components, control_points, determine_gauge, root,
 };
 use crate::camera::Camera;
 use crate::floor::from_control_points;
 use crate::optimize::NuisanceJacobian;
 
-/// The start of an adjustment.
+/// Initial state of an adjustment.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Initialization {
     pub(crate) poses: Vec<Camera>,
-    /// Triangulated, with the observations of cameras that have a pose only.
+    /// Triangulated landmarks, with observations only of cameras that have a pose.
     pub(crate) landmarks: Vec<Landmark>,
-    /// Switched off where an end of them is.
+    /// Distances; a distance is switched off if one of its landmarks is.
     pub(crate) distances: Vec<DistanceMeasurement>,
     pub(crate) components: Vec<Component>,
-    /// Cameras of components that share too little with the others to be placed.
+    /// Cameras of components that share too few landmarks with the others to be placed.
     pub(crate) unreached: Vec<usize>,
-    /// Landmarks that are switched off because a camera that observes them cannot show their triangulated
-    /// place.
+    /// Landmarks that are switched off because their triangulated position is not visible in an observing
+    /// camera.
     pub(crate) unobservable: Vec<usize>,
-    /// Largest root mean square disagreement on the floor between two cameras that are not joined by an edge
-    /// of the tree, in metres; `None` without loops.
+    /// Largest root mean square disagreement on the floor, in metres, between two cameras that are not joined
+    /// by an edge of the tree; `None` without loops.
     pub(crate) loop_closure: Option<f64>,
 }
 
-/// The spanning tree as it grows: the poses found so far, and the edges that gave them.
+/// Growing spanning tree: the poses computed so far, and the edges that gave them.
 struct SpanningTree<'a> {
     cameras: &'a [BundleCamera<'a>],
     landmarks: &'a [Landmark],
     poses: Vec<Camera>,
     has_pose: Vec<bool>,
-    /// Pairs of cameras of which the one placed the other.
+    /// Pairs of cameras in which one camera placed the other.
     edges: BTreeSet<[usize; 2]>,
 }
 
-/// The neighbours of every camera in the view graph, with the landmarks of unknown place that both observe.
+/// Neighbours of every camera in the view graph, with the landmarks of unknown position that both observe.
 type Neighbours = BTreeMap<usize, BTreeMap<usize, Vec<usize>>>;
 
 /// Initialises cameras and landmarks.
@@ -78,7 +80,7 @@ pub(crate) fn initialize(
     }
     for (pose, camera) in poses.iter_mut().zip(cameras) {
         pose.position.z = camera.fixed_height().unwrap_or(pose.position.z);
-        *pose = camera.held.put(&camera.camera, *pose);
+        *pose = camera.fixed_pose.restore(&camera.camera, *pose);
     }
     let mut landmarks = landmarks.to_vec();
     let unobservable = triangulate_all(&mut landmarks, &poses, &has_pose);
@@ -87,12 +89,12 @@ pub(crate) fn initialize(
     let unreached = (0..cameras.len()).filter(is_unreached).collect();
     let components = components
         .into_iter()
-        .map(|views| describe(views, cameras, &poses, &landmarks, &distances))
+        .map(|views| determine_gauge(views, cameras, &poses, &landmarks, &distances))
         .collect();
     Initialization { poses, landmarks, distances, components, unreached, unobservable, loop_closure }
 }
 
-/// Distances, switched off where one of their landmarks is.
+/// Copies the distances. A distance is switched off if one of its landmarks is.
 fn distances_between(distances: &[DistanceMeasurement], landmarks: &[Landmark]) -> Vec<DistanceMeasurement> {
     let without_end =
         |distance: &DistanceMeasurement| distance.between.iter().any(|&landmark| landmarks[landmark].off);
@@ -103,14 +105,14 @@ fn distances_between(distances: &[DistanceMeasurement], landmarks: &[Landmark]) 
     distances.iter().map(used).collect()
 }
 
-/// Triangulates every landmark; those that an observing camera cannot show there are switched off, and their
-/// indices returned.
+/// Triangulates every landmark. Landmarks that are not visible in an observing camera are switched off, and
+/// their indices are returned.
 fn triangulate_all(landmarks: &mut [Landmark], poses: &[Camera], has_pose: &[bool]) -> Vec<usize> {
     let mut unobservable = Vec::new();
     for (index, landmark) in landmarks.iter_mut().enumerate().filter(|(_, landmark)| !landmark.off) {
         landmark.observations.retain(|seen| has_pose[seen.view]);
-        if let Some((model, place)) = triangulate(landmark, poses, &|_| true) {
-            (landmark.model, landmark.place) = (model, place);
+        if let Some((model, params)) = triangulate(landmark, poses, &|_| true) {
+            (landmark.model, landmark.params) = (model, params);
             landmark.off = !is_visible(landmark, poses);
         } else {
             landmark.off = true;
@@ -123,8 +125,8 @@ fn triangulate_all(landmarks: &mut [Landmark], poses: &[Camera], has_pose: &[boo
 }
 
 impl<'a> SpanningTree<'a> {
-    /// The cameras placed in the base system by themselves: fixed ones, and those that observe enough known
-    /// places.
+    /// Places the cameras that do not depend on other cameras: fixed cameras, and cameras that observe enough
+    /// known positions.
     fn from_known(cameras: &'a [BundleCamera<'a>], landmarks: &'a [Landmark]) -> Self {
         let mut poses: Vec<Camera> = cameras.iter().map(|camera| camera.camera).collect();
         let mut has_pose = vec![false; cameras.len()];
@@ -134,7 +136,7 @@ impl<'a> SpanningTree<'a> {
                 has_pose[view] = true;
                 continue;
             }
-            let points = control_points(view, known.iter().map(|landmark| (*landmark, landmark.place)));
+            let points = control_points(view, known.iter().map(|landmark| (*landmark, landmark.params)));
             if let Some(pose) = from_control_points(&camera.camera, &points, camera.fixed_height()) {
                 poses[view] = pose;
                 has_pose[view] = true;
@@ -143,8 +145,8 @@ impl<'a> SpanningTree<'a> {
         Self { cameras, landmarks, poses, has_pose, edges: BTreeSet::new() }
     }
 
-    /// Places the cameras of a component, each by the placed camera that shares most landmarks with it; from
-    /// the root where none has a pose.
+    /// Places the cameras of a component, each by the placed camera that shares most landmarks with it.
+    /// Starts from the root if no camera has a pose.
     fn grow(&mut self, component: &[usize]) {
         if !component.iter().any(|&view| self.has_pose[view]) {
             self.has_pose[root(component, self.cameras)] = true;
@@ -155,8 +157,8 @@ impl<'a> SpanningTree<'a> {
         placed.for_each(|&view| extend(&mut queue, view, &neighbours));
         loop {
             self.grow_tree(&mut queue, &neighbours);
-            // Where no single neighbour shares enough, all placed neighbours together may.
-            let Some((view, pose)) = self.place_by_all(component, &neighbours) else { break };
+            // If no single neighbour shares enough landmarks, all placed neighbours together may.
+            let Some((view, pose)) = self.place_from_all_neighbours(component, &neighbours) else { break };
             self.poses[view] = pose;
             self.has_pose[view] = true;
             extend(&mut queue, view, &neighbours);
@@ -180,12 +182,12 @@ impl<'a> SpanningTree<'a> {
         neighbours
     }
 
-    /// Places cameras as long as one placed camera is enough for the next.
+    /// Places cameras as long as one placed camera is sufficient for the next.
     fn grow_tree(&mut self, queue: &mut BinaryHeap<Edge>, neighbours: &Neighbours) {
         while let Some((_, Reverse((from, to)))) = queue.pop() {
             let shared = neighbours.get(&from).and_then(|near| near.get(&to));
             let Some(shared) = shared.filter(|_| !self.has_pose[to]) else { continue };
-            if let Some(pose) = self.attached(to, shared, &|view| view == from) {
+            if let Some(pose) = self.pose_from_landmarks(to, shared, &|view| view == from) {
                 self.poses[to] = pose;
                 self.has_pose[to] = true;
                 self.edges.insert([from.min(to), from.max(to)]);
@@ -194,28 +196,37 @@ impl<'a> SpanningTree<'a> {
         }
     }
 
-    /// The first camera that can be placed by all placed cameras together.
-    fn place_by_all(&self, component: &[usize], neighbours: &Neighbours) -> Option<(usize, Camera)> {
+    /// Returns the first camera that can be placed by all placed cameras together.
+    fn place_from_all_neighbours(
+        &self,
+        component: &[usize],
+        neighbours: &Neighbours,
+    ) -> Option<(usize, Camera)> {
         component.iter().copied().filter(|&view| !self.has_pose[view]).find_map(|view| {
             let shared: BTreeSet<usize> = neighbours.get(&view)?.values().flatten().copied().collect();
             let shared: Vec<usize> = shared.into_iter().collect();
-            Some((view, self.attached(view, &shared, &|other| self.has_pose[other])?))
+            Some((view, self.pose_from_landmarks(view, &shared, &|other| self.has_pose[other])?))
         })
     }
 
-    /// A camera placed by landmarks triangulated from the cameras that `by` picks.
-    fn attached(&self, view: usize, shared: &[usize], by: &dyn Fn(usize) -> bool) -> Option<Camera> {
+    /// Returns the pose of a camera from landmarks triangulated by the cameras that `by` selects.
+    fn pose_from_landmarks(
+        &self,
+        view: usize,
+        shared: &[usize],
+        by: &dyn Fn(usize) -> bool,
+    ) -> Option<Camera> {
         let placed = |&index: &usize| {
             let landmark = &self.landmarks[index];
-            let (model, place) = triangulate(landmark, &self.poses, by)?;
-            Some((Landmark { model, ..landmark.clone() }, place))
+            let (model, params) = triangulate(landmark, &self.poses, by)?;
+            Some((Landmark { model, ..landmark.clone() }, params))
         };
-        let landmarks: Vec<PlacedLandmark> = shared.iter().filter_map(placed).collect();
+        let landmarks: Vec<TriangulatedLandmark> = shared.iter().filter_map(placed).collect();
         attach(&self.poses[view], view, self.cameras[view].fixed_height(), &landmarks)
     }
 
-    /// Largest root mean square disagreement on the floor, in metres, between cameras that share landmarks
-    /// but are not joined in the tree.
+    /// Returns the largest root mean square disagreement on the floor, in metres, between cameras that share
+    /// landmarks but are not joined in the tree.
     fn loop_closure(&self) -> Option<f64> {
         let mut disagreements: BTreeMap<[usize; 2], (f64, f64)> = BTreeMap::new();
         for landmark in self.landmarks.iter().filter(|landmark| !landmark.off && !is_known(landmark)) {
@@ -230,8 +241,8 @@ impl<'a> SpanningTree<'a> {
     }
 }
 
-/// An edge of the view graph from a placed camera to another, with the number of landmarks that both
-/// observe: the heap pops the one of most landmarks, of equals the one of the lowest indices.
+/// Edge of the view graph from a placed camera to another, with the number of landmarks that both observe.
+/// The heap pops the edge with the most landmarks, on a tie with the lowest indices.
 type Edge = (usize, Reverse<(usize, usize)>);
 
 /// Adds the edges of a camera that has been placed.
@@ -240,35 +251,36 @@ fn extend(queue: &mut BinaryHeap<Edge>, from: usize, neighbours: &Neighbours) {
     queue.extend(near.map(|(&to, shared)| (shared.len(), Reverse((from, to)))));
 }
 
-/// The tilt that views have in common.
+/// Tilt of the floor that views share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CommonTilt {
-    /// Its block, of two parameters.
+    /// Block of its two parameters.
     pub(crate) block: usize,
-    /// The view whose residuals have its prior.
-    pub(crate) first: usize,
+    /// View whose residuals include the prior on the tilt.
+    pub(crate) prior_view: usize,
 }
 
-/// To the right of a camera of this yaw and ahead of it, on the floor.
+/// Returns the directions to the right and ahead of a camera with this yaw, on the floor.
 fn axes(yaw: f64) -> [[f64; 2]; 2] {
     let (sin, cos) = yaw.sin_cos();
     [[cos, sin], [-sin, cos]]
 }
 
-/// A lean in the base system as a view of this yaw sees it.
-pub(crate) fn in_view([x, y]: [f64; 2], yaw: f64) -> [f64; 2] {
+/// Transforms a tilt from the base system to the axes of a view with this yaw.
+pub(crate) fn base_to_view([x, y]: [f64; 2], yaw: f64) -> [f64; 2] {
     axes(yaw).map(|[a, b]| a * x + b * y)
 }
 
-/// Derivatives by components in the base system from those by what a view of this yaw sees.
-pub(crate) fn in_base([right, ahead]: [f64; 2], yaw: f64) -> [f64; 2] {
+/// Transforms derivatives from the axes of a view with this yaw to the base system.
+pub(crate) fn view_to_base([right, ahead]: [f64; 2], yaw: f64) -> [f64; 2] {
     let [[rx, ry], [ax, ay]] = axes(yaw);
     [right * rx + ahead * ax, right * ry + ahead * ay]
 }
 
-/// The derivatives of a residual by the lean in the base system and by yaw, from those by the lean in the view,
-/// whose parameters start at `tilt`; `None` of a residual that does not depend on it.
-pub(crate) fn by_common(
+/// Returns the derivatives of a residual with respect to the tilt in the base system and the yaw, computed
+/// from its derivatives in the view. `tilt` is the index of the first tilt parameter. Returns `None` if the
+/// residual does not depend on the tilt.
+pub(crate) fn common_tilt_derivatives(
     nuisance: &NuisanceJacobian,
     tilt: usize,
     lean: [f64; 2],
@@ -280,8 +292,8 @@ pub(crate) fn by_common(
         by[index - tilt] += derivative;
     }
     entries.clone().next()?;
-    let [right, ahead] = in_view(lean, yaw);
-    Some((in_base(by, yaw), by[0] * ahead - by[1] * right))
+    let [right, ahead] = base_to_view(lean, yaw);
+    Some((view_to_base(by, yaw), by[0] * ahead - by[1] * right))
 }
 
 #[cfg(test)]
@@ -292,13 +304,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn derivatives_are_those_of_differences(
+        fn derivatives_match_finite_differences(
             lean in [-0.1..0.1_f64, -0.1..0.1_f64], yaw in -3.0..3.0_f64, by in [-9.0..9.0_f64, -9.0..9.0_f64],
         ) {
             const STEP: f64 = 1e-5;
-            let residual = |lean, yaw| in_view(lean, yaw).iter().zip(by).map(|(lean, by)| lean * by).sum::<f64>();
+            let residual = |lean, yaw| base_to_view(lean, yaw).iter().zip(by).map(|(lean, by)| lean * by).sum::<f64>();
             let jacobian = NuisanceJacobian::of(4, by[0]).and(5, by[1]);
-            let (by_lean, by_yaw) = by_common(&jacobian, 4, lean, yaw).unwrap();
+            let (by_lean, by_yaw) = common_tilt_derivatives(&jacobian, 4, lean, yaw).unwrap();
             let central = |at: &dyn Fn(f64) -> f64| (at(STEP) - at(-STEP)) / (2.0 * STEP);
             prop_assert!((central(&|step| residual([lean[0] + step, lean[1]], yaw)) - by_lean[0]).abs() < 1e-8);
             prop_assert!((central(&|step| residual([lean[0], lean[1] + step], yaw)) - by_lean[1]).abs() < 1e-8);
@@ -306,8 +318,8 @@ mod tests {
         }
 
         #[test]
-        fn a_residual_without_lean_has_none(yaw in -3.0..3.0_f64) {
-            prop_assert_eq!(by_common(&NuisanceJacobian::of(1, 2.0), 4, [0.1, 0.2], yaw), None);
+        fn residual_without_tilt_has_no_tilt_derivatives(yaw in -3.0..3.0_f64) {
+            prop_assert_eq!(common_tilt_derivatives(&NuisanceJacobian::of(1, 2.0), 4, [0.1, 0.2], yaw), None);
         }
     }
 }

@@ -7,98 +7,99 @@ use crate::camera::{
 };
 use crate::single::Prior;
 
-/// The most parameters that a landmark has.
+/// Largest number of parameters of a landmark.
 pub const LANDMARK_PARAMS: usize = 3;
 
-/// Two points nearer to each other than this, in metres, are the same place.
-pub(crate) const SAME_PLACE: f64 = 1e-3;
+/// Distance below which two points count as the same position, in metres.
+pub(crate) const SAME_POSITION_M: f64 = 1e-3;
 
-/// What a landmark is, and with it the meaning of its three parameters ([`Landmark::place`]).
+/// Kind of a landmark, which defines the meaning of its three parameters ([`Landmark::params`]).
 #[derive(Clone, Debug, PartialEq)]
 pub enum LandmarkModel {
-    /// A point at a known height: x, y in metres; the third parameter is not used.
+    /// Point at a known height. Parameters: x, y in metres; the third is not used.
     Point {
-        /// In metres above the floor.
+        /// Height above the floor, in metres.
         height: f64,
     },
-    /// A vertical post on the floor; point 0 is its foot, point 1 its head: x, y, length, in metres.
+    /// Vertical post on the floor; point 0 is its foot, point 1 its head. Parameters: x, y, length, in
+    /// metres.
     Post,
-    /// An upright rigid shape: x, y in metres, and turn about the vertical in radians.
+    /// Upright rigid shape. Parameters: x, y in metres, and rotation about the vertical in radians.
     Mark {
-        /// Height of its origin, in metres above the floor.
+        /// Height of its origin above the floor, in metres.
         z: f64,
-        /// Its points relative to its origin at turn 0, in metres.
+        /// Points relative to its origin at rotation 0, in metres.
         points: Vec<[f64; 3]>,
     },
-    /// A point whose coordinates were measured (a control point): x, y, z in metres.
+    /// Point with measured coordinates (a control point). Parameters: x, y, z in metres.
     Measured,
-    /// A line of the floor: distance of the line to the left of an origin in metres, and the angle it
-    /// leads along, counter-clockwise from +x in radians. The pixels that show it need not show the same
-    /// points of it.
+    /// Line of the floor. Parameters: signed distance of the line to the left of an origin, in metres, and
+    /// its direction, counter-clockwise from +x, in radians. Its observations in different images need not be
+    /// the same points of the line.
     Line {
-        /// A point near the line, x and y in metres; it is replaced when the line is triangulated.
+        /// Point near the line, x and y in metres; it is replaced when the line is triangulated.
         origin: [f64; 2],
     },
 }
 
-/// A pixel that shows a point of a landmark.
+/// Observation of a point of a landmark in an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
     /// Index of the camera.
     pub view: usize,
-    /// Index of the point in the landmark; of a line any point of it, each with an index of its own.
+    /// Index of the point in the landmark. Every observed point of a line has its own index.
     pub point: usize,
-    /// Raw pixel.
+    /// Raw (distorted) pixel.
     pub pixel: Pixel,
-    /// Standard deviation of each of its coordinates, in pixels.
+    /// Standard deviation of each coordinate, in pixels.
     pub sigma: f64,
 }
 
 impl Observation {
-    /// The only or first point of a landmark, seen with a standard deviation of one pixel.
+    /// Creates an observation of point 0 of a landmark with a standard deviation of one pixel.
     #[must_use]
     pub const fn new(view: usize, pixel: Pixel) -> Self {
         Self { view, point: 0, pixel, sigma: 1.0 }
     }
 }
 
-/// A landmark of the scene with the observations of it.
+/// Landmark of the scene with its observations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Landmark {
-    /// What it is.
+    /// Kind of the landmark.
     pub model: LandmarkModel,
-    /// Its parameters in the base system, in the order and units that the model says. Those that are free
-    /// are triangulated before they are refined: their values here do not matter, but for the length of a
-    /// post and the turn of a mark that no observation tells.
-    pub place: [f64; 3],
-    /// The plane that it stands or lies on, an index into
-    /// [`BundleAdjustment::planes`](crate::BundleAdjustment::planes); the floor without.
+    /// Parameters in the base system, in the order and units of the model. Free parameters are triangulated
+    /// before the refinement, so their initial values are ignored. Exceptions are the length of a post and
+    /// the rotation of a mark, if no observation determines them.
+    pub params: [f64; 3],
+    /// Plane under the landmark, as an index into
+    /// [`BundleAdjustment::planes`](crate::BundleAdjustment::planes); `None` is the floor.
     pub plane: Option<usize>,
-    /// Where that plane is thought to be, and after the adjustment where it was found: heights of the model are
-    /// above it.
+    /// Initial position of that plane, and its estimate after the adjustment. Heights of the model are
+    /// relative to it.
     pub ground: Plane,
-    /// Which parameters are estimated.
+    /// Flags of the estimated parameters.
     pub free: [bool; 3],
-    /// Priors of single parameters, with the index of each.
+    /// Priors on single parameters, with the index of each.
     pub priors: Vec<(usize, Prior)>,
-    /// The pixels that show it.
+    /// Observations in the images.
     pub observations: Vec<Observation>,
-    /// Is never rejected as an outlier.
+    /// Whether it is never rejected as an outlier.
     pub keep: bool,
-    /// Takes no part: switched off, or rejected.
+    /// Whether it is not used: switched off, or rejected.
     pub off: bool,
 }
 
 impl Landmark {
-    /// A landmark of which only the model is known: x and y (of a line offset and angle), the
-    /// length of a post and the turn of a mark are free; a measured point is fixed at the origin.
+    /// Creates a landmark at an unknown position. The first two parameters are free, and so are the length of
+    /// a post and the rotation of a mark. A measured point is fixed at the origin.
     #[must_use]
     pub fn new(model: LandmarkModel, observations: Vec<Observation>) -> Self {
         let is_free = model != LandmarkModel::Measured;
         let third = matches!(model, LandmarkModel::Post | LandmarkModel::Mark { .. });
         Self {
             model,
-            place: [0.0; LANDMARK_PARAMS],
+            params: [0.0; LANDMARK_PARAMS],
             plane: None,
             ground: Plane::FLOOR,
             free: [is_free, is_free, third],
@@ -109,61 +110,60 @@ impl Landmark {
         }
     }
 
-    /// A control point: its coordinates in metres with their standard deviation, exact where there is
-    /// none.
+    /// Creates a control point from its coordinates and their standard deviation, in metres. `None` means
+    /// exact.
     #[must_use]
     pub fn measured(at: WorldPoint, sigma: Option<f64>, observations: Vec<Observation>) -> Self {
-        let place = <[f64; LANDMARK_PARAMS]>::from(at);
+        let params = <[f64; LANDMARK_PARAMS]>::from(at);
         let priors = sigma.map_or(Vec::new(), |sigma| {
-            place.into_iter().map(|value| Prior { value, sigma }).enumerate().collect()
+            params.into_iter().map(|value| Prior { value, sigma }).enumerate().collect()
         });
         let free = [sigma.is_some(); LANDMARK_PARAMS];
-        Self { place, free, priors, ..Self::new(LandmarkModel::Measured, observations) }
+        Self { params, free, priors, ..Self::new(LandmarkModel::Measured, observations) }
     }
 }
 
-/// A measured distance between two landmarks: between the origins of marks, the feet of posts, the points
-/// themselves.
+/// Measured distance between two landmarks: between the origins of marks, the feet of posts, or the points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistanceMeasurement {
-    /// Indices of the two landmarks, neither of them a line.
+    /// Indices of the two landmarks; lines are not supported.
     pub between: [usize; 2],
-    /// In metres.
+    /// Length, in metres.
     pub length: Prior,
-    /// Is never rejected as an outlier.
+    /// Whether it is never rejected as an outlier.
     pub keep: bool,
-    /// Takes no part: switched off, or rejected.
+    /// Whether it is not used: switched off, or rejected.
     pub off: bool,
 }
 
 impl DistanceMeasurement {
-    /// A length in metres with its standard deviation.
+    /// Creates a distance from a length and its standard deviation, in metres.
     #[must_use]
     pub const fn new(between: [usize; 2], value: f64, sigma: f64) -> Self {
         Self { between, length: Prior { value, sigma }, keep: false, off: false }
     }
 }
 
-/// One residual of an observation, reprojected less observed, in raw pixels, with its Jacobian.
+/// Residual of an observation, reprojected minus observed, in raw pixels, with its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReprojectionError {
     pub(crate) pixels: f64,
-    /// By the camera's pose, its log focal, and its coefficients.
+    /// Derivatives with respect to the camera's pose, log focal length and lens parameters.
     pub(crate) d_view: [f64; Covariance::SIZE],
     pub(crate) d_landmark: [f64; LANDMARK_PARAMS],
-    /// By height and slope of the plane that the landmark stands on.
+    /// Derivatives with respect to the height and slope of the plane under the landmark.
     pub(crate) d_plane: [f64; 3],
 }
 
-/// A point with its derivatives: row by row x, y, z by the parameters of its landmark.
+/// Point with its derivatives: rows x, y, z, columns the parameters of its landmark.
 pub(crate) type PointJacobian = (WorldPoint, [[f64; LANDMARK_PARAMS]; 3]);
 
 impl LandmarkModel {
-    /// A point of the landmark at a place on level ground.
+    /// Returns a point of the landmark on level ground, with its derivatives.
     ///
-    /// The point of a line is its origin moved to it.
-    fn on_level(&self, place: &[f64; LANDMARK_PARAMS], index: usize) -> PointJacobian {
-        let [a, b, c] = *place;
+    /// The point of a line is the projection of its origin onto the line.
+    fn on_level(&self, params: &[f64; LANDMARK_PARAMS], index: usize) -> PointJacobian {
+        let [a, b, c] = *params;
         let by_xy = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]];
         match self {
             Self::Point { height } => (WorldPoint::new(a, b, *height), by_xy),
@@ -184,38 +184,38 @@ impl LandmarkModel {
         }
     }
 
-    /// The point that distances are measured to and that is reported as the landmark's position, with its
-    /// derivatives by the parameters.
-    pub fn anchor(&self, place: &[f64; LANDMARK_PARAMS], ground: &Plane) -> PointJacobian {
+    /// Returns the reference point of the landmark with its derivatives with respect to the parameters. It is
+    /// its reported position and the end of distances.
+    pub fn anchor(&self, params: &[f64; LANDMARK_PARAMS], ground: &Plane) -> PointJacobian {
         let level = match self {
-            // Its foot, whichever of its points was seen.
+            // The origin, whichever of its points was observed.
             Self::Mark { z, .. } => {
                 let jacobian = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]];
-                (WorldPoint::new(place[0], place[1], *z), jacobian)
+                (WorldPoint::new(params[0], params[1], *z), jacobian)
             }
-            _ => self.on_level(place, 0),
+            _ => self.on_level(params, 0),
         };
-        self.lifted(level, place, ground)
+        self.raise_to_ground(level, params, ground)
     }
 
-    /// A point of the landmark at a place on its ground.
+    /// Returns a point of the landmark on its ground plane, with its derivatives.
     pub(crate) fn point(
         &self,
-        place: &[f64; LANDMARK_PARAMS],
+        params: &[f64; LANDMARK_PARAMS],
         index: usize,
         ground: &Plane,
     ) -> PointJacobian {
-        self.lifted(self.on_level(place, index), place, ground)
+        self.raise_to_ground(self.on_level(params, index), params, ground)
     }
 
-    /// A point of level ground, lifted by the height of the ground under the landmark: shapes stay upright.
-    fn lifted(
+    /// Raises a point on level ground by the height of the ground under the landmark. Shapes stay upright.
+    fn raise_to_ground(
         &self,
         (point, mut jacobian): PointJacobian,
-        place: &[f64; LANDMARK_PARAMS],
+        params: &[f64; LANDMARK_PARAMS],
         ground: &Plane,
     ) -> PointJacobian {
-        let Some(foot) = self.foot(place) else { return (point, jacobian) };
+        let Some(foot) = self.foot(params) else { return (point, jacobian) };
         if *ground == Plane::FLOOR {
             return (point, jacobian);
         }
@@ -227,31 +227,32 @@ impl LandmarkModel {
         (WorldPoint { z: point.z + ground.height_at(foot), ..point }, jacobian)
     }
 
-    /// The point of the floor below which or above which its ground counts; none of what was measured.
-    pub(crate) fn foot(&self, place: &[f64; LANDMARK_PARAMS]) -> Option<FloorPoint> {
+    /// Returns the floor position for the height of the ground; `None` for a measured point.
+    pub(crate) fn foot(&self, params: &[f64; LANDMARK_PARAMS]) -> Option<FloorPoint> {
         match self {
             Self::Measured => None,
-            Self::Line { .. } => Some(self.on_level(place, 0).0.on_floor()),
-            _ => Some(FloorPoint { x: place[0], y: place[1] }),
+            Self::Line { .. } => Some(self.on_level(params, 0).0.on_floor()),
+            _ => Some(FloorPoint { x: params[0], y: params[1] }),
         }
     }
 
-    /// The reprojection error of an observation: the reprojected less the observed pixel, u and v; of a line,
-    /// the signed distance of the observed pixel from the reprojected line. `None` behind the camera.
+    /// Returns the reprojection error of an observation: reprojected minus observed pixel, u and v. For a
+    /// line it is the signed distance of the observed pixel from the reprojected line. Returns `None` behind
+    /// the camera.
     pub(crate) fn reprojection_error(
         &self,
-        place: &[f64; LANDMARK_PARAMS],
+        params: &[f64; LANDMARK_PARAMS],
         point: usize,
         ground: &Plane,
         pose: &PosedCamera,
         observed: &ObservedPixel,
     ) -> Option<impl Iterator<Item = ReprojectionError>> {
         if let Self::Line { origin } = self {
-            let error = line_error(&pose.reproject_line(ground, *origin, place[0], place[1]), observed);
+            let error = line_error(&pose.reproject_line(ground, *origin, params[0], params[1]), observed);
             return Some([error; 2].into_iter().take(1));
         }
-        let (point, jacobian) = self.point(place, point, ground);
-        let by_plane = self.foot(place).map_or([0.0; 3], |foot| ground.height_by_parameters(foot));
+        let (point, jacobian) = self.point(params, point, ground);
+        let by_plane = self.foot(params).map_or([0.0; 3], |foot| ground.height_by_parameters(foot));
         Some(
             point_errors(&pose.reproject(point, observed.chart.as_ref())?, &jacobian, &by_plane, observed)
                 .into_iter()
@@ -259,33 +260,34 @@ impl LandmarkModel {
         )
     }
 
-    /// Number of residuals that one observation gives.
+    /// Returns the number of residuals of one observation.
     pub(crate) fn residuals(&self) -> usize {
         if matches!(self, Self::Line { .. }) { 1 } else { 2 }
     }
 }
 
-/// The derivatives by camera and lens with that by the own focal of a wide lens, which is there where it is that of the
-/// camera, added to that by this.
-fn by_view(mut by: [f64; Covariance::SIZE], observed: &ObservedPixel) -> [f64; Covariance::SIZE] {
+/// Adds the derivative with respect to the own focal length of a wide lens to the derivative with respect to
+/// the focal length of the camera. The observed pixel has a chart only if both focal lengths are equal.
+fn merge_tied_focal(mut by: [f64; Covariance::SIZE], observed: &ObservedPixel) -> [f64; Covariance::SIZE] {
     if observed.chart.is_some() {
         by[Covariance::FOCAL] += std::mem::take(&mut by[POSE_PARAMS + Lens::OWN_FOCAL]);
     }
     by
 }
 
-/// Signed distance of an observed pixel from the reprojected floor line.
+/// Returns the signed distance of an observed pixel from the reprojected floor line.
 fn line_error(line: &ReprojectedLine, observed: &ObservedPixel) -> ReprojectionError {
     let LineDistance { pixels, d_camera, d_lens, d_line: [offset, angle], d_plane } = line.distance(observed);
     let mut d_camera_and_lens = [0.0; Covariance::SIZE];
     d_camera_and_lens[..POSE_PARAMS].copy_from_slice(&d_camera);
     d_camera_and_lens[POSE_PARAMS..].copy_from_slice(&d_lens);
-    let d_view = by_view(d_camera_and_lens, observed);
+    let d_view = merge_tied_focal(d_camera_and_lens, observed);
     ReprojectionError { pixels, d_view, d_landmark: [offset, angle, 0.0], d_plane }
 }
 
-/// Reprojected less observed pixel, u and v, with `jacobian` the derivatives of the point by the parameters
-/// of its landmark, and `by_plane` those of its height by its plane.
+/// Returns reprojected minus observed pixel, u and v. `jacobian` contains the derivatives of the point with
+/// respect to the parameters of its landmark. `by_plane` contains the derivatives of its height with respect
+/// to its plane.
 fn point_errors(
     reprojected: &Reprojection,
     jacobian: &[[f64; LANDMARK_PARAMS]; 3],
@@ -306,7 +308,7 @@ fn point_errors(
         let mut d_view = [0.0; Covariance::SIZE];
         (0..POSE_PARAMS).for_each(|k| d_view[k] = d_camera[k][i]);
         (0..Lens::PARAMETERS).for_each(|k| d_view[POSE_PARAMS + k] = d_lens[k][i]);
-        let d_view = by_view(d_view, observed);
+        let d_view = merge_tied_focal(d_view, observed);
         let d_landmark = d_landmark.map(|column| column[i]);
         let d_plane = by_plane.map(|by| by * up[i]);
         ReprojectionError { pixels: pixels[i], d_view, d_landmark, d_plane }
@@ -314,36 +316,36 @@ fn point_errors(
 }
 
 impl Landmark {
-    /// Number of residuals minus number of free parameters.
+    /// Returns the number of residuals minus the number of free parameters.
     pub fn redundancy(&self) -> i64 {
         let unknowns = self.free.iter().filter(|&&free| free).count();
         let residuals = self.observations.len() * self.model.residuals() + self.priors.len();
         residuals as i64 - unknowns as i64
     }
 
-    /// Where it is: the point, the foot of a post, the origin of a mark, the point of a line next to the
-    /// line's own origin.
+    /// Returns the position: the point, the foot of a post, the origin of a mark, or the point of a line
+    /// closest to the line's origin.
     #[must_use]
     pub fn position(&self) -> WorldPoint {
-        self.model.anchor(&self.place, &self.ground).0
+        self.model.anchor(&self.params, &self.ground).0
     }
 
-    /// The plane at the height of a point of it above its ground.
-    pub(crate) fn plane_of(&self, point: usize) -> Plane {
-        self.ground.raised(self.model.on_level(&self.place, point).0.z)
+    /// Returns the plane through a point of the landmark, parallel to its ground.
+    pub(crate) fn plane_at_point(&self, point: usize) -> Plane {
+        self.ground.raised(self.model.on_level(&self.params, point).0.z)
     }
 
-    /// A point of it where it is.
+    /// Returns the position of a point of the landmark.
     pub fn point(&self, point: usize) -> WorldPoint {
-        self.model.point(&self.place, point, &self.ground).0
+        self.model.point(&self.params, point, &self.ground).0
     }
 
-    /// Every two of the cameras that see it, the lower first.
-    fn pairs_of_views(&self) -> Vec<[usize; 2]> {
+    /// Returns all pairs of cameras that observe the landmark, the lower index first.
+    fn view_pairs(&self) -> Vec<[usize; 2]> {
         pairs_among(&self.views()).collect()
     }
 
-    /// Indices of the cameras that see it, each once, ascending.
+    /// Returns the indices of the cameras that observe it, without duplicates, ascending.
     pub fn views(&self) -> Vec<usize> {
         let mut views: Vec<usize> = self.observations.iter().map(|seen| seen.view).collect();
         views.sort_unstable();
@@ -352,16 +354,16 @@ impl Landmark {
     }
 }
 
-/// Every two views that observe a landmark in common which takes part, in their order.
-pub(crate) fn observing_in_common(landmarks: &[Landmark]) -> Vec<[usize; 2]> {
+/// Returns all pairs of views that share an active landmark, sorted.
+pub(crate) fn covisible_pairs(landmarks: &[Landmark]) -> Vec<[usize; 2]> {
     let taking_part = landmarks.iter().filter(|landmark| !landmark.off);
-    let mut pairs: Vec<[usize; 2]> = taking_part.flat_map(Landmark::pairs_of_views).collect();
+    let mut pairs: Vec<[usize; 2]> = taking_part.flat_map(Landmark::view_pairs).collect();
     pairs.sort_unstable();
     pairs.dedup();
     pairs
 }
 
-/// Every two of ascending indices, the lower first.
+/// Returns all pairs of ascending indices, the lower first.
 pub(crate) fn pairs_among(views: &[usize]) -> impl Iterator<Item = [usize; 2]> + '_ {
     let with_later = |(k, &a): (usize, &usize)| views[k + 1..].iter().map(move |&b| [a, b]);
     views.iter().enumerate().flat_map(with_later)

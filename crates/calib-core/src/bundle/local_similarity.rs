@@ -1,50 +1,53 @@
-//! Steps of places that hold to each other and to little else: along the similarities by which each turns and scales what is
-//! around it, and not along their tangents.
+//! Corrections of a step that keep local similarities exact. A group of points that is coupled mostly to
+//! itself then moves along the similarity, and not along its tangent.
 //!
-//! Let a step scale some cameras by `1 + s` and turn them by theta. Heights and yaws take that as it is, and with a floor
-//! point as a complex number p, one place should move against another by `((1 + s) e^(i theta) - 1) (p' - p)`. The step d,
-//! which is linear, moves it by `a (p' - p)`, `a = s + i theta`. What is between is of the second order, but it turns places
-//! against yaws, which thousands of observations tell, while s and theta of a hall are what a single camera tells: without
-//! it steps along such a hall stay short. A hall bends, too: one end of it turns by more than the other. So of every place,
-//! with the places that see something in common with it,
+//! Let a step scale some cameras by `1 + s` and rotate them by theta. Heights and yaws follow exactly. With a
+//! floor point as a complex number p, the difference of two points should change by `((1 + s) e^(i theta) -
+//! 1) (p' - p)`. The linear step d changes it by `a (p' - p)`, `a = s + i theta`.
 //!
-//! `a = sum conj(p' - p) (d' - d) / sum |p' - p|^2`, `h = (1 + s) e^(i theta) - 1 - a`,
+//! The difference is of second order, but it rotates positions against yaws. Thousands of observations
+//! determine the yaws, while s and theta of a hall may be determined by a single camera. Without the
+//! correction the steps along such a hall stay short. A hall also deforms: one end rotates by more than the
+//! other. Therefore every point has its own a and h, from the points that share observations with it:
 //!
-//! and the corrections e are those that come nearest to `e' - e = (h + h') / 2 (p' - p)` for every two of them: the sum of
-//! squares of what is left has the Laplacian of their graph as its normal equations. That is the scheme of Sorkine and Alexa
-//! (2007, "As-Rigid-As-Possible Surface Modeling"), with similarities, once a step.
+//! `a = sum conj(p' - p) (d' - d) / sum |p' - p|^2`, `h = (1 + s) e^(i theta) - 1 - a`.
+//!
+//! The corrections e minimise the sum of squares of `e' - e - (h + h') / 2 (p' - p)` over all pairs. The
+//! normal equations are the Laplacian of the graph of the pairs. This is the scheme of Sorkine and Alexa
+//! (2007, "As-Rigid-As-Possible Surface Modeling"), with similarities, applied once per step.
 
 use nalgebra::Complex;
 
 use crate::camera::sin_cos;
 use crate::optimize::{CholeskyFactor, SparseStructure};
 
-/// Places, which of them are free to be corrected, and which see something in common.
+/// Graph of floor points: pairs that share observations, and the points that are free to be corrected.
 #[derive(Clone, Debug)]
 pub(crate) struct LocalSimilarities {
     pairs: Vec<[usize; 2]>,
-    /// Number of every place among those that are free.
+    /// Index of every point among the free points.
     free_index: Vec<Option<usize>>,
-    /// Of the Laplacian of the free ones.
+    /// Cholesky factor of the Laplacian of the free points.
     factor: CholeskyFactor,
 }
 
-/// A place and its step.
-pub(crate) type Move = (Complex<f64>, Complex<f64>);
+/// Floor point and its step.
+pub(crate) type PointStep = (Complex<f64>, Complex<f64>);
 
-/// What is missing of a step to a similarity.
+/// Correction from a linear step to a similarity.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Correction {
-    /// Of the place.
+    /// Correction of the point.
     pub(crate) shift: Complex<f64>,
-    /// h: what is around it is corrected by that times its distance from there, besides.
+    /// Second-order part h. A neighbour of the point is corrected additionally by h times its offset from the
+    /// point.
     pub(crate) similarity: Complex<f64>,
 }
 
 impl LocalSimilarities {
-    /// `None` where nothing is free or nothing is seen in common.
+    /// Builds the graph; `None` without free points or pairs.
     pub(crate) fn new(is_free: &[bool], pairs: Vec<[usize; 2]>) -> Option<Self> {
-        /// Added to the diagonal: of places of which none is held the mean stays.
+        /// Term added to the diagonal. It keeps the mean of the points if none of them is fixed.
         const REGULARIZATION: f64 = 1e-9;
         if pairs.is_empty() || !is_free.contains(&true) {
             return None;
@@ -64,29 +67,29 @@ impl LocalSimilarities {
         };
         (0..count).for_each(|free| add([free, free], REGULARIZATION));
         free_pairs.iter().for_each(|&pair| add(pair, -1.0));
-        pairs.iter().flatten().filter_map(|&place| free_index[place]).for_each(|free| add([free, free], 1.0));
+        pairs.iter().flatten().filter_map(|&point| free_index[point]).for_each(|free| add([free, free], 1.0));
         let factor = sparse.factor(values)?;
         Some(Self { pairs, free_index, factor })
     }
 
-    /// Of all places.
-    pub(crate) fn corrections(&self, moves: &[Move]) -> Vec<Correction> {
+    /// Returns the corrections of all points.
+    pub(crate) fn corrections(&self, moves: &[PointStep]) -> Vec<Correction> {
         let apart = |[from, to]: [usize; 2]| (moves[to].0 - moves[from].0, moves[to].1 - moves[from].1);
         let mut sums = vec![(Complex::default(), 0.0); moves.len()];
         for &pair in &self.pairs {
             let (apart, moved) = apart(pair);
-            for place in pair {
-                sums[place].0 += apart.conj() * moved;
-                sums[place].1 += apart.norm_sqr();
+            for point in pair {
+                sums[point].0 += apart.conj() * moved;
+                sums[point].1 += apart.norm_sqr();
             }
         }
-        let of_sums = |&(with, square): &(Complex<f64>, f64)| beyond_tangent(with / square);
+        let of_sums = |&(with, square): &(Complex<f64>, f64)| second_order_part(with / square);
         let similarities: Vec<Complex<f64>> = sums.iter().map(of_sums).collect();
         let mut right = [vec![0.0; self.factor.unknowns()], vec![0.0; self.factor.unknowns()]];
         for &[from, to] in &self.pairs {
             let between = 0.5 * (similarities[from] + similarities[to]) * apart([from, to]).0;
-            for (place, between) in [(from, -between), (to, between)] {
-                if let Some(free) = self.free_index[place] {
+            for (point, between) in [(from, -between), (to, between)] {
+                if let Some(free) = self.free_index[point] {
                     right[0][free] += between.re;
                     right[1][free] += between.im;
                 }
@@ -100,8 +103,8 @@ impl LocalSimilarities {
     }
 }
 
-/// h; 0 where it is no small turn or scale.
-fn beyond_tangent(tangent: Complex<f64>) -> Complex<f64> {
+/// Returns h; 0 if the rotation and scale are not small.
+fn second_order_part(tangent: Complex<f64>) -> Complex<f64> {
     let Complex { re: s, im: theta } = tangent;
     let is_small = tangent.norm_sqr() < 1.0;
     if !is_small {
@@ -118,10 +121,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn steps_along_the_tangent_of_a_similarity_end_on_it(
+        fn corrected_tangent_step_follows_the_similarity(
             places in proptest::collection::vec((-50.0..50.0_f64, -50.0..50.0_f64), 3..20),
             scale in -0.4..0.4_f64, turn in -0.8..0.8_f64, others in proptest::collection::vec((0..20_usize, 0..20_usize), 0..20),
-            is_held in proptest::bool::ANY,
+            is_fixed in proptest::bool::ANY,
         ) {
             let count = places.len();
             let places: Vec<Complex<f64>> = places.iter().map(|&(x, y)| Complex::new(x, y)).collect();
@@ -129,37 +132,37 @@ mod tests {
             let others = others.iter().map(|(a, b)| [a % count, b % count]).filter(|[a, b]| a < b);
             let pairs: Vec<[usize; 2]> = chain.chain(others).collect();
             prop_assume!(pairs.iter().all(|&[a, b]| (places[a] - places[b]).norm() > 0.1));
-            let is_free: Vec<bool> = (0..count).map(|view| view > 0 || !is_held).collect();
+            let is_free: Vec<bool> = (0..count).map(|view| view > 0 || !is_fixed).collect();
             let moves: Vec<_> =
                 places.iter().map(|&from| (from, Complex::new(scale, turn) * (from - places[0]))).collect();
             let corrections = LocalSimilarities::new(&is_free, pairs).unwrap().corrections(&moves);
             let to = |view: usize| moves[view].0 + moves[view].1 + corrections[view].shift;
-            if is_held {
+            if is_fixed {
                 prop_assert_eq!(to(0), places[0]);
             }
             for view in 1..count {
-                // Where none is held they are where they are against each other.
+                // If no point is fixed, only relative positions are determined.
                 let exact = (1.0 + scale) * Complex::from_polar(1.0, turn) * (places[view] - places[0]);
                 prop_assert!((to(view) - to(0) - exact).norm() < 1e-5, "{:?}", to(view) - to(0) - exact);
-                let beside = Complex::new(1.0, 2.0);
-                let step = Complex::new(scale, turn) * beside + corrections[view].similarity * beside;
-                let exact = ((1.0 + scale) * Complex::from_polar(1.0, turn) - 1.0) * beside;
+                let offset = Complex::new(1.0, 2.0);
+                let step = Complex::new(scale, turn) * offset + corrections[view].similarity * offset;
+                let exact = ((1.0 + scale) * Complex::from_polar(1.0, turn) - 1.0) * offset;
                 prop_assert!((step - exact).norm() < 1e-9);
             }
         }
 
         #[test]
-        fn of_the_first_order_it_changes_nothing(
+        fn correction_is_of_second_order(
             size in -17.0..-0.5_f64, scale in -1.0..1.0_f64, turn in -1.0..1.0_f64,
         ) {
             let tangent = 10.0_f64.powf(size) * Complex::new(scale, turn);
             let size = tangent.norm();
-            prop_assert!(beyond_tangent(tangent).norm() <= 1.01 * size * size + 1e-15 * size);
+            prop_assert!(second_order_part(tangent).norm() <= 1.01 * size * size + 1e-15 * size);
         }
     }
 
     #[test]
-    fn what_is_in_one_place_or_alone_moves_as_its_step_says() {
+    fn coincident_or_isolated_points_are_not_corrected() {
         let one = (Complex::new(3.0, 4.0), Complex::new(0.1, 0.2));
         let other = (one.0, Complex::new(0.3, 0.2));
         let corrections =

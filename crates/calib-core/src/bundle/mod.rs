@@ -1,24 +1,31 @@
-//! Stage 2: bundle adjustment of several cameras from the landmarks that they observe in common.
+//! Stage 2: bundle adjustment of several cameras from shared landmarks.
 //!
-//! Law: no document. Cameras, landmarks and observations come as values and go as values. The files in the
-//! order of the data:
+//! Rule: no document. Cameras, landmarks and observations are passed in and returned as values. The files, in
+//! the order of the data:
 //!
-//! - `landmark` landmarks, observations, measured distances, and the reprojection error; `copies` which of them are
-//!   there more than once, and count once; `triangulation` the
-//!   place of a landmark from cameras; `floor_alignment` the similarities between floors, averaged;
-//! - `camera` a camera as it enters the adjustment; `view_graph` components and gauge; `attachment`,
-//!   `initialization` cameras placed along a spanning tree;
-//! - `common_tilt` the lean of the floor that views share, `plane_parameters`, `shared_planes` the planes that they share;
-//!   `parameters` the parameter blocks; `residuals` the list of all residuals with their formulas; `problem` the
-//!   least-squares problem that evaluates them: **the residual of a vertical line** is that of stage 1
-//!   (`single/residual.rs`), called by `BundleProblem::each_annotation` in
-//!   `annotation_residuals`; `local_similarity`, `retraction` where a step of it leads;
-//! - `marginals` covariances of cameras and landmarks; `converged` a minimum with what speaks against every
-//!   candidate; `screening` several outliers at once; `refinement` the minimum without outliers; `summary` what
-//!   was estimated; `adjustment` the front door: [`BundleAdjustment::solve`].
+//! - `landmark`: landmarks, observations, measured distances, and the reprojection error of an observation.
+//! - `copies`: landmarks and distances that were annotated more than once and count once.
+//! - `triangulation`: the position of a landmark from the cameras that observe it.
+//! - `floor_alignment`: similarities between the floors of the cameras, averaged over all pairs.
+//! - `camera`: a camera as it enters the adjustment, with its priors and free parameters.
+//! - `view_graph`: connected components, their gauge, and resection of one more camera.
+//! - `initialization`: initial poses along a spanning tree, and the tilt of the floor that several views
+//!   share.
+//! - `parameters`: the parameter blocks and their positions in the state.
+//! - `residuals`: the list of all residuals with their formulas.
+//! - `local_similarity`: second-order corrections of a step for cameras that are coupled mostly to each
+//!   other.
+//! - `problem`: the least-squares problem that evaluates all residuals.
+//! - `retraction`: the state after a step, with the corrections of `local_similarity`.
+//! - `shared_planes`: planes that views and landmarks share.
+//! - `annotation_residuals`: the residuals of stage 1 in the adjustment. **The residual of a vertical line**
+//!   is derived in `single/residual.rs` and evaluated here by `BundleProblem::each_annotation`.
+//! - `converged`: a minimum, its covariances, and the chi-square of every outlier candidate.
+//! - `refinement`: the minimum without outliers.
+//! - `adjustment`: the entry point, [`BundleAdjustment::solve`], and its result.
 //!
-//! **The sigma of a floor point** is the covariance of its camera, from `marginals`, propagated by
-//! [`Camera::floor_covariance`](crate::Camera::floor_covariance).
+//! **The covariance of a floor point** follows from the covariance of its camera, computed in `converged` and
+//! propagated by [`Camera::floor_covariance`](crate::Camera::floor_covariance).
 
 mod landmark;
 mod copies;
@@ -39,7 +46,7 @@ mod refinement;
 mod adjustment;
 
 pub use adjustment::{BundleAdjustment, BundleError, BundleSummary, CameraEstimate};
-pub use camera::{BundleCamera, HeldPose, InitialPose};
+pub use camera::{BundleCamera, FixedPose, InitialPose};
 pub use converged::{CrossCovariance, OutlierCandidate, PlaneEstimate};
 pub use landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 pub use view_graph::Component;

@@ -1,11 +1,10 @@
-//! Parameter blocks: which parameters form a block, and where each is in the state.
+//! Parameter blocks: the grouping of parameters into blocks, and their positions in the state.
 //!
-//! A camera has one block of pose, focal and distortion; a lens that several cameras share has a block of
-//! its own. Both are kept. Every direction and length of stage 1 is a block of one parameter, every
-//! landmark one of up to three: these touch few cameras and are eliminated (Schur complement). A landmark at
-//! the end of a measured distance is kept, for two eliminated blocks must not have a residual in common.
-//!
-//! The parameters of planes that views and landmarks share.
+//! A camera has one block of pose, focal length and distortion. A lens that several cameras share has a
+//! separate block. Both kinds are kept. Directions and lengths of stage 1 are blocks of one parameter, and
+//! landmarks are blocks of up to three. These are coupled to few cameras and are eliminated (Schur
+//! complement). A landmark at the end of a measured distance is kept, because two eliminated blocks must not
+//! share a residual. Planes that views and landmarks share have blocks, too.
 
 use std::collections::HashSet;
 
@@ -16,15 +15,16 @@ use crate::camera::{Camera, Covariance, Pixel, Plane};
 use crate::optimize::{BlockStructure, NuisanceLayout};
 use crate::single::PlanePrior;
 
-/// Parameters of a plane: height, slope along x, slope along y.
+/// Number of parameters of a plane: height, slope along x, slope along y.
 pub(crate) const PLANE_PARAMS: usize = 3;
 
-/// Height and slope of a plane.
+/// Returns the height and slope of a plane.
 pub(crate) fn parameters_of_plane(plane: &Plane) -> [f64; PLANE_PARAMS] {
     [plane.height, plane.slope[0], plane.slope[1]]
 }
 
-/// Which planes are estimated: those that something is drawn on or stands on, and that are not held.
+/// Returns the flags of the estimated planes. A plane is estimated if it is not fixed and has an annotation
+/// or a landmark on it.
 pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item = usize>) -> Vec<bool> {
     let mut estimated = vec![false; planes.len()];
     for plane in on_planes {
@@ -35,31 +35,31 @@ pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item 
     estimated
 }
 
-/// Block of every parameter of a camera and its place in the block; none where it is not estimated.
+/// Block of every parameter of a camera and its index in the block; `None` if it is not estimated.
 pub(crate) type CameraLayout = [Option<(usize, usize)>; CAMERA_PARAMS];
 
-/// The block of every parameter.
+/// Block of every parameter.
 #[derive(Clone, Debug)]
 pub(crate) struct ParameterLayout {
     pub(crate) blocks: BlockStructure,
-    /// Of every view.
+    /// Layout of every view.
     pub(crate) cameras: Vec<CameraLayout>,
-    /// Block of every nuisance parameter of every view that is used, and its place in the block.
+    /// Block of every used nuisance parameter of every view, and its index in the block.
     pub(crate) nuisances: Vec<Vec<Option<(usize, usize)>>>,
-    /// Block of every landmark, its free parameters in their order.
+    /// Block of every landmark, its free parameters in order.
     pub(crate) landmarks: Vec<Option<usize>>,
-    /// Block of every plane, height and slope; none of one that is held, or that nothing shared lies on.
+    /// Block of every plane (height and slope); `None` if it is fixed or not shared.
     pub(crate) planes: Vec<Option<usize>>,
-    /// The tilt of the floor that views share.
+    /// Tilt of the floor that views share.
     pub(crate) tilt: Option<CommonTilt>,
 }
 
-/// The blocks allocated so far.
+/// Blocks allocated so far.
 #[derive(Debug, Default)]
 struct LayoutBuilder {
     sizes: Vec<usize>,
     keep: Vec<bool>,
-    /// Blocks that have residuals in common.
+    /// Groups of blocks that share residuals.
     coupled: Vec<Vec<usize>>,
 }
 
@@ -80,7 +80,7 @@ impl ParameterLayout {
             .iter()
             .zip(&cameras)
             .map(|(view, camera)| {
-                let tilt = tilt.filter(|_| shows_tilt(view)).map(|tilt| tilt.block);
+                let tilt = tilt.filter(|_| observes_tilt(view)).map(|tilt| tilt.block);
                 builder.nuisances(view, camera, tilt, &planes)
             })
             .collect();
@@ -98,7 +98,7 @@ impl ParameterLayout {
 }
 
 impl LayoutBuilder {
-    /// A block of this size; none for no parameter.
+    /// Allocates a block of this size; `None` for size 0.
     fn block(&mut self, size: usize, keep: bool) -> Option<usize> {
         (size > 0).then(|| {
             self.sizes.push(size);
@@ -111,7 +111,7 @@ impl LayoutBuilder {
         self.coupled.push(blocks.collect());
     }
 
-    /// The block of every lens that more than one view has.
+    /// Allocates the block of every lens that more than one view has.
     fn shared_lenses(&mut self, views: &[View]) -> Vec<Option<usize>> {
         let count = views.iter().map(|view| view.lens + 1).max().unwrap_or(0);
         let mut users: Vec<Vec<&View>> = vec![Vec::new(); count];
@@ -126,7 +126,7 @@ impl LayoutBuilder {
             .collect()
     }
 
-    /// The block of a view, with its lens in it unless that is shared.
+    /// Allocates the block of a view, including its lens unless that is shared.
     fn camera(&mut self, free: &[bool; CAMERA_PARAMS], shared_lens: Option<usize>) -> CameraLayout {
         let is_of_lens = |k: usize| k >= Covariance::FOCAL;
         let is_own = |k: usize| free[k] && !(shared_lens.is_some() && is_of_lens(k));
@@ -142,18 +142,18 @@ impl LayoutBuilder {
         layout
     }
 
-    /// The block of the tilt of the floor that more than one view shows.
+    /// Allocates the block of the tilt if more than one view observes it.
     fn common_tilt(&mut self, views: &[View]) -> Option<CommonTilt> {
-        let showing: Vec<usize> = (0..views.len()).filter(|&view| shows_tilt(&views[view])).collect();
+        let showing: Vec<usize> = (0..views.len()).filter(|&view| observes_tilt(&views[view])).collect();
         let [first, _, ..] = showing[..] else { return None };
-        // The fall to the side of marks is known from who shows them.
+        // The prior on the crossfall comes from a view that observes it.
         let is_marked = |&view: &usize| views[view].stage_1.constraints.has_crossfall();
         let first = showing.into_iter().find(is_marked).unwrap_or(first);
         let block = self.block(2, true)?;
-        Some(CommonTilt { block, first })
+        Some(CommonTilt { block, prior_view: first })
     }
 
-    /// The blocks of planes that are estimated.
+    /// Allocates the blocks of the estimated planes.
     fn planes(
         &mut self,
         planes: &[PlanePrior],
@@ -168,8 +168,8 @@ impl LayoutBuilder {
         estimated.into_iter().map(|is| if is { self.block(PLANE_PARAMS, true) } else { None }).collect()
     }
 
-    /// Blocks of the nuisance parameters of a view that are used, as the fit of the camera alone has them; its
-    /// tilt and its planes in blocks that it shares, if it does.
+    /// Allocates the blocks of the used nuisance parameters of a view, with the layout of the single-camera
+    /// fit. Shared tilt and planes refer to their shared blocks.
     fn nuisances(
         &mut self,
         view: &View,
@@ -203,7 +203,7 @@ impl LayoutBuilder {
         blocks.iter().flatten().for_each(|&block| self.couple(own.iter().copied().chain([block])));
         self.couple(own.into_iter().chain(common_tilt));
         let mut places: Vec<Option<(usize, usize)>> =
-            places.iter().map(|place| place.and_then(|(block, at)| Some((blocks[block]?, at)))).collect();
+            places.iter().map(|slot| slot.and_then(|(block, at)| Some((blocks[block]?, at)))).collect();
         if let Some(block) = common_tilt {
             places[tilt..tilt + 2].copy_from_slice(&[Some((block, 0)), Some((block, 1))]);
         }
@@ -235,8 +235,8 @@ impl LayoutBuilder {
     }
 }
 
-/// Whether a view shows the tilt of the floor that it shares with others.
-fn shows_tilt(view: &View) -> bool {
+/// Whether a view observes the tilt of the floor that it shares with others.
+fn observes_tilt(view: &View) -> bool {
     view.shares_floor && view.stage_1.constraints.tilt_sigma().is_some()
 }
 
@@ -244,7 +244,7 @@ fn blocks_of(camera: &CameraLayout) -> impl Iterator<Item = usize> + '_ {
     camera.iter().flatten().map(|(block, _)| *block)
 }
 
-/// The parameters of a camera in the order of [`Covariance`], the log of the focal in place of it.
+/// Returns the parameters of a camera in the order of [`Covariance`], with the log of the focal length.
 pub(crate) fn parameters_of(camera: &Camera) -> [f64; CAMERA_PARAMS] {
     let [x, y, z] = camera.position.into();
     let [a, b, c, d, e] = camera.lens.distortion.coefficients();

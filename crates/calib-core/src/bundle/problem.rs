@@ -1,14 +1,14 @@
-//! The bundle adjustment as one least-squares problem: the state, all residuals (`residuals.rs` lists them),
+//! Least-squares problem of the bundle adjustment: the state, all residuals (listed in `residuals.rs`), and
 //! the normal equations.
 
 use crate::bundle::camera::{CAMERA_PARAMS, View};
 use crate::bundle::copies::Copies;
-use crate::bundle::initialization::{CommonTilt, in_view};
+use crate::bundle::initialization::{CommonTilt, base_to_view};
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
 use crate::bundle::local_similarity::LocalSimilarities;
 use crate::bundle::parameters::parameters_of_plane;
 use crate::bundle::parameters::{CameraLayout, ParameterLayout, parameters_of};
-use crate::bundle::residuals::{CameraJacobian, ResidualKind, distance_residual, listed, of_free};
+use crate::bundle::residuals::{CameraJacobian, ResidualKind, compact_blocks, distance_residual, pack_free};
 use crate::camera::{Camera, Covariance, Lens, ObservedPixel, Pixel, PosedCamera};
 use crate::optimize::{BlockStructure, JacobianBlock, LeastSquares, NormalEquations};
 use crate::single::{PlanePrior, Prior, edge_redundancy, straightness_with_jacobian};
@@ -19,23 +19,23 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
-    /// How often landmarks and distances are there.
+    /// Numbers of copies of the landmarks and distances.
     copies: Copies,
     pub(crate) blocks: BlockStructure,
     pub(crate) camera_layout: Vec<CameraLayout>,
-    /// Block of every nuisance parameter of stage 1 of every view, and its place there.
-    pub(crate) nuisance_places: Vec<Vec<Option<(usize, usize)>>>,
+    /// Block of every nuisance parameter of stage 1 of every view, and its index in the block.
+    pub(crate) nuisance_layout: Vec<Vec<Option<(usize, usize)>>>,
     /// Block of the free parameters of every landmark.
     landmark_blocks: Vec<Option<usize>>,
-    /// Planes besides the floor.
+    /// Planes other than the floor.
     pub(crate) planes: Vec<PlanePrior>,
-    /// Block of every plane that is estimated.
+    /// Block of every estimated plane.
     pub(crate) plane_blocks: Vec<Option<usize>>,
-    /// The tilt of the floor that views share.
+    /// Tilt of the floor that views share.
     pub(crate) tilt: Option<CommonTilt>,
-    /// Of what sees something in common.
+    /// Local similarities of views and landmarks with shared observations.
     pub(crate) similarities: Option<LocalSimilarities>,
-    /// Observed pixels, undistorted, where the lens is not estimated.
+    /// Undistorted observed pixels of views whose lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
 
@@ -60,7 +60,7 @@ impl<'a> BundleProblem<'a> {
             copies,
             blocks,
             camera_layout: cameras,
-            nuisance_places: nuisances,
+            nuisance_layout: nuisances,
             landmark_blocks,
             planes,
             plane_blocks,
@@ -87,22 +87,22 @@ impl<'a> BundleProblem<'a> {
         self.views[view].lens_parameters().contains(&true)
     }
 
-    /// The state that views and landmarks start from.
+    /// Returns the initial state of views and landmarks.
     pub(crate) fn start(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.blocks.unknowns()];
-        let mut set = |block: usize, place: usize, value: f64| {
-            state[self.blocks.at((block, place))] = value;
+        let mut set = |block: usize, index: usize, value: f64| {
+            state[self.blocks.at((block, index))] = value;
         };
         for (view, layout) in self.views.iter().zip(&self.camera_layout) {
             for (parameter, value) in layout.iter().zip(parameters_of(&view.camera)) {
-                parameter.iter().for_each(|&(block, place)| set(block, place, value));
+                parameter.iter().for_each(|&(block, index)| set(block, index, value));
             }
         }
-        for (view, places) in self.views.iter().zip(&self.nuisance_places) {
-            // A tilt in common starts from none.
-            let is_own = |place: &(usize, usize)| self.tilt.is_none_or(|tilt| tilt.block != place.0);
-            for (place, value) in places.iter().zip(&view.nuisance) {
-                place.filter(is_own).iter().for_each(|&(block, place)| set(block, place, *value));
+        for (view, slots) in self.views.iter().zip(&self.nuisance_layout) {
+            // The shared tilt starts at zero.
+            let is_own = |slot: &(usize, usize)| self.tilt.is_none_or(|tilt| tilt.block != slot.0);
+            for (slot, value) in slots.iter().zip(&view.nuisance) {
+                slot.filter(is_own).iter().for_each(|&(block, index)| set(block, index, *value));
             }
         }
         for (plane, block) in self.planes.iter().zip(&self.plane_blocks) {
@@ -112,13 +112,13 @@ impl<'a> BundleProblem<'a> {
         for (landmark, block) in self.landmarks.iter().zip(&self.landmark_blocks) {
             let free = (0..LANDMARK_PARAMS).filter(|&k| landmark.free[k]);
             for (i, k) in free.enumerate() {
-                block.iter().for_each(|&block| set(block, i, landmark.place[k]));
+                block.iter().for_each(|&block| set(block, i, landmark.params[k]));
             }
         }
         state
     }
 
-    /// A camera at a state, its covariance left as it was.
+    /// Returns a camera at a state; its covariance stays unchanged.
     pub(crate) fn camera(&self, state: &[f64], view: usize) -> Camera {
         let camera = self.views[view].camera;
         let mut values = parameters_of(&camera);
@@ -128,70 +128,71 @@ impl<'a> BundleProblem<'a> {
             }
         }
         let [x, y, z, yaw, pitch, roll, log_focal, a, b, c, d, e, u, v] = values;
-        // A fixed focal keeps its last bit.
+        // A fixed focal length stays bit-identical.
         let fits_focal = self.camera_layout[view][Covariance::FOCAL].is_some();
         let focal = if fits_focal { log_focal.exp() } else { camera.focal };
         let lens = Lens {
             principal_point: Pixel { u, v },
-            focal: if self.views[view].has_one_focal { focal } else { camera.lens.focal },
+            focal: if self.views[view].has_tied_focal { focal } else { camera.lens.focal },
             distortion: camera.lens.distortion.with_coefficients([a, b, c, d, e]),
             image_circle: None,
         };
         Camera { position: [x, y, z].into(), yaw, pitch, roll, focal, lens, ..camera }
     }
 
-    /// The parameters of a landmark at a state.
-    pub(crate) fn place(&self, state: &[f64], landmark: usize) -> [f64; LANDMARK_PARAMS] {
-        let mut place = self.landmarks[landmark].place;
+    /// Returns the parameters of a landmark at a state.
+    pub(crate) fn landmark_params(&self, state: &[f64], landmark: usize) -> [f64; LANDMARK_PARAMS] {
+        let mut params = self.landmarks[landmark].params;
         let free = (0..LANDMARK_PARAMS).filter(|&k| self.landmarks[landmark].free[k]);
         for (i, k) in free.enumerate() {
             if let Some(block) = self.landmark_blocks[landmark] {
-                place[k] = state[self.blocks.at((block, i))];
+                params[k] = state[self.blocks.at((block, i))];
             }
         }
-        place
+        params
     }
 
-    /// Nuisance parameters of stage 1 of a view at a state.
+    /// Returns the nuisance parameters of stage 1 of a view at a state.
     pub(crate) fn nuisance(&self, state: &[f64], view: usize) -> Vec<f64> {
-        let values = self.views[view].nuisance.iter().zip(&self.nuisance_places[view]);
+        let values = self.views[view].nuisance.iter().zip(&self.nuisance_layout[view]);
         let value = |at: (usize, usize)| state[self.blocks.at(at)];
-        let mut values: Vec<f64> = values.map(|(&start, place)| place.map_or(start, value)).collect();
+        let mut values: Vec<f64> = values.map(|(&start, slot)| slot.map_or(start, value)).collect();
         if let Some((at, lean, yaw)) = self.common_tilt(state, view) {
-            values[at..at + 2].copy_from_slice(&in_view(lean, yaw));
+            values[at..at + 2].copy_from_slice(&base_to_view(lean, yaw));
         }
         self.set_planes(state, view, &mut values);
         values
     }
 
-    /// Block of the free parameters of a landmark.
+    /// Returns the block of the free parameters of a landmark.
     pub(crate) fn landmark_block(&self, landmark: usize) -> Option<usize> {
         self.landmark_blocks[landmark]
     }
 
-    /// Block and place of every parameter of a view.
+    /// Returns the block of every parameter of a view and the index in the block.
     pub(crate) fn camera_layout(&self, view: usize) -> &CameraLayout {
         &self.camera_layout[view]
     }
 
-    /// Degrees of freedom of so many residuals: without parameters, and what edges and copies say again.
+    /// Returns the degrees of freedom for this number of residuals. Parameters, and the redundant residuals
+    /// of edges and copies, are subtracted.
     pub(crate) fn dof(&self, residuals: usize) -> i64 {
-        // The line through the points of an edge has two parameters, which are eliminated, and an edge that is
-        // drawn again is one.
+        // The line through the points of an edge has two parameters, which are eliminated. An edge that is
+        // annotated twice counts once.
         let beyond = |view: &View| {
             let points: usize = view.edges.iter().map(|edge| edge.points.len()).sum();
-            points as i64 - edge_redundancy(view.edges.iter(), &view.edge_times)
+            points as i64 - edge_redundancy(view.edges.iter(), &view.edge_counts)
         };
         let edges: i64 = self.views.iter().map(beyond).sum();
         let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated()).sum::<i64>()
-            + self.copies.repeated(&self.landmarks, &self.distances);
+            + self.copies.redundant_dof(&self.landmarks, &self.distances);
         residuals as i64 - repeated - edges - self.blocks.unknowns() as i64
     }
 
-    /// Calls `sink` with every residual in sigmas, its derivatives, and what it belongs to.
+    /// Calls `sink` with every residual in standard deviations, its derivatives, and its kind.
     ///
-    /// `None` where the geometry is impossible: a landmark behind a camera that observes it, a length above
-    /// the horizon, a lens that folds back on itself.
+    /// Returns `None` if the geometry is impossible: a landmark behind a camera that observes it, a length
+    /// above the horizon, or a lens that is not invertible over the image.
     pub(crate) fn each_residual(
         &self,
         state: &[f64],
@@ -205,17 +206,17 @@ impl<'a> BundleProblem<'a> {
         }
         self.each_plane_prior(state, &mut sink);
         for landmark in (0..self.landmarks.len()).filter(|&landmark| !self.landmarks[landmark].off) {
-            let place = self.place(state, landmark);
-            self.each_observation(state, landmark, &place, &poses, &mut sink)?;
-            self.each_landmark_prior(landmark, &place, &mut sink);
+            let params = self.landmark_params(state, landmark);
+            self.each_observation(state, landmark, &params, &poses, &mut sink)?;
+            self.each_landmark_prior(landmark, &params, &mut sink);
         }
         for distance in (0..self.distances.len()).filter(|&distance| !self.distances[distance].off) {
-            self.distance(state, distance, &mut sink);
+            self.each_distance(state, distance, &mut sink);
         }
         Some(())
     }
 
-    /// Straightness of the edges, in raw pixels, and what is believed of lenses, where the lens is fitted.
+    /// Evaluates the straightness of the edges, in raw pixels, and the lens priors, if the lens is estimated.
     fn each_edge(
         &self,
         view: usize,
@@ -232,7 +233,7 @@ impl<'a> BundleProblem<'a> {
         let scale = this.stage_1.sigma.recip();
         let is_free = this.lens_parameters();
         let free: Vec<usize> = (0..Lens::PARAMETERS).filter(|&k| is_free[k]).collect();
-        for (edge, times) in this.edges.iter().zip(&this.edge_times) {
+        for (edge, times) in this.edges.iter().zip(&this.edge_counts) {
             let scale = scale / times.sqrt();
             let (distances, columns) =
                 straightness_with_jacobian([&camera.lens, &this.camera.lens], &edge.points, &free)?;
@@ -244,23 +245,23 @@ impl<'a> BundleProblem<'a> {
                 self.sink_view(view, scale * distance, &by, &[], ResidualKind::StraightEdge, sink);
             }
         }
-        // What is believed of a lens that several views have counts once.
+        // The priors on a shared lens count once.
         if this.lens == view {
-            for believed in this.beliefs(&camera.lens, &free) {
+            for prior in this.lens_prior_residuals(&camera.lens, &free) {
                 let mut by = [0.0; CAMERA_PARAMS];
-                this.add_lens(&mut by, &believed.by);
-                self.sink_view(view, believed.value, &by, &[], ResidualKind::CameraPrior, sink);
+                this.add_lens(&mut by, &prior.by);
+                self.sink_view(view, prior.value, &by, &[], ResidualKind::CameraPrior, sink);
             }
         }
         Some(())
     }
 
-    /// The reprojection errors of a landmark.
+    /// Evaluates the reprojection errors of a landmark.
     fn each_observation(
         &self,
         state: &[f64],
         index: usize,
-        place: &[f64; LANDMARK_PARAMS],
+        params: &[f64; LANDMARK_PARAMS],
         poses: &[PosedCamera],
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) -> Option<()> {
@@ -274,38 +275,38 @@ impl<'a> BundleProblem<'a> {
             } else {
                 self.observed[index][observation]
             }?;
-            for error in landmark.model.reprojection_error(place, seen.point, &ground, pose, &observed)? {
+            for error in landmark.model.reprojection_error(params, seen.point, &ground, pose, &observed)? {
                 let by = error.d_view.map(|derivative| derivative / seen.sigma);
                 let own =
-                    of_free(&error.d_landmark.map(|derivative| derivative / seen.sigma), &landmark.free);
+                    pack_free(&error.d_landmark.map(|derivative| derivative / seen.sigma), &landmark.free);
                 let by_plane = error.d_plane.map(|derivative| derivative / seen.sigma);
                 let plane = plane.map(|block| JacobianBlock { block, by: &by_plane });
-                let (others, count) = listed([self.landmark_jacobian(index, &own), plane]);
+                let (others, count) = compact_blocks([self.landmark_jacobian(index, &own), plane]);
                 self.sink_view(seen.view, error.pixels / seen.sigma, &by, &others[..count], kind, sink);
             }
         }
         Some(())
     }
 
-    /// `(value - prior) / sigma` for every prior on a free parameter of a landmark.
+    /// Evaluates `(value - prior) / sigma` for every prior on a free parameter of a landmark.
     fn each_landmark_prior(
         &self,
         index: usize,
-        place: &[f64; LANDMARK_PARAMS],
+        params: &[f64; LANDMARK_PARAMS],
         sink: &mut impl FnMut(f64, &[JacobianBlock], ResidualKind),
     ) {
         let landmark = &self.landmarks[index];
         for &(k, Prior { value, sigma }) in landmark.priors.iter().filter(|(k, _)| landmark.free[*k]) {
             let mut by = [0.0; LANDMARK_PARAMS];
             by[k] = sigma.recip();
-            if let Some(jacobian) = self.landmark_jacobian(index, &of_free(&by, &landmark.free)) {
+            if let Some(jacobian) = self.landmark_jacobian(index, &pack_free(&by, &landmark.free)) {
                 let kind = ResidualKind::LandmarkPrior { landmark: index };
-                sink((place[k] - value) / sigma, &[jacobian], kind);
+                sink((params[k] - value) / sigma, &[jacobian], kind);
             }
         }
     }
 
-    fn distance(
+    fn each_distance(
         &self,
         state: &[f64],
         index: usize,
@@ -315,16 +316,17 @@ impl<'a> BundleProblem<'a> {
         let grounds = distance.between.map(|landmark| self.ground(state, landmark));
         let of_end = |end: usize| {
             let landmark = distance.between[end];
-            let (model, place) = (&self.landmarks[landmark].model, self.place(state, landmark));
-            let rise = model.foot(&place).map_or([0.0; 3], |foot| grounds[end].0.height_by_parameters(foot));
-            (model.anchor(&place, &grounds[end].0), rise)
+            let (model, params) = (&self.landmarks[landmark].model, self.landmark_params(state, landmark));
+            let rise = model.foot(&params).map_or([0.0; 3], |foot| grounds[end].0.height_by_parameters(foot));
+            (model.anchor(&params, &grounds[end].0), rise)
         };
         let [(a, rise_a), (b, rise_b)] = [of_end(0), of_end(1)];
         let (residual, by, by_z) = distance_residual(distance, &[a, b]);
         let ends = distance.between.map(|landmark| &self.landmarks[landmark].free);
-        let by = [of_free(&by[0], ends[0]), of_free(&by[1], ends[1])];
+        let by = [pack_free(&by[0], ends[0]), pack_free(&by[1], ends[1])];
         let mut by_planes = [rise_a.map(|rise| rise * by_z), rise_b.map(|rise| -rise * by_z)];
-        // A residual has a block once: both ends on one plane are moved by it together.
+        // A residual may list each block only once. If both ends are on one plane, their derivatives are
+        // added.
         let on_one = grounds[0].1 == grounds[1].1;
         if on_one {
             by_planes[0] = std::array::from_fn(|k| by_planes[0][k] + by_planes[1][k]);
@@ -334,11 +336,11 @@ impl<'a> BundleProblem<'a> {
             Some(JacobianBlock { block, by: &by_planes[end] })
         };
         let own = |end: usize| self.landmark_jacobian(distance.between[end], &by[end]);
-        let (blocks, count) = listed([own(0), own(1), plane(0), plane(1)]);
+        let (blocks, count) = compact_blocks([own(0), own(1), plane(0), plane(1)]);
         sink(residual, &blocks[..count], ResidualKind::Distance { distance: index });
     }
 
-    /// Derivatives by the free parameters of a landmark, if it has any.
+    /// Returns the derivatives with respect to the free parameters of a landmark, if it has any.
     fn landmark_jacobian<'b>(
         &self,
         landmark: usize,
@@ -362,7 +364,7 @@ impl<'a> BundleProblem<'a> {
         jacobian.with(others, |jacobian| sink(residual, jacobian, kind));
     }
 
-    /// Normal equations at a state; `None` where the geometry is impossible.
+    /// Returns the normal equations at a state; `None` if the geometry is impossible.
     pub(crate) fn normal(&self, state: &[f64]) -> Option<NormalEquations> {
         let mut normal = self.blocks.normal();
         self.each_residual(state, |residual, jacobian, _| self.blocks.add(&mut normal, residual, jacobian))?;
@@ -375,7 +377,8 @@ impl LeastSquares for BundleProblem<'_> {
     type Normal = NormalEquations;
 
     fn first_damping(&self) -> f64 {
-        // Next to nothing: what holds a hall of cameras to one scale and straight is a millionth of the diagonal.
+        // The damping must be tiny: the terms that keep a hall of cameras straight and at one scale are a
+        // millionth of the diagonal.
         1e-9
     }
 

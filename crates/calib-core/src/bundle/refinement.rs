@@ -1,32 +1,35 @@
-//! Refinement of one cluster of cameras: the least-squares estimate without outliers, with weak priors on the
-//! focals that are not determined otherwise, and the covariances there.
+//! Refinement of one cluster of cameras: the least-squares estimate without outliers. Undetermined focal
+//! lengths get a weak prior. The covariances are computed at the minimum.
 //!
-//! Outliers are searched for where the chi-square of all residuals is too large for the noise, or that of one
-//! landmark, as the largest of many. The candidate without which the rest has the least chi-square score
-//! (leave-one-out) is rejected, if the rest has no misfit or the candidate is significant against its
-//! scatter; then again. Of many landmarks those that are plainly wrong go before, several at once
-//! (`screening.rs`).
+//! # Outliers
 //!
-//! Screening of many landmarks for outliers, several a round.
+//! A search for outliers starts if the chi-square of all residuals is too large for the noise. It also starts
+//! if the chi-square of one landmark is too large for the maximum over all landmarks. The candidate whose
+//! removal gives the least chi-square score (leave-one-out) is rejected on one of two conditions: the rest
+//! has no misfit, or the candidate is significant against the scatter of the rest. The search then repeats.
 //!
-//! Leave-one-out costs a minimisation for every candidate, which few landmarks can afford to need and thousands
-//! cannot. Where many cameras share much, every landmark is checked by so many others that its own residuals
-//! tell whether it is wrong (data snooping: Baarda 1968, "A Testing Procedure for Use in Geodetic Networks"), and
-//! an outlier spoils the residuals of its own cameras only. So in every round a candidate is a suspect if
+//! # Screening of many landmarks
 //!
-//! - its chi-square is too large as the largest of so many, with the variances that the median of all residuals
-//!   tells: half of the landmarks may be wrong before that follows them; and
-//! - it is no less than a quarter of the largest of any of its cameras: half the residual in pixels. What is
-//!   pulled by a worse one waits for the round after that is gone.
+//! Leave-one-out costs one minimisation per candidate, which is too slow for thousands of landmarks. Where
+//! many cameras share many landmarks, every landmark is checked by many others. Its own residuals then show
+//! whether it is an outlier (data snooping: Baarda 1968, "A Testing Procedure for Use in Geodetic Networks"),
+//! and an outlier affects only the residuals of its own cameras. Therefore each round rejects every candidate
+//! that satisfies both conditions:
 //!
-//! The largest residual of a camera falls by half in a round, so that there are as many rounds as there are bits
-//! in the ratio of a gross error to the noise, however many are wrong. At the end each is located from the
-//! cameras without it, and comes back where they agree about it after all.
+//! - Its chi-square is too large for the maximum over all candidates. The variances are scaled by the median
+//!   of all residuals, which withstands up to half of the landmarks being wrong.
+//! - Its chi-square per degree of freedom is at least a quarter of the largest one in each of its cameras,
+//!   which is half the residual in pixels. A candidate that is pulled by a worse outlier waits for the next
+//!   round.
+//!
+//! The largest residual of a camera at least halves in each round. The number of rounds is therefore the
+//! base-2 logarithm of the ratio of a gross error to the noise, however many landmarks are wrong. At the end
+//! every rejected landmark is triangulated from the remaining cameras, and restored if they agree about it.
 
 use crate::bundle::camera::View;
 use crate::bundle::converged::{
     Converged, CrossCovariance, LandmarkEstimate, Marginals, OutlierCandidate, PlaneEstimate, Scored,
-    converged, largest_of, nearly_converged,
+    converged, nearly_converged, outlier_score_limit,
 };
 use crate::bundle::copies::Copies;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS, Landmark};
@@ -37,15 +40,15 @@ use crate::camera::{Camera, Covariance, ObservedPixel, PosedCamera};
 use crate::optimize::{chi2_median_per_dof, chi2_score, is_misfit, product, pseudo_invert};
 use crate::single::{PlanePrior, Prior, inflation, is_significant, student_factor};
 
-/// Share of the largest chi-square of its cameras that a suspect has.
-const OF_THE_LARGEST: f64 = 0.25;
+/// Minimum chi-square of a suspect, as a fraction of the largest chi-square of its cameras.
+const MIN_SHARE_OF_LARGEST_CHI2: f64 = 0.25;
 
 impl Converged<'_> {
-    /// What is to be rejected at once, the worst first.
+    /// Returns the candidates to reject in this round, the worst first.
     pub(crate) fn suspects(&self) -> Vec<OutlierCandidate> {
         let candidates = self.candidates();
         let factor = typical_factor(&candidates);
-        let limit = largest_of(candidates.len());
+        let limit = outlier_score_limit(candidates.len());
         let mut largest = vec![0.0_f64; self.problem.views.len()];
         for scored in &candidates {
             for view in self.views_of(scored.candidate) {
@@ -54,7 +57,8 @@ impl Converged<'_> {
         }
         let is_suspect = |scored: &&Scored| {
             let mut views = self.views_of(scored.candidate).into_iter();
-            let is_among_largest = |view: usize| scored.per_dof() >= OF_THE_LARGEST * largest[view];
+            let is_among_largest =
+                |view: usize| scored.per_dof() >= MIN_SHARE_OF_LARGEST_CHI2 * largest[view];
             scored.score(factor) > limit && views.all(is_among_largest)
         };
         let mut suspects: Vec<&Scored> = candidates.iter().filter(is_suspect).collect();
@@ -62,7 +66,8 @@ impl Converged<'_> {
         suspects.into_iter().map(|scored| scored.candidate).collect()
     }
 
-    /// Whether the cameras agree about what was rejected, with variances `factor` times those assumed.
+    /// Whether the cameras agree about a rejected candidate, with the assumed variances multiplied by
+    /// `factor`.
     pub(crate) fn agrees_with(&self, rejected: OutlierCandidate, cameras: &[Camera], factor: f64) -> bool {
         let count = self.problem.landmarks.len() + self.problem.distances.len();
         let scored = match rejected {
@@ -70,12 +75,12 @@ impl Converged<'_> {
                 let landmark = &self.problem.landmarks[index];
                 let ground = self.problem.ground(self.state(), index).0;
                 let landmark = Landmark { ground, ..landmark.clone() };
-                located_chi2(&landmark, cameras).map(|chi2| (chi2, landmark.redundancy()))
+                triangulated_chi2(&landmark, cameras).map(|chi2| (chi2, landmark.redundancy()))
             }
             OutlierCandidate::Distance(index) => Some((self.distance_residual(index).powi(2), 1)),
         };
         scored.is_some_and(|(chi2, dof)| {
-            Scored { candidate: rejected, chi2, dof }.score(factor) <= largest_of(count)
+            Scored { candidate: rejected, chi2, dof }.score(factor) <= outlier_score_limit(count)
         })
     }
 
@@ -83,13 +88,13 @@ impl Converged<'_> {
         let distance = &self.problem.distances[index];
         let end = |landmark: usize| {
             let ground = self.problem.ground(self.state(), landmark).0;
-            let place = self.problem.place(self.state(), landmark);
-            self.problem.landmarks[landmark].model.anchor(&place, &ground)
+            let params = self.problem.landmark_params(self.state(), landmark);
+            self.problem.landmarks[landmark].model.anchor(&params, &ground)
         };
         distance_residual(distance, &distance.between.map(end)).0
     }
 
-    /// The views that a candidate is seen by, or its ends.
+    /// Returns the views that observe a candidate, or the ends of a distance.
     fn views_of(&self, candidate: OutlierCandidate) -> Vec<usize> {
         let landmarks = &self.problem.landmarks;
         match candidate {
@@ -107,8 +112,7 @@ impl Scored {
     }
 }
 
-/// The factor of the assumed variances that the median of the chi-squares tells, at least 1.
-///
+/// Returns the factor of the assumed variances that follows from the median of the chi-squares; at least 1.
 fn typical_factor(candidates: &[Scored]) -> f64 {
     let mut factors: Vec<f64> =
         candidates.iter().map(|scored| scored.per_dof() / chi2_median_per_dof(scored.dof as f64)).collect();
@@ -116,27 +120,28 @@ fn typical_factor(candidates: &[Scored]) -> f64 {
     factors.get(factors.len() / 2).map_or(1.0, |median| median.max(1.0))
 }
 
-/// The least chi-square of a landmark that these cameras observe; `None` where one of them cannot see it.
-fn located_chi2(landmark: &Landmark, cameras: &[Camera]) -> Option<f64> {
-    /// Gauss-Newton from the place that the nearest camera gives converges at once.
+/// Returns the least chi-square of a landmark for these fixed cameras; `None` if one of them cannot see it.
+fn triangulated_chi2(landmark: &Landmark, cameras: &[Camera]) -> Option<f64> {
+    /// Number of Gauss-Newton steps; the initial position from the nearest camera is close enough for them to
+    /// converge.
     const STEPS: usize = 5;
-    let (model, mut place) = triangulate(landmark, cameras, &|_| true)?;
+    let (model, mut params) = triangulate(landmark, cameras, &|_| true)?;
     let landmark = Landmark { model, ..landmark.clone() };
-    let mut least = LandmarkNormal::new(&landmark, &place, cameras)?;
+    let mut least = LandmarkNormal::new(&landmark, &params, cameras)?;
     let mut step = Vec::new();
     for _ in 0..STEPS {
         pseudo_invert(&mut least.square, LANDMARK_PARAMS);
         product(&least.square, &least.gradient, LANDMARK_PARAMS, &mut step);
-        let next = std::array::from_fn(|k| place[k] - step[k]);
+        let next = std::array::from_fn(|k| params[k] - step[k]);
         match LandmarkNormal::new(&landmark, &next, cameras) {
-            Some(normal) if normal.chi2 < least.chi2 => (least, place) = (normal, next),
+            Some(normal) if normal.chi2 < least.chi2 => (least, params) = (normal, next),
             _ => break,
         }
     }
     Some(least.chi2)
 }
 
-/// The normal equations of one landmark with its cameras held.
+/// Normal equations of one landmark with fixed cameras.
 struct LandmarkNormal {
     chi2: f64,
     square: [f64; LANDMARK_PARAMS * LANDMARK_PARAMS],
@@ -144,14 +149,14 @@ struct LandmarkNormal {
 }
 
 impl LandmarkNormal {
-    fn new(landmark: &Landmark, place: &[f64; LANDMARK_PARAMS], cameras: &[Camera]) -> Option<Self> {
+    fn new(landmark: &Landmark, params: &[f64; LANDMARK_PARAMS], cameras: &[Camera]) -> Option<Self> {
         let mut normal = Self { chi2: 0.0, square: Default::default(), gradient: Default::default() };
         for seen in &landmark.observations {
             let camera = cameras[seen.view];
             let observed = ObservedPixel::new(seen.pixel, &camera.lens)?;
             let pose = PosedCamera::new(camera);
             for error in
-                landmark.model.reprojection_error(place, seen.point, &landmark.ground, &pose, &observed)?
+                landmark.model.reprojection_error(params, seen.point, &landmark.ground, &pose, &observed)?
             {
                 normal.add(error.pixels / seen.sigma, error.d_landmark.map(|by| by / seen.sigma), landmark);
             }
@@ -159,7 +164,7 @@ impl LandmarkNormal {
         for (k, prior) in &landmark.priors {
             let mut by = [0.0; LANDMARK_PARAMS];
             by[*k] = prior.sigma.recip();
-            normal.add((place[*k] - prior.value) / prior.sigma, by, landmark);
+            normal.add((params[*k] - prior.value) / prior.sigma, by, landmark);
         }
         normal.chi2.is_finite().then_some(normal)
     }
@@ -176,61 +181,66 @@ impl LandmarkNormal {
     }
 }
 
-/// Landmarks from which on they are screened.
-const SCREENED_FROM: usize = 200;
+/// Minimum number of landmarks for screening.
+const MIN_LANDMARKS_FOR_SCREENING: usize = 200;
 
-/// A refined cluster.
+/// Refined cluster.
 #[derive(Clone, Debug)]
 pub(crate) struct Refined {
-    /// With the covariance of what was estimated.
+    /// Cameras with the covariance of their estimated parameters.
     pub(crate) cameras: Vec<Camera>,
-    /// Of landmarks that took part.
+    /// Estimates of the landmarks that were used.
     pub(crate) landmarks: Vec<Option<LandmarkEstimate>>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
-    /// Factor of the variances of drawn coordinates where they were not given.
+    /// Factor of the variances of annotated coordinates whose noise was not given.
     pub(crate) inflation: f64,
     pub(crate) rejected: Vec<OutlierCandidate>,
-    /// The chi-square is too large for the noise, and no outlier explains it.
+    /// Whether the chi-square is too large for the noise and no outlier explains it.
     pub(crate) is_misfit: bool,
-    /// Every residual in sigmas.
+    /// Residuals, in standard deviations.
     pub(crate) residuals: Vec<(ResidualKind, f64)>,
-    /// Directions and lengths of stage 1, of every view.
+    /// Nuisance parameters of stage 1 (directions and lengths) of every view.
     pub(crate) nuisances: Vec<Vec<f64>>,
-    /// Planes that were estimated.
+    /// Estimated planes.
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
-    /// Covariance of cameras that err together.
+    /// Cross-covariances of correlated cameras.
     pub(crate) pairs: Vec<([usize; 2], CrossCovariance)>,
 }
 
-/// A cluster of cameras with what they observe, initialised; indices are those within the cluster.
+/// Initialised cluster of cameras with their landmarks and distances; indices refer to the cluster.
 #[derive(Clone, Debug)]
 pub(crate) struct Refinement<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
-    /// How often landmarks and distances are there, which are widened by that already.
+    /// Numbers of copies of the landmarks and distances. Their standard deviations already include them.
     pub(crate) copies: Copies,
-    /// Planes besides the floor.
+    /// Planes other than the floor.
     pub(crate) planes: Vec<PlanePrior>,
-    /// Of which views the noise was given; where it is of all, a chi-square is a test of the fit.
+    /// Views whose noise was given. If it was given for all views, the chi-square is a test of the fit.
     pub(crate) noise_is_known: Vec<bool>,
 }
 
-/// A minimum without what is plainly wrong.
+/// Minimum without gross outliers.
 struct Screened<'a> {
     rejected: Vec<OutlierCandidate>,
     converged: Converged<'a>,
-    /// A tenth was left out, and more is plainly wrong: leaving out one by one explains nothing.
+    /// Whether a tenth of the landmarks was rejected and gross outliers remain. Leave-one-out cannot explain
+    /// the misfit then.
     is_exhausted: bool,
 }
 
 impl Refinement<'_> {
-    /// `None` where the start is impossible.
+    /// Returns the refined cluster; `None` if the initial state is geometrically impossible.
     pub(crate) fn solve(&self) -> Option<Refined> {
         let Screened { mut rejected, mut converged, is_exhausted } =
-            if self.landmarks.len() >= SCREENED_FROM { self.screened()? } else { self.unscreened()? };
-        // Every rejection costs a search; beyond a tenth of the landmarks the fit is reported as a misfit.
+            if self.landmarks.len() >= MIN_LANDMARKS_FOR_SCREENING {
+                self.screened()?
+            } else {
+                self.unscreened()?
+            };
+        // Every rejection costs a search. Beyond a tenth of the landmarks the fit is reported as a misfit.
         let more = if is_exhausted { 0 } else { (self.landmarks.len() / 10).clamp(1, 20) };
         let max_rejected = rejected.len() + more;
         while rejected.len() < max_rejected && converged.has_outliers() {
@@ -244,13 +254,14 @@ impl Refinement<'_> {
         Some(self.finish(converged, rejected))
     }
 
-    /// With everything.
+    /// Returns the minimum with all landmarks and distances.
     fn unscreened(&self) -> Option<Screened<'_>> {
         let converged = self.solve_without(&[], None)?;
         Some(Screened { rejected: Vec::new(), converged, is_exhausted: false })
     }
 
-    /// Without what is plainly wrong among many, at most a tenth; what the rest agrees with comes back.
+    /// Returns the minimum without gross outliers, of at most a tenth of the landmarks. Candidates that agree
+    /// with the rest are restored.
     fn screened(&self) -> Option<Screened<'_>> {
         let has_weak_prior = self.has_weak_prior();
         let most = self.landmarks.len() / 10;
@@ -275,14 +286,14 @@ impl Refinement<'_> {
         rejected.retain(|&candidate| !found.agrees_with(candidate, &cameras, factor));
         let is_same = rejected.len() == count;
         let converged = if is_same {
-            self.continued(&rejected, found)?
+            self.continue_without_weak_priors(&rejected, found)?
         } else {
             self.solve_without(&rejected, Some(&found))?
         };
         Some(Screened { rejected, converged, is_exhausted })
     }
 
-    /// Of which views the weak prior on the focal may enter.
+    /// Returns the views that have a weak prior on the focal length.
     fn has_weak_prior(&self) -> Vec<bool> {
         self.views.iter().map(|view| view.stage_1.priors.weak_log_focal.is_some()).collect()
     }
@@ -291,8 +302,8 @@ impl Refinement<'_> {
         self.noise_is_known.iter().all(|&is_known| is_known)
     }
 
-    /// Whether the candidate by which two minima differ is an outlier: it is significant against the scatter
-    /// of the rest, or its rejection explains the misfit.
+    /// Whether the candidate that distinguishes two minima is an outlier. It is one if it is significant
+    /// against the scatter of the rest, or if its rejection explains the misfit.
     fn is_outlier(&self, with: &Converged, without: &Converged, is_first: bool) -> bool {
         let count = self.landmarks.len() + self.distances.len();
         let explains = !is_misfit(without.chi2, without.dof);
@@ -300,7 +311,8 @@ impl Refinement<'_> {
             || (explains && (self.all_noise_is_known() || is_first))
     }
 
-    /// Landmarks and distances with some of them rejected, and distances to rejected landmarks.
+    /// Copies the landmarks and distances, and switches off the rejected ones and the distances to rejected
+    /// landmarks.
     fn without(&self, rejected: &[OutlierCandidate]) -> (Vec<Landmark>, Vec<DistanceMeasurement>) {
         let (mut landmarks, mut distances) = (self.landmarks.clone(), self.distances.clone());
         for candidate in rejected {
@@ -316,8 +328,9 @@ impl Refinement<'_> {
         (landmarks, distances)
     }
 
-    /// The minimum without the rejected, from another one or from the start. The weak prior on a focal enters
-    /// where everything else, the landmarks included, tells little of it.
+    /// Returns the minimum without the rejected candidates, starting from another minimum or from the initial
+    /// state. The weak prior on a focal length is used only if all other residuals, including landmarks,
+    /// determine it poorly.
     fn solve_without(
         &self,
         rejected: &[OutlierCandidate],
@@ -330,19 +343,23 @@ impl Refinement<'_> {
             let with_priors = || converged(self.problem(rejected, &has_weak_prior, from));
             return has_weak_prior.contains(&true).then(with_priors).flatten();
         };
-        match self.open_focals(&mut without_prior) {
+        match self.undetermined_focals(&mut without_prior) {
             Some(is_open) => converged(self.problem(rejected, &is_open, from)),
             None => Some(without_prior),
         }
     }
 
-    /// The same from what a few steps with the weak priors led to.
-    fn continued<'a>(&'a self, rejected: &[OutlierCandidate], found: Converged<'a>) -> Option<Converged<'a>> {
+    /// Does the same as `solve_without`, starting from a few steps with the weak priors.
+    fn continue_without_weak_priors<'a>(
+        &'a self,
+        rejected: &[OutlierCandidate],
+        found: Converged<'a>,
+    ) -> Option<Converged<'a>> {
         let start = found.state().to_vec();
         let Some(mut without_prior) = found.without_weak_priors() else {
             return self.solve_without(rejected, None);
         };
-        match self.open_focals(&mut without_prior) {
+        match self.undetermined_focals(&mut without_prior) {
             Some(is_open) => {
                 converged(self.problem(rejected, &is_open, Some((&without_prior.problem, &start))))
             }
@@ -350,20 +367,21 @@ impl Refinement<'_> {
         }
     }
 
-    /// Of which views a weak prior would tell something, at a minimum without any; `None` where of none.
-    fn open_focals(&self, without_prior: &mut Converged) -> Option<Vec<bool>> {
+    /// Returns the views whose focal length is poorly determined at a minimum without weak priors; `None`
+    /// without such views.
+    fn undetermined_focals(&self, without_prior: &mut Converged) -> Option<Vec<bool>> {
         let has_weak_prior = self.has_weak_prior();
         if !has_weak_prior.contains(&true) {
             return None;
         }
         without_prior.covariance = without_prior.covariance();
-        let is_open = |view: usize| has_weak_prior[view] && without_prior.prior_tells(view);
+        let is_open = |view: usize| has_weak_prior[view] && without_prior.weak_prior_matters(view);
         let is_open: Vec<bool> = (0..self.views.len()).map(is_open).collect();
         is_open.contains(&true).then_some(is_open)
     }
 
-    /// The problem without what is rejected, with the weak priors of the flagged views, at the start or where
-    /// another one converged.
+    /// Builds the problem without the rejected candidates and with the weak priors of the flagged views. It
+    /// starts from the initial state, or from the state of another problem.
     fn problem(
         &self,
         rejected: &[OutlierCandidate],
@@ -379,10 +397,10 @@ impl Refinement<'_> {
             let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
             for (index, landmark) in landmarks.iter_mut().enumerate() {
                 landmark.model.clone_from(&problem.landmarks[index].model);
-                landmark.place = problem.place(state, index);
+                landmark.params = problem.landmark_params(state, index);
                 let is_back = problem.landmarks[index].off && !landmark.off;
                 if let Some(found) = is_back.then(|| triangulate(landmark, &cameras, &|_| true)).flatten() {
-                    (landmark.model, landmark.place) = found;
+                    (landmark.model, landmark.params) = found;
                 }
             }
         }
@@ -394,17 +412,17 @@ impl Refinement<'_> {
         BundleProblem::new(views, shared, self.planes.clone())
     }
 
-    /// The candidate without which the rest has the least chi-square score, with the minimum there.
+    /// Returns the candidate whose removal gives the least chi-square score, with the minimum without it.
     fn worst_outlier(
         &self,
         converged: &Converged,
         rejected: &[OutlierCandidate],
     ) -> Option<(OutlierCandidate, Converged<'_>)> {
-        // Leave-one-out is exact and used where it is cheap; a large network has the redundancy for the
-        // residuals to rank the candidates, and one of many landmarks moves the minimum too little to lead to
-        // another.
+        // Leave-one-out is exact and is used if it is cheap. A large network has enough redundancy to rank
+        // the candidates by residual. One of many landmarks moves the minimum too little to reach another
+        // one.
         let max_tried = (4000 / converged.problem.blocks.unknowns().max(1)).clamp(1, 8);
-        let from = (self.landmarks.len() >= SCREENED_FROM).then_some(converged);
+        let from = (self.landmarks.len() >= MIN_LANDMARKS_FOR_SCREENING).then_some(converged);
         let tried = converged.worst_first().into_iter().take(max_tried).filter_map(|scored| {
             let without: Vec<OutlierCandidate> = rejected.iter().copied().chain([scored.candidate]).collect();
             let found = self.solve_without(&without, from)?;
@@ -420,20 +438,20 @@ impl Refinement<'_> {
         let (problem, state) = (&converged.problem, converged.state());
         let Converged { chi2, dof, .. } = &converged;
         let inflation = if self.all_noise_is_known() { 1.0 } else { inflation(*chi2, *dof) };
-        // Student's, where few residuals tell the noise.
+        // Student's factor, because few residuals determine the noise.
         let spread = if inflation > 1.0 { inflation.sqrt() * student_factor(*dof) } else { 1.0 };
         let mut cameras: Vec<Camera> = (0..problem.views.len()).map(|view| converged.camera(view)).collect();
         let mut pairs = Vec::new();
         if let Some(covariance) = &covariance {
-            // Noise that was given is not scaled.
+            // Given noise is not scaled.
             let factors: Vec<f64> =
                 self.noise_is_known.iter().map(|&known| if known { 1.0 } else { spread }).collect();
             let between = converged.covariance_between_cameras();
             let (inflation, between) = (&factors[..], between.as_ref());
             let marginals = Marginals { problem, covariance, cameras: &cameras, inflation, between };
             let own: Vec<CrossCovariance> =
-                (0..cameras.len()).map(|view| marginals.of_cameras([view, view])).collect();
-            pairs = marginals.of_pairs();
+                (0..cameras.len()).map(|view| marginals.camera_covariance([view, view])).collect();
+            pairs = marginals.camera_pair_covariances();
             cameras.iter_mut().zip(own).for_each(|(camera, own)| camera.covariance = Covariance(*own));
         }
         Refined {

@@ -1,17 +1,18 @@
 //! Residuals of the adjustment by kind, and their derivatives sorted into parameter blocks.
 //!
-//! Each is divided by its standard deviation, so that the sum of squares is a chi-square:
+//! Each residual is divided by its standard deviation, so that the sum of squares is a chi-square:
 //!
-//! - an annotation of stage 1, in pixels ([`Problem::each_residual`], with the formulas in
-//!   `single/residual.rs`); these keep roll, pitch and focal determined by the drawings of every image;
-//! - a point of a straight edge, its distance from the best line through the undistorted edge, in pixels;
-//! - an observation: reprojected less observed pixel, two residuals; of a floor line one, the distance of
-//!   the observed pixel from the reprojected line ([`LandmarkModel::reprojection_error`]);
-//! - a prior on a parameter of a camera, a plane or a landmark: `value - prior`;
-//! - a measured distance: `|A - B| - length`.
+//! - An annotation of stage 1, in pixels ([`Problem::each_residual`], with the formulas in
+//!   `single/residual.rs`). These residuals keep roll, pitch and focal length determined by the annotations
+//!   of every image.
+//! - A point of a straight edge: its distance from the best line through the undistorted edge, in pixels.
+//! - An observation: reprojected minus observed pixel, two residuals. A floor line has one residual, the
+//!   distance of the observed pixel from the reprojected line ([`LandmarkModel::reprojection_error`]).
+//! - A prior on a parameter of a camera, a plane or a landmark: `value - prior`.
+//! - A measured distance: `|A - B| - length`.
 //!
-//! [`Problem::each_residual`]: crate::single::Problem::each_residual
-//! [`LandmarkModel::reprojection_error`]: crate::bundle::LandmarkModel::reprojection_error
+//! [`Problem::each_residual`]: crate::single::Problem::each_residual [`LandmarkModel::reprojection_error`]:
+//! crate::bundle::LandmarkModel::reprojection_error
 
 use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS};
@@ -20,27 +21,27 @@ use crate::camera::{Lens, WorldPoint, dot};
 use crate::optimize::{ByLens, Dual, Gradient, JacobianBlock, NuisanceJacobian};
 use crate::single::{Constraints, Problem, Source, State};
 
-/// What a residual belongs to.
+/// Source of a residual.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ResidualKind {
-    /// An annotation of a view.
+    /// Annotation of a view.
     Annotation { view: usize, source: Source },
-    /// A point of a straight edge.
+    /// Point of a straight edge.
     StraightEdge,
-    /// A prior on a parameter of a camera.
+    /// Prior on a parameter of a camera.
     CameraPrior,
-    /// An observation of a landmark.
+    /// Observation of a landmark.
     Observation { landmark: usize },
-    /// A prior on a parameter of a plane.
+    /// Prior on a parameter of a plane.
     PlanePrior,
-    /// A prior on a parameter of a landmark.
+    /// Prior on a parameter of a landmark.
     LandmarkPrior { landmark: usize },
-    /// A measured distance.
+    /// Measured distance.
     Distance { distance: usize },
 }
 
-/// `(|A - B| - length) / sigma` with its derivatives by the parameters of both landmarks, of which
-/// position and derivatives are given, and by the height of A.
+/// Computes `(|A - B| - length) / sigma` and its derivatives with respect to the parameters of both landmarks
+/// and the height of A. `ends` contains the positions of A and B and their derivatives.
 pub(crate) fn distance_residual(
     distance: &DistanceMeasurement,
     ends: &[(WorldPoint, [[f64; LANDMARK_PARAMS]; 3]); 2],
@@ -49,7 +50,7 @@ pub(crate) fn distance_residual(
     let [a, b] = [ends[0].0, ends[1].0].map(<[f64; 3]>::from);
     let difference: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
     let length = dot(&difference, &difference).sqrt();
-    // The distance of two landmarks at one place has no derivative; 0 is taken.
+    // The distance of two landmarks at the same position has no derivative; 0 is used.
     let direction = if length > 0.0 { difference.map(|component| component / length) } else { [0.0; 3] };
     let by = std::array::from_fn(|end| {
         let sign = if end == 0 { 1.0 } else { -1.0 };
@@ -61,38 +62,42 @@ pub(crate) fn distance_residual(
     ((length - distance.length.value) / sigma, by, direction[2] / sigma)
 }
 
-/// The derivatives of a residual by the free parameters of a landmark.
-pub(crate) fn of_free(by: &[f64; LANDMARK_PARAMS], free: &[bool; LANDMARK_PARAMS]) -> [f64; LANDMARK_PARAMS] {
+/// Packs the derivatives with respect to the free parameters of a landmark to the front.
+pub(crate) fn pack_free(
+    by: &[f64; LANDMARK_PARAMS],
+    free: &[bool; LANDMARK_PARAMS],
+) -> [f64; LANDMARK_PARAMS] {
     let mut packed = [0.0; LANDMARK_PARAMS];
-    for (place, k) in (0..LANDMARK_PARAMS).filter(|&k| free[k]).enumerate() {
-        packed[place] = by[k];
+    for (index, k) in (0..LANDMARK_PARAMS).filter(|&k| free[k]).enumerate() {
+        packed[index] = by[k];
     }
     packed
 }
 
-/// The derivatives of a residual by the parameters of a camera, in the block of the camera and that of the
-/// lens it shares.
+/// Derivatives of a residual with respect to the parameters of a camera, in the block of the camera and the
+/// block of its shared lens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CameraJacobian {
     blocks: [(usize, [f64; CAMERA_PARAMS], usize); 2],
 }
 
 impl CameraJacobian {
-    /// Sorts derivatives into blocks; `sizes` are those of all blocks.
+    /// Sorts derivatives into blocks; `sizes` are the sizes of all blocks.
     #[inline]
     pub(crate) fn new(by: &[f64; CAMERA_PARAMS], layout: &CameraLayout, sizes: &[usize]) -> Self {
         let mut blocks = [(usize::MAX, [0.0; CAMERA_PARAMS], 0); 2];
         for (parameter, derivative) in layout.iter().zip(by) {
-            let Some((block, place)) = parameter else { continue };
+            let Some((block, index)) = parameter else { continue };
             let which = usize::from(blocks[0].0 != usize::MAX && blocks[0].0 != *block);
             blocks[which].0 = *block;
-            blocks[which].1[*place] = *derivative;
+            blocks[which].1[*index] = *derivative;
             blocks[which].2 = sizes[*block];
         }
         Self { blocks }
     }
 
-    /// Calls `sink` with the blocks and those of landmark, plane, tilt or nuisance parameters, at most three.
+    /// Calls `sink` with these blocks and at most three blocks of landmark, plane, tilt or nuisance
+    /// parameters.
     #[inline]
     pub(crate) fn with<'a>(&'a self, others: &[JacobianBlock<'a>], sink: impl FnOnce(&[JacobianBlock])) {
         let mut jacobian = [JacobianBlock { block: 0, by: &[] }; 5];
@@ -107,11 +112,11 @@ impl CameraJacobian {
     }
 }
 
-/// Residuals of stage 1: value in sigmas, derivatives by roll, pitch, log focal and log height, those by
-/// nuisance parameters, and source.
+/// Residuals of stage 1: value in standard deviations, derivatives with respect to roll, pitch, log focal
+/// length and log height, derivatives with respect to nuisance parameters, and source.
 pub(crate) type Stage1Residuals = Vec<(f64, Gradient, NuisanceJacobian, Option<Source>)>;
 
-/// All residuals of stage 1.
+/// Returns all residuals of stage 1.
 pub(crate) fn stage_1_residuals(problem: &Problem, state: &State) -> Option<Stage1Residuals> {
     let mut residuals = Stage1Residuals::new();
     problem.each_residual(state, |residual: Dual, nuisance, source| {
@@ -120,8 +125,9 @@ pub(crate) fn stage_1_residuals(problem: &Problem, state: &State) -> Option<Stag
     Some(residuals)
 }
 
-/// Derivatives of the residuals of stage 1, in their order, by the parameters of the lens: one moves the ends
-/// of a segment, changes the covariance of their noise, and changes the spread of a polyline.
+/// Returns the derivatives of the residuals of stage 1, in their order, with respect to the lens parameters.
+/// A lens parameter moves the ends of a segment, changes the covariance of their noise, and changes the
+/// spread of a polyline.
 pub(crate) fn stage_1_by_lens(
     problem: &Problem,
     constraints: &Constraints<ByLens>,
@@ -134,8 +140,8 @@ pub(crate) fn stage_1_by_lens(
     Some(gradients)
 }
 
-/// The blocks that there are, first, and their number.
-pub(crate) fn listed<const N: usize>(
+/// Moves the present blocks to the front and returns their number.
+pub(crate) fn compact_blocks<const N: usize>(
     blocks: [Option<JacobianBlock<'_>>; N],
 ) -> ([JacobianBlock<'_>; N], usize) {
     let mut listed = [JacobianBlock { block: 0, by: &[] }; N];
@@ -170,7 +176,7 @@ mod tests {
         })
     }
 
-    /// Drawings of all kinds, on the lower half of the image.
+    /// Generates annotations of all kinds, on the lower half of the image.
     fn any_annotations() -> impl Strategy<Value = Vec<Annotation>> {
         let pixel = || [100.0..1800.0_f64, 620.0..1060.0_f64].prop_map(|[u, v]| Pixel::new(u, v));
         let segments = proptest::collection::vec(proptest::collection::vec(pixel(), 2..6), 2..4);
@@ -196,12 +202,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn derivatives_by_the_lens_are_those_of_differences(
+        fn lens_derivatives_match_finite_differences(
             lens in any_lens(), annotations in any_annotations(), roll in -0.2..0.2_f64, pitch in 0.5..1.2_f64,
         ) {
             const STEP: f64 = 1e-5;
             let constraints = Constraints::new(&annotations, &lens, SCENE);
-            // How often an edge is drawn is not differentiated: no lens draws it once more.
+            // The number of repeated annotations of an edge is not differentiated, because it does not depend
+            // on the lens.
             prop_assume!(constraints.repeats == Repeats::NONE);
             let problem = Problem::new(&constraints, FixedParameters::default(), Priors::default(), 0.7, 1920.0);
             let state = problem.state_at([roll, pitch, 1100.0_f64.ln(), 3.0_f64.ln()]);
@@ -224,13 +231,13 @@ mod tests {
                     Some(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * step)).collect::<Vec<f64>>())
                 };
                 let Some((whole, half)) = central(STEP).zip(central(0.5 * STEP)) else { continue };
-                // At the rim of the lens a nudge takes an end away.
+                // At the rim of the lens a perturbation can remove an end point.
                 if whole.len() < by.len() || half.len() < by.len() {
                     continue;
                 }
                 for (i, by) in by.iter().enumerate() {
                     let numeric = (4.0 * half[i] - whole[i]) / 3.0;
-                    // A curve that bends within the step has no difference quotient.
+                    // A function with strong curvature within the step has no accurate difference quotient.
                     if (whole[i] - half[i]).abs() < 1e-5 * (1.0 + half[i].abs()) {
                         let most = 1e-4 * (1.0 + by[k].abs() + here[i].abs());
                         prop_assert!((numeric - by[k]).abs() < most, "residual {i} of {} by {k}: {numeric} {}", here[i], by[k]);

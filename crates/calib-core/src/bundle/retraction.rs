@@ -1,21 +1,22 @@
-//! Where a step leads: places follow the similarities of their neighbours (`local_similarity.rs`).
+//! State after a step, with points moved along the similarities of their neighbours (`local_similarity.rs`).
 //!
-//! It is a retraction (Absil, Mahony and Sepulchre 2008, "Optimization Algorithms on Matrix Manifolds", section 4.1): of the
-//! first order it changes nothing. Cameras that are held, and landmarks that were measured, are where the step says, and
-//! what is corrected is corrected against them. Offsets of lines and slopes of planes are left to the next step.
+//! It is a retraction (Absil, Mahony and Sepulchre 2008, "Optimization Algorithms on Matrix Manifolds",
+//! section 4.1): to first order the correction is zero. Fixed cameras and measured landmarks follow the
+//! linear step, and the other positions are corrected relative to them. Offsets of lines and slopes of planes
+//! are corrected by the next step.
 
 use nalgebra::Complex;
 
-use crate::bundle::landmark::{Landmark, LandmarkModel, observing_in_common};
-use crate::bundle::local_similarity::{Correction, LocalSimilarities, Move};
+use crate::bundle::landmark::{Landmark, LandmarkModel, covisible_pairs};
+use crate::bundle::local_similarity::{Correction, LocalSimilarities, PointStep};
 use crate::bundle::problem::BundleProblem;
 use crate::camera::Covariance;
 
-/// Where x and y are in the state, where they are free.
+/// Indices of x and y in the state, if they are free.
 type Axes = [Option<usize>; 2];
 
 impl BundleProblem<'_> {
-    /// Of views that see something in common, and after them of measured landmarks.
+    /// Builds the graph of views that share landmarks, followed by the measured landmarks.
     pub(crate) fn local_similarities(&self) -> Option<LocalSimilarities> {
         let is_free = (0..self.views.len()).map(|view| is_free(self.camera_axes(view)));
         let is_free = is_free.chain(self.measured().map(|_| false)).collect::<Vec<_>>();
@@ -23,29 +24,29 @@ impl BundleProblem<'_> {
             let views = self.landmarks[landmark].views();
             views.into_iter().map(move |view| [view, self.views.len() + k])
         };
-        let mut pairs = observing_in_common(&self.landmarks);
+        let mut pairs = covisible_pairs(&self.landmarks);
         pairs.extend(self.measured().enumerate().flat_map(with_measured));
         LocalSimilarities::new(&is_free, pairs)
     }
 
-    /// The state that a step leads to.
+    /// Returns the state after a step.
     pub(crate) fn retract(&self, state: &[f64], step: &[f64]) -> Vec<f64> {
         let mut next: Vec<f64> = state.iter().zip(step).map(|(value, step)| value + step).collect();
         let Some(similarities) = &self.similarities else { return next };
-        let moved = |axes: Axes, held: [f64; 2]| -> Move {
-            let place = [0, 1].map(|k| axes[k].map_or(held[k], |at| state[at]));
+        let moved = |axes: Axes, fixed: [f64; 2]| -> PointStep {
+            let position = [0, 1].map(|k| axes[k].map_or(fixed[k], |at| state[at]));
             let step = axes.map(|at| at.map_or(0.0, |at| step[at]));
-            (Complex::new(place[0], place[1]), Complex::new(step[0], step[1]))
+            (Complex::new(position[0], position[1]), Complex::new(step[0], step[1]))
         };
         let of_view = |view: usize| {
-            let held = self.views[view].camera.position;
-            moved(self.camera_axes(view), [held.x, held.y])
+            let fixed = self.views[view].camera.position;
+            moved(self.camera_axes(view), [fixed.x, fixed.y])
         };
         let of_landmark = |landmark: usize| {
-            let [x, y, _] = self.landmarks[landmark].place;
+            let [x, y, _] = self.landmarks[landmark].params;
             moved(self.landmark_axes(landmark), [x, y])
         };
-        let moves: Vec<Move> =
+        let moves: Vec<PointStep> =
             (0..self.views.len()).map(of_view).chain(self.measured().map(of_landmark)).collect();
         let corrections = similarities.corrections(&moves);
         let mut correct = |axes: Axes, more: Complex<f64>| {
@@ -58,18 +59,18 @@ impl BundleProblem<'_> {
         for landmark in (0..self.landmarks.len()).filter(|&landmark| !is_measured(&self.landmarks[landmark]))
         {
             let seen = &self.landmarks[landmark].observations;
-            let place = of_landmark(landmark).0;
-            let beside = |view: usize| {
+            let position = of_landmark(landmark).0;
+            let neighbour_step = |view: usize| {
                 let Correction { shift, similarity } = corrections[view];
-                shift + similarity * (place - moves[view].0)
+                shift + similarity * (position - moves[view].0)
             };
-            let sum: Complex<f64> = seen.iter().map(|seen| beside(seen.view)).sum();
+            let sum: Complex<f64> = seen.iter().map(|seen| neighbour_step(seen.view)).sum();
             correct(self.landmark_axes(landmark), sum / seen.len().max(1) as f64);
         }
         next
     }
 
-    /// Landmarks that take part and were measured.
+    /// Returns the active landmarks with measured positions.
     fn measured(&self) -> impl Iterator<Item = usize> + '_ {
         let landmarks = self.landmarks.iter().enumerate();
         landmarks.filter(|(_, landmark)| !landmark.off && is_measured(landmark)).map(|(index, _)| index)
@@ -80,7 +81,7 @@ impl BundleProblem<'_> {
         [Covariance::X, Covariance::Y].map(|axis| layout[axis].map(|at| self.blocks.at(at)))
     }
 
-    /// Of a landmark that is a point or has one; none of a line.
+    /// Returns the axes of a landmark that has a point; none for a line.
     fn landmark_axes(&self, landmark: usize) -> Axes {
         let Landmark { model, free: [x, y, _], .. } = &self.landmarks[landmark];
         let block = self.landmark_block(landmark);
@@ -96,7 +97,7 @@ fn is_free(axes: Axes) -> bool {
     axes.iter().all(Option::is_some)
 }
 
-/// Whether x and y of a landmark are held or have priors.
+/// Whether x and y of a landmark are fixed or have priors.
 fn is_measured(landmark: &Landmark) -> bool {
     let is_known = |k: usize| !landmark.free[k] || landmark.priors.iter().any(|(prior, _)| *prior == k);
     !matches!(landmark.model, LandmarkModel::Line { .. }) && is_known(0) && is_known(1)
@@ -113,7 +114,8 @@ mod tests {
 
     static NONE: Constraints = Constraints::EMPTY;
 
-    /// Six cameras in a row that share points with their neighbours; the first two see what was measured at the origin.
+    /// Builds six cameras in a row that share points with their neighbours. The first two observe a measured
+    /// point at the origin.
     fn row(free: [bool; CAMERA_PARAMS], sigma: Option<f64>) -> BundleProblem<'static> {
         let camera = |index: usize| Camera {
             position: WorldPoint::new(5.0 * index as f64, 1.0, 3.0),
@@ -136,16 +138,16 @@ mod tests {
                 stage_1,
                 shares_floor: true,
                 edges: Vec::new(),
-                edge_times: Vec::new(),
+                edge_counts: Vec::new(),
                 size: [1920.0, 1080.0],
                 circle: None,
-                has_one_focal: false,
+                has_tied_focal: false,
             }
         };
         let seen =
             |views: [usize; 2]| views.map(|view| Observation::new(view, Pixel::new(960.0, 700.0))).to_vec();
         let point = |index: usize| Landmark {
-            place: [5.0 * index as f64 + 2.0, 4.0, 0.0],
+            params: [5.0 * index as f64 + 2.0, 4.0, 0.0],
             ..Landmark::new(LandmarkModel::Point { height: 0.0 }, seen([index, index + 1]))
         };
         let measured = Landmark::measured(WorldPoint::new(0.0, 0.0, 0.0), sigma, seen([0, 1]));
@@ -154,7 +156,7 @@ mod tests {
         BundleProblem::new(views, (landmarks, Vec::new(), Copies::default()), Vec::new())
     }
 
-    /// The step by which every place moves so.
+    /// Builds the step that moves every position by `moved`.
     fn step(problem: &BundleProblem, moved: impl Fn(Complex<f64>) -> Complex<f64>) -> Vec<f64> {
         let state = problem.start();
         let mut step = vec![0.0; state.len()];
@@ -173,12 +175,12 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_turns_about_a_measured_point_ends_turned_about_it() {
+    fn row_rotates_exactly_about_a_measured_point() {
         for sigma in [None, Some(0.01)] {
             let problem = row([true; CAMERA_PARAMS], sigma);
             let state = problem.start();
             let tangent = Complex::new(0.1, 0.4);
-            let next = problem.retract(&state, &step(&problem, |place| tangent * place));
+            let next = problem.retract(&state, &step(&problem, |position| tangent * position));
             let turned = 1.1 * Complex::from_polar(1.0, 0.4);
             for axes in all_axes(&problem) {
                 if let [Some(x), Some(y)] = axes {
@@ -190,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_that_are_held_along_one_axis_move_along_the_other_as_the_step_says() {
+    fn cameras_fixed_along_one_axis_follow_the_linear_step_along_the_other() {
         let mut free = [true; CAMERA_PARAMS];
         free[Covariance::X] = false;
         let problem = row(free, None);
@@ -200,7 +202,8 @@ mod tests {
         let next = problem.retract(&state, &step);
         let [_, y] = problem.camera_axes(5);
         assert!((next[y.unwrap()] - state[y.unwrap()] - 1.0).abs() < 1e-12);
-        // What was measured stays, and turns what the first two see a little; the others see only what moves as they do.
+        // The measured point stays, which slightly rotates the points seen by the first two cameras. Points
+        // seen only by the other cameras move with them.
         let [Some(x), Some(y)] = problem.landmark_axes(5) else { panic!("a point is free") };
         assert!((next[x] - state[x]).abs() < 1e-12 && (next[y] - state[y] - 1.0).abs() < 1e-12);
     }

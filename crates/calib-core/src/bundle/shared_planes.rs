@@ -1,30 +1,31 @@
-//! Planes of the scene that views and landmarks share: height and slope of each, three parameters in the base
-//! system, with what is known of them.
+//! Planes of the scene that views and landmarks share. Each plane has three parameters in the base system,
+//! height and two slopes, with priors.
 //!
-//! The fit of one camera, whose place is unknown, has two slopes of its own for every plane and the height under
-//! it. Of a view with yaw y at (x, y) these are the slope turned into its axes (`common_tilt.rs`) and the height of
-//! the plane there.
+//! The fit of one camera has no position. It has two separate slopes for every plane and the height of the
+//! plane under the camera. For a view with yaw y at (x, y) these are the slope rotated into its axes
+//! (`initialization.rs`) and the height of the plane at (x, y).
 
-use crate::bundle::initialization::{in_base, in_view};
+use crate::bundle::initialization::{base_to_view, view_to_base};
 use crate::bundle::parameters::{PLANE_PARAMS, parameters_of_plane};
 use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
 use crate::optimize::{JacobianBlock, NuisanceJacobian};
 
-/// Least standard deviation of a parameter that is held beside others that are not: a hundredth of a millimetre.
-const HELD: f64 = 1e-5;
+/// Smallest standard deviation of a plane parameter, in metres: 0.01 mm. It replaces the zero of a fixed
+/// parameter next to free ones.
+const MIN_PLANE_SIGMA: f64 = 1e-5;
 
-/// The derivatives of a residual of a view by a plane and by the pose.
-pub(crate) struct ByPlane {
+/// Derivatives of a residual of a view with respect to a plane and to the pose.
+pub(crate) struct PlaneDerivatives {
     pub(crate) plane: usize,
     pub(crate) by_plane: [f64; PLANE_PARAMS],
-    /// By x, y and yaw.
+    /// Derivatives with respect to x, y and yaw.
     pub(crate) by_pose: [f64; 3],
 }
 
 impl BundleProblem<'_> {
-    /// A plane at a state.
+    /// Returns a plane at a state.
     pub(crate) fn plane(&self, state: &[f64], plane: usize) -> Plane {
         let prior = self.planes[plane].plane;
         let Some(block) = self.plane_blocks[plane] else { return prior };
@@ -32,7 +33,7 @@ impl BundleProblem<'_> {
         Plane { height: state[at], slope: [state[at + 1], state[at + 2]], ..prior }
     }
 
-    /// The plane that a landmark stands on at a state, with its block.
+    /// Returns the plane under a landmark at a state, with its block.
     pub(crate) fn ground(&self, state: &[f64], landmark: usize) -> (Plane, Option<usize>) {
         match self.landmarks[landmark].plane {
             Some(plane) => (self.plane(state, plane), self.plane_blocks[plane]),
@@ -40,7 +41,7 @@ impl BundleProblem<'_> {
         }
     }
 
-    /// The nuisance parameters of the planes of a view at a state, where it shares them.
+    /// Sets the nuisance parameters of the shared planes of a view at a state.
     pub(crate) fn set_planes(&self, state: &[f64], view: usize, nuisance: &mut [f64]) {
         let this = &self.views[view];
         if !this.shares_floor {
@@ -49,22 +50,23 @@ impl BundleProblem<'_> {
         let camera = self.camera(state, view);
         for (index, drawn) in this.stage_1.constraints.planes.iter().enumerate() {
             let plane = self.plane(state, drawn.index);
-            let [right, ahead] = in_view(plane.slope, camera.yaw);
+            let [right, ahead] = base_to_view(plane.slope, camera.yaw);
             let foot = plane.height_at(camera.position.on_floor()) - drawn.prior.plane.height;
             let at = this.stage_1.nuisances().plane(index);
             nuisance[at..at + PLANE_PARAMS].copy_from_slice(&[right, ahead, foot]);
         }
     }
 
-    /// The derivatives of a residual of a view by the plane that it is drawn on, from those by nuisance
-    /// parameters; `None` of a residual that depends on none that is shared.
-    pub(crate) fn by_plane(
+    /// Returns the derivatives of a residual of a view with respect to its plane, computed from its
+    /// derivatives with respect to nuisance parameters. Returns `None` if the residual depends on no shared
+    /// plane.
+    pub(crate) fn plane_derivatives(
         &self,
         state: &[f64],
         view: usize,
         camera: &Camera,
         nuisance: &NuisanceJacobian,
-    ) -> Option<ByPlane> {
+    ) -> Option<PlaneDerivatives> {
         let this = &self.views[view];
         if !this.shares_floor {
             return None;
@@ -77,19 +79,19 @@ impl BundleProblem<'_> {
         let [right, ahead, foot] = by;
         let drawn = this.stage_1.constraints.planes.get(index)?;
         let plane = self.plane(state, drawn.index);
-        let [seen_right, seen_ahead] = in_view(plane.slope, camera.yaw);
-        let [by_x, by_y] = in_base([right, ahead], camera.yaw);
+        let [seen_right, seen_ahead] = base_to_view(plane.slope, camera.yaw);
+        let [by_x, by_y] = view_to_base([right, ahead], camera.yaw);
         let under = plane.height_by_parameters(camera.position.on_floor());
         let [height, x, y] = under.map(|by| foot * by);
-        Some(ByPlane {
+        Some(PlaneDerivatives {
             plane: drawn.index,
             by_plane: [height, x + by_x, y + by_y],
             by_pose: [foot * plane.slope[0], foot * plane.slope[1], right * seen_ahead - ahead * seen_right],
         })
     }
 
-    /// `(value - prior) / sigma` of height, slope along the fall and slope across it, of every plane that is
-    /// estimated.
+    /// Evaluates `(value - prior) / sigma` for the height, the slope along the fall and the slope across it,
+    /// of every estimated plane.
     pub(crate) fn each_plane_prior(
         &self,
         state: &[f64],
@@ -100,7 +102,7 @@ impl BundleProblem<'_> {
             let (now, mean) = (self.plane(state, index), prior.plane);
             let [now, mean] = [now, mean].map(|plane| parameters_of_plane(&plane));
             for (row, sigma) in prior.directions().into_iter().zip(prior.sigma) {
-                let scale = sigma.max(HELD).recip();
+                let scale = sigma.max(MIN_PLANE_SIGMA).recip();
                 let off: f64 = (0..PLANE_PARAMS).map(|k| row[k] * (now[k] - mean[k])).sum();
                 let by = row.map(|by| by * scale);
                 sink(scale * off, &[JacobianBlock { block, by: &by }], ResidualKind::PlanePrior);
@@ -109,8 +111,8 @@ impl BundleProblem<'_> {
     }
 }
 
-/// The indices of the pose in [`Covariance`] that [`ByPlane::by_pose`] is by.
-pub(crate) const POSE_OF_PLANE: [usize; 3] = [Covariance::X, Covariance::Y, Covariance::YAW];
+/// Indices in [`Covariance`] of the pose parameters of [`PlaneDerivatives::by_pose`].
+pub(crate) const PLANE_POSE_PARAMS: [usize; 3] = [Covariance::X, Covariance::Y, Covariance::YAW];
 
 #[cfg(test)]
 mod tests {
@@ -148,7 +150,7 @@ mod tests {
         }
     }
 
-    /// The same camera with a fisheye of its focal.
+    /// Returns the same camera with a fisheye lens of the same focal length.
     fn fisheye(camera: Camera) -> Camera {
         let distortion = Distortion::KannalaBrandt { k: [0.02, -0.004, 0.0, 0.0] };
         Camera { lens: Lens { focal: camera.focal, distortion, ..camera.lens }, ..camera }
@@ -205,8 +207,8 @@ mod tests {
             };
             vec![pixel(0, 900.0), pixel(1, 1000.0)]
         };
-        let on_ramp = |model, place, observations| Landmark {
-            place,
+        let on_ramp = |model, params, observations| Landmark {
+            params,
             plane: Some(0),
             ground: prior.plane,
             ..Landmark::new(model, observations)
@@ -227,7 +229,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
-        fn derivatives_of_all_residuals_are_those_of_differences(
+        fn derivatives_of_all_residuals_match_finite_differences(
             prior in any_plane(), is_fisheye in any::<bool>(), jitter in -20.0..20.0_f64, yaw in -0.4..0.4_f64, nudges in proptest::collection::vec(-1.0..1.0_f64, 64),
         ) {
             const STEP: f64 = 1e-5;
@@ -249,7 +251,7 @@ mod tests {
                     outermost: is_fisheye.then(|| Pixel::new(1700.0, 900.0)),
                     camera: cameras[index], free, lens: index, annotations: &annotations[index],
                     nuisance: vec![0.0; stage_1.nuisances().count()], stage_1, shares_floor: true, edges: if is_fisheye { edges() } else { Vec::new() },
-                    edge_times: vec![1.0; 2], size: [1920.0, 1080.0], circle: None, has_one_focal: is_fisheye,
+                    edge_counts: vec![1.0; 2], size: [1920.0, 1080.0], circle: None, has_tied_focal: is_fisheye,
                 }
             };
             let distances = vec![DistanceMeasurement::new([0, 1], 2.0, 0.1)];
@@ -278,7 +280,8 @@ mod tests {
                     let half = (ahead[k].0 - behind[k].0) / (2.0 * STEP);
                     let whole = (ahead_2[k].0 - behind_2[k].0) / (4.0 * STEP);
                     let numeric = (4.0 * half - whole) / 3.0;
-                    // What brings an observation back to raw pixels is held, though it changes with the lens.
+                    // The map back to raw pixels is constant in the derivatives, although it changes with the
+                    // lens.
                     if is_fisheye && *is_observation {
                         continue;
                     }
@@ -286,7 +289,7 @@ mod tests {
                     prop_assert!((numeric - row[index]).abs() < most, "residual {k} of {value} by {index}: {numeric} {}", row[index]);
                 }
             }
-            // Weak priors that are taken back leave what there is without them.
+            // Removing the weak priors gives the same normal equations as a problem without them.
             let (mut dropped, mut normal) = (problem.clone(), problem.normal(&state).unwrap());
             dropped.drop_weak_priors(&state, &mut normal);
             let without = dropped.normal(&state).unwrap();

@@ -1,56 +1,59 @@
-//! Triangulation: the place of a landmark from the cameras that observe it.
+//! Triangulation: the position of a landmark from the cameras that observe it.
 //!
-//! A point at a known height needs one ray only, that of one camera: its place is where the ray meets the
-//! plane of that height. So do feet of posts, points of marks and floor lines. Of the cameras that observe
-//! a landmark the nearest is used, for there a pixel spans the least floor; the adjustment
-//! refines the place. Only the length of a post needs a second ray: it is the height at which the ray of
-//! its head passes over the foot. The pose of a mark is the rigid motion that takes its points to where
-//! they are seen, in least squares (Horn 1987, in the plane).
+//! A point at a known height needs only the ray of one camera: its position is the intersection of the ray
+//! with the plane of that height. The same applies to feet of posts, points of marks and floor lines. The
+//! nearest observing camera is used, because a pixel covers the least floor there. The adjustment refines the
+//! position.
+//!
+//! Only the length of a post needs a second ray: it is the height at which the ray of its head passes over
+//! the foot. The pose of a mark is the rigid motion that maps its points to their observed floor positions,
+//! in least squares (Horn 1987, in the plane).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::bundle::landmark::{LANDMARK_PARAMS, Landmark, LandmarkModel, Observation};
 use crate::camera::{Camera, FloorPoint, ObservedPixel, Plane, PosedCamera};
 
-/// A point of a mark, relative to its origin, and where it was seen on the floor.
+/// Point of a mark, relative to its origin, and its observed floor position.
 type PointPair = ([f64; 2], FloorPoint);
 
-/// Whether the place of a landmark is known in the base system, exactly or with a prior: it fixes the gauge.
+/// Whether the position of a landmark is known in the base system, exactly or with a prior. Such a landmark
+/// fixes the gauge.
 pub(crate) fn is_known(landmark: &Landmark) -> bool {
     landmark.free == [false; LANDMARK_PARAMS] || landmark.model == LandmarkModel::Measured
 }
 
-/// The model (a line with its origin) and parameters of a landmark, triangulated from the cameras that `by`
-/// picks; fixed parameters keep their values. `None` where none of them shows enough of it.
+/// Triangulates a landmark from the cameras selected by `by`. Returns its model (for a line with its origin)
+/// and parameters; fixed parameters keep their values. Returns `None` if the observations are not sufficient.
 pub fn triangulate(
     landmark: &Landmark,
     cameras: &[Camera],
     by: &dyn Fn(usize) -> bool,
 ) -> Option<(LandmarkModel, [f64; LANDMARK_PARAMS])> {
     if is_known(landmark) {
-        return Some((landmark.model.clone(), landmark.place));
+        return Some((landmark.model.clone(), landmark.params));
     }
     let seen: Vec<Observation> = landmark.observations.iter().filter(|seen| by(seen.view)).copied().collect();
     let (model, found) = from_observations(landmark, &seen, cameras)?;
-    let place = std::array::from_fn(|k| if landmark.free[k] { found[k] } else { landmark.place[k] });
-    place.iter().all(|value| value.is_finite()).then_some((model, place))
+    let params = std::array::from_fn(|k| if landmark.free[k] { found[k] } else { landmark.params[k] });
+    params.iter().all(|value| value.is_finite()).then_some((model, params))
 }
 
-/// The same, as if all parameters were free.
+/// Does the same, with all parameters free.
 fn from_observations(
     landmark: &Landmark,
     seen: &[Observation],
     cameras: &[Camera],
 ) -> Option<(LandmarkModel, [f64; LANDMARK_PARAMS])> {
-    let third = landmark.place[2];
+    let third = landmark.params[2];
     Some(match &landmark.model {
-        LandmarkModel::Measured => (LandmarkModel::Measured, landmark.place),
+        LandmarkModel::Measured => (LandmarkModel::Measured, landmark.params),
         LandmarkModel::Point { height } => {
-            let at = from_nearest(seen, cameras, 0, &landmark.ground.raised(*height))?;
+            let at = nearest_floor_position(seen, cameras, 0, &landmark.ground.raised(*height))?;
             (landmark.model.clone(), [at.x, at.y, third])
         }
         LandmarkModel::Post => {
-            let foot = from_nearest(seen, cameras, 0, &landmark.ground)?;
+            let foot = nearest_floor_position(seen, cameras, 0, &landmark.ground)?;
             let initial = if third > 0.0 { third } else { 1.0 };
             let length = post_length(seen, cameras, &foot);
             let length = length.map_or(initial, |length| length - landmark.ground.height_at(foot));
@@ -69,34 +72,40 @@ fn from_observations(
     })
 }
 
-/// Distance on the floor from the foot of a camera.
-fn away(camera: &Camera, at: &FloorPoint) -> f64 {
+/// Returns the distance on the floor from the foot of a camera, in metres.
+fn floor_distance(camera: &Camera, at: &FloorPoint) -> f64 {
     at.distance(camera.position.on_floor())
 }
 
-/// The place of a point by the nearest camera that observes it.
-fn from_nearest(seen: &[Observation], cameras: &[Camera], point: usize, plane: &Plane) -> Option<FloorPoint> {
+/// Returns the position of a point from the nearest camera that observes it.
+fn nearest_floor_position(
+    seen: &[Observation],
+    cameras: &[Camera],
+    point: usize,
+    plane: &Plane,
+) -> Option<FloorPoint> {
     let on_floor = |seen: &Observation| {
         let camera = &cameras[seen.view];
         let at = camera.pixel_to_plane(seen.pixel, plane)?.on_floor();
-        Some((away(camera, &at), at))
+        Some((floor_distance(camera, &at), at))
     };
     let candidates = seen.iter().filter(|seen| seen.point == point).filter_map(on_floor);
     candidates.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, at)| at)
 }
 
-/// The height at which the ray of a head passes over the foot.
+/// Returns the height at which the ray of a head passes over the foot, in metres.
 fn post_length(seen: &[Observation], cameras: &[Camera], foot: &FloorPoint) -> Option<f64> {
     seen.iter().filter(|seen| seen.point == 1).find_map(|head| {
         let camera = &cameras[head.view];
         let ray = camera.pixel_to_ray(head.pixel)?;
         let level = ray.direction[0].hypot(ray.direction[1]);
-        let length = ray.origin.z + ray.direction[2] / level * away(camera, foot);
+        let length = ray.origin.z + ray.direction[2] / level * floor_distance(camera, foot);
         (length > 0.01).then_some(length)
     })
 }
 
-/// Points of a mark by one camera: the one that observes most of them, and of those the nearest.
+/// Returns the points of a mark on the floor from one camera: the camera that observes most points, or the
+/// nearest of several.
 fn points_on_floor(
     seen: &[Observation],
     cameras: &[Camera],
@@ -110,12 +119,13 @@ fn points_on_floor(
             by_view.entry(seen.view).or_default().push(([x, y], at.on_floor()));
         }
     }
-    let candidates =
-        by_view.into_iter().map(|(view, pairs)| (pairs.len(), away(&cameras[view], &pairs[0].1), pairs));
+    let candidates = by_view
+        .into_iter()
+        .map(|(view, pairs)| (pairs.len(), floor_distance(&cameras[view], &pairs[0].1), pairs));
     candidates.max_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1))).map(|(_, _, pairs)| pairs)
 }
 
-/// Ends of a floor line by the camera that observes the longest piece of it.
+/// Returns the ends of a floor line from the camera that observes its longest segment.
 fn longest_segment(
     seen: &[Observation],
     cameras: &[Camera],
@@ -131,10 +141,11 @@ fn longest_segment(
     ends.filter(|(a, b)| a != b).max_by(|(a, b), (c, d)| a.distance(*b).total_cmp(&c.distance(*d)))
 }
 
-/// Move and turn that take points of a mark to where they were seen: x, y of its origin, and the turn.
+/// Estimates the translation and rotation from the points of a mark to their observed positions. Returns x, y
+/// of its origin, and the rotation.
 ///
-/// About the centroids, with `c = sum p . q` and `s = sum p x q`, the turn `atan2(s, c)` has the least sum of
-/// squares. It is `fixed_turn` where that is given, and `default_turn` where the points do not determine it.
+/// About the centroids, with `c = sum p . q` and `s = sum p x q`, the rotation `atan2(s, c)` has the least
+/// sum of squares. `fixed_turn` overrides it, and `default_turn` is used if the points do not determine it.
 fn rigid_motion(pairs: &[PointPair], fixed_turn: Option<f64>, default_turn: f64) -> [f64; 3] {
     let count = pairs.len() as f64;
     let mean = |value: &dyn Fn(&PointPair) -> f64| pairs.iter().map(value).sum::<f64>() / count;
@@ -152,8 +163,8 @@ fn rigid_motion(pairs: &[PointPair], fixed_turn: Option<f64>, default_turn: f64)
     [qx - cos * px + sin * py, qy - sin * px - cos * py, turn]
 }
 
-/// Whether every camera that observes a landmark shows it where it is: inside the lens and, but for a
-/// line, in front of the camera.
+/// Whether the position of a landmark is visible in every camera that observes it. The position must be
+/// inside the lens and, except for a line, in front of the camera.
 pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     let is_line = matches!(landmark.model, LandmarkModel::Line { .. });
     landmark.observations.iter().all(|seen| {
@@ -166,18 +177,18 @@ pub(crate) fn is_visible(landmark: &Landmark, cameras: &[Camera]) -> bool {
     })
 }
 
-/// Squared distances on the floor, in square metres, between the places of one point of a landmark by two
-/// cameras, for every pair that observes it, the lower index first.
+/// Returns the squared floor distances, in square metres, between the positions of one landmark point
+/// computed from two cameras. There is one entry per pair of observing cameras, the lower index first.
 pub fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Vec<([usize; 2], f64)> {
     if matches!(landmark.model, LandmarkModel::Line { .. }) {
         return Vec::new();
     }
     let points: BTreeSet<usize> = landmark.observations.iter().map(|seen| seen.point).collect();
-    // The height of a head is a parameter of its own: only points of known height can be compared.
+    // The height of a head is a free parameter. Only points of known height can be compared.
     let is_head = |point: usize| landmark.model == LandmarkModel::Post && point > 0;
     let mut disagreements = Vec::new();
     for point in points.into_iter().filter(|&point| !is_head(point)) {
-        let seen = on_floor(landmark, point, cameras);
+        let seen = floor_positions(landmark, point, cameras);
         for (i, (a, at)) in seen.iter().enumerate() {
             for (b, other) in seen[i + 1..].iter().filter(|(b, _)| b != a) {
                 disagreements.push(([*a.min(b), *a.max(b)], at.distance(*other).powi(2)));
@@ -187,10 +198,14 @@ pub fn floor_disagreements(landmark: &Landmark, cameras: &[Camera]) -> Vec<([usi
     disagreements
 }
 
-/// The place on the floor of a point of a landmark by every camera that observes it, at its height in the
+/// Returns the floor position of a landmark point from every camera that observes it, at its height in the
 /// model.
-pub(crate) fn on_floor(landmark: &Landmark, point: usize, cameras: &[Camera]) -> Vec<(usize, FloorPoint)> {
-    let plane = landmark.plane_of(point);
+pub(crate) fn floor_positions(
+    landmark: &Landmark,
+    point: usize,
+    cameras: &[Camera],
+) -> Vec<(usize, FloorPoint)> {
+    let plane = landmark.plane_at_point(point);
     let seen = landmark.observations.iter().filter(|seen| seen.point == point);
     seen.filter_map(|seen| {
         Some((seen.view, cameras[seen.view].pixel_to_plane(seen.pixel, &plane)?.on_floor()))

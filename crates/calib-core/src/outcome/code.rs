@@ -1,8 +1,8 @@
-//! The closed list of the codes of findings, and their severity.
+//! Closed list of the finding codes, and their severities.
 
 use std::fmt;
 
-/// Declares a closed list of codes that read and write in kebab case.
+/// Declares a closed list of codes that are read and written in kebab case.
 macro_rules! codes {
     ($(#[$doc:meta])* $name:ident { $($(#[$code_doc:meta])* $code:ident = $text:literal),+ $(,)? }) => {
         $(#[$doc])*
@@ -17,7 +17,7 @@ macro_rules! codes {
             /// Every code of the list.
             pub const ALL: &'static [Self] = &[$(Self::$code),+];
 
-            /// The code in files.
+            /// Returns the code as it is written in files.
             #[must_use]
             pub const fn as_str(self) -> &'static str {
                 match self { $(Self::$code => $text),+ }
@@ -35,9 +35,9 @@ macro_rules! codes {
 pub(crate) use codes;
 
 codes! {
-    /// What an operator should know about a result that exists.
+    /// Code of a finding about a result.
     Code {
-        /// The predicted standard deviation of the focal, before the weak prior, is over 20 %.
+        /// The predicted standard deviation of the focal length, before the weak prior, is over 20 %.
         FocalUnobservable = "focal-unobservable",
         /// A second minimum has a chi-square within 6 of the best.
         TwoSolutions = "two-solutions",
@@ -47,60 +47,60 @@ codes! {
         Unusable = "unusable",
         /// One annotation contradicts the others and was rejected.
         Outlier = "outlier",
-        /// The annotations contradict each other and none of them explains it.
+        /// The annotations contradict each other, and no single annotation explains it.
         Misfit = "misfit",
-        /// Too few lines are drawn beyond those that the camera needs: nothing checks the drawing.
+        /// There are too few redundant lines to detect errors in the annotations.
         Unchecked = "unchecked",
-        /// The drawing noise is estimated from so few residuals that the standard deviations are widened.
+        /// The annotation noise is estimated from few residuals, so the standard deviations are widened.
         FewResiduals = "few-residuals",
-        /// Nothing is known of the errors of the camera.
+        /// The uncertainty of the camera is unknown.
         UncertaintyUnknown = "uncertainty-unknown",
-        /// The solution is not of what is drawn now.
+        /// The annotations have changed since the camera was solved.
         OutOfDate = "out-of-date",
-        /// Some of what is drawn lies outside the image.
+        /// Some annotated points are outside the image.
         PointsOutside = "points-outside",
-        /// What is drawn is not of an image of this size.
+        /// The annotations belong to an image of another size.
         NotThisImage = "not-this-image",
-        /// The camera stands below the floor.
+        /// The camera is below the floor.
         BelowFloor = "below-floor",
-        /// The camera sees no floor where its field of view is.
+        /// The camera sees no floor in its field of view.
         NoFloor = "no-floor",
-        /// The weak prior on the focal lowers its standard deviation by more than half.
+        /// The weak prior on the focal length reduces its standard deviation by more than half.
         PriorDominates = "prior-dominates",
         /// The method does not use this annotation, control point, link or mark.
         UnusedAnnotation = "unused-annotation",
-        /// A part of the EFOV lies on or above the horizon.
+        /// A part of the EFOV is on or above the horizon.
         EfovAboveHorizon = "efov-above-horizon",
-        /// A polyline says next to nothing about distortion.
+        /// A polyline carries almost no information about the distortion.
         UninformativePolyline = "uninformative-polyline",
         /// The distortion folds back on itself inside the image.
         DistortionNotInvertible = "distortion-not-invertible",
-        /// Nothing gives the scale of the site.
+        /// The scale of the site is unknown.
         ScaleUnknown = "scale-unknown",
-        /// Nothing gives the scale of the camera: its height is taken to be the 3 m of the paper.
+        /// The scale of the camera is unknown: its height is assumed to be 3 m, as in the paper.
         ScaleAssumed = "scale-assumed",
-        /// A hand says where the camera stands, and nothing tells how well.
+        /// The camera was placed by hand, so its position has no uncertainty.
         PlacedByHand = "placed-by-hand",
-        /// Placement and a height, length or upright disagree beyond 3 sigma.
+        /// The placement disagrees with a height, length or upright by more than 3 sigma.
         ScaleConflict = "scale-conflict",
-        /// Nothing ties the camera to the rest of the site.
+        /// The camera is not connected to the rest of the site.
         NotConnected = "not-connected",
     }
 }
 
-/// The severity of a finding.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// Information; the result is valid.
     Note,
-    /// To be resolved before the result is relied on.
+    /// The result should not be used before this is resolved.
     Warning,
-    /// Something is wrong: a line, a value, or the result.
+    /// A line, a value or the result is wrong.
     Error,
 }
 
 impl Severity {
-    /// What it is called in other languages.
+    /// Returns the name of the severity in the language bindings.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -112,7 +112,7 @@ impl Severity {
 }
 
 impl Code {
-    /// Its severity.
+    /// Returns the severity of the code.
     #[must_use]
     pub const fn severity(self) -> Severity {
         match self {
@@ -132,7 +132,7 @@ impl Code {
         }
     }
 
-    /// Whether a site with this finding must not go into service.
+    /// Whether a site with this finding fails `calib check`.
     #[must_use]
     pub const fn fails_check(self) -> bool {
         matches!(

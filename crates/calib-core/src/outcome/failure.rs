@@ -1,4 +1,4 @@
-//! Why a camera has no result, as values.
+//! Reasons why a camera has no result.
 
 use std::fmt;
 
@@ -6,55 +6,55 @@ use crate::outcome::code::codes;
 use crate::outcome::subject::Parameter;
 
 codes! {
-    /// Why a camera has no result.
+    /// Code of the reason why a camera has no result.
     FailureCode {
-        /// Fewer lines than the method needs.
+        /// There are fewer lines than the method needs.
         TooFewLines = "too-few-lines",
-        /// The lines leave more than one unknown open.
+        /// The lines leave more than one parameter undetermined.
         Underdetermined = "underdetermined",
         /// No minimum with possible geometry was found.
         NoSolution = "no-solution",
-        /// A value the method needs is missing or contradicts another.
+        /// A value that the method needs is missing or contradicts another value.
         MissingValue = "missing-value",
     }
 }
 
-/// Why a camera has no result.
+/// Reason why a camera has no result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Failure {
-    /// The paper's method needs two vertical lines for the roll.
+    /// Fewer than two vertical lines: the paper's method cannot compute the roll.
     TooFewVerticals {
-        /// How many there are.
+        /// Number of vertical lines.
         count: usize,
     },
-    /// The vertical lines do not meet in one point.
+    /// The vertical lines coincide, so they have no vanishing point.
     CoincidentVerticals,
-    /// No drawing on the floor separates pitch from focal.
+    /// No annotation on the floor separates pitch from focal length.
     NothingOnTheFloor,
-    /// No drawing constrains the orientation.
+    /// No annotation constrains the orientation.
     NothingDrawn,
-    /// No pitch and focal have possible geometry for the lines.
+    /// No pitch and focal length have possible geometry for the lines.
     NoPitchAndFocal,
-    /// No roll, pitch and focal have possible geometry for the lines.
+    /// No roll, pitch and focal length have possible geometry for the lines.
     NoOrientation,
     /// The constraints do not determine a parameter.
     Underdetermined {
-        /// The one of largest variance, if any is estimated.
+        /// Parameter with the largest variance, if any parameter is estimated.
         weakest: Option<Parameter>,
     },
-    /// The camera whose lens this one shares has no result.
+    /// The camera that this one shares its lens with has no result.
     NoLens {
-        /// The id of that camera.
+        /// Id of that camera.
         camera: String,
-        /// Why that camera has none.
+        /// Reason why that camera has no result.
         because: Box<Self>,
     },
-    /// The result is not finite, or beyond the bounds of a document.
+    /// The result is not finite, or exceeds the bounds of the site file.
     TooExtreme,
 }
 
 impl Failure {
-    /// Which reason.
+    /// Returns the code of the reason.
     #[must_use]
     pub const fn code(&self) -> FailureCode {
         match self {

@@ -1,22 +1,16 @@
-//! Findings: what an operator should know about a result, as values with a subject and numbers.
-//!
-//! What findings name beside subjects and numbers: reasons, estimators, kinds of evidence.
-//!
-//! What a finding is about.
-//!
-//! The drawing that would improve a result most.
+//! Findings about a result, as values with a subject and numbers, and the suggestions that they contain.
 
 use crate::outcome::code::{Code, Severity};
 use crate::outcome::subject::{Parameter, Source, Subject};
 
-/// A kind of drawing that can be suggested.
+/// Kind of annotation that can be suggested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum Drawing {
-    /// A vertical near the left edge of the image.
+    /// A vertical line near the left edge of the image.
     VerticalOnTheLeft,
-    /// A vertical near the right edge of the image.
+    /// A vertical line near the right edge of the image.
     VerticalOnTheRight,
     /// Two parallel floor lines that run away from the camera.
     ParallelsAway,
@@ -24,124 +18,124 @@ pub enum Drawing {
     ParallelsAcross,
     /// A right angle near the middle of the floor, at about 45 degrees to the view.
     RightAngle,
-    /// Three floor segments of equal length, near, far and across.
+    /// Three floor segments of equal length: near, far and across.
     EqualLengths,
-    /// Four points of the floor that another camera sees as well.
+    /// Links of four floor points with another camera.
     SharedPoints,
-    /// One length of the floor that is known in metres.
+    /// One floor segment of known length in metres.
     KnownSize,
 }
 
-/// The drawing that would improve a result most, and by how much.
+/// Suggested annotation with its predicted effect on the floor error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Suggestion {
-    /// What to draw.
+    /// Annotation to draw.
     pub drawing: Drawing,
-    /// The predicted relative error of floor lengths with it, over that without.
+    /// Ratio of the predicted relative error of floor lengths with the annotation to the present one.
     pub ratio: f64,
-    /// The predicted relative error of floor lengths with it.
+    /// Predicted relative error of floor lengths with the annotation.
     pub floor_length_rel: f64,
 }
 
-/// Another local minimum: a camera that the lines fit as well.
+/// Another local minimum: a camera that fits the lines equally well.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OtherMinimum {
-    /// In pixels.
+    /// Focal length, in pixels.
     pub focal: f64,
-    /// In radians.
+    /// Pitch, in radians.
     pub pitch: f64,
 }
 
-/// The estimator that does not use something.
+/// Estimator that ignores an annotation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Estimator {
-    /// The maximum-likelihood fit.
+    /// Maximum-likelihood fit.
     MaximumLikelihood,
-    /// The paper's criterion.
+    /// Criterion of the paper.
     Paper,
 }
 
-/// Why cameras are not connected to the rest of the site.
+/// Reason why cameras are not connected to the rest of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhyNotConnected {
-    /// They share too few landmarks with the others to be placed by them.
+    /// They share too few landmarks with the other cameras to be placed.
     TooLittle,
-    /// They share nothing and keep the placement of the operator.
+    /// They share no landmarks, and keep the placement that the operator set.
     Placed,
-    /// They share nothing.
+    /// They share no landmarks and have no placement.
     Alone,
 }
 
-/// Why something that cameras share is not used.
+/// Reason why shared evidence is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhyUnused {
-    /// A camera that observes it cannot show the place that the others give it.
+    /// Its position from the other views is not visible in one of the cameras.
     OutOfSight,
-    /// One camera alone shows it.
+    /// Only one camera observes it.
     SeenOnce,
-    /// A distance: an end of it has no place, or its length is not given.
+    /// A distance without a length, or with an end whose position is unknown.
     Unmeasured,
-    /// Cameras: no poses were found from which everything shared is visible.
+    /// No camera poses were found from which all shared landmarks are visible.
     Unfitted,
 }
 
-/// Evidence that cameras share.
+/// Kind of evidence that cameras share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SharedEvidence {
     /// Links.
     Links,
-    /// Marks tied to pixels.
+    /// Marks with observed pixels.
     Marks,
     /// Distances.
     Distances,
 }
 
-/// What an operator should know about a result that exists.
+/// Finding about a result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Finding {
-    /// The lines do not determine the focal.
+    /// The lines do not determine the focal length.
     FocalUnobservable {
-        /// Standard deviation of the log focal, before the weak prior.
+        /// Standard deviation of the log focal length, before the weak prior.
         sigma: f64,
-        /// The camera looks down: the floor may be well determined nevertheless.
+        /// Whether the camera looks down, so that the floor may be accurate nevertheless.
         looks_down: bool,
-        /// The predicted relative error of floor lengths where it is small.
+        /// Predicted relative error of floor lengths, if it is small.
         good_floor: Option<f64>,
-        /// The drawing that would improve it most.
+        /// Annotation that would improve the result most.
         next: Option<Suggestion>,
     },
-    /// The weak prior determines the focal more than the lines do.
+    /// The weak prior determines the focal length more than the lines do.
     PriorDominates {
-        /// In pixels.
+        /// Focal length, in pixels.
         focal: f64,
-        /// Relative standard deviation of it.
+        /// Relative standard deviation of the focal length.
         sigma: f64,
     },
-    /// The lines fit other cameras as well.
+    /// Other cameras fit the lines equally well.
     TwoSolutions {
         /// The other cameras.
         others: Vec<OtherMinimum>,
-        /// The drawing that would decide between them.
+        /// Annotation that would decide between them.
         next: Option<Suggestion>,
     },
-    /// The predicted relative error of lengths on the floor is large.
+    /// The predicted relative error of floor lengths is large.
     Weak {
-        /// Their predicted relative error.
+        /// Predicted relative error of floor lengths.
         floor_length_rel: f64,
-        /// The part of it that all have in common, where their ratios are good: of the known size that the
-        /// scale is from.
+        /// Part of the error that is common to all lengths, if their ratios are accurate. It comes from the
+        /// known size that determines the scale.
         scale_rel: Option<f64>,
-        /// The drawing that would improve it most.
+        /// Annotation that would improve the result most.
         next: Option<Suggestion>,
     },
-    /// The predicted relative error of lengths on the floor is too large for use.
+    /// The predicted relative error of floor lengths is too large for use.
     Unusable {
-        /// Their predicted relative error.
+        /// Predicted relative error of floor lengths.
         floor_length_rel: f64,
-        /// The part of it that all have in common, where their ratios are good: of the known size that the
-        /// scale is from.
+        /// Part of the error that is common to all lengths, if their ratios are accurate. It comes from the
+        /// known size that determines the scale.
         scale_rel: Option<f64>,
-        /// The drawing that would improve it most.
+        /// Annotation that would improve the result most.
         next: Option<Suggestion>,
     },
     /// The camera sees no floor.
@@ -150,94 +144,94 @@ pub enum Finding {
     LineOutlier {
         /// The line.
         line: Source,
-        /// Its residual in pixels; `None` above the horizon.
+        /// Residual of the line, in pixels; `None` above the horizon.
         px: Option<f64>,
     },
-    /// The residuals are too large for the drawing noise.
+    /// The residuals are too large for the annotation noise.
     Misfit {
-        /// Sum of the squared residuals over their variances.
+        /// Chi-square: sum of the squared residuals divided by their variances.
         chi2: f64,
         /// Number of residuals minus number of parameters.
         dof: i64,
         /// The line with the largest residual, and the residual in pixels.
         worst: Option<(Source, f64)>,
     },
-    /// Uprights contradict each other about the height of the camera, where residuals are too large.
+    /// The uprights give contradictory camera heights, and the residuals are too large.
     HeightsApart {
-        /// The one by which the camera is lowest, and that height in metres.
+        /// The upright that gives the lowest camera height, and that height in metres.
         lowest: (Source, f64),
-        /// The one by which it is highest, and that height in metres.
+        /// The upright that gives the highest camera height, and that height in metres.
         highest: (Source, f64),
     },
     /// The residuals of the bundle adjustment are too large for the noise.
     JointMisfit {
-        /// Sum of the squared residuals over their variances.
+        /// Chi-square: sum of the squared residuals divided by their variances.
         chi2: f64,
         /// Number of residuals minus number of parameters.
         dof: i64,
     },
-    /// Edges drawn as straight are not straight under the lens that fits best.
+    /// Straight edges are not straight under the best-fitting lens.
     BentEdges {
         /// Root mean square distance from straight, in pixels.
         px: f64,
-        /// The same without a lens.
+        /// Root mean square distance from straight without distortion, in pixels.
         px_without_lens: f64,
     },
-    /// Lines of one direction alone are bent as a lens would, or as a road that curves.
+    /// Curved lines exist in one direction only: the cause may be the lens, or a curved road.
     BentOneWay {
         /// Root mean square distance from straight, in pixels.
         px: f64,
     },
-    /// Straight edges carry next to no information about the lens.
+    /// Some straight edges carry almost no information about the lens.
     UninformativeEdges {
-        /// Which.
+        /// The uninformative edges.
         edges: Vec<Source>,
-        /// How many were drawn.
+        /// Number of all straight edges.
         drawn: usize,
-        /// The largest sagitta that a distortion of 10 px in the corner would give them, in pixels.
+        /// Largest sagitta of these edges under a distortion of 10 px in the corner, in pixels.
         bend_px: f64,
     },
-    /// The straight edges leave the corners of the image uncertain.
+    /// The straight edges leave the distortion in the corners of the image uncertain.
     UncertainCorners {
-        /// By so many pixels.
+        /// Standard deviation of the undistorted corner, in pixels.
         px: f64,
-        /// It is the rim of a fisheye's image.
+        /// Whether the position is the rim of a fisheye image instead of the corners.
         is_round: bool,
-        /// Whether edges reach as far as the image shows anything.
+        /// Whether edges reach the border of the visible scene.
         is_reached: bool,
     },
-    /// Straight edges under a fixed lens: their residuals are reported, they estimate nothing.
+    /// Straight edges are not used because the lens is fixed; their residuals are reported.
     UnusedEdges {
-        /// The annotation of the first.
+        /// Index of the annotation of the first edge.
         first: usize,
-        /// How many there are.
+        /// Number of edges.
         count: usize,
-        /// The fixed lens has no distortion.
+        /// Whether the fixed lens has no distortion.
         is_undistorted: bool,
-        /// Their mean distance from straight under it, in pixels.
+        /// Mean distance of the edges from straight under the fixed lens, in pixels.
         px: f64,
     },
     /// The estimator does not use annotations of this kind.
     UnusedKind {
         /// Index of the annotation.
         annotation: usize,
-        /// The estimator that does not use it.
+        /// The estimator.
         by: Estimator,
     },
     /// An annotation has fewer segments than its kind needs.
     TooFewSegments {
         /// Index of the annotation.
         annotation: usize,
-        /// The estimator that does not use it.
+        /// The estimator.
         by: Estimator,
-        /// How many it has.
+        /// Number of segments of the annotation.
         drawn: usize,
-        /// How many it needs.
+        /// Number of segments that the kind needs.
         least: usize,
     },
-    /// A prior that is not used: the paper's method has none.
+    /// A prior is not used: the paper's method has no priors.
     UnusedPrior {
-        /// Of what.
+        /// Parameter of the prior.
         parameter: Parameter,
     },
     /// A line has a point that cannot be undistorted.
@@ -245,94 +239,95 @@ pub enum Finding {
         /// The line.
         line: Source,
     },
-    /// A line has no length.
+    /// The ends of a line coincide.
     NoLength {
         /// The line.
         line: Source,
     },
-    /// Too few control points to place the camera.
+    /// There are too few control points to place the camera.
     TooFewControlPoints {
-        /// How many there are.
+        /// Number of control points.
         count: usize,
     },
-    /// Control points are not visible from the camera's placement.
+    /// Control points are not visible from the camera's position.
     HiddenControlPoints {
-        /// Their indices.
+        /// Indices of the control points.
         points: Vec<usize>,
     },
-    /// The drawing has too few residuals beyond its unknowns to be a check of itself.
+    /// There are too few redundant lines to detect errors in the annotations.
     Unchecked {
-        /// Residuals minus unknowns, of the drawing alone.
+        /// Degrees of freedom: residuals minus unknowns, of the annotations alone.
         dof: i64,
-        /// How many lines were rejected.
+        /// Number of rejected lines.
         rejected: usize,
-        /// What to draw.
+        /// Annotation to draw next.
         next: Option<Suggestion>,
     },
-    /// The standard deviations are Student's, of a noise that few residuals estimate.
+    /// The standard deviations are widened by Student's distribution, because few residuals estimate the
+    /// noise.
     FewResiduals {
-        /// Residuals minus unknowns.
+        /// Degrees of freedom: residuals minus unknowns.
         dof: i64,
-        /// The factor by which the standard deviations are wider.
+        /// Factor by which the standard deviations are widened.
         factor: f64,
     },
-    /// Nothing is known of the errors of the camera.
+    /// The uncertainty of the camera is unknown.
     UncertaintyUnknown,
-    /// The solution is not of what is drawn now.
+    /// The annotations have changed since the camera was solved.
     OutOfDate {
-        /// What differs most from what the solution says of it.
+        /// The annotation, control point, link or mark whose residual differs most.
         what: Subject,
-        /// Its residual as the solution has it, in pixels; `None` of what the solution does not know.
+        /// Residual in the stored solution, in pixels; `None` if the solution does not contain it.
         stored: Option<f64>,
-        /// Its residual now, in pixels; `None` of what is not there any more, or cannot be where it is.
+        /// Residual now, in pixels; `None` if it was removed or has no prediction.
         now: Option<f64>,
     },
-    /// Points that are drawn lie outside the image.
+    /// Annotated points are outside the image.
     PointsOutside {
-        /// How many.
+        /// Number of points outside.
         outside: usize,
-        /// How many are drawn.
+        /// Number of all annotated points.
         drawn: usize,
         /// Width and height of the image, in pixels.
         size: [u32; 2],
-        /// All would lie inside if u and v, or width and height, were exchanged.
+        /// Whether all points would be inside if u and v, or width and height, were exchanged.
         fits_exchanged: bool,
-        /// Too many for what is drawn to be of this image.
+        /// Whether so many points are outside that the annotations belong to another image.
         is_other_image: bool,
-        /// What the first of them is of.
+        /// Annotation or observation of the first such point.
         first: Subject,
     },
-    /// The camera stands below the floor.
+    /// The camera is below the floor.
     BelowFloor {
-        /// Its height, in metres.
+        /// Height of the camera, in metres.
         height: f64,
     },
-    /// The reprojection errors of control points are too large for the drawing noise.
+    /// The reprojection errors of the control points are too large for the annotation noise.
     FarControlPoints {
         /// Root mean square reprojection error, in pixels.
         rms_px: f64,
-        /// Index of the worst.
+        /// Index of the control point with the largest error.
         worst: usize,
-        /// Its reprojection error, in pixels.
+        /// Largest reprojection error, in pixels.
         worst_px: f64,
     },
-    /// Nothing gives the scale of the camera.
+    /// The scale of the camera is unknown.
     ScaleAssumed {
-        /// The height that it is taken to have, in metres.
+        /// Assumed height, in metres.
         height: f64,
     },
-    /// A hand says where the camera stands, and nothing tells how well.
+    /// The camera was placed by hand, so its position has no uncertainty.
     PlacedByHand,
-    /// The height by drawings or as entered, and the height by placement, disagree.
+    /// The placement disagrees with the entered or estimated height.
     ScaleConflict {
-        /// As entered or estimated from drawings, in metres.
+        /// Height as entered or as estimated from annotations, in metres.
         estimated: f64,
-        /// As placed, in metres.
+        /// Height from the placement, in metres.
         placed: f64,
     },
-    /// The EFOV does not lie on the floor.
+    /// A part of the EFOV is not on the floor.
     EfovAboveHorizon {
-        /// Nothing of it does.
+        /// Whether no part of it is on the floor.
         is_whole: bool,
     },
     /// The distortion folds back on itself inside the image.
@@ -341,7 +336,7 @@ pub enum Finding {
     ControlPointOutlier {
         /// Index of the camera.
         camera: usize,
-        /// Index of the point in its camera.
+        /// Index of the control point in its camera.
         point: usize,
     },
     /// A link or a mark was rejected as an outlier.
@@ -358,9 +353,9 @@ pub enum Finding {
     },
     /// Cameras are not connected to the rest of the site.
     NotConnected {
-        /// Their indices.
+        /// Indices of the cameras.
         cameras: Vec<usize>,
-        /// Why not.
+        /// Reason why they are not connected.
         why: WhyNotConnected,
     },
     /// The links of a camera do not determine its position.
@@ -368,38 +363,38 @@ pub enum Finding {
         /// Index of the camera.
         camera: usize,
     },
-    /// The scale of a component of the view graph is not determined.
+    /// The scale of a component of the view graph is undetermined.
     ScaleUnknown {
-        /// Their indices.
+        /// Indices of the cameras of the component.
         cameras: Vec<usize>,
-        /// The camera whose height fixes the scale.
+        /// Index of the camera whose height fixes the scale.
         root: usize,
     },
-    /// Cameras share too much to be adjusted together.
+    /// Too many cameras share landmarks to be adjusted together.
     TooManyCameras {
-        /// How many they are.
+        /// Number of cameras.
         count: usize,
-        /// The index of one.
+        /// Index of the first camera.
         first: usize,
     },
-    /// What cameras share and the bundle adjustment does not use.
+    /// The bundle adjustment does not use some shared evidence.
     Unused {
-        /// What.
+        /// The links, marks, distances or cameras.
         what: Vec<Subject>,
-        /// Why it is not used.
+        /// Reason why they are not used.
         why: WhyUnused,
     },
-    /// Evidence that cameras share, while every camera is solved by itself.
+    /// Shared evidence is not used because every camera is solved separately.
     UnusedEvidence {
-        /// What.
+        /// Kind of evidence.
         evidence: SharedEvidence,
-        /// How many there are.
+        /// Number of links, marks or distances.
         count: usize,
     },
 }
 
 impl Finding {
-    /// The code in files.
+    /// Returns the code as written in files.
     #[must_use]
     pub const fn code(&self) -> Code {
         match self {
@@ -449,13 +444,13 @@ impl Finding {
         }
     }
 
-    /// Its severity.
+    /// Returns the severity of the finding.
     #[must_use]
     pub const fn severity(&self) -> Severity {
         self.code().severity()
     }
 
-    /// The drawing that it suggests.
+    /// Returns the suggested annotation, if the finding contains one.
     #[must_use]
     pub const fn suggestion(&self) -> Option<Suggestion> {
         match self {
@@ -470,7 +465,7 @@ impl Finding {
 }
 
 impl Finding {
-    /// What it is about; of several things the first.
+    /// Returns the subject of the finding; if there are several, the first.
     #[must_use]
     pub fn subject(&self) -> Subject {
         match self {

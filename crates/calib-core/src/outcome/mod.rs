@@ -1,13 +1,13 @@
-//! How a solve ended, as values with a subject and numbers: findings about a result, or the failure to give
-//! one.
+//! Results of a solve as values: findings about a result, or the reason why there is no result.
 //!
-//! Law: no words. Sentences are made of these values once, where they leave the core (`site/english`).
+//! Rule: no sentences. The text is made from these values in one place, `calib_site::english`.
 //!
-//! - `code` the closed lists of codes, and their severity;
-//! - `subject` what a finding is about; `suggestion` the drawing that would improve a result;
-//! - `finding` what an operator should know about a result; `failure` why there is none;
-//! - `residual` the residual of one observation, as reports have it. Where residuals are computed:
-//!   `single/residual.rs` for drawings, `bundle/landmark.rs` for landmarks.
+//! - `code`: the closed list of finding codes, with their severities;
+//! - `subject`: subjects of findings, and the residual of one observation as reports contain it;
+//! - `finding`: findings about a result, with suggested annotations;
+//! - `failure`: reasons why a camera has no result.
+//!
+//! Residuals are computed in `single/residual.rs` for annotations and in `bundle/landmark.rs` for landmarks.
 
 mod code;
 mod subject;

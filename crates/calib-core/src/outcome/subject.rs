@@ -1,8 +1,6 @@
-//! What a finding is about.
-//!
-//! The residual of one drawing or observation, as reports have it, in pixels.
+//! Subjects of findings, and the residual of one annotation or observation as reports contain it.
 
-/// A parameter of one camera that is estimated or has a prior.
+/// Parameter of one camera that is estimated or has a prior.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// Roll.
@@ -15,7 +13,7 @@ pub enum Parameter {
     Height,
 }
 
-/// The drawing that a constraint comes from.
+/// Annotated segment that a constraint or residual belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Source {
     /// Index of the annotation in its camera.
@@ -24,7 +22,7 @@ pub struct Source {
     pub segment: usize,
 }
 
-/// What a finding is about; numbers are indices in the lists of the site.
+/// Subject of a finding; the numbers are indices in the lists of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     /// The site as a whole.
@@ -44,47 +42,47 @@ pub enum Subject {
         /// Index of the point in its camera.
         point: usize,
     },
-    /// An annotation of the camera in question.
+    /// An annotation of the camera that the finding belongs to.
     Annotation(usize),
-    /// A line of an annotation of the camera in question.
+    /// A line of an annotation of the camera that the finding belongs to.
     Line(Source),
-    /// A control point of the camera in question.
+    /// A control point of the camera that the finding belongs to.
     OwnControlPoint(usize),
-    /// A parameter of the camera in question.
+    /// A parameter of the camera that the finding belongs to.
     Parameter(Parameter),
-    /// The orientation of the camera in question.
+    /// The orientation of the camera that the finding belongs to.
     Orientation,
-    /// The lens of the camera in question.
+    /// The lens of the camera that the finding belongs to.
     Lens,
-    /// The placement of the camera in question.
+    /// The placement of the camera that the finding belongs to.
     Placement,
-    /// The floor that the camera in question sees.
+    /// The floor in the view of the camera that the finding belongs to.
     Floor,
-    /// Its effective field of view.
+    /// The effective field of view of the camera that the finding belongs to.
     Efov,
 }
 
-/// What a residual belongs to.
+/// Kind of evidence that a residual belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum ResidualOf {
-    /// A drawn annotation.
+    /// An annotation.
     Annotation,
     /// A point with known coordinates.
     ControlPoint,
-    /// Evidence shared by cameras.
+    /// A link between cameras.
     Link,
-    /// A virtual element tied to a pixel.
+    /// A mark (virtual element) with an observed pixel.
     Mark,
 }
 
-/// How far one piece of evidence is from what the result predicts.
+/// Difference between one annotation or observation and its prediction by the solved camera.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Residual {
-    /// What it belongs to.
+    /// Kind of evidence that the residual belongs to.
     pub of: ResidualOf,
     /// Index of the annotation in its camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -95,8 +93,8 @@ pub struct Residual {
     /// Id of a control point, link or mark.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
-    /// Distance from the prediction, in pixels; of lines and lengths with a sign for the side.
+    /// Distance from the prediction, in pixels; signed by the side for lines and lengths.
     pub px: f64,
-    /// Whether it was rejected.
+    /// Whether the evidence was rejected as an outlier.
     pub outlier: bool,
 }

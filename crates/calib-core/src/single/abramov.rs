@@ -1,12 +1,13 @@
-//! Stage 1 as in the paper (A. Abramov): roll from the verticals, then pitch and focal by minimising C.
+//! Stage 1 as in the paper (A. Abramov): roll from the verticals, then pitch and focal length by minimising
+//! the criterion C.
 //!
 //! `C = V + sum over directions of mean |1 - |dot|| + mean |dot| + sum over groups of std / mean`
 //!
-//! over the camera (0, 0, 3, roll, pitch, 0, focal): V is the mean sine of the angle between the
-//! viewing plane of a vertical and the vertical; the first dot products are those of floor
-//! directions that must be parallel, the second of those that must be at right angles; the last
-//! term, of option 2, are the lengths on the floor, free of scale. A floor line counts with the
-//! direction in which its viewing plane cuts the floor, which exists above the horizon, too.
+//! The camera is (0, 0, 3, roll, pitch, 0, focal). V is the mean sine of the angle between the viewing plane
+//! of a vertical and the vertical. The first dot products are between floor directions that must be parallel,
+//! the second between directions at right angles. The last term (option 2) compares lengths on the floor,
+//! independently of their scale. The direction of a floor line is the intersection of its viewing plane with
+//! the floor, which also exists above the horizon.
 
 use crate::camera::Chart;
 use crate::optimize::nelder_mead;
@@ -16,16 +17,16 @@ use crate::single::parameters::FixedParameters;
 use crate::single::parameters::Orientation;
 use crate::single::vanishing_point::{roll_from_verticals, unrolled, vanishing_point};
 
-/// Pitches in degrees and horizontal fields of view in degrees of the grid of starts.
+/// Grid of start values: pitches in degrees, and horizontal fields of view in degrees.
 const PITCHES: [f64; 14] = [3.0, 8.0, 13.0, 18.0, 24.0, 30.0, 36.0, 42.0, 48.0, 54.0, 60.0, 67.0, 74.0, 82.0];
 const FIELDS: [f64; 12] = [24.0, 32.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 90.0, 100.0, 110.0, 120.0];
 
-/// Roll, pitch and focal at the minimum of the paper's C, and C there.
+/// Returns roll, pitch and focal length at the minimum of the paper's C, and the value of C.
 ///
-/// `width` is that of the image, in pixels.
+/// `width` is the width of the image, in pixels.
 ///
 /// # Errors
-/// When there are fewer lines than the method needs, saying which.
+/// If there are fewer lines than the method needs. The error states which are missing.
 pub fn minimum(
     constraints: &Constraints,
     fixed: FixedParameters,
@@ -53,11 +54,11 @@ pub fn minimum(
     Ok((Orientation { roll, pitch, focal: log_focal.exp() }, c))
 }
 
-/// Roll, pitch and focal from two vanishing points: that of the verticals, `v`, and that of a group
-/// of parallel floor lines, `h`, by `f^2 = -v . h`; of several groups, by the one whose lines differ most in
-/// direction.
+/// Returns roll, pitch and focal length from two vanishing points, by `f^2 = -v . h`.
 ///
-/// `None` when no group gives a focal.
+/// `v` is the vanishing point of the verticals, and `h` that of a group of parallel floor lines. Among
+/// several groups, the one with the largest spread of image directions is used. `None` if no group gives a
+/// focal length.
 #[must_use]
 pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
     let nadir =
@@ -76,12 +77,12 @@ pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
     Some(Orientation { roll: roll_from_verticals([x, y, w]), pitch: (focal * w).atan2(x.hypot(y)), focal })
 }
 
-/// An end as an undistorted pixel, where a pinhole shows it.
+/// Returns an end as an undistorted pixel, if a pinhole camera can show it.
 fn ahead(chart: Option<&Chart>, point: [f64; 2]) -> Option<[f64; 2]> {
     chart.map_or(Some(point), |chart| chart.ahead(point))
 }
 
-/// How much the image directions of lines differ, times their mean length.
+/// Returns the spread of the image directions of lines, times their mean length.
 fn spread<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
     let (mut cos, mut sin, mut total, mut count) = (0.0, 0.0, 0.0, 0.0);
     for line in lines {
@@ -103,7 +104,7 @@ fn roll_of(constraints: &Constraints) -> Result<f64, Failure> {
     vanishing_point(verticals).map(roll_from_verticals).ok_or(why)
 }
 
-/// The lowest local minima of C on a grid, as (pitch, log focal).
+/// Returns the lowest local minima of C on a grid, as (pitch, log focal length).
 fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64; 2]> {
     const MOST: usize = 3;
     let pitches: Vec<f64> = match fixed.pitch {
@@ -134,13 +135,13 @@ fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64
     lowest.into_iter().take(MOST).map(|(_, start)| start).collect()
 }
 
-/// The paper's C for one camera; all lines are turned back by the roll.
+/// The paper's C for one camera, with all lines rotated into unrolled axes.
 struct Criterion {
-    /// Homogeneous, unrolled.
+    /// Vertical lines, homogeneous, unrolled.
     verticals: Vec<[f64; 3]>,
-    /// Homogeneous, unrolled, by floor direction.
+    /// Floor lines, homogeneous, unrolled, with their directions.
     floor: Vec<FloorLine>,
-    /// End points, unrolled, by group.
+    /// End points of lengths, unrolled, by group.
     lengths: Vec<Vec<[[f64; 2]; 2]>>,
 }
 
@@ -169,7 +170,7 @@ impl Criterion {
             }
         }
         for length in &constraints.lengths {
-            // The criterion has no place beside the camera.
+            // The criterion cannot use points beside the camera.
             if let [Some(a), Some(b)] = length.ends.map(|end| ahead(length.chart.as_ref(), end.point)) {
                 criterion.lengths[length.group].push([unroll(a), unroll(b)]);
             }
@@ -177,7 +178,7 @@ impl Criterion {
         criterion
     }
 
-    /// Whether the drawings determine pitch and focal, as far as they are not fixed.
+    /// Checks that the annotations determine pitch and focal length, unless these are fixed.
     fn check(&self, fixed: FixedParameters) -> Result<(), Failure> {
         let pairs = self.pairs().count();
         let lengths = self.lengths.iter().filter(|group| group.len() > 1).count();
@@ -185,7 +186,8 @@ impl Criterion {
         if pairs + lengths > 0 || by_verticals { Ok(()) } else { Err(Failure::NothingOnTheFloor) }
     }
 
-    /// Pairs of floor lines that must be parallel (`false`) or at right angles (`true`), by group.
+    /// Returns the pairs of floor lines that must be parallel (`false`) or at right angles (`true`), by
+    /// group.
     fn pairs(&self) -> impl Iterator<Item = (usize, usize, bool)> + '_ {
         let count = self.floor.len();
         (0..count).flat_map(move |i| (i + 1..count).map(move |j| (i, j))).filter_map(|(i, j)| {
@@ -194,7 +196,7 @@ impl Criterion {
         })
     }
 
-    /// C at this pitch and focal; infinite where the geometry is impossible.
+    /// Returns C at this pitch and focal length; infinite if the geometry is impossible.
     fn value(&self, pitch: f64, focal: f64) -> f64 {
         if pitch.abs() >= std::f64::consts::FRAC_PI_2 || focal.is_nan() || focal <= 1.0 || focal > 1e9 {
             return f64::INFINITY;
@@ -205,8 +207,10 @@ impl Criterion {
             + self.length_dispersion(sin, cos, focal)
     }
 
-    /// V: mean sine of the angle between the viewing planes of the verticals and the vertical,
-    /// `|n . z| / |n|` with the plane's normal `n = (f a, f b, c)` of the line (a, b, c).
+    /// Returns V: the mean sine of the angle between the viewing planes of the verticals and the vertical.
+    ///
+    /// The sine is `|n . z| / |n|`, with the normal `n = (f a, f b, c)` of the viewing plane of the line (a,
+    /// b, c).
     fn verticality(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let sum: f64 = self
             .verticals
@@ -219,8 +223,8 @@ impl Criterion {
         if self.verticals.is_empty() { 0.0 } else { sum / self.verticals.len() as f64 }
     }
 
-    /// Mean `1 - |cos|` of the angles between parallels, by direction, plus mean `|cos|` of those between
-    /// lines at right angles.
+    /// Returns the mean `1 - |cos|` of the angles between parallels, by direction, plus the mean `|cos|`
+    /// between lines at right angles.
     fn directions(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let unit: Vec<[f64; 2]> = self
             .floor
@@ -254,7 +258,8 @@ impl Criterion {
             .sum()
     }
 
-    /// Standard deviation over mean of the lengths of every group: free of the scale of the floor.
+    /// Returns the standard deviation divided by the mean of the lengths of every group, summed; it does not
+    /// depend on the scale of the floor.
     fn length_dispersion(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let to_floor = |[u, v]: [f64; 2]| {
             let depth = cos * v + sin * focal;

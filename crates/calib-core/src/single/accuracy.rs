@@ -1,25 +1,27 @@
-//! The predicted relative error of lengths on the floor: one number for how good a calibration is.
+//! Predicted relative error of lengths on the floor: one number for the accuracy of a calibration.
 //!
-//! A 5 x 5 grid of pixels in the EFOV is projected to the floor ([`FloorJacobian`]: a point in camera heights
-//! and its derivatives by roll, pitch and log focal). The log length between two of its points has a gradient
-//! `g` by the parameters, and with their covariance C the variance `g' C g`; the root of its mean over all
-//! pairs is the number ([`floor_length_rel`]). After stage 2 the covariance is that of the placed camera,
-//! height and lens included ([`placed_floor_length_rel`]).
+//! A 5 x 5 grid of pixels in the EFOV is projected to the floor. [`FloorJacobian`] is a point in camera
+//! heights with its derivatives by roll, pitch and log focal length. The log length between two points has a
+//! gradient `g` by the parameters. With their covariance C its variance is `g' C g`. The result is the root
+//! of the mean over all pairs ([`floor_length_rel`]). After stage 2 the covariance of the placed camera is
+//! used, including height and lens ([`placed_floor_length_rel`]).
 
 use crate::camera::{Camera, Covariance, FloorPoint, Lens, Pixel};
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use nalgebra::Matrix4;
 
-/// Points per side of the grid.
+/// Number of points per side of the grid.
 const SIDE: usize = 5;
 
-/// The grid in the EFOV between whose points lengths are predicted, as bearings (undistorted pixels relative to the
-/// principal point, homogeneous): bilinear between four corners.
+/// Grid of points in the EFOV, between which lengths are predicted; bilinear between four corners.
+///
+/// The points are bearings: undistorted pixels relative to the principal point, homogeneous.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid(Vec<[f64; 3]>);
 
 impl Grid {
-    /// Between the corners of the drawn polygon; of more than four, those farthest along the diagonals.
+    /// Creates the grid between the corners of the drawn polygon; with more than four, between those farthest
+    /// along the diagonals.
     pub(crate) fn of_polygon(camera: &Camera, corners: &[Pixel]) -> Self {
         let [a, b, c, d] = four(corners);
         let points = (0..SIDE * SIDE).filter_map(|k| {
@@ -33,7 +35,8 @@ impl Grid {
         Self(points.collect())
     }
 
-    /// Between the corners of a floor polygon, that of the default EFOV, as the camera shows them.
+    /// Creates the grid between the corners of a floor polygon, for example the default EFOV, as seen by the
+    /// camera.
     pub(crate) fn of_floor(camera: &Camera, polygon: &[FloorPoint]) -> Self {
         let pixels: Vec<Pixel> =
             polygon.iter().filter_map(|p| camera.world_to_pixel(p.at_height(0.0))).collect();
@@ -41,7 +44,8 @@ impl Grid {
     }
 }
 
-/// The corners of a quadrilateral as drawn, or those of a polygon farthest along the diagonals.
+/// Returns the corners of a quadrilateral in order, or the corners of a polygon that are farthest along the
+/// diagonals.
 fn four(corners: &[Pixel]) -> [Pixel; 4] {
     if let [a, b, c, d] = *corners {
         return [a, b, c, d];
@@ -53,12 +57,12 @@ fn four(corners: &[Pixel]) -> [Pixel; 4] {
     [farthest(-1.0, 1.0), farthest(1.0, 1.0), farthest(1.0, -1.0), farthest(-1.0, -1.0)]
 }
 
-/// Root mean square of the predicted relative standard deviations of the lengths between all pairs
-/// of grid points on the floor.
+/// Returns the root mean square of the predicted relative standard deviations of lengths between all pairs of
+/// grid points on the floor.
 ///
-/// With `g` the gradient of a log length, its variance is `g' C g`; where the height is unknown the scale
-/// common to all lengths is no error, and the mean of `g` is subtracted. `None` when fewer than three points
-/// of the grid lie on the floor.
+/// With `g` the gradient of a log length, its variance is `g' C g`. If the height is unknown, the common
+/// scale is not an error, and the mean of `g` is subtracted. `None` if fewer than three grid points are on
+/// the floor.
 pub(crate) fn floor_length_rel(
     parameters: &Parameters,
     grid: &Grid,
@@ -73,7 +77,7 @@ pub(crate) fn floor_length_rel(
     length_rel(&points, |k, l| covariance[(k, l)], height_known)
 }
 
-/// As [`floor_length_rel`], of floor points in camera heights with their derivatives by `N` unknowns, of which
+/// Computes [`floor_length_rel`] from floor points in camera heights with their derivatives by `N` unknowns;
 /// the fourth is the log height.
 fn length_rel<const N: usize>(
     points: &[([f64; 2], [[f64; 2]; N])],
@@ -114,13 +118,15 @@ fn length_rel<const N: usize>(
     variance.is_finite().then(|| variance.max(0.0).sqrt())
 }
 
-/// As [`floor_length_rel`], of a placed camera with its whole covariance, that of its lens included; `None`, too,
-/// where nothing is known of its errors.
+/// Computes the floor error of a placed camera like [`floor_length_rel`], with its whole covariance,
+/// including its lens.
+///
+/// Also `None` if the uncertainty of the camera is unknown.
 pub fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     placed_length_rel(camera, grid, camera.covariance.sigma(Covariance::Z).is_some())
 }
 
-/// As [`placed_floor_length_rel`], of the ratios of lengths: without the scale that all have in common.
+/// Computes [`placed_floor_length_rel`] for ratios of lengths: without the error of the common scale.
 pub fn placed_floor_shape_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     placed_length_rel(camera, grid, false)
 }
@@ -162,7 +168,7 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
         3 => Covariance::Z,
         _ => Covariance::LENS + k - 4,
     };
-    // From focal and height to their logs.
+    // Conversion from focal length and height to their logs.
     let scale = |k: usize| match k {
         2 => camera.focal.recip(),
         3 => camera.position.z.recip(),
@@ -172,16 +178,19 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
     length_rel(&points, covariance, height_known)
 }
 
-/// A floor point in camera heights, with its derivatives by roll, pitch and log focal.
+/// Floor point in camera heights, with its derivatives by roll, pitch and log focal length.
 struct FloorJacobian {
     at: [f64; 2],
     by: [[f64; 2]; 3],
-    /// By the bearing.
+    /// Derivatives by the bearing.
     by_bearing: [[f64; 2]; 3],
 }
 
 impl FloorJacobian {
-    /// With the unrolled bearing (u, v, w): `D = v cos p + f w sin p`, `X = u / D`, `Y = (f w cos p - v sin p) / D`.
+    /// Projects a bearing to the floor; `None` on or above the horizon.
+    ///
+    /// With the unrolled bearing (u, v, w): `D = v cos p + f w sin p`, `X = u / D`, `Y = (f w cos p - v sin
+    /// p) / D`.
     fn new(parameters: &Parameters, [x, y, w]: [f64; 3]) -> Option<Self> {
         let ((sr, cr), (sp, cp), f) =
             (parameters[ROLL].sin_cos(), parameters[PITCH].sin_cos(), parameters[LOG_FOCAL].exp());
@@ -192,7 +201,8 @@ impl FloorJacobian {
             return None;
         }
         let at = [u / depth, ahead / depth];
-        // Quotients: (dN - at dD) / D, with dN and dD by roll (du = -v, dv = u), pitch and log focal.
+        // Derivative of a quotient: (dN - at dD) / D, with dN and dD by roll (du = -v, dv = u), pitch and log
+        // focal length.
         let quotient = |du: f64, d_ahead: f64, d_depth: f64| {
             [(du - at[0] * d_depth) / depth, (d_ahead - at[1] * d_depth) / depth]
         };
@@ -201,7 +211,7 @@ impl FloorJacobian {
             quotient(0.0, -depth, ahead),
             quotient(0.0, cp * forward, sp * forward),
         ];
-        // The unrolled bearing turns with the bearing: du = cos r, dv = sin r by x, and -sin r, cos r by y.
+        // The unrolled bearing rotates with the bearing: du = cos r, dv = sin r by x, and -sin r, cos r by y.
         let by_bearing = [
             quotient(cr, -sp * sr, cp * sr),
             quotient(-sr, -sp * cr, cp * cr),

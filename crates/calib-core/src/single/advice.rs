@@ -1,16 +1,14 @@
-//! The findings about a fit, and the drawing that would improve it most.
+//! Findings about a fit, and suggested annotations.
 //!
-//! For the latter every candidate drawing is added to the constraints at the estimate, where its residual is
-//! 0, and the error of floor lengths is predicted with its information: an experimental design, greedy and of
-//! one step. Where nothing gives the scale the error that all lengths have in common is that of a guess.
+//! Suggestions are a greedy experimental design of one step. Every candidate is added to the constraints at
+//! the estimate, where its residual is 0. The error of floor lengths is then predicted with its information.
+//! If the scale is unknown, a guessed standard deviation is used for the common scale.
 //!
-//! What points of the floor that another camera sees as well would tell of roll, pitch and focal: an
-//! experimental design, as that of drawings.
-//!
-//! The other camera is thought to be like this one, as well known, and to look at the same floor from the side.
-//! A point seen by both gives `F(p) - S F'(p')`, two numbers: the maps F of both cameras to their floors, and the
-//! similarity S between the floors. With this camera's parameters first, those of the other and of S are
-//! eliminated: `A - B D^-1 B'`.
+//! Links to another camera are evaluated in the same way. The other camera is assumed to be like this one,
+//! equally well known, and to see the same floor from the side. A point seen by both gives two residuals,
+//! `F(p) - S F'(p')`. F and F' are the maps of both cameras to their floors, and S is the similarity between
+//! the floors. The information about this camera is the Schur complement `A - B D^-1 B'`. A, B and D are the
+//! blocks of the normal matrix for this camera's parameters and the others.
 
 use nalgebra::{DMatrix, Matrix2, Matrix4};
 
@@ -28,14 +26,17 @@ use crate::single::outliers::student_factor;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
-/// Where on the image the points are, as shares of width and height from its middle.
+/// Assumed image positions of shared points, as fractions of width and height from the image centre.
 const PLACES: [[f64; 2]; 4] = [[-0.25, 0.1], [0.25, 0.1], [-0.2, 0.35], [0.2, 0.35]];
-/// Roll, pitch and log focal of this camera, those of the other, and move, turn and scale between them.
+/// Number of parameters of one camera: roll, pitch and log focal length. The total includes both cameras and
+/// the similarity between their floors.
 const OWN: usize = 3;
 const ALL: usize = 2 * OWN + 4;
 
-/// The information about roll, pitch, log focal and log height that four shared points add to `information`, for
-/// pixels of this standard deviation; `None` where the image does not show the floor at all four.
+/// Returns the information about roll, pitch, log focal length and log height that four shared points add to
+/// `information`.
+///
+/// `sigma` is the standard deviation of pixels. `None` if the floor is not visible at all four points.
 pub(crate) fn shared_points(
     camera: &Camera,
     size: [f64; 2],
@@ -58,7 +59,7 @@ pub(crate) fn shared_points(
     for (&pixel, point) in pixels.iter().zip(&points) {
         let (own, noise) = jacobian(camera, pixel, sigma)?;
         let (x, y) = (point.x - middle.x, point.y - middle.y);
-        // From the side: the point is where a quarter turn about the middle takes it.
+        // The other camera looks from the side: the point is rotated by 90 degrees about the middle.
         let turned = FloorPoint { x: middle.x + y, y: middle.y - x };
         let (other, noise_of_other) = jacobian(camera, camera.world_to_pixel(turned.at_height(0.0))?, sigma)?;
         let back = Matrix2::new(0.0, -1.0, 1.0, 0.0);
@@ -90,17 +91,17 @@ pub(crate) fn shared_points(
     Some(full)
 }
 
-/// The information about roll, pitch and log focal, the height eliminated.
+/// Returns the information about roll, pitch and log focal length, with the height eliminated.
 fn of_angles(information: &Matrix4<f64>) -> DMatrix<f64> {
     let height = information[(3, 3)];
     DMatrix::from_fn(OWN, OWN, |i, j| {
         let through = if height > 0.0 { information[(i, 3)] * information[(3, j)] / height } else { 0.0 };
-        // A floor under what nothing tells, so that it can be eliminated.
+        // Regularisation of undetermined parameters, so that they can be eliminated.
         information[(i, j)] - through + if i == j { 1e-6 } else { 0.0 }
     })
 }
 
-/// Derivatives of a floor point by roll, pitch and log focal, and its covariance.
+/// Returns the derivatives of a floor point by roll, pitch and log focal length, and its covariance.
 fn jacobian(camera: &Camera, pixel: Pixel, sigma: f64) -> Option<(DMatrix<f64>, Matrix2<f64>)> {
     let by = camera.floor_jacobian(pixel)?;
     let columns =
@@ -109,32 +110,32 @@ fn jacobian(camera: &Camera, pixel: Pixel, sigma: f64) -> Option<(DMatrix<f64>, 
     Some((DMatrix::from_fn(2, OWN, |i, k| columns[k][i]), Matrix2::new(xx, xy, xy, yy)))
 }
 
-/// Relative error of floor lengths above which a result is weak, and above which it is unusable.
+/// Relative errors of floor lengths above which a result is weak, and above which it is unusable.
 const WEAK: f64 = 0.03;
 const UNUSABLE: f64 = 0.10;
 
-/// Relative standard deviation of a scale that nothing gives: cameras hang at 2 to 5 m.
+/// Relative standard deviation of an unknown scale: cameras are usually 2 to 5 m high.
 const GUESSED_SCALE: f64 = 0.5;
 
-/// A length that someone knows, in camera heights, and how well, relative.
+/// Length of a suggested measurement in camera heights, and its relative standard deviation.
 const MEASURED: f64 = 0.5;
 const MEASURED_REL: f64 = 0.01;
 
-/// Pitch, in radians, from which a camera looks down.
+/// Minimum pitch of a camera that looks down, in radians.
 const LOOKS_DOWN: f64 = 1.2;
 
-/// The drawing that would improve a fit most.
+/// Suggested annotation with an example on the image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sketch {
-    /// What to draw, and the error of floor lengths with it.
+    /// Kind of annotation, and the error of floor lengths with it.
     pub suggestion: Suggestion,
-    /// The kind of annotation that it makes; none of links.
+    /// Kind of the annotation to create; `None` for links.
     pub kind: Option<Kind>,
     /// Raw pixels of an example, segment by segment.
     pub segments: Vec<[Pixel; 2]>,
 }
 
-/// The findings about a fit, in the order of reports.
+/// Returns the findings about a fit, in the order of reports.
 #[must_use]
 pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     let mut findings = Vec::new();
@@ -174,7 +175,8 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     findings
 }
 
-/// The finding about the error of lengths on the floor, if it is large; `shape_rel` is that of their ratios.
+/// Returns the finding about the error of floor lengths, if it is large; `shape_rel` is the error of their
+/// ratios.
 pub fn floor_finding(
     floor_length_rel: f64,
     shape_rel: Option<f64>,
@@ -190,16 +192,17 @@ pub fn floor_finding(
     }
 }
 
-/// Whether the drawing checks itself. Lines that are not what they are said to be agree with one residual
-/// within its noise about once in a hundred times, with two once in ten thousand; every line that was rejected
-/// was chosen so that the rest agree, and takes away one.
+/// Returns a finding if errors in the annotations cannot be detected.
+///
+/// Wrong lines agree by chance with one redundant residual about once in a hundred cases, with two once in
+/// ten thousand. Every rejected line was chosen to make the rest agree, so it costs one degree of freedom.
 fn unchecked(fit: &Fit, next: Option<Suggestion>) -> Option<Finding> {
     const LEAST: i64 = 2;
     let (dof, rejected) = (fit.dof, fit.outliers.len());
     (dof - (rejected as i64) < LEAST).then_some(Finding::Unchecked { dof, rejected, next })
 }
 
-/// Whether few residuals widen the standard deviations so far that it is to be said.
+/// Returns a finding if few residuals widen the standard deviations noticeably.
 fn few_residuals(fit: &Fit) -> Option<Finding> {
     const WORTH_SAYING: f64 = 1.2;
     let dof = fit.noise_dof.filter(|_| !fit.inconsistent)?;
@@ -217,11 +220,12 @@ fn misfit(fit: &Fit) -> Finding {
     Finding::Misfit { chi2: fit.chi2, dof: fit.dof, worst }
 }
 
-/// Of the candidate drawings those that would lower the error of floor lengths by a fifth and more, the best
-/// first; links to other cameras among them where `options` say that others see the same floor.
+/// Returns the candidates that would reduce the error of floor lengths by at least a fifth, the best first.
+///
+/// They include links to other cameras if `options` allow them.
 #[must_use]
 pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Vec<Sketch> {
-    /// Largest ratio of the error with the drawing to that without it at which it is suggested.
+    /// Largest ratio of the error with the annotation to the present error at which it is suggested.
     const MAX_RATIO: f64 = 0.8;
     let inliers: Constraints = without(constraints, &fit.outliers);
     let grid = grid(&fit.camera, options.efov, options.size);
@@ -260,16 +264,17 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
         let suggestion = Suggestion { drawing, ratio: then / now.hypot(guessed), floor_length_rel: then };
         Sketch { suggestion, kind: Some(kind), segments: Vec::new() }
     }));
-    // A comparison with NaN is false: then nothing is suggested.
+    // A comparison with NaN is false, so nothing is suggested.
     sketches.retain(|sketch| sketch.suggestion.ratio < MAX_RATIO && sketch.suggestion.ratio.is_finite());
     sketches.sort_by(|a, b| a.suggestion.floor_length_rel.total_cmp(&b.suggestion.floor_length_rel));
-    // Where the scale is a guess the shape of the floor comes first.
+    // With a guessed scale, the shape of the floor has priority.
     sketches.sort_by_key(|sketch| !fit.height_known && sketch.suggestion.drawing == Drawing::KnownSize);
     sketches
 }
 
-/// A length across the near floor, known like one taken with a tape; `None` where the height is held or known about
-/// as well, and where a plan or other cameras give the scale.
+/// Returns a length across the near floor, measured with a tape.
+///
+/// `None` if the height is fixed or known as precisely, and if a plan or other cameras give the scale.
 fn known_size(fit: &Fit, options: &FitOptions) -> Option<Candidate> {
     let sigma = fit.core_covariance[(LOG_HEIGHT, LOG_HEIGHT)].sqrt();
     let is_known = options.fixed.height.is_some() || fit.height_known && sigma < 2.0 * MEASURED_REL;
@@ -287,7 +292,7 @@ fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
 }
 
 impl Constraints {
-    /// The deviation of a direction that is drawn anew, if any deviates: as those of all others.
+    /// Adds the deviation of a new direction, with the scene's usual errors, if directions deviate.
     fn deviation_of(&mut self, direction: Direction) -> Option<usize> {
         let Direction::Floor { group, orthogonal } = direction else { return None };
         let SceneErrors { angle, .. } = self.scene;
@@ -299,7 +304,7 @@ impl Constraints {
     }
 }
 
-/// A drawing that could be made, in undistorted pixels relative to the principal point.
+/// Candidate annotation, in undistorted pixels relative to the principal point.
 struct Candidate {
     kind: Kind,
     drawing: Drawing,
@@ -307,7 +312,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The constraints and the state with those of this drawing added.
+    /// Returns the constraints and the state with the candidate added.
     fn join(&self, constraints: &Constraints, state: &State) -> Option<(Constraints, State)> {
         let mut joined = constraints.clone();
         let end = |point: [f64; 2]| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
@@ -350,7 +355,8 @@ impl Candidate {
                 }
             }
         }
-        // The nuisance parameters of the fit keep their values; those of the drawing are in closed form.
+        // The fitted nuisance parameters keep their values; those of the candidate are computed in closed
+        // form.
         let problem = Problem::new(
             &joined,
             crate::single::parameters::FixedParameters::default(),
@@ -370,7 +376,7 @@ impl Candidate {
         Some((joined, at))
     }
 
-    /// Its segments on the raw image.
+    /// Returns the segments on the raw image.
     fn pixels(&self, fit: &Fit) -> Vec<[Pixel; 2]> {
         let lens = fit.camera.lens;
         let raw = |[x, y]: [f64; 2]| {
@@ -381,10 +387,10 @@ impl Candidate {
     }
 }
 
-/// A drawing, its kind, and its segments where they are on the image.
+/// Suggested annotation, its kind, and its segments as far as they are visible in the image.
 type Proposal = (Drawing, Kind, Vec<Option<[[f64; 2]; 2]>>);
 
-/// Drawings of every kind where they are most informative, by the estimate of the floor.
+/// Returns candidates of every kind at their most informative positions, from the estimated floor.
 fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
     let [w, h] = options.size;
     let at = |x: f64, y: f64| [x * w, y * h];
@@ -431,7 +437,7 @@ fn vertical_at(fit: &Fit, [x, y]: [f64; 2], length: f64) -> Option<[[f64; 2]; 2]
     (norm > 1e-6).then(|| [[x, y], [x - length * dx / norm, y - length * dy / norm]])
 }
 
-/// A floor segment about what the camera shows at a pixel, `length` camera heights long.
+/// Returns a floor segment centred at the floor point of a pixel, `length` camera heights long.
 fn floor_at(fit: &Fit, [x, y]: [f64; 2], azimuth: f64, length: f64) -> Option<[[f64; 2]; 2]> {
     let camera = fit.camera;
     let centre = camera.lens.principal_point;
@@ -478,7 +484,7 @@ mod tests {
         for k in [ROLL, PITCH, LOG_FOCAL] {
             assert!(much[(k, k)] > little[(k, k)] && little[(k, k)] >= -1e-9, "{k}: {little} {much}");
         }
-        // No more than all of what the points say.
+        // The shared points carry limited information of their own.
         assert!(much[(ROLL, ROLL)] < 1e7, "{much}");
     }
 

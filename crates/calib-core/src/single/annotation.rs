@@ -1,20 +1,20 @@
-//! Annotations: what the operator drew on an image, in raw pixels, and the table of their kinds.
+//! Annotations: lines and objects that the operator draws on an image, in raw pixels, and the table of their
+//! kinds.
 //!
-//! Sizes that are known about: things whose length or height is much the same everywhere.
-//!
-//! A drawing that is `like` one of them gets its size with its spread, where nobody measured. The spread is
-//! that between places, not that of one tape.
+//! The file also contains the table of usual sizes. An annotation with `like` gets the usual size of an
+//! object, with a standard deviation, instead of a measured size. The standard deviation is the variation of
+//! the object's size between places, not the error of one measurement.
 
 use crate::camera::Pixel;
 
-/// A value the operator knows, with how well: held, or a prior with a standard deviation.
+/// Known value: fixed, or a prior with a standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Known {
     /// The value, in the unit of its field.
     pub value: f64,
-    /// Held: the solve does not change it.
+    /// Whether the value is fixed: the solve does not change it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub fixed: bool,
     /// Standard deviation, in the unit of the value.
@@ -23,41 +23,41 @@ pub struct Known {
 }
 
 impl Known {
-    /// A value that is held.
+    /// Returns a fixed value.
     #[must_use]
     pub const fn fixed(value: f64) -> Self {
         Self { value, fixed: true, sigma: None }
     }
 
-    /// A value with a standard deviation.
+    /// Returns a value with a standard deviation.
     #[must_use]
     pub const fn prior(value: f64, sigma: f64) -> Self {
         Self { value, fixed: false, sigma: Some(sigma) }
     }
 }
 
-/// What a drawing says about the scene.
+/// Kind of an annotation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum Kind {
-    /// Segments that are plumb in space.
+    /// Segments that are vertical in space.
     Vertical,
-    /// Level segments of one direction.
+    /// Horizontal segments that are parallel to each other.
     Parallel,
-    /// Level segments, every one at right angles to the first.
+    /// Horizontal segments, all at right angles to the first.
     Perpendicular,
-    /// Floor segments of one unknown length.
+    /// Floor segments of equal, unknown length.
     EqualLength,
-    /// Floor segments of one known length.
+    /// Floor segments of a known length.
     KnownLength,
-    /// One polyline along an edge that is straight in space.
+    /// A polyline along an edge that is straight in space.
     Straight,
     /// A person or post of known height, from foot to head.
     Upright,
 }
 
-/// How a kind is drawn.
+/// Shape of an annotation on the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// Any number of segments of two or more points.
@@ -68,31 +68,31 @@ pub enum Shape {
     FootAndHead,
 }
 
-/// The constraint that a kind of annotation puts on a camera.
+/// Constraint that a kind of annotation puts on a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConstraintKind {
-    /// Every segment is a line to the nadir.
+    /// Every segment points to the nadir.
     Vertical,
-    /// Every segment is a line along one floor direction, which annotations tied to it share.
+    /// Every segment follows one floor direction, which tied annotations share.
     Parallel,
-    /// The first segment is a line along a floor direction, the others lie at right angles to it.
+    /// The first segment follows a floor direction, the others are at right angles to it.
     RightAngle,
-    /// Every segment has one length on the floor, known or not.
+    /// All segments have the same length on the floor, known or unknown.
     Length,
-    /// The undistorted points lie on one line.
+    /// The undistorted points are on one line.
     StraightEdge,
-    /// A foot on the floor with a head at a known height above it.
+    /// A foot on the floor, and a head at a known height above it.
     Upright,
 }
 
-/// Whether annotations of a kind have a field.
+/// Whether a field must, may or must not be present in annotations of a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Belongs {
-    /// It has no such field.
+    /// The field must not be present.
     Never,
-    /// It may be left out.
+    /// The field may be omitted.
     Optionally,
-    /// It must be there.
+    /// The field must be present.
     Always,
 }
 
@@ -102,39 +102,39 @@ impl Belongs {
     }
 }
 
-/// A row of the table of kinds.
+/// Row of the table of kinds.
 #[derive(Clone, Copy, Debug)]
 pub struct KindRow {
-    /// Which kind.
+    /// The kind.
     pub kind: Kind,
-    /// Its name in files.
+    /// Name in files.
     pub name: &'static str,
-    /// Its name on screen.
+    /// Name on screen.
     pub title: &'static str,
-    /// With a number, the name of a line: V1, P3.
+    /// Letter that, with a number, names a line: V1, P3.
     pub letter: char,
-    /// How it is drawn.
+    /// Shape on the image.
     pub shape: Shape,
-    /// The least number of segments that constrains the camera.
+    /// Minimum number of segments that constrains the camera.
     pub least: usize,
-    /// Whether `length_m` belongs to it.
+    /// Whether annotations of this kind have `length_m`.
     pub has_length: bool,
-    /// The constraint that it puts on the camera.
+    /// Constraint on the camera.
     pub constraint: ConstraintKind,
     /// Whether the paper's method uses it.
     pub in_paper: bool,
-    /// Whether annotations of this kind are told apart by a letter: each is a group of its own.
+    /// Whether each annotation of this kind is a group of its own, distinguished by a letter.
     pub is_lettered: bool,
 }
 
 impl KindRow {
-    /// Whether what is drawn stands upright in space.
+    /// Whether the annotated objects are upright in space.
     #[must_use]
     pub const fn is_upright(&self) -> bool {
         matches!(self.constraint, ConstraintKind::Vertical | ConstraintKind::Upright)
     }
 
-    /// Whether what is drawn is level: it can be shown from above.
+    /// Whether the annotated lines are horizontal, so that they can be shown on the floor plan.
     #[must_use]
     pub const fn is_level(&self) -> bool {
         matches!(
@@ -143,14 +143,14 @@ impl KindRow {
         )
     }
 
-    /// Whether annotations of this kind without a name say the same as one with all their lines.
+    /// Whether unnamed annotations of this kind are equivalent to one annotation with all their lines.
     #[must_use]
     pub const fn is_one_group(&self) -> bool {
         matches!(self.constraint, ConstraintKind::Vertical | ConstraintKind::StraightEdge)
     }
 }
 
-/// Every kind of annotation, in the order of tools, legends and reports.
+/// All kinds of annotations, in the order of tools, legends and reports.
 pub const KINDS: [KindRow; 7] = {
     use Shape::{FootAndHead, Polyline, Segments};
     const fn row(
@@ -201,7 +201,7 @@ pub const KINDS: [KindRow; 7] = {
     ]
 };
 
-/// The name of a line on overlays and in messages: the letter of its kind, and its number among the
+/// Returns the name of a line on overlays and in messages: the letter of its kind, and its number among the
 /// lines of that kind, from 1.
 #[must_use]
 pub fn line_name(annotations: &[Annotation], annotation: usize, segment: usize) -> String {
@@ -212,76 +212,76 @@ pub fn line_name(annotations: &[Annotation], annotation: usize, segment: usize) 
 }
 
 impl Kind {
-    /// This kind's row in [`KINDS`].
+    /// Returns the row of this kind in [`KINDS`].
     #[must_use]
     pub fn row(self) -> &'static KindRow {
         &KINDS[self as usize]
     }
 }
 
-/// One annotation of an image. Which fields it has, its [`Kind`] says.
+/// Annotation of an image. Its [`Kind`] determines which fields are present.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Annotation {
-    /// What it says about the scene.
+    /// Kind of the annotation.
     pub kind: Kind,
-    /// By which others refer to it.
+    /// Id by which other annotations refer to it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
-    /// What the operator calls it.
+    /// Name given by the operator.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Not used; its residual is reported all the same.
+    /// Whether the annotation is switched off: it is not used, but its residual is reported.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub off: bool,
-    /// Never rejected as an outlier.
+    /// Whether the annotation is never rejected as an outlier.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub keep: bool,
-    /// Raw pixels; a length counts from the first point to the last.
+    /// Segments, in raw pixels; a length is measured from the first point to the last.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segments: Option<Vec<Vec<Pixel>>>,
-    /// The parallel annotation whose direction is at right angles to this one's.
+    /// Id of the parallel annotation whose direction is at right angles to this one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_right_angles_to: Option<String>,
     /// Length of every segment, in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
-    /// The polyline, raw pixels.
+    /// Points of the polyline, in raw pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<Vec<Pixel>>,
-    /// Where it stands on the floor, raw pixel.
+    /// Foot on the floor, in raw pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub foot: Option<Pixel>,
-    /// Its top, raw pixel.
+    /// Head, in raw pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub head: Option<Pixel>,
-    /// From foot to head, in metres.
+    /// Height from foot to head, in metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_m: Option<Known>,
-    /// The plane it is drawn on; the floor if absent.
+    /// Id of the plane of the annotation; the floor if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plane: Option<String>,
-    /// A thing of a usual size, in place of a length or height.
+    /// Id of an object of usual size, instead of a length or height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub like: Option<String>,
-    /// Standard deviation of a drawn coordinate, in pixels; that of the camera if absent.
+    /// Standard deviation of a drawn coordinate, in pixels; the camera's value if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma_px: Option<f64>,
-    /// Standard deviation of the right angle that it claims, in degrees; that of the scene if absent.
+    /// Standard deviation of the right angle, in degrees; the scene's value if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angle_sigma_deg: Option<f64>,
-    /// Relative standard deviation of its length; if absent that of the scene for equal ones, none for a known
-    /// one.
+    /// Relative standard deviation of the length. If absent, equal lengths use the scene's value, and a known
+    /// length is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_sigma_rel: Option<f64>,
-    /// The scene is exactly what it says.
+    /// Whether the scene is assumed to be exactly as annotated, without errors of angle and length.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub exact: bool,
 }
 
 impl Annotation {
-    /// An annotation of this kind with nothing drawn yet.
+    /// Returns an empty annotation of a kind.
     #[must_use]
     pub const fn new(kind: Kind) -> Self {
         Self {
@@ -306,26 +306,27 @@ impl Annotation {
         }
     }
 
-    /// An annotation of segments.
+    /// Returns an annotation with segments.
     #[must_use]
     pub fn of_segments(kind: Kind, segments: Vec<Vec<Pixel>>) -> Self {
         Self { segments: Some(segments), ..Self::new(kind) }
     }
 
-    /// Points along an edge that is straight in space.
+    /// Returns a straight-edge annotation with points along an edge.
     #[must_use]
     pub fn of_points(points: Vec<Pixel>) -> Self {
         Self { points: Some(points), ..Self::new(Kind::Straight) }
     }
 
-    /// Its polylines as drawn, whatever its kind: what to paint, and the order residuals count in.
+    /// Returns the polylines of the annotation, of any kind, in the order in which residuals are numbered.
     pub fn polylines(&self) -> impl Iterator<Item = Vec<Pixel>> + '_ {
         let segments = self.segments.iter().flatten().cloned();
         let upright = self.foot.zip(self.head).map(|(foot, head)| vec![foot, head]);
         segments.chain(self.points.clone()).chain(upright)
     }
 
-    /// Its fields that not every kind has: the name in files, whether it is there, and whether it belongs.
+    /// Returns the fields that depend on the kind: name in files, whether the field is present, and whether
+    /// it may be.
     pub fn fields(&self) -> [(&'static str, bool, Belongs); 11] {
         let row = self.kind.row();
         let of_shape = |shape| Belongs::always_if(row.shape == shape);
@@ -338,7 +339,7 @@ impl Annotation {
             row.is_level() && row.constraint != ConstraintKind::Length,
             row.constraint == ConstraintKind::Length,
         );
-        // What it is like says its size.
+        // With `like`, the size is optional.
         let size = |belongs: Belongs| match belongs {
             Belongs::Always if self.like.is_some() => Belongs::Optionally,
             belongs => belongs,
@@ -358,19 +359,19 @@ impl Annotation {
         ]
     }
 
-    /// Whether its direction may be tied to that of another one.
+    /// Whether the direction can be tied to the direction of another annotation.
     #[must_use]
     pub fn may_be_tied(&self) -> bool {
         self.kind.row().constraint == ConstraintKind::Parallel
     }
 
-    /// Whether it is drawn to tell the lens: an edge that is straight in space, and nothing else is known of it.
+    /// Whether the annotation is a straight edge, which only constrains the lens.
     #[must_use]
     pub fn is_straight_edge(&self) -> bool {
         self.kind.row().constraint == ConstraintKind::StraightEdge
     }
 
-    /// How a message calls it: its name or id if it has one, else its kind, with its index.
+    /// Returns the label for messages: the name or id, else the kind, with the index.
     #[must_use]
     pub fn label(&self, index: usize) -> String {
         let title = self.kind.row().title;
@@ -381,32 +382,32 @@ impl Annotation {
     }
 }
 
-/// A thing of a usual size.
+/// Object of a usual size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UsualSize {
-    /// Its name in files.
+    /// Name in files.
     pub id: &'static str,
-    /// What it is called on screen, with what is measured of it.
+    /// Name on screen, with the measured dimension.
     pub title: &'static str,
-    /// In metres, with its standard deviation.
+    /// Usual size with its standard deviation, in metres.
     pub size: Known,
-    /// Whether it is a length on the floor or the height of something upright.
+    /// Whether the size is a length on the floor or the height of an upright object.
     pub constraint: ConstraintKind,
-    /// Whether it lies along the way, as a mark does.
+    /// Whether the object is parallel to the road, like a lane mark.
     pub lies_along: bool,
-    /// Where the numbers come from.
+    /// Source of the numbers.
     pub source: &'static str,
 }
 
 impl UsualSize {
-    /// The one of this name.
+    /// Returns the object with this name in files.
     #[must_use]
     pub fn find(id: &str) -> Option<&'static Self> {
         USUAL_SIZES.iter().find(|usual| usual.id == id)
     }
 }
 
-/// Every usual size, in the order of menus.
+/// All usual sizes, in the order of menus.
 pub const USUAL_SIZES: [UsualSize; 12] = {
     use ConstraintKind::{Length, Upright};
     const fn row(
@@ -477,13 +478,13 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
 };
 
 impl Annotation {
-    /// The thing of a usual size that it is like.
+    /// Returns the object of usual size that `like` refers to.
     #[must_use]
     pub fn usual(&self) -> Option<&'static UsualSize> {
         self.like.as_deref().and_then(UsualSize::find)
     }
 
-    /// The known length of its segments, in metres.
+    /// Returns the known length of the segments, in metres.
     #[must_use]
     pub fn length(&self) -> Option<Known> {
         let given = |length: f64| match self.length_sigma_rel.filter(|_| !self.exact) {
@@ -493,7 +494,7 @@ impl Annotation {
         self.length_m.map(given).or_else(|| self.usual_of(ConstraintKind::Length))
     }
 
-    /// Its known height from foot to head, in metres.
+    /// Returns the known height from foot to head, in metres.
     #[must_use]
     pub fn height(&self) -> Option<Known> {
         self.height_m.or_else(|| self.usual_of(ConstraintKind::Upright))

@@ -1,24 +1,24 @@
-//! The constraints of one camera: annotations, undistorted. Lines toward a vanishing point, lengths on the
-//! floor, and uprights of known height, their end points in undistorted pixels relative to the principal
-//! point with the covariance that the undistortion gives their noise.
+//! Constraints of one camera: the undistorted annotations.
 //!
-//! Annotations say *what* was drawn; constraints are what the residuals of stage 1 are computed from
-//! (`residual.rs`). They depend on the lens, and are made anew when it changes.
+//! The constraints are lines toward a vanishing point, lengths on the floor, and uprights of known height.
+//! Their end points are undistorted pixels relative to the principal point, with the propagated covariance of
+//! the noise. The residuals of stage 1 are computed from constraints (`residual.rs`). Constraints depend on
+//! the lens and are recomputed when it changes.
 //!
-//! Where a segment ends, undistorted.
+//! # Repeated annotations
 //!
-//! From what was drawn to what is fitted: annotations as constraints, undistorted by a lens.
+//! A line that is drawn several times counts once. This applies to its noise, to the scene's own errors in
+//! it, and to its priors.
 //!
-//! What is drawn again is one thing: its noise, the scene's own errors in it, and what is known of it count once.
+//! Each of `n` copies has `n` times the variance in all its own quantities: the noise of its ends, the spread
+//! of its length, the height of its upright. A group of copies may share a quantity, for example the
+//! deviation of a direction or the prior of a length. Its variance is divided by the group's share of all
+//! copies of the same line. The shares of equal groups add up to 1. A right angle is a relation between two
+//! sides. It is a repeat if both sides are repeated, or if one side is repeated and both angles share the
+//! other side.
 //!
-//! Of `n` copies each has `n` times the variance, in all that is its own: the noise of its ends, the spread of its
-//! length, the height of its upright. What a group of copies has in common, as the deviation of a direction or the
-//! prior of a length, has the variance over the share that the group is of all that draw the same: the shares of
-//! groups that are alike add up to 1. A right angle is a relation of two sides, and is drawn again where both are, or
-//! where one is that is at right angles to the same other one.
-//!
-//! The information of a sum of two variances is concave in the shares, so that no way of drawing a thing again says
-//! more than drawing it once.
+//! The information of a sum of two variances is concave in the shares. So repeated annotations never add
+//! information to a single one.
 
 use crate::camera::{Chart, Lens, Pixel};
 use crate::optimize::{ByLens, Number};
@@ -30,119 +30,122 @@ use crate::single::scene_errors::{Deviation, SceneErrors};
 
 pub use crate::outcome::Source;
 
-/// An end point of a segment with the covariance of its noise, in numbers `E`: values, or values with their
-/// derivatives by the coefficients of the lens.
+/// End point of a segment with the covariance of its noise.
+///
+/// The number type `E` is a plain value, or a value with its derivatives by the coefficients of the lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Endpoint<E = f64> {
-    /// Undistorted pixel relative to the principal point; of a wide lens the point of a chart.
+    /// Undistorted pixel relative to the principal point; for a wide lens, the point in a chart.
     pub point: [E; 2],
     /// Covariance of `point` for a variance of 1 px^2 of each raw coordinate: `[uu, uv, vv]`.
     pub covariance: [E; 3],
 }
 
-/// The direction of a line in space.
+/// Direction of a line in space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Direction {
-    /// Vertical: the line passes through the nadir's vanishing point.
+    /// Vertical: the line passes through the vanishing point of the nadir.
     Vertical,
-    /// Horizontal: along the direction of a group, or at right angles to it.
+    /// Horizontal: parallel or at right angles to the direction of a group.
     Floor {
-        /// Index of the group, below [`Constraints::groups`].
+        /// Index of the group, less than [`Constraints::groups`].
         group: usize,
-        /// At right angles to the direction of the group.
+        /// Whether the line is at right angles to the direction of the group.
         orthogonal: bool,
     },
 }
 
-/// A segment whose direction in space is constrained.
+/// Segment whose direction in space is constrained.
 #[derive(Clone, Copy, Debug)]
 pub struct Line<E = f64> {
-    /// Where the ends are given, of a wide lens; undistorted pixels without.
+    /// Chart of the ends, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
-    /// Its two ends; of a polyline of three points and more, two points of the same first and second moments.
+    /// The two ends. A polyline of three or more points is replaced by two points with equal first and second
+    /// moments.
     pub ends: [Endpoint<E>; 2],
-    /// Its direction in space.
+    /// Direction in space.
     pub direction: Direction,
-    /// How far its direction may be from that: index into [`Constraints::deviations`], if at all.
+    /// Deviation from that direction, as an index into [`Constraints::deviations`].
     pub deviation: Option<usize>,
-    /// The drawing that it comes from.
+    /// Annotated segment.
     pub source: Source,
 }
 
-/// A segment of the floor whose length is known, or equal to that of others.
+/// Floor segment whose length is known, or equal to the length of others.
 #[derive(Clone, Copy, Debug)]
 pub struct Length<E = f64> {
-    /// Where the ends are given, of a wide lens; undistorted pixels without.
+    /// Chart of the ends, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
     /// First and last point.
     pub ends: [Endpoint<E>; 2],
-    /// Index into [`Constraints::length_groups`].
+    /// Group of equal lengths, as an index into [`Constraints::length_groups`].
     pub group: usize,
-    /// Standard deviation of its log against that of its group.
+    /// Standard deviation of the log length relative to its group.
     pub spread: f64,
-    /// Whether it is one of several marks of equal length on the floor, to whose side ground falls.
+    /// Whether the segment is one of several floor marks of equal length, to whose side the ground may slope.
     pub is_mark: bool,
-    /// The plane it lies on, an index into [`Constraints::planes`]; the floor without.
+    /// Plane of the segment, as an index into [`Constraints::planes`]; `None` for the floor.
     pub plane: Option<usize>,
-    /// The drawing that it comes from.
+    /// Annotated segment.
     pub source: Source,
 }
 
-/// A vertical object of known height that stands on the floor: a person, a post.
+/// Vertical object of known height on the floor: a person or a post.
 #[derive(Clone, Copy, Debug)]
 pub struct Upright<E = f64> {
-    /// Where foot and head are given, of a wide lens; undistorted pixels without.
+    /// Chart of foot and head, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
-    /// Its foot, on the floor.
+    /// Foot, on the floor.
     pub foot: Endpoint<E>,
-    /// Its head, vertically above the foot.
+    /// Head, vertically above the foot.
     pub head: Endpoint<E>,
-    /// From foot to head, in metres.
+    /// Height from foot to head, in metres.
     pub height: Known,
-    /// The plane it stands on, an index into [`Constraints::planes`]; the floor without.
+    /// Plane of the foot, as an index into [`Constraints::planes`]; `None` for the floor.
     pub plane: Option<usize>,
-    /// The drawing that it comes from.
+    /// Annotated segment, from foot to head.
     pub source: Source,
 }
 
-/// A plane that something was drawn on.
+/// Plane that at least one annotation refers to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawnPlane {
-    /// Its index among all planes of the scene.
+    /// Index among all planes of the scene.
     pub index: usize,
-    /// What is known of it.
+    /// Prior on the plane.
     pub prior: PlanePrior,
 }
 
-/// The constraints of one camera.
+/// Constraints of one camera.
 #[derive(Clone, Debug)]
 pub struct Constraints<E = f64> {
     /// Segments whose direction is constrained.
     pub lines: Vec<Line<E>>,
-    /// Number of groups of floor directions: each is a nuisance parameter, an angle.
+    /// Number of groups of floor directions; the angle of each is a nuisance parameter.
     pub groups: usize,
     /// Segments whose length is constrained.
     pub lengths: Vec<Length<E>>,
-    /// Length of every group in metres, where it is known; else, and where it has a standard deviation, it is a
-    /// nuisance parameter.
+    /// Known length of every group, in metres. Lengths that are unknown or have a standard deviation are
+    /// nuisance parameters.
     pub length_groups: Vec<Option<Known>>,
     /// Persons and posts.
     pub uprights: Vec<Upright<E>>,
-    /// How far drawn directions may be from those of their groups, where they may.
+    /// Deviations of annotated directions from the directions of their groups.
     pub deviations: Vec<Deviation>,
-    /// Planes besides the floor that something was drawn on.
+    /// Planes other than the floor that annotations refer to.
     pub planes: Vec<DrawnPlane>,
-    /// How far the scene may be from what was drawn.
+    /// Standard deviations of the scene's own errors.
     pub scene: SceneErrors,
-    /// What is drawn more than once: the variance of its ends is so many times that of one.
+    /// Repeat counts, by which the variances of repeated segments are multiplied.
     pub repeats: Repeats,
-    /// Standard deviation of a drawn coordinate of every annotation, in pixels, where it is not that of all.
+    /// Standard deviation of a drawn coordinate of every annotation, in pixels; `None` for the camera's
+    /// value.
     pub sigma_px: Vec<Option<f64>>,
-    /// Segments that give no constraint, and why.
+    /// Segments that give no constraint, with the reason.
     pub invalid: Vec<(Source, InvalidSegment)>,
 }
 
-/// Why a segment gives no constraint.
+/// Reason why a segment gives no constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InvalidSegment {
     /// One of its points cannot be undistorted.
@@ -158,7 +161,7 @@ impl<E> Default for Constraints<E> {
 }
 
 impl<E> Constraints<E> {
-    /// Those of an image on which nothing was drawn.
+    /// Constraints of an image without annotations.
     pub const EMPTY: Self = Self {
         lines: Vec::new(),
         groups: 0,
@@ -173,14 +176,14 @@ impl<E> Constraints<E> {
         invalid: Vec::new(),
     };
 
-    /// Whether there is nothing to fit.
+    /// Whether there are no constraints.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty() && self.lengths.is_empty() && self.uprights.is_empty()
     }
 }
 
-/// Lets what is drawn again count once.
+/// Scales the variances of repeated annotations so that they count once.
 pub(crate) fn share_redrawn<E: Number>(drawn: &mut Constraints<E>) {
     share_lines(drawn);
     share_lengths(drawn);
@@ -196,7 +199,8 @@ fn share_lines<E: Number>(constraints: &mut Constraints<E>) {
     };
     let counts =
         Overlaps::new(&drawn).counts([&|_| Some(0), &group, &|line| constraints.lines[line].deviation]);
-    // Of all that draw the same: in one group; and of the group's: with one deviation.
+    // Shares within all copies of a line: the share of the group, and the share of one deviation within the
+    // group.
     let [of_all, of_group] = [
         |[_, group, _]: &[Count; 3]| group.share(),
         |[_, group, own]: &[Count; 3]| if group.own > 0.0 { own.own / group.own } else { 1.0 },
@@ -271,13 +275,13 @@ fn scale_variance<E: Number>(end: &mut Endpoint<E>, times: f64) {
     }
 }
 
-/// The ends in one image for all lines: undistorted, or of a wide lens equidistant.
+/// Returns both ends in an image that all lines share: undistorted pixels, or equidistant for a wide lens.
 fn polyline<E: Number>(chart: Option<&Chart>, ends: [&Endpoint<E>; 2]) -> Vec<[f64; 2]> {
     let points = ends.map(|end| end.point.map(Number::value));
     points.map(|point| chart.map_or(point, |chart| chart.flat(point))).to_vec()
 }
 
-/// For every group the sum of the shares of its members, and their number.
+/// Sum of the shares of the members of every group, and their number.
 struct Shares(Vec<(f64, f64)>);
 
 impl Shares {
@@ -291,12 +295,12 @@ impl Shares {
         Self(sums)
     }
 
-    /// The mean share of the members of a group; 1 without any.
+    /// Returns the mean share of the members of a group; 1 for an empty group.
     fn of(&self, group: usize) -> f64 {
         mean(self.0[group]).unwrap_or(1.0)
     }
 
-    /// The mean share of those members of a group that are not these.
+    /// Returns the mean share of the members of a group, excluding members with this sum and count.
     fn without(&self, group: usize, (sum, count): (f64, f64)) -> Option<f64> {
         let all = self.0[group];
         mean((all.0 - sum, all.1 - count))
@@ -311,17 +315,17 @@ fn mean((sum, count): (f64, f64)) -> Option<f64> {
     (count > 0.5).then(|| (sum / count).min(1.0))
 }
 
-/// Least length of a segment that has a direction, in pixels.
+/// Minimum length of a segment with a direction, in pixels.
 const MIN_LENGTH: f64 = 1e-3;
 impl Constraints {
-    /// The constraints of the annotations that are switched on, undistorted by `lens`.
+    /// Computes the constraints of the annotations that are switched on, undistorted by `lens`.
     #[must_use]
     pub fn new(annotations: &[Annotation], lens: &Lens, scene: SceneErrors) -> Self {
         Self::on_planes(annotations, lens, scene, &[])
     }
 
-    /// As [`Self::new`], of annotations that may lie on these planes; one that names none of them lies on the
-    /// floor.
+    /// Computes constraints like [`Self::new`], for annotations that may be on these planes. An annotation
+    /// that names none of them is on the floor.
     #[must_use]
     pub fn on_planes(
         annotations: &[Annotation],
@@ -332,8 +336,7 @@ impl Constraints {
         Self::in_charts_of(lens, annotations, lens, scene, planes)
     }
 
-    /// The constraints of the annotations that are switched off: not fitted, but their residuals are
-    /// reported.
+    /// Computes the constraints of the annotations that are switched off, to report their residuals.
     #[must_use]
     pub fn switched_off(annotations: &[Annotation], lens: &Lens, planes: &[PlanePrior]) -> Self {
         Builder::build(annotations, [lens; 2], SceneErrors::EXACT, planes, |annotation| annotation.off)
@@ -345,8 +348,10 @@ impl Constraints {
     reason = "what is drawn becomes numbers of two kinds: values, and values with derivatives"
 )]
 impl<E: OfLens> Constraints<E> {
-    /// As [`Constraints::on_planes`], in the charts of a lens from which `lens` is estimated; of [`ByLens`] with the
-    /// derivatives by the parameters of the lens.
+    /// Computes constraints like [`Constraints::on_planes`], in the charts of the lens `start` that the
+    /// estimate of `lens` began with.
+    ///
+    /// With numbers of type [`ByLens`] they include the derivatives by the parameters of the lens.
     pub(crate) fn in_charts_of(
         start: &Lens,
         annotations: &[Annotation],
@@ -358,15 +363,15 @@ impl<E: OfLens> Constraints<E> {
     }
 }
 
-/// Constraints in the making.
+/// Builder of the constraints.
 struct Builder<'a, E> {
     annotations: &'a [Annotation],
     lens: &'a Lens,
-    /// The lens whose charts are used.
+    /// Lens whose charts are used.
     charts: &'a Lens,
     planes: &'a [PlanePrior],
     constraints: Constraints<E>,
-    /// Floor directions that are known so far: group, and whether at right angles to it.
+    /// Floor direction of every annotation, once known: group, and whether at right angles to it.
     directions: Vec<Option<(usize, bool)>>,
 }
 
@@ -407,7 +412,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let groups = &mut self.constraints.groups;
         let (group, orthogonal) = direction_of(self.annotations, index, &mut self.directions, groups);
         let scene = self.constraints.scene.of(annotation);
-        // The annotation that others are tied to gives the group its direction.
+        // The first annotation of a tied chain defines the direction of the group.
         let azimuth = if annotation.at_right_angles_to.is_some() { scene.angle } else { 0.0 };
         let plane = self.plane(annotation);
         let deviation = self.deviation(Deviation { group, orthogonal, azimuth, level: scene.level(), plane });
@@ -428,7 +433,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
         self.add_lines(index, segments, |i| (Direction::Floor { group, orthogonal: i > 0 }, deviations[i]));
     }
 
-    /// The deviation of a drawn direction, if it deviates or lies on a plane.
+    /// Adds the deviation of an annotated direction, if it has an error or is on a plane.
     fn deviation(&mut self, deviation: Deviation) -> Option<usize> {
         let Deviation { azimuth, level, plane, .. } = deviation;
         (azimuth > 0.0 || level > 0.0 || plane.is_some()).then(|| {
@@ -437,7 +442,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
         })
     }
 
-    /// The plane that an annotation names, as one that something was drawn on.
+    /// Returns the index of the plane that an annotation names, and adds the plane if it is new.
     fn plane(&mut self, annotation: &Annotation) -> Option<usize> {
         let named = annotation.plane.as_ref()?;
         let index = self.planes.iter().position(|plane| plane.id == *named)?;
@@ -474,7 +479,8 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let spread = if known.is_some() { 0.0 } else { self.constraints.scene.of(annotation).length };
         self.constraints.length_groups.push(known);
         let plane = self.plane(annotation);
-        // What has a usual size lies as it happens to, and one length alone is a measured distance.
+        // Objects of usual size have any direction, unless the table states that they are along the road. A
+        // single length is a measured distance.
         let is_along = annotation.usual().is_none_or(|usual| usual.lies_along);
         let is_mark = is_along && segments.len() > 1 && plane.is_none();
         for (segment, points) in segments.iter().enumerate() {
@@ -517,14 +523,16 @@ impl<'a, E: OfLens> Builder<'a, E> {
     }
 }
 
-/// The floor direction of a parallel annotation: its own, or that of the one it is tied to, turned.
+/// Returns the floor direction of a parallel annotation: its own, or the tied annotation's, rotated by 90
+/// degrees.
 fn direction_of(
     annotations: &[Annotation],
     index: usize,
     directions: &mut [Option<(usize, bool)>],
     groups: &mut usize,
 ) -> (usize, bool) {
-    // Follow the ties to the end of the chain; a checked site has no cycles, an unchecked one ends too.
+    // Follows the ties to the end of the chain. A checked site has no cycles; the loop also ends for an
+    // unchecked one.
     let mut chain = vec![index];
     let mut seen = std::collections::HashSet::from([index]);
     let root = loop {
@@ -554,9 +562,9 @@ fn direction_of(
     directions[index].unwrap_or(direction)
 }
 
-/// What the coordinates of an end point may be.
+/// Number type of the coordinates of an end point.
 trait OfLens: Number {
-    /// Where a raw pixel is undistorted or in a chart, with the covariance of unit noise there.
+    /// Returns the undistorted point or chart point of a raw pixel, with the covariance of unit noise.
     fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint<Self>>;
 }
 
@@ -582,7 +590,7 @@ impl OfLens for ByLens {
     }
 }
 
-/// `J J'`.
+/// Returns `J J'`.
 fn covariance_of_unit_noise<E: Number>([[a, b], [c, d]]: [[E; 2]; 2]) -> [E; 3] {
     [a * a + b * b, a * c + b * d, c * c + d * d]
 }
@@ -592,9 +600,11 @@ fn with_length<E: Number>(ends: [Endpoint<E>; 2]) -> Result<[Endpoint<E>; 2], In
     if (a[0] - b[0]).hypot(a[1] - b[1]) < MIN_LENGTH { Err(InvalidSegment::NoLength) } else { Ok(ends) }
 }
 
-/// Two points that determine the line as all its points do: the centroid plus and minus the standard
-/// deviation along the line, each with half of the weight of them all. Their moments of first and second
-/// order along the line are those of the polyline.
+/// Returns two points that are equivalent to a polyline: its centroid plus and minus the standard deviation
+/// along the line.
+///
+/// Each point has half the weight of all points. The first and second moments along the line equal those of
+/// the polyline.
 fn line_ends<E: OfLens>(points: &[Pixel], lens: &Lens, chart: Option<&Chart>) -> Option<[Endpoint<E>; 2]> {
     let ends: Vec<Endpoint<E>> =
         points.iter().map(|&pixel| E::endpoint(pixel, lens, chart)).collect::<Option<_>>()?;

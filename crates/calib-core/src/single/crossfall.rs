@@ -1,27 +1,29 @@
-//! What is known of the floor's tilt before solving.
+//! Prior on the tilt of the floor.
 //!
-//! A floor is off level by `N(0, floor_tilt^2)` each way. Ground with marks of equal length on it is made to be
-//! driven on, and falls to the side of its marks, to be drained: by `N(0, (r crossfall)^2)` more, r the mean
-//! resultant length of the doubled directions of the marks (Mardia and Jupp 2000, section 2.3.1: directions have
-//! no sign). It is 1 where marks lie along a lane, and 0 where they lie at right angles, as the joints of tiles do,
-//! which are laid level. Along its marks it climbs by less, g of that ([`GRADIENT`]). With the mean (c, s) of
-//! `(cos 2a, sin 2a)`, `r^2 = c^2 + s^2`, the covariance of the lean of the verticals against the floor is
+//! A floor is off level by `N(0, floor_tilt^2)` in each direction. Ground with marks of equal length is
+//! usually a road, which slopes to the side of its marks for drainage. Its additional slope is `N(0, (r
+//! crossfall)^2)`. r is the mean resultant length of the doubled directions of the marks (Mardia and Jupp
+//! 2000, section 2.3.1: the directions have no sign). r is 1 for marks along a lane. It is 0 for marks at
+//! right angles, as for the joints of tiles, which are laid level. The slope along the marks is smaller by
+//! the factor g ([`GRADIENT_RATIO`]). With the mean (c, s) of `(cos 2a, sin 2a)`, `r^2 = c^2 + s^2`, the
+//! covariance of the lean of the verticals against the floor is
 //!
-//! `floor_tilt^2 I + crossfall^2 r / 2 [(1 + g^2) r - (1 - g^2) c, -(1 - g^2) s; -(1 - g^2) s, (1 + g^2) r + (1 - g^2) c]`.
+//! `floor_tilt^2 I + crossfall^2 r / 2 [(1 + g^2) r - (1 - g^2) c, -(1 - g^2) s; -(1 - g^2) s, (1 + g^2) r +
+//! (1 - g^2) c]`.
 //!
-//! The directions are those at the state, with their derivatives.
+//! The directions are computed at the current state, with their derivatives.
 
 use crate::optimize::{NuisanceJacobian, Number, NumberOver};
 use crate::single::constraints::Constraints;
 use crate::single::likelihood::{Problem, State};
 use crate::single::size_residual::{CameraTerms, floor_direction};
 
-/// How much ground climbs along its marks, over what it falls to their side, as standard deviations: main roads climb by
-/// up to 4 or 6 %, and mostly by less than 2.
+/// Ratio of the standard deviations of the slopes along and across the marks. Main roads climb by up to 4 or
+/// 6 %, and mostly by less than 2 %.
 const GRADIENT: f64 = 0.25;
 
-/// Lower Cholesky factor of the covariance of the lean to the right and away from the camera: its first column,
-/// and the last entry.
+/// Lower Cholesky factor of the covariance of the lean to the right and away from the camera: its first
+/// column, and the last entry.
 pub(super) struct LeanSpread<N> {
     right: N,
     ahead_by_right: N,
@@ -29,7 +31,7 @@ pub(super) struct LeanSpread<N> {
 }
 
 impl<E> Constraints<E> {
-    /// Whether the floor may fall to the side of what is drawn on it.
+    /// Whether the floor may slope to the side of marks on it.
     pub(crate) fn has_crossfall(&self) -> bool {
         self.tilt_sigma().is_some()
             && self.scene.crossfall > 0.0
@@ -38,7 +40,7 @@ impl<E> Constraints<E> {
 }
 
 impl<E: Number> Problem<'_, E> {
-    /// The spread of the lean at a state; `None` where it is no unknown.
+    /// Returns the spread of the lean at a state; `None` if the lean is not estimated.
     pub(super) fn lean_spread<N: NumberOver<E>>(&self, at: &CameraTerms<N>) -> Option<LeanSpread<N>> {
         let constraints = self.constraints;
         let level = N::constant(constraints.tilt_sigma()?.powi(2));
@@ -47,7 +49,7 @@ impl<E: Number> Problem<'_, E> {
             return Some(LeanSpread { right: sigma, ahead_by_right: N::constant(0.0), ahead: sigma });
         }
         let [cos, sin] = self.mean_direction(at);
-        // A hair above zero, where a root has no derivative.
+        // Slightly above zero, because the root has no derivative at zero.
         let resultant = (cos * cos + sin * sin).at_least(1e-18).sqrt();
         let share = resultant * (0.5 * constraints.scene.crossfall.powi(2));
         let (both, [cos, sin]) = (
@@ -60,7 +62,7 @@ impl<E: Number> Problem<'_, E> {
         Some(LeanSpread { right, ahead_by_right, ahead })
     }
 
-    /// The mean of cosine and sine of the doubled directions of marks.
+    /// Returns the mean cosine and sine of the doubled directions of marks.
     fn mean_direction<N: NumberOver<E>>(&self, at: &CameraTerms<N>) -> [N; 2] {
         let (mut sums, mut count) = ([N::constant(0.0); 2], 0.0);
         for mark in self.lengths().filter(|length| length.is_mark) {
@@ -72,7 +74,7 @@ impl<E: Number> Problem<'_, E> {
         sums.map(|sum| sum * f64::max(count, 1.0).recip())
     }
 
-    /// The two residuals of the lean: over its spread.
+    /// Passes the two residuals of the lean, divided by its spread, to `sink`.
     pub(super) fn each_lean_prior<N: NumberOver<E>>(
         &self,
         state: &State,
@@ -97,7 +99,7 @@ impl<E: Number> Problem<'_, E> {
 }
 
 impl LeanSpread<f64> {
-    /// Log of the determinant of the covariance.
+    /// Returns the log determinant of the covariance.
     pub(super) fn log_determinant(&self) -> f64 {
         2.0 * (self.right * self.ahead).ln()
     }

@@ -1,5 +1,5 @@
-//! The directions of what was drawn at a state, with the scene's errors: their vanishing points, and the
-//! nuisance parameters these depend on.
+//! Vanishing points of the annotated directions at a state, including the scene's errors, with the nuisance
+//! parameters that they depend on.
 
 use crate::optimize::NuisanceJacobian;
 use crate::single::constraints::{Constraints, Direction, Line};
@@ -7,21 +7,22 @@ use crate::single::nuisances::Nuisances;
 use crate::single::residual::{Angles, Parameters, VanishingPoint};
 use crate::single::scene_errors::Deviation;
 
-/// The vanishing points of all directions at a state.
+/// Vanishing points of all directions at a state.
 pub(crate) struct Directions<'a, E> {
     constraints: &'a Constraints<E>,
     nuisances: Nuisances,
     nadir: VanishingPoint,
-    /// Of every group, along it and at right angles to it; empty where every line deviates.
+    /// Vanishing points along and at right angles to every group; empty if every line deviates.
     groups: Vec<[VanishingPoint; 2]>,
-    /// Of every deviation.
+    /// Vanishing point of every deviating direction.
     deviations: Vec<VanishingPoint>,
     has_tilt: bool,
 }
 
 impl<'a, E> Directions<'a, E> {
-    /// `on_plane` are the parameters of the camera relative to a plane; `None` where there are none and a line
-    /// is drawn on it.
+    /// Computes the vanishing points; `on_plane` returns the parameters of the camera relative to a plane.
+    ///
+    /// `None` if the camera is not above a plane that has an annotated line.
     pub(crate) fn new<'b>(
         constraints: &'a Constraints<E>,
         parameters: &Parameters,
@@ -54,7 +55,7 @@ impl<'a, E> Directions<'a, E> {
         })
     }
 
-    /// That of a line.
+    /// Returns the vanishing point of a line.
     #[inline]
     pub(crate) fn of(&self, line: &Line<E>) -> &VanishingPoint {
         match (line.direction, line.deviation) {
@@ -64,14 +65,14 @@ impl<'a, E> Directions<'a, E> {
         }
     }
 
-    /// The plane that a line was drawn on; the floor without.
+    /// Returns the plane of a line; `None` for the floor.
     #[inline]
     pub(crate) fn plane_of(&self, line: &Line<E>) -> Option<usize> {
         self.constraints.deviations[line.deviation?].plane
     }
 
-    /// The derivatives of the residual of a line by nuisance parameters, from those by the two parameters of its
-    /// vanishing point.
+    /// Converts the derivatives of a line's residual from the two parameters of its vanishing point to the
+    /// nuisance parameters.
     #[inline]
     pub(crate) fn by_nuisances(&self, line: &Line<E>, [first, second]: [f64; 2]) -> NuisanceJacobian {
         let Direction::Floor { group, .. } = line.direction else {

@@ -1,27 +1,30 @@
-//! The fit of one camera: from constraints to a camera with its covariance.
+//! Fit of one camera: from constraints to a camera with its covariance.
 //!
-//! 1. All minima of the likelihood, from many starts; with the weak prior on the focal where it tells something
-//!    beside the constraints (`minima.rs`).
+//! 1. All minima of the likelihood are found from many starts. The weak prior on the focal length is added if
+//!    it has a noticeable effect (`minima.rs`).
 //! 2. Outliers are rejected by leave-one-out, and the rest is solved again (`outliers.rs`).
-//! 3. Of minima whose chi-squares differ by less than [`RULED_OUT`] the most plausible one is chosen: of usual
-//!    focal, upright, with the floor in view; those that are not beyond belief are reported as alternatives.
-//! 4. The covariance of roll, pitch, log focal and log height is the inverse of the normal equations, scaled
-//!    by `chi2 / dof` where the noise was not given, and by Student's factor where few residuals tell it
-//!    ([`Noise`]); it is unknown where no noise explains the residuals ([`is_inconsistent`]).
-//! 5. The predicted relative error of lengths on the floor, [`Fit::floor_length_rel`], is that covariance
-//!    propagated to the lengths between points of the EFOV (`accuracy.rs`).
+//! 3. Among minima whose chi-squares differ by less than [`MIN_CHI2_DIFFERENCE`], the most plausible one is
+//!    chosen: usual focal length, upright, floor in view. The other plausible ones are reported as
+//!    alternatives.
+//! 4. The covariance of roll, pitch, log focal length and log height is the inverse of the normal equations.
+//!    If the noise was not given, it is scaled by `chi2 / dof`, and by Student's factor for few residuals
+//!    ([`Noise`]). It is unknown if no noise level explains the residuals ([`is_inconsistent`]).
+//! 5. The predicted relative error of floor lengths, [`Fit::floor_length_rel`], is that covariance propagated
+//!    to the lengths between points of the EFOV (`accuracy.rs`).
 //!
-//! How likely drawings are under given sigmas of the scene and of the hand: what these sigmas are estimated
-//! from.
+//! # Restricted likelihood
 //!
-//! The restricted likelihood (Patterson and Thompson 1971) integrates over camera and nuisance parameters,
-//! flat ones and those with a prior, so that sigmas are not underestimated by what the fit absorbs. To first
-//! order about the solution, with `chi2` and the normal matrix H there, n residuals of drawings of sigma
-//! `sigma` and priors of sigmas `s_k`,
+//! [`Fit::restricted_log_likelihood`] is the likelihood of annotations for given standard deviations of the
+//! scene and of the annotation noise. The defaults of [`SceneErrors`] are estimated with it. The restricted
+//! likelihood (Patterson and Thompson 1971) integrates over camera and nuisance parameters, with flat or
+//! normal priors. So the fit does not bias the standard deviations downwards.
+//!
+//! To first order about the solution, let `chi2` and H be the chi-square and the normal matrix. With n
+//! residuals of annotations of standard deviation `sigma` and priors of standard deviations `s_k`,
 //!
 //! `-2 log L = chi2 + log det H + 2 n log sigma + 2 sum_k log s_k`, up to a constant.
 //!
-//! Summed over many scenes and minimised over the sigmas it gives those of [`SceneErrors`].
+//! The sum over many scenes is minimised over the standard deviations.
 //!
 //! [`SceneErrors`]: crate::SceneErrors
 
@@ -44,33 +47,34 @@ use crate::single::prediction::predictable;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::single::size_residual::CameraTerms;
 
-/// Everything that a fit needs besides the constraints: lens, image size, fixed parameters, priors, noise.
+/// Options of a fit: lens, image size, fixed parameters, priors and noise.
 #[derive(Clone, Debug)]
 pub struct FitOptions<'a> {
     /// Principal point and distortion.
     pub lens: Lens,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
-    /// Polygon of the effective field of view, raw pixels; empty if none was drawn.
+    /// Polygon of the effective field of view, in raw pixels; empty if none was drawn.
     pub efov: &'a [Pixel],
     /// Parameters that are not estimated, with their values.
     pub fixed: FixedParameters,
-    /// Prior knowledge.
+    /// Priors on parameters.
     pub priors: Priors,
     /// Standard deviation of a drawn coordinate, in pixels; estimated from the residuals if absent.
     pub sigma: Option<f64>,
-    /// Whether the weak prior on the focal may enter where the constraints tell little of it.
+    /// Whether the weak prior on the focal length is allowed.
     pub weak_prior: bool,
-    /// Annotations that are never rejected, by index.
+    /// Indices of annotations that are never rejected.
     pub keep: &'a [usize],
     /// Whether other cameras see the same floor, so that links may be suggested.
     pub has_neighbours: bool,
-    /// Whether neither a plan nor other cameras give the scale, so that a known size may be suggested.
+    /// Whether the scale is unknown from the plan and from other cameras, so that a known size may be
+    /// suggested.
     pub is_scale_open: bool,
 }
 
 impl FitOptions<'_> {
-    /// Options without prior knowledge but the lens and the size of the image; the weak prior may enter.
+    /// Returns options without fixed parameters and priors; the weak prior is allowed.
     #[must_use]
     pub fn new(lens: Lens, size: [f64; 2]) -> Self {
         let (fixed, priors) = (FixedParameters::default(), Priors::default());
@@ -90,71 +94,76 @@ impl FitOptions<'_> {
 }
 
 impl FitOptions<'_> {
-    /// Width of the image of a usual field of view that has this focal: that of the image, but for a wide lens, whose
-    /// own focal is near that of the camera.
+    /// Returns the image width that corresponds to a usual field of view.
+    ///
+    /// It is the width of the image, except for a wide lens. The focal length of a wide lens is already close
+    /// to that of the camera.
     fn width(&self) -> f64 {
         if self.lens.distortion.is_wide() { self.lens.focal / USUAL_FOCAL } else { self.size[0] }
     }
 }
 
-/// Another local minimum that the chi-square does not rule out.
+/// Local minimum that the chi-square does not rule out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalMinimum {
-    /// Its roll, pitch and focal.
+    /// Roll, pitch and focal length.
     pub orientation: Orientation,
-    /// Its chi-square.
+    /// Chi-square at the minimum.
     pub chi2: f64,
 }
 
-/// The estimate of stage 1 for one camera.
+/// Estimate of stage 1 for one camera.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// The camera at (0, 0, z0), yaw 0, with the covariance of what was estimated.
+    /// Camera at (0, 0, z0) with yaw 0, and the covariance of its estimated parameters.
     pub camera: Camera,
     /// Chi-square at the solution, without the weak prior.
     pub chi2: f64,
     /// Residuals minus unknowns, without the weak prior.
     pub dof: i64,
-    /// Standard deviation of a drawn coordinate, in pixels: as given, or as estimated from the residuals.
+    /// Standard deviation of a drawn coordinate, in pixels: as given, or estimated from the residuals.
     pub sigma: f64,
-    /// Predicted relative standard deviation of lengths on the floor; `None` where the EFOV shows no floor.
+    /// Predicted relative standard deviation of lengths on the floor; `None` if no floor is visible in the
+    /// EFOV.
     pub floor_length_rel: Option<f64>,
-    /// Residual of every constraint, those rejected among them, in pixels.
+    /// Residual of every constraint, including outliers, in pixels.
     pub residuals: Vec<(Source, f64)>,
     /// Constraints rejected as outliers.
     pub outliers: Vec<Source>,
-    /// The chi-square is too large for the noise, and no outlier explains it.
+    /// Whether the chi-square is too large for the noise, and no outlier explains it.
     pub misfit: bool,
-    /// The residuals are so large that nothing can be said of the errors: the covariance is unknown.
+    /// Whether the residuals are too large for any noise estimate, so that the covariance is unknown.
     pub inconsistent: bool,
-    /// Degrees of freedom from which the drawing noise was estimated; `None` where it was given or assumed.
+    /// Degrees of freedom of the noise estimate; `None` if the noise was given or assumed.
     pub noise_dof: Option<i64>,
-    /// Other minima that the chi-square does not rule out, and where the constraints leave the focal open that without
-    /// the weak prior.
+    /// Other minima that the chi-square does not rule out.
+    ///
+    /// If the constraints do not determine the focal length, they include the minimum without the weak prior.
     pub alternatives: Vec<LocalMinimum>,
-    /// Whether one of them is a local minimum of the same problem (rather than the one without the weak
-    /// prior).
+    /// Whether one of the alternatives is a local minimum of the same problem, rather than the minimum
+    /// without the weak prior.
     pub two_solutions: bool,
-    /// Standard deviation of the log focal without the weak prior; `None` when the focal is fixed.
+    /// Standard deviation of the log focal length without the weak prior; `None` if the focal length is
+    /// fixed.
     pub log_focal_sigma: Option<f64>,
-    /// Whether the weak prior entered.
+    /// Whether the weak prior was used.
     pub weak_prior_used: bool,
-    /// Whether the height is fixed or determined by a prior, an upright or a known length.
+    /// Whether the height is fixed, or determined by a prior, an upright or a known length.
     pub height_known: bool,
-    /// As `floor_length_rel`, of the ratios of lengths: without the scale that all have in common.
+    /// Like `floor_length_rel`, but for ratios of lengths: without the error of the common scale.
     pub(crate) floor_shape_rel: Option<f64>,
     pub(crate) state: State,
     pub(crate) core_covariance: Matrix4<f64>,
 }
 
-/// Chi-square by which another camera must fit worse to be ruled out.
+/// Minimum difference in chi-square at which a worse camera is ruled out.
 pub const RULED_OUT: f64 = 6.0;
 
 impl Fit {
-    /// The maximum-likelihood fit.
+    /// Computes the maximum-likelihood fit.
     ///
     /// # Errors
-    /// When the constraints, with the weak prior on the focal, do not determine the camera.
+    /// If the constraints, with the weak prior on the focal length, do not determine the camera.
     pub fn new(constraints: &Constraints, options: &FitOptions) -> Result<Self, Failure> {
         let sigma = options.sigma.unwrap_or(1.0);
         let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.width());
@@ -179,7 +188,7 @@ impl Fit {
         let chosen = choose(&found, &problem, options).ok_or(Failure::NoOrientation)?;
         let best = &found.minima[chosen];
         let chi2 = found.chi2_of_drawings(best);
-        // What the prior was weighed by is what is stated.
+        // The reported noise is the one that weighted the prior.
         let noise = of_lines.filter(|_| found.weak_prior.is_some()).unwrap_or_else(|| noise_at(chi2));
         let inconsistent = is_inconsistent(chi2, dof);
         let spread = noise.spread();
@@ -216,22 +225,25 @@ impl Fit {
         })
     }
 
-    /// Standard deviation of the log focal of this fit, the weak prior included where it entered.
+    /// Returns the standard deviation of the log focal length of this fit, with the weak prior if it was
+    /// used.
     #[must_use]
     pub fn log_focal_sigma_of_answer(&self) -> f64 {
         self.core_covariance[(LOG_FOCAL, LOG_FOCAL)].max(0.0).sqrt()
     }
 }
 
-/// The residuals of all constraints in pixels, of outliers too, where there is a prediction.
+/// Returns the residuals of all constraints in pixels, including outliers, if they have a prediction.
 fn residuals(constraints: &Constraints, problem: &Problem, state: &State) -> Vec<(Source, f64)> {
     let with_outliers = predictable(constraints, &state.parameters);
     let everything = Problem { rejected: &[], constraints: &with_outliers, ..problem.clone() };
     everything.residuals_in_pixels(state).unwrap_or_default()
 }
 
-/// The solutions with the weak prior where it tells something beside the lines, weighed against the noise that their
-/// residuals show. Of a focal that someone stated it tells nothing more.
+/// Adds the weak prior if it has a noticeable effect, weighted against the noise estimated from the
+/// residuals.
+///
+/// The weak prior is not added if the focal length has a prior of its own.
 fn weighed(found: Solutions, noise: Option<Noise>, problem: &Problem, options: &FitOptions) -> Solutions {
     let spread = noise.map_or(1.0, |noise| noise.spread());
     let tells = found.log_focal_sigma() * spread.sqrt() > PRIOR_TELLS;
@@ -243,9 +255,11 @@ fn weighed(found: Solutions, noise: Option<Noise>, problem: &Problem, options: &
     with_weak_prior(problem, options.fixed, found.without_weak_prior().to_vec(), spread)
 }
 
-/// Other minima that the chi-square does not rule out, and whether one of them is of the same problem.
+/// Returns the other minima that the chi-square does not rule out, and whether one of them belongs to the
+/// same problem.
 ///
-/// The weak prior rules out none where the lines tell the focal: it chooses between them.
+/// If the lines determine the focal length, the weak prior does not rule out minima. It only chooses between
+/// them.
 fn alternatives(
     found: &Solutions,
     chosen: usize,
@@ -277,7 +291,7 @@ fn alternatives(
     (alternatives, two_solutions)
 }
 
-/// Which of the minima without the weak prior has become this one with it.
+/// Returns the index of the minimum closest to `to`.
 fn nearest(minima: &[Minimum], to: &Minimum) -> Option<usize> {
     let distance = |minimum: &Minimum| -> f64 {
         let [turn, pitch, log_focal] =
@@ -287,7 +301,7 @@ fn nearest(minima: &[Minimum], to: &Minimum) -> Option<usize> {
     (0..minima.len()).min_by(|&a, &b| distance(&minima[a]).total_cmp(&distance(&minima[b])))
 }
 
-/// The grid of the EFOV that was drawn, or of the default EFOV.
+/// Returns the grid in the drawn EFOV, or in the default EFOV.
 pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     if efov.is_empty() {
         Grid::of_floor(camera, &default_efov(camera, size).polygon)
@@ -296,9 +310,11 @@ pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     }
 }
 
-/// Of the minima that the chi-square does not rule out, the most plausible one: of usual focal, upright, with
-/// the floor in view. The focal counts where it has no prior of its own, or else the chi-square does; the
-/// lowest where no weak prior may enter.
+/// Returns the index of the most plausible minimum that the chi-square does not rule out.
+///
+/// Plausible means: usual focal length, upright, floor in view. If the focal length has a prior of its own,
+/// the chi-square replaces the usual focal length. If the weak prior is not allowed, the lowest minimum is
+/// chosen.
 fn choose(found: &Solutions, problem: &Problem, options: &FitOptions) -> Option<usize> {
     if found.minima.is_empty() || !options.weak_prior {
         return (!found.minima.is_empty()).then_some(0);
@@ -322,10 +338,10 @@ fn local_minimum(minimum: &Minimum) -> LocalMinimum {
     LocalMinimum { orientation: minimum.state.orientation(), chi2: minimum.chi2 }
 }
 
-/// The camera at a minimum, without its covariance.
+/// Returns the camera at a minimum, without its covariance.
 fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions) -> Camera {
     let Orientation { roll, pitch, focal } = minimum.state.orientation();
-    // A fixed focal is returned to the last bit.
+    // A fixed focal length is returned bit by bit.
     let focal = options.fixed.focal.unwrap_or(focal);
     let height = match options.fixed.height {
         Some(height) => height,
@@ -343,7 +359,8 @@ fn camera_of(minimum: &Minimum, problem: &Problem, options: &FitOptions) -> Came
     }
 }
 
-/// The covariance of a minimum times `spread`, from log focal and log height to focal and height.
+/// Returns the covariance of a minimum times `spread`, converted from log focal length and log height to
+/// focal length and height.
 fn covariance_of(minimum: &Minimum, spread: f64) -> Covariance {
     let [_, _, log_focal, log_height] = minimum.state.parameters;
     let target = [
@@ -368,7 +385,8 @@ fn check_not_empty(problem: &Problem) -> Result<(), Failure> {
 }
 
 fn check_determined(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Result<(), Failure> {
-    /// Relative error of floor lengths below which a singular fit is accepted: what is open does not matter.
+    /// Relative error of floor lengths below which a singular fit is accepted: the undetermined parameter
+    /// does not matter.
     const SINGULAR: f64 = 0.5;
     /// Relative error of floor lengths below which a regular fit is accepted.
     const REGULAR: f64 = 10.0;
@@ -385,10 +403,11 @@ fn check_determined(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Resu
 }
 
 impl Fit {
-    /// Minus twice the log of the restricted likelihood of the scene's sigmas in `constraints` and the drawing's
-    /// in `options`, up to a constant; `None` without a fit, or where the drawing's sigma is not given.
+    /// Returns minus twice the log of the restricted likelihood, up to a constant.
     ///
-    /// An outlier counts as a residual of 30 px spread, so that rejecting is no gain.
+    /// The standard deviations of the scene are in `constraints`, that of the annotation noise is in
+    /// `options`. `None` if the fit fails or `options` has no noise. An outlier counts as a residual with a
+    /// standard deviation of 30 px, so that rejections are no advantage.
     #[must_use]
     pub fn restricted_log_likelihood(constraints: &Constraints, options: &FitOptions) -> Option<f64> {
         const OUTLIER_PX: f64 = 30.0;

@@ -1,19 +1,23 @@
-//! Some coefficients of a lens, fitted to straight edges, as a least-squares problem: its residuals, what is
-//! believed of lenses, its evidence, and its minimum from several starts.
+//! Least-squares problem of a lens: coefficients fitted to straight edges, with priors, evidence, and several
+//! starts.
 //!
-//! What is believed of lenses before anything is drawn: normal priors on the coefficients of the Brown-Conrady
-//! model, with coordinates divided by half the diagonal of the image, and on those of the Kannala-Brandt model with the
-//! principal point, where it is open.
+//! # Priors
 //!
-//! Published calibrations of cameras from 45 to 100 degrees (KITTI, `EuRoC`, TUM RGB-D, MEVA, the samples of `OpenCV`)
-//! have k1 between -0.27 and 0.16, of barrels k2 within 0.1 of k1 squared, and |p1|, |p2| below 0.003. So where
-//! edges say little of k2 and k3, these stay small, and the uncertainty of the corners is that of lenses.
+//! The priors are normal distributions. They apply to the coefficients of the Brown-Conrady model, with
+//! coordinates divided by half the image diagonal. They also apply to the coefficients of the Kannala-Brandt
+//! model, and to its principal point if it is free.
 //!
-//! What is open of a fisheye besides its coefficients: its focal and, where nobody gave it, its principal point, fitted
-//! with them to straight edges.
+//! Published calibrations of cameras from 45 to 100 degrees (KITTI, `EuRoC`, TUM RGB-D, MEVA, the samples of
+//! `OpenCV`) have k1 between -0.27 and 0.16. For barrel distortion k2 is within 0.1 of k1 squared, and |p1|,
+//! |p2| are below 0.003. So without information from the edges k2 and k3 stay small, and the uncertainty in
+//! the corners is the variation between lenses.
 //!
-//! Edges that pass beside the camera tell the focal, and the priors on the coefficients where none does; lines of stage
-//! 1 tell more in the joint fit. The principal point has a belief.
+//! # Focal length and principal point of a fisheye
+//!
+//! A fisheye may also have a free focal length and a free principal point, which are fitted to the straight
+//! edges together with the coefficients. The focal length is determined by edges far from the axis, or else
+//! by the priors on the coefficients. The lines of stage 1 determine it better in the joint fit. The
+//! principal point has a prior.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -27,30 +31,33 @@ use crate::single::straightness::{
     Edge, outermost, straightness_in_charts_of, straightness_with_jacobian, uninformative,
 };
 
-/// Standard deviations of k1, of k2 less the square of a negative k1, of k3, and of p1 and p2.
+/// Standard deviations of k1, of k2 minus the square of a negative k1, of k3, and of p1 and p2.
 const K1: f64 = 0.2;
 const K2: f64 = 0.1;
 const K3: f64 = 0.1;
 const TANGENTIAL: f64 = 0.003;
 
-/// Standard deviations of k1 to k4 of a fisheye. Of the families that lenses are designed by, k1 and k2 are 0 and 0
+/// Standard deviations of k1 to k4 of a fisheye. The design families of fisheyes have k1 and k2 of 0 and 0
 /// (equidistant), -0.042 and 0.0005 (equisolid), 0.083 and 0.008 (stereographic).
 const FISHEYE: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
 
-/// Standard deviation of the log of the slope, `d radius / d angle` over that at the axis: at right angles to the axis it
-/// is 0, -0.35 and 0.69 of the families. None turns back where it shows something; one that did near the outermost points
-/// that are drawn would have all that they say.
+/// Standard deviation of the log slope of a fisheye: `d radius / d angle` relative to its value at the axis.
+///
+/// At right angles to the axis the log slope is 0, -0.35 and 0.69 for the three families. No real lens folds
+/// back inside its image. Without this prior, a lens that folds near the outermost points could explain any
+/// edges there.
 const FISHEYE_SLOPE: f64 = 0.6;
 
-/// Standard deviation of a principal point from the middle of the image, as a share of the image's diagonal: sensors of
-/// small fisheyes sit some percent beside their lens.
+/// Standard deviation of the principal point from the image centre, as a fraction of the image diagonal.
+/// Sensors of small fisheyes are some percent off the lens axis.
 const CENTRE: f64 = 0.02;
 
-/// That from the middle of the image circle, as a share of its radius: the rim is that of a stop or of the mount, which sits
-/// a little beside the glass.
+/// Standard deviation of the principal point from the centre of the image circle, as a fraction of its
+/// radius. The rim is produced by a stop or the mount, which is slightly off the lens axis.
 const CENTRE_OF_CIRCLE: f64 = 0.01;
 
-/// `(value - expected) / sigma` of one parameter, with its derivatives.
+/// Residual of a prior on a lens, `(value - expected) / sigma`, with its derivatives by the parameters of the
+/// lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LensResidual {
     pub(crate) value: f64,
@@ -58,7 +65,7 @@ pub(crate) struct LensResidual {
     pub(crate) sigma: f64,
 }
 
-/// The residuals of these parameters of a lens, by their indices; none of the division model.
+/// Returns the prior residuals of the fitted parameters, given by their indices; the division model has none.
 pub(crate) fn lens_prior(
     lens: &Lens,
     (size, circle): ([f64; 2], Option<ImageCircle>),
@@ -72,7 +79,8 @@ pub(crate) fn lens_prior(
         _ => return Vec::new(),
     };
     let row = DistortionModel::BrownConrady.row();
-    // Coefficients of r^n in units of half the diagonal are those in units of the focal times this to the n.
+    // Conversion of the coefficient of r^n from units of the focal length to units of half the diagonal:
+    // times this ratio to the power n.
     let ratio = 0.5 * size[0].hypot(size[1]) / lens.focal;
     let square = ratio * ratio;
     let place = |of: Coefficient| row.coefficients.iter().position(|&named| named == of);
@@ -97,13 +105,14 @@ pub(crate) fn lens_prior(
     fitted.iter().map(residual).collect()
 }
 
-/// Where the principal point of a fisheye is believed to be, and its standard deviation, in pixels.
+/// Returns the expected principal point of a fisheye and its standard deviation, in pixels.
 fn centre_belief([w, h]: [f64; 2], circle: Option<ImageCircle>) -> (Pixel, f64) {
     let of_image = || (Pixel::new(0.5 * w, 0.5 * h), CENTRE * w.hypot(h));
     circle.map_or_else(of_image, |circle| (circle.centre(), CENTRE_OF_CIRCLE * circle.radius))
 }
 
-/// Those of a fisheye, as near to equidistant as the lenses that are built, and about where its middle is believed.
+/// Returns the prior residuals of a fisheye: coefficients near the equidistant model, principal point near
+/// its expected position.
 fn fisheye_prior(
     k: &[f64; 4],
     centre: Pixel,
@@ -124,37 +133,40 @@ fn fisheye_prior(
     fitted.iter().filter_map(residual).collect()
 }
 
-/// What is believed of the slope of a fisheye at the outermost point that is drawn in it; `None` for other lenses.
-/// Infinite where it shows nothing there.
+/// Returns the prior residual of the slope of a fisheye at its outermost annotated point.
+///
+/// `None` for other lenses. Infinite if the lens does not show that point.
 pub(crate) fn slope_prior(lens: &Lens, outermost: Option<Pixel>) -> Option<LensResidual> {
     let pixel = outermost.filter(|_| lens.distortion.is_wide())?;
     let (log, by) = lens.log_slope(pixel).unwrap_or((f64::INFINITY, [0.0; Lens::PARAMETERS]));
     Some(LensResidual { value: log / FISHEYE_SLOPE, by: by.map(|by| by / FISHEYE_SLOPE), sigma: 1.0 })
 }
 
-/// The fit of some coefficients to some polylines, as a least-squares problem.
+/// Fit of distortion coefficients to polylines, as a least-squares problem.
 pub(super) struct LensProblem<'a> {
     pub(super) edges: Vec<&'a Edge>,
-    /// How often each of them is drawn.
+    /// Repeat count of every edge.
     pub(super) times: Vec<f64>,
     pub(super) fitted: Fitted,
-    /// What is open besides coefficients, by its index among the parameters of the lens; its values follow theirs: the
-    /// log of the focal in `unit`, and how far the principal point is from where it is believed.
+    /// Free parameters other than coefficients, as indices among the parameters of the lens.
+    ///
+    /// Their values follow those of the coefficients: log of the focal length in `unit`, and offset of the
+    /// principal point from its expected position.
     pub(super) open: Vec<usize>,
-    /// Where it is, or is believed to be.
+    /// Principal point, or its expected position if it is free.
     pub(super) principal_point: Pixel,
-    /// Pixels by which coordinates are divided: the focal that the coefficients refer to, or where it starts.
+    /// Unit of coordinates, in pixels: the focal length of the coefficients, or its start value.
     pub(super) unit: f64,
     /// Width and height of the image, in pixels.
     pub(super) size: [f64; 2],
-    /// Where the scene is in the image of a fisheye, if that is known.
+    /// Image circle of a fisheye, if known.
     pub(super) circle: Option<ImageCircle>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(super) sigma: f64,
 }
 
 impl LensProblem<'_> {
-    /// The lens that the estimate starts from.
+    /// Returns the lens at the start of the estimate.
     fn start(&self) -> Lens {
         self.lens(&[])
     }
@@ -176,23 +188,24 @@ impl LensProblem<'_> {
         lens
     }
 
-    /// What is fitted, by its index among the parameters of the lens, in the order of the values.
+    /// Returns the indices of the fitted parameters among the parameters of the lens, in the order of the
+    /// values.
     pub(super) fn indices(&self) -> Vec<usize> {
         self.fitted.indices().into_iter().chain(self.open.iter().copied()).collect()
     }
 
-    /// The cost of every edge by one of its polylines: the sum of its squared residuals.
+    /// Returns the cost of every edge, as one of its copies: the sum of its squared residuals.
     pub(super) fn costs(&self, values: &[f64]) -> impl Iterator<Item = f64> {
         let (lens, start) = (self.lens(values), self.start());
         self.edges.iter().map(move |edge| edge_cost([&lens, &start], edge))
     }
 
-    /// The sum over all edges, each counted once however often it is drawn.
+    /// Returns the sum over all edges, with every edge counted once regardless of its repeats.
     pub(super) fn cost(&self, values: &[f64]) -> f64 {
         self.costs(values).zip(&self.times).map(|(cost, times)| cost / times).sum()
     }
 
-    /// What is believed of the coefficients, in sigmas.
+    /// Returns the prior residuals of the fitted parameters, in standard deviations.
     fn priors(&self, values: &[f64]) -> Vec<LensResidual> {
         let (lens, fitted) = (self.lens(values), &self.indices()[..values.len()]);
         let drawn = self.edges.iter().flat_map(|edge| &edge.points);
@@ -200,8 +213,10 @@ impl LensProblem<'_> {
         lens_prior(&lens, (self.size, self.circle), fitted).into_iter().chain(of_slope).collect()
     }
 
-    /// Residuals and Jacobian by what is fitted, those of the priors last, as pixels; the line of every edge is
-    /// refitted, so it is eliminated. `None` where the lens folds back on itself before a corner of the image.
+    /// Returns residuals and Jacobian in pixels, the priors last. The line of every edge is refitted, so it
+    /// is eliminated.
+    ///
+    /// `None` if the lens folds back on itself before a corner of the image.
     pub(super) fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (lens, start) = (self.lens(values), self.start());
         let indices = &self.indices()[..values.len()];
@@ -233,7 +248,7 @@ impl LensProblem<'_> {
         Some((DVector::from_vec(residuals), jacobian))
     }
 
-    /// Minus twice the log of the evidence for what is fitted, up to what all models have in common.
+    /// Returns minus twice the log evidence of the fitted parameters, up to a constant common to all models.
     pub(super) fn evidence(&self, values: &[f64]) -> Option<f64> {
         let per_variance = (self.sigma * self.sigma).recip();
         let (residuals, jacobian) = self.residuals_and_jacobian(values)?;
@@ -242,10 +257,13 @@ impl LensProblem<'_> {
         Some(residuals.norm_squared() * per_variance + determinant.ln() + of_priors)
     }
 
-    /// Edges that say next to nothing: of a lens that was fitted those without which the corner would be hardly
-    /// less certain, else those that a distortion would hardly bend. A fisheye bends whatever does not lead outward.
+    /// Returns the edges that carry almost no information about the lens.
+    ///
+    /// With a fitted lens, these are the edges without which the corner would be hardly less certain.
+    /// Otherwise they are the edges that a distortion would hardly curve. Fisheyes have none, because they
+    /// curve every edge that is not radial.
     pub(super) fn uninformative(&self, values: &[f64]) -> Vec<(Source, f64)> {
-        /// How much less certain.
+        /// Ratio of the corner's standard deviations below which an edge is uninformative.
         const HARDLY: f64 = 1.05;
         if self.fitted.is_wide() {
             return Vec::new();
@@ -262,8 +280,11 @@ impl LensProblem<'_> {
         hardly_bent.into_iter().filter(says_nothing).collect()
     }
 
-    /// Where errors of the lens are stated: halfway to the edge, at the middle of the longer edge, and in the corner.
-    /// The image of a fisheye ends in its circle, of whose radius half the longer side is a guess.
+    /// Returns the pixels at which errors of the lens are reported: halfway to the border, at the middle of
+    /// the longer side, and in the corner.
+    ///
+    /// For a fisheye the image circle replaces the border. Without a known circle its radius is assumed to be
+    /// half the longer side.
     pub(super) fn places(&self) -> [Pixel; 3] {
         let [w, h] = self.size;
         let whole = ImageCircle::around(self.size);
@@ -277,7 +298,8 @@ impl LensProblem<'_> {
         [halfway, edge, corner]
     }
 
-    /// Variance of the undistorted corner of the image in square pixels, as far as some edges tell it.
+    /// Returns the variance of the undistorted corner of the image in square pixels, as determined by the
+    /// selected edges.
     fn corner_variance(&self, values: &[f64], is_used: impl Fn(&Edge) -> bool) -> Option<f64> {
         let [_, _, corner] = self.places();
         let used = self.edges.iter().copied().zip(self.times.iter().copied());
@@ -294,19 +316,20 @@ impl LensProblem<'_> {
         Some(self.sigma * self.sigma * pairs.map(along).sum::<f64>())
     }
 
-    /// Covariance of what is fitted, for points with a standard deviation of one pixel.
+    /// Returns the covariance of the fitted parameters, for points with a standard deviation of one pixel.
     pub(super) fn covariance(&self, values: &[f64]) -> Option<DMatrix<f64>> {
         let (_, jacobian) = self.residuals_and_jacobian(values)?;
         jacobian.tr_mul(&jacobian).try_inverse()
     }
 
-    /// The lowest of the minima reached from several starts, the values of the next smaller model among them.
+    /// Returns the lowest minimum reached from several starts, including the values of the next smaller
+    /// model.
     pub(super) fn solve(&self, smaller: &[f64]) -> Option<(Vec<f64>, f64)> {
-        /// Most accepted steps to a minimum.
+        /// Maximum number of accepted steps to a minimum.
         const MAX_STEPS: usize = 60;
-        /// Steps from every start, after which the candidates are ranked.
+        /// Number of steps from every start before the candidates are ranked.
         const FIRST_STEPS: usize = 6;
-        /// Candidates that are refined to a minimum.
+        /// Maximum number of candidates that are refined to a minimum.
         const MAX_CANDIDATES: usize = 3;
         let count = self.indices().len();
         let padded = |values: &[f64]| -> Vec<f64> {
@@ -321,7 +344,7 @@ impl LensProblem<'_> {
         minima.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// Where so many steps lead from these starts, with the cost there, each place once.
+    /// Returns the distinct states reached from these starts after a number of steps, with their costs.
     fn reached(&self, starts: impl Iterator<Item = Vec<f64>>, steps: usize) -> Vec<(Vec<f64>, f64)> {
         let mut found: Vec<(Vec<f64>, f64)> = Vec::new();
         for start in starts {
@@ -333,9 +356,10 @@ impl LensProblem<'_> {
         found
     }
 
-    /// Whether values are so near to others that runs from both end at one place.
+    /// Whether two states are so close that runs from both converge to the same minimum.
     pub(super) fn is_one(&self, a: &[f64], b: &[f64]) -> bool {
-        /// Of coefficients, of the log of the focal, and of principal points in units of the focal.
+        /// Largest distance of coefficients, of the log focal length, and of principal points in units of the
+        /// focal length.
         const NEAR: f64 = 1e-4;
         let pixels = self.fitted.len() + self.open.iter().take_while(|&&index| index < Lens::CENTRE).count();
         let mut off = a.iter().zip(b).map(|(a, b)| (a - b).abs()).enumerate();
@@ -343,8 +367,10 @@ impl LensProblem<'_> {
     }
 }
 
-/// How the straight image of a place changes with the parameters of a lens; of a wide lens in the chart about it. Outside the
-/// lens, that of the last place toward the principal point.
+/// Returns the derivatives of the undistorted position of a pixel by the parameters of a lens; for a wide
+/// lens, in the chart around it.
+///
+/// Outside the lens, the nearest valid pixel toward the principal point is used.
 pub(super) fn shown_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {
     const STEPS: usize = 40;
     let centre = lens.principal_point;
@@ -360,7 +386,7 @@ pub(super) fn shown_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParamet
     })
 }
 
-/// Normal equations of a fit of a lens.
+/// Normal equations of a lens fit.
 pub(crate) struct Normal {
     square: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -382,13 +408,14 @@ impl LeastSquares for LensProblem<'_> {
 }
 
 impl Normal {
-    /// Those of some residuals with their Jacobian, and the sum of squares.
+    /// Returns the normal equations of residuals with their Jacobian, and the sum of squares.
     pub(super) fn new(residuals: &DVector<f64>, jacobian: &DMatrix<f64>) -> (f64, Self) {
         let normal = Self { square: jacobian.tr_mul(jacobian), gradient: jacobian.tr_mul(residuals) };
         (residuals.norm_squared(), normal)
     }
 
-    /// The damped step: where it leads, by how much it should lower the cost, and its largest component.
+    /// Returns the damped step: the new state, its predicted reduction of the cost, and its largest
+    /// component.
     pub(super) fn step(&self, values: &[f64], damping: f64) -> Option<(Vec<f64>, f64, f64)> {
         let mut damped = self.square.clone();
         for i in 0..values.len() {
@@ -403,25 +430,26 @@ impl Normal {
     }
 }
 
-/// Values of the first two coefficients from which a fit starts, in units of half the diagonal.
+/// Start values of the first two coefficients, in units of half the diagonal.
 const STARTS: [[f64; 2]; 7] =
     [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
 
-/// Those of a fisheye: the families equidistant, equisolid and stereographic.
+/// Start values for a fisheye: the families equidistant, equisolid and stereographic.
 const FISHEYE_STARTS: [[f64; 2]; 3] = [[0.0, 0.0], [-0.042, 0.0005], [0.083, 0.008]];
 
-/// Sum of the squared distances of a polyline's points from straight; infinite where one cannot be
-/// undistorted.
+/// Returns the sum of the squared distances of a polyline's points from straight; infinite if a point cannot
+/// be undistorted.
 fn edge_cost(lenses: [&Lens; 2], edge: &Edge) -> f64 {
     straightness_in_charts_of(lenses, &edge.points)
         .map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
 }
 
 impl LensProblem<'_> {
-    /// The same problem with the focal open, and the principal point unless it is held, from the focal at which the
-    /// edges can be straightest.
+    /// Frees the focal length, and the principal point unless it is fixed.
+    ///
+    /// The focal length starts at the value with the straightest edges.
     pub(super) fn opened(mut self, centre_is_held: bool) -> Self {
-        /// Focals of fisheyes from 60 to 250 degrees, in units of half the diagonal of the image.
+        /// Focal lengths of fisheyes from 60 to 250 degrees, in units of half the image diagonal.
         const STARTS: [f64; 5] = [0.4, 0.52, 0.68, 0.9, 1.2];
         const FIRST_STEPS: usize = 8;
         self.open = vec![Lens::OWN_FOCAL];

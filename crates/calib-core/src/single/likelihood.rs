@@ -1,15 +1,15 @@
-//! Stage 1 as a least-squares problem: the maximum-likelihood estimate of roll, pitch, focal and height,
-//! with every residual in units of its standard deviation, so that no weight is set by hand.
+//! Stage 1 as a least-squares problem: the maximum-likelihood estimate of roll, pitch, focal length and
+//! height. Every residual is in units of its standard deviation, so no weight is set by hand.
 //!
-//! The core parameters are roll, pitch, log focal and log height. The nuisance parameters are the angle of
-//! every group of floor directions and the log length of every group of equal segments. A residual depends
-//! on the core and on at most one nuisance parameter, so the normal equations are arrow-shaped
-//! (`optimize/arrow.rs`).
+//! The core parameters are roll, pitch, log focal length and log height. The nuisance parameters are the
+//! angle of every group of floor directions, the log length of every group of equal segments, and the scene's
+//! own errors ([`Nuisances`]). A residual depends on the core parameters and on few nuisance parameters of
+//! one block, so the normal equations have the shape of an arrow (`optimize/arrow.rs`).
 //!
-//! All residuals are divided by the standard deviation of a drawn coordinate: their sum of squares is minus
-//! twice the log likelihood, up to a constant. Those of lines are exact, with the true line eliminated;
-//! those of lengths have Sampson's form `(log length - log L) / |grad log length|`, with `log L` the
-//! nuisance of the group or the known length in camera heights (see `residual.rs`).
+//! All residuals are divided by the standard deviation of a drawn coordinate. Their sum of squares is minus
+//! twice the log likelihood, up to a constant. The residuals of lines are exact, with the true line
+//! eliminated. The residuals of lengths have Sampson's form `(log length - log L) / |grad log length|`. `log
+//! L` is the nuisance parameter of the group, or the known length in camera heights (see `residual.rs`).
 
 use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
@@ -25,27 +25,27 @@ use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parame
 use crate::single::size_residual::{CameraTerms, floor_length};
 use crate::single::vanishing_point::unrolled;
 
-/// The fit of one camera: constraints, what is fixed, and priors.
+/// Fit of one camera: constraints, fixed parameters and priors.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem<'a, E = f64> {
     pub(crate) constraints: &'a Constraints<E>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
-    /// Which of the core parameters are estimated.
+    /// Flag for every core parameter that is estimated.
     pub(crate) free: [bool; 4],
     /// Constraints rejected as outliers.
     pub(crate) rejected: &'a [Source],
-    /// Width of the image in pixels, of which the possible focals are multiples.
+    /// Width of the image, in pixels; the range of possible focal lengths is relative to it.
     pub(crate) width: f64,
 }
 
-/// A value for every unknown.
+/// Value of every unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
     pub(crate) parameters: Parameters,
-    /// Angle of every floor direction in radians, then the log length of every group of lengths
-    /// in units of the camera height, then the scene's own errors ([`Nuisances`]).
+    /// Angle of every floor direction in radians, then the log length of every group of lengths in units of
+    /// the camera height, then the scene's own errors ([`Nuisances`]).
     pub(crate) nuisance: Vec<f64>,
 }
 
@@ -57,7 +57,7 @@ impl State {
 }
 
 impl<'a> Problem<'a> {
-    /// The problem of all constraints.
+    /// Creates the problem with all constraints.
     pub(crate) fn new(
         constraints: &'a Constraints,
         fixed: FixedParameters,
@@ -73,7 +73,7 @@ impl<'a> Problem<'a> {
         Self { constraints, sigma, priors, free, rejected: &[], width }
     }
 
-    /// Number of residuals minus number of unknowns.
+    /// Returns the degrees of freedom: number of residuals minus number of unknowns.
     pub(crate) fn dof(&self) -> i64 {
         let residuals = self.lines().count() + self.lengths().count() + 2 * self.uprights().count();
         let mut count = residuals as i64 - self.repeated();
@@ -87,8 +87,8 @@ impl<'a> Problem<'a> {
         count - unknowns as i64
     }
 
-    /// How many of the residuals are of what is drawn again, less the unknowns of that alone; a part of one counts
-    /// as one.
+    /// Returns the number of residuals of repeated annotations, minus the unknowns of these alone, rounded
+    /// up.
     pub(crate) fn repeated(&self) -> i64 {
         let Constraints { repeats, groups, length_groups, .. } = self.constraints;
         let again = |source: Source| 1.0 - repeats.times(source).recip();
@@ -106,7 +106,7 @@ impl<'a> Problem<'a> {
         (lines + lengths + 2.0 * uprights - directions - unknown - 1e-9).ceil() as i64
     }
 
-    /// Which nuisance parameters any residual depends on.
+    /// Returns a flag for every nuisance parameter that any residual depends on.
     pub(crate) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.nuisances().count()];
         for line in self.lines() {
@@ -125,7 +125,7 @@ impl<'a> Problem<'a> {
         used
     }
 
-    /// The same problem of other constraints.
+    /// Returns the same problem with other constraints.
     pub(crate) fn of<'b, E>(&self, constraints: &'b Constraints<E>) -> Problem<'b, E>
     where
         'a: 'b,
@@ -134,10 +134,10 @@ impl<'a> Problem<'a> {
         Problem { constraints, sigma, priors, free, rejected, width }
     }
 
-    /// The state with these core parameters and the nuisance parameters in closed form: the mean direction
-    /// and the mean log length of every group.
+    /// Returns the state with these core parameters, and the nuisance parameters in closed form: the mean
+    /// direction and the mean log length of every group.
     ///
-    /// `None` when a length lies above the horizon there.
+    /// `None` if a length is above the horizon.
     pub(crate) fn state_at(&self, parameters: Parameters) -> Option<State> {
         let mut nuisance = vec![0.0; self.nuisances().count()];
         let mut sums = vec![[0.0; 2]; self.constraints.groups];
@@ -146,8 +146,8 @@ impl<'a> Problem<'a> {
         for line in self.lines() {
             let Direction::Floor { group, orthogonal } = line.direction else { continue };
             let [a, b, c] = unrolled(line, [sr, cr]);
-            // The direction in which the viewing plane of the segment cuts the floor. An axis has no sign:
-            // its doubled angle is averaged.
+            // Direction in which the viewing plane of the segment intersects the floor. An axis has no sign,
+            // so its doubled angle is averaged.
             let (x, y) = (cp * c - sp * f * b, -f * a);
             let square = x * x + y * y;
             if square > 0.0 {
@@ -156,7 +156,7 @@ impl<'a> Problem<'a> {
                 sums[group][1] += weight * 2.0 * x * y;
             }
         }
-        // The scene's own errors start from none.
+        // The scene's own errors start at zero.
         for (angle, [cos, sin]) in nuisance.iter_mut().zip(&sums) {
             *angle = 0.5 * sin.atan2(*cos);
         }
@@ -182,7 +182,7 @@ impl<'a> Problem<'a> {
         Some(State { parameters, nuisance })
     }
 
-    /// The residual of every constraint in pixels (of an upright, both coordinates of its head together).
+    /// Returns the residual of every constraint in pixels; for an upright, the norm of both coordinates.
     pub(crate) fn residuals_in_pixels(&self, state: &State) -> Option<Vec<(Source, f64)>> {
         let mut residuals: Vec<(Source, f64)> = Vec::new();
         self.each_residual(state, |residual: f64, _, source| {
@@ -199,7 +199,7 @@ impl<'a> Problem<'a> {
         Some(residuals)
     }
 
-    /// Normal equations at a state; `None` where the geometry is impossible.
+    /// Returns the normal equations at a state; `None` if the geometry is impossible.
     pub(crate) fn normal(&self, state: &State) -> Option<Normal> {
         let mut normal = Normal::new(self.nuisances().layout(self.constraints));
         self.each_residual(state, |residual: Dual, nuisance, _| {
@@ -208,35 +208,37 @@ impl<'a> Problem<'a> {
         normal.cost.is_finite().then_some(normal)
     }
 
-    /// Sum of the squared residuals in sigmas; `None` where the geometry is impossible.
+    /// Returns the sum of the squared residuals, in standard deviations; `None` if the geometry is
+    /// impossible.
     pub(crate) fn cost(&self, state: &State) -> Option<f64> {
         let mut cost = 0.0;
         self.each_residual(state, |residual: f64, _, _| cost += residual * residual)?;
         cost.is_finite().then_some(cost)
     }
 
-    /// Covariance of the core parameters at a state, the nuisance parameters marginalised.
+    /// Returns the covariance of the core parameters at a state, with the nuisance parameters marginalised.
     pub(crate) fn uncertainty(&self, state: &State) -> Option<Uncertainty> {
         Some(Uncertainty::new(&self.normal(state)?.information(self.free), self.free))
     }
 }
 
-/// What a drawing on a plane depends on.
+/// Quantities that an annotation on a plane depends on.
 pub(super) struct OnPlane {
-    /// None where the camera is not above the plane.
+    /// Camera relative to the plane; `None` if the camera is not above it.
     pub(super) frame: Option<PlaneFrame>,
     pub(super) nuisances: PlaneNuisances,
 }
 
 impl OnPlane {
-    /// Of what lies on the plane: it does not depend on the verticals.
+    /// Returns the quantities for annotations in the plane, which do not depend on the verticals.
     pub(super) fn of_level(&self) -> Option<(&PlaneFrame, PlaneNuisances)> {
         Some((self.frame.as_ref()?, PlaneNuisances { tilt: None, ..self.nuisances }))
     }
 }
 
 impl<E> Constraints<E> {
-    /// Where a camera of these parameters stands relative to every plane; `None` of one that it is not above.
+    /// Returns the camera with these parameters relative to every plane; `None` for a plane that it is not
+    /// above.
     pub(crate) fn plane_frames(&self, parameters: &Parameters, nuisance: &[f64]) -> Vec<Option<PlaneFrame>> {
         let nuisances = Nuisances::of(self);
         let tilt = [0, 1].map(|axis| nuisance[nuisances.tilt() + axis]);
@@ -249,7 +251,7 @@ impl<E> Constraints<E> {
 }
 
 impl<'a, E: Number> Problem<'a, E> {
-    /// What drawings on every plane depend on.
+    /// Returns the quantities that annotations on every plane depend on.
     fn on_planes(&self, state: &State) -> Vec<OnPlane> {
         let frames = self.constraints.plane_frames(&state.parameters, &state.nuisance);
         let with_nuisances =
@@ -257,13 +259,13 @@ impl<'a, E: Number> Problem<'a, E> {
         frames.into_iter().enumerate().map(with_nuisances).collect()
     }
 
-    /// Standard deviation of a drawn coordinate of an annotation, in pixels.
+    /// Returns the standard deviation of a drawn coordinate of an annotation, in pixels.
     #[inline]
     pub(crate) fn sigma_of(&self, source: Source) -> f64 {
         self.constraints.sigma_px.get(source.annotation).copied().flatten().unwrap_or(self.sigma)
     }
 
-    /// Where the nuisance parameters are.
+    /// Returns the layout of the nuisance parameters.
     pub(crate) fn nuisances(&self) -> Nuisances {
         Nuisances::of(self.constraints)
     }
@@ -284,10 +286,10 @@ impl<'a, E: Number> Problem<'a, E> {
         self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
     }
 
-    /// Calls `sink` with every residual in sigmas, its derivatives by nuisance parameters (where derivatives
-    /// are asked for), and its source.
+    /// Calls `sink` with every residual in standard deviations, its derivatives by nuisance parameters (if
+    /// derivatives are requested), and its source.
     ///
-    /// `None` where the geometry is impossible: a length above the horizon, a focal beyond reason.
+    /// `None` if the geometry is impossible: a length above the horizon, or an unrealistic focal length.
     pub(crate) fn each_residual<N: NumberOver<E>>(
         &self,
         state: &State,
@@ -314,8 +316,8 @@ impl<'a, E: Number> Problem<'a, E> {
         Some(())
     }
 
-    /// The residual of every line, vertical and floor: [`LineResidual`] at the vanishing point of its
-    /// direction.
+    /// Passes the residual of every vertical and floor line to `sink`: [`LineResidual`] at the vanishing
+    /// point of its direction.
     #[inline]
     fn each_line<N: NumberOver<E>>(
         &self,
@@ -354,7 +356,7 @@ impl<'a, E: Number> Problem<'a, E> {
         Some(())
     }
 
-    /// `(value - mean) / sigma` for every prior.
+    /// Passes `(value - mean) / sigma` of every prior to `sink`.
     fn each_prior<N: Number>(&self, parameters: &Parameters, mut sink: impl FnMut(N)) {
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         let mut add = |prior: Option<Prior>, value: N| {

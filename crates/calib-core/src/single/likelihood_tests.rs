@@ -14,7 +14,7 @@ fn any_end() -> impl Strategy<Value = Endpoint> {
     )
 }
 
-/// A plane that falls by about three degrees.
+/// A plane with a slope of about three degrees.
 fn ramp() -> PlanePrior {
     let plane = Plane { height: 0.3, slope: [0.05, 0.0], anchor: FloorPoint::default() };
     PlanePrior { id: "ramp".into(), plane, along: [1.0, 0.0], sigma: [0.1, 0.02, 0.01] }
@@ -24,14 +24,14 @@ fn source(segment: usize) -> Source {
     Source { annotation: 0, segment }
 }
 
-/// A length of a group; every second one of the first group lies on a plane.
+/// Returns a length of a group; every second length of the first group is on a plane.
 fn length((index, (ends, group)): (usize, ([Endpoint; 2], usize))) -> Length {
     let plane = (group == 0 && index % 2 == 0).then_some(0);
     let is_mark = plane.is_none();
     Length { chart: None, ends, group, spread: 0.01, is_mark, plane, source: source(100 + index) }
 }
 
-/// Constraints drawn at random: a Jacobian can be checked where residuals are large, too.
+/// Returns random constraints: the Jacobian must also be correct for large residuals.
 fn any_constraints() -> impl Strategy<Value = Constraints> {
     let lines = proptest::collection::vec(([any_end(), any_end()], 0..3_usize, any::<bool>()), 3..12);
     let lengths = proptest::collection::vec(([any_end(), any_end()], 0..3_usize), 0..6);
@@ -49,7 +49,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                     chart: None,
                     ends,
                     direction: direction(group, orthogonal),
-                    // The direction of the first group deviates at right angles, that of the second along it.
+                    // Lines at right angles to the first group and lines along the second group deviate.
                     deviation: match group {
                         1 if orthogonal => Some(0),
                         2 if !orthogonal => Some(1),
@@ -83,7 +83,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
     })
 }
 
-/// A camera above the heads of uprights: one beside it is not in the image.
+/// Returns a camera above the heads of all uprights; a head beside the camera is not in the image.
 fn any_core() -> impl Strategy<Value = Parameters> {
     (-0.3..0.3_f64, 0.3..1.4_f64, 600.0..2500.0_f64, 2.5..6.0_f64)
         .prop_map(|(r, p, f, z)| [r, p, f.ln(), z.ln()])
@@ -132,7 +132,7 @@ let own = problem.nuisances().deviation(0);
             errors.for_each(|(i, value)| *value = 0.003 * (i as f64 - 2.0));
             state
         });
-        // A state without a finite cost is none: a minimiser never stands there.
+        // A state must have a finite cost: the minimiser accepts no other.
         prop_assume!(state.as_ref().is_some_and(|state| problem.normal(state).is_some()));
         let Some(state) = state else { return Ok(()) };
         let rows = residuals(&problem, &state).unwrap_or_default();
@@ -147,12 +147,13 @@ let own = problem.nuisances().deviation(0);
             let (Some(whole), Some(half)) = (central(STEP), central(0.5 * STEP)) else { continue };
             for (k, (residual, row)) in rows.iter().enumerate() {
                 let scale = 1.0 + row[index].abs() + residual.abs();
-                // At a kink, and where a head is all but beside the camera, differences have not converged and
-                // say nothing.
+                // At a kink, or with a head almost beside the camera, differences have not converged and are
+                // skipped.
                 if (whole[k] - half[k]).abs() > 1e-3 * scale {
                     continue;
                 }
-                // Richardson's extrapolation: rounding 1e-10 of the value, no error in the square of the step.
+                // Richardson's extrapolation: rounding 1e-10 of the value, no error of second order in the
+                // step.
                 let numeric = (4.0 * half[k] - whole[k]) / 3.0;
                 prop_assert!((numeric - row[index]).abs() < 2e-4 * scale, "residual {k} by {index}: {numeric} {}", row[index]);
             }
@@ -177,8 +178,9 @@ let own = problem.nuisances().deviation(0);
     }
 }
 
-/// Lines toward the vertical and two floor directions, drawn with noise across them, none beside its vanishing
-/// point: about such lines lie minima of their own.
+/// Returns lines toward the vertical and two floor directions, with noise across them.
+///
+/// No line is near its vanishing point, because such lines cause local minima.
 fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Constraints {
     let angles = Angles::new(parameters);
     let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
@@ -204,7 +206,7 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
     Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
 }
 
-/// The problem as the levenberg-marquardt crate wants it.
+/// The problem in the interface of the levenberg-marquardt crate.
 struct Oracle<'a> {
     problem: &'a Problem<'a>,
     state: State,

@@ -1,5 +1,5 @@
-//! All minima of the likelihood: starts from closed forms and a coarse grid, distinct solutions, and
-//! the weak prior on the focal beside constraints that tell little of it.
+//! Local minima of the likelihood: starts from closed forms and a coarse grid, distinct solutions, and the
+//! weak prior on the focal length.
 
 use crate::floor::STAGE_1_HEIGHT;
 use crate::optimize::{Summary, Uncertainty, least_squares, least_squares_unless};
@@ -10,41 +10,42 @@ use crate::single::parameters::Prior;
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
 
-/// Horizontal fields of view, in degrees, from which the focal is started.
+/// Horizontal fields of view of the start values of the focal length, in degrees.
 const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.0, 140.0];
-/// Pitches, in degrees, where the verticals do not tie pitch to focal.
+/// Start values of the pitch, in degrees, if the verticals do not relate pitch to focal length.
 const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
-/// The focal of usual cameras in widths of their image.
+/// Focal length of usual cameras, in image widths.
 pub(crate) const USUAL_FOCAL: f64 = 0.8;
-/// Standard deviation of the log focal above which the constraints leave the focal open.
+/// Standard deviation of the log focal length above which the constraints do not determine the focal length.
 pub const OPEN_FOCAL: f64 = 0.2;
-/// Standard deviation of the log focal above which the weak prior enters: where it tells a twelfth of what the constraints
-/// do, and more.
+/// Standard deviation of the log focal length above which the weak prior is added: it then has at least a
+/// twelfth of the information of the constraints.
 pub(crate) const PRIOR_TELLS: f64 = 0.1;
-/// Most accepted steps of a run. Near a minimum convergence is quadratic; where the cost is flat in the
-/// focal, the weak prior takes over.
+/// Maximum number of accepted steps of a run. Near a minimum convergence is quadratic; if the cost is flat in
+/// the focal length, the weak prior resolves it.
 const MAX_STEPS: usize = 60;
 
-/// The weak prior: installed cameras have a focal of about 0.8 image widths, within a factor of 1.4.
+/// Returns the weak prior: installed cameras have a focal length of about 0.8 image widths, within a factor
+/// of 1.4.
 pub(crate) fn weak_prior(width: f64) -> Prior {
     Prior { value: (USUAL_FOCAL * width).ln(), sigma: 0.35 }
 }
 
-/// A minimum of the likelihood.
+/// Minimum of the likelihood.
 #[derive(Clone, Debug)]
 pub(crate) struct Minimum {
     pub(crate) state: State,
-    /// Chi-square: sum of the squared residuals in sigmas.
+    /// Chi-square: sum of the squared residuals, in standard deviations.
     pub(crate) chi2: f64,
     pub(crate) uncertainty: Uncertainty,
 }
 
-/// Every distinct minimum found, the lowest first; empty when no start is possible.
+/// Returns every distinct minimum found, the lowest first; empty if no start is possible.
 pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
     minima_beside(Vec::new(), problem, fixed)
 }
 
-/// Those that are known and every other one found, the lowest first.
+/// Returns the known minima and every other one found, the lowest first.
 pub(crate) fn minima_beside(known: Vec<Minimum>, problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
     let mut found = known;
     for start in starts(problem, fixed) {
@@ -58,7 +59,7 @@ pub(crate) fn minima_beside(known: Vec<Minimum>, problem: &Problem, fixed: Fixed
     found
 }
 
-/// The minima with the one that a start leads to, if it is another or lower.
+/// Adds the minimum reached from a start, if it is new or lower.
 fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -> Vec<Minimum> {
     let is_known = |state: &State, cost: f64| found.iter().any(|known| leads_to(known, state, cost, problem));
     let summary = least_squares_unless(problem, start, MAX_STEPS, is_known);
@@ -71,8 +72,8 @@ fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -
     found
 }
 
-/// Whether a state is so near to a minimum that a run ends there: within a standard deviation of every parameter, and a
-/// chi-square of one.
+/// Whether a run from a state converges to a minimum: the state is within one standard deviation of every
+/// parameter, and one unit of chi-square.
 fn leads_to(minimum: &Minimum, state: &State, cost: f64, problem: &Problem) -> bool {
     let is_near = |i: usize| {
         let off = (state.parameters[i] - minimum.state.parameters[i]).abs();
@@ -81,11 +82,13 @@ fn leads_to(minimum: &Minimum, state: &State, cost: f64, problem: &Problem) -> b
     (0.0..1.0).contains(&(cost - minimum.chi2)) && (0..4).all(is_near)
 }
 
-/// A start from the camera turned by 180 degrees that lines fit alike (`plausibility.rs`), where a minimum is
-/// doubtful: on its side or beyond, looking up, or against a prior.
+/// Returns a start from the camera rotated by 180 degrees that lines fit equally well (`plausibility.rs`), if
+/// a minimum is doubtful.
+///
+/// A minimum is doubtful if the camera is sideways or upside down, looks up, or contradicts a prior.
 fn turned(minimum: &Minimum, problem: &Problem) -> Option<State> {
     use std::f64::consts::{FRAC_PI_4, PI, TAU};
-    /// Sigmas from which a minimum is against a prior.
+    /// Distance from a prior, in standard deviations, above which a minimum contradicts it.
     const AGAINST: f64 = 2.0;
     if !problem.free[ROLL] || !problem.free[PITCH] {
         return None;
@@ -103,7 +106,8 @@ fn turned(minimum: &Minimum, problem: &Problem) -> Option<State> {
     is_doubtful.then(|| problem.state_at([other, -pitch, log_focal, log_height])).flatten()
 }
 
-/// The minimum reached from a state nearby, as when an annotation is left out; it need not be regular.
+/// Returns the minimum reached from a nearby state, for example after an annotation was left out. It may be
+/// singular.
 pub(crate) fn minimum_near(problem: &Problem, state: &State) -> Option<Minimum> {
     let start = problem.state_at(state.parameters)?;
     minimum(problem, least_squares(problem, start, MAX_STEPS)?)
@@ -113,7 +117,7 @@ fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {
     let Summary { mut state, cost: chi2, normal, .. } = summary;
     let parameters = state.parameters;
     normalize_angles(&mut state, problem);
-    // The normal equations of the run hold for unchanged angles only.
+    // The normal equations of the run are valid for unchanged angles only.
     let uncertainty = if state.parameters == parameters {
         Uncertainty::new(&normal.information(problem.free), problem.free)
     } else {
@@ -122,11 +126,11 @@ fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {
     Some(Minimum { state, chi2, uncertainty })
 }
 
-/// Brings pitch into [-90, 90] degrees and roll into [-180, 180): a pitch beyond the vertical is the same
-/// camera with roll and yaw turned by 180 degrees.
+/// Normalises the pitch to [-90, 90] degrees and the roll to [-180, 180). A pitch beyond the vertical is the
+/// same camera with roll and yaw rotated by 180 degrees.
 fn normalize_angles(state: &mut State, problem: &Problem) {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
-    // A roll or pitch that is fixed or has a prior keeps the range it was given in.
+    // A roll or pitch that is fixed or has a prior keeps its range.
     if !problem.free[ROLL]
         || !problem.free[PITCH]
         || problem.priors.roll.is_some()
@@ -138,15 +142,16 @@ fn normalize_angles(state: &mut State, problem: &Problem) {
     if pitch.abs() > FRAC_PI_2 {
         *pitch = pitch.signum() * PI - *pitch;
         *roll += PI;
-        // The yaw turns by 180 degrees, too; the angle of a floor direction stays, for it is that of an axis.
+        // The yaw also changes by 180 degrees. The angle of a floor direction does not, because an axis has
+        // no sign.
     }
-    // A roll within the range keeps its last bit.
+    // A roll within the range is returned bit by bit.
     if !(-PI..PI).contains(roll) {
         *roll = (*roll + PI).rem_euclid(TAU) - PI;
     }
 }
 
-/// Whether two states are one minimum: nearer to each other than one standard deviation.
+/// Whether two states are the same minimum: their distance is below one standard deviation.
 fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     const NEAR: f64 = 1e-4;
     let turn = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
@@ -180,7 +185,7 @@ fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
     match (fixed.pitch, vanishing) {
         (Some(pitch), _) => rows.push(focals.iter().map(|f| [roll, pitch, f.ln(), log_height]).collect()),
         (None, Some([x, y, w])) => {
-            // d = f cot pitch, with the sign of the pitch.
+            // The distance of the vanishing point is f cot pitch, with the sign of the pitch.
             let w = if y < 0.0 { -w } else { w };
             let along = x.hypot(y);
             rows.push(focals.iter().map(|f| [roll, (f * w).atan2(along), f.ln(), log_height]).collect());
@@ -195,7 +200,8 @@ fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
     lowest(problem, &rows, MOST)
 }
 
-/// Focals to start from, in pixels: the fixed one, or a range and the mean of the prior.
+/// Returns the start values of the focal length, in pixels: the fixed one, or a range and the mean of the
+/// prior.
 fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
     if let Some(focal) = fixed.focal {
         return vec![focal];
@@ -207,7 +213,7 @@ fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
     focals
 }
 
-/// States at the local minima of the cost on a grid of parameters, the lowest first.
+/// Returns the states at the local minima of the cost on a grid of parameters, the lowest first.
 fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State> {
     let states: Vec<Vec<Option<(f64, State)>>> = rows
         .iter()
@@ -240,58 +246,58 @@ fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State
         .collect()
 }
 
-/// Minima, with the weak prior on the focal where it tells something beside the constraints.
+/// Minima, with the weak prior on the focal length if it was added.
 #[derive(Clone, Debug)]
 pub(crate) struct Solutions {
-    /// What is reported, the lowest first.
+    /// Reported minima, the lowest first.
     pub(crate) minima: Vec<Minimum>,
-    /// The weak prior, where it entered.
+    /// Weak prior, if it was added.
     pub(crate) weak_prior: Option<WeakPrior>,
 }
 
-/// The weak prior beside constraints.
+/// Weak prior as it was added to the constraints.
 #[derive(Clone, Debug)]
 pub(crate) struct WeakPrior {
-    /// As it stands in the cost, which is in units of the noise that was assumed: where the noise is larger, its sigma is
-    /// as much smaller there.
+    /// Prior in the cost. The cost is in units of the assumed noise, so for larger noise the sigma is reduced
+    /// accordingly.
     pub(crate) prior: Prior,
-    /// How many times as large as assumed the variance of drawings was taken to be.
+    /// Ratio of the estimated to the assumed variance of the annotation noise.
     pub(crate) spread: f64,
-    /// The minima without it, the lowest first.
+    /// Minima without the weak prior, the lowest first.
     pub(crate) without: Vec<Minimum>,
 }
 
 impl Solutions {
-    /// The minima without the weak prior, the lowest first.
+    /// Returns the minima without the weak prior, the lowest first.
     pub(crate) fn without_weak_prior(&self) -> &[Minimum] {
         self.weak_prior.as_ref().map_or(&self.minima, |weak| &weak.without)
     }
 
-    /// Standard deviation of the log focal without the weak prior, for the noise that was assumed.
+    /// Returns the standard deviation of the log focal length without the weak prior, for the assumed noise.
     pub(crate) fn log_focal_sigma(&self) -> f64 {
         self.without_weak_prior().first().map_or(f64::INFINITY, |best| best.uncertainty.sigma(LOG_FOCAL))
     }
 
-    /// What the weak prior has in the cost of one of the minima.
+    /// Returns the contribution of the weak prior to the cost of a minimum.
     fn square_of_prior(&self, minimum: &Minimum) -> f64 {
         let off =
             |weak: &WeakPrior| (minimum.state.parameters[LOG_FOCAL] - weak.prior.value) / weak.prior.sigma;
         self.weak_prior.as_ref().map_or(0.0, |weak| off(weak).powi(2))
     }
 
-    /// The chi-square of one of the minima without that of the weak prior.
+    /// Returns the chi-square of a minimum without the weak prior.
     pub(crate) fn chi2_of_drawings(&self, minimum: &Minimum) -> f64 {
         minimum.chi2 - self.square_of_prior(minimum)
     }
 
-    /// The same with that of the weak prior, by its sigma as it is stated.
+    /// Returns the chi-square of a minimum with the weak prior, at its stated sigma.
     pub(crate) fn chi2_with_prior(&self, minimum: &Minimum) -> f64 {
         let spread = self.weak_prior.as_ref().map_or(1.0, |weak| weak.spread);
         self.chi2_of_drawings(minimum) + self.square_of_prior(minimum) / spread
     }
 }
 
-/// Solves without the weak prior, and again with it where that leaves the focal open.
+/// Solves without the weak prior, and again with it if the focal length is undetermined.
 pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior: bool) -> Solutions {
     let minima = minima(problem, fixed);
     let found = Solutions { minima, weak_prior: None };
@@ -303,7 +309,7 @@ pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior:
     }
 }
 
-/// The minima with the weak prior, beside drawings whose variance is so many times what was assumed.
+/// Recomputes the minima with the weak prior, for a noise variance of `spread` times the assumed one.
 pub(crate) fn with_weak_prior(
     problem: &Problem,
     fixed: FixedParameters,

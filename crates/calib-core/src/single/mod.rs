@@ -1,22 +1,28 @@
-//! Stage 1: roll, pitch, focal and height of one camera, with their covariance, from what was drawn on its
-//! image.
+//! Stage 1: roll, pitch, focal length and height of one camera, with their covariance, from its annotations.
 //!
-//! Law: one image; no document, no other camera. The files in the order of the data:
+//! Rule: one image; no document and no other camera. The files in data-flow order:
 //!
-//! - `annotation` what was drawn, in raw pixels, and the table of kinds; `usual_sizes` things of
-//!   known size; `scene_errors` how far the scene may be
-//!   from it; `constraints` the same, undistorted, by `drawn_constraints`; `overlaps`, `repeats`, `redrawing` what of
-//!   it is drawn more than once, and counts once;
-//! - `straightness`, `edge_information`, `fitted`, `lens_prior`, `lens_problem`, `open_lens`, `plumb_line` the distortion from straight edges: residuals, which edges
-//!   are informative, the fit of a lens;
-//! - `orientation`, `fixed_parameters` what is estimated, and what of it is known for certain;
-//! - `vanishing_point`, `abramov` the paper's method: closed forms and the criterion C;
-//! - `prior`, `nuisances`, `residual`, `size_residual`, `directions`, `likelihood`, `crossfall`, `leverage`, `prediction` the least-squares problem: **the residual of a vertical line** and of
-//!   every other constraint is in `residual` and `size_residual`, with the formula and its Jacobian;
-//! - `chi_square`, `minima`, `outliers` the test of residuals, all local minima, and leave-one-out rejection; `upright_heights` whether uprights contradict each other;
-//! - `plausibility` what is believed of cameras: they stand upright and show the floor;
-//! - `accuracy` the covariance propagated to the floor: **the sigma of floor lengths**;
-//! - `fit` the front door: [`Fit::new`] runs all of it; `scene_likelihood` how likely drawings are under sigmas; `link_design` what shared points would tell; `advice` the findings about a fit, and what to draw next.
+//! - `annotation`: annotations in raw pixels, the table of their kinds, and usual sizes of common objects;
+//! - `scene_errors`: standard deviations of the scene's own errors (sloping floors, corners off 90 degrees);
+//! - `parameters`: orientation, fixed parameters, priors on parameters and planes, choice of distortion
+//!   coefficients;
+//! - `overlaps`: lines that are drawn more than once, so that repeated evidence counts once;
+//! - `constraints`: undistorted constraints computed from the annotations;
+//! - `straightness`, `lens_problem`, `plumb_line`: distortion from straight edges: the residuals, the
+//!   least-squares problem with its priors, and the model selection;
+//! - `vanishing_point`, `abramov`: the paper's method: closed forms and the criterion C;
+//! - `nuisances`: layout and priors of the nuisance parameters;
+//! - `residual`, `size_residual`: **residuals of a vertical line and of every other constraint**, with
+//!   formulas and Jacobians;
+//! - `plane_frame`, `directions`, `crossfall`, `sizes`, `likelihood`: the least-squares problem over all
+//!   constraints;
+//! - `minima`, `outliers`: all local minima, the chi-square test, leave-one-out rejection, contradictory
+//!   uprights;
+//! - `prediction`: residuals of constraints under fixed cameras, and the predicted gain of leaving one out;
+//! - `accuracy`: covariance propagated to **the relative error of floor lengths**;
+//! - `plausibility`: prior that cameras are upright and see the floor;
+//! - `fit`: entry point; [`Fit::new`] runs the whole estimate;
+//! - `advice`: findings about a fit, and suggested annotations.
 
 mod annotation;
 mod scene_errors;

@@ -1,12 +1,14 @@
-//! The nuisance parameters of one camera: where each is in a state, which block of the normal equations it is
-//! in, and its prior.
+//! Nuisance parameters of one camera: their positions in a state, their blocks in the normal equations, and
+//! their priors.
 
 use crate::optimize::NuisanceLayout;
 use crate::single::constraints::{Constraints, Direction, DrawnPlane, Line};
 
-/// Where the nuisance parameters of constraints are in a state: the angles of the groups, the log lengths of
-/// the groups of lengths, azimuth and elevation of every deviation, the two tilts, and of every plane that
-/// something was drawn on its two slopes and its height under the camera.
+/// Layout of the nuisance parameters in a state.
+///
+/// The order is: angle of every group of directions, log length of every group of lengths, azimuth and
+/// elevation of every deviation, the two tilts, and for every annotated plane its two slopes and its height
+/// under the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nuisances {
     groups: usize,
@@ -15,14 +17,14 @@ pub(crate) struct Nuisances {
     planes: usize,
 }
 
-/// The nuisance parameters that a drawing on a plane depends on, by their first index.
+/// First indices of the nuisance parameters that an annotation on a plane depends on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlaneNuisances {
-    /// Of the two tilts of the floor.
+    /// Index of the two tilts of the floor.
     pub(crate) tilt: Option<usize>,
-    /// Of the two slopes of the plane.
+    /// Index of the two slopes of the plane.
     pub(crate) slope: Option<usize>,
-    /// Of its height under the camera.
+    /// Index of the height of the plane under the camera.
     pub(crate) foot: Option<usize>,
 }
 
@@ -33,23 +35,26 @@ impl Nuisances {
         Self { groups: *groups, lengths, deviations, planes }
     }
 
-    /// The log length of a group of lengths.
+    /// Returns the index of the log length of a group of lengths.
     pub(crate) fn length(&self, group: usize) -> usize {
         self.groups + group
     }
 
-    /// The azimuth of a deviation; its elevation is the next.
+    /// Returns the index of the azimuth of a deviation; its elevation is the next.
     pub(crate) fn deviation(&self, deviation: usize) -> usize {
         self.groups + self.lengths + 2 * deviation
     }
 
-    /// The lean of the verticals to the right; that away from the camera is the next.
+    /// Returns the index of the lean of the verticals to the right; the lean away from the camera is the
+    /// next.
     pub(crate) fn tilt(&self) -> usize {
         self.deviation(self.deviations)
     }
 
-    /// The slope of a plane to the right; that away from the camera and the height under it, less that which the
-    /// plane is thought to have, are the next.
+    /// Returns the index of the slope of a plane to the right.
+    ///
+    /// The slope away from the camera is the next. The third is the height under the camera, relative to the
+    /// expected height of the plane.
     pub(crate) fn plane(&self, plane: usize) -> usize {
         self.tilt() + 2 + 3 * plane
     }
@@ -58,8 +63,8 @@ impl Nuisances {
         self.plane(self.planes)
     }
 
-    /// The blocks of parameters that have residuals in common: a group with its deviations, a length, and the
-    /// tilt with all planes and what was drawn on them.
+    /// Returns the blocks of parameters that share residuals: a group with its deviations, a length, and the
+    /// tilt with all planes and their annotations.
     pub(crate) fn layout<E>(&self, constraints: &Constraints<E>) -> NuisanceLayout {
         let common = self.groups + self.lengths;
         let mut block_of: Vec<usize> = (0..common).collect();
@@ -82,8 +87,8 @@ impl Nuisances {
 }
 
 impl<E> Constraints<E> {
-    /// Calls `sink` with the index of every nuisance parameter that has a prior of its own, and its sigma; the two
-    /// tilts have theirs together (`crossfall.rs`).
+    /// Calls `sink` with the index and sigma of every nuisance parameter that has its own prior. The two
+    /// tilts have a joint prior (`crossfall.rs`).
     pub(crate) fn each_scene_prior(&self, mut sink: impl FnMut(usize, f64)) {
         let nuisances = Nuisances::of(self);
         let deviations = self.deviations.iter().enumerate().flat_map(|(index, deviation)| {
@@ -99,19 +104,19 @@ impl<E> Constraints<E> {
         planes.filter(|&(_, sigma)| sigma > 0.0).for_each(|(index, sigma)| sink(index, sigma));
     }
 
-    /// Whether the length of a group is known to the millimetre.
+    /// Whether the length of a group is known exactly.
     pub(crate) fn has_exact_length(&self, group: usize) -> bool {
         self.length_groups[group].is_some_and(|known| known.sigma.is_none())
     }
 
-    /// The standard deviation of the tilt; none where no vertical shows it, or none is allowed.
+    /// Returns the standard deviation of the tilt; `None` without verticals, or if the scene has no tilt.
     pub(crate) fn tilt_sigma(&self) -> Option<f64> {
         let is_vertical = |line: &Line<E>| line.direction == Direction::Vertical;
         let has_verticals = || !self.uprights.is_empty() || self.lines.iter().any(is_vertical);
         Some(self.scene.floor_tilt).filter(|&sigma| sigma > 0.0 && has_verticals())
     }
 
-    /// The nuisance parameters of a drawing on a plane.
+    /// Returns the nuisance parameters of an annotation on a plane.
     pub(crate) fn nuisances_on(&self, plane: usize) -> PlaneNuisances {
         let (nuisances, drawn) = (Nuisances::of(self), &self.planes[plane]);
         let at = nuisances.plane(plane);

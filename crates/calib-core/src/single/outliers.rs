@@ -1,18 +1,22 @@
-//! Outliers among the annotations of one camera: a chi-square test of all residuals, and where it fails
-//! leave-one-out.
+//! Outliers among the annotations of one camera: a chi-square test of all residuals, then leave-one-out if it
+//! fails.
 //!
-//! Where the test fails, the fit is repeated without each annotation; the one without which the rest agrees
-//! best is rejected. A large residual is no substitute for that: an outlier pulls the fit toward itself,
-//! and with few lines its residual may be the smallest. Of many lines only those are left out in turn without
-//! which the linear model promises most ([`Problem::chi2_without`]): residuals freed of their own leverage,
-//! which cost a four by four system each and no fit.
+//! If the test fails, the fit is repeated without each annotation. The annotation whose removal gives the
+//! best agreement of the rest is rejected. A large residual is not a substitute: an outlier pulls the fit
+//! toward itself, and with few lines its residual may be the smallest. With many lines only the most
+//! promising are left out, ranked by the linear model ([`Problem::chi2_without`]). Its residuals are
+//! corrected for their own leverage. Each costs a four by four system instead of a fit.
 //!
-//! How high a camera is by each upright alone: where they contradict each other, the wrong one is at an end.
+//! # Contradictory uprights
 //!
-//! Under an orientation, the ray of the foot meets the floor at the distance `z |f|` from the point below the camera,
-//! `z` being the camera's height and `f` what the ray moves along the floor while it falls one metre. The ray of the
-//! head, with the part `a` along `f` and the rise `c`, passes above that point at the height `z + z |f| c / a`, which is
-//! that of the upright, `h`: so `z = h a / (a + |f| c)`.
+//! Each upright alone determines the camera height. If these heights contradict each other, the wrong upright
+//! is the lowest or the highest.
+//!
+//! For a known orientation, let `z` be the height of the camera, and `f` the horizontal vector that the ray
+//! of the foot covers while it falls one metre. The foot is at the distance `z |f|` from the point below the
+//! camera. Let the ray of the head have the component `a` along `f` and the rise `c`. It passes above the
+//! foot at the height `z + z |f| c / a`, which equals the height `h` of the upright. So `z = h a / (a + |f|
+//! c)`.
 
 use crate::camera::{Camera, Pixel};
 use crate::optimize::{chi2_score, is_misfit};
@@ -22,10 +26,10 @@ use crate::single::likelihood::Problem;
 use crate::single::minima::{Minimum, Solutions, minima_beside, minimum_near, solve};
 use crate::single::parameters::FixedParameters;
 
-/// The uprights by which a camera is lowest and highest, each with that height in metres, where these contradict each
-/// other.
+/// Returns the uprights that give the lowest and the highest camera height, each with that height in metres,
+/// if they contradict each other.
 pub fn heights_apart(camera: &Camera, annotations: &[Annotation]) -> Option<[(Source, f64); 2]> {
-    /// Ratio of heights that a foot and a head drawn with the usual noise do not reach.
+    /// Largest ratio of heights that can result from the usual noise of foot and head.
     const APART: f64 = 1.04;
     let on = annotations.iter().enumerate().filter(|(_, annotation)| !annotation.off);
     let mut heights: Vec<(Source, f64)> = on
@@ -39,7 +43,8 @@ pub fn heights_apart(camera: &Camera, annotations: &[Annotation]) -> Option<[(So
     (highest.1 > APART * lowest.1).then_some([lowest, highest])
 }
 
-/// How high a camera of this orientation is by an upright of known height on the floor.
+/// Returns the camera height determined by one upright of known height on the floor, for the orientation of
+/// `camera`.
 fn height_by(camera: &Camera, annotation: &Annotation) -> Option<f64> {
     let on_floor = annotation.plane.is_none();
     let (foot, head) = annotation.foot.zip(annotation.head).filter(|_| on_floor)?;
@@ -53,45 +58,47 @@ fn height_by(camera: &Camera, annotation: &Annotation) -> Option<f64> {
     (fall < 0.0 && forward > 0.0 && height.is_finite() && height > 0.0).then_some(height)
 }
 
-/// The factor of the assumed variance of a drawn coordinate that the residuals estimate: `chi2 / dof`, at
-/// least 1. It is 1 where there are too few residuals for an estimate, unless they are a misfit.
+/// Returns the estimated factor of the assumed variance of a drawn coordinate: `chi2 / dof`, at least 1.
+///
+/// It is 1 if there are too few residuals for an estimate, unless they are a misfit.
 pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
-    /// Least degrees of freedom from which the noise is estimated.
+    /// Minimum degrees of freedom for an estimate of the noise.
     const MIN_DOF: i64 = 10;
     if dof >= MIN_DOF || is_misfit(chi2, dof) { (chi2 / dof as f64).max(1.0) } else { 1.0 }
 }
 
-/// Whether a constraint is an outlier against the scatter of the rest, whatever the noise is: its externally
-/// studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')` with the primes for the fit without it, at a
-/// level of 1 % for the largest of `count` constraints.
+/// Whether a constraint is an outlier relative to the scatter of the rest, for any noise level.
+///
+/// The test uses its externally studentised residual, `t^2 = (chi2 - chi2') / (chi2' / dof')`, with primes
+/// for the fit without it. The level is 1 % for the largest of `count` constraints.
 pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
-    /// Normal quantile of 0.005: two sides of 1 %.
+    /// Normal quantile of 0.005: two-sided 1 %.
     const TWO_SIDED: f64 = 2.576;
     if dof_without < 3 {
         return false;
     }
     let nu = dof_without as f64;
-    // The normal quantile for the largest of many, and Student's from it.
+    // Normal quantile for the largest of many, and Student's quantile from it.
     let z = (TWO_SIDED * TWO_SIDED + 2.0 * (count as f64).ln()).sqrt();
     let student = student_quantile(z, nu);
     chi2 - chi2_without > student * student * chi2_without / nu
 }
 
-/// The quantile of Student's distribution at the level of a normal quantile `z`, for three degrees of freedom
-/// or more (Abramowitz and Stegun 1964, 26.7.5).
+/// Returns the quantile of Student's distribution at the level of a normal quantile `z`, for at least three
+/// degrees of freedom (Abramowitz and Stegun 1964, 26.7.5).
 fn student_quantile(z: f64, nu: f64) -> f64 {
     z + (z.powi(3) + z) / (4.0 * nu)
         + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * nu * nu)
         + (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / (384.0 * nu.powi(3))
 }
 
-/// The factor by which a standard deviation is wider whose noise is estimated from residuals: so many times
-/// the normal interval is the interval of 95 % of Student's distribution.
+/// Returns the factor that widens a standard deviation if its noise is estimated from residuals.
+///
+/// The widened normal interval equals the 95 % interval of Student's distribution.
 pub(crate) fn student_factor(dof: i64) -> f64 {
     /// Normal quantile of 0.975.
     const Z: f64 = 1.959_964;
-    // Of one and of two degrees of freedom the distribution has a closed form: tan(0.475 pi), and
-    // 0.95 sqrt(2 / (1 - 0.95^2)).
+    // One and two degrees of freedom have closed forms: tan(0.475 pi), and 0.95 sqrt(2 / (1 - 0.95^2)).
     match dof {
         ..=1 => 12.706_205 / Z,
         2 => 4.302_653 / Z,
@@ -99,68 +106,73 @@ pub(crate) fn student_factor(dof: i64) -> f64 {
     }
 }
 
-/// Whether residuals are so large that what was drawn is no drawing of a scene of this kind: over five times
-/// the noise that was assumed. Hands and bent edges err by a few pixels; beyond that, lines are not what they
-/// are said to be, their errors are not noise, and no factor makes a standard deviation of them.
+/// Whether the residuals are so large that the annotations cannot belong to a scene of this kind: over five
+/// times the assumed noise.
+///
+/// Clicks and curved edges have errors of a few pixels. Larger errors are wrong annotations, not noise, and
+/// no factor converts them to a standard deviation.
 pub fn is_inconsistent(chi2: f64, dof: i64) -> bool {
     const MOST_SIGMAS: f64 = 5.0;
     is_misfit(chi2, dof) && chi2 > MOST_SIGMAS * MOST_SIGMAS * dof as f64
 }
 
-/// What the residuals tell of the drawing noise.
+/// Annotation noise as estimated from the residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Noise {
-    /// The factor of its assumed variance.
+    /// Factor of the assumed variance.
     pub(crate) inflation: f64,
-    /// From how many degrees of freedom it is estimated; `None` where it is assumed.
+    /// Degrees of freedom of the estimate; `None` if the noise is assumed.
     pub(crate) dof: Option<i64>,
 }
 
 impl Noise {
-    /// The noise that was given.
+    /// Noise given by the caller.
     pub(crate) const GIVEN: Self = Self { inflation: 1.0, dof: None };
 
-    /// The noise by [`inflation`]. Where lines were rejected so that the rest would agree, the noise that was
-    /// assumed is refuted, and only what is left speaks for it.
+    /// Estimates the noise by [`inflation`].
+    ///
+    /// If lines were rejected to make the rest agree, the assumed noise is refuted. Then only the remaining
+    /// residuals are evidence of the noise.
     pub(crate) fn estimated(chi2: f64, dof: i64, rejected: usize) -> Self {
         let inflation = inflation(chi2, dof);
         let is_estimated = inflation > 1.0 || rejected > 0;
         Self { inflation, dof: is_estimated.then_some(dof) }
     }
 
-    /// The factor of covariances: by the noise, and by how few residuals tell it.
+    /// Returns the factor of covariances: the inflation and the widening for few residuals.
     pub(crate) fn spread(&self) -> f64 {
         self.inflation * self.widening().powi(2)
     }
 
-    /// The factor of standard deviations for so few degrees of freedom ([`student_factor`]).
+    /// Returns the factor of standard deviations for few degrees of freedom ([`student_factor`]).
     pub(crate) fn widening(&self) -> f64 {
         self.dof.map_or(1.0, student_factor)
     }
 }
 
-/// How outliers are searched for.
+/// Options of the outlier search.
 #[derive(Clone, Copy)]
 pub(crate) struct OutlierSearch<'a> {
     pub(crate) fixed: FixedParameters,
-    /// Whether the weak prior on the focal may enter.
+    /// Whether the weak prior on the focal length is allowed.
     pub(crate) weak_prior: bool,
-    /// Whether the drawing noise was given, so that a chi-square is a test of the fit. If not, the noise may
-    /// be larger than assumed, and where more than one constraint is rejected each must be significant
-    /// against the scatter of the others ([`is_significant`]).
+    /// Whether the noise was given, so that a chi-square tests the fit.
+    ///
+    /// If not, the noise may be larger than assumed. Then, if more than one constraint is rejected, each must
+    /// be significant relative to the scatter of the others ([`is_significant`]).
     pub(crate) noise_is_known: bool,
-    /// Which constraints are never rejected.
+    /// Predicate for constraints that are never rejected.
     pub(crate) keep: &'a dyn Fn(Source) -> bool,
 }
 
-/// The solutions without outliers, and the outliers.
+/// Returns the solutions without outliers, and the outliers.
 ///
-/// At most a third of the degrees of freedom, and at most four constraints, are rejected; where no rejection
-/// explains the misfit, none is made.
+/// At most a third of the degrees of freedom, and at most four constraints, are rejected. If no rejection
+/// explains the misfit, nothing is rejected.
 pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -> (Solutions, Vec<Source>) {
     let mut rejected: Vec<Source> = Vec::new();
     let mut results = vec![solve(problem, search.fixed, search.weak_prior)];
-    // How many of the rejections, from the first, are confirmed.
+    // Number of confirmed rejections, counted from the first.
     let mut confirmed = 0;
     let most = (problem.dof() / 3).clamp(1, 4);
     for round in 0..=most {
@@ -183,7 +195,8 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
         let chi2_before = best.chi2;
         rejected.push(source);
         let fewer = Problem { rejected: &rejected, ..problem.clone() };
-        // Where another one explains as well, nobody knows which is wrong: all stay.
+        // If another rejection explains the misfit equally well, the outlier is ambiguous and none is
+        // rejected.
         if !is_misfit(runner_up, fewer.dof()) && runner_up < chi2 + AS_WELL {
             break;
         }
@@ -196,12 +209,15 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
     (results.swap_remove(confirmed), rejected)
 }
 
-/// From more constraints than so many one moves the minimum too little to lead to another, and has next to no
-/// leverage: its residual tells what its rejection gains.
+/// Number of constraints above which leaving one out does not lead to another minimum.
+///
+/// Each constraint then has almost no leverage, so its residual predicts the gain of its rejection.
 const MANY: usize = 400;
 
-/// Whether leaving out so many of the constraints may make a fit of the rest. Of few constraints nobody knows before
-/// it is tried; of many the largest residuals tell, with a margin for what they pull.
+/// Whether rejecting up to `most` constraints may remove the misfit.
+///
+/// With few constraints this is unknown before trying. With many, the largest residuals predict it, with a
+/// margin for their influence on the fit.
 fn may_explain(problem: &Problem, best: &Minimum, most: i64) -> bool {
     const MARGIN: f64 = 4.0;
     let count = sources(problem).len();
@@ -217,20 +233,21 @@ fn may_explain(problem: &Problem, best: &Minimum, most: i64) -> bool {
     !is_misfit(best.chi2 - MARGIN * gain, problem.dof() - most)
 }
 
-/// Chi-square by which the next best rejection must be worse for the best one to be told from it.
+/// Minimum difference in chi-square between the best and the second-best rejection.
 const AS_WELL: f64 = 2.0;
 
-/// The constraint without which the rest has the least chi-square score.
+/// Constraint whose rejection gives the smallest chi-square score of the rest.
 struct Outlier {
     source: Source,
-    /// The chi-square without it.
+    /// Chi-square without it.
     chi2: f64,
-    /// The least chi-square without any other one.
+    /// Smallest chi-square without any other constraint.
     runner_up: f64,
 }
 
 fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<Outlier> {
-    /// Most constraints for all of which every start is tried again, and how many of more are.
+    /// Largest number of candidates that are all solved from every start, and the number solved so if there
+    /// are more.
     const MAX_MULTISTART: usize = 40;
     const MULTISTART_OF_MORE: usize = 10;
     let candidates = outlier_candidates(problem, best, search);
@@ -247,7 +264,7 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
         if without.dof() < 1 {
             continue;
         }
-        // A gross error may have led the fit to another minimum: all starts are tried, not only this one.
+        // A gross error may have led the fit to another minimum, so all starts are tried, not only this one.
         let mut found: Vec<Minimum> = minimum_near(&without, &best.state).into_iter().collect();
         if rank < multistart {
             found = minima_beside(found, &without, search.fixed);
@@ -260,11 +277,12 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
     Some(Outlier { source, chi2, runner_up: scored.get(1).map_or(f64::INFINITY, |&(_, _, chi2)| chi2) })
 }
 
-/// The constraints that are left out in turn, the largest residuals first; of many, the most promising first.
+/// Returns the constraints to leave out in turn, the largest residuals first; with many constraints, the most
+/// promising first.
 fn outlier_candidates(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
-    /// From more than so many they are chosen.
+    /// Number of constraints above which candidates are selected.
     const FEW: usize = 40;
-    /// How many are.
+    /// Number of selected candidates.
     const MOST: usize = 16;
     let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
     found.retain(|(source, _)| !(search.keep)(*source));
@@ -296,7 +314,7 @@ mod tests {
     use crate::camera::{WorldPoint, any_camera};
     use crate::single::annotation::{Kind, Known};
 
-    /// Somebody who stands there, as the camera shows them, said to be of another height.
+    /// Returns the annotation of an upright with `height`, annotated with the height `stated`.
     fn upright(camera: &Camera, [x, y]: [f64; 2], height: f64, said: f64) -> Option<Annotation> {
         let shown = |z: f64| camera.world_to_pixel(WorldPoint::new(x, y, z));
         let mut annotation = Annotation::new(Kind::Upright);

@@ -1,30 +1,28 @@
-//! Polylines that lie on each other: what is drawn more than once.
+//! Overlapping polylines: evidence that is drawn more than once, and its repeat counts.
 //!
-//! A polyline lies on another as far as its pieces have both ends beside pieces of the other; a shorter one does
-//! not count against a longer one. What is drawn alike to the last bit is one place, looked at once. Pieces stand
-//! sorted by their angle: two of which one lies on the other differ in angle by no more than their distance over
-//! the length of the one, so that of many lines few are compared.
+//! Two annotations of the same edge share its errors: if the edge is curved or misplaced, every copy has the
+//! same error. So the copies together count as one. The variance of each copy is multiplied by its repeat
+//! count. The count is 1 plus the fraction of the segment that each other copy covers. A short piece does not
+//! count against a longer line. An unknown of the copies alone, for example their direction or length, is a
+//! single unknown.
 //!
-//! Evidence that is drawn more than once: what is drawn again shares what is wrong with it.
-//!
-//! A hand that follows an edge again follows the same edge: where it is bent, or is not where it seems to be,
-//! every copy errs alike. So the copies together say what one of them says: the variance of each is multiplied
-//! by how many there are, counting of every other one the share of the segment that it covers. A short piece
-//! beside a long one does not count against the long one. What is unknown of the copies alone, as their direction
-//! or their length, is one unknown.
+//! A polyline overlaps another as far as its pieces have both ends within [`MAX_OVERLAP_DISTANCE_PX`] of
+//! pieces of the other. Polylines that are identical bit by bit share one location, which is evaluated once.
+//! Pieces are sorted by angle. If one piece overlaps another, their angles differ by at most the distance
+//! divided by the length of the one. So only few pairs of many lines are compared.
 
 use std::collections::HashMap;
 
 use crate::outcome::Source;
 
-/// How far a segment may lie beside another, in pixels, to be on the same edge.
+/// Largest distance between two segments of the same edge, in pixels.
 pub const BESIDE: f64 = 3.0;
-/// Of what length, relative to a segment's own, a segment is that counts against it.
+/// Minimum length of another segment that counts against a segment, relative to its length.
 const AS_LONG: f64 = 0.8;
-/// From which length on a piece has an angle that tells what may lie on it, in pixels.
+/// Minimum length of a piece whose angle restricts the candidates, in pixels.
 const WITH_ANGLE: f64 = 8.0 * BESIDE;
 
-/// How often a polyline is drawn: among all that have a class, and in its own class; itself counts as one.
+/// Repeat count of a polyline, including itself: among all polylines that have a class, and in its own class.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Count {
     pub(crate) all: f64,
@@ -32,18 +30,18 @@ pub(crate) struct Count {
 }
 
 impl Count {
-    /// Which share of all is in its own class; all of it where it has none.
+    /// Returns the fraction of the copies that are in its own class; 1 without a class.
     pub(crate) fn share(&self) -> f64 {
         if self.all > 0.0 { self.own / self.all } else { 1.0 }
     }
 }
 
-/// Polylines by the places where they are drawn.
+/// Polylines, grouped by location.
 pub(crate) struct Overlaps<'a> {
     places: Vec<Extent<'a>>,
-    /// The place of every polyline.
+    /// Location of every polyline.
     place_of: Vec<usize>,
-    /// Of all places, by their angle.
+    /// Pieces of all locations, sorted by angle.
     pieces: Vec<Piece>,
 }
 
@@ -66,12 +64,13 @@ impl<'a> Overlaps<'a> {
         Self { places, place_of, pieces }
     }
 
-    /// How often every polyline is drawn.
+    /// Returns the repeat count of every polyline.
     pub(crate) fn times(&self) -> Vec<f64> {
         self.counts([&|_| Some(0)]).into_iter().map(|[count]| count.all).collect()
     }
 
-    /// How often every polyline is drawn, by each of several classifications; without a class it counts in none.
+    /// Returns the repeat counts of every polyline for each of several classifications. A polyline without a
+    /// class is not counted.
     pub(crate) fn counts<const N: usize>(
         &self,
         classes: [&dyn Fn(usize) -> Option<usize>; N],
@@ -89,7 +88,7 @@ impl<'a> Overlaps<'a> {
         self.place_of.iter().enumerate().map(of).collect()
     }
 
-    /// What is drawn at every place.
+    /// Counts the polylines at every location.
     fn tallies(&self, class: &dyn Fn(usize) -> Option<usize>) -> Vec<Tally> {
         let mut classes: Vec<Vec<usize>> = vec![Vec::new(); self.places.len()];
         for (polyline, &place) in self.place_of.iter().enumerate() {
@@ -98,9 +97,10 @@ impl<'a> Overlaps<'a> {
         classes.into_iter().map(Tally::new).collect()
     }
 
-    /// Calls `sink` with every place, another one that it lies on, and the share of it that does.
+    /// Calls `sink` with every location, another location that it overlaps, and the overlapping fraction of
+    /// it.
     fn each_overlap(&self, mut sink: impl FnMut(usize, usize, f64)) {
-        // Of the piece at hand and of its place, with every other place.
+        // Overlap of the current piece and of the current location with every other location.
         let (mut of_piece, mut of_place) = (Lengths::of(self.places.len()), Lengths::of(self.places.len()));
         for (index, own) in self.places.iter().enumerate().filter(|(_, own)| own.length > 0.0) {
             for ends in segments(own.points) {
@@ -116,7 +116,7 @@ impl<'a> Overlaps<'a> {
         }
     }
 
-    /// Calls `sink` with every piece that a piece of a polyline may lie on.
+    /// Calls `sink` with every piece that a piece of a polyline may overlap.
     fn each_near(&self, own: &Extent, ends: &[[f64; 2]; 2], mut sink: impl FnMut(&Piece)) {
         use std::f64::consts::PI;
         let whole = length(ends);
@@ -143,7 +143,7 @@ impl<'a> Overlaps<'a> {
     }
 }
 
-/// Lengths by place, of few places at a time.
+/// Lengths by location, with few non-zero entries at a time.
 struct Lengths {
     by_place: Vec<f64>,
     known: Vec<usize>,
@@ -170,7 +170,7 @@ impl Lengths {
     }
 }
 
-/// What is drawn at one place: how much, and how much of which class, by its number.
+/// Number of polylines at one location, in total and by class.
 struct Tally {
     all: f64,
     by_class: Vec<(usize, f64)>,
@@ -183,7 +183,7 @@ impl Tally {
         Self { all: classes.len() as f64, by_class }
     }
 
-    /// Where a class stands in the list.
+    /// Returns the position of a class in the list.
     fn position(&self, class: usize) -> Option<usize> {
         self.by_class.binary_search_by_key(&class, |&(known, _)| known).ok()
     }
@@ -193,7 +193,8 @@ impl Tally {
     }
 }
 
-/// What is drawn at one place and where it lies on other places: all, and of the classes of the place.
+/// Weighted number of polylines at one location and at overlapping locations, in total and for the classes of
+/// the location.
 struct Sum {
     all: f64,
     by_class: Vec<f64>,
@@ -217,11 +218,11 @@ impl Sum {
     }
 }
 
-/// One segment of what is drawn at a place.
+/// Segment of a polyline at a location.
 struct Piece {
     place: usize,
     ends: [[f64; 2]; 2],
-    /// In [0, pi).
+    /// Angle, in [0, pi).
     angle: f64,
 }
 
@@ -231,7 +232,7 @@ impl Piece {
     }
 }
 
-/// A polyline with its length and the box around it.
+/// Polyline with its length and bounding box.
 struct Extent<'a> {
     points: &'a [[f64; 2]],
     length: f64,
@@ -250,7 +251,7 @@ impl<'a> Extent<'a> {
         }
     }
 
-    /// Whether another is long enough to count, and anywhere near.
+    /// Whether another polyline is long enough to count, and near enough.
     fn may_lie_on(&self, other: &Self) -> bool {
         let is_near =
             |k: usize| self.low[k] <= other.high[k] + BESIDE && other.low[k] <= self.high[k] + BESIDE;
@@ -266,18 +267,18 @@ fn length([a, b]: &[[f64; 2]; 2]) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
-/// The angle of the line through two points, in [0, pi).
+/// Returns the angle of the line through two points, in [0, pi).
 fn angle([a, b]: &[[f64; 2]; 2]) -> f64 {
     let angle = (b[1] - a[1]).atan2(b[0] - a[0]).rem_euclid(std::f64::consts::PI);
     if angle < std::f64::consts::PI { angle } else { 0.0 }
 }
 
-/// Whether a segment lies on another as far as would have it count as drawn again.
+/// Whether a segment overlaps another so far that it counts as a repeat.
 pub(crate) fn lies_on(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> bool {
     common_length(segment, other) >= AS_LONG * length(segment)
 }
 
-/// The length of a segment that lies on another.
+/// Returns the length of a segment's overlap with another.
 fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
     let [from, to] = *other;
     let reach = length(other);
@@ -296,14 +297,14 @@ fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
     (a.max(b).min(reach) - a.min(b).max(0.0)).max(0.0)
 }
 
-/// How often what is drawn more than once is drawn.
+/// Repeat counts of segments that are drawn more than once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Repeats {
-    /// By its source, and in the order of these.
+    /// Repeat counts by segment, sorted.
     times: Vec<(Source, f64)>,
-    /// Which share a group of directions is of all that draw the same, where it is not all.
+    /// Share of a group of directions among all copies of the same lines, if less than 1.
     directions: Vec<(usize, f64)>,
-    /// Which share a group of lengths is of all that draw the same, where it is not all.
+    /// Share of a group of lengths among all copies of the same segments, if less than 1.
     lengths: Vec<(usize, f64)>,
 }
 
@@ -315,43 +316,43 @@ fn share(of: &[(usize, f64)], group: usize) -> f64 {
     of.binary_search_by_key(&group, |&(group, _)| group).map_or(1.0, |at| of[at].1)
 }
 
-/// Those that are not all of what they draw.
+/// Returns the groups whose share is less than 1.
 fn shared(shares: &[f64]) -> Vec<(usize, f64)> {
     shares.iter().copied().enumerate().filter(|&(_, share)| share < 1.0).collect()
 }
 
 impl Repeats {
-    /// Everything is drawn once.
+    /// Every line is drawn once.
     pub const NONE: Self = Self { times: Vec::new(), directions: Vec::new(), lengths: Vec::new() };
 
-    /// How often the edge is drawn that a segment is on.
+    /// Returns the repeat count of a segment.
     pub(crate) fn times(&self, source: Source) -> f64 {
         let found = self.times.binary_search_by_key(&key(source), |&(of, _)| key(of));
         found.map_or(1.0, |at| self.times[at].1)
     }
 
-    /// Which share of an unknown a group of directions is.
+    /// Returns the fraction of an unknown that a group of directions represents.
     pub(crate) fn share_of_direction(&self, group: usize) -> f64 {
         share(&self.directions, group)
     }
 
-    /// Which share of an unknown a group of lengths is.
+    /// Returns the fraction of an unknown that a group of lengths represents.
     pub(crate) fn share_of_length(&self, group: usize) -> f64 {
         share(&self.lengths, group)
     }
 
-    /// Notes how often these are drawn.
+    /// Stores repeat counts.
     pub(crate) fn note(&mut self, times: impl Iterator<Item = (Source, f64)>) {
         self.times.extend(times.filter(|&(_, times)| times > 1.0));
         self.times.sort_by_key(|&(of, _)| key(of));
     }
 
-    /// Notes which share every group of directions is.
+    /// Stores the shares of the groups of directions.
     pub(crate) fn note_directions(&mut self, shares: &[f64]) {
         self.directions = shared(shares);
     }
 
-    /// Notes which share every group of lengths is.
+    /// Stores the shares of the groups of lengths.
     pub(crate) fn note_lengths(&mut self, shares: &[f64]) {
         self.lengths = shared(shares);
     }
@@ -367,7 +368,7 @@ mod tests {
         Overlaps::new(polylines).times()
     }
 
-    /// As the definition has it: every one with every other.
+    /// Computes the repeat counts by definition: every polyline against every other.
     fn times_one_by_one(polylines: &[Vec<[f64; 2]>]) -> Vec<f64> {
         let drawn: Vec<Extent> = polylines.iter().map(|points| Extent::new(points)).collect();
         let common = |own: &Extent, other: &Extent| -> f64 {
@@ -402,7 +403,8 @@ mod tests {
             prop_assert!(times(&pieces)[1] > 1.999, "the whole counts against a piece");
         }
 
-        // Between nine points the arc of the least radius rises by 0.9 px: more is drawn with more points.
+        // With nine points, the sagitta between neighbours is 0.9 px on the arc with the smallest radius.
+        // Edges with more curvature are drawn with more points.
         #[test]
         fn a_bent_edge_is_one_wherever_its_points_are_set(
             radius in 1800.0..6000.0_f64, counts in proptest::collection::vec(9..40_usize, 1..12),

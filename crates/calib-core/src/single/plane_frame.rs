@@ -1,29 +1,33 @@
-//! A drawing on a plane is a drawing on the floor of a camera that stands otherwise: with roll, pitch and height
-//! relative to the plane, and verticals that lean against its normal. So no formula of the floor is stated twice.
+//! Camera relative to a plane: an annotation on a plane equals an annotation on the floor of a camera with
+//! another pose.
 //!
-//! In unrolled axes up is `(0, -cos p, -sin p)` and ahead on the floor `(0, -sin p, cos p)`; the normal of a plane
-//! that rises by s to the right and by t ahead is `up - s right - t ahead` over its length N, and is
-//! `(-cos p' sin q, -cos p' cos q, -sin p')` with p' the pitch relative to the plane and q the roll relative to it
-//! less that relative to the floor. The camera is `(z0 - h) / N` from the plane, h the height of the plane under it.
+//! That camera has roll, pitch and height relative to the plane, and verticals that lean against the normal
+//! of the plane. So no formula for the floor is duplicated.
+//!
+//! In unrolled axes up is `(0, -cos p, -sin p)` and ahead on the floor is `(0, -sin p, cos p)`. The plane
+//! rises by s to the right and by t ahead. Its normal is `up - s right - t ahead` divided by its length N. It
+//! equals `(-cos p' sin q, -cos p' cos q, -sin p')`, with p' the pitch relative to the plane. q is the roll
+//! relative to the plane minus the roll relative to the floor. The distance of the camera from the plane is
+//! `(z0 - h) / N`, with h the height of the plane under it.
 
 use crate::optimize::{Dual, Gradient, NuisanceJacobian, Number};
 use crate::single::nuisances::PlaneNuisances;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, Parameters, ROLL, TILT, Tilt};
 
-/// Where a camera stands relative to a plane.
+/// Pose of a camera relative to a plane.
 #[derive(Clone, Debug)]
 pub(crate) struct PlaneFrame {
-    /// Roll, pitch, log focal, and log distance from the plane.
+    /// Roll, pitch, log focal length, and log distance from the plane.
     pub(crate) parameters: Parameters,
-    /// The same with the log of the distance along the verticals.
+    /// The same parameters with the log of the distance along the verticals.
     pub(crate) along_verticals: Parameters,
     /// Lean of the verticals against the normal of the plane.
     pub(crate) tilt: Tilt,
-    /// Of roll, pitch, both log distances and both leans, by [`PITCH_SLOT`] and what follows.
+    /// Derivatives of roll, pitch, both log distances and both leans, by the columns from [`PITCH_SLOT`].
     by: [Gradient; 6],
-    /// Of both log distances by the log height of the camera.
+    /// Derivative of both log distances by the log height of the camera.
     by_log_height: f64,
-    /// Of both log distances by the height of the plane under the camera.
+    /// Derivative of both log distances by the height of the plane under the camera.
     by_foot: f64,
 }
 
@@ -39,18 +43,20 @@ const PITCH_SLOT: usize = 0;
 const TILT_SLOTS: [usize; 2] = [1, 2];
 const SLOPE_SLOTS: [usize; 2] = [3, 4];
 
-/// What a drawing on a plane measures its distance by.
+/// Reference direction of the distance from a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Measured {
-    /// Across the plane.
+    /// Distance across the plane.
     OnPlane,
-    /// Along the verticals.
+    /// Distance along the verticals.
     Upright,
 }
 
 impl PlaneFrame {
-    /// The plane rises by `slope` to the right of the camera and ahead of it, and is `foot` metres above the
-    /// floor under it. `None` where the camera is not above it.
+    /// Computes the camera relative to a plane; `None` if the camera is not above it.
+    ///
+    /// The plane rises by `slope` to the right of the camera and ahead of it. It is `foot` metres above the
+    /// floor under the camera.
     pub(crate) fn new(parameters: &Parameters, tilt: Tilt, slope: [f64; 2], foot: f64) -> Option<Self> {
         let [roll, pitch, log_focal, log_height] = *parameters;
         let drop = log_height.exp() - foot;
@@ -71,13 +77,13 @@ impl PlaneFrame {
         })
     }
 
-    /// Log height of the camera less log distance from the plane.
+    /// Returns the log height of the camera minus the log distance from the plane.
     pub(crate) fn log_ratio(&self, log_height: f64) -> f64 {
         log_height - self.parameters[LOG_HEIGHT]
     }
 
-    /// The derivatives of a residual by the parameters of the camera and those of floor and plane, from those by
-    /// what the camera is relative to the plane.
+    /// Converts the derivatives of a residual from parameters relative to the plane to parameters of the
+    /// camera, the floor and the plane.
     pub(crate) fn carried(
         &self,
         of: &Gradient,
@@ -114,8 +120,10 @@ impl PlaneFrame {
     }
 }
 
-/// Roll less that relative to the floor, pitch, log distances across the plane and along the verticals less the
-/// log of the drop, and the two leans, with their derivatives by the slots.
+/// Computes the relative roll, the pitch, two log distances divided by the drop, and the two leans, with
+/// their derivatives.
+///
+/// The roll is relative to the floor. The distances are across the plane and along the verticals.
 fn relative(pitch: f64, tilt: Tilt, slope: [f64; 2]) -> [Dual; 6] {
     let (sp, cp) = Dual::unknown(pitch, PITCH_SLOT).sin_cos();
     let [t0, t1] = [0, 1].map(|k| Dual::unknown(tilt[k], TILT_SLOTS[k]));

@@ -1,25 +1,29 @@
-//! What is believed of a camera before anything is drawn: it stands upright, more or less, and shows the floor.
+//! Prior on the pose of a camera: roughly upright, with the floor in view.
 //!
-//! A view and the same view turned by 180 degrees about the horizon's normal fit lines alike: roll and
-//! `roll + 180 degrees`, pitch and `-pitch`. Floor and ceiling, feet and heads tell them apart, parallel lines
-//! do not. So of minima that fit alike the more plausible one is chosen, and one that is beyond belief beside it
-//! is no solution.
+//! A camera and the same camera rotated by 180 degrees about the normal of the horizon plane fit lines
+//! equally well. Their rolls are `r` and `r + 180 degrees`, their pitches `p` and `-p`. Floor and ceiling,
+//! feet and heads distinguish them; parallel lines do not. So among minima with equal fit the more plausible
+//! one is chosen. A minimum that is much less plausible is not a solution.
 
 use crate::camera::{Camera, Pixel};
 use crate::floor::{default_efov, efov_on_floor};
 
-/// Standard deviation of the roll of installed cameras, 30 degrees: none hangs on its side or upside down.
+/// Standard deviation of the roll of installed cameras, 30 degrees: no camera is mounted sideways or upside
+/// down.
 const ROLL: f64 = std::f64::consts::FRAC_PI_6;
-/// What a camera costs that shows no floor where its field of view is: six sigmas.
+/// Cost of a camera whose field of view contains no floor: six sigmas.
 const NO_FLOOR: f64 = 36.0;
-/// The cosine of 60 degrees of pitch, beyond which a roll means less and less.
+/// Cosine of 60 degrees of pitch, beyond which the cost of roll decreases.
 const STEEP: f64 = 0.5;
-/// By how much one camera must be less plausible than another to be ruled out: four sigmas, for both are
-/// weak beliefs. Up to 50 degrees of roll and 60 of pitch the camera turned by 180 degrees is ruled out.
+/// Difference in cost at which the less plausible of two cameras is ruled out: four sigmas, because both
+/// priors are weak.
+///
+/// Up to 50 degrees of roll and 60 degrees of pitch, the camera rotated by 180 degrees is ruled out.
 pub(crate) const BEYOND_BELIEF: f64 = 16.0;
 
-/// Minus twice the log of how plausible a camera is, of roll and floor alone. Where a camera looks along the vertical,
-/// roll and yaw trade places, and nothing hangs on its side.
+/// Returns minus twice the log prior probability of a camera, from its roll and visible floor only.
+///
+/// If a camera looks along the vertical, roll and yaw are interchangeable, so roll has no cost.
 pub(crate) fn implausibility(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     let half = std::f64::consts::PI;
     let roll = (camera.roll + half).rem_euclid(2.0 * half) - half;
@@ -27,8 +31,10 @@ pub(crate) fn implausibility(camera: &Camera, efov: &[Pixel], size: [f64; 2]) ->
     (roll * meaning / ROLL).powi(2) + NO_FLOOR * share_without_floor(camera, efov, size)
 }
 
-/// The share of the corners of the drawn field of view that lie on no floor; without one, 1 if no floor is near, or, of a
-/// wide lens, which sees some floor wherever it looks, the share of the image.
+/// Returns the fraction of the corners of the drawn field of view that are not on the floor.
+///
+/// Without a drawn field of view it is 1 if no floor is near, and else 0. A wide lens sees some floor in any
+/// pose, so the fraction of the image is used for it.
 fn share_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     if efov.is_empty() && camera.lens.distortion.is_wide() {
         return share_of_image_without_floor(camera, size);
@@ -44,7 +50,7 @@ fn share_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
 }
 
 fn share_of_image_without_floor(camera: &Camera, [w, h]: [f64; 2]) -> f64 {
-    /// Rows and columns at whose middles the image is looked at.
+    /// Number of rows and columns of cells whose centres are sampled.
     const CELLS: u32 = 8;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(CELLS);
     let pixels = (0..CELLS).flat_map(|i| (0..CELLS).map(move |j| Pixel::new(w * at(i), h * at(j))));

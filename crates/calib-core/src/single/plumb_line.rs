@@ -1,16 +1,15 @@
 //! Distortion from polylines along edges that are straight in space: the plumb-line method (Brown 1971,
-//! "Close-Range Camera Calibration"). It comes first, for every constraint of stage 1 is undistorted.
+//! "Close-Range Camera Calibration"). It runs first, because every constraint of stage 1 is undistorted.
 //!
-//! The residual of a point is its distance from the best line through its undistorted polyline,
-//! measured in raw pixels: `(n . U(p) - c) / |J' n|` with the undistortion U, its derivative J at the
-//! point, and the line `n . x = c` that makes the sum of squares least (`straightness.rs`). The
-//! coefficients refer to coordinates divided by half the diagonal of the image, for the focal is not known
-//! yet.
+//! The residual of a point is its distance from the best line through its undistorted polyline, measured in
+//! raw pixels: `(n . U(p) - c) / |J' n|`. U is the undistortion, J its derivative at the point, and `n . x =
+//! c` the line with the smallest sum of squares (`straightness.rs`). The coefficients refer to coordinates
+//! divided by half the diagonal of the image, because the focal length is not known yet.
 //!
-//! What is believed of lenses (`lens_prior.rs`) is part of the cost. Where the caller does not say which
-//! coefficients to fit, the number of radial coefficients is the one of the largest evidence: with the chi-square
-//! of edges and priors, the normal matrix H, both in sigmas, and the priors' own L,
-//! `-2 log evidence = chi2 + log det H - log det L`, to first order (Laplace).
+//! The cost includes the priors on lenses (`lens_problem.rs`). If the caller does not choose coefficients,
+//! the number of radial coefficients is selected by the largest evidence. Let chi2 be the chi-square of edges
+//! and priors, H its normal matrix, and L the normal matrix of the priors alone. To first order (Laplace),
+//! `-2 log evidence = chi2 + log det H - log det L`.
 
 use crate::camera::DistortionModel::KannalaBrandt;
 use crate::camera::{DistortionModel, ImageCircle, Lens, Pixel};
@@ -20,70 +19,70 @@ use crate::single::lens_problem::{LensProblem, shown_by_parameters};
 use crate::single::parameters::Fitted;
 use crate::single::straightness::{Edge, edge_redundancy, outermost, straightness, times_drawn};
 
-/// Twice the log of the evidence that is very strong (Kass and Raftery 1995).
+/// Twice the log of the evidence ratio that counts as very strong (Kass and Raftery 1995).
 const STRONG: f64 = 10.0;
 
-/// What a fisheye has open: two coefficients, focal and principal point.
+/// Largest number of free parameters of a fisheye: two coefficients, focal length and principal point.
 const MOST_OPEN: i64 = 5;
 
-/// How many of k1, k2, k3 are tried, one after the other, when the number is selected.
+/// Numbers of radial coefficients (k1, k2, k3) that are compared.
 const MODEL_SIZES: [usize; 3] = [1, 2, 3];
 
-/// The estimate of a lens from straight edges.
+/// Estimate of a lens from straight edges.
 #[derive(Clone, Debug)]
 pub struct LensFit {
-    /// The lens; its coefficients refer to half the diagonal of the image, or to the focal where the model has
-    /// one of its own.
+    /// Estimated lens. Its coefficients refer to half the diagonal of the image, or to the focal length if
+    /// the model has its own.
     pub lens: Lens,
-    /// What was fitted; `None` when no distortion is supported by the edges.
+    /// Fitted coefficients; `None` if the edges support no distortion.
     pub fitted: Option<Fitted>,
-    /// Root mean square distance of the points from their lines, in raw pixels, before and after.
+    /// Root mean square distance of the points from their lines, in raw pixels, before and after the fit.
     pub straightness: [f64; 2],
     /// Root mean square distance of every polyline from straight, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Which parameters were fitted, in the order of [`Lens::PARAMETERS`]: the coefficients, of a fisheye whose focal
-    /// nobody gave that, too, and the principal point where nobody gave it.
+    /// Fitted parameters, in the order of [`Lens::PARAMETERS`]: the coefficients, and the focal length and
+    /// principal point of a fisheye unless given.
     pub free: [bool; Lens::PARAMETERS],
-    /// Covariance of the parameters; zeros for those that were not fitted.
+    /// Covariance of the parameters; zero for those that are not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
-    /// Predicted standard deviation of the undistorted position halfway to the edge, at the middle
-    /// of the longer edge, and in the corner, in pixels; of a fisheye halfway to its image circle and on it.
+    /// Predicted standard deviation of the undistorted position, in pixels: halfway to the border, at the
+    /// middle of the longer side, and in the corner. For a fisheye, halfway to its image circle and on it.
     pub map_error: [f64; 3],
-    /// Polylines that carry next to no information, with how far a distortion that moves the corner by 10 px
-    /// would bend them, in pixels.
+    /// Polylines with almost no information, with their sagitta under a distortion that moves the corner by
+    /// 10 px, in pixels.
     pub uninformative: Vec<(Source, f64)>,
-    /// Sum of squares over `sigma^2`.
+    /// Chi-square: sum of squared residuals divided by `sigma^2`.
     pub chi2: f64,
-    /// Points minus two for every line minus coefficients.
+    /// Degrees of freedom: points minus two for every line minus coefficients.
     pub dof: i64,
 }
 
-/// Everything that a fit of a lens needs besides the polylines.
+/// Options of a lens fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LensOptions {
-    /// Principal point, raw pixel; of a fisheye whose focal is fitted, where it is believed to be.
+    /// Principal point, in raw pixels; for a fisheye with a free focal length, its expected position.
     pub principal_point: Pixel,
-    /// Whether it is held then, too.
+    /// Whether the principal point is fixed even if the focal length is free.
     pub centre_is_held: bool,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
-    /// Where the scene is in the image of a fisheye, if that is known: then it is one.
+    /// Image circle of a fisheye, if known; then the lens is a fisheye.
     pub circle: Option<ImageCircle>,
-    /// Which coefficients to fit; selected by the data if absent.
+    /// Coefficients to fit; selected by the evidence if absent.
     pub fitted: Option<Fitted>,
-    /// The focal that the coefficients refer to, of a model that has one of its own, in pixels; fitted if absent.
+    /// Focal length of the coefficients, in pixels, for a model with its own; fitted if absent.
     pub focal: Option<f64>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub sigma: f64,
 }
 
 impl LensFit {
-    /// The fit of a lens to polylines. Those of fewer than three points are left out.
+    /// Fits a lens to polylines. Polylines of fewer than three points are ignored.
     ///
-    /// `None` when there is no polyline of three points.
+    /// `None` without a polyline of three points.
     #[must_use]
     pub fn new(edges: &[Edge], options: &LensOptions) -> Option<Self> {
-        /// Most points that are used: enough for any lens, and a bound on the time that a hostile file takes.
+        /// Maximum number of points: enough for any lens, and a limit on the run time for hostile files.
         const MOST: usize = 20_000;
         let mut room = MOST;
         let edges: Vec<&Edge> = edges
@@ -157,23 +156,23 @@ impl LensFit {
     }
 }
 
-/// A distortion model with its estimated coefficients.
+/// Distortion model with its estimated coefficients.
 struct FittedModel<'a> {
     problem: LensProblem<'a>,
     values: Vec<f64>,
     cost: f64,
-    /// The larger model that was rejected, with its posterior probability against this one.
+    /// Rejected larger model, with its posterior probability relative to this one.
     rejected: Option<(Lens, f64)>,
 }
 
 impl<'a> FittedModel<'a> {
-    /// No distortion.
+    /// Returns the model without distortion.
     fn undistorted(problem: LensProblem<'a>) -> Option<Self> {
         let undistorted = Self::of(problem, Vec::new());
         undistorted.cost.is_finite().then_some(undistorted)
     }
 
-    /// What is fitted, with the focal and the principal point of a fisheye where nobody gave them.
+    /// Fits a model, with the focal length and principal point of a fisheye unless they are given.
     fn solved(problem: LensProblem<'a>, options: &LensOptions) -> Option<Self> {
         let is_open = problem.fitted.has_own_focal() && options.focal.is_none();
         let problem = if is_open { problem.opened(options.centre_is_held) } else { problem };
@@ -182,18 +181,20 @@ impl<'a> FittedModel<'a> {
         Some(Self::of(problem, values))
     }
 
-    /// Whether it is worth while to see if the lens is a fisheye.
+    /// Whether the fisheye model should be tried.
     fn may_be_fisheye(&self, redundancy: i64, options: &LensOptions) -> bool {
         let dof = redundancy - self.values.len() as i64;
         let is_bent_otherwise = || is_misfit(self.cost / (options.sigma * options.sigma), dof);
         redundancy > MOST_OPEN && (options.circle.is_some() || is_bent_otherwise())
     }
 
-    /// Whether the edges say very strongly that the lens is a fisheye and not this other one, all of them and not one
-    /// that is not straight in space, and are drawn where only fisheyes see; where there is an image circle it need
-    /// only be as straight.
+    /// Whether the edges support a fisheye very strongly against this other lens.
+    ///
+    /// Several edges must support it, not only one that may not be straight in space. They must be in a
+    /// region of the image that only fisheyes see. With an image circle, the fisheye need only fit equally
+    /// well.
     fn is_better_than(&self, other: &Self, redundancy: i64, options: &LensOptions) -> bool {
-        /// Angle off the axis to which other lenses are built, in radians.
+        /// Largest angle from the axis that other lenses are built for, in radians.
         const OTHERS: f64 = 0.9;
         if options.circle.is_some() {
             return self.cost <= other.cost;
@@ -204,7 +205,7 @@ impl<'a> FittedModel<'a> {
         is_shared && of(self) < of(other) - STRONG && self.reach() > OTHERS
     }
 
-    /// How far off the axis of the lens the outermost point is that is drawn, in radians.
+    /// Returns the angle of the outermost annotated point from the axis of the lens, in radians.
     fn reach(&self) -> f64 {
         let lens = self.problem.lens(&self.values);
         let drawn = self.problem.edges.iter().flat_map(|edge| &edge.points);
@@ -218,9 +219,10 @@ impl<'a> FittedModel<'a> {
     }
 }
 
-/// Of the nested models the one of the largest evidence: that the edges support, too, when the one whose cost it
-/// lowers most is left out, or do not contradict very strongly while that one speaks very strongly (Kass and Raftery
-/// 1995).
+/// Returns the nested model with the largest evidence.
+///
+/// The edges must also support the model without the edge whose cost it reduces most. Alternatively, they
+/// must not contradict it very strongly, while that edge supports it very strongly (Kass and Raftery 1995).
 fn select_model<'a>(
     undistorted: FittedModel<'a>,
     redundancy: i64,
@@ -244,7 +246,7 @@ fn select_model<'a>(
             best = FittedModel::of(next, values);
             continue;
         }
-        // Two coefficients may be supported where one is not: the larger models are tried as well.
+        // Two coefficients may be supported if one is not, so the larger models are tried as well.
         let probability = (1.0 + (0.5 * (score - lowest)).exp()).recip();
         if best.rejected.as_ref().is_none_or(|(_, other)| probability > *other) {
             best.rejected = Some((next.lens(&values), probability));
@@ -253,14 +255,16 @@ fn select_model<'a>(
     best
 }
 
-/// The variance of a drawn coordinate, in pixels squared: as was said, or as the edges show it under a model where the hand
-/// is less sure. Models are compared in units of it (overdispersion, Burnham and Anderson 2002, section 2.5).
+/// Returns the variance of a drawn coordinate, in square pixels: the given one, or a larger one estimated
+/// from the edges.
+///
+/// Models are compared in units of it (overdispersion, Burnham and Anderson 2002, section 2.5).
 fn noise_variance(problem: &LensProblem, values: &[f64], dof: i64) -> f64 {
     (problem.cost(values) / dof.max(1) as f64).max(problem.sigma * problem.sigma)
 }
 
-/// By how much a larger model lowers the cost, without the edge whose cost it lowers most: one edge that is
-/// not straight in space must not determine the lens.
+/// Returns the cost reduction of a larger model, without the edge whose cost it reduces most. One edge that
+/// is not straight in space must not determine the lens.
 fn shared_gain(smaller: &FittedModel, larger: &LensProblem, values: &[f64]) -> f64 {
     let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
     let gains = gains.zip(&larger.times);
@@ -269,8 +273,10 @@ fn shared_gain(smaller: &FittedModel, larger: &LensProblem, values: &[f64]) -> f
     total - most
 }
 
-/// Standard deviation of the undistorted position at three places: from the covariance of the coefficients,
-/// and from the difference to the rejected larger model, weighted by its probability.
+/// Returns the standard deviation of the undistorted position at three pixels.
+///
+/// It combines the covariance of the coefficients with the difference from the rejected larger model,
+/// weighted by its probability.
 fn map_error(
     problem: &LensProblem,
     values: &[f64],
@@ -298,11 +304,11 @@ fn map_error(
         };
         Some(options.sigma * options.sigma * variance.max(0.0) + model_variance)
     };
-    // Where the distortion cannot be inverted there is no position.
+    // If the distortion cannot be inverted, there is no position.
     problem.places().map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
-/// The covariance with a row and a column for every parameter of the lens.
+/// Returns the covariance with a row and a column for every parameter of the lens.
 fn full_covariance(
     problem: &LensProblem,
     values: &[f64],

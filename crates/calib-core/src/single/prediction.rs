@@ -1,12 +1,11 @@
-//! What a camera at fixed parameters predicts of drawings that were not fitted.
+//! Predictions of a fixed camera for constraints, and the predicted chi-square without each constraint.
 //!
-//! What the linear model of a fit promises of the rest without each of its constraints.
-//!
-//! With the normal equations `N d = -g` at the minimum and those of the residuals `r` of one constraint taken
-//! out, `N' = N - J'J`, `g' = g - J'r`, the rest has at the step `d = -N'^-1 g'` the chi-square
-//! `chi2 - r'r - g' N'^-1 g'`, and that is `chi2 - r' (1 - H)^-1 r` with the leverage `H = J N^-1 J'`
-//! (Cook 1977, "Detection of Influential Observation in Linear Regression"): a constraint that holds the fit by
-//! itself has a small residual and a large leverage, and is found all the same.
+//! The linear model predicts the chi-square of the rest if one constraint is left out. Let `N d = -g` be the
+//! normal equations at the minimum, r the residuals of the constraint and J their Jacobian. Without it they
+//! are `N' = N - J'J`, `g' = g - J'r`. After the step `d = -N'^-1 g'` the chi-square of the rest is `chi2 -
+//! r'r - g' N'^-1 g'`. This equals `chi2 - r' (1 - H)^-1 r` with the leverage `H = J N^-1 J'` (Cook 1977,
+//! "Detection of Influential Observation in Linear Regression"). So a constraint that alone determines the
+//! fit is found, although its residual is small: its leverage is large.
 
 use std::collections::HashMap;
 
@@ -20,7 +19,7 @@ use crate::single::residual::Parameters;
 use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
 
 impl Problem<'_> {
-    /// The chi-square of the rest without each constraint, predicted at a minimum.
+    /// Returns the predicted chi-square of the rest without each constraint, at a minimum.
     pub(crate) fn chi2_without(&self, minimum: &State) -> HashMap<Source, f64> {
         let mut by_source: HashMap<Source, Vec<(Dual, NuisanceJacobian)>> = HashMap::new();
         let found = self.each_residual(minimum, |residual: Dual, nuisance, source| {
@@ -34,15 +33,17 @@ impl Problem<'_> {
             }
             let State { mut parameters, mut nuisance } = minimum.clone();
             let gain = rest.step(&mut parameters, &mut nuisance, 0.0, self.free);
-            // What leaves a parameter open by its absence promises no more than its own residuals.
+            // If the removal leaves a parameter undetermined, the gain is limited to the constraint's own
+            // residuals.
             rest.cost - gain.map_or(0.0, |(gain, _)| gain.max(0.0))
         };
         by_source.into_iter().map(|(source, residuals)| (source, without(residuals))).collect()
     }
 }
 
-/// The residuals in pixels of all constraints at a fixed orientation and height, with the nuisance parameters
-/// in closed form; constraints without a prediction there are left out.
+/// Returns the residuals in pixels of all constraints at a fixed orientation and height.
+///
+/// The nuisance parameters are computed in closed form. Constraints without a prediction are omitted.
 pub fn residuals_at(
     constraints: &Constraints,
     at: Orientation,
@@ -61,29 +62,29 @@ pub fn residuals_at(
     problem.state_at(parameters).and_then(|state| problem.residuals_in_pixels(&state)).unwrap_or_default()
 }
 
-/// A camera whose drawings are looked at again.
+/// Stored camera whose constraints are evaluated again.
 #[derive(Clone, Copy, Debug)]
 pub struct Held<'a> {
-    /// Roll, pitch and focal of the stored solution.
+    /// Roll, pitch and focal length of the stored solution.
     pub orientation: Orientation,
-    /// In metres.
+    /// Height, in metres.
     pub height: f64,
-    /// Whether the height is estimated from the drawings, as that of a camera is that somebody placed by hand.
+    /// Whether the height is estimated from the annotations, as for a camera that was placed by hand.
     pub height_is_free: bool,
-    /// What is known of the height.
+    /// Prior on the height.
     pub height_prior: Option<Prior>,
     /// Standard deviation of a drawn coordinate, in pixels.
     pub sigma: f64,
-    /// What was rejected.
+    /// Constraints that were rejected as outliers.
     pub rejected: &'a [Source],
-    /// Of the image, in pixels.
+    /// Width of the image, in pixels.
     pub width: f64,
 }
 
-/// The residuals in pixels of all constraints that have a prediction at a camera, with the nuisance parameters
-/// where they are likeliest there.
+/// Returns the residuals in pixels of all constraints that have a prediction at a stored camera, with the
+/// most likely nuisance parameters.
 pub fn residuals_held(constraints: &Constraints, held: &Held) -> Vec<(Source, f64)> {
-    /// What is left to estimate is next to linear.
+    /// Maximum number of steps; the remaining problem is almost linear.
     const MAX_STEPS: usize = 20;
     let Held { orientation: at, height, .. } = *held;
     let fixed = FixedParameters {
@@ -102,8 +103,8 @@ pub fn residuals_held(constraints: &Constraints, held: &Held) -> Vec<(Source, f6
     found.and_then(|found| everything.residuals_in_pixels(&found.state)).unwrap_or_default()
 }
 
-/// The constraints that have a prediction at these parameters: no length above the horizon, no head behind
-/// the camera.
+/// Returns the constraints that have a prediction at these parameters: no length above the horizon, no head
+/// behind the camera.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
     let nuisance = vec![0.0; Nuisances::of(&constraints).count()];

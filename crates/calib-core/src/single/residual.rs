@@ -1,47 +1,49 @@
-//! The residuals of stage 1 and their Jacobians: of a line, of a length and of an upright, by roll, pitch,
-//! log focal and log height ([`Parameters`]); those of lengths and uprights are in `size_residual.rs`.
+//! Residuals of stage 1 and their Jacobians with respect to roll, pitch, log focal length and log height
+//! ([`Parameters`]).
+//!
+//! This file contains the residual of a line. Lengths and uprights are in `size_residual.rs`.
 //!
 //! | constraint | residual | evaluated over all constraints by |
 //! |---|---|---|
 //! | vertical line | [`LineResidual`] at the vanishing point [`Angles::nadir`] | `Problem::each_line` |
 //! | floor line | [`LineResidual`] at the vanishing point [`Angles::floor`] | `Problem::each_line` |
-//! | length | `floor_length` less the length of its group | `Problem::each_length` |
-//! | upright | `upright_residuals` | `Problem::each_residual` |
+//! | length | `floor_length` minus the length of its group | `Problem::each_length` |
+//! | upright | `upright_residuals` | `Problem::each_upright` |
 //!
-//! (`Problem` is that of `likelihood.rs`, which divides by the noise and adds the priors.)
+//! `Problem` is defined in `likelihood.rs`. It divides by the noise and adds the priors.
 //!
 //! # A line toward a vanishing point
 //!
-//! A segment is drawn with independent, isotropic noise in its two end points `p1`, `p2`; its true line
-//! passes through the vanishing point V = (Vxy, Vw) of a direction, homogeneous and relative to the
-//! principal point. The unknown line is a nuisance parameter, and is eliminated exactly: of all lines
-//! through V, with `q_i = p_i Vw - Vxy` (from V to the end point, times Vw) and weights `w_i` (inverse
-//! variances of the end points across the segment), the one with unit normal n leaves the weighted sum of
-//! squared distances
+//! The two end points `p1`, `p2` of a segment have independent, isotropic noise. The true line passes through
+//! the vanishing point V = (Vxy, Vw) of a direction. V is homogeneous and relative to the principal point.
+//! The unknown line is a nuisance parameter and is eliminated exactly. Let `q_i = p_i Vw - Vxy` be the vector
+//! from V to the end point, times Vw. Let `w_i` be the inverse variance of the end point across the segment.
+//! A line through V with unit normal n has the weighted sum of squared distances
 //!
-//! `n' M n / Vw^2`, `M = w1 q1 q1' + w2 q2 q2'`,
+//! `n' M n / Vw^2`, `M = w1 q1 q1' + w2 q2 q2'`.
 //!
-//! whose least value over n is the smaller eigenvalue of M over `Vw^2`. M is 2 x 2, with
-//! `T = tr M = w1 |q1|^2 + w2 |q2|^2` and `D = det M = w1 w2 (q1 x q2)^2`, so the eigenvalue is
-//! `(T - sqrt(T^2 - 4 D)) / 2 = 2 D / (T + sqrt(T^2 - 4 D))`. With `l = p1 x p2`, `q1 x q2 = Vw (l . V)`, and
-//! Vw cancels: the signed root is
+//! The minimum over n is the smaller eigenvalue of M divided by `Vw^2`. M is 2 x 2, with `T = tr M = w1
+//! |q1|^2 + w2 |q2|^2` and `D = det M = w1 w2 (q1 x q2)^2`. So the eigenvalue is `(T - sqrt(T^2 - 4 D)) / 2 =
+//! 2 D / (T + sqrt(T^2 - 4 D))`. With the line `l = p1 x p2`, `q1 x q2 = Vw (l . V)`, and Vw cancels. The
+//! signed root is
 //!
-//! `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`,
+//! `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`.
 //!
-//! finite for V at infinity. It is the exact maximum-likelihood residual: its `J'J` is that of the full
-//! problem with the line as unknown after the Schur complement. On the sphere of rays `l . V = 0` says that
-//! V lies on the great circle of the segment (in coordinates divided by the focal `(l . V) / (|l| |V|)` is
-//! the sine of its angle to it); r is the same error in pixels at the drawn ends, where the noise is.
+//! It is finite for V at infinity. It is the exact maximum-likelihood residual: its `J'J` equals the Schur
+//! complement of the full problem with the line as an unknown. On the sphere of rays, `l . V = 0` means that
+//! V is on the great circle of the segment. In coordinates divided by the focal length, `(l . V) / (|l| |V|)`
+//! is the sine of the angle between V and that circle. r is the same error in pixels at the annotated ends,
+//! where the noise arises.
 //!
-//! r is smooth except where the eigenvalues are equal (q1 and q2 orthogonal and of one weighted length);
-//! there the mean of its one-sided derivatives is taken.
+//! r is smooth except at equal eigenvalues (q1 and q2 orthogonal and of equal weighted length). There the
+//! mean of the one-sided derivatives is used.
 
 use crate::camera::Chart;
 use crate::optimize::Number;
 use crate::single::constraints::Endpoint;
 use crate::single::vanishing_point::line_through;
 
-/// Roll in radians, pitch in radians, log of the focal in pixels, log of the height in metres.
+/// Roll in radians, pitch in radians, log of the focal length in pixels, log of the height in metres.
 pub(crate) type Parameters = [f64; 4];
 
 /// Indices in [`Parameters`].
@@ -56,19 +58,20 @@ pub(crate) type Tilt = [f64; 2];
 /// Index of the first tilt among the derivatives of a formula.
 pub(crate) const TILT: usize = 4;
 
-/// A vanishing point relative to the principal point, homogeneous, with its derivatives.
+/// Vanishing point relative to the principal point, homogeneous, with its derivatives.
 #[derive(Clone, Copy)]
 pub(crate) struct VanishingPoint {
     pub(crate) at: [f64; 3],
     pub(crate) d_roll: [f64; 3],
     pub(crate) d_pitch: [f64; 3],
     pub(crate) d_log_focal: [f64; 3],
-    /// Of a floor direction by its angle and its elevation, of the nadir by the two tilts.
+    /// Derivatives by two further parameters: angle and elevation of a floor direction, or the two tilts for
+    /// the nadir.
     pub(crate) d_own: [[f64; 3]; 2],
 }
 
 impl VanishingPoint {
-    /// The same in the chart of a wide lens.
+    /// Transforms the vanishing point into the chart of a wide lens.
     #[inline]
     pub(crate) fn in_chart(self, chart: Option<&Chart>) -> Self {
         let Some(chart) = chart else { return self };
@@ -79,7 +82,7 @@ impl VanishingPoint {
     }
 }
 
-/// Sines, cosines and focal at some parameters: the vanishing points of directions.
+/// Sines, cosines and focal length of a camera, from which vanishing points are computed.
 pub(crate) struct Angles {
     roll: (f64, f64),
     pitch: (f64, f64),
@@ -95,26 +98,28 @@ impl Angles {
         }
     }
 
-    /// The vanishing point of the verticals, toward the nadir; without tilt
-    /// `(f cos p sin r, f cos p cos r, sin p)`.
+    /// Returns the vanishing point of the verticals, toward the nadir.
     ///
-    /// In unrolled axes up is `(0, -cos p, -sin p)` and ahead on the floor `(0, -sin p, cos p)`.
+    /// Without tilt it is `(f cos p sin r, f cos p cos r, sin p)`. In unrolled axes up is `(0, -cos p, -sin
+    /// p)` and ahead on the floor is `(0, -sin p, cos p)`.
     pub(crate) fn nadir(&self, [right, ahead]: Tilt) -> VanishingPoint {
         let (sp, cp) = self.pitch;
         let (y, w) = (cp + ahead * sp, sp - ahead * cp);
         self.vanishing([-right, y, w], [0.0, -w, y], [[-1.0, 0.0, 0.0], [0.0, sp, -cp]])
     }
 
-    /// The vanishing point of a direction at `angle`, counter-clockwise from the camera's right, that rises
-    /// from the floor by `level`, the tangent of its elevation.
+    /// Returns the vanishing point of a direction at `angle`, counter-clockwise from the camera's right.
+    ///
+    /// `level` is the tangent of its elevation above the floor.
     pub(crate) fn floor(&self, angle: f64, level: f64) -> VanishingPoint {
         let ((sa, ca), (sp, cp)) = (angle.sin_cos(), self.pitch);
         let (y, w) = (-sp * sa - level * cp, cp * sa - level * sp);
         self.vanishing([ca, y, w], [0.0, -w, y], [[-sa, -sp * ca, cp * ca], [0.0, -cp, -sp]])
     }
 
-    /// The vanishing point of a direction in unrolled camera axes, with its derivatives by pitch and its own
-    /// two parameters.
+    /// Returns the vanishing point of a direction in unrolled camera axes, with its derivatives.
+    ///
+    /// `d_own` are the derivatives of the direction by its own two parameters.
     fn vanishing(&self, direction: [f64; 3], d_pitch: [f64; 3], d_own: [[f64; 3]; 2]) -> VanishingPoint {
         let ((sr, cr), f) = (self.roll, self.focal);
         let image = |[x, y, w]: [f64; 3]| [f * (cr * x + sr * y), f * (cr * y - sr * x), w];
@@ -129,10 +134,11 @@ impl Angles {
     }
 }
 
-/// The residual of a line: how far, in pixels, the ends of a segment must move at least so that the line
-/// through them passes through the vanishing point V; signed. The weights are 1 without distortion.
+/// Residual of a line: smallest movement of the segment's ends, in pixels, that makes the line pass through
+/// the vanishing point V; signed.
 ///
-/// The terms of the formula are kept for the derivative; the module states it.
+/// The weights are 1 without distortion. The terms of the formula in the module documentation are stored for
+/// the derivative.
 pub(crate) struct LineResidual<E = f64> {
     pub(crate) pixels: E,
     ends: [[E; 2]; 2],
@@ -166,7 +172,7 @@ impl<E: Number> LineResidual<E> {
         // `T^2 - 4 D = (w1 |q1|^2 - w2 |q2|^2)^2 + 4 w1 w2 (q1 . q2)^2`, without cancellation.
         let discriminant = (a - b) * (a - b) + weight * along * along * 4.0;
         let trace = a + b;
-        // The root of 0 has no derivative; 0 is the mean of its two.
+        // sqrt has no derivative at 0; 0 is the mean of the two one-sided derivatives.
         let root = if discriminant.value() > 0.0 { discriminant.sqrt() } else { discriminant };
         let sum = (trace + root).at_least(f64::MIN_POSITIVE);
         let factor = (weight * 2.0 / sum).sqrt();
@@ -184,7 +190,7 @@ impl<E: Number> LineResidual<E> {
         }
     }
 
-    /// Its derivative by V.
+    /// Returns the derivative of the residual by V.
     #[inline]
     pub(crate) fn d_point(&self) -> [f64; 3] {
         let v = self.v;
@@ -193,7 +199,7 @@ impl<E: Number> LineResidual<E> {
         let [incidence, trace, root, sum, factor] =
             [self.incidence, self.trace, self.root, self.sum, self.factor].map(Number::value);
         let [q1, q2] = [p1, p2].map(|p| direction(p, v));
-        // Where the eigenvalues are equal the root has a kink; the mean of its two derivatives is 0.
+        // At equal eigenvalues the root has a kink; the mean of its two derivatives is 0.
         let by_root = if root > 1e-9 * trace { root.recip() } else { 0.0 };
         let share = 0.5 * incidence / sum;
         std::array::from_fn(|k| {
@@ -210,13 +216,13 @@ impl<E: Number> LineResidual<E> {
     }
 }
 
-/// From the homogeneous point V to a pixel, times Vw.
+/// Returns the vector from the homogeneous point V to a pixel, times Vw.
 #[inline]
 fn direction<E: Number>(p: [E; 2], v: [f64; 3]) -> [E; 2] {
     [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]
 }
 
-/// Inverse variances of the two ends across the line.
+/// Returns the inverse variances of the two ends across the line.
 fn weights_across<E: Number>(ends: &[Endpoint<E>; 2], line: &[E; 3]) -> [E; 2] {
     let [a, b, _] = *line;
     let square = (a * a + b * b).at_least(f64::MIN_POSITIVE);
@@ -250,7 +256,7 @@ mod tests {
         ) {
             let end = |point, w: f64| Endpoint { point, covariance: [1.0 / w, 0.0, 1.0 / w] };
             let residual = LineResidual::new(&[end(a, weights[0]), end(b, weights[1])], [v[0], v[1], 1.0]).pixels;
-            // Every line through v, by its angle: the weighted squares of the distances of the ends.
+            // Sum of the weighted squared distances of the ends from the line through v at this angle.
             let cost = |angle: f64| {
                 let (sin, cos) = angle.sin_cos();
                 let distance = |p: [f64; 2]| (p[0] - v[0]) * sin - (p[1] - v[1]) * cos;

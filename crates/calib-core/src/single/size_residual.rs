@@ -1,29 +1,29 @@
-//! The residuals of what has a size: of a length on the floor and of an upright.
+//! Residuals of constraints with a size: lengths on the floor, and uprights.
 //!
 //! # Lengths
 //!
-//! The log of a length on the floor is compared with that of its group; its variance is propagated from the
-//! four coordinates of the ends to first order, `|grad|^2` for noise of 1 px. A residual over its gradient is
-//! the first-order distance of the drawing from one that fulfils the constraint (Sampson 1982; Hartley and
-//! Zisserman 2004, section 4.2.6).
+//! The log of a length on the floor is compared with the log length of its group. Its variance is propagated
+//! to first order from the four coordinates of the ends: `|grad|^2` for noise of 1 px. The residual divided
+//! by the norm of its gradient is the first-order distance of the annotation from one that fulfils the
+//! constraint (Sampson 1982; Hartley and Zisserman 2004, section 4.2.6).
 //!
 //! # Uprights
 //!
-//! The head is predicted from the foot and the known height; the difference is whitened by the covariance of
-//! foot, head and height propagated to it, to first order.
+//! The head is predicted from the foot and the known height. The difference is whitened by the covariance of
+//! foot, head and height, propagated to first order.
 
 use crate::camera::Chart;
 use crate::optimize::{Number, NumberOver};
 use crate::single::constraints::{Endpoint, Upright};
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, Parameters, ROLL, TILT, Tilt};
 
-/// Sines, cosines, focal and height at some parameters, with their derivatives: the terms that all lengths
-/// and uprights share.
+/// Terms that all lengths and uprights share: sines, cosines, focal length and height, with their
+/// derivatives.
 pub(crate) struct CameraTerms<N> {
     roll: (N, N),
     pitch: (N, N),
     focal: N,
-    /// One over the height of the camera.
+    /// Inverse of the camera height.
     per_height: N,
     tilt: [N; 2],
 }
@@ -40,11 +40,11 @@ impl<N: Number> CameraTerms<N> {
     }
 }
 
-/// Log of the length on the floor of a segment in camera heights, and its standard deviation for noise of
-/// 1 px in every coordinate of the ends.
+/// Returns the log length of a segment on the floor in camera heights, and its standard deviation for noise
+/// of 1 px in every coordinate of the ends.
 ///
 /// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
-/// `None` when an end is on or above the horizon.
+/// `None` if an end is on or above the horizon.
 #[inline]
 pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
@@ -60,7 +60,7 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
         let [x, y] = end.point;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
-        // A millionth of a radian below the horizon.
+        // At least a millionth of a radian below the horizon.
         (depth.value() > 1e-6 * f.value()).then(|| {
             let per_depth = one / depth;
             (u, per_depth, u * per_depth, (cp * f - sp * v) * per_depth)
@@ -73,7 +73,7 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
         return None;
     }
     let per_square = one / square;
-    // d log length / d (u, v) of one end, turned back into image axes.
+    // d log length / d (u, v) of one end, rotated back into image axes.
     let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint<E>| {
         let share = per_square * per_depth;
         let across = dx * share;
@@ -87,7 +87,8 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
     Some((square.ln() * 0.5, noise))
 }
 
-/// The direction on the floor, of any length, in which the plane through the camera and a segment cuts it.
+/// Returns the floor direction, of any length, in which the plane through the camera and a segment intersects
+/// the floor.
 pub(crate) fn floor_direction<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
     chart: Option<&Chart>,
@@ -104,13 +105,12 @@ pub(crate) fn floor_direction<E: Number, N: NumberOver<E>>(
     [cp * c - sp * f * down, -(f * across)]
 }
 
-/// The two residuals, in sigmas, of a head predicted from its foot, whitened by the noise of both
-/// ends and of the height.
+/// Returns the two residuals of a head predicted from its foot, in standard deviations, whitened by the noise
+/// of both ends and of the height.
 ///
-/// With the unrolled foot (u, v), `D = cos p v + f sin p`, `k = H D / z0` and the upward direction of verticals
-/// `(t, -c, -s)` in unrolled axes, `(0, -cos p, -sin p)` without tilt, the head is at
-/// `f (u + k t, v - k c) / (f - k s)`. `None` when the foot is above the horizon or the head
-/// behind the camera.
+/// With the unrolled foot (u, v), `D = cos p v + f sin p`, `k = H D / z0` and the upward direction of
+/// verticals `(t, -c, -s)` in unrolled axes, `(0, -cos p, -sin p)` without tilt, the head is at `f (u + k t,
+/// v - k c) / (f - k s)`. `None` if the foot is above the horizon or the head is behind the camera.
 pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
     upright: &Upright<E>,
@@ -142,7 +142,7 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     let k_by_h = depth * per_height;
     let (a_by_h, b_by_h) = (a_by_k * k_by_h, b_by_k * k_by_h);
     let turn = |[uu, uv, vv]: [E; 3]| {
-        // Into unrolled axes.
+        // Rotates a covariance into unrolled axes.
         let off = cr * sr * (uu - vv) + (cr * cr - sr * sr) * uv;
         (
             cr * cr * uu - cr * sr * (uv * 2.0) + sr * sr * vv,
@@ -166,7 +166,7 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     Some(whitened(off, [caa, cab, cbb]).map(|residual| residual * sigma.recip()))
 }
 
-/// A difference over the lower Cholesky factor of its covariance.
+/// Multiplies a difference by the inverse of the lower Cholesky factor of its covariance.
 fn whitened<N: Number>([da, db]: [N; 2], [caa, cab, cbb]: [N; 3]) -> [N; 2] {
     let l11 = caa.sqrt();
     let l21 = cab / l11;
@@ -175,20 +175,22 @@ fn whitened<N: Number>([da, db]: [N; 2], [caa, cab, cbb]: [N; 3]) -> [N; 2] {
     [first, (db - l21 * first) / l22]
 }
 
-/// A vector of three components that may depend on the camera, times a column of constants, row by row.
+/// Multiplies a constant matrix by a vector that may depend on the camera.
 fn rows<N: Number>(matrix: &[[f64; 3]; 3], [x, y, w]: [N; 3]) -> [N; 3] {
     matrix.map(|[a, b, c]| x * a + y * b + w * c)
 }
 
-/// Columns u and v of the map from a chart to bearings.
+/// Returns the columns u and v of the map from a chart to bearings.
 fn columns(chart: &Chart) -> [[f64; 3]; 2] {
     [0, 1].map(|k| chart.rows_back().map(|row| row[k]))
 }
 
-/// Lengths and uprights in the chart of a wide lens: the formulas of [`floor_length`] and [`upright_residuals`] with a
-/// homogeneous bearing (x, y, w) for the undistorted pixel (x, y, 1).
+/// Lengths and uprights in the chart of a wide lens.
+///
+/// The formulas are those of [`floor_length`] and [`upright_residuals`], with a homogeneous bearing (x, y, w)
+/// instead of the undistorted pixel (x, y, 1).
 impl<N: Number> CameraTerms<N> {
-    /// `D`, `X D` and `Y D` as linear forms of a bearing.
+    /// Returns `D`, `X D` and `Y D` as linear forms of a bearing.
     fn forms(&self) -> [[N; 3]; 3] {
         let Self { roll: (sr, cr), pitch: (sp, cp), focal: f, .. } = *self;
         let none = N::constant(0.0);
@@ -203,7 +205,7 @@ impl<N: Number> CameraTerms<N> {
         let on_floor = |end: &Endpoint<E>| {
             let bearing = bearing::<E, N>(chart, end.point);
             let [depth, x, y] = forms.map(|form| product(form, bearing));
-            // A millionth of a radian below the horizon.
+            // At least a millionth of a radian below the horizon.
             let is_below = depth.value() > 1e-6 * self.focal.value();
             is_below.then(|| (depth, [x / depth, y / depth]))
         };
@@ -236,7 +238,7 @@ impl<N: Number> CameraTerms<N> {
         if depth.value() <= 1e-6 * f.value() {
             return None;
         }
-        // Up, as a bearing, per D; the head is the foot and k of it.
+        // Upward direction as a bearing, per D; the head is the foot plus k times it.
         let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
         let up = [cr * right - sr * up_y, -(sr * right) - cr * up_y, -(up_w / f)];
         let per_depth = per_height * upright.height.value;
@@ -269,7 +271,7 @@ impl<N: Number> CameraTerms<N> {
     }
 }
 
-/// The bearing of a chart point.
+/// Returns the bearing of a chart point.
 fn bearing<E: Number, N: NumberOver<E>>(chart: &Chart, [u, v]: [E; 2]) -> [N; 3] {
     chart.rows_back().map(|[a, b, c]| N::from(u * a + v * b + c))
 }
@@ -282,7 +284,7 @@ fn constant_product<N: Number>(form: [N; 3], [x, y, w]: [f64; 3]) -> N {
     form[0] * x + form[1] * y + form[2] * w
 }
 
-/// `g' C g`.
+/// Returns `g' C g`.
 fn quadratic<E: Number, N: NumberOver<E>>([u, v]: [N; 2], [uu, uv, vv]: [E; 3]) -> N {
     u * u * uu + u * v * (uv * 2.0) + v * v * vv
 }

@@ -1,4 +1,4 @@
-//! The residuals of what has a size: lengths on the floor or a plane, and uprights.
+//! Evaluation of the residuals of lengths and uprights, on the floor and on other planes.
 
 use crate::optimize::{NuisanceJacobian, Number, NumberOver};
 use crate::single::annotation::Known;
@@ -9,7 +9,8 @@ use crate::single::residual::{LOG_HEIGHT, Parameters};
 use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
 
 impl<E: Number> Problem<'_, E> {
-    /// The residual of every length: [`floor_length`] less that of its group, over its standard deviation.
+    /// Passes the residual of every length to `sink`: [`floor_length`] minus the log length of its group,
+    /// divided by its standard deviation.
     #[inline]
     pub(super) fn each_length<N: NumberOver<E>>(
         &self,
@@ -28,15 +29,15 @@ impl<E: Number> Problem<'_, E> {
             let at = CameraTerms::<N>::new(&frame.parameters, frame.tilt);
             let (residual, nuisance) = self.length(state, &at, &frame.parameters, length)?;
             let (mut gradient, jacobian) = frame.carried(&residual.gradient(), Measured::OnPlane, &nuisances);
-            // The log length of its group is in units of the height above the floor.
+            // The log length of the group is in units of the height above the floor.
             nuisance.entries().iter().for_each(|(_, by_length)| gradient[LOG_HEIGHT] += by_length);
             sink(residual.with_gradient(gradient), nuisance.with(&jacobian), Some(length.source));
         }
         Some(())
     }
 
-    /// The residual of one length on the floor of a camera with these parameters, and its derivative by the log
-    /// length of its group.
+    /// Returns the residual of one length on the floor of a camera with these parameters, and its derivative
+    /// by the log length of its group.
     #[inline]
     fn length<N: NumberOver<E>>(
         &self,
@@ -62,7 +63,7 @@ impl<E: Number> Problem<'_, E> {
         Some((residual, NuisanceJacobian::of(index, -scale / noise.value())))
     }
 
-    /// The two residuals of every upright.
+    /// Passes the two residuals of every upright to `sink`.
     #[inline]
     pub(super) fn each_upright<N: NumberOver<E>>(
         &self,
@@ -94,7 +95,7 @@ impl<E: Number> Problem<'_, E> {
         Some(())
     }
 
-    /// `log (length / known) / relative sigma` of every group of lengths that is known about.
+    /// Passes `log (length / known) / relative sigma` of every group with a prior on its length to `sink`.
     pub(super) fn each_length_prior<N: NumberOver<E>>(
         &self,
         state: &State,
@@ -107,7 +108,8 @@ impl<E: Number> Problem<'_, E> {
         }
     }
 
-    /// The groups of lengths that have a prior and a segment: index, metres and relative standard deviation.
+    /// Returns the groups of lengths that have a prior and a segment: index, metres and relative standard
+    /// deviation.
     pub(super) fn lengths_known_about(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
         let groups = self.constraints.length_groups.iter().enumerate();
         let known = groups.filter_map(|(group, length)| Some((group, (*length)?)));
@@ -119,13 +121,13 @@ impl<E: Number> Problem<'_, E> {
     }
 }
 
-/// The log of a length in metres in units of the camera height.
+/// Returns the log of a length in metres, in units of the camera height.
 #[inline]
 fn in_heights<N: Number>(metres: f64, parameters: &Parameters) -> N {
     N::constant(metres.ln()) - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)
 }
 
-/// The noise of a log length with the spread of true lengths.
+/// Adds the spread of true lengths to the noise of a log length.
 #[inline]
 fn with_spread<N: Number>(noise: N, spread: f64) -> N {
     if spread > 0.0 { (noise * noise + spread * spread).sqrt() } else { noise }

@@ -1,30 +1,31 @@
-//! The residuals of the plumb-line method: how far the points of a polyline are from straight once
-//! undistorted, in raw pixels, with their Jacobian by the coefficients of the distortion.
+//! Residuals of the plumb-line method: distances of undistorted points from a straight line, in raw pixels,
+//! with their Jacobian by the distortion coefficients.
 //!
-//! The residual of a point is `(n . u - c) / |J' n|`: the distance of the undistorted point u from the line
-//! `n . x = c`, divided by the factor by which the undistortion, of Jacobian J, magnifies the noise across
-//! it. The line minimises the sum of squares of the polyline; as its weights depend on n, it is fitted three
-//! times, with the weights of the line before.
+//! The residual of a point is `(n . u - c) / |J' n|`. It is the distance of the undistorted point u from the
+//! line `n . x = c`, divided by the noise magnification across the line. J is the Jacobian of the
+//! undistortion. The line minimises the sum of squares of the polyline. As its weights depend on n, it is
+//! fitted three times, each time with the weights of the previous line.
 //!
-//! Which straight edges carry information about the lens: by how many pixels a distortion would bend each of
-//! them. A line through the principal point stays straight under radial distortion and carries none.
+//! The file also determines which straight edges carry information about the lens, from the sagitta that a
+//! distortion gives them. A line through the principal point stays straight under radial distortion and
+//! carries none.
 
 use crate::camera::{BrownConrady, ByCoefficient, Chart, ChartPoint, Distortion, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
 use crate::single::constraints::Source;
 use crate::single::overlaps::Overlaps;
 
-/// A straight edge: a polyline, and the drawing that it comes from.
+/// Straight edge: a polyline, and the annotated segment that it comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edge {
     /// Raw pixels along an edge that is straight in space.
     pub points: Vec<Pixel>,
-    /// The drawing that it comes from.
+    /// Annotated segment.
     pub source: Source,
 }
 
-/// The straight edges of a camera: lines of three points and more, of any kind but uprights, that are not
-/// switched off.
+/// Returns the straight edges of a camera: all annotated lines of three or more points that are switched on,
+/// except uprights.
 pub fn edges(annotations: &[Annotation]) -> Vec<Edge> {
     let used = annotations.iter().enumerate().filter(|(_, a)| !a.off && a.kind != Kind::Upright);
     used.flat_map(|(annotation, drawn)| {
@@ -36,38 +37,40 @@ pub fn edges(annotations: &[Annotation]) -> Vec<Edge> {
     .collect()
 }
 
-/// The drawn point that is farthest from the middle of the lens.
+/// Returns the annotated point that is farthest from the centre of the lens.
 pub fn outermost<'a>(points: impl Iterator<Item = &'a Pixel>, centre: Pixel) -> Option<Pixel> {
     points.copied().max_by(|a, b| a.distance(centre).total_cmp(&b.distance(centre)))
 }
 
-/// How often each of these edges is drawn: the residuals of each are divided by the root of it, so that copies
-/// together say what one of them says (`repeats.rs`).
+/// Returns the repeat count of every edge. Residuals are divided by its square root, so that the copies
+/// together count as one edge (`overlaps.rs`).
 pub(crate) fn times_drawn<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
     let points = |edge: &Edge| edge.points.iter().map(|&point| <[f64; 2]>::from(point)).collect();
     Overlaps::new(&edges.map(points).collect::<Vec<_>>()).times()
 }
 
-/// Points that are drawn again less the two parameters of the line through every edge: what edges have more of
-/// residuals than of unknowns.
+/// Returns the number of residuals minus the two parameters of every line, with repeated edges counted once.
 pub(crate) fn edge_redundancy<'a>(edges: impl Iterator<Item = &'a Edge>, times: &[f64]) -> i64 {
     let each = edges.zip(times).map(|(edge, times)| (edge.points.len() as f64 - 2.0) / times);
     (each.sum::<f64>() - 1e-9).ceil() as i64
 }
 
-/// Distances of the points of a polyline from the best line through them once undistorted, in raw
-/// pixels; `None` where a point cannot be undistorted.
+/// Returns the distances of the undistorted points of a polyline from the best line through them, in raw
+/// pixels.
+///
+/// `None` if a point cannot be undistorted.
 #[must_use]
 pub fn straightness(lens: &Lens, points: &[Pixel]) -> Option<Vec<f64>> {
     straightness_in_charts_of([lens, lens], points)
 }
 
-/// [`straightness`], in the charts of the second lens, from which the first is estimated.
+/// Computes [`straightness`] in the charts of the second lens, with which the estimate of the first lens
+/// started.
 pub(crate) fn straightness_in_charts_of(lenses: [&Lens; 2], points: &[Pixel]) -> Option<Vec<f64>> {
     UndistortedPolyline::new(lenses, points).map(|polyline| polyline.distances())
 }
 
-/// [`straightness_in_charts_of`], and for every one of these parameters the column of the Jacobian.
+/// Computes [`straightness_in_charts_of`], and the column of the Jacobian for each of these parameters.
 pub(crate) fn straightness_with_jacobian(
     [lens, start]: [&Lens; 2],
     points: &[Pixel],
@@ -84,21 +87,21 @@ pub(crate) fn straightness_with_jacobian(
     Some((distances, columns))
 }
 
-/// An undistorted polyline with the lines fitted to it.
+/// Undistorted polyline with the lines fitted to it.
 ///
-/// The weights `w = 1 / |J' n|^2` of the points depend on the line's direction, slowly: three fits are
-/// enough.
+/// The weights `w = 1 / |J' n|^2` of the points depend only slowly on the direction of the line, so three
+/// fits are enough.
 struct UndistortedPolyline {
-    /// Where the points are given, of a wide lens.
+    /// Chart of the points, for a wide lens.
     chart: Option<Chart>,
     points: Vec<[f64; 2]>,
     /// `d undistorted / d raw` of every point.
     jacobians: Vec<Matrix2>,
-    /// The line of every fit.
+    /// Line of every fit.
     lines: [BestLine; 3],
     /// Weights of every fit.
     weights: [Vec<f64>; 3],
-    /// Sign of the distances on the side that the normal points to.
+    /// Sign of the distances on the side of the normal.
     sign: f64,
 }
 
@@ -124,23 +127,24 @@ impl UndistortedPolyline {
         let second = BestLine::through(&points, &by_first);
         let by_second = weights_of(&second);
         let third = BestLine::through(&points, &by_second);
-        // The sign must not change with the coefficients: positive is left of the way from first to last
-        // point.
+        // The sign must not change with the coefficients: positive is left of the direction from the first to
+        // the last point.
         let ([x, y], (start, end)) = (third.normal, (points.first()?, points.last()?));
         let sign = if x * (start[1] - end[1]) + y * (end[0] - start[0]) < 0.0 { -1.0 } else { 1.0 };
         let (lines, weights) = ([first, second, third], [uniform, by_first, by_second]);
         Some(Self { chart, points, jacobians, lines, weights, sign })
     }
 
-    /// `(n . u - c) sqrt(w)` of every point.
+    /// Returns `(n . u - c) sqrt(w)` of every point.
     fn distances(&self) -> Vec<f64> {
         let BestLine { normal: [x, y], offset: c, .. } = self.lines[2];
         let distance = |([u, v], weight): (&[f64; 2], &f64)| self.sign * (x * u + y * v - c) * weight.sqrt();
         self.points.iter().zip(&self.weights[2]).map(distance).collect()
     }
 
-    /// Derivatives of the distances by a coefficient that changes points and Jacobians by these: the chain
-    /// rule through the three fits.
+    /// Returns the derivatives of the distances by a coefficient, by the chain rule through the three fits.
+    ///
+    /// `changes` are the derivatives of the points and their Jacobians by that coefficient.
     fn jacobian_column(&self, changes: &[ByCoefficient]) -> Vec<f64> {
         let mut d_weights = vec![0.0; self.points.len()];
         let mut d_line = ([0.0; 2], 0.0);
@@ -160,7 +164,7 @@ impl UndistortedPolyline {
         (0..self.points.len()).map(derivative).collect()
     }
 
-    /// `d w = -2 w^2 (J' n) . d(J' n)`, the change of the weights of a fit with that of the line before it.
+    /// Computes the change of the weights with the previous line, `d w = -2 w^2 (J' n) . d(J' n)`.
     fn change_weights(
         &self,
         step: usize,
@@ -179,23 +183,23 @@ impl UndistortedPolyline {
     }
 }
 
-/// The line with the least weighted sum of squared distances from some points.
+/// Line with the smallest weighted sum of squared distances from points.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BestLine {
     /// Unit normal.
     pub(crate) normal: [f64; 2],
-    /// Of the line along the normal.
+    /// Offset of the line along the normal.
     pub(crate) offset: f64,
-    /// The sum of the weights.
+    /// Sum of the weights.
     total: f64,
-    /// The weighted mean of the points.
+    /// Weighted mean of the points.
     mean: [f64; 2],
-    /// Of the second moments S about the mean: twice `S_uv`, and `S_uu - S_vv`.
+    /// Second moments S about the mean: twice `S_uv`, and `S_uu - S_vv`.
     moments: [f64; 2],
 }
 
 impl BestLine {
-    /// `angle = atan2(2 S_uv, S_uu - S_vv) / 2` along the line, and its offset that of the mean.
+    /// Fits a line: its angle is `atan2(2 S_uv, S_uu - S_vv) / 2`, and it passes through the mean.
     pub(crate) fn through(points: &[[f64; 2]], weights: &[f64]) -> Self {
         let (mut total, mut mean) = (0.0, [0.0; 2]);
         for ([u, v], w) in points.iter().zip(weights) {
@@ -215,7 +219,7 @@ impl BestLine {
         Self { normal, offset, total, mean, moments: [sine, cosine] }
     }
 
-    /// How normal and offset change with the points and their weights.
+    /// Returns the derivatives of normal and offset with respect to changes of the points and their weights.
     fn derivative(
         &self,
         points: &[[f64; 2]],
@@ -225,7 +229,7 @@ impl BestLine {
     ) -> ([f64; 2], f64) {
         let Self { normal, total, mean, moments: [sine, cosine], .. } = self;
         let (mut d_mean, mut d_sine, mut d_cosine) = ([0.0; 2], 0.0, 0.0);
-        // The change of the mean has no effect on the moments, for offsets from it sum to 0.
+        // The change of the mean does not affect the moments, because offsets from the mean sum to 0.
         for (([u, v], w), (by, dw)) in points.iter().zip(weights).zip(changes.iter().zip(d_weights)) {
             let ([u, v], [du, dv]) = ([u - mean[0], v - mean[1]], by.at);
             d_mean = [d_mean[0] + dw * u + w * du, d_mean[1] + dw * v + w * dv];
@@ -242,16 +246,17 @@ impl BestLine {
     }
 }
 
-/// Root mean square distance of a polyline's points from straight under a given lens, in raw pixels; `None`
-/// where a point cannot be undistorted.
+/// Returns the root mean square distance of a polyline's points from straight under a lens, in raw pixels.
+///
+/// `None` if a point cannot be undistorted.
 #[must_use]
 pub fn straightness_rms(lens: &Lens, points: &[Pixel]) -> Option<f64> {
     let distances = straightness(lens, points)?;
     Some((distances.iter().map(|d| d * d).sum::<f64>() / distances.len().max(1) as f64).sqrt())
 }
 
-/// How far displacements across a line bend it: their range after the best straight displacement is
-/// subtracted.
+/// Returns the sagitta that displacements across a line cause: their range after subtraction of the best
+/// straight displacement.
 pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
     let count = points.len() as f64;
     let (first, last) = (points[0], points[points.len() - 1]);
@@ -271,17 +276,18 @@ pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
     high - low
 }
 
-/// Edges that a distortion of 10 px in the corner would bend by less than one sigma, and by less than a third
-/// of what it bends the most informative edge by; with their sagitta under it, in pixels.
+/// Returns the uninformative edges with their sagitta under a distortion of 10 px in the corner, in pixels.
+///
+/// The sagitta of an uninformative edge is less than one sigma, and less than a third of the largest.
 pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma: f64) -> Vec<(Source, f64)> {
-    /// Movement of the corner, in pixels.
+    /// Displacement of the corner, in pixels.
     const CORNER: f64 = 10.0;
     let half_diagonal = 0.5 * size[0].hypot(size[1]);
     let k1 = CORNER / half_diagonal;
     let brown = |k1: f64| Distortion::BrownConrady(BrownConrady { k1, ..BrownConrady::default() });
     let extra = Lens { focal: half_diagonal, distortion: brown(-k1), ..*lens };
     let bend = |edge: &Edge| {
-        // The largest sagitta that the extra distortion gives to the edge.
+        // Largest sagitta of the edge under the additional distortion.
         let points: Vec<[f64; 2]> =
             edge.points.iter().filter_map(|&p| extra.undistort(p)).map(|p| [p.u, p.v]).collect();
         let plain: Vec<[f64; 2]> = edge.points.iter().map(|p| [p.u, p.v]).collect();
@@ -300,7 +306,7 @@ pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma:
     };
     let bent: Vec<(Source, f64)> = edges.iter().map(|edge| (edge.source, bend(edge))).collect();
     let best = bent.iter().map(|(_, sagitta)| *sagitta).filter(|s| s.is_finite()).fold(0.0, f64::max);
-    // If even the most informative edge bends by less than one sigma, none of them is informative.
+    // If even the largest sagitta is less than one sigma, no edge is informative.
     let most = if best < sigma { f64::INFINITY } else { best / 3.0 };
     bent.into_iter().filter(|(_, sagitta)| *sagitta < sigma && *sagitta <= most).collect()
 }
@@ -329,7 +335,7 @@ mod tests {
             let points: Vec<Pixel> = off.iter().enumerate().map(point).collect();
             let indices: Vec<usize> = (0..distortion.names().len()).collect();
             let Some((distances, slopes)) = straightness_with_jacobian([&lens, &lens], &points, &indices) else { return Ok(()) };
-            // Near the fold differences are not derivatives.
+            // Near the fold, differences do not approximate derivatives.
             let regular = points.iter().all(|&p| {
                 lens.undistort_jacobian(p).is_some_and(|j| j.iter().flatten().all(|slope| slope.abs() < 5.0))
             });

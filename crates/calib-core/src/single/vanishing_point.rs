@@ -1,23 +1,24 @@
-//! The vanishing point of several image lines, and roll from that of the verticals (the paper's stage 1, step
-//! 1).
+//! Vanishing point of several image lines, and roll from the vanishing point of the verticals (the paper's
+//! stage 1, step 1).
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use crate::optimize::Number;
 use crate::single::constraints::Line;
 
-/// The homogeneous line through two points: their cross product.
+/// Returns the homogeneous line through two points: their cross product.
 pub(crate) fn line_through<E: Number>([x1, y1]: [E; 2], [x2, y2]: [E; 2]) -> [E; 3] {
     [y1 - y2, x2 - x1, x1 * y2 - y1 * x2]
 }
 
-/// The line through the ends of a segment, homogeneous, of bearings.
+/// Returns the homogeneous line of bearings through the ends of a segment.
 fn of_bearings(line: &Line) -> [f64; 3] {
     let through = line_through(line.ends[0].point, line.ends[1].point);
     line.chart.map_or(through, |chart| chart.line_of_bearings(through))
 }
 
-/// The line through the ends of a segment, homogeneous, in a camera turned back by its roll of this sine and cosine.
+/// Returns the homogeneous line through the ends of a segment, rotated into unrolled axes; the array is the
+/// sine and cosine of the roll.
 pub(crate) fn unrolled(line: &Line, [sin, cos]: [f64; 2]) -> [f64; 3] {
     if line.chart.is_some() {
         let [a, b, c] = of_bearings(line);
@@ -27,11 +28,11 @@ pub(crate) fn unrolled(line: &Line, [sin, cos]: [f64; 2]) -> [f64; 3] {
     line_through(a, b)
 }
 
-/// The point, homogeneous, whose distances from all lines have the least sum of squares.
+/// Returns the homogeneous point with the smallest sum of squared distances from all lines.
 ///
-/// It is the eigenvector of the least eigenvalue of the scatter matrix of the lines, each of unit normal, in
-/// coordinates scaled to magnitude 1. The point may be at infinity (third coordinate 0). `None` for fewer
-/// than two lines or for lines that coincide.
+/// It is the eigenvector with the smallest eigenvalue of the scatter matrix of the lines. The lines have unit
+/// normals, in coordinates scaled to magnitude 1. The point may be at infinity (third coordinate 0). `None`
+/// for fewer than two lines, or for lines that coincide.
 pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Option<[f64; 3]> {
     let lines: Vec<&Line> = lines.collect();
     if lines.len() < 2 {
@@ -45,7 +46,7 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Opti
     let scatter = lines.iter().fold(Matrix3::zeros(), |sum, drawn| {
         let [a, b, c] = of_bearings(drawn);
         let line = Vector3::new(a * size, b * size, c);
-        // Beside the camera a line has no normal in the image of a pinhole.
+        // Beside the camera, a line has no normal in a pinhole image.
         let of_normal = if drawn.chart.is_some() { line.norm_squared() } else { line.xy().norm_squared() };
         sum + line * line.transpose() / of_normal.max(f64::MIN_POSITIVE)
     });
@@ -53,7 +54,7 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Opti
     let (least, _) = eigen.eigenvalues.argmin();
     let mut sorted: Vec<f64> = eigen.eigenvalues.iter().copied().collect();
     sorted.sort_by(f64::total_cmp);
-    // Of lines that coincide every point of the line is a minimum.
+    // If all lines coincide, every point of the line is a minimum.
     if sorted[1] <= 1e-24 * sorted[2] {
         return None;
     }
@@ -61,8 +62,9 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Opti
     Some([point[0] * size, point[1] * size, point[2]])
 }
 
-/// Roll of the camera, in radians, from the vanishing point of the verticals:
-/// `atan2(vx, vy)` toward the nadir, taken on the side below the principal point.
+/// Returns the roll of the camera, in radians, from the vanishing point of the verticals.
+///
+/// It is `atan2(vx, vy)` toward the nadir, measured on the side below the principal point.
 pub(crate) fn roll_from_verticals([x, y, _]: [f64; 3]) -> f64 {
     if y < 0.0 { (-x).atan2(-y) } else { x.atan2(y) }
 }

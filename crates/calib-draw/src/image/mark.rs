@@ -23,7 +23,7 @@ pub(super) fn marks(view: &ImageView) -> Vec<Item<Pixel>> {
 
 /// Corners of marks that the operator pinned to where this image shows them.
 pub(super) fn pins(view: &ImageView) -> Vec<Item<Pixel>> {
-    let entry = view.entry().filter(|_| view.site().has_shared(view.camera));
+    let entry = view.entry().filter(|_| view.site().owns_links(view.camera));
     let (Some(camera), Some(entry)) = (view.pose, entry) else { return Vec::new() };
     let mut items = Vec::new();
     // What stands behind the camera cannot be compared.
@@ -54,7 +54,7 @@ pub fn guide(camera: &Camera, foot: Pixel, height: f64) -> Option<(Vec<Item<Pixe
 
 /// A link that only one view shows waits for another, and so does the one that was begun.
 pub(super) fn links(view: &ImageView, begun: Option<usize>) -> Vec<Item<Pixel>> {
-    let Some(entry) = view.entry().filter(|_| view.site().has_shared(view.camera)) else { return Vec::new() };
+    let Some(entry) = view.entry().filter(|_| view.site().owns_links(view.camera)) else { return Vec::new() };
     let mut items = Vec::new();
     for (index, link) in view.site().links.iter().enumerate() {
         let meaning = Meaning::Link { index, waits: link.seen.len() == 1 || begun == Some(index) };

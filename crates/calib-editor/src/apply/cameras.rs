@@ -4,11 +4,11 @@
 
 use calib_site::{LensEntry, Recovered, Site, SiteCamera};
 
-use crate::action::NewStill;
+use crate::action::NewImage;
 use crate::command::Cameras;
-use crate::editor::{Editor, OldStill};
-use crate::joint::forget_results;
-use crate::newer::{Newer, OnNewer};
+use crate::editor::{Editor, ReplacedImage};
+use crate::joint::remove_results;
+use crate::newer::{NewerAction, NewerImage};
 use crate::period::Period;
 use crate::{edit, import, steps};
 
@@ -30,57 +30,58 @@ impl Editor {
             Cameras::RemoveCamera => return self.remove_camera(),
         };
         if let Some(camera) = to {
-            self.session.choose(camera);
+            self.session.select_camera(camera);
         }
     }
 
-    pub(super) fn add_camera(&mut self, still: NewStill) {
-        let NewStill { image, title, size, image_circle } = still;
+    pub(super) fn add_camera(&mut self, new: NewImage) {
+        let NewImage { image, title, size, image_circle } = new;
         let site = &mut self.session.site;
-        let taken = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
+        let is_used = |id: &str| site.cameras.iter().any(|camera| camera.id == id);
         let id = std::iter::once(title.clone())
             .chain((2..).map(|number| format!("{title}-{number}")))
-            .find(|id| !taken(id))
+            .find(|id| !is_used(id))
             .unwrap_or_default();
         let lens = image_circle.map(|_| LensEntry { image_circle_px: image_circle, ..LensEntry::default() });
         site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
-        let new = site.cameras.len() - 1;
+        let added = site.cameras.len() - 1;
         self.session.commit(format!("add {id}"));
         // Of several new cameras the first is selected; an unfinished gesture is not interrupted.
         let is_begun =
             self.session.entry().is_some_and(|entry| !entry.annotations.is_empty() || entry.is_given());
         if is_begun && self.tool().is_idle() {
-            self.session.choose(new);
+            self.session.select_camera(added);
         }
     }
 
-    pub(super) fn replace_still(&mut self, of: Period, still: NewStill) {
-        let NewStill { image, size, image_circle, .. } = still;
-        let Some(entry) = self.session.site.cameras.iter_mut().find(|entry| of.is_of(entry)) else { return };
+    pub(super) fn replace_image(&mut self, of: Period, new: NewImage) {
+        let NewImage { image, size, image_circle, .. } = new;
+        let Some(entry) = self.session.site.cameras.iter_mut().find(|entry| of.matches(entry)) else {
+            return;
+        };
         // The image circle of an image of another size is scaled together with the annotations.
         if entry.image_circle().is_none() && image_circle.is_some() && entry.size_px == size {
             entry.lens.get_or_insert_default().image_circle_px = image_circle;
         }
         let (old, from) = (entry.image.replace(image), std::mem::replace(&mut entry.size_px, size));
         let size = Some(from).filter(|from| *from != size);
-        self.session.commit(format!("replace the still of {}", of.camera));
-        self.old_still = old.map(|image| OldStill { of, image, share: 0.5, size });
+        self.session.commit(format!("replace the image of {}", of.camera));
+        self.replaced_image = old.map(|image| ReplacedImage { of, image, opacity: 0.5, size });
         if let Some([w, h]) = size {
-            self.session.note = Some(format!(
-                "The old still was {w} \u{d7} {h} px: what is drawn can be rescaled in the panel."
-            ));
+            self.session.note =
+                Some(format!("The old image was {w} \u{d7} {h} px. Rescale the annotations in the panel."));
         }
     }
 
-    pub(super) fn blend_old(&mut self, share: f32) {
-        if let Some(old) = &mut self.old_still {
-            old.share = share;
+    pub(super) fn blend_replaced(&mut self, share: f32) {
+        if let Some(old) = &mut self.replaced_image {
+            old.opacity = share;
         }
     }
 
     /// Scales all annotations of the replaced image to the size of the new one.
-    pub(super) fn rescale_to_still(&mut self) {
-        let Some(OldStill { of, size, .. }) = &mut self.old_still else { return };
+    pub(super) fn rescale_to_image(&mut self) {
+        let Some(ReplacedImage { of, size, .. }) = &mut self.replaced_image else { return };
         let (of, Some(from)) = (of.clone(), size.take()) else { return };
         let site = &mut self.session.site;
         let Some(index) = of.index(site) else { return };
@@ -90,7 +91,7 @@ impl Editor {
             import::scale_lens(lens, ratio[0]);
         }
         edit::scale_camera(site, index, ratio);
-        self.session.commit(format!("rescale what is drawn on {}", of.camera));
+        self.session.commit(format!("rescale the annotations of {}", of.camera));
     }
 
     pub(super) fn name_camera(&mut self, name: String) {
@@ -103,7 +104,7 @@ impl Editor {
     pub(super) fn rename_camera(&mut self, id: &str) {
         let session = &mut self.session;
         if id.is_empty() || session.site.cameras.iter().any(|camera| camera.id == id) {
-            session.note = Some("Every camera needs an id of its own.".into());
+            session.note = Some("Camera not renamed: the id is empty or already used.".into());
             return;
         }
         let Some(old) = session.entry().map(|entry| entry.id.clone()) else { return };
@@ -114,14 +115,14 @@ impl Editor {
         let marks =
             session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
         let proposed =
-            std::sync::Arc::make_mut(&mut session.proposed).iter_mut().map(|own| &mut own.of.camera);
+            std::sync::Arc::make_mut(&mut session.pending.proposed).iter_mut().map(|own| &mut own.of.camera);
         let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
         for name in links.chain(marks).chain(like).chain(proposed).filter(|name| **name == old) {
             id.clone_into(name);
         }
         session.commit(format!("rename {old}"));
-        if let Some(still) = self.old_still.as_mut().filter(|still| still.of.camera == old) {
-            id.clone_into(&mut still.of.camera);
+        if let Some(old_image) = self.replaced_image.as_mut().filter(|replaced| replaced.of.camera == old) {
+            id.clone_into(&mut old_image.of.camera);
         }
         // Undo restores the old id, so both ids are kept.
         for newer in self.newer.iter_mut().filter(|newer| newer.ids.contains(&old)) {
@@ -135,85 +136,86 @@ impl Editor {
         if session.camera >= session.site.cameras.len() {
             return;
         }
-        let had_shared = session.site.has_shared(session.camera);
+        let had_shared = session.site.owns_links(session.camera);
         let removed = session.site.cameras.remove(session.camera);
-        let of = Period::of(&removed);
+        let of = Period::from_camera(&removed);
         let id = removed.id;
         // Links and marks belong to the image of the newest period only.
         if had_shared {
-            edit::forget_shared(&mut session.site, &id);
+            edit::remove_observations(&mut session.site, &id);
         }
         if session.site.cameras.iter().all(|camera| camera.id != id) {
             let lenses = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut());
             lenses.for_each(|lens| drop(lens.like.take_if(|like| *like == id)));
         }
-        edit::keep_distances(&mut session.site);
+        edit::remove_dangling_distances(&mut session.site);
         session.selection.clear();
         session.camera = session.camera.min(session.site.cameras.len().saturating_sub(1));
-        if self.old_still.as_ref().is_some_and(|old| old.of == of) {
-            self.old_still = None;
+        if self.replaced_image.as_ref().is_some_and(|old| old.of == of) {
+            self.replaced_image = None;
         }
         self.session.commit(format!("remove {id}"));
     }
 }
 
 impl Editor {
-    pub(super) fn on_newer(&mut self, action: OnNewer) {
+    pub(super) fn on_newer(&mut self, action: NewerAction) {
         match action {
-            OnNewer::Compared(newer) => self.keep_newer(*newer),
-            OnNewer::Since(time) => {
-                if let Some(newer) = self.newer_in_hand_mut() {
+            NewerAction::Compared(newer) => self.add_newer(*newer),
+            NewerAction::SetSince(time) => {
+                if let Some(newer) = self.selected_newer_mut() {
                     newer.since = time;
                 }
             }
-            OnNewer::Dismiss => {
-                let own = self.newer_in_hand().cloned();
+            NewerAction::Dismiss => {
+                let own = self.selected_newer().cloned();
                 self.newer.retain(|newer| Some(newer) != own.as_ref());
             }
-            OnNewer::Recovered(camera, found) => self.take_recovered(&camera, &found.0, found.1),
+            NewerAction::Recovered(camera, found) => self.apply_recovered(&camera, &found.0, found.1),
         }
     }
 
-    fn keep_newer(&mut self, newer: Newer) {
+    fn add_newer(&mut self, newer: NewerImage) {
         let camera = newer.ids.first().cloned().unwrap_or_default();
         let became = newer.comparison.became;
         // Comparisons finish in any order: the newest image determines the current status.
-        if let Some(known) = self.newer.iter().find(|known| newer.is_beside(known) && newer.is_before(known))
+        if let Some(known) =
+            self.newer.iter().find(|known| newer.is_same_camera(known) && newer.is_before(known))
         {
             let (title, since) = (&known.title, &known.since);
             self.session.note =
-                Some(format!("{camera}: {became} before {since}; {title} is newer, and stays."));
+                Some(format!("{camera}: {became} before {since}; {title} is newer and was kept."));
             return;
         }
         self.session.note = Some(format!("{camera}: {became}."));
-        self.newer.retain(|known| !newer.is_beside(known));
+        self.newer.retain(|known| !newer.is_same_camera(known));
         self.newer.push(newer);
     }
 
-    fn newer_in_hand_mut(&mut self) -> Option<&mut Newer> {
+    fn selected_newer_mut(&mut self) -> Option<&mut NewerImage> {
         let entry = self.session.entry()?;
         self.newer.iter_mut().find(|newer| newer.is_of(entry))
     }
 
     /// Replaces the site by one with a new period of the camera, unless the site changed since the
     /// comparison.
-    fn take_recovered(&mut self, camera: &str, from: &Site, found: Recovered) {
+    fn apply_recovered(&mut self, camera: &str, from: &Site, found: Recovered) {
         self.cancel();
         if self.session.site != *from {
-            let note = "Nothing was recovered: the site was changed meanwhile. Recover again.";
+            let note = "Not recovered: the site has changed since. Recover again.";
             self.session.note = Some(note.into());
             return;
         }
         let Recovered { mut site, left_out, carried } = found;
-        forget_results(&mut site);
+        remove_results(&mut site);
         self.session.site = site;
         self.session.selection.clear();
         self.session.commit(format!("recover {camera}"));
         let left_out = match left_out.len() {
             0 => String::new(),
-            _ => format!(" Not on the new still, left out: {}.", left_out.join(", ")),
+            _ => format!(" Not visible in the new image, omitted: {}.", left_out.join(", ")),
         };
         self.session.note =
-            Some(format!("{camera}: {carried} lines and points stand on the new still.{left_out}"));
+            Some(format!("{camera}: {carried} lines and points transferred to the new image.{left_out}"));
     }
 }

@@ -16,20 +16,20 @@ impl Editor {
         self.cancel();
         match command {
             Lines::NewGroup => {
-                self.session.fresh_group = true;
-                self.session.note = Some("The next line begins a new group.".into());
+                self.session.tool.fresh_group = true;
+                self.session.note = Some("The next line starts a new group.".into());
             }
             Lines::RightAngle => self.right_angle(),
-            Lines::TakeSuggestion => self.take_suggestion(),
-            Lines::DismissSuggestion => self.session.dismiss(),
+            Lines::TakeSuggestion => self.select_suggested_tool(),
+            Lines::DismissSuggestion => self.session.dismiss_suggestion(),
             Lines::TakeSecondSolution => {
                 let other = self.session.solution().and_then(|s| s.alternatives.first());
                 let Some(focal) = other.map(|other| other.focal_px) else { return };
-                self.believe_focal(focal, "use the second solution");
+                self.set_focal_prior(focal, "use the second solution");
             }
             Lines::CopyLines => {
                 let entry = self.session.entry();
-                self.copied = entry.map(|entry| (entry.annotations.clone(), entry.size_px));
+                self.copied_annotations = entry.map(|entry| (entry.annotations.clone(), entry.size_px));
                 self.session.note = Some("Copied. Choose a camera and paste.".into());
             }
             Lines::PasteLines => self.paste_lines(),
@@ -38,16 +38,16 @@ impl Editor {
 
     /// Selects the tool for the suggested line. No line is added: only lines that the operator placed on
     /// image pixels are evidence.
-    fn take_suggestion(&mut self) {
-        let Some(next) = self.session.proposal().cloned() else { return };
+    fn select_suggested_tool(&mut self) {
+        let Some(next) = self.session.suggestion().cloned() else { return };
         let makes_it = |tool: &ToolRow| match next.kind {
             Some(kind) => tool.kind == Some(kind),
             None => tool.icon == Icon::Link,
         };
         let Some(tool) = TOOLS.iter().position(makes_it) else { return };
-        self.take_tool(tool);
+        self.select_tool(tool);
         // Lines of one direction form one annotation.
-        self.session.fresh_group = next.segments_px.len() >= 2;
+        self.session.tool.fresh_group = next.segments_px.len() >= 2;
         self.session.note = Some(next.message);
     }
 
@@ -56,30 +56,31 @@ impl Editor {
         let is_parallel = |&i: &usize| entry.annotations[i].kind == Kind::Parallel;
         let groups: Vec<usize> = (0..entry.annotations.len()).filter(is_parallel).collect();
         let [.., first, second] = groups[..] else {
-            self.session.note = Some("Needs two groups of parallels: W begins a second one.".into());
+            self.session.note =
+                Some("Draw two groups of parallel lines first. Press W to start the second one.".into());
             return;
         };
-        let taken = |id: &String| entry.annotations.iter().any(|a| a.id.as_ref() == Some(id));
-        let free = (b'a'..=b'z').map(|c| char::from(c).to_string()).find(|id| !taken(id));
+        let is_used = |id: &String| entry.annotations.iter().any(|a| a.id.as_ref() == Some(id));
+        let free = (b'a'..=b'z').map(|c| char::from(c).to_string()).find(|id| !is_used(id));
         let id = entry.annotations[first].id.clone().or(free);
         entry.annotations[first].id.clone_from(&id);
         let tied = &mut entry.annotations[second].at_right_angles_to;
         *tied = if tied.is_some() { None } else { id };
-        self.session.commit("tie two directions at right angles");
+        self.session.commit("set two directions at right angles");
     }
 
     /// Adds the copied annotations to the selected camera, scaled to its image.
     fn paste_lines(&mut self) {
-        let Some((copied, from)) = self.copied.clone() else { return };
+        let Some((copied, from)) = self.copied_annotations.clone() else { return };
         let Some(entry) = self.session.entry_mut() else { return };
         let ratio = [0, 1].map(|axis| f64::from(entry.size_px[axis]) / f64::from(from[axis].max(1)));
         let id = entry.id.clone();
-        let taken: Vec<String> = entry.annotations.iter().filter_map(|known| known.id.clone()).collect();
+        let used_ids: Vec<String> = entry.annotations.iter().filter_map(|known| known.id.clone()).collect();
         for mut annotation in copied {
             edit::scale(&mut annotation, ratio);
-            annotation.id.take_if(|id| taken.contains(id));
+            annotation.id.take_if(|id| used_ids.contains(id));
             // The referenced annotation lost its id, or the id belongs to another annotation here.
-            annotation.at_right_angles_to.take_if(|id| taken.contains(id));
+            annotation.at_right_angles_to.take_if(|id| used_ids.contains(id));
             entry.annotations.push(annotation);
         }
         self.session.commit(format!("paste annotations onto {id}"));
@@ -108,7 +109,7 @@ impl Editor {
     }
 
     /// Sets a prior on the focal length, which the operator can see and remove.
-    pub(super) fn believe_focal(&mut self, focal: f64, name: &str) {
+    pub(super) fn set_focal_prior(&mut self, focal: f64, name: &str) {
         let lens = self.session.entry().and_then(|entry| entry.lens.clone()).unwrap_or_default();
         self.set_lens(LensEntry { focal_px: Some(Known::prior(focal, 0.05 * focal)), ..lens }, name);
     }
@@ -116,6 +117,6 @@ impl Editor {
     pub(super) fn show_view(&mut self, which: usize, view: f64) {
         let Some((camera, family)) = &mut self.family else { return };
         let lenses = self.session.solved.lenses(*camera);
-        family.choose(&self.session.site, *camera, which, view, &lenses);
+        family.show(&self.session.site, *camera, which, view, &lenses);
     }
 }

@@ -5,15 +5,15 @@
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::single::Known;
 use calib_core::{Placement, PlanPixel, WorldPoint};
-use calib_site::{HeldEntry, Plan, PlaneEntry};
+use calib_site::{FixedEntry, Plan, PlaneEntry};
 
-use crate::action::{NewStill, PlaceNumber};
+use crate::action::{NewImage, PlacementNumber};
 use crate::editor::Editor;
-use crate::planes::{Planes, add_plane, delete_plane, lay, rename_plane, set_region};
-use crate::tools::tool_called;
+use crate::planes::{PlaneAction, add_plane, assign_plane, delete_plane, rename_plane, set_region};
+use crate::tools::tool_index;
 
 /// Inverts a flag and returns its new value.
-fn toggled(is_held: &mut bool) -> bool {
+fn toggle(is_held: &mut bool) -> bool {
     *is_held = !*is_held;
     *is_held
 }
@@ -26,12 +26,12 @@ impl Editor {
     }
 
     /// Rotates or scales the selected camera about its foot, as its handles on the plan do.
-    pub(super) fn turn_or_scale(&mut self, verb: &str, change: impl FnOnce(&mut Placement)) {
+    pub(super) fn rotate_or_scale(&mut self, verb: &str, change: impl FnOnce(&mut Placement)) {
         self.cancel();
         let session = &mut self.session;
         let camera = session.camera;
-        if session.is_held_by_points(camera) {
-            let note = "Control points hold this camera; switch them off to move it by hand.";
+        if session.is_fixed_by_control_points(camera) {
+            let note = "Control points determine this camera's position. Switch them off to move it by hand.";
             session.note = Some(note.into());
             return;
         }
@@ -54,7 +54,7 @@ impl Editor {
         session.commit(name);
     }
 
-    pub(super) fn hold_place(&mut self) {
+    pub(super) fn toggle_placement_fixed(&mut self) {
         self.cancel();
         let session = &mut self.session;
         let camera = session.camera;
@@ -64,13 +64,13 @@ impl Editor {
         let id = entry.id.clone();
         let Some(placement) = &mut entry.placement else { return };
         placement.fixed = !placement.fixed;
-        let verb = if placement.fixed { "hold" } else { "release" };
+        let verb = if placement.fixed { "fix" } else { "unfix" };
         session.commit(format!("{verb} {id}"));
     }
 
     /// Fixes or unfixes one number of the placement. If the whole placement was fixed, its other numbers stay
     /// fixed.
-    pub(super) fn hold_number(&mut self, number: PlaceNumber) {
+    pub(super) fn toggle_number_fixed(&mut self, number: PlacementNumber) {
         self.cancel();
         let session = &mut self.session;
         let camera = session.camera;
@@ -84,38 +84,38 @@ impl Editor {
         let height = (1e3 * STAGE_1_HEIGHT * now.scale).round() / 1e3;
         let was_whole = std::mem::take(&mut placement.fixed);
         if was_whole {
-            placement.held = HeldEntry { x: true, y: true, turn: true };
+            placement.held = FixedEntry { x: true, y: true, turn: true };
         }
-        if was_whole && number != PlaceNumber::Height {
+        if was_whole && number != PlacementNumber::Height {
             // A measured height is not overwritten.
             entry.height_m.get_or_insert(Known::fixed(height));
         }
         let (is_held, name) = match number {
-            PlaceNumber::X => (toggled(&mut placement.held.x), "x"),
-            PlaceNumber::Y => (toggled(&mut placement.held.y), "y"),
-            PlaceNumber::Turn => (toggled(&mut placement.held.turn), "the turn"),
-            PlaceNumber::Height => {
+            PlacementNumber::X => (toggle(&mut placement.held.x), "x"),
+            PlacementNumber::Y => (toggle(&mut placement.held.y), "y"),
+            PlacementNumber::Rotation => (toggle(&mut placement.held.turn), "the rotation"),
+            PlacementNumber::Height => {
                 let is_held = !was_whole && !entry.height_m.is_some_and(|height| height.fixed);
                 let measured = entry.height_m.filter(|height| !height.fixed);
                 entry.height_m = if is_held { Some(Known::fixed(height)) } else { measured };
                 (is_held, "the height")
             }
         };
-        let verb = if is_held { "hold" } else { "release" };
+        let verb = if is_held { "fix" } else { "unfix" };
         let name = format!("{verb} {name} of {}", entry.id);
         session.commit(name);
     }
 
-    pub(super) fn forget_place(&mut self) {
+    pub(super) fn remove_placement(&mut self) {
         self.cancel();
         let Some(entry) = self.session.entry_mut() else { return };
         entry.placement = None;
-        let name = format!("forget the place of {}", entry.id);
+        let name = format!("remove the placement of {}", entry.id);
         self.session.commit(name);
     }
 
-    pub(super) fn load_plan(&mut self, still: NewStill, told: Option<Plan>) {
-        let NewStill { image, size, .. } = still;
+    pub(super) fn load_plan(&mut self, new: NewImage, world_file: Option<Plan>) {
+        let NewImage { image, size, .. } = new;
         let metres_per_px = self.session.site.plan.as_ref().map_or(0.02, |plan| plan.metres_per_px);
         let bare = Plan {
             image: None,
@@ -124,26 +124,26 @@ impl Editor {
             x_axis_deg: 0.0,
             georeference: None,
         };
-        let is_scaled = told.is_some();
-        self.session.site.plan = Some(Plan { image: Some(image), ..told.unwrap_or(bare) });
-        self.session.note = is_scaled.then(|| "The scale is that of the world file.".into());
+        let is_scaled = world_file.is_some();
+        self.session.site.plan = Some(Plan { image: Some(image), ..world_file.unwrap_or(bare) });
+        self.session.note = is_scaled.then(|| "Scale read from the world file.".into());
         self.session.commit("load a plan");
         if !is_scaled {
-            self.take_tool(tool_called("Measure plan"));
+            self.select_tool(tool_index("Measure plan"));
         }
     }
 
-    pub(super) fn lay_plan(&mut self, told: &Plan, name: &str) {
+    pub(super) fn apply_world_file(&mut self, world_file: &Plan, name: &str) {
         let Some(plan) = &mut self.session.site.plan else {
-            self.complain(format!(
-                "{name}: there is no plan whose place it could tell. Load the plan's picture together with it."
+            self.add_error(format!(
+                "{name}: no floor plan is loaded. Load the plan's image together with this file."
             ));
             return;
         };
         (plan.metres_per_px, plan.origin_px, plan.x_axis_deg) =
-            (told.metres_per_px, told.origin_px, told.x_axis_deg);
-        self.session.note = Some("The scale is that of the world file.".into());
-        self.session.commit(format!("lay the plan as {name} says"));
+            (world_file.metres_per_px, world_file.origin_px, world_file.x_axis_deg);
+        self.session.note = Some("Scale read from the world file.".into());
+        self.session.commit(format!("position the plan with {name}"));
     }
 
     pub(super) fn set_plan(&mut self, plan: Plan, name: String) {
@@ -154,16 +154,16 @@ impl Editor {
 }
 
 impl Editor {
-    pub(super) fn on_planes(&mut self, planes: Planes) {
+    pub(super) fn on_planes(&mut self, planes: PlaneAction) {
         self.cancel();
         match planes {
-            Planes::Choose(index) => self.session.plane = index,
-            Planes::Add => self.add_plane(),
-            Planes::Delete(index) => self.delete_plane(index),
-            Planes::Rename(index, id) => self.rename_plane(index, id.trim()),
-            Planes::Set { index, plane, name } => self.set_plane_entry(index, *plane, name),
-            Planes::TakeField(index) => self.take_field(index),
-            Planes::Lay(plane) => self.lay(plane),
+            PlaneAction::Choose(index) => self.session.tool.plane = index,
+            PlaneAction::Add => self.add_plane(),
+            PlaneAction::Delete(index) => self.delete_plane(index),
+            PlaneAction::Rename(index, id) => self.rename_plane(index, id.trim()),
+            PlaneAction::Set { index, plane, name } => self.set_plane_entry(index, *plane, name),
+            PlaneAction::SetRegionFromField(index) => self.set_region_from_field(index),
+            PlaneAction::Assign(plane) => self.assign_plane(plane),
         }
     }
 
@@ -171,13 +171,13 @@ impl Editor {
         let index = add_plane(&mut self.session.site);
         let name = format!("add {}", self.session.site.planes[index].id);
         self.session.commit(name);
-        self.session.plane = Some(index);
+        self.session.tool.plane = Some(index);
     }
 
     fn delete_plane(&mut self, index: usize) {
         let Some(id) = self.session.site.planes.get(index).map(|plane| plane.id.clone()) else { return };
         delete_plane(&mut self.session.site, index);
-        self.session.plane = None;
+        self.session.tool.plane = None;
         self.session.commit(format!("remove {id}"));
     }
 
@@ -189,8 +189,8 @@ impl Editor {
         if rename_plane(&mut self.session.site, index, id) {
             self.session.commit(format!("rename {old} to {id}"));
         } else {
-            let why = if id.is_empty() { "a plane needs a name" } else { "another plane has this name" };
-            self.session.note = Some(format!("{old} keeps its name: {why}."));
+            let why = if id.is_empty() { "the name is empty" } else { "another plane has this name" };
+            self.session.note = Some(format!("{old} was not renamed: {why}."));
         }
     }
 
@@ -203,7 +203,7 @@ impl Editor {
     }
 
     /// Sets the region of a plane to the camera's field of view, projected onto the plane.
-    fn take_field(&mut self, index: usize) {
+    fn set_region_from_field(&mut self, index: usize) {
         let session = &mut self.session;
         let Some(id) = session.site.planes.get(index).map(|plane| plane.id.clone()) else { return };
         let plane = session.solved.plane(&session.site, Some(&id));
@@ -212,19 +212,19 @@ impl Editor {
         let region: Vec<_> = shown.into_iter().flatten().map(WorldPoint::on_floor).collect();
         if region.len() < 3 {
             let note =
-                "Needs a solved camera with a field of view of three corners or more on this plane (F).";
+                "Draw this camera's field of view on this plane first (F), with three or more corners.";
             session.note = Some(note.into());
             return;
         }
         set_region(&mut session.site.planes[index], region);
-        session.commit(format!("take the field for the region of {id}"));
+        session.commit(format!("set the region of {id} to the field of view"));
     }
 
-    fn lay(&mut self, plane: Option<String>) {
+    fn assign_plane(&mut self, plane: Option<String>) {
         let session = &mut self.session;
         let (what, parts) = (session.selection_name(), session.selection.clone());
-        lay(&mut session.site, session.camera, &parts, plane.as_ref());
+        assign_plane(&mut session.site, session.camera, &parts, plane.as_ref());
         let on = plane.unwrap_or_else(|| "the floor".into());
-        session.commit(format!("lay {what} on {on}"));
+        session.commit(format!("assign {what} to {on}"));
     }
 }

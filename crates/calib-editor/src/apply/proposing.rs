@@ -8,83 +8,90 @@ use calib_image::{Proposal, Verdict};
 use crate::command::Proposing;
 use crate::editor::Editor;
 use crate::period::Period;
-use crate::proposed::{OnProposed, Proposed, ProposedGroup};
+use crate::proposed::{CalibrationDecision, PendingCalibration, PendingGroup};
 
 impl Editor {
     /// Shows the automatic calibration of a camera's image instead of an earlier one.
-    pub(super) fn propose(&mut self, of: &Period, proposal: &Proposal) {
+    pub(super) fn set_automatic_calibration(&mut self, of: &Period, proposal: &Proposal) {
         self.cancel();
-        let Some(entry) = self.session.site.cameras.iter().find(|entry| of.is_of(entry)) else { return };
+        let Some(entry) = self.session.site.cameras.iter().find(|entry| of.matches(entry)) else { return };
         let camera = &of.camera;
-        let proposed = Proposed::new(entry, proposal);
-        let note = match (proposed.count(), proposed.verdict) {
-            (0, Verdict::None) => Some(format!("The still of {camera} proposes nothing.")),
-            (0, _) => Some(format!("What the still of {camera} proposes is drawn already.")),
+        let proposed = PendingCalibration::new(entry, proposal);
+        let note = match (proposed.count(), proposed.confidence) {
+            (0, Verdict::None) => Some(format!("No lines were detected in the image of {camera}.")),
+            (0, _) => Some(format!("All detected lines of {camera} are annotated already.")),
             // The status line shows the available keys as long as the automatic calibration is undecided.
             _ => None,
         };
-        let all = Arc::make_mut(&mut self.session.proposed);
+        let all = Arc::make_mut(&mut self.session.pending.proposed);
         all.retain(|known| known.of != *of);
         all.push(proposed);
-        self.session.picked = None;
-        self.session.commit(format!("propose lines on {camera}"));
+        self.session.pending.picked_line = None;
+        self.session.commit(format!("calibrate {camera} automatically"));
         self.session.note = note;
     }
 
     /// Applies a command to the selected group, or to the group that reduces the floor error most.
     pub(super) fn proposing(&mut self, command: Proposing) {
-        let mut group = || self.group_in_hand();
+        let mut group = || self.selected_group();
         let action = match command {
             // The view runs this command, because it has the pixels.
             Proposing::Propose => None,
-            Proposing::AcceptProposed => Some(OnProposed::AcceptAll),
-            Proposing::DismissProposed => Some(OnProposed::Dismiss),
-            Proposing::AcceptGroup => group().map(OnProposed::Accept),
-            Proposing::FlipGroup => group().map(OnProposed::Flip),
-            Proposing::DeleteGroup => group().map(OnProposed::Delete),
+            Proposing::AcceptProposed => Some(CalibrationDecision::AcceptAll),
+            Proposing::DismissProposed => Some(CalibrationDecision::Dismiss),
+            Proposing::AcceptGroup => group().map(CalibrationDecision::Accept),
+            Proposing::FlipGroup => group().map(CalibrationDecision::Flip),
+            Proposing::DeleteGroup => group().map(CalibrationDecision::Delete),
         };
         if let Some(action) = action {
-            self.on_proposed(action);
+            self.decide_calibration(action);
         }
     }
 
-    fn group_in_hand(&mut self) -> Option<usize> {
-        let picked = self.session.picked.map(|(group, _)| group);
+    fn selected_group(&mut self) -> Option<usize> {
+        let picked = self.session.pending.picked_line.map(|(group, _)| group);
         picked.or_else(|| self.find_preview()?.next)
     }
 
-    pub(super) fn on_proposed(&mut self, action: OnProposed) {
+    pub(super) fn decide_calibration(&mut self, action: CalibrationDecision) {
         self.cancel();
         match action {
-            OnProposed::Pick(picked) => self.session.picked = picked,
-            OnProposed::AcceptAll => self.accept_all(),
-            OnProposed::Decide { other } => {
+            CalibrationDecision::SelectLine(picked) => self.session.pending.picked_line = picked,
+            CalibrationDecision::AcceptAll => self.accept_all(),
+            CalibrationDecision::Decide { other } => {
                 self.change_proposed(|own| own.decide(other));
-                self.session.commit("say which of two cameras it is");
+                self.session.commit("choose between two cameras");
             }
-            OnProposed::Accept(group) => self.accept(|index| index == group, "accept the proposed"),
-            OnProposed::Flip(group) => self.change_group(group, "flip", ProposedGroup::flip),
-            OnProposed::Turn(group, direction) => self.change_group(group, "turn", |group| {
-                (group.kind, group.direction) = (Kind::Parallel, direction);
-            }),
-            OnProposed::Delete(group) => self.change_group(group, "delete", |group| group.lines.clear()),
-            OnProposed::LeaveOut(group, line) => {
-                self.change_group(group, "leave out one of", |group| group.leave_out(line));
+            CalibrationDecision::Accept(group) => self.accept(|index| index == group, "accept the detected"),
+            CalibrationDecision::Flip(group) => {
+                self.change_group(group, "change the kind of", PendingGroup::flip)
             }
-            OnProposed::Dismiss => self.dismiss_proposed(),
+            CalibrationDecision::SetDirection(group, direction) => {
+                self.change_group(group, "change the direction of", |group| {
+                    (group.kind, group.direction) = (Kind::Parallel, direction);
+                })
+            }
+            CalibrationDecision::Delete(group) => {
+                self.change_group(group, "delete", |group| group.lines.clear())
+            }
+            CalibrationDecision::RejectLine(group, line) => {
+                self.change_group(group, "reject one of", |group| group.reject_line(line));
+            }
+            CalibrationDecision::Dismiss => self.dismiss_proposed(),
         }
     }
 
     fn accept_all(&mut self) {
-        let is_believed = self.session.proposed().is_some_and(|proposed| proposed.verdict != Verdict::None);
+        let is_believed =
+            self.session.proposed().is_some_and(|proposed| proposed.confidence != Verdict::None);
         if is_believed {
-            self.accept(|_| true, "accept all that is proposed on");
+            self.accept(|_| true, "accept all detected lines of");
         } else {
             let has_rival = self.session.proposed().is_some_and(|proposed| proposed.alternative.is_some());
             let note = if has_rival {
-                "Two cameras explain the edges alike: say which it is, or accept the groups that are right."
+                "Two cameras explain the edges equally well. Choose one, or accept the correct groups."
             } else {
-                "Nothing of it is sure: look at the groups, and accept those that are right."
+                "The result is uncertain. Check the groups and accept the correct ones."
             };
             self.session.note = Some(note.into());
         }
@@ -97,10 +104,10 @@ impl Editor {
         let name = match chosen().collect::<Vec<_>>()[..] {
             [] => return,
             [one] if proposed.groups.len() > 1 => format!("{verb} {}", proposed.groups[one].title()),
-            _ => format!("accept all that is proposed on {}", proposed.of.camera),
+            _ => format!("accept all detected lines of {}", proposed.of.camera),
         };
         if let Some(entry) = self.session.entry_mut() {
-            *entry = proposed.drawn(entry, &which);
+            *entry = proposed.with_groups(entry, &which);
         }
         self.change_proposed(|own| {
             let mut index = 0..;
@@ -109,7 +116,7 @@ impl Editor {
         self.session.commit(name);
     }
 
-    fn change_group(&mut self, group: usize, verb: &str, change: impl FnOnce(&mut ProposedGroup)) {
+    fn change_group(&mut self, group: usize, verb: &str, change: impl FnOnce(&mut PendingGroup)) {
         let title =
             self.session.proposed().and_then(|own| own.groups.get(group)).map(|own| own.title().to_owned());
         let Some(title) = title else { return };
@@ -119,24 +126,24 @@ impl Editor {
             }
             own.groups.retain(|group| !group.lines.is_empty());
         });
-        self.session.commit(format!("{verb} the proposed {title}"));
+        self.session.commit(format!("{verb} the detected {title}"));
     }
 
     /// Changes the automatic calibration of the selected camera, and removes it if it has no groups left.
-    fn change_proposed(&mut self, change: impl FnOnce(&mut Proposed)) {
-        let Some(of) = self.session.entry().map(Period::of) else { return };
-        let all = Arc::make_mut(&mut self.session.proposed);
+    fn change_proposed(&mut self, change: impl FnOnce(&mut PendingCalibration)) {
+        let Some(of) = self.session.entry().map(Period::from_camera) else { return };
+        let all = Arc::make_mut(&mut self.session.pending.proposed);
         if let Some(own) = all.iter_mut().find(|own| own.of == of) {
             change(own);
         }
         all.retain(|own| own.of != of || !own.groups.is_empty());
-        self.session.picked = None;
+        self.session.pending.picked_line = None;
     }
 
     fn dismiss_proposed(&mut self) {
         let Some(of) = self.session.proposed().map(|own| own.of.clone()) else { return };
-        Arc::make_mut(&mut self.session.proposed).retain(|own| own.of != of);
-        self.session.picked = None;
-        self.session.commit(format!("dismiss what is proposed on {}", of.camera));
+        Arc::make_mut(&mut self.session.pending.proposed).retain(|own| own.of != of);
+        self.session.pending.picked_line = None;
+        self.session.commit(format!("dismiss the detected lines of {}", of.camera));
     }
 }

@@ -10,8 +10,8 @@ use image::RgbImage;
 use crate::command::{Gesture, Nudge, Selection};
 use crate::editor::Editor;
 use crate::hit::{self, Part};
-use crate::proposed::OnProposed;
-use crate::tools::{Pane, Phase, Pointer, TOOLS, ToolRow, tool_called};
+use crate::proposed::CalibrationDecision;
+use crate::tools::{Pane, Phase, Pointer, TOOLS, ToolRow, tool_index};
 use crate::{edit, snap};
 
 impl Editor {
@@ -19,19 +19,19 @@ impl Editor {
         if pointer.phase == Phase::Press {
             self.session.note = None;
         }
-        if self.picks(pointer) {
+        if self.picks_calibration_line(pointer) {
             return;
         }
         let acts = pointer.pane != Pane::Plan || TOOLS.get(self.tool_row).is_none_or(ToolRow::acts_on_plan);
-        let is_plans = !self.on_plan.is_idle() || (!acts && self.tool.is_idle());
-        let tool = if is_plans { &mut self.on_plan } else { &mut self.tool };
+        let is_plans = !self.plan_tool.is_idle() || (!acts && self.tool.is_idle());
+        let tool = if is_plans { &mut self.plan_tool } else { &mut self.tool };
         tool.pointer(&mut self.session, pointer);
-        self.rest();
+        self.finish_event();
     }
 
     /// Whether a press selects a line of an automatic calibration. Annotations and drawing tools take
     /// precedence.
-    fn picks(&mut self, pointer: &Pointer) -> bool {
+    fn picks_calibration_line(&mut self, pointer: &Pointer) -> bool {
         let is_free = self.tool_row == 0 && self.tool.is_idle() && pointer.phase == Phase::Press;
         let session = &mut self.session;
         let at = pointer.pixel().filter(|(camera, _)| is_free && *camera == session.camera);
@@ -41,30 +41,30 @@ impl Editor {
             hit::pick(&session.site, camera, pose, at, pointer.radius, &session.selection).is_some();
         let lens = hit::lens_of(&session.site, camera, pose);
         let proposed = session.proposed().zip(lens);
-        let under = proposed.and_then(|(own, lens)| own.under(&lens, at, pointer.radius));
-        session.picked = under.filter(|_| !is_drawn);
-        if session.picked.is_some() {
+        let under = proposed.and_then(|(own, lens)| own.line_at(&lens, at, pointer.radius));
+        session.pending.picked_line = under.filter(|_| !is_drawn);
+        if session.pending.picked_line.is_some() {
             session.selection.clear();
         }
-        session.picked.is_some()
+        session.pending.picked_line.is_some()
     }
 
     /// Finishes a pointer event: a tool that is done is replaced by the selection tool.
-    fn rest(&mut self) {
-        if self.tool.is_over() {
-            self.take_tool(0);
+    fn finish_event(&mut self) {
+        if self.tool.is_done() {
+            self.select_tool(0);
         }
         self.session.solve_in_frame();
     }
 
     pub(super) fn cancel(&mut self) {
         self.tool.cancel();
-        self.on_plan.cancel();
+        self.plan_tool.cancel();
         self.session.revert();
         self.session.solve();
     }
 
-    pub(super) fn take_tool(&mut self, index: usize) {
+    pub(super) fn select_tool(&mut self, index: usize) {
         self.cancel();
         if let Some(row) = TOOLS.get(index) {
             (self.tool, self.tool_row) = ((row.make)(), index);
@@ -72,8 +72,8 @@ impl Editor {
     }
 
     pub(super) fn choose_mark(&mut self, kind: MarkKind) {
-        self.session.mark_kind = kind;
-        self.take_tool(tool_called("Mark"));
+        self.session.tool.mark_kind = kind;
+        self.select_tool(tool_index("Mark"));
     }
 
     pub(super) fn gesture(&mut self, command: Gesture) {
@@ -90,11 +90,11 @@ impl Editor {
             }
             Gesture::Cancel if self.tool().is_idle() => {
                 self.session.selection.clear();
-                self.take_tool(0);
+                self.select_tool(0);
             }
             Gesture::Cancel => self.cancel(),
         }
-        self.rest();
+        self.finish_event();
     }
 
     pub(super) fn pause(&mut self) {
@@ -113,7 +113,7 @@ impl Editor {
 
     pub(super) fn select_at(&mut self, camera: usize, at: Pixel, near: f64) {
         let session = &mut self.session;
-        session.choose(camera);
+        session.select_camera(camera);
         let pose = session.solved.pose(camera);
         match hit::pick(&session.site, camera, pose, at, near, &session.selection) {
             Some(hit) if session.selection.contains(&hit.part) => {}
@@ -122,13 +122,13 @@ impl Editor {
         }
     }
 
-    pub(super) fn on_selection(&mut self, command: Selection, still: Option<&RgbImage>) {
+    pub(super) fn on_selection(&mut self, command: Selection, image: Option<&RgbImage>) {
         self.cancel();
         let name = self.session.selection_name();
         let parts = self.session.selection.clone();
         match command {
-            Selection::Delete => match self.session.picked.filter(|_| parts.is_empty()) {
-                Some((group, line)) => self.on_proposed(OnProposed::LeaveOut(group, line)),
+            Selection::Delete => match self.session.pending.picked_line.filter(|_| parts.is_empty()) {
+                Some((group, line)) => self.decide_calibration(CalibrationDecision::RejectLine(group, line)),
                 None => self.delete(&parts, &name),
             },
             Selection::Duplicate => self.duplicate(&parts, &name),
@@ -143,7 +143,7 @@ impl Editor {
                 self.session.selection = handles.into_iter().map(|(part, _)| part).collect();
             }
             Selection::Deselect => self.session.selection.clear(),
-            Selection::PullOntoEdge => self.pull(&parts, &name, still),
+            Selection::PullOntoEdge => self.move_onto_edges(&parts, &name, image),
         }
     }
 
@@ -194,19 +194,19 @@ impl Editor {
         self.session.commit(name);
     }
 
-    fn pull(&mut self, parts: &BTreeSet<Part>, name: &str, still: Option<&RgbImage>) {
+    fn move_onto_edges(&mut self, parts: &BTreeSet<Part>, name: &str, image: Option<&RgbImage>) {
         let session = &mut self.session;
-        let Some(still) = still else {
-            session.note = Some("The image is not there yet.".into());
+        let Some(image) = image else {
+            session.note = Some("The image is still loading.".into());
             return;
         };
         let (camera, pose) = (session.camera, session.solved.pose(session.camera));
         let lens = hit::lens_of(&session.site, camera, pose);
-        let pulled = snap::pull_parts(&mut session.site, camera, parts, lens, still);
-        session.commit(format!("pull {name} onto the edge"));
+        let pulled = snap::pull_parts(&mut session.site, camera, parts, lens, image);
+        session.commit(format!("snap {name} to the edge"));
         session.note = Some(match pulled {
-            0 => "No edge runs along it.".into(),
-            count => format!("{count} pulled onto the edge."),
+            0 => "No edge found along the line.".into(),
+            count => format!("{count} snapped to the edge."),
         });
     }
 
@@ -217,10 +217,10 @@ impl Editor {
             Nudge::NudgeRight => self.nudge_by([by, 0.0], pane),
             Nudge::NudgeUp => self.nudge_by([0.0, -by], pane),
             Nudge::NudgeDown => self.nudge_by([0.0, by], pane),
-            Nudge::TurnLeft => self.turn_or_scale("turn", |placement| placement.turn += by.to_radians()),
-            Nudge::TurnRight => self.turn_or_scale("turn", |placement| placement.turn -= by.to_radians()),
-            Nudge::Grow => self.turn_or_scale("scale", |placement| placement.scale *= 1.0 + 0.01 * by),
-            Nudge::Shrink => self.turn_or_scale("scale", |placement| placement.scale /= 1.0 + 0.01 * by),
+            Nudge::TurnLeft => self.rotate_or_scale("rotate", |placement| placement.turn += by.to_radians()),
+            Nudge::TurnRight => self.rotate_or_scale("rotate", |placement| placement.turn -= by.to_radians()),
+            Nudge::Grow => self.rotate_or_scale("scale", |placement| placement.scale *= 1.0 + 0.01 * by),
+            Nudge::Shrink => self.rotate_or_scale("scale", |placement| placement.scale /= 1.0 + 0.01 * by),
         }
     }
 
@@ -248,7 +248,7 @@ impl Editor {
             let (camera, parts) = (session.camera, session.selection.clone());
             edit::shift(&mut session.site, camera, &parts, by);
             session.commit(format!("nudge {name}"));
-        } else if pane == Some(Pane::Plan) && !session.is_held_by_points(session.camera) {
+        } else if pane == Some(Pane::Plan) && !session.is_fixed_by_control_points(session.camera) {
             self.nudge_camera(by);
         }
     }

@@ -49,14 +49,14 @@ impl Editor {
 impl Editor {
     pub(super) fn open(&mut self, opened: Opened) {
         let Opened { site, images, path, is_unsaved } = opened;
-        let (units, snap) = (self.session.units, self.session.snap);
+        let (units, snap) = (self.session.tool.units, self.session.tool.snap);
         self.session = Session::new(site, images, path);
-        (self.session.units, self.session.snap) = (units, snap);
-        self.session.generation = u64::from(is_unsaved);
-        (self.compared, self.error, self.family, self.old_still) = (None, None, None, None);
+        (self.session.tool.units, self.session.tool.snap) = (units, snap);
+        self.session.revision.generation = u64::from(is_unsaved);
+        (self.compared_site, self.error, self.family, self.replaced_image) = (None, None, None, None);
         self.preview = None;
         self.newer.clear();
-        self.take_tool(0);
+        self.select_tool(0);
     }
 
     pub(super) fn change(&mut self, site: Site, name: String) {
@@ -70,20 +70,20 @@ impl Editor {
         if let Some(folder) = folder.filter(|folder| self.session.images.folder.as_ref() != Some(folder)) {
             let images = self.session.images.clone();
             let names = self.newer.iter_mut().flat_map(|newer| [Some(&mut newer.image), newer.old.as_mut()]);
-            let old = self.old_still.as_mut().map(|still| &mut still.image);
+            let old = self.replaced_image.as_mut().map(|replaced| &mut replaced.image);
             for name in names.chain([old]).flatten() {
                 *name = images.rebased_name(name, &folder);
             }
             self.session.rebase(&folder);
         }
-        self.session.saved = self.session.generation;
+        self.session.revision.saved = self.session.revision.generation;
         self.session.note = Some(format!("Saved {}.", path.display()));
         self.session.path = Some(path);
     }
 
-    pub(super) fn complain(&mut self, error: String) {
+    pub(super) fn add_error(&mut self, error: String) {
         match &mut self.error {
-            Some(told) if !told.contains(&error) => *told = format!("{told}\n{error}"),
+            Some(shown) if !shown.contains(&error) => *shown = format!("{shown}\n{error}"),
             Some(_) => {}
             none => *none = Some(error),
         }
@@ -103,14 +103,14 @@ impl Editor {
         session.site = rename(&session.site);
         session.history.map(rename);
         // Autosave stores the new images after this, and with the next gesture.
-        session.generation += u64::from(session.generation > 0);
+        session.revision.generation += u64::from(session.revision.generation > 0);
     }
 
     pub(super) fn import(&mut self, site: Site, notes: &[String]) {
         let is_alone = site.cameras.len() == 1;
         let (mut lenses, mut added) = (0, 0);
         for camera in site.cameras {
-            match self.take_camera(camera, is_alone) {
+            match self.import_camera(camera, is_alone) {
                 Ok(true) => added += 1,
                 Ok(false) => lenses += 1,
                 Err(error) => {
@@ -128,12 +128,12 @@ impl Editor {
             _ => format!("import {lenses_in_words} and {added_in_words}"),
         });
         let notes = if notes.is_empty() { String::new() } else { format!(" {}.", notes.join("; ")) };
-        self.session.note = Some(format!("{lenses_in_words} taken, {added_in_words} added.{notes}"));
+        self.session.note = Some(format!("Imported: {lenses_in_words}. Added: {added_in_words}.{notes}"));
     }
 
     /// Imports a camera: its lens if the camera exists, otherwise a new camera. Returns whether a camera was
     /// added.
-    fn take_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<bool, String> {
+    fn import_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<bool, String> {
         let session = &mut self.session;
         let known = session.site.cameras.iter().position(|own| own.id == camera.id);
         let own = known.or_else(|| is_alone.then_some(session.camera));

@@ -1,29 +1,29 @@
-//! Control points: a pixel of an image, then its place on the plan.
+//! Control point tool: a pixel of an image, then its position on the plan.
 
 use calib_core::{FloorPoint, Pixel};
 use calib_site::ControlPointEntry;
 
 use crate::hit::Part;
 use crate::session::Session;
-use crate::tools::{COARSE, Pane, Phase, Pointer, Tool, coarse, plan_scale};
+use crate::tools::{MAX_CLICK_SIGMA_PX, Pane, Phase, Pointer, Tool, imprecise_note, plan_scale};
 
-/// The tool of control points.
+/// Tool that adds control points.
 #[derive(Debug, Default)]
 pub(super) struct Control {
-    /// The pixel that waits for its place.
-    waiting: Option<(usize, Pixel, Option<f64>)>,
-    /// Where the pointer is on the floor, for the rubber band.
-    over: Option<[f64; 2]>,
+    /// Pixel without a plan position: camera, pixel, standard deviation in pixels.
+    pending: Option<(usize, Pixel, Option<f64>)>,
+    /// Floor position of the pointer, for the preview.
+    pointer_m: Option<[f64; 2]>,
 }
 
 impl Control {
     fn finish(&mut self, session: &mut Session, at: FloorPoint) {
-        let Some((camera, px, sigma_px)) = self.waiting.take() else { return };
+        let Some((camera, px, sigma_px)) = self.pending.take() else { return };
         let plan_px = session.site.plan.as_ref().map(|_| plan_scale(&session.site).plan_from_floor(at));
         let world_m = plan_px.is_none().then(|| at.at_height(0.0));
         let Some(entry) = session.site.cameras.get_mut(camera) else { return };
-        let taken = |id: &String| entry.control_points.iter().any(|point| point.id.as_ref() == Some(id));
-        let id = (1..).map(|number| format!("C{number}")).find(|id| !taken(id));
+        let is_used = |id: &String| entry.control_points.iter().any(|point| point.id.as_ref() == Some(id));
+        let id = (1..).map(|number| format!("C{number}")).find(|id| !is_used(id));
         let name = id.clone().unwrap_or_default();
         entry.control_points.push(ControlPointEntry {
             id,
@@ -40,10 +40,10 @@ impl Control {
         let part = Part::Control(entry.control_points.len() - 1);
         session.select_only(camera, part);
         session.commit(format!("add {name}"));
-        if let (Some(sigma), None) = (sigma_px.filter(|sigma| *sigma > COARSE), &session.note) {
-            session.note = Some(coarse(&name, sigma));
+        if let (Some(sigma), None) = (sigma_px.filter(|sigma| *sigma > MAX_CLICK_SIGMA_PX), &session.note) {
+            session.note = Some(imprecise_note(&name, sigma));
         }
-        self.over = None;
+        self.pointer_m = None;
     }
 }
 
@@ -51,20 +51,20 @@ impl Tool for Control {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
         match (pointer.pane, pointer.phase) {
             (Pane::Image(camera), Phase::Press | Phase::Drag | Phase::Release) => {
-                session.choose(camera);
+                session.select_camera(camera);
                 let sigma = pointer.sigma_px(session, camera);
-                self.waiting = Some((camera, pointer.at.into(), sigma));
+                self.pending = Some((camera, pointer.at.into(), sigma));
             }
             (Pane::Plan, Phase::Release) => self.finish(session, pointer.at.into()),
-            (Pane::Plan, _) => self.over = Some(pointer.at),
+            (Pane::Plan, _) => self.pointer_m = Some(pointer.at),
             _ => {}
         }
     }
 
     fn accept(&mut self, session: &mut Session) {
-        // Where the camera shows it now: a beginning for numbers typed in the table.
+        // Current estimate of its position: a start for values that are typed in the table.
         let at =
-            self.waiting.and_then(|(camera, px, _)| session.solved.pose(camera)?.pixel_to_floor(px, 0.0));
+            self.pending.and_then(|(camera, px, _)| session.solved.pose(camera)?.pixel_to_floor(px, 0.0));
         if let Some(at) = at {
             self.finish(session, at);
         }
@@ -75,25 +75,25 @@ impl Tool for Control {
     }
 
     fn is_idle(&self) -> bool {
-        self.waiting.is_none()
+        self.pending.is_none()
     }
 
     fn hint(&self, _: &Session) -> String {
-        match self.waiting {
-            None => "Click a point whose place you know.".into(),
-            Some(_) => "Click the same point on the plan.  Enter: type its metres instead".into(),
+        match self.pending {
+            None => "Click a point whose position you know.".into(),
+            Some(_) => "Click the same point on the plan.  Enter: type its coordinates instead".into(),
         }
     }
 
-    fn held(&self) -> Option<(Pane, [f64; 2])> {
-        self.waiting.map(|(camera, px, _)| (Pane::Image(camera), px.into()))
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
+        self.pending.map(|(camera, px, _)| (Pane::Image(camera), px.into()))
     }
 
-    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+    fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
         let cross = |[x, y]: [f64; 2], arm: f64| {
             vec![vec![[x - arm, y], [x + arm, y]], vec![[x, y - arm], [x, y + arm]]]
         };
-        match (pane, self.waiting, self.over) {
+        match (pane, self.pending, self.pointer_m) {
             (Pane::Image(camera), Some((own, px, _)), _) if camera == own => cross(px.into(), 12.0),
             (Pane::Plan, Some(_), Some(over)) => cross(over, 0.3),
             _ => Vec::new(),

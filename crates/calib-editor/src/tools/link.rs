@@ -1,41 +1,46 @@
-//! Links from view to view: one thing of the scene, clicked in every view that shows it.
+//! Link tool: one object of the scene, clicked in every view that shows it.
 
 use calib_core::Pixel;
 
-use calib_site::{Link, LinkKind, LinkSeen};
+use calib_site::{Link, LinkKind, LinkObservation};
 
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
-use crate::tools::{COARSE, Pane, Phase, Pointer, Tool, coarse};
+use crate::tools::{MAX_CLICK_SIGMA_PX, Pane, Phase, Pointer, Tool, imprecise_note};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Gesture {
     #[default]
     Idle,
-    /// The button is down; a drag makes a line of the floor, a click a point.
+    /// The button is down; a drag makes a floor line, a click a point.
     Pressed { camera: usize, start: Pixel, end: Pixel },
 }
 
-/// The tool of links. The one begun last waits for another view until Enter or Esc, and so does one that is
-/// selected.
+/// Tool that adds links. The last started link, or the selected one, is extended by the next view until Enter
+/// or Esc.
 #[derive(Debug, Default)]
 pub(super) struct Linking {
     gesture: Gesture,
-    /// The id of the link that waits.
-    waiting: Option<String>,
+    /// Id of the link that the next view extends.
+    open_id: Option<String>,
 }
 
-fn sighting(camera: &str, [start, end]: [Pixel; 2], kind: LinkKind, sigma_px: Option<f64>) -> LinkSeen {
-    let seen = LinkSeen { sigma_px, ..LinkSeen::new(camera) };
+fn observation(
+    camera: &str,
+    [start, end]: [Pixel; 2],
+    kind: LinkKind,
+    sigma_px: Option<f64>,
+) -> LinkObservation {
+    let seen = LinkObservation { sigma_px, ..LinkObservation::new(camera) };
     match kind {
-        LinkKind::Point => LinkSeen { px: Some(end), ..seen },
-        LinkKind::Post => LinkSeen { foot: Some(start), head: Some(end), ..seen },
-        LinkKind::Line => LinkSeen { segment: Some(vec![start, end]), ..seen },
+        LinkKind::Point => LinkObservation { px: Some(end), ..seen },
+        LinkKind::Post => LinkObservation { foot: Some(start), head: Some(end), ..seen },
+        LinkKind::Line => LinkObservation { segment: Some(vec![start, end]), ..seen },
     }
 }
 
-/// The link that is selected.
+/// Returns the selected link.
 fn selected(session: &Session) -> Option<usize> {
     session.selection.iter().find_map(|part| match part {
         Part::Link { link, .. } => Some(*link),
@@ -44,8 +49,8 @@ fn selected(session: &Session) -> Option<usize> {
 }
 
 impl Linking {
-    /// A link that is clicked waits for more views, and what waited for this one becomes a part of it.
-    fn take_up(&mut self, session: &mut Session, drawn: usize, begun: Option<usize>) {
+    /// Continues a clicked link in the next view. A link that was started before is merged into it.
+    fn continue_link(&mut self, session: &mut Session, drawn: usize, begun: Option<usize>) {
         let free = edit::free_id(&session.site, 'L');
         let links = &mut session.site.links;
         let is_named = links[drawn].id.is_some();
@@ -53,7 +58,8 @@ impl Linking {
         let begun = begun.filter(|index| *index != drawn);
         let waited = begun.and_then(|index| links.get(index)).cloned();
         let is_apart = |link: &Link| {
-            let shown = |seen: &LinkSeen| links[drawn].seen.iter().any(|own| own.camera == seen.camera);
+            let shown =
+                |seen: &LinkObservation| links[drawn].seen.iter().any(|own| own.camera == seen.camera);
             link.kind == LinkKind::Point && !link.seen.iter().any(shown)
         };
         if let (Some(index), Some(link)) = (begun, waited.filter(is_apart)) {
@@ -65,28 +71,28 @@ impl Linking {
             session.commit(format!("name {name}"));
         }
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
-        self.waiting = Some(name);
+        self.open_id = Some(name);
     }
 
-    /// What is selected waits from now on: another camera is chosen without it.
-    fn take_selected(&mut self, session: &Session) {
+    /// Continues the selected link, because choosing another camera clears the selection.
+    fn continue_selected(&mut self, session: &Session) {
         let link = selected(session).and_then(|index| session.site.links.get(index));
         if let Some(id) = link.and_then(|link| link.id.clone()) {
-            self.waiting = Some(id);
+            self.open_id = Some(id);
         }
     }
 
     fn finish(&mut self, session: &mut Session, camera: usize, start: Pixel, pointer: &Pointer) {
-        if !session.may_share(camera) {
+        if !session.check_may_share(camera) {
             return;
         }
         let Some(id) = session.site.cameras.get(camera).map(|camera| camera.id.clone()) else { return };
         let sigma = pointer.sigma_px(session, camera);
         let ends = [start, pointer.at.into()];
-        let begun = self.begun(session);
-        session.choose(camera);
-        if let Some(drawn) = drawn_at(session, &id, pointer) {
-            return self.take_up(session, drawn, begun);
+        let begun = self.open_link(session);
+        session.select_camera(camera);
+        if let Some(drawn) = link_at(session, &id, pointer) {
+            return self.continue_link(session, drawn, begun);
         }
         let free = edit::free_id(&session.site, 'L');
         let begun = begun.and_then(|index| session.site.links.get_mut(index));
@@ -95,28 +101,28 @@ impl Linking {
                 && link.seen.iter().all(|known| known.camera != id)
         });
         let name = if let Some(link) = open {
-            link.seen.push(sighting(&id, ends, link.kind, sigma));
+            link.seen.push(observation(&id, ends, link.kind, sigma));
             link.id.get_or_insert(free).clone()
         } else {
             let kind = if pointer.moved { LinkKind::Line } else { LinkKind::Point };
-            let seen = vec![sighting(&id, ends, kind, sigma)];
+            let seen = vec![observation(&id, ends, kind, sigma)];
             session.site.links.push(Link::new(Some(free.clone()), kind, seen));
             free
         };
-        // It is this one that waits, whatever was selected.
+        // This link is continued, regardless of the selection.
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
         session.commit(format!("link {name} in {id}"));
-        if let (Some(sigma), None) = (sigma.filter(|sigma| *sigma > COARSE), &session.note) {
-            session.note = Some(coarse(&name, sigma));
+        if let (Some(sigma), None) = (sigma.filter(|sigma| *sigma > MAX_CLICK_SIGMA_PX), &session.note) {
+            session.note = Some(imprecise_note(&name, sigma));
         }
-        self.waiting = Some(name);
+        self.open_id = Some(name);
     }
 }
 
-/// The point that a click is on in this camera, by its link.
-fn drawn_at(session: &Session, camera: &str, pointer: &Pointer) -> Option<usize> {
+/// Returns the point link at the pointer in this camera.
+fn link_at(session: &Session, camera: &str, pointer: &Pointer) -> Option<usize> {
     let at = Pixel::from(pointer.at);
-    let is_there = |seen: &LinkSeen| {
+    let is_there = |seen: &LinkObservation| {
         seen.camera == camera && seen.px.is_some_and(|px| px.distance(at) <= pointer.radius)
     };
     let is_drawn = |link: &Link| link.kind == LinkKind::Point && link.seen.iter().any(is_there);
@@ -126,7 +132,7 @@ fn drawn_at(session: &Session, camera: &str, pointer: &Pointer) -> Option<usize>
 impl Tool for Linking {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
         let Some((camera, at)) = pointer.pixel() else { return };
-        self.take_selected(session);
+        self.continue_selected(session);
         self.gesture = match (self.gesture, pointer.phase) {
             (Gesture::Idle, Phase::Press) => Gesture::Pressed { camera, start: at, end: at },
             (Gesture::Pressed { camera: own, start, .. }, Phase::Release) if own == camera => {
@@ -140,23 +146,23 @@ impl Tool for Linking {
         };
     }
 
-    fn begun(&self, session: &Session) -> Option<usize> {
-        let waits = |link: &Link| self.waiting.is_some() && link.id == self.waiting;
+    fn open_link(&self, session: &Session) -> Option<usize> {
+        let waits = |link: &Link| self.open_id.is_some() && link.id == self.open_id;
         selected(session).or_else(|| session.site.links.iter().position(waits))
     }
 
     fn accept(&mut self, session: &mut Session) {
-        self.waiting = None;
+        self.open_id = None;
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
     }
 
     fn cancel(&mut self) {
-        // A link that waits goes on waiting: the next view may have to be chosen first.
+        // The link is continued: the operator may have to choose the next view first.
         self.gesture = Gesture::Idle;
     }
 
     fn is_idle(&self) -> bool {
-        // A link that waits for another view is a finished gesture all the same.
+        // A link that can be extended by another view is a finished gesture.
         self.gesture == Gesture::Idle
     }
 
@@ -164,28 +170,28 @@ impl Tool for Linking {
         if let Gesture::Pressed { .. } = self.gesture {
             return "Release to link this point; drag along a floor line to link the line.".into();
         }
-        let Some(link) = self.begun(session).and_then(|index| session.site.links.get(index)) else {
-            return "Click something that another view shows too; drag along a line of the floor.".into();
+        let Some(link) = self.open_link(session).and_then(|index| session.site.links.get(index)) else {
+            return "Click a point that another camera also shows, or drag along a floor line.".into();
         };
         let id = link.id.as_deref().unwrap_or("it");
-        let says = match link.kind {
-            LinkKind::Point => format!("Click {id} in another view: it lies on the yellow line."),
+        let text = match link.kind {
+            LinkKind::Point => format!("Click {id} in another camera, on the yellow line."),
             LinkKind::Post => {
-                format!("Drag {id} from foot to head in another view: it stands at the yellow line.")
+                format!("Drag {id} from foot to head in another camera, at the yellow line.")
             }
-            LinkKind::Line => format!("Drag along {id} in another view: it lies along the yellow line."),
+            LinkKind::Line => format!("Drag along {id} in another camera, along the yellow line."),
         };
-        format!("{says}  Enter: next link")
+        format!("{text}  Enter: next link")
     }
 
-    fn held(&self) -> Option<(Pane, [f64; 2])> {
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         match self.gesture {
             Gesture::Pressed { camera, end, .. } => Some((Pane::Image(camera), end.into())),
             Gesture::Idle => None,
         }
     }
 
-    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+    fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
         match self.gesture {
             Gesture::Pressed { camera, start, end } if pane == Pane::Image(camera) => {
                 vec![vec![start.into(), end.into()]]

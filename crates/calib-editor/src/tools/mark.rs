@@ -1,16 +1,16 @@
-//! Virtual elements: made on the floor, dragged in any view, pinned with Alt.
+//! Mark tool: virtual objects that are created on the floor, dragged in any view, and pinned with Alt.
 
 use calib_core::{ControlPoint, MarkKind, Pixel, Placement, WorldPoint};
 
-use calib_site::{Mark, MarkSeen, Site};
+use calib_site::{Mark, MarkObservation, Site};
 
 use crate::edit;
 use crate::hit::Part;
 use crate::session::Session;
-use crate::tools::place::{SNAP, pinned, round};
+use crate::tools::place::{SNAP_M, fit_pins, round};
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
-/// The size a new mark has, in metres.
+/// Returns the size of a new mark, in metres.
 #[must_use]
 fn usual_size(kind: MarkKind) -> Vec<f64> {
     match kind {
@@ -42,24 +42,24 @@ fn add(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-enum What {
-    /// The mark slides under the pointer.
+enum DragKind {
+    /// The mark follows the pointer on the floor.
     Slide { offset: [f64; 2] },
-    /// Its picture is pinned: the camera moves.
+    /// A point of the mark is pinned to a pixel: the camera moves.
     Pin { camera: usize, point: String, own: Placement },
 }
 
-/// A mark in the hand.
+/// Drag of a mark.
 #[derive(Clone, Debug)]
 pub(super) struct MarkDrag {
     mark: usize,
     height: f64,
-    what: What,
+    kind: DragKind,
     started: Pixel,
 }
 
 impl MarkDrag {
-    /// The mark whose foot is under the pointer on the plan.
+    /// Returns the mark whose foot is at the pointer on the plan.
     pub(super) fn under(session: &Session, pointer: &Pointer) -> Option<usize> {
         session.site.marks.iter().position(|mark| {
             !mark.off && (mark.at_m.x - pointer.at[0]).hypot(mark.at_m.y - pointer.at[1]) <= pointer.radius
@@ -68,7 +68,7 @@ impl MarkDrag {
 
     pub(super) fn start(session: &mut Session, mark: usize, pointer: &Pointer) -> Option<Self> {
         if let (Pane::Image(camera), true) = (pointer.pane, pointer.modifiers.alt)
-            && !session.may_share(camera)
+            && !session.check_may_share(camera)
         {
             return None;
         }
@@ -76,8 +76,10 @@ impl MarkDrag {
         let at = drawn.at_m;
         let started = Pixel::from(pointer.at);
         if let (Pane::Image(camera), true) = (pointer.pane, pointer.modifiers.alt) {
-            if session.is_held_by_points(camera) {
-                session.note = Some("Control points hold this camera; switch them off to pin it.".into());
+            if session.is_fixed_by_control_points(camera) {
+                session.note = Some(
+                    "Control points determine this camera's position. Switch them off to pin a mark.".into(),
+                );
                 return None;
             }
             let pose = session.solved.pose(camera)?;
@@ -86,11 +88,11 @@ impl MarkDrag {
             let names = shape.point_names().filter_map(|name| Some((shown(&name)?, name)));
             let (_, point) = names.min_by(|a, b| a.0.total_cmp(&b.0))?;
             let (point, own) = (point.into_owned(), session.placement(camera)?);
-            return Some(Self { mark, height: at.z, what: What::Pin { camera, point, own }, started });
+            return Some(Self { mark, height: at.z, kind: DragKind::Pin { camera, point, own }, started });
         }
         let under = pointer.floor(session, at.z)?;
         let offset = [at.x - under.x, at.y - under.y];
-        Some(Self { mark, height: at.z, what: What::Slide { offset }, started })
+        Some(Self { mark, height: at.z, kind: DragKind::Slide { offset }, started })
     }
 
     pub(super) fn drag(self, session: &mut Session, pointer: &Pointer) -> Self {
@@ -98,12 +100,12 @@ impl MarkDrag {
             return self;
         }
         session.revert();
-        match &self.what {
-            What::Slide { offset } => self.slide(session, pointer, *offset),
-            What::Pin { camera, point, own } if pointer.pane == Pane::Image(*camera) => {
+        match &self.kind {
+            DragKind::Slide { offset } => self.slide(session, pointer, *offset),
+            DragKind::Pin { camera, point, own } if pointer.pane == Pane::Image(*camera) => {
                 self.pin(session, *camera, point, *own, pointer.at.into());
             }
-            What::Pin { .. } => {}
+            DragKind::Pin { .. } => {}
         }
         self
     }
@@ -111,19 +113,19 @@ impl MarkDrag {
     fn slide(&self, session: &mut Session, pointer: &Pointer, offset: [f64; 2]) {
         let raised = pointer.modifiers.ctrl.then(|| self.raised(session, pointer)).flatten();
         let under = pointer.floor(session, self.height);
-        let snaps = session.snap && pointer.pane == Pane::Plan;
+        let snaps = session.tool.snap && pointer.pane == Pane::Plan;
         let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
         if let Some(z) = raised {
             mark.at_m.z = z;
         } else if let Some(under) = under {
             (mark.at_m.x, mark.at_m.y) = (under.x + offset[0], under.y + offset[1]);
             if snaps {
-                (mark.at_m.x, mark.at_m.y) = (round(mark.at_m.x, SNAP), round(mark.at_m.y, SNAP));
+                (mark.at_m.x, mark.at_m.y) = (round(mark.at_m.x, SNAP_M), round(mark.at_m.y, SNAP_M));
             }
         }
     }
 
-    /// The height at which the mark's foot is shown nearest to the pointer's.
+    /// Returns the height at which the mark's foot appears closest to the pointer's row, in metres.
     fn raised(&self, session: &Session, pointer: &Pointer) -> Option<f64> {
         let (camera, at) = pointer.pixel()?;
         let pose = session.solved.pose(camera)?;
@@ -139,7 +141,7 @@ impl MarkDrag {
         let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
         match mark.seen.iter_mut().find(|seen| seen.camera == id && seen.point == point) {
             Some(seen) => seen.px = px,
-            None => mark.seen.push(MarkSeen { camera: id.clone(), point: point.into(), px }),
+            None => mark.seen.push(MarkObservation { camera: id.clone(), point: point.into(), px }),
         }
         let pins: Vec<ControlPoint> = session
             .site
@@ -152,22 +154,22 @@ impl MarkDrag {
                 Some(ControlPoint { pixel: seen.px, world: mark.shape().point(&seen.point)? })
             })
             .collect();
-        if let Some(placement) = pinned(session, camera, &pins, own) {
+        if let Some(placement) = fit_pins(session, camera, &pins, own) {
             session.place(camera, placement);
         }
     }
 
     pub(super) fn finish(self, session: &mut Session) {
-        if let What::Pin { camera, point, own } = &self.what
-            && session.history.is_at(&session.site)
+        if let DragKind::Pin { camera, point, own } = &self.kind
+            && session.history.is_unchanged(&session.site)
         {
-            // A click with Alt pins it where it is.
+            // A click with Alt pins it at its current pixel.
             self.pin(session, *camera, point, *own, self.started);
         }
         let name = session.part_name(Part::Mark(self.mark));
-        match self.what {
-            What::Slide { .. } => session.commit(format!("move {name}")),
-            What::Pin { camera, .. } => {
+        match self.kind {
+            DragKind::Slide { .. } => session.commit(format!("move {name}")),
+            DragKind::Pin { camera, .. } => {
                 let id = session.site.cameras.get(camera).map_or_else(String::new, |c| c.id.clone());
                 session.commit(format!("pin {name} in {id}"));
             }
@@ -175,45 +177,46 @@ impl MarkDrag {
     }
 
     pub(super) const fn hint(&self) -> &'static str {
-        match self.what {
-            What::Slide { .. } => {
-                "Drag until it sits on the same thing in every view.  Alt: move the camera instead, Ctrl: height"
+        match self.kind {
+            DragKind::Slide { .. } => {
+                "Drag it onto the same object in every view.  Alt: move the camera instead, Ctrl: height"
             }
-            What::Pin { .. } => "Release to pin it here: the camera moves so that it shows the mark there.",
+            DragKind::Pin { .. } => "Release to pin the mark here; the camera moves to match.",
         }
     }
 }
 
-/// The tool that makes marks; the kind is chosen in the panel.
+/// Tool that creates marks; the kind is selected in the panel.
 #[derive(Debug, Default)]
 pub(super) struct Marking {
-    held: Option<MarkDrag>,
+    drag: Option<MarkDrag>,
 }
 
 impl Tool for Marking {
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer) {
-        match (&self.held, pointer.phase) {
+        match (&self.drag, pointer.phase) {
             (None, Phase::Press) => {
                 if let Some((camera, _)) = pointer.pixel() {
-                    session.choose(camera);
+                    session.select_camera(camera);
                 }
                 let Some(at) = pointer.floor(session, 0.0) else {
-                    session.note = Some("No floor there: click below the horizon of a solved camera.".into());
+                    session.note =
+                        Some("No floor there. Click below the horizon of a calibrated camera.".into());
                     return;
                 };
-                let kind = session.mark_kind;
+                let kind = session.tool.mark_kind;
                 let mark = add(&mut session.site, kind, at.into());
-                let what = What::Slide { offset: [0.0, 0.0] };
+                let what = DragKind::Slide { offset: [0.0, 0.0] };
                 session.selection = [Part::Mark(mark)].into();
-                self.held = Some(MarkDrag { mark, height: 0.0, what, started: pointer.at.into() });
+                self.drag = Some(MarkDrag { mark, height: 0.0, kind: what, started: pointer.at.into() });
             }
             (Some(drag), Phase::Release) => {
                 let name = session.part_name(Part::Mark(drag.mark));
-                self.held = None;
+                self.drag = None;
                 session.commit(format!("add {name}"));
             }
             (Some(drag), _) if pointer.moved => {
-                // It is not in the last finished state: slide it without putting that back.
+                // The last finished state does not contain the mark, so it is moved without reverting.
                 drag.slide(session, pointer, [0.0, 0.0]);
             }
             _ => {}
@@ -221,15 +224,15 @@ impl Tool for Marking {
     }
 
     fn cancel(&mut self) {
-        self.held = None;
+        self.drag = None;
     }
 
     fn is_idle(&self) -> bool {
-        self.held.is_none()
+        self.drag.is_none()
     }
 
     fn hint(&self, _: &Session) -> String {
-        match &self.held {
+        match &self.drag {
             None => "Click the floor, in any view or on the plan, to set a mark.".into(),
             Some(_) => "Release to set the mark here.".into(),
         }

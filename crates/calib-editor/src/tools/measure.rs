@@ -1,6 +1,6 @@
-//! The scale of the plan: two clicks, and a length in the panel.
+//! Tools on the plan: its scale from two clicks and a length that is entered in the panel.
 //!
-//! Draws where a plane besides the floor holds, corner by corner on the plan.
+//! Also the region of a plane other than the floor, corner by corner.
 
 use calib_core::FloorPoint;
 
@@ -8,7 +8,7 @@ use crate::planes::{add_plane, set_region};
 use crate::session::Session;
 use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
 
-/// The tool that measures the plan.
+/// Tool that measures the scale of the plan.
 #[derive(Debug, Default)]
 pub(super) struct Measure {
     from: Option<[f64; 2]>,
@@ -26,8 +26,9 @@ impl Tool for Measure {
                 let far = (from[0] - pointer.at[0]).hypot(from[1] - pointer.at[1]);
                 if far > pointer.radius {
                     let scale = plan_scale(&session.site);
-                    session.measured = Some([from, pointer.at].map(|at| scale.plan_from_floor(at.into())));
-                    session.note = Some("Enter the length between the two points, on the right.".into());
+                    session.tool.measured =
+                        Some([from, pointer.at].map(|at| scale.plan_from_floor(at.into())));
+                    session.note = Some("Enter the distance between the two points on the right.".into());
                     self.cancel();
                 }
             }
@@ -45,18 +46,18 @@ impl Tool for Measure {
     }
 
     fn hint(&self, session: &Session) -> String {
-        match (self.from, session.measured) {
-            (Some(_), _) => "Click the other end of a length that you know.".into(),
+        match (self.from, session.tool.measured) {
+            (Some(_), _) => "Click the other end of the known length.".into(),
             (None, Some(_)) => "Enter the length on the right, or measure again.".into(),
             (None, None) => "Click two points of the plan whose distance you know.".into(),
         }
     }
 
-    fn held(&self) -> Option<(Pane, [f64; 2])> {
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         self.to.map(|to| (Pane::Plan, to))
     }
 
-    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+    fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
         match (pane, self.from, self.to) {
             (Pane::Plan, Some(from), Some(to)) => vec![vec![from, to]],
             _ => Vec::new(),
@@ -64,39 +65,39 @@ impl Tool for Measure {
     }
 }
 
-/// The tool of regions: of the plane in hand, or of a new one.
+/// Tool that draws the region of the selected plane, or of a new one.
 #[derive(Debug, Default)]
 pub(super) struct Region {
-    /// Corners so far; the last one follows the pointer. None while no gesture is under way.
+    /// Corners so far; the last one follows the pointer. Empty without a gesture in progress.
     corners: Vec<FloorPoint>,
-    is_over: bool,
+    is_done: bool,
 }
 
 impl Region {
-    /// The site with the region as far as it is drawn; the index of its plane.
+    /// Shows the unfinished region in the site and returns the index of its plane.
     fn show(session: &mut Session, corners: &[FloorPoint]) -> Option<usize> {
         session.revert();
         if corners.len() < 3 {
             return None;
         }
-        let chosen = session.plane.filter(|&plane| plane < session.site.planes.len());
+        let chosen = session.tool.plane.filter(|&plane| plane < session.site.planes.len());
         let index = chosen.unwrap_or_else(|| add_plane(&mut session.site));
         set_region(&mut session.site.planes[index], corners.to_vec());
         Some(index)
     }
 
-    /// Ends with the corners that were set; too few are none.
+    /// Finishes with the corners that were set; fewer than three are discarded.
     fn finish(&mut self, session: &mut Session) {
         let mut corners = std::mem::take(&mut self.corners);
         corners.pop();
         let Some(index) = Self::show(session, &corners) else {
-            session.note = Some("Needs three corners.".into());
+            session.note = Some("Click at least three corners.".into());
             return;
         };
         let name = format!("draw the region of {}", session.site.planes[index].id);
-        session.plane = Some(index);
+        session.tool.plane = Some(index);
         session.commit(name);
-        self.is_over = true;
+        self.is_done = true;
     }
 }
 
@@ -115,7 +116,7 @@ impl Tool for Region {
         *last = at;
         let set = self.corners.len() - 1;
         let closes = set >= 3 && self.corners[0].distance(at) <= pointer.radius;
-        // The first press made the first corner; its release is not the second one.
+        // The first press adds the first corner; its release does not add the second one.
         let is_new = self.corners[set - 1].distance(at) > 0.5 * pointer.radius;
         if pointer.phase == Phase::Release && (closes || pointer.double && set >= 3) {
             self.finish(session);
@@ -151,12 +152,12 @@ impl Tool for Region {
         self.corners.is_empty()
     }
 
-    fn is_over(&self) -> bool {
-        self.is_over
+    fn is_done(&self) -> bool {
+        self.is_done
     }
 
     fn hint(&self, session: &Session) -> String {
-        let plane = session.plane.and_then(|plane| session.site.planes.get(plane));
+        let plane = session.tool.plane.and_then(|plane| session.site.planes.get(plane));
         let of = plane.map_or("a new plane", |plane| plane.id.as_str());
         match 4_usize.saturating_sub(self.corners.len()) {
             _ if self.corners.is_empty() => format!("Click the corners of {of} on the plan."),
@@ -165,11 +166,11 @@ impl Tool for Region {
         }
     }
 
-    fn held(&self) -> Option<(Pane, [f64; 2])> {
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         self.corners.last().map(|&at| (Pane::Plan, at.into()))
     }
 
-    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+    fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
         if pane != Pane::Plan || self.corners.is_empty() {
             return Vec::new();
         }

@@ -1,4 +1,9 @@
-//! What the pointer does on a canvas. A tool is a small state machine; this list is the registry.
+//! Pointer tools of the canvases. Each tool is a small state machine, registered in [`TOOLS`].
+//!
+//! - `segment`, `polyline`: lines, straight edges and the field of view.
+//! - `place`, `mark`: drags of cameras and marks. `select`: selection and drags of parts.
+//! - `link`, `control`: links between views, and control points.
+//! - `measure`: scale of the plan, and regions of planes.
 
 mod segment;
 mod polyline;
@@ -22,77 +27,78 @@ use crate::session::Session;
 
 pub use place::{PlanHandle, is_inside, plan_handles};
 
-/// A canvas.
+/// Canvas of the tools.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pane {
-    /// The image of a camera; its points are raw pixels.
+    /// Image of a camera; coordinates are raw pixels.
     Image(usize),
-    /// The floor, on its plan if there is one; its points are metres.
+    /// Floor, on the plan if there is one; coordinates are metres.
     Plan,
 }
 
-/// What the pointer just did.
+/// Kind of a pointer event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Moved with no button down.
+    /// Moved without a button.
     Hover,
-    /// The button went down.
+    /// Button pressed.
     Press,
     /// Moved with the button down.
     Drag,
-    /// The button came up.
+    /// Button released.
     Release,
 }
 
-/// The pointer on a canvas.
+/// Pointer event on a canvas.
 #[derive(Clone, Debug)]
 pub struct Pointer {
-    /// Which canvas.
+    /// The canvas.
     pub pane: Pane,
-    /// Where on it, in its own units.
+    /// Position, in coordinates of the canvas.
     pub at: [f64; 2],
-    /// What it did.
+    /// Kind of the event.
     pub phase: Phase,
-    /// The keys held with it.
+    /// Modifier keys.
     pub modifiers: Modifiers,
-    /// The hit radius, in the canvas's own units.
+    /// Hit radius, in units of the canvas.
     pub radius: f64,
-    /// A point of the screen, in the canvas's own units: no finer is a click.
-    pub grain: f64,
-    /// Whether it has moved since the button went down.
+    /// Size of a screen point in units of the canvas: the accuracy of a click.
+    pub point_size: f64,
+    /// Whether the pointer has moved since the button was pressed.
     pub moved: bool,
-    /// Whether this is the second of two quick clicks.
+    /// Whether this is the second click of a double click.
     pub double: bool,
-    /// The edge of the image under the pointer, offered to be taken.
-    pub offer: Option<Edge>,
-    /// The picture of the canvas, to pull lines onto its edges.
-    pub still: Option<Arc<RgbImage>>,
+    /// Detected image edge under the pointer, which a click accepts.
+    pub edge: Option<Edge>,
+    /// Image of the canvas, used to move lines onto its edges.
+    pub image: Option<Arc<RgbImage>>,
 }
 
-/// What is clicked worse than this is said, in pixels.
-const COARSE: f64 = 1.5;
+/// Standard deviation of a click above which the operator is warned, in pixels.
+const MAX_CLICK_SIGMA_PX: f64 = 1.5;
 
-/// That something is not clicked well, and what helps.
-fn coarse(name: &str, sigma: f64) -> String {
-    format!("{name} is clicked to \u{b1} {sigma:.1} px at this zoom; zoom in and drag it to place it finer.")
+/// Returns the warning that a click is imprecise, with advice.
+fn imprecise_note(name: &str, sigma: f64) -> String {
+    format!("{name} is accurate to \u{b1} {sigma:.1} px at this zoom. Zoom in and drag it to improve it.")
 }
 
-/// Standard deviation of what is drawn on a camera, in pixels: given, or as its solution has it.
-pub(crate) fn drawn_sigma(session: &Session, camera: usize) -> f64 {
+/// Standard deviation of annotated points in a camera, in pixels: as entered, or as estimated by its
+/// solution.
+pub(crate) fn annotation_sigma_px(session: &Session, camera: usize) -> f64 {
     let given = session.site.cameras.get(camera).and_then(|entry| entry.sigma_px);
     let found = || session.solved.solution(camera)?.sigma_px;
     given.or_else(found).unwrap_or(1.0)
 }
 
 impl Pointer {
-    /// Standard deviation of the pixel of a click on a camera, where that is more than its drawings have: seen
-    /// small, a thing is clicked no better than to a point of the screen.
+    /// Returns the standard deviation of a click, in pixels, if it exceeds that of the camera's annotations:
+    /// in a small view a click is accurate to a screen point only.
     pub(crate) fn sigma_px(&self, session: &Session, camera: usize) -> Option<f64> {
-        let hundredths = (100.0 * self.grain).round() / 100.0;
-        (hundredths > drawn_sigma(session, camera)).then_some(hundredths)
+        let hundredths = (100.0 * self.point_size).round() / 100.0;
+        (hundredths > annotation_sigma_px(session, camera)).then_some(hundredths)
     }
 
-    /// As a pixel of an image, with the camera it belongs to.
+    /// Returns the position as a pixel, with the index of the camera.
     #[must_use]
     pub fn pixel(&self) -> Option<(usize, Pixel)> {
         match self.pane {
@@ -101,7 +107,7 @@ impl Pointer {
         }
     }
 
-    /// As a point of the floor: through the camera of an image.
+    /// Returns the position on the floor; in an image, through its camera.
     #[must_use]
     pub fn floor(&self, session: &Session, height: f64) -> Option<FloorPoint> {
         match self.pane {
@@ -111,52 +117,52 @@ impl Pointer {
     }
 }
 
-/// Something the pointer can do on canvases.
+/// Pointer tool of the canvases.
 pub trait Tool: std::fmt::Debug {
-    /// Takes what the pointer did.
+    /// Processes a pointer event.
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer);
 
-    /// Enter: ends what needs an end.
+    /// Finishes a gesture that needs it (Enter).
     fn accept(&mut self, _session: &mut Session) {}
 
-    /// Backspace: takes the last point of a gesture back. Whether there was one.
+    /// Removes the last point of a gesture (Backspace). Returns whether there was one.
     fn step_back(&mut self, _session: &mut Session) -> bool {
         false
     }
 
-    /// Drops the gesture that is under way; the session puts the site back.
+    /// Cancels the current gesture; the session restores the site.
     fn cancel(&mut self);
 
-    /// The link that is to be shown in a further view.
-    fn begun(&self, _session: &Session) -> Option<usize> {
+    /// Returns the link that the next view extends.
+    fn open_link(&self, _session: &Session) -> Option<usize> {
         None
     }
 
-    /// Whether no gesture is under way.
+    /// Whether no gesture is in progress.
     fn is_idle(&self) -> bool;
 
-    /// Whether it has made the one thing that it makes, so that the hand is free.
-    fn is_over(&self) -> bool {
+    /// Whether the tool has finished its only object, so that the selection tool replaces it.
+    fn is_done(&self) -> bool {
         false
     }
 
-    /// What the next click or release does.
+    /// Returns a hint about the next click or release.
     fn hint(&self, session: &Session) -> String;
 
-    /// The point that is held, for the loupe.
-    fn held(&self) -> Option<(Pane, [f64; 2])> {
+    /// Returns the dragged point, for the magnifier.
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         None
     }
 
-    /// Lines to be shown while the gesture is under way, in the pane's own units.
-    fn rubber(&self, _pane: Pane) -> Vec<Vec<[f64; 2]>> {
+    /// Returns the preview lines of the current gesture, in units of the pane.
+    fn preview_lines(&self, _pane: Pane) -> Vec<Vec<[f64; 2]>> {
         Vec::new()
     }
 }
 
-/// The picture of a tool.
+/// Icon of a tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "it is the picture of the tool of its name")]
+#[expect(missing_docs, reason = "each icon is named after its tool")]
 pub enum Icon {
     Select,
     Vertical,
@@ -174,30 +180,30 @@ pub enum Icon {
     Region,
 }
 
-/// A row of the list of tools.
+/// Row of the list of tools.
 #[derive(Clone, Copy, Debug)]
 pub struct ToolRow {
-    /// Its name on screen.
+    /// Title of the tool in the app.
     pub title: &'static str,
-    /// The key that takes it.
+    /// Key that selects it.
     pub key: Key,
-    /// Its picture.
+    /// Its icon.
     pub icon: Icon,
-    /// The kind of annotation that it draws.
+    /// Kind of annotation that it draws.
     pub kind: Option<Kind>,
-    /// Makes one.
+    /// Function that creates it.
     pub make: fn() -> Box<dyn Tool>,
 }
 
 impl ToolRow {
-    /// Whether it does something on the plan; where it does not, the handles there are moved.
+    /// Whether the tool acts on the plan; otherwise a drag there moves the handles of cameras.
     #[must_use]
     pub fn acts_on_plan(&self) -> bool {
         matches!(self.icon, Icon::Select | Icon::Control | Icon::Mark | Icon::Measure | Icon::Region)
     }
 }
 
-/// Every tool, in the order of the tool strip.
+/// All tools, in the order of the toolbar.
 pub const TOOLS: &[ToolRow] = &[
     ToolRow {
         title: "Select",
@@ -263,12 +269,12 @@ const fn line(kind: Kind, key: Key, icon: Icon, make: fn() -> Box<dyn Tool>) -> 
     ToolRow { title: calib_core::single::KINDS[kind as usize].title, key, icon, kind: Some(kind), make }
 }
 
-/// The index of the tool of this title.
-pub(crate) fn tool_called(title: &str) -> usize {
+/// Returns the index of the tool with this title.
+pub(crate) fn tool_index(title: &str) -> usize {
     TOOLS.iter().position(|tool| tool.title == title).unwrap_or(0)
 }
 
-/// How the plan lies, or a plan of a centimetre a pixel where there is none.
+/// Returns the scale of the plan, or 1 cm per pixel without a plan.
 #[must_use]
 pub fn plan_scale(site: &Site) -> PlanScale {
     let bare = PlanScale { metres_per_px: 0.01, origin: calib_core::PlanPixel::new(0.0, 0.0), x_axis: 0.0 };

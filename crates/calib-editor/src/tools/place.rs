@@ -1,4 +1,4 @@
-//! Stage 2 by hand: a polygon on the floor is moved, turned and scaled by its handles.
+//! Stage 2 by hand: a camera's polygon on the floor is moved, rotated and scaled by its handles.
 
 use calib_core::{FloorPoint, Pixel, Placement, WorldPoint};
 
@@ -7,51 +7,52 @@ use calib_core::floor::STAGE_1_HEIGHT;
 use crate::session::{Session, corners_of};
 use crate::tools::Pointer;
 
-/// What of a placed camera can be held on the plan.
+/// Handle of a placed camera on the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PlanHandle {
-    /// The camera's foot: moves.
+    /// Foot of the camera: moves it.
     Foot,
-    /// The ring on its axis: turns about the foot.
-    Turn,
-    /// The square on its axis: scales about the foot, which sets the height.
+    /// Ring on its axis: rotates it about the foot.
+    Rotate,
+    /// Square on its axis: scales it about the foot, which sets the height.
     Scale,
-    /// A corner of the polygon: turns and scales about its centre, or the pinned pivot.
+    /// Corner of the polygon: rotates and scales it about its centre, or about the pinned pivot.
     Corner(usize),
-    /// The polygon: moves.
+    /// Polygon: moves it.
     Body,
 }
 
 impl PlanHandle {
-    /// What dragging it does.
+    /// Returns the verb for its effect.
     #[must_use]
     pub const fn verb(self) -> &'static str {
         match self {
             Self::Foot | Self::Body => "move",
-            Self::Turn => "turn",
+            Self::Rotate => "rotate",
             Self::Scale => "scale",
-            Self::Corner(_) => "turn and scale",
+            Self::Corner(_) => "rotate and scale",
         }
     }
 }
 
-/// How far along the axis the handles stand: of the way from the foot to the middle of the far edge.
+/// Positions of the handles on the axis, as a fraction of the distance from the foot to the middle of the far
+/// edge.
 const SCALE_AT: f64 = 0.55;
 const TURN_AT: f64 = 1.12;
-/// What snapping rounds to, in metres.
-pub(super) const SNAP: f64 = 0.1;
-/// What snapping rounds turns to, in radians.
-const SNAP_TURN: f64 = 5.0 * std::f64::consts::PI / 180.0;
+/// Grid of snapped positions, in metres.
+pub(super) const SNAP_M: f64 = 0.1;
+/// Grid of snapped rotations, in radians.
+const SNAP_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
-/// The nearest multiple of a step.
+/// Returns the nearest multiple of a step.
 pub(super) fn round(value: f64, step: f64) -> f64 {
     (value / step).round() * step
 }
 
-/// With Shift, what is held moves by so much of what the pointer moves.
-const FINE: f64 = 0.1;
+/// Fraction of the pointer's movement applied while Shift is pressed.
+const FINE_DRAG: f64 = 0.1;
 
-/// The handles of a camera on the floor, in metres; empty while it has no pose.
+/// Returns the handles of a camera on the floor, in metres; empty without a pose.
 #[must_use]
 pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 2])> {
     let (Some(entry), Some(pose)) = (session.site.cameras.get(camera), session.solved.pose(camera)) else {
@@ -67,42 +68,44 @@ pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 
     let along = |share: f64| [foot.x + share * reach * ahead[0], foot.y + share * reach * ahead[1]];
     let mut handles = vec![
         (PlanHandle::Foot, foot.into()),
-        (PlanHandle::Turn, along(TURN_AT)),
+        (PlanHandle::Rotate, along(TURN_AT)),
         (PlanHandle::Scale, along(SCALE_AT)),
     ];
     handles.extend(corners.iter().enumerate().map(|(i, &corner)| (PlanHandle::Corner(i), corner.into())));
     handles
 }
 
-/// A camera's polygon in the hand.
+/// Drag of a camera's polygon.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlaceDrag {
     camera: usize,
     handle: PlanHandle,
-    /// Where the hand took hold.
+    /// Pointer position at the start of the drag.
     from: [f64; 2],
-    /// The placement at that moment.
+    /// Placement at the start of the drag.
     own: Placement,
-    /// About which point a corner turns and scales.
+    /// Centre of rotation and scaling for a corner.
     pivot: [f64; 2],
 }
 
 impl PlaceDrag {
-    /// Takes hold of what is under the pointer: a handle of the camera in hand first.
+    /// Starts a drag of the handle under the pointer; handles of the selected camera have priority.
     pub(super) fn start(session: &mut Session, pointer: &Pointer) -> Option<Self> {
         let (camera, handle) = Self::under(session, pointer)?;
-        session.choose(camera);
+        session.select_camera(camera);
         if pointer.double {
-            let is_pinned = session.pivot.take().is_some();
-            session.pivot = (!is_pinned).then_some(pointer.at);
+            let is_pinned = session.tool.pivot.take().is_some();
+            session.tool.pivot = (!is_pinned).then_some(pointer.at);
             let note =
-                if is_pinned { "The pivot is the centre again." } else { "Corners turn about this pivot." };
+                if is_pinned { "Pivot reset to the centre." } else { "Corners now rotate about this pivot." };
             session.note = Some(note.into());
             return None;
         }
-        if session.is_held_by_points(camera) {
+        if session.is_fixed_by_control_points(camera) {
             let name = &session.site.cameras[camera].id;
-            session.note = Some(format!("Control points hold {name}; switch them off to move it by hand."));
+            session.note = Some(format!(
+                "Control points determine the position of {name}. Switch them off to move it by hand."
+            ));
             return None;
         }
         let own = session.placement(camera)?;
@@ -112,7 +115,7 @@ impl PlaceDrag {
             .collect();
         let count = corners.len().max(1) as f64;
         let mean = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / count;
-        let pivot = session.pivot.unwrap_or([mean(0), mean(1)]);
+        let pivot = session.tool.pivot.unwrap_or([mean(0), mean(1)]);
         Some(Self { camera, handle, from: pointer.at, own, pivot })
     }
 
@@ -140,17 +143,17 @@ impl PlaceDrag {
 
     pub(super) fn drag(self, session: &mut Session, pointer: &Pointer) -> Self {
         if pointer.moved {
-            let share = if pointer.modifiers.shift { FINE } else { 1.0 };
+            let share = if pointer.modifiers.shift { FINE_DRAG } else { 1.0 };
             let at =
                 std::array::from_fn(|axis| self.from[axis] + share * (pointer.at[axis] - self.from[axis]));
             session.revert();
             let placed = self.placed(at);
-            session.place(self.camera, if session.snap { self.snapped(placed) } else { placed });
+            session.place(self.camera, if session.tool.snap { self.snapped(placed) } else { placed });
         }
         self
     }
 
-    /// The placement that brings what was held from where it was to `at`.
+    /// Returns the placement that moves the dragged handle from its start to `at`.
     fn placed(&self, at: [f64; 2]) -> Placement {
         let foot = [self.own.by.x, self.own.by.y];
         match self.handle {
@@ -158,25 +161,25 @@ impl PlaceDrag {
                 by: FloorPoint::new(foot[0] + at[0] - self.from[0], foot[1] + at[1] - self.from[1]),
                 ..self.own
             },
-            PlanHandle::Turn => about(self.own, foot, self.from, at, [true, false]),
-            PlanHandle::Scale => about(self.own, foot, self.from, at, [false, true]),
-            PlanHandle::Corner(_) => about(self.own, self.pivot, self.from, at, [true, true]),
+            PlanHandle::Rotate => rotate_scale_about(self.own, foot, self.from, at, [true, false]),
+            PlanHandle::Scale => rotate_scale_about(self.own, foot, self.from, at, [false, true]),
+            PlanHandle::Corner(_) => rotate_scale_about(self.own, self.pivot, self.from, at, [true, true]),
         }
     }
 
-    /// The placement at round numbers in what the handle changes.
+    /// Returns the placement with the changed values rounded to the grid.
     fn snapped(&self, placed: Placement) -> Placement {
         let height = STAGE_1_HEIGHT * placed.scale;
         match self.handle {
             PlanHandle::Foot | PlanHandle::Body => {
-                let by = FloorPoint::new(round(placed.by.x, SNAP), round(placed.by.y, SNAP));
+                let by = FloorPoint::new(round(placed.by.x, SNAP_M), round(placed.by.y, SNAP_M));
                 Placement { by, ..placed }
             }
-            PlanHandle::Turn => Placement { turn: round(placed.turn, SNAP_TURN), ..placed },
+            PlanHandle::Rotate => Placement { turn: round(placed.turn, SNAP_RAD), ..placed },
             PlanHandle::Scale => {
-                Placement { scale: round(height, SNAP).max(SNAP) / STAGE_1_HEIGHT, ..placed }
+                Placement { scale: round(height, SNAP_M).max(SNAP_M) / STAGE_1_HEIGHT, ..placed }
             }
-            // About another pivot than the foot nothing is round.
+            // With a pivot other than the foot, no value is round.
             PlanHandle::Corner(_) => placed,
         }
     }
@@ -190,19 +193,19 @@ impl PlaceDrag {
         let name = session.site.cameras.get(self.camera).map_or("", |c| c.id.as_str());
         let now = session.placement(self.camera).unwrap_or(self.own);
         let what = match self.handle {
-            PlanHandle::Turn => format!("turn {:.1}\u{b0}", now.turn.to_degrees()),
+            PlanHandle::Rotate => format!("rotation {:.1}\u{b0}", now.turn.to_degrees()),
             PlanHandle::Scale => {
-                let height = session.units.length(STAGE_1_HEIGHT * now.scale, 2);
+                let height = session.tool.units.length(STAGE_1_HEIGHT * now.scale, 2);
                 format!("scale {:.3}, height {height}", now.scale)
             }
-            _ => format!("at {}", session.units.point(now.by.into(), 2)),
+            _ => format!("at {}", session.tool.units.point(now.by.into(), 2)),
         };
-        format!("Release to {} {name}: {what}.  Shift: fine, Esc: put back", self.handle.verb())
+        format!("Release to {} {name}: {what}.  Shift: fine, Esc: cancel", self.handle.verb())
     }
 }
 
-/// The placement turned and scaled about a pivot by what brings `from` to `to`.
-pub(crate) fn about(
+/// Rotates and scales a placement about a pivot by the similarity that maps `from` to `to`.
+pub(crate) fn rotate_scale_about(
     own: Placement,
     pivot: [f64; 2],
     from: [f64; 2],
@@ -212,7 +215,7 @@ pub(crate) fn about(
     let arm = |point: [f64; 2]| [point[0] - pivot[0], point[1] - pivot[1]];
     let (a, b) = (arm(from), arm(to));
     let (la, lb) = (a[0].hypot(a[1]), b[0].hypot(b[1]));
-    // On the pivot there is neither direction nor length.
+    // At the pivot, direction and length are undefined.
     if la < 1e-9 || lb < 1e-9 {
         return own;
     }
@@ -229,7 +232,7 @@ pub(crate) fn about(
     Placement { by, turn: turned, scale: own.scale * scale }
 }
 
-/// Whether a polygon holds a point (even-odd rule).
+/// Whether a polygon contains a point (even-odd rule).
 #[must_use]
 pub fn is_inside(polygon: &[FloorPoint], [x, y]: [f64; 2]) -> bool {
     let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
@@ -238,9 +241,9 @@ pub fn is_inside(polygon: &[FloorPoint], [x, y]: [f64; 2]) -> bool {
     crossed.count() % 2 == 1
 }
 
-/// The placement nearest to `own` with which the camera shows every pin: one moves it, more also turn
-/// and scale it.
-pub(super) fn pinned(
+/// Returns the placement closest to `own` in which the camera shows every pin at its pixel. One pin moves it;
+/// more pins also rotate and scale it.
+pub(super) fn fit_pins(
     session: &Session,
     camera: usize,
     pins: &[calib_core::ControlPoint],
@@ -264,14 +267,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_polygon_turned_and_scaled_about_a_pivot_keeps_the_pivot() {
+    fn polygon_rotated_and_scaled_about_a_pivot_keeps_the_pivot() {
         let own = Placement { by: FloorPoint::new(2.0, 1.0), turn: 0.3, scale: 1.2 };
         let on_floor = FloorPoint::new(0.7, 4.0);
         let pivot = own.carry(on_floor);
-        let new = about(own, pivot.into(), [5.0, 5.0], [3.0, 9.0], [true, true]);
+        let new = rotate_scale_about(own, pivot.into(), [5.0, 5.0], [3.0, 9.0], [true, true]);
         assert!(new.carry(on_floor).distance(pivot) < 1e-12);
-        let held = own.carry(FloorPoint::new(-1.0, 2.0));
-        let moved = about(own, pivot.into(), held.into(), [0.0, 0.0], [true, true]);
+        let corner = own.carry(FloorPoint::new(-1.0, 2.0));
+        let moved = rotate_scale_about(own, pivot.into(), corner.into(), [0.0, 0.0], [true, true]);
         assert!(moved.carry(FloorPoint::new(-1.0, 2.0)).distance(FloorPoint::new(0.0, 0.0)) < 1e-9);
     }
 }

@@ -1,4 +1,4 @@
-//! Draws a line of many points, click by click: a straight edge, or the field of view.
+//! Polyline tools: a straight edge or the field of view, point by point.
 
 use calib_core::{Kind, Pixel};
 
@@ -16,26 +16,26 @@ enum Gesture {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Makes {
+enum PolylineKind {
     StraightEdge,
     Field,
 }
 
-/// The tool of what has more than two points.
+/// Tool that draws polylines with more than two points.
 #[derive(Debug)]
 pub(super) struct Polyline {
-    makes: Makes,
+    kind: PolylineKind,
     gesture: Gesture,
-    is_over: bool,
+    is_done: bool,
 }
 
 impl Polyline {
     pub(super) const fn straight() -> Self {
-        Self { makes: Makes::StraightEdge, gesture: Gesture::Idle, is_over: false }
+        Self { kind: PolylineKind::StraightEdge, gesture: Gesture::Idle, is_done: false }
     }
 
     pub(super) const fn field() -> Self {
-        Self { makes: Makes::Field, gesture: Gesture::Idle, is_over: false }
+        Self { kind: PolylineKind::Field, gesture: Gesture::Idle, is_done: false }
     }
 
     fn show(&self, session: &mut Session, camera: usize, points: &[Pixel]) {
@@ -44,9 +44,9 @@ impl Polyline {
             return;
         }
         let Some(entry) = session.site.cameras.get_mut(camera) else { return };
-        let part = match self.makes {
-            Makes::StraightEdge => edit::add_line(entry, Kind::Straight, points.to_vec(), true),
-            Makes::Field => {
+        let part = match self.kind {
+            PolylineKind::StraightEdge => edit::add_line(entry, Kind::Straight, points.to_vec(), true),
+            PolylineKind::Field => {
                 entry.efov_px = Some(points.to_vec());
                 Part::Field
             }
@@ -54,19 +54,19 @@ impl Polyline {
         session.select_only(camera, part);
     }
 
-    /// Ends with the points that were set; too few are none.
+    /// Finishes with the points that were set; fewer than three are discarded.
     fn finish(&mut self, session: &mut Session, camera: usize, points: &[Pixel]) {
         self.show(session, camera, points);
         if points.len() < 3 {
-            session.note = Some("Needs three points.".into());
+            session.note = Some("Click at least three points.".into());
             return;
         }
-        match self.makes {
-            Makes::Field => {
+        match self.kind {
+            PolylineKind::Field => {
                 session.commit("draw the field of view");
-                self.is_over = true;
+                self.is_done = true;
             }
-            Makes::StraightEdge => {
+            PolylineKind::StraightEdge => {
                 let part = session.selection.first().copied();
                 let name = part.map_or_else(String::new, |part| session.part_name(part));
                 session.commit(format!("add {name}"));
@@ -80,7 +80,7 @@ impl Tool for Polyline {
         let Some((camera, at)) = pointer.pixel() else { return };
         self.gesture = match std::mem::take(&mut self.gesture) {
             Gesture::Idle if pointer.phase == Phase::Press => {
-                session.choose(camera);
+                session.select_camera(camera);
                 Gesture::Drawing { camera, points: vec![at, at] }
             }
             Gesture::Drawing { camera: own, mut points } if own == camera => {
@@ -89,9 +89,9 @@ impl Tool for Polyline {
                 }
                 let set = points.len() - 1;
                 let closes = set >= 3
-                    && self.makes == Makes::Field
+                    && self.kind == PolylineKind::Field
                     && points.first().is_some_and(|first| first.distance(at) <= pointer.radius);
-                // The first press made the first point; its release is not the second one.
+                // The first press adds the first point; its release does not add the second one.
                 let is_new =
                     points.get(set.wrapping_sub(1)).is_some_and(|p| p.distance(at) > 0.5 * pointer.radius);
                 match pointer.phase {
@@ -144,25 +144,24 @@ impl Tool for Polyline {
         self.gesture == Gesture::Idle
     }
 
-    fn is_over(&self) -> bool {
-        self.is_over
+    fn is_done(&self) -> bool {
+        self.is_done
     }
 
     fn hint(&self, _: &Session) -> String {
-        match (&self.gesture, self.makes) {
-            (Gesture::Idle, Makes::StraightEdge) => {
-                "Click along an edge that is straight in space; three points or more.".into()
+        match (&self.gesture, self.kind) {
+            (Gesture::Idle, PolylineKind::StraightEdge) => {
+                "Click three or more points along an edge that is straight in reality.".into()
             }
-            (Gesture::Idle, Makes::Field) => "Click the corners of the floor that matters.".into(),
+            (Gesture::Idle, PolylineKind::Field) => "Click the corners of the floor area to cover.".into(),
             (Gesture::Drawing { points, .. }, makes) => {
                 let left = 4_usize.saturating_sub(points.len());
                 match (left, makes) {
-                    (0, Makes::Field) => {
+                    (0, PolylineKind::Field) => {
                         "Click the next corner, or the first one to close.  Enter: close".into()
                     }
-                    (0, Makes::StraightEdge) => {
-                        "Click the next point.  Enter or double click: done, J then pulls it onto the edge"
-                            .into()
+                    (0, PolylineKind::StraightEdge) => {
+                        "Click the next point.  Enter or double click: done, then J: snap to edge".into()
                     }
                     _ => format!("Click the next point; {left} more needed."),
                 }
@@ -170,7 +169,7 @@ impl Tool for Polyline {
         }
     }
 
-    fn held(&self) -> Option<(Pane, [f64; 2])> {
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         match &self.gesture {
             Gesture::Drawing { camera, points } => {
                 points.last().map(|&end| (Pane::Image(*camera), end.into()))
@@ -179,7 +178,7 @@ impl Tool for Polyline {
         }
     }
 
-    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+    fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
         match &self.gesture {
             Gesture::Drawing { camera, points } if pane == Pane::Image(*camera) => {
                 vec![points.iter().map(|&point| point.into()).collect()]

@@ -1,4 +1,4 @@
-//! Selects, moves and bends what was drawn; on the floor, moves, turns and scales cameras.
+//! Selection tool: selects and moves parts of an image; on the floor, moves, rotates and scales cameras.
 
 use std::collections::BTreeSet;
 
@@ -10,20 +10,20 @@ use crate::session::Session;
 use crate::snap;
 use crate::tools::mark::MarkDrag;
 use crate::tools::place::PlaceDrag;
-use crate::tools::{Pane, Phase, Pointer, Tool, drawn_sigma};
+use crate::tools::{Pane, Phase, Pointer, Tool, annotation_sigma_px};
 
 #[derive(Clone, Debug, Default)]
 enum Gesture {
     #[default]
     Idle,
-    /// Parts of an image are held.
+    /// Drag of selected parts of an image.
     Parts {
         camera: usize,
         from: Pixel,
         at: Pixel,
     },
-    /// A box is drawn about what is to be selected.
-    Rubber {
+    /// Selection box.
+    SelectionBox {
         camera: usize,
         from: Pixel,
         to: Pixel,
@@ -32,21 +32,21 @@ enum Gesture {
     Place(PlaceDrag),
 }
 
-/// The tool one comes back to.
+/// Tool that selects and moves; active by default.
 #[derive(Debug, Default)]
 pub(super) struct Select {
     gesture: Gesture,
 }
 
-/// With Shift, what is held moves by so much of what the pointer moves.
-const FINE: f64 = 0.1;
+/// Fraction of the pointer's movement applied while Shift is pressed.
+const FINE_DRAG: f64 = 0.1;
 
 impl Select {
     fn press(session: &mut Session, pointer: &Pointer) -> Gesture {
         let Some((camera, at)) = pointer.pixel() else { return Self::press_plan(session, pointer) };
-        session.choose(camera);
+        session.select_camera(camera);
         let pose = session.solved.pose(camera).copied();
-        // Alt means marks, whatever else is drawn there.
+        // Alt selects marks only.
         let mark = pose.filter(|_| pointer.modifiers.alt);
         let mark = mark.and_then(|pose| hit::mark_at(&session.site, &pose, at, pointer.radius));
         let hit = mark.or_else(|| {
@@ -56,10 +56,10 @@ impl Select {
             if !pointer.modifiers.command {
                 session.selection.clear();
             }
-            return Gesture::Rubber { camera, from: at, to: at };
+            return Gesture::SelectionBox { camera, from: at, to: at };
         };
         if pointer.modifiers.command {
-            // Adds to the selection, or takes away from it.
+            // Adds to the selection, or removes from it.
             if !session.selection.remove(&hit.part) {
                 session.selection.insert(hit.part);
             }
@@ -99,7 +99,7 @@ impl Select {
 
 fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Pointer) -> Pixel {
     let at: Pixel = pointer.at.into();
-    let share = if pointer.modifiers.shift { FINE } else { 1.0 };
+    let share = if pointer.modifiers.shift { FINE_DRAG } else { 1.0 };
     let by = [share * (at.u - from.u), share * (at.v - from.v)];
     session.revert();
     let parts = session.selection.clone();
@@ -113,20 +113,21 @@ fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Point
     }
 }
 
-/// A point of a link or a control point that was moved by itself is now as well known as it is seen; several that
-/// were moved together are where they were to each other, and what is said to be better than a click stays so.
-fn grain(session: &mut Session, camera: usize, pointer: &Pointer) {
+/// Sets the standard deviation of a link point or control point that was moved alone to the accuracy of the
+/// drag. Points that were moved together keep theirs, as does a point with a better accuracy than a click.
+fn set_click_sigma(session: &mut Session, camera: usize, pointer: &Pointer) {
     let mut parts = session.selection.iter().copied();
     let (Some(part), None) = (parts.next(), parts.next()) else { return };
-    let drawn = drawn_sigma(session, camera);
-    let fine = if pointer.modifiers.shift { FINE } else { 1.0 };
-    let seen_now = Pointer { grain: fine * pointer.grain, ..pointer.clone() }.sigma_px(session, camera);
+    let drawn = annotation_sigma_px(session, camera);
+    let fine = if pointer.modifiers.shift { FINE_DRAG } else { 1.0 };
+    let seen_now =
+        Pointer { point_size: fine * pointer.point_size, ..pointer.clone() }.sigma_px(session, camera);
     let is_click = |sigma: Option<f64>| sigma.is_none_or(|sigma| sigma > drawn);
     match part {
         Part::Link { link, seen, .. } => {
             let seen = session.site.links.get_mut(link).and_then(|link| link.seen.get_mut(seen));
             let Some(seen) = seen.filter(|seen| is_click(seen.sigma_px)) else { return };
-            // The other end of a post or a line is where it was.
+            // The other end of a post or a line keeps its position and accuracy.
             let other = seen.sigma_px.filter(|_| seen.px.is_none());
             seen.sigma_px = seen_now.into_iter().chain(other).reduce(f64::max);
         }
@@ -151,25 +152,25 @@ impl Tool for Select {
                     Gesture::Parts { camera, from, at }
                 } else {
                     if pointer.moved {
-                        if let Some(still) = pointer.still.as_deref().filter(|_| pointer.modifiers.alt) {
+                        if let Some(image) = pointer.image.as_deref().filter(|_| pointer.modifiers.alt) {
                             let parts = session.selection.clone();
                             let moved = edit::points_of(&session.site, camera, &parts);
                             let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
-                            snap::pull_points(&mut session.site, camera, &moved, lens, still);
+                            snap::pull_points(&mut session.site, camera, &moved, lens, image);
                         }
-                        grain(session, camera, pointer);
+                        set_click_sigma(session, camera, pointer);
                         let name = session.selection_name();
                         session.commit(format!("move {name}"));
                     }
                     Gesture::Idle
                 }
             }
-            (Gesture::Rubber { camera, from, to }, phase) if pointer.pane == Pane::Image(camera) => {
+            (Gesture::SelectionBox { camera, from, to }, phase) if pointer.pane == Pane::Image(camera) => {
                 if phase == Phase::Release {
                     Self::rubber_end(session, camera, from, to);
                     Gesture::Idle
                 } else {
-                    Gesture::Rubber { camera, from, to: pointer.at.into() }
+                    Gesture::SelectionBox { camera, from, to: pointer.at.into() }
                 }
             }
             (Gesture::Mark(drag), Phase::Release) => {
@@ -200,33 +201,30 @@ impl Tool for Select {
                 "Click a line or handle to select it; drag to move it.".into()
             }
             Gesture::Idle => format!(
-                "Drag {}, or nudge by arrows 0.1 px (Shift 1 px).  D: duplicate, Del: delete",
+                "Drag {}, or nudge with the arrow keys, 0.1 px (Shift 1 px).  D: duplicate, Del: delete",
                 session.selection_name()
             ),
             Gesture::Parts { .. } => {
-                let alt = if edit::lines_of(&session.selection).is_empty() {
-                    ""
-                } else {
-                    " Alt: pull onto the edge,"
-                };
-                format!("Release to set {}.  Shift: fine,{alt} Esc: put back", session.selection_name())
+                let alt =
+                    if edit::lines_of(&session.selection).is_empty() { "" } else { " Alt: snap to edge," };
+                format!("Release to place {}.  Shift: fine,{alt} Esc: cancel", session.selection_name())
             }
-            Gesture::Rubber { .. } => "Release to select what is inside.".into(),
+            Gesture::SelectionBox { .. } => "Release to select everything inside the box.".into(),
             Gesture::Mark(drag) => drag.hint().into(),
             Gesture::Place(drag) => drag.hint(session),
         }
     }
 
-    fn held(&self) -> Option<(Pane, [f64; 2])> {
+    fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         match self.gesture {
             Gesture::Parts { camera, at, .. } => Some((Pane::Image(camera), at.into())),
             _ => None,
         }
     }
 
-    fn rubber(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
+    fn preview_lines(&self, pane: Pane) -> Vec<Vec<[f64; 2]>> {
         match self.gesture {
-            Gesture::Rubber { camera, from, to } if pane == Pane::Image(camera) => {
+            Gesture::SelectionBox { camera, from, to } if pane == Pane::Image(camera) => {
                 vec![vec![from.into(), [to.u, from.v], to.into(), [from.u, to.v], from.into()]]
             }
             _ => Vec::new(),

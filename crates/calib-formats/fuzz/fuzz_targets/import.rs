@@ -14,12 +14,12 @@ use rlimit::{Resource, setrlimit};
 enum Names {
     /// One file; the first byte selects its name.
     OneOf(&'static [&'static str]),
-    /// Several files, separated by [`CUT`].
+    /// Several files, separated by [`SEPARATOR`].
     AllOf(&'static [&'static str]),
 }
 
 /// Separator between the files of one input.
-const CUT: &[u8] = b"\n-- file --\n";
+const SEPARATOR: &[u8] = b"\n-- file --\n";
 
 /// Importers and the names of their files.
 const FORMATS: &[(&str, Names)] = &[
@@ -65,9 +65,9 @@ fuzz_target!(init: setrlimit(Resource::AS, MEMORY, MEMORY).expect("the memory li
 
 fn parts(mut bytes: &[u8]) -> Vec<&[u8]> {
     let mut parts = Vec::new();
-    while let Some(at) = bytes.windows(CUT.len()).position(|window| window == CUT) {
+    while let Some(at) = bytes.windows(SEPARATOR.len()).position(|window| window == SEPARATOR) {
         parts.push(&bytes[..at]);
-        bytes = &bytes[at + CUT.len()..];
+        bytes = &bytes[at + SEPARATOR.len()..];
     }
     parts.push(bytes);
     parts

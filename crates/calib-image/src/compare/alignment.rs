@@ -1,6 +1,7 @@
-//! Two stills laid on each other: passes from far to near, and how much of the old one is found again.
+//! Alignment of two images: iterated from a wide to a narrow search range, with the fraction of the old edges
+//! found again.
 //!
-//! An edge of the old still looked for in the new one, across itself, to a fraction of a pixel.
+//! Every edge of the old image is searched in the new image, across itself, to a fraction of a pixel.
 
 use calib_core::Camera;
 use calib_core::camera::Turn;
@@ -10,14 +11,14 @@ use crate::compare::motion::{Motion, Moved};
 use crate::compare::place::{Frame, HALF, LENGTH, Likeness, Place, likeness};
 use crate::{EdgeOffset, Estimated, TurnFit};
 
-/// What looks the same correlates by so much.
+/// Smallest correlation of two profiles of the same edge.
 const ALIKE: f64 = 0.8;
-/// Another edge nearer in likeness than this might be meant.
+/// Smallest difference in correlation to a second candidate; below it the match is ambiguous.
 const OTHER: f64 = 0.06;
-/// Pixels across an edge that share their noise: those of one smoothing.
+/// Correlation length of the noise across an edge, in pixels: the width of one smoothing.
 const SHARED: f64 = 2.5;
 
-/// The new still of a camera that moved so.
+/// Search for edge samples in the new image, after an assumed motion of the camera.
 pub(crate) struct Search<'a> {
     luma: &'a Luma,
     moved: Moved,
@@ -28,7 +29,7 @@ impl<'a> Search<'a> {
         Self { luma, moved: motion.at(camera) }
     }
 
-    /// Whether the new still shows a place, so far from its border that the edge can be told.
+    /// Whether a sample is visible in the new image, far enough from its border to locate the edge.
     pub(crate) fn shows(&self, place: &Place) -> bool {
         const MARGIN: f64 = 2.0 * LENGTH as f64;
         let within = |at: f64, side: usize| at > MARGIN && at < side as f64 - MARGIN;
@@ -36,7 +37,8 @@ impl<'a> Search<'a> {
         shown.is_some_and(|at| within(at.u, self.luma.width) && within(at.v, self.luma.height))
     }
 
-    /// How far the edge is from where it is told, if it is within so many pixels.
+    /// Measures the offset of the edge from its predicted position; `None` if it is not found within `reach`
+    /// pixels.
     pub(crate) fn offset(&self, place: &Place, reach: usize) -> Option<EdgeOffset> {
         let frame = self.frame(place)?;
         let longer: Vec<f64> = (0..LENGTH + 2 * reach)
@@ -67,7 +69,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Where the edge is told to run.
+    /// Returns the predicted position and direction of the edge in the new image.
     fn frame(&self, place: &Place) -> Option<Frame> {
         let [at, along, across] = place.sights.each_ref().map(|sight| self.moved.shown(sight));
         let (at, along, across) = (at?, along?, across?);
@@ -79,7 +81,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Where a profile is in a longer one, to a pixel; `None` where nothing is alike, or two are.
+/// Locates a profile in a longer one, to a pixel; `None` if no position, or more than one, is similar enough.
 fn best(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> {
     let values: Vec<f64> =
         (0..=2 * reach).map(|start| likeness(profile, longer, start as f64).correlation).collect();
@@ -91,7 +93,7 @@ fn best(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> 
     is_told.then_some(best)
 }
 
-/// The top of a likeness between pixels, by two parabolas, the second narrower.
+/// Refines the maximum of the correlation to a fraction of a pixel, with two parabolas, the second narrower.
 fn vertex(profile: &[f64; LENGTH], longer: &[f64], mut at: f64) -> (f64, Likeness) {
     for half in [0.5, 0.25] {
         let [before, here, after] =
@@ -104,20 +106,22 @@ fn vertex(profile: &[f64; LENGTH], longer: &[f64], mut at: f64) -> (f64, Likenes
     (at, likeness(profile, longer, at))
 }
 
-/// Of what agrees the edge is within so many pixels of where it is told.
+/// Largest distance of an inlier edge from its predicted position, in pixels.
 const AGREES: f64 = 1.0;
 
-/// Two stills laid on each other.
+/// Two aligned images.
 pub(crate) struct Alignment {
     pub(crate) motion: Motion,
-    /// What the edges say of the motion that is still to be made, about nothing.
+    /// Fit of the remaining motion; close to zero after convergence.
     pub(crate) fit: TurnFit,
-    /// Of every place whether the new still shows it, and whether its edge is where it is told.
+    /// Visibility and result of every sample: `None` outside the new image, otherwise whether its edge is at
+    /// the predicted position.
     pub(crate) found: Vec<Option<bool>>,
 }
 
 impl Alignment {
-    /// The alignment nearest to a motion, looked for within so many pixels, pass by pass.
+    /// Aligns the images, starting from `motion`; each iteration searches within the next of `reaches`, in
+    /// pixels.
     pub(crate) fn new(
         camera: &Camera,
         luma: &Luma,
@@ -147,18 +151,19 @@ impl Alignment {
         Some(Self { motion, found, fit })
     }
 
-    /// The share of places that are found again, of those that the new still shows.
+    /// Returns the fraction of the visible samples that are found again.
     pub(crate) fn share(&self) -> f64 {
         let shown = self.found.iter().flatten().count();
         self.agreeing() as f64 / shown.max(1) as f64
     }
 
-    /// How many places are found again.
+    /// Returns the number of samples found again.
     pub(crate) fn agreeing(&self) -> usize {
         self.found.iter().flatten().filter(|agrees| **agrees).count()
     }
 
-    /// How many parts of the image have places that are found again, each counted up to a few.
+    /// Returns the number of samples found again, limited to a few for each block, so that it measures
+    /// coverage of the image.
     pub(crate) fn voices(&self, places: &[Place]) -> usize {
         const VOICE: usize = 6;
         let mut parts = std::collections::BTreeMap::new();
@@ -173,7 +178,7 @@ fn is_near(row: &EdgeOffset, fit: &TurnFit) -> bool {
     (row.offset - row.told(&fit.estimate)).abs() < AGREES
 }
 
-/// The share of places that look found where nothing can be: what chance finds, the mean of a few turns aside.
+/// Returns the fraction of samples found by chance: the mean over a few deliberately wrong rotations.
 pub(crate) fn by_chance(camera: &Camera, luma: &Luma, places: &[Place], turn: &Turn) -> f64 {
     const ASIDE: [[f64; 2]; 4] = [[37.0, 23.0], [-41.0, 29.0], [31.0, -37.0], [-29.0, -31.0]];
     let of = |aside: [f64; 2]| {

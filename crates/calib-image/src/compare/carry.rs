@@ -1,10 +1,11 @@
-//! What was drawn on the old still, on the new one: carried by the turn, and held against what the new still shows there.
+//! Transfer of annotations from the old image to the new one: mapped by the rotation and checked against the
+//! new image.
 
 use calib_core::{Camera, Pixel};
 
 use calib_core::camera::{Turn, Turned};
 
-use calib_site::Carrier;
+use calib_site::ImageTransfer;
 use image::RgbImage;
 
 use crate::compare::alignment::Search;
@@ -14,7 +15,7 @@ use crate::compare::place::places;
 use crate::edges::Edge;
 use crate::pull::pull_line;
 
-/// Carries what was drawn from the old still to the new one.
+/// Transfer of annotations from an old to a new image.
 #[derive(Debug)]
 pub(crate) struct Carry<'a> {
     camera: &'a Camera,
@@ -25,21 +26,21 @@ pub(crate) struct Carry<'a> {
     image: &'a RgbImage,
 }
 
-/// Shorter than this a line tells too little to be kept, in pixels.
+/// Length below which a transferred line is dropped, in pixels.
 const SHORTEST: f64 = 16.0;
 
 impl<'a> Carry<'a> {
-    /// From one still to another of the same size, between which a camera turned.
+    /// Creates the transfer between two images of the same size, between which the camera rotated by `turn`.
     pub(crate) fn new(camera: &'a Camera, turn: Turn, old: &RgbImage, new: &'a RgbImage) -> Self {
         let [before, after] = [old, new].map(|image| Luma::new(image).smoothed(SMOOTH));
         Self { camera, turn, turned: turn.at(camera), old: before, new: after, image: new }
     }
 }
 
-impl Carrier for Carry<'_> {
-    /// A line is pulled onto its edge.
+impl ImageTransfer for Carry<'_> {
+    /// Maps a line and pulls it onto its edge.
     fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>> {
-        /// Farther than this from where it is carried to is another edge, in pixels.
+        /// Largest distance from a mapped line to its edge, in pixels; a farther edge is another one.
         const SAME: f64 = 2.5;
         let carried = if whole { self.all(points)? } else { self.shown_part(points)? };
         if length(&carried) < SHORTEST || !self.is_there(points) {
@@ -51,7 +52,7 @@ impl Carrier for Carry<'_> {
     }
 
     fn point(&self, old: Pixel) -> Option<Pixel> {
-        /// What looks the same correlates by so much.
+        /// Smallest correlation of the surroundings of the same point.
         const ALIKE: f64 = 0.75;
         const REACH: i32 = 3;
         let steps =
@@ -83,7 +84,7 @@ impl Carrier for Carry<'_> {
 }
 
 impl Carry<'_> {
-    /// How alike the surroundings of a point are to those that the new still shows so far from where it is carried to.
+    /// Correlates the surroundings of a point with the new image, `step` pixels from the mapped position.
     fn likeness(&self, old: Pixel, step: [f64; 2]) -> f64 {
         const HALF: i32 = 6;
         let pair = |x: i32, y: i32| {
@@ -102,7 +103,8 @@ impl Carry<'_> {
         points.iter().map(|&point| self.turned.pixel(point).filter(|&at| self.is_inside(at))).collect()
     }
 
-    /// The longest part of a line that the new still shows: of two points the part between, of more those that are shown.
+    /// Returns the longest visible part of a line: a section of a two-point line, or a run of points of a
+    /// polyline.
     fn shown_part(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
         const STEPS: usize = 64;
         let dense: Vec<Pixel> = match points {
@@ -124,9 +126,9 @@ impl Carry<'_> {
         }
     }
 
-    /// Whether the new still has the edge that the old one has along a line.
+    /// Whether the edge along a line of the old image also exists in the new image.
     fn is_there(&self, points: &[Pixel]) -> bool {
-        /// In pixels.
+        /// Largest offset, in pixels.
         const NEAR: f64 = 1.0;
         const REACH: usize = 3;
         let edges: Vec<Edge> = points.windows(2).map(|pair| [pair[0], pair[1]]).collect();
@@ -151,7 +153,7 @@ fn length(points: &[Pixel]) -> f64 {
 }
 
 fn correlation(pairs: &[[f64; 2]]) -> f64 {
-    /// Contrast below which there is nothing to look like, in the logarithm of brightness.
+    /// Contrast below which a patch cannot be compared, in log brightness.
     const FLAT: f64 = 0.02;
     let count = pairs.len() as f64;
     let mean = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<f64>() / count);

@@ -1,14 +1,16 @@
-//! The turn that most parts of a still agree on, by corners that look the same: to a few pixels.
+//! Coarse rotation and zoom between two images, from matched corners, to a few pixels.
 //!
-//! Two corners tell a turn and a zoom: the angle between their rays is known, and makes of the new focal `f`, with the
-//! corners `p` and `q` about the principal point, an equation of the second degree in `f^2`:
+//! Two matches determine a rotation and a zoom. The angle between their old rays is known. With the new
+//! corners `p` and `q` relative to the principal point, it gives a quadratic equation in the square of the
+//! new focal length `f`:
 //!
 //! ```text
 //! (p q + f^2)^2 = cos^2 (p p + f^2)(q q + f^2)
 //! ```
 //!
-//! (Brown, Hartley, Nister 2007). Of many pairs the one is taken that most others agree with (Fischler and Bolles 1981),
-//! counted by parts of the image: a pallet full of corners has one voice.
+//! (Brown, Hartley, Nister 2007). Of many random pairs, the one with the most inliers is kept (RANSAC,
+//! Fischler and Bolles 1981). Inliers are counted with a limit for each part of the image, so that one pallet
+//! full of corners does not dominate.
 
 use calib_core::{Camera, Pixel, UndistortedPixel};
 
@@ -20,31 +22,31 @@ use crate::compare::feature::Luma;
 use crate::compare::feature::{LEAN, Match, features, matches};
 use crate::compare::motion::Sight;
 
-/// What the coordinates of a point are counted along.
+/// Unit vectors along the axes of the image.
 pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
-/// Focals farther from the old one than by this factor are not looked for.
+/// Largest ratio, in either direction, of the new to the old focal length.
 const ZOOM: f64 = 2.2;
-/// How far a corner may be from where it is told, in pixels of the image it was found in.
+/// Largest distance of a corner from its predicted position, in pixels of the scale at which it was found.
 const NEAR: f64 = 3.5;
-/// Pairs that are tried.
+/// Number of pairs to try.
 const PAIRS: usize = 4000;
-/// Columns and rows of the parts of the image that have a voice.
+/// Columns and rows of the parts of the image, for counting inliers.
 const PARTS: [usize; 2] = [12, 8];
-/// What one part counts for, at most.
+/// Largest number of inliers counted in one part.
 const VOICE: usize = 3;
 
-/// A match as rays and pixels.
+/// Match as a ray of the old camera and pixels of the new image.
 pub(crate) struct Seen {
     pub(crate) sight: Sight,
-    /// Where the new still shows it.
+    /// Position in the new image.
     pub(crate) at: Pixel,
     new: UndistortedPixel,
-    /// How far it may be from where it is told, in pixels.
+    /// Largest distance from the predicted position, in pixels.
     pub(crate) near: f64,
     pub(crate) part: usize,
 }
 
-/// The corners of a still that another one shows, the surest first.
+/// Matches the corners of two images, the least ambiguous first.
 pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<Seen> {
     let found = matches(&features(old, &[0.0]), &features(new, &[-LEAN, 0.0, LEAN]));
     let seen = |found: &Match| -> Option<Seen> {
@@ -57,17 +59,17 @@ pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<Seen> {
     found.iter().filter_map(seen).collect()
 }
 
-/// The turn that corners tell; `None` where too few look the same.
+/// Estimates rotation and zoom from matched corners; `None` if too few agree.
 pub(crate) fn coarse(camera: &Camera, seen: &[Seen]) -> Option<Turn> {
-    /// Fewer agree by chance.
+    /// Smallest count of agreeing corners; fewer agree by chance.
     const LEAST: usize = 8;
     let (turn, voices) = most_agreed(camera, seen)?;
     (voices >= LEAST).then(|| refined(camera, seen, turn))
 }
 
-/// The turn of the pair that most agree with, and with how many voices.
+/// Returns the rotation of the pair with the highest inlier count, and that count.
 fn most_agreed(camera: &Camera, seen: &[Seen]) -> Option<(Turn, usize)> {
-    /// The surest matches are asked first.
+    /// Number of least ambiguous matches from which the first pairs are chosen.
     const FIRST: usize = 20;
     let mut chance = Chance(0x9e37_79b9_7f4a_7c15);
     let mut best: Option<(Turn, usize)> = None;
@@ -91,7 +93,7 @@ fn voices(turned: &Turned, seen: &[Seen]) -> usize {
     voices_of(seen.iter().filter(|seen| agrees(turned, seen)))
 }
 
-/// How many parts of the image these corners are in, each counted up to a few.
+/// Counts corners, limited to a few for each part of the image.
 pub(crate) fn voices_of<'a>(seen: impl Iterator<Item = &'a Seen>) -> usize {
     let mut parts = [0; PARTS[0] * PARTS[1] + PARTS[0]];
     for seen in seen {
@@ -104,7 +106,7 @@ fn agrees(turned: &Turned, seen: &Seen) -> bool {
     turned.shown_undistorted(seen.sight.ray).is_some_and(|shown| shown.distance(seen.new) < seen.near)
 }
 
-/// The turns that lead two rays to their new pixels.
+/// Computes the rotations and zooms that map two rays to their new pixels.
 fn of_pair(camera: &Camera, a: &Seen, b: &Seen) -> Vec<Turn> {
     let centre = camera.lens.principal_point;
     let [p, q] = [a.new, b.new].map(|pixel| [pixel.u - centre.u, pixel.v - centre.v]);
@@ -114,7 +116,7 @@ fn of_pair(camera: &Camera, a: &Seen, b: &Seen) -> Vec<Turn> {
     let square = dot(r, s).powi(2);
     let (two, one, none) = (1.0 - square, 2.0 * pq - square * (pp + qq), pq * pq - square * pp * qq);
     let inner = one * one - 4.0 * two * none;
-    // Nearer than a degree to each other they tell no focal.
+    // Rays less than one degree apart do not determine the focal length.
     if two < 3e-4 || inner < 0.0 {
         return Vec::new();
     }
@@ -128,7 +130,8 @@ fn of_pair(camera: &Camera, a: &Seen, b: &Seen) -> Vec<Turn> {
     focals.filter(is_near).filter_map(turn).collect()
 }
 
-/// The rotation that leads two directions to two others with the same angle between them, as near as may be.
+/// Computes the rotation between two pairs of directions with equal angles; least squares if the angles
+/// differ.
 fn leading(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
     let frame = |[a, b]: [[f64; 3]; 2]| {
         let (sum, difference) = (sum(a, b), sum(a, b.map(|c| -c)));
@@ -139,7 +142,7 @@ fn leading(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
     Some(std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| to[k][i] * from[k][j]).sum())))
 }
 
-/// The turn that all who agree tell together.
+/// Refines rotation and zoom with all inliers.
 fn refined(camera: &Camera, seen: &[Seen], mut turn: Turn) -> Turn {
     for _ in 0..4 {
         let turned = turn.at(camera);
@@ -152,7 +155,7 @@ fn refined(camera: &Camera, seen: &[Seen], mut turn: Turn) -> Turn {
     turn
 }
 
-/// Both coordinates of a match as offsets of two edges.
+/// Converts the two coordinates of a match to two edge offsets.
 fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
     const ASIDE: f64 = 1e-5;
     let shown = |turn: &Turn| turn.at(camera).shown_undistorted(seen.sight.ray);
@@ -179,7 +182,7 @@ fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
     [0, 1].map(|axis| Some(row(axis)))
 }
 
-/// Numbers that look like chance and are the same on every machine (Marsaglia 2003).
+/// Pseudo-random generator with the same sequence on every machine (Marsaglia 2003).
 pub(crate) struct Chance(pub(crate) u64);
 
 impl Chance {

@@ -1,4 +1,5 @@
-//! What became of a camera between two stills.
+//! Comparison of a new image with the one on which a camera was calibrated, and the detected change of the
+//! camera.
 
 use std::cell::OnceCell;
 use std::fmt;
@@ -20,39 +21,39 @@ use crate::compare::place::{Place, places};
 use crate::compare::stepped::Stepped;
 use crate::edges::{Edge, find};
 
-/// Smoothing of both stills before edges are compared, in pixels.
+/// Smoothing of both images before edges are compared, in pixels.
 pub(crate) const SMOOTH: f64 = 0.9;
-/// So clear a change is one, as sigmas of a normal number: a camera that stands still is said to have moved in one of
-/// some hundred stills at most.
+/// Smallest z-score of a change. A camera that did not move is reported as moved in at most one of some
+/// hundred images.
 const CLEAR: f64 = 3.0;
-/// A turn or zoom that moves the image by less than this is none, in pixels, root mean square: codecs and warm lenses
-/// do as much.
+/// Smallest displacement of the image by a rotation or zoom that counts as a change, RMS in pixels. Codecs
+/// and thermal drift of lenses cause smaller ones.
 const STILL: f64 = 0.05;
 
-/// Variance of what is not known: finite, as numbers in files are.
+/// Variance of an unknown value; finite, because files store finite numbers.
 const UNKNOWN: f64 = f64::MAX;
 
-/// What became of a camera.
+/// Detected change of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Became {
-    /// It looks where it looked.
+    /// No change.
     Unchanged,
-    /// It turned or zoomed in its place.
+    /// Rotated or zoomed at the same position.
     Moved,
-    /// It stands elsewhere: near and far do not agree with a turn.
+    /// Moved to another position: near and far edges do not fit one rotation.
     Shifted,
-    /// Nothing of the old still is found again: another camera, another view, or something before it.
+    /// Different image content: another camera, another view, or an obstruction.
     Replaced,
-    /// The new still is too dark.
+    /// New image too dark.
     TooDark,
-    /// The new still shows next to no edges: covered, or out of focus.
+    /// New image almost without edges: lens covered, or out of focus.
     Blind,
-    /// The old still has too few edges.
+    /// Old image with too few edges.
     TooFewEdges,
 }
 
 impl Became {
-    /// Its name in files.
+    /// Returns its name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -63,7 +64,7 @@ impl Became {
         }
     }
 
-    /// Whether the old pixels are known in the new still.
+    /// Whether pixels of the old image can be mapped to the new image.
     #[must_use]
     pub const fn is_aligned(self) -> bool {
         matches!(self, Self::Unchanged | Self::Moved | Self::Shifted)
@@ -86,12 +87,12 @@ impl fmt::Display for Became {
     }
 }
 
-/// Why two stills are not compared.
+/// Error for images of different sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OtherSize {
-    /// Width and height of the old still.
+    /// Width and height of the old image.
     pub old: [u32; 2],
-    /// Width and height of the new one.
+    /// Width and height of the new image.
     pub new: [u32; 2],
 }
 
@@ -108,12 +109,12 @@ impl fmt::Display for OtherSize {
 
 impl std::error::Error for OtherSize {}
 
-/// Why a camera is not compared.
+/// Reason why a camera cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Uncompared {
-    /// It has no solution.
+    /// Camera without a solution.
     NotCalibrated,
-    /// Its stills are of two sizes.
+    /// Images of different sizes.
     OtherSize(OtherSize),
 }
 
@@ -128,43 +129,46 @@ impl fmt::Display for Uncompared {
 
 impl std::error::Error for Uncompared {}
 
-/// The lines that were drawn on a camera, as edges.
+/// Returns the annotated lines of a camera as edges.
 #[must_use]
 pub fn drawn_edges(entry: &SiteCamera) -> Vec<Edge> {
     let lines = entry.annotations.iter().filter(|annotation| !annotation.off).flat_map(|a| a.polylines());
     lines.flat_map(|line| line.windows(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<Edge>>()).collect()
 }
 
-/// What edges say of a camera between two stills.
+/// Result of comparing two images of one camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// What is to be said.
+    /// Detected change.
     pub became: Became,
-    /// How it turned and zoomed; nothing where the stills are not laid on each other.
+    /// Rotation and zoom; zero if the images could not be aligned.
     pub turn: Turn,
-    /// Covariance of a turn after it: vector and zoom.
+    /// Covariance of rotation vector and zoom.
     pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
-    /// The same if nothing but their edge moved places alike: what no estimate by these edges can be better than.
+    /// Covariance if only samples of the same edge were shifted alike: a lower bound for estimates from these
+    /// edges.
     pub bound: [[f64; Turn::SIZE]; Turn::SIZE],
-    /// How clear it is that it moved, as sigmas of a normal number.
+    /// Significance of the motion, as a z-score.
     pub clear: f64,
-    /// How far the image moved, root mean square over it, in pixels.
+    /// Displacement of the image, RMS over it, in pixels.
     pub shift: f64,
-    /// Places on edges that the new still shows.
+    /// Number of edge samples visible in the new image.
     pub places: usize,
-    /// The share of them that is found again.
+    /// Fraction of these samples that were found again.
     pub found: f64,
-    /// The share that chance would find.
+    /// Fraction of the samples that chance would find.
     pub by_chance: f64,
-    /// The places with whether the new still has them where they are told; nothing where it does not show them.
+    /// Samples with their result: whether the edge is at its predicted position; `None` outside the new
+    /// image.
     pub seen: Vec<(Pixel, Option<bool>)>,
 }
 
 impl Comparison {
-    /// Compares a still with the one that a camera was calibrated on; `drawn` lines are looked at first.
+    /// Compares a new image with the one on which a camera was calibrated; the edges in `drawn` take
+    /// precedence.
     ///
     /// # Errors
-    /// When the stills are of two sizes.
+    /// If the images differ in size.
     pub fn new(camera: &Camera, drawn: &[Edge], old: &RgbImage, new: &RgbImage) -> Result<Self, OtherSize> {
         let size = |image: &RgbImage| [image.width(), image.height()];
         if size(old) != size(new) {
@@ -178,18 +182,19 @@ impl Comparison {
         Ok(stills.compared(new))
     }
 
-    /// Compares a still with that of a camera, whose drawn lines are looked at first.
+    /// Compares a new image with the one of a camera; its annotated lines take precedence.
     ///
     /// # Errors
-    /// When the camera is not calibrated, or the stills are of two sizes.
+    /// If the camera is not calibrated, or the images differ in size.
     pub fn of_entry(entry: &SiteCamera, old: &RgbImage, new: &RgbImage) -> Result<Self, Uncompared> {
         let camera = entry.camera().ok_or(Uncompared::NotCalibrated)?;
         Self::new(&camera, &drawn_edges(entry), old, new).map_err(Uncompared::OtherSize)
     }
 
-    /// The changes of yaw, pitch, roll and the logarithm of the focal, each with its sigma.
+    /// Returns the changes of yaw, pitch, roll and log focal length, each with its standard deviation.
     ///
-    /// Edges tell the turn in pixels: what is not known of the focal is not known of the turn across the axis.
+    /// Edges measure the rotation in pixels. The uncertainty of the focal length therefore adds to that of
+    /// pan and tilt.
     #[must_use]
     pub fn movement(&self, camera: &Camera) -> [(f64, f64); Movement::SIZE] {
         const ASIDE: f64 = 1e-6;
@@ -213,13 +218,14 @@ impl Comparison {
         })
     }
 
-    /// The variance of what changes so with a turn.
+    /// Returns the variance of a quantity with these derivatives with respect to rotation and zoom.
     fn variance(&self, slopes: [f64; Turn::SIZE]) -> f64 {
         let row = |j: usize| (0..Turn::SIZE).map(|k| self.covariance[j][k] * slopes[k]).sum::<f64>();
         (0..Turn::SIZE).map(|j| slopes[j] * row(j)).sum::<f64>().max(0.0)
     }
 
-    /// The angle of the turn with its sigma, in radians: that along its axis, of no turn the mean of all axes.
+    /// Returns the rotation angle and its standard deviation along the axis, in radians; for no rotation, the
+    /// mean over all axes.
     #[must_use]
     pub fn angle(&self, camera: &Camera) -> (f64, f64) {
         let angle = self.turn.angle();
@@ -232,7 +238,7 @@ impl Comparison {
         (angle, (self.variance([x, y, z, 0.0]) + of_focal.powi(2)).sqrt())
     }
 
-    /// The ratio of the focals, new over old, with its sigma.
+    /// Returns the ratio of the focal lengths, new to old, and its standard deviation.
     #[must_use]
     pub fn zoom(&self) -> (f64, f64) {
         let ratio = self.turn.zoom.exp();
@@ -240,12 +246,12 @@ impl Comparison {
     }
 }
 
-/// What is not known of the focal of a camera, as a share of it.
+/// Returns the relative standard deviation of the focal length of a camera.
 fn focal_sigma(camera: &Camera) -> f64 {
     camera.covariance.sigma(Covariance::FOCAL).map_or(0.0, |sigma| sigma / camera.focal)
 }
 
-/// Two stills and what is compared.
+/// Two images prepared for comparison.
 struct Stills<'a> {
     camera: &'a Camera,
     before: Luma,
@@ -257,9 +263,10 @@ struct Stills<'a> {
 
 impl Stills<'_> {
     fn compared(&self, new: &RgbImage) -> Comparison {
-        /// Fewer places tell nothing.
+        /// Smallest number of samples for a comparison.
         const LEAST: usize = 60;
-        /// Mean of what is too dark whatever is found: steps of single grey levels move edges. Of 255.
+        /// Mean brightness below which an image is always too dark, of 255: single grey levels then shift
+        /// edges.
         const BLACK: f64 = 8.0;
         if self.places.len() < LEAST {
             return self.without(Became::TooFewEdges, 0.0);
@@ -275,10 +282,11 @@ impl Stills<'_> {
         self.judged(&found, chance)
     }
 
-    /// The better of two: from where the camera looked, and from where corners say that it looks.
+    /// Returns the better of two alignments: from the old direction, and from the direction estimated from
+    /// corners.
     fn alignment(&self) -> Option<Alignment> {
-        /// With so many places found again nothing else is looked for: where much repeats, half of them are found one
-        /// step beside.
+        /// Fraction of samples found again above which no second alignment is tried. In repetitive scenes an
+        /// alignment that is off by one period finds about half of the samples.
         const PLENTY: f64 = 0.8;
         let from = |turn: Turn, reaches: &[usize]| {
             let of = Estimated::TurnAndTone;
@@ -294,9 +302,9 @@ impl Stills<'_> {
         both.max_by_key(|found| found.voices(&self.places))
     }
 
-    /// Whether more is found than chance finds, in enough parts of the image.
+    /// Whether more samples are found than by chance, in enough parts of the image.
     fn is_found(&self, found: &Alignment, chance: f64) -> bool {
-        /// Parts of the image, each with some places.
+        /// Smallest number of inliers, limited for each part of the image.
         const VOICES: usize = 36;
         const TIMES: f64 = 2.0;
         const LEAST: f64 = 0.1;
@@ -328,7 +336,7 @@ impl Stills<'_> {
         }
     }
 
-    /// How clear it is that the turn is one.
+    /// Returns the z-score of the rotation and zoom.
     fn clear(&self, found: &Alignment) -> f64 {
         let [x, y, z] = found.motion.turn.vector;
         let mut whole = found.fit.clone();
@@ -336,18 +344,18 @@ impl Stills<'_> {
         whole.clear(0, Turn::SIZE)
     }
 
-    /// Corners that both stills show, found when they are first asked for.
+    /// Returns the corners matched between both images; computed on first use.
     fn corners(&self) -> &[Seen] {
         self.corners.get_or_init(|| corners(self.camera, &self.before, &self.after))
     }
 
-    /// Whether near and far edges contradict a turn.
+    /// Whether near and far edges contradict a pure rotation.
     fn is_shifted(&self, found: &Alignment, chance: f64) -> bool {
         let all = Stepped::all(self.camera, &self.later, &self.places, || self.corners(), found);
         all.iter().any(|stepped| stepped.is_clear(self.camera, &self.places, found, chance))
     }
 
-    /// How far the turn moves the image, root mean square, in pixels.
+    /// Returns the displacement of the image by the rotation, RMS in pixels.
     fn shift(&self, turn: &Turn) -> f64 {
         let turned = turn.at(self.camera);
         let moved = |place: &Place| Some(turned.shown(place.sights[0].ray)?.distance(place.at).powi(2));
@@ -370,11 +378,11 @@ impl Stills<'_> {
         }
     }
 
-    /// Why nothing is found again.
+    /// Returns the reason why the old edges are not found.
     fn blind(&self, new: &RgbImage) -> Became {
-        /// Of 255.
+        /// Mean brightness below which an image counts as dark, of 255.
         const DARK: f64 = 16.0;
-        /// Contrast of the new still over that of the old.
+        /// Contrast of the new image, relative to the old one, below which it counts as blind.
         const LITTLE: f32 = 0.25;
         if mean(new) < DARK {
             return Became::TooDark;
@@ -383,13 +391,13 @@ impl Stills<'_> {
     }
 }
 
-/// Mean of all colours, of 255.
+/// Returns the mean of all colour values, of 255.
 fn mean(image: &RgbImage) -> f64 {
     let bytes = image.as_raw();
     bytes.iter().map(|&byte| f64::from(byte)).sum::<f64>() / bytes.len().max(1) as f64
 }
 
-/// How steep brightness is at the steepest tenth of an image.
+/// Returns the ninth decile of the brightness gradient of an image.
 fn contrast(luma: &Luma) -> f32 {
     let small = luma.reduced((luma.width as f64 / 320.0).max(1.0));
     let rows = small.values.chunks_exact(small.width.max(1));

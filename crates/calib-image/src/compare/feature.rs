@@ -1,18 +1,18 @@
-//! The logarithm of brightness: what light, exposure and gamma do to it is a factor and a sum.
+//! Corner features, and their matches between two images: a coarse alignment before edges are compared to a
+//! fraction of a pixel.
 //!
-//! Corners that are found again in another still: where the scene is, before it is known to a fraction of a pixel.
-//!
-//! Corners are those of Shi and Tomasi (1994), one in every cell of an image at several sizes; each is described by
-//! histograms of the directions of its gradients (Lowe 2004), upright and leaning: other light changes gradients, but
-//! not where they point.
+//! Brightness is on a logarithmic scale ([`Luma`]): lighting, exposure and gamma only scale and shift it. The
+//! corners are those of Shi and Tomasi (1994), one in every cell of an image, at several scales. Each is
+//! described by histograms of its gradient directions (Lowe 2004), upright and rotated. Lighting changes the
+//! magnitude of gradients, but not their direction.
 
 use calib_core::Pixel;
 use image::RgbImage;
 
-/// Added to a brightness of 0 to 255: the noise of a dark place is no contrast.
+/// Offset added to a brightness of 0 to 255, so that the noise of dark areas does not count as contrast.
 const DARK: f32 = 12.0;
 
-/// An image of one number a pixel.
+/// Image of log brightness, one value a pixel.
 #[derive(Clone, Debug)]
 pub(crate) struct Luma {
     pub(crate) width: usize,
@@ -30,7 +30,7 @@ impl Luma {
         Self { width: width as usize, height: height as usize, values: image.pixels().map(log).collect() }
     }
 
-    /// Smoothed by a Gaussian of this standard deviation in pixels.
+    /// Smooths with a Gaussian of this standard deviation, in pixels.
     pub(crate) fn smoothed(&self, sigma: f64) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
         let weights: Vec<f32> =
@@ -40,7 +40,7 @@ impl Luma {
         self.filtered(&weights, reach, 1).filtered(&weights, reach, self.width)
     }
 
-    /// One pass along rows (`stride` 1) or columns (`stride` the width); the border is repeated.
+    /// Filters along rows (`stride` 1) or columns (`stride` = width); border pixels are repeated.
     fn filtered(&self, weights: &[f32], reach: isize, stride: usize) -> Self {
         let (width, height) = (self.width, self.height);
         let mut values = vec![0.0; self.values.len()];
@@ -59,7 +59,7 @@ impl Luma {
         Self { values, ..*self }
     }
 
-    /// With every pixel as large as so many of this one's.
+    /// Downscales the image: one new pixel covers `factor` old pixels along either axis.
     pub(crate) fn reduced(&self, factor: f64) -> Self {
         let smooth = if factor > 1.0 { self.smoothed(0.45 * factor) } else { self.clone() };
         let [width, height] = [self.width, self.height].map(|side| ((side as f64 / factor) as usize).max(1));
@@ -70,7 +70,7 @@ impl Luma {
         Self { width, height, values: (0..width * height).map(value).collect() }
     }
 
-    /// Linear between pixels, the border repeated.
+    /// Interpolates linearly; border pixels are repeated.
     fn nearest(&self, u: f64, v: f64) -> f32 {
         let within = |at: f64, side: usize| (at - 0.5).clamp(0.0, side as f64 - 1.0);
         let (x, y) = (within(u, self.width), within(v, self.height));
@@ -81,7 +81,7 @@ impl Luma {
         (1.0 - t) * ((1.0 - s) * at(x0, y0) + s * at(x1, y0)) + t * ((1.0 - s) * at(x0, y1) + s * at(x1, y1))
     }
 
-    /// Between pixels by cubic convolution (Keys 1981); `None` at the border and beyond.
+    /// Interpolates by cubic convolution (Keys 1981); `None` at the border and outside.
     pub(crate) fn at(&self, u: f64, v: f64) -> Option<f64> {
         let (x, y) = (u - 0.5, v - 0.5);
         let inside = x >= 1.0 && y >= 1.0 && x < self.width as f64 - 2.0 && y < self.height as f64 - 2.0;
@@ -99,7 +99,7 @@ impl Luma {
     }
 }
 
-/// Weights of the four pixels about a place that is so far behind the second.
+/// Returns the weights of the four neighbouring pixels for a position `t` after the second one.
 pub(crate) fn cubic(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
@@ -110,37 +110,37 @@ pub(crate) fn cubic(t: f64) -> [f64; 4] {
     ]
 }
 
-/// Width of the largest image that corners are looked for in, in pixels.
+/// Width of the largest image in which corners are searched, in pixels.
 const WIDTH: f64 = 640.0;
-/// How many sizes, each smaller by the root of two.
+/// Number of scales; each is smaller by the square root of two.
 const SIZES: u32 = 4;
-/// A corner is the best of a cell of so many pixels.
+/// Side of a cell, in pixels; only the strongest corner of each cell is kept.
 const CELL: usize = 16;
-/// Half the side of what is described, in pixels.
+/// Half the side of the described patch, in pixels.
 const HALF: i32 = 10;
-/// Descriptions lean by so much either way, in radians.
+/// Rotation of the additional descriptors in either direction, in radians.
 pub(crate) const LEAN: f64 = 0.3;
 const LENGTH: usize = 128;
 
-/// A corner and how its surroundings look.
+/// Corner with the descriptor of its surroundings.
 pub(crate) struct Feature {
     pub(crate) at: Pixel,
-    /// Pixels of the still in one of the image it was found in.
+    /// Pixels of the full image for each pixel of the scale of this corner.
     pub(crate) size: f64,
     look: [f32; LENGTH],
 }
 
-/// An old corner and the new one that looks the same.
+/// Corner of the old image and its match in the new image.
 pub(crate) struct Match {
     pub(crate) old: Pixel,
     pub(crate) new: Pixel,
-    /// Pixels of the still in one of the coarser of the images they were found in.
+    /// Pixels of the full image for each pixel of the coarser of the two scales.
     pub(crate) size: f64,
-    /// How much more it looks the same than the next: less is more.
+    /// Ambiguity: squared descriptor distance relative to the next best candidate; lower is better.
     pub(crate) doubt: f32,
 }
 
-/// An image of one size with its gradients.
+/// Image of one scale, with its gradients.
 struct Level {
     width: usize,
     height: usize,
@@ -148,7 +148,7 @@ struct Level {
     slopes: Vec<[f32; 2]>,
 }
 
-/// Corners of a still, described in frames that lean by these angles.
+/// Detects the corners of an image; each is described once for every rotation in `leans`.
 pub(crate) fn features(luma: &Luma, leans: &[f64]) -> Vec<Feature> {
     let first = (luma.width as f64 / WIDTH).max(1.0);
     let levels = (0..SIZES).map(|i| Level::new(luma, first * 0.5_f64.powf(-0.5 * f64::from(i))));
@@ -175,9 +175,9 @@ impl Level {
         Self { width, height, size, slopes: (0..width * height).map(slope).collect() }
     }
 
-    /// The best corner of every cell.
+    /// Returns the strongest corner of every cell.
     fn corners(&self) -> Vec<[usize; 2]> {
-        /// Less than this is noise, in squares of the logarithm of brightness.
+        /// Smallest strength of a corner, in squares of log brightness; weaker ones are noise.
         const LEAST: f32 = 0.01;
         const MARGIN: usize = HALF as usize + 5;
         let mut best = std::collections::BTreeMap::new();
@@ -193,7 +193,7 @@ impl Level {
         best.into_values().filter(|(strength, _)| *strength > LEAST).map(|(_, at)| at).collect()
     }
 
-    /// The smaller eigenvalue of the gradients about a pixel.
+    /// Computes the corner strength: the smaller eigenvalue of the gradient matrix about a pixel.
     fn strength(&self, x: usize, y: usize) -> f32 {
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
         for row in y - 2..=y + 2 {
@@ -206,7 +206,8 @@ impl Level {
         0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt()
     }
 
-    /// Histograms of eight directions in sixteen cells about a pixel, in a frame that leans.
+    /// Computes the descriptor: histograms of eight directions in sixteen cells about a pixel, in a frame
+    /// rotated by `lean`.
     fn look(&self, [x, y]: [usize; 2], lean: f64) -> [f32; LENGTH] {
         let (sin, cos) = (lean.sin() as f32, lean.cos() as f32);
         let mut look = [0.0; LENGTH];
@@ -224,7 +225,7 @@ impl Level {
     }
 }
 
-/// Adds a gradient to the cells and directions it lies between.
+/// Distributes a gradient over the neighbouring cells and directions.
 fn spread(look: &mut [f32; LENGTH], [s, t]: [f32; 2], [dx, dy]: [f32; 2]) {
     let size = dx.hypot(dy);
     if size == 0.0 {
@@ -247,13 +248,14 @@ fn spread(look: &mut [f32; LENGTH], [s, t]: [f32; 2], [dx, dy]: [f32; 2]) {
     }
 }
 
-/// The two whole numbers about a number, and how near each is.
+/// Returns the two neighbouring integers with their interpolation weights.
 fn between(at: f32) -> [(i32, f32); 2] {
     let low = at.floor();
     [(low as i32, 1.0 - (at - low)), (low as i32 + 1, at - low)]
 }
 
-/// Of length 1, no direction with more than a fifth: one strong edge is not all of a look.
+/// Normalises to length 1 after limiting every direction to a fifth, so that a single strong edge does not
+/// dominate.
 fn normalised(mut look: [f32; LENGTH]) -> [f32; LENGTH] {
     for most in [0.2, 1.0] {
         let length = look.iter().map(|value| value * value).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
@@ -272,9 +274,9 @@ fn alike(a: &[f32; LENGTH], b: &[f32; LENGTH]) -> f32 {
     sums.iter().sum()
 }
 
-/// The corners that look the same and like no other, the surest first.
+/// Matches corners that are each other's unambiguous nearest neighbours, the least ambiguous first.
 pub(crate) fn matches(old: &[Feature], new: &[Feature]) -> Vec<Match> {
-    /// What another corner may come near to the best, as a ratio of squared distances.
+    /// Largest accepted ratio of the squared distances to the best and the second-best candidate.
     const MOST: f32 = 0.8;
     let mut of_new = vec![(f32::MIN, 0); new.len()];
     let nearest: Vec<(usize, f32)> = old
@@ -303,7 +305,7 @@ pub(crate) fn matches(old: &[Feature], new: &[Feature]) -> Vec<Match> {
     found
 }
 
-/// The most alike, and its squared distance over that of the next elsewhere.
+/// Returns the most similar corner, and its squared distance relative to the best corner at another position.
 fn nearest(new: &[Feature], likeness: &[f32]) -> (usize, f32) {
     let most = |is_asked: &dyn Fn(usize) -> bool| {
         let asked = (0..new.len()).filter(|&index| is_asked(index));

@@ -1,13 +1,17 @@
-//! Two stills of one camera compared: how it turned and zoomed between them, or why that is not known.
+//! Comparison of two images of one camera: its rotation and zoom between them, or the reason why it is
+//! unknown.
 //!
-//! Corners that look the same tell a turn of any size to a few pixels; edges that are looked for where it tells them, tell
-//! it to hundredths. The files in the order of the data:
+//! Matched corners determine a rotation of any size to a few pixels. Edges searched near their predicted
+//! positions determine it to hundredths of a pixel. The files in data-flow order:
 //!
-//! - `luma` brightness on a scale that light and exposure shift; `feature` corners found again; `coarse` the turn that most
-//!   parts of the image agree on;
-//! - `place` places along the edges of the old still; `search` such a place in the new one; `alignment` all of them, pass
-//!   by pass; `motion` what it is told by; `stepped` whether the camera stands elsewhere; `comparison` the front door: [`Comparison`]; `carry` what was drawn, on the new still; `recovery` the camera
-//!   solved from it: [`recovered`]. `edge_offset`, `turn_equations`, `turn_fit` fit one rotation and zoom to all edge offsets.
+//! - `feature`: log brightness, corners and their descriptors and matches;
+//! - `coarse`: the rotation and zoom on which most parts of the image agree;
+//! - `motion`: the motion of a camera and its derivatives; `place`: samples along the edges of the old image;
+//! - `turn_fit`: one rotation and zoom fitted to all edge offsets; `alignment`: iterated search and fit;
+//! - `stepped`: the test for a moved camera;
+//! - `comparison`: the entry point, [`Comparison`];
+//! - `carry`: annotations transferred to the new image; `recovery`: the camera solved from them,
+//!   [`recovered`].
 
 mod feature;
 mod turn_fit;

@@ -1,4 +1,4 @@
-//! What a camera did between two stills, were all that it sees on the floor: a turn, a zoom, and a step.
+//! Motion of a camera between two images: rotation, zoom and a step, predicted for edges on the floor.
 
 use calib_core::{Camera, Pixel};
 
@@ -6,27 +6,28 @@ use calib_core::camera::{Turn, Turned, floor_nearness, ray_in_camera};
 
 use crate::{STEP, TurnFit};
 
-/// Of a pixel's ray, in radians, and of a step, in metres of a thing a metre away: what derivatives are differences of.
+/// Step of the finite differences: radians for a ray, and metres, for a point at a depth of one metre, for a
+/// step of the camera.
 const ASIDE: f64 = 1e-5;
 
-/// What the old camera sees at a pixel, in its axes.
+/// Ray and inverse floor depth of a pixel, in the axes of the old camera.
 #[derive(Clone, Copy)]
 pub(crate) struct Sight {
-    /// The ray, with depth 1.
+    /// Ray, with depth 1.
     pub(crate) ray: [f64; 3],
-    /// One over the depth of the floor there, per metre; 0 above the horizon.
+    /// Inverse of the depth of the floor along the ray, per metre; 0 above the horizon.
     pub(crate) nearness: f64,
 }
 
-/// A turn with zoom, and a step beside it.
+/// Rotation with zoom, and a step.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Motion {
     pub(crate) turn: Turn,
-    /// In the old camera's axes, in metres.
+    /// Step in the axes of the old camera, in metres.
     pub(crate) step: [f64; STEP],
 }
 
-/// A camera after a motion, and turned a little from there.
+/// Camera after a motion, with cameras rotated slightly from it for finite differences.
 pub(crate) struct Moved {
     here: Turned,
     beside: [Turned; Turn::SIZE],
@@ -54,7 +55,7 @@ impl From<Turn> for Motion {
 }
 
 impl Motion {
-    /// This motion, and what offsets from it tell besides.
+    /// Composes this motion with the remaining motion of a fit.
     pub(crate) fn then(&self, fit: &TurnFit) -> Self {
         let step = fit.step();
         Self { turn: self.turn.then(&fit.turn()), step: std::array::from_fn(|k| self.step[k] + step[k]) }
@@ -71,12 +72,12 @@ impl Motion {
 }
 
 impl Moved {
-    /// Where the new still shows it.
+    /// Projects into the new image.
     pub(crate) fn shown(&self, sight: &Sight) -> Option<Pixel> {
         self.here.shown(self.ray(sight))
     }
 
-    /// How fast what is shown moves with a turn and with a step.
+    /// Computes the derivatives of the projection with respect to rotation, zoom and step.
     pub(crate) fn slopes(&self, sight: &Sight) -> Option<Slopes> {
         let (ray, at) = (self.ray(sight), self.shown(sight)?);
         let slope = |to: Pixel| [(to.u - at.u) / ASIDE, (to.v - at.v) / ASIDE];

@@ -1,4 +1,4 @@
-//! Places along the edges of the old still, each with what brightness does across it.
+//! Samples along the edges of the old image, each with a brightness profile across the edge.
 
 use std::collections::HashMap;
 
@@ -10,48 +10,49 @@ use crate::compare::feature::{Luma, cubic};
 use crate::compare::motion::Sight;
 use crate::edges::Edge;
 
-/// Half the length of a profile across an edge, in pixels of the old still.
+/// Half the length of a profile across an edge, in pixels of the old image.
 pub(crate) const HALF: usize = 6;
-/// Numbers of a profile.
+/// Number of values in a profile.
 pub(crate) const LENGTH: usize = 2 * HALF + 1;
-/// Profiles are means of so many beside each other, and of a pixel and a half from one to the next.
+/// Positions along the edge, in pixels, over which a profile is averaged.
 const BESIDE: [f64; 5] = [-3.0, -1.5, 0.0, 1.5, 3.0];
-/// Pixels along an edge from place to place, at least.
+/// Smallest distance of samples along an edge, in pixels.
 const APART: f64 = 8.0;
-/// Places of one edge, at most: a long edge is one edge.
+/// Largest number of samples on one edge, which limits the weight of long edges.
 const OF_EDGE: f64 = 24.0;
-/// Places of a still, at most: a bound on time.
+/// Largest number of samples in an image, which limits the computing time.
 const MOST: usize = 6000;
-/// Columns and rows of the blocks that share what moves them.
+/// Columns and rows of the image blocks, each with a common shift.
 pub(crate) const BLOCKS: [usize; 2] = [8, 6];
 
-/// A place on an edge.
+/// Sample on an edge.
 pub(crate) struct Place {
     pub(crate) at: Pixel,
-    /// What is seen there, and a pixel farther along and across the edge.
+    /// Rays through the sample, and through the points one pixel along and one pixel across the edge.
     pub(crate) sights: [Sight; 3],
     pub(crate) profile: [f64; LENGTH],
-    /// Its contrast, positive where it is brighter across it, by powers of its level.
+    /// Contrast across the edge, positive if brighter on the positive side, times the powers 0, 1 and 2 of
+    /// the level.
     pub(crate) tone: [f64; TONE],
     pub(crate) block: usize,
-    /// Index of its edge.
+    /// Index of the edge.
     pub(crate) edge: usize,
-    /// Along it, a unit vector.
+    /// Direction of the edge, a unit vector.
     along: [f64; 2],
 }
 
-/// Where an edge runs in an image, and which way.
+/// Position and direction of an edge in an image.
 #[derive(Clone, Copy)]
 pub(crate) struct Frame {
     pub(crate) at: Pixel,
-    /// A pixel of the old still along the edge, in this image.
+    /// Vector along the edge: one pixel of the old image, mapped into this image.
     pub(crate) along: [f64; 2],
-    /// The same across it, at right angles to it here.
+    /// Vector across the edge: the same length, at right angles to the edge in this image.
     pub(crate) across: [f64; 2],
 }
 
 impl Frame {
-    /// Brightness so many steps across the edge, the mean of a few places along it.
+    /// Returns the brightness `step` steps across the edge, averaged over a few positions along it.
     pub(crate) fn brightness(&self, luma: &Luma, step: f64) -> Option<f64> {
         let value = |beside: f64| {
             let u = self.at.u + beside * self.along[0] + step * self.across[0];
@@ -66,8 +67,8 @@ impl Frame {
     }
 }
 
-/// Places on the edges of an image that the camera has taken: those first in the list are taken first, and what lies along
-/// one of them is the same edge, found again.
+/// Samples the edges of an image. Earlier edges take precedence; samples along an edge that is already
+/// sampled are dropped.
 pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place> {
     let of_edge = |(edge, &[a, b]): (usize, &Edge)| {
         let length = a.distance(b);
@@ -84,20 +85,20 @@ pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place>
     long.flat_map(of_edge).filter(|place| taken.is_new(place)).take(MOST).collect()
 }
 
-/// Where edges were taken already, by cells of the image.
+/// Samples taken so far, by cell of the image.
 #[derive(Default)]
 struct Taken(HashMap<[i64; 2], Vec<Along>>);
 
-/// Where an edge was taken: the place, a unit vector along it, and its index.
+/// Position of a sample, a unit vector along its edge, and the index of the edge.
 type Along = (Pixel, [f64; 2], usize);
 
 impl Taken {
-    /// Pixels along and across an edge within which it is the same.
+    /// Largest distances, along and across an edge, of samples of the same edge, in pixels.
     const NEAR: [f64; 2] = [0.75 * APART, 2.0];
-    /// Sine of the angle within which it is.
+    /// Sine of the largest angle between samples of the same edge.
     const ALIKE: f64 = 0.1;
 
-    /// Whether no other edge was taken along the place; it is taken then.
+    /// Whether no other edge has a sample at this position; records the sample if so.
     fn is_new(&mut self, place: &Place) -> bool {
         let along = place.along;
         let cell = [place.at.u, place.at.v].map(|c| (c / APART).floor() as i64);
@@ -120,7 +121,7 @@ impl Taken {
 
 impl Place {
     fn new(camera: &Camera, luma: &Luma, at: Pixel, along: [f64; 2], edge: usize) -> Option<Self> {
-        /// Contrast of what is an edge, as a standard deviation of the logarithm of brightness.
+        /// Smallest contrast of an edge, as a standard deviation of log brightness.
         const LEAST: f64 = 0.02;
         let across = [-along[1], along[0]];
         let frame = Frame { at, along, across };
@@ -139,9 +140,9 @@ impl Place {
     }
 }
 
-/// Contrast by powers of the level, counted from the middle of all levels.
+/// Returns the contrast times the powers of the level, relative to medium brightness.
 fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE] {
-    /// Logarithm of the brightness in the middle, and from there to white.
+    /// Logarithm of medium brightness, and the difference from there to white.
     const MIDDLE: f64 = 4.4;
     const RANGE: f64 = 1.1;
     let side = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -150,16 +151,16 @@ fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE] {
     std::array::from_fn(|power| contrast * level.powi(power as i32))
 }
 
-/// Two profiles beside each other.
+/// Comparison of two profiles.
 #[derive(Clone, Copy)]
 pub(crate) struct Likeness {
-    /// Their correlation.
+    /// Correlation of the profiles.
     pub(crate) correlation: f64,
-    /// Sum of squares of the new one about its mean.
+    /// Sum of squares of the new profile about its mean.
     pub(crate) square: f64,
 }
 
-/// The correlation of a profile with a part of a longer one that begins so far behind its start.
+/// Correlates a profile with the part of a longer one that begins at `start`, interpolated between pixels.
 pub(crate) fn likeness(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> Likeness {
     let first = start.floor();
     let weights = cubic(start - first);
@@ -201,7 +202,7 @@ mod tests {
             lens: Lens::pinhole(Pixel::new(160.0, 120.0)),
             covariance: Covariance::EXACT,
         };
-        // Four fields, dark and bright by turns.
+        // Four fields, alternately dark and bright.
         let image =
             RgbImage::from_fn(320, 240, |x, y| Rgb([if (x < 160) == (y < 120) { 60 } else { 180 }; 3]));
         let luma = Luma::new(&image).smoothed(1.0);

@@ -1,36 +1,37 @@
-//! A camera that turned, solved again from what was drawn on its old still; refused where it would be a guess.
+//! Recovery of a rotated camera: solved again from annotations transferred to the new image, or refused if
+//! unreliable.
 
 use std::fmt;
 
 use calib_core::{Camera, Covariance};
 
-use calib_site::{NewStill, Options, Recovered, Site, SiteCamera};
+use calib_site::{NewImage, Options, Recovered, Site, SiteCamera};
 use image::RgbImage;
 
 use crate::compare::carry::Carry;
 use crate::compare::comparison::{Became, Comparison};
 
-/// Less than this share of what was drawn is too little to calibrate by.
+/// Smallest fraction of the annotations that must be transferred for a calibration.
 const LEAST: f64 = 0.5;
-/// A solve farther than this from what the edges say of the turn contradicts them, in sigmas of the solve.
+/// Largest distance between the solution and the measured rotation, in standard deviations of the solution.
 const APART: f64 = 4.0;
 
-/// Why a camera is not recovered.
+/// Reason why a camera is not recovered.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refusal {
-    /// It has no solution.
+    /// Camera without a solution.
     NotCalibrated,
-    /// What became of it is no turn: only a turn keeps the place.
+    /// Change other than a rotation; only a rotation preserves the position.
     NoTurn(Became),
-    /// Nothing is drawn on it.
+    /// Camera without annotations.
     NothingDrawn,
-    /// Its calibration does not hold at the time of the new still.
+    /// New image dated outside the validity period of the calibration.
     OtherPeriod(String),
-    /// Of so many lines and points the new still shows the first number.
+    /// Only `.0` of `.1` lines and points found in the new image.
     TooLittle(usize, usize),
-    /// What was carried does not solve it.
+    /// Transferred annotations without a solution; contains the reason.
     Unsolved(String),
-    /// The solve is so many sigmas from what the edges tell.
+    /// Solution that contradicts the measured rotation, with the distance in standard deviations.
     Apart(f64),
 }
 
@@ -64,17 +65,17 @@ impl fmt::Display for Refusal {
 
 impl std::error::Error for Refusal {}
 
-/// The site with a new period of the camera of this index, solved from what was drawn on the first of two stills, between
-/// which it turned; the old one ends where the new one begins.
+/// Returns the site with a new validity period of the camera `index`, solved from annotations transferred
+/// from the old image. The old period ends at the start of the new one.
 ///
 /// # Errors
-/// Where it would be a guess.
+/// If the result would be unreliable.
 pub fn recovered(
     site: &Site,
     index: usize,
     comparison: &Comparison,
     [old, new]: [&RgbImage; 2],
-    still: &NewStill,
+    still: &NewImage,
 ) -> Result<Recovered, Refusal> {
     let entry = site.cameras.get(index).ok_or(Refusal::NotCalibrated)?;
     let camera = entry.camera().ok_or(Refusal::NotCalibrated)?;
@@ -89,7 +90,7 @@ pub fn recovered(
     Ok(Recovered { site: solved(&carried.site, index, &camera, &told)?, ..carried })
 }
 
-/// What can be said before anything is carried.
+/// Checks the conditions for a recovery before anything is transferred.
 fn check(entry: &SiteCamera, became: Became, since: &str) -> Result<(), Refusal> {
     if became != Became::Moved {
         return Err(Refusal::NoTurn(became));
@@ -101,7 +102,7 @@ fn check(entry: &SiteCamera, became: Became, since: &str) -> Result<(), Refusal>
     if is_divided { Ok(()) } else { Err(Refusal::OtherPeriod(since.to_owned())) }
 }
 
-/// The site with the new entry solved, and the others as they were.
+/// Solves the new entry and leaves the other cameras unchanged.
 fn solved(site: &Site, index: usize, old: &Camera, told: &Camera) -> Result<Site, Refusal> {
     let id = site.cameras[index].id.clone();
     let mut report = site.calibrate(&Options { cameras: Some(vec![id]), ..Options::default() });
@@ -116,7 +117,8 @@ fn solved(site: &Site, index: usize, old: &Camera, told: &Camera) -> Result<Site
     }
 }
 
-/// How far a solve is from what the turn tells, in sigmas of both solves: those of the old one are in what it tells.
+/// Returns the largest distance between the new solution and the pose predicted by the measured rotation, in
+/// combined standard deviations. The prediction has the standard deviations of the old solution.
 fn apart(old: &Camera, told: &Camera, found: &Camera) -> f64 {
     use Covariance as Of;
     let off = [

@@ -1,9 +1,9 @@
-//! Whether a camera stands elsewhere: near and far then do not agree with a turn.
+//! Test for a moved camera: near and far edges then do not fit one rotation.
 //!
-//! A turn `x` and a step `t` move what lies on the floor, at depth `z`, by `a' x + b' t / z`; the floor's depth is known
-//! from the calibration. Both are estimated together from all edges, as if each lay on the floor or far away; those that
-//! do not are outliers, as things are that moved by themselves. Where the floor moved farther than edges are looked for,
-//! corners tell the step first.
+//! A rotation `x` and a step `t` of the camera shift a floor point at depth `z` by `a' x + b' t / z`. The
+//! depth of the floor is known from the calibration. Both are estimated together from all edges, as if each
+//! were on the floor or far away. Other edges are outliers, like moving objects. If the floor moved farther
+//! than the search range for edges, corners provide a first estimate of the step.
 
 use calib_core::Camera;
 
@@ -18,11 +18,12 @@ use crate::compare::feature::Luma;
 use crate::compare::motion::{Motion, Moved};
 use crate::compare::place::Place;
 
-/// Two stills laid on each other by a turn and a step.
+/// Two images aligned by a rotation and a step.
 pub(crate) struct Stepped(Alignment);
 
 impl Stepped {
-    /// From the turn alone, and from the step that corners tell beside it; none where no floor is seen.
+    /// Aligns from the rotation alone, and from a step estimated from corners; skips those that fail, for
+    /// example without visible floor.
     pub(crate) fn all<'a>(
         camera: &Camera,
         luma: &Luma,
@@ -30,7 +31,7 @@ impl Stepped {
         corners: impl FnOnce() -> &'a [Seen],
         turned: &Alignment,
     ) -> Vec<Self> {
-        /// With so many places found again nothing is farther than edges are looked for.
+        /// Fraction of samples found again above which no edge is outside the search range.
         const ALL: f64 = 0.9;
         let far = if turned.share() > ALL { None } else { coarse(camera, corners(), turned.motion) };
         let from =
@@ -38,8 +39,8 @@ impl Stepped {
         [Some(turned.motion), far].into_iter().flatten().filter_map(from).map(Self).collect()
     }
 
-    /// Whether the step is clear, and the camera found again with it as well as without; `chance` is the share of places
-    /// that look found where nothing is.
+    /// Whether the step is significant, and at least as many samples are found with it as without. `chance`
+    /// is the fraction of samples found by chance.
     pub(crate) fn is_clear(
         &self,
         camera: &Camera,
@@ -47,9 +48,10 @@ impl Stepped {
         turned: &Alignment,
         chance: f64,
     ) -> bool {
-        /// Clearer than a turn must be: a lens that is not quite known bends near and far alike.
+        /// Smallest z-score of a step. It is larger than for a rotation, because errors of the lens model
+        /// affect near and far edges alike.
         const CLEAR: f64 = 5.0;
-        /// What it changes of what a turn tells, in pixels, root mean square.
+        /// Smallest effect of the step on the image, relative to the rotation alone, RMS in pixels.
         const LEAST: f64 = 0.5;
         let is_better = self.0.voices(places) >= turned.voices(places);
         is_better
@@ -58,11 +60,11 @@ impl Stepped {
             && self.beside(camera, places, turned) > LEAST
     }
 
-    /// Whether what is found is mostly not found by chance, or clearly more than a turn finds: of what chance finds, a step
-    /// has some for every turn.
+    /// Whether most inliers are real, or clearly more than with the rotation alone. Chance finds as many
+    /// samples with a step as with a rotation.
     fn is_found(&self, turned: &Alignment, chance: f64) -> bool {
         const TIMES: f64 = 4.0;
-        /// Standard deviations of the difference of two numbers that chance makes (Poisson).
+        /// Smallest difference of two counts, in standard deviations of the difference of two Poisson counts.
         const CLEAR: f64 = 4.0;
         let by_chance = chance * self.0.found.iter().flatten().count() as f64;
         let [with, without] = [&self.0, turned].map(|found| found.agreeing() as f64);
@@ -76,7 +78,7 @@ impl Stepped {
         whole.clear(from, from + STEP)
     }
 
-    /// How far it shows the floor from where a turn alone does, root mean square, in pixels.
+    /// Returns the distance of the floor from its position under the rotation alone, RMS in pixels.
     fn beside(&self, camera: &Camera, places: &[Place], turned: &Alignment) -> f64 {
         let [with, without] = [self.0.motion, turned.motion].map(|motion| motion.at(camera));
         let apart = |place: &Place| {
@@ -88,11 +90,12 @@ impl Stepped {
     }
 }
 
-/// The step that most corners agree on, beside a turn that some do; `None` where none does.
+/// Estimates the step with the highest inlier count, starting from a rotation; `None` if too few corners
+/// agree.
 fn coarse(camera: &Camera, seen: &[Seen], turned: Motion) -> Option<Motion> {
-    /// Pairs that are tried.
+    /// Number of pairs to try.
     const PAIRS: usize = 2000;
-    /// Fewer agree by chance.
+    /// Smallest count of agreeing corners; fewer agree by chance.
     const LEAST: usize = 8;
     let here = turned.at(camera);
     let rows: Vec<Option<[EdgeOffset; 2]>> = seen.iter().map(|seen| rows(&here, seen)).collect();
@@ -120,7 +123,7 @@ fn agrees(moved: &Moved, seen: &Seen) -> bool {
     moved.shown(&seen.sight).is_some_and(|shown| shown.distance(seen.at) < seen.near)
 }
 
-/// The step of two corners, by least squares.
+/// Computes the step from two corners, by least squares.
 fn of_pair(pair: [&[EdgeOffset; 2]; 2]) -> Option<[f64; STEP]> {
     let rows: Vec<&EdgeOffset> = pair.into_iter().flatten().collect();
     let slopes = DMatrix::from_fn(rows.len(), STEP, |i, k| rows[i].step[k]);
@@ -129,7 +132,7 @@ fn of_pair(pair: [&[EdgeOffset; 2]; 2]) -> Option<[f64; STEP]> {
     Some([step[0], step[1], step[2]])
 }
 
-/// The turn and step that all corners which agree tell together.
+/// Refines rotation and step with all inliers.
 fn refined(camera: &Camera, seen: &[Seen], mut motion: Motion) -> Motion {
     for _ in 0..6 {
         let moved = motion.at(camera);
@@ -141,7 +144,7 @@ fn refined(camera: &Camera, seen: &[Seen], mut motion: Motion) -> Motion {
     motion
 }
 
-/// Both coordinates of a corner as offsets of two edges.
+/// Converts the two coordinates of a corner to two edge offsets.
 fn rows(moved: &Moved, seen: &Seen) -> Option<[EdgeOffset; 2]> {
     let (at, slopes) = (moved.shown(&seen.sight)?, moved.slopes(&seen.sight)?);
     let off = [seen.at.u - at.u, seen.at.v - at.v];

@@ -1,9 +1,36 @@
-//! How far edges are from where a turn would have them.
+//! Robust estimate of a camera's rotation and zoom from the offsets of edges, with its covariance.
 //!
-//! The normal equations of a turn: block by block of the image, what moves all edges of a block alike eliminated.
+//! The edges are observed in a new image. At a sample on an edge the offset across it is `d`; a small
+//! rotation and zoom `x` predicts `a' x`. The estimate minimises
 //!
-//! With the precisions P of the places of a block (`turn_fit.rs`), N the directions that their offsets count along, and a
-//! vector of the variance `b^2` either way that moves them all,
+//! ```text
+//! sum over samples of rho((d - a' x) / s),   s^2 = sigma^2 + tau^2
+//! ```
+//!
+//! with Tukey's `rho` (Beaton and Tukey 1974), starting from least absolute deviations. Moving objects form a
+//! minority of mutually consistent offsets and must not bias the estimate. `tau` is the scatter of the
+//! samples beyond their own noise, estimated from the median.
+//!
+//! # Correlation within an edge
+//!
+//! Lighting, codecs and the detector's own error shift all samples of one edge alike, by an offset of
+//! variance `e^2` ([`Scatter::edge`]). The samples of an edge are therefore not independent. With `W` the
+//! precisions of the samples about their edge and `p` = [`Scatter::place`],
+//!
+//! ```text
+//! W = diag(w / (sigma^2 + p^2)),    (W^-1 + e^2 1 1')^-1 = W - W 1 1' W e^2 / (1 + e^2 1' W 1)
+//! ```
+//!
+//! (Woodbury 1950). `w` are Tukey's weights. An edge of twenty samples therefore counts little more than an
+//! edge of five. `p` and `e` are estimated from medians: `p` from the samples about their edge, `e` from the
+//! edges about the fitted rotation. If a step is estimated, `e` is zero, because the offsets of edges of
+//! unknown depth are the signal of the step.
+//!
+//! # Correlation within a block
+//!
+//! Everything in one block of the image is shifted alike, by one lens error or one shelf. The shift is a
+//! vector with variance `b^2` along either axis ([`Scatter::block`]). It is eliminated like the offsets of
+//! edges. With `P` the precisions of the samples of a block and `N` the directions across their edges,
 //!
 //! ```text
 //! (P^-1 + b^2 N N')^-1 = P - P N (1 / b^2 + N' P N)^-1 N' P
@@ -11,42 +38,20 @@
 //!
 //! (Woodbury 1950).
 //!
-//! How a camera turned, by edges that are beside where they were: robust, and with a sigma that the edges themselves, for
-//! the most part, bear out.
+//! # Covariance
 //!
-//! At a place of an edge the offset across it is `d`, and a small turn `x` would make it `a' x`. The estimate minimises
+//! The covariance is the sum of two parts. The first is the cluster-robust covariance of the blocks, with the
+//! correction of Bell and `McCaffrey` (2002). It uses the mean slope of Tukey's psi instead of the mean
+//! weight (Huber 1981, section 7.6). The second covers lighting, codec and interpolation errors that are as
+//! smooth over the image as a rotation. No residual shows these; their size was measured on images rotated by
+//! known amounts ([`WHOLE`]).
 //!
-//! ```text
-//! sum over places of rho((d - a' x) / s),   s^2 = sigma^2 + tau^2
-//! ```
+//! # Tone
 //!
-//! with Tukey's `rho` (Beaton and Tukey 1974), from a start of least absolute deviations: things that moved by themselves
-//! are a minority that agrees with itself and must not pull. `tau`, how much places scatter beyond their own noise, is
-//! that of the median.
-//!
-//! All places of one edge are moved alike by what light, codecs and the detector's own error do to it: an edge is off by an
-//! amount in common, of the variance `e^2` ([`Scatter::edge`]), and its places are no more independent than that allows.
-//! With W the precisions of its places about their edge (`p` is [`Scatter::place`])
-//!
-//! ```text
-//! W = diag(w / (sigma^2 + p^2)),    (W^-1 + e^2 1 1')^-1 = W - W 1 1' W e^2 / (1 + e^2 1' W 1)
-//! ```
-//!
-//! (Woodbury 1950), w being Tukey's weights, so that an edge of twenty places counts little more than one of five. p and e
-//! are those of the median of places about their edge, and of edges about what the turn tells. Where a step is estimated,
-//! e is none: what edges of unknown depth are off by is what tells it.
-//!
-//! What is in one block of the image is moved alike in turn (one fault of the lens, one shelf): by a vector of the
-//! variance `b^2` either way ([`Scatter::block`]), eliminated as the offsets of edges are (`turn_equations.rs`).
-//!
-//! The covariance is the sum of two. What blocks are off by beyond that they bear out themselves: it is that of clusters
-//! with the correction of Bell and `McCaffrey` (2002), and with the mean slope of Tukey's psi in place of the mean weight
-//! (Huber 1981, section 7.6). What light, a codec and interpolation do to the whole image, as smooth as a turn is, no
-//! residual shows; how much that is was found on stills that were turned by known amounts ([`WHOLE`]).
-//!
-//! Other light, a clipped sky, another gamma move the middle of a blurred edge towards its dark or its bright side, by an
-//! amount that its contrast and its level decide. Where most edges of one direction are bright above and dark below, that
-//! is a tilt; so how it depends on contrast and level is estimated along with the turn, as [`EdgeOffset::tone`] has it.
+//! Lighting changes, a clipped sky or a different gamma shift a blurred edge towards its dark or its bright
+//! side. The shift depends on the contrast and brightness level of the edge. If most edges of one direction
+//! are bright above and dark below, this looks like a tilt. The dependence on contrast and level is therefore
+//! estimated with the rotation ([`EdgeOffset::tone`]).
 
 use std::collections::BTreeMap;
 
@@ -54,34 +59,35 @@ use calib_core::camera::Turn;
 use calib_core::optimize::chi2_score;
 use nalgebra::{DMatrix, DVector, Matrix2, OMatrix, Vector2};
 
-/// Parameters of what light does to edges.
+/// Number of parameters of the effect of lighting on edges.
 pub const TONE: usize = 3;
-/// Parameters of a step.
+/// Number of parameters of a step (translation) of the camera.
 pub const STEP: usize = 3;
 
-/// How far an edge is, across itself, from where it is looked for.
+/// Offset of an edge, across itself, from its predicted position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeOffset {
-    /// In pixels.
+    /// Offset, in pixels.
     pub offset: f64,
-    /// The direction in the image that it is counted along, a unit vector.
+    /// Direction of positive offsets in the image, a unit vector.
     pub across: [f64; 2],
-    /// Its noise, in pixels.
+    /// Standard deviation of the offset, in pixels.
     pub sigma: f64,
-    /// Derivatives of where the edge is, across itself, by a turn.
+    /// Derivatives of the offset with respect to rotation and zoom.
     pub turn: [f64; Turn::SIZE],
-    /// How much the light on it may move it: its contrast towards the side that offsets count to, by powers of its level.
+    /// Sensitivity to lighting: contrast towards the positive side, times the powers 0, 1 and 2 of the
+    /// brightness level.
     pub tone: [f64; TONE],
-    /// Derivatives by a step.
+    /// Derivatives of the offset with respect to a step of the camera.
     pub step: [f64; STEP],
-    /// Which part of the image it is in.
+    /// Index of the image block of this sample.
     pub block: usize,
-    /// Of which edge it is one of several places; these stand one after the other.
+    /// Index of the edge, if it has several samples; they are consecutive in the list.
     pub edge: Option<usize>,
 }
 
 impl EdgeOffset {
-    /// Derivatives by everything that may be estimated, in its order.
+    /// Returns the derivative with respect to parameter `k`: rotation and zoom, then tone, then step.
     pub(super) fn by(&self, k: usize) -> f64 {
         const FROM: usize = Turn::SIZE + TONE;
         match k {
@@ -91,33 +97,34 @@ impl EdgeOffset {
         }
     }
 
-    /// The offset that these parameters tell.
+    /// Returns the offset predicted by these parameters, in pixels.
     #[must_use]
     pub fn told(&self, estimate: &DVector<f64>) -> f64 {
         (0..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
     }
 }
 
-/// What light moves an edge by, in pixels for a contrast of 1 in the logarithm of brightness: standard deviation.
+/// Prior standard deviation of the shift of an edge by lighting, in pixels for a contrast of 1 in log
+/// brightness.
 const LIGHT: f64 = 0.3;
 
-/// Derivatives by what is estimated, of a vector that moves a block.
+/// Derivatives with respect to the parameters, for each component of the shift of a block.
 type ByMotion = OMatrix<f64, nalgebra::Dyn, nalgebra::U2>;
 
-/// The normal equations of the edges of one block.
+/// Normal equations of the edges of one block.
 #[derive(Clone, Debug)]
 pub(super) struct BlockSum {
     information: DMatrix<f64>,
     score: DVector<f64>,
-    /// `A' P N`, `N' P N` and `N' P d`.
+    /// `A' P N`, `N' P N` and `N' P d`, with `A` the derivatives and `d` the offsets.
     cross: ByMotion,
     motion: Matrix2<f64>,
     motion_score: Vector2<f64>,
-    /// Of an offset that all places have in common.
+    /// Precision of an offset common to all samples.
     pub(super) precision: f64,
 }
 
-/// The normal equations of some blocks.
+/// Normal equations of all blocks.
 #[derive(Clone, Debug)]
 pub(super) struct Sum {
     information: DMatrix<f64>,
@@ -136,7 +143,7 @@ impl BlockSum {
         }
     }
 
-    /// The places of one edge, whose offset in common has the standard deviation `shared`.
+    /// Adds the samples of one edge, whose common offset has the standard deviation `shared`.
     pub(super) fn add(&mut self, edge: &[EdgeOffset], precisions: &[f64], shared: f64) {
         // A' W 1, N' W 1, d' W 1 and 1' W 1.
         let (mut total, mut offset) = (0.0, 0.0);
@@ -163,7 +170,8 @@ impl BlockSum {
         self.precision += total - known * total * total;
     }
 
-    /// With what moves the block eliminated: a vector of this standard deviation either way.
+    /// Returns the information and score with the shift of the block eliminated; `block` is its standard
+    /// deviation along either axis.
     fn closed(&self, block: f64) -> Option<(DMatrix<f64>, DVector<f64>)> {
         if block <= 0.0 {
             return Some((self.information.clone(), self.score.clone()));
@@ -178,7 +186,7 @@ impl BlockSum {
 }
 
 impl Sum {
-    /// Of blocks, each moved by a vector of this standard deviation.
+    /// Sums the equations of the blocks, each shifted by a vector of this standard deviation.
     pub(super) fn of(blocks: &[BlockSum], block: f64) -> Option<Self> {
         let unknowns = blocks.first()?.score.len();
         let (mut information, mut score) = (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
@@ -190,15 +198,18 @@ impl Sum {
         Some(Self { information, score })
     }
 
-    /// The inverse of what all tell.
+    /// Returns the inverse of the total information.
     pub(super) fn bound(&self) -> Option<DMatrix<f64>> {
         Some(self.believed().cholesky()?.inverse())
     }
 
-    /// The covariance that blocks bear out, each by itself: with the information I of all, `I_k` and score `s_k` of one, and
-    /// `H_k = I^-1/2 I_k I^-1/2`, the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k` (Bell and `McCaffrey` 2002);
-    /// and what the belief P about light may be off by, `I^-1 P I^-1`. Where one block tells nearly all, nothing is borne
-    /// out, and it counts as what is expected, 1. `slope` is the mean slope of psi over the mean weight.
+    /// Computes the cluster-robust covariance from the scatter of the blocks (Bell and `McCaffrey` 2002).
+    ///
+    /// With the total information `I`, and the information `I_k`, the score `s_k` and `H_k = I^-1/2 I_k
+    /// I^-1/2` of block `k`, it is the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k`. The error of
+    /// the tone prior `P` adds `I^-1 P I^-1`. A direction with nearly all information in one block cannot be
+    /// tested against the others. Its squared score then counts as at least its expectation, 1. `slope` is
+    /// the mean slope of psi divided by the mean weight.
     pub(super) fn borne_out(
         &self,
         blocks: &[BlockSum],
@@ -206,7 +217,7 @@ impl Sum {
         estimate: &DVector<f64>,
         slope: f64,
     ) -> Option<DMatrix<f64>> {
-        /// Share that is nearly all.
+        /// Share of the information above which a single block dominates a direction.
         const ALL: f64 = 0.95;
         let root = self.believed().cholesky()?.l().try_inverse()?;
         let bound = root.transpose() * &root;
@@ -230,7 +241,7 @@ impl Sum {
         Some(covariance)
     }
 
-    /// With what is believed of light before it is seen.
+    /// Returns the information including the tone prior.
     fn believed(&self) -> DMatrix<f64> {
         let mut believed = self.information.clone();
         let tone = (Turn::SIZE..Turn::SIZE + TONE).filter(|&i| i < self.score.len());
@@ -239,9 +250,9 @@ impl Sum {
     }
 
     pub(super) fn solved(&self) -> Option<DVector<f64>> {
-        /// A parameter that edges tell less of than this share of what they tell of it alone is not told.
+        /// Smallest squared pivot of the scaled information with which a parameter counts as determined.
         const TOLD: f64 = 1e-9;
-        // In units of what each is told by itself, so that radians and shares are alike.
+        // Scale every parameter by its marginal information, so that radians and ratios are comparable.
         let information = self.believed();
         let units = information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
         let scaled =
@@ -252,59 +263,60 @@ impl Sum {
     }
 }
 
-/// What is estimated.
+/// Parameters of the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Estimated {
-    /// The turn alone, of what light does not move.
+    /// Rotation and zoom only, for offsets that lighting does not affect.
     Turn,
-    /// The turn, and what light does.
+    /// Rotation, zoom and tone.
     TurnAndTone,
-    /// Besides, a step of the camera beside its turn.
+    /// Rotation, zoom, tone and a step of the camera.
     Step,
 }
 
-/// What edges say together.
+/// Rotation and zoom fitted to the offsets of all edges.
 #[derive(Clone, Debug)]
 pub struct TurnFit {
-    /// The turn, then what light does, then the step, as far as they are estimated.
+    /// Estimated parameters: rotation and zoom, then tone, then step.
     pub estimate: DVector<f64>,
-    /// Its covariance: what blocks bear out, and what moves the whole image.
+    /// Covariance of the estimate: cluster-robust part plus image-wide part.
     pub covariance: DMatrix<f64>,
-    /// What its covariance would be if nothing but their edge and their block moved places alike: about what no estimate
-    /// by these edges can be better than (Cramér 1946, Rao 1945).
+    /// Covariance if only per-edge and per-block shifts were common to several samples. It approximates the
+    /// lower bound for any estimator from these edges (Cramér 1946, Rao 1945).
     pub bound: DMatrix<f64>,
-    /// Scatter of places beyond their own noise.
+    /// Scatter of the samples beyond their own noise.
     pub scatter: Scatter,
-    /// Weight of every place, 0 to 1: 0 where it is of something that moved by itself.
+    /// Weight of every sample, 0 to 1; 0 for an outlier, for example a moving object.
     pub weights: Vec<f64>,
-    /// Blocks that tell anything.
+    /// Number of blocks with usable samples.
     pub blocks: usize,
 }
 
-/// How far places are off beyond their own noise: standard deviations, in pixels.
+/// Standard deviations of the offsets beyond their own noise, in pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scatter {
-    /// Of a place about its edge.
+    /// Scatter of a sample about its edge.
     pub place: f64,
-    /// Of an edge, all its places alike.
+    /// Shift common to all samples of an edge.
     pub edge: f64,
-    /// Of a block of the image, all its edges alike, along either axis.
+    /// Shift common to all edges of a block, along either axis.
     pub block: f64,
 }
 
-/// Where Tukey's weights end, in scales: 95 % efficient where errors are normal.
+/// Residual, in scales, from which Tukey's weight is zero: 95 % efficiency for normal errors.
 const TUKEY: f64 = 4.685;
-/// Of a normal number, the standard deviation over the median deviation.
+/// Ratio of the standard deviation to the median absolute deviation of a normal variable.
 const MEDIAN: f64 = 1.4826;
-/// No offset is known better than this, in pixels.
+/// Smallest accepted standard deviation of an offset, in pixels.
 const FINEST: f64 = 0.01;
-/// What moves a block by more than this, in pixels, is not the lens, light or a codec but how far away it is, which a step
-/// tells and no turn.
+/// Largest standard deviation of the shift of a block, in pixels. Larger shifts come from the depth of the
+/// scene, not from lens, lighting or codec. They indicate a step of the camera, not a rotation.
 const BLOCK: f64 = 0.2;
-/// The variance of what moves the whole image as a turn does, over that of the bound: not derived, but chosen on half of the
-/// stills of `tests/compare.rs`, of 960 pixels and some thousand places.
+/// Variance of image-wide errors that resemble a rotation, relative to the bound. It is not derived. It was
+/// chosen on half of the images of `tests/compare.rs`, which have a width of 960 pixels and some thousand
+/// samples each.
 const WHOLE: f64 = 0.5;
-/// Rounds of weighing.
+/// Number of reweighting iterations.
 const ROUNDS: usize = 12;
 
 impl Estimated {
@@ -318,7 +330,7 @@ impl Estimated {
 }
 
 impl TurnFit {
-    /// The fit; `None` where the edges do not determine it.
+    /// Fits the parameters; returns `None` if the edges do not determine them.
     #[must_use]
     pub fn new(offsets: &[EdgeOffset], of: Estimated) -> Option<Self> {
         let rows = Rows { offsets, unknowns: of.unknowns() };
@@ -343,23 +355,24 @@ impl TurnFit {
         Some(Self { estimate, covariance, bound, scatter, weights, blocks })
     }
 
-    /// The turn.
+    /// Returns the fitted rotation and zoom.
     #[must_use]
     pub fn turn(&self) -> Turn {
         Turn::of(std::array::from_fn(|i| self.estimate[i]))
     }
 
-    /// The step; none where it is not estimated.
+    /// Returns the fitted step, in metres; zero if it is not estimated.
     #[must_use]
     pub fn step(&self) -> [f64; STEP] {
         const FROM: usize = Turn::SIZE + TONE;
         std::array::from_fn(|k| self.estimate.get(FROM + k).copied().unwrap_or_default())
     }
 
-    /// As how many sigmas of a normal number it is improbable that parameters from one to before another are 0.
+    /// Returns the significance of the parameters `from..to` as a z-score: their distance from zero, in
+    /// standard deviations of a normal variable.
     ///
-    /// The covariance is itself estimated from m blocks, most of it: Hotelling's (1931) square is brought to a chi-square by
-    /// its expectation, `(m - k - 2) / (m - 1)`.
+    /// Most of the covariance is itself estimated from `m` blocks. Hotelling's (1931) square is therefore
+    /// scaled to a chi-square by its expectation, `(m - k - 2) / (m - 1)` for `k` parameters.
     #[must_use]
     pub fn clear(&self, from: usize, to: usize) -> f64 {
         let (count, blocks) = (to - from, self.blocks as f64);
@@ -372,7 +385,7 @@ impl TurnFit {
     }
 }
 
-/// The places as rows of a linear system.
+/// Samples as rows of a linear system.
 struct Rows<'a> {
     offsets: &'a [EdgeOffset],
     unknowns: usize,
@@ -383,15 +396,16 @@ impl Rows<'_> {
         self.offsets.iter().map(|row| row.offset - row.told(estimate)).collect()
     }
 
-    /// Residuals over how far their places usually are off, with what they scatter beyond their own noise.
+    /// Divides the residuals by their usual size: their own noise combined with the common scatter
+    /// `together`.
     fn in_scales(&self, residuals: &[f64], together: f64) -> impl Iterator<Item = f64> {
         let each = residuals.iter().zip(self.offsets);
         each.map(move |(residual, row)| residual / row.sigma.hypot(together).max(FINEST))
     }
 
-    /// Least absolute deviations by weighted least squares (Schlossmacher 1973).
+    /// Estimates least absolute deviations by iteratively reweighted least squares (Schlossmacher 1973).
     fn least_deviations(&self) -> Option<DVector<f64>> {
-        /// Nearer than this to the estimate all deviations count the same, in pixels.
+        /// Residual below which all samples have the same weight, in pixels.
         const NEAR: f64 = 0.05;
         let mut estimate = DVector::zeros(self.unknowns);
         for _ in 0..ROUNDS {
@@ -402,7 +416,7 @@ impl Rows<'_> {
         Some(estimate)
     }
 
-    /// The mean slope of psi over the mean weight: 0.83 where errors are normal.
+    /// Returns the mean slope of psi divided by the mean weight: 0.83 for normal errors.
     fn slope(&self, estimate: &DVector<f64>, weights: &[f64]) -> f64 {
         const LEAST: f64 = 0.5;
         let residuals = self.residuals(estimate);
@@ -411,7 +425,7 @@ impl Rows<'_> {
         (slopes / weights.iter().sum::<f64>()).max(LEAST)
     }
 
-    /// The places of every edge, as ranges of all.
+    /// Iterates over the edges as ranges of samples.
     fn edges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         let edges = self.offsets.chunk_by(|a, b| a.edge.is_some() && a.edge == b.edge);
         edges.scan(0, |end, edge| {
@@ -420,9 +434,9 @@ impl Rows<'_> {
         })
     }
 
-    /// Scatter of places about their edges, of edges, and of blocks; `None` where too few edges have several places.
+    /// Estimates the scatter of samples, edges and blocks; `None` if too few edges have several samples.
     fn scatter(&self, residuals: &[f64], weights: &[f64]) -> Option<Scatter> {
-        /// Fewer places tell no scatter of their own.
+        /// Fewest samples of an edge for an estimate of their scatter.
         const PLACES: usize = 3;
         const EDGES: usize = 12;
         let (mut about, mut own, mut means, mut of_means) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -454,7 +468,7 @@ impl Rows<'_> {
         })
     }
 
-    /// The normal equations of every block; those of an edge are of the block that its middle is in.
+    /// Builds the normal equations of every block; an edge belongs to the block of its middle sample.
     fn blocks(&self, precisions: &[f64], edge: f64) -> Vec<BlockSum> {
         let count = self.offsets.iter().map(|row| row.block + 1).max().unwrap_or(0);
         let mut blocks: Vec<BlockSum> = (0..count).map(|_| BlockSum::nothing(self.unknowns)).collect();
@@ -467,14 +481,16 @@ impl Rows<'_> {
     }
 }
 
-/// The variance, along either axis, of what moves all edges of a block: what the products of two of them have in common,
-/// `E r r' = b^2 n n'` with the directions n that they count along. Edges are off by no more than `usual` thrice.
+/// Estimates the variance, along either axis, of the shift common to all edges of a block.
+///
+/// It uses the products of pairs of edges, `E r r' = b^2 n n'`, with `r` their offsets and `n` the directions
+/// across them. Offsets are clamped to three times `usual`.
 fn motion_variance(edges: &[(f64, &EdgeOffset)], usual: f64) -> f64 {
     let mut sums: BTreeMap<usize, [f64; 5]> = BTreeMap::new();
     let (mut products, mut squares) = (0.0, 0.0);
     for (off, EdgeOffset { across: [x, y], block, .. }) in edges {
         let off = off.clamp(-3.0 * usual, 3.0 * usual);
-        // Sums of r n and of n n' over the edges of the block so far.
+        // Sums of r n and of n n' over the previous edges of the block.
         let sum = sums.entry(*block).or_default();
         products += off * (sum[0] * x + sum[1] * y);
         squares += sum[2] * x * x + 2.0 * sum[3] * x * y + sum[4] * y * y;
@@ -485,13 +501,13 @@ fn motion_variance(edges: &[(f64, &EdgeOffset)], usual: f64) -> f64 {
     if squares > 0.0 { (products / squares).max(0.0) } else { 0.0 }
 }
 
-/// The weight of a residual in scales.
+/// Returns the weight of a standardised residual.
 fn tukey(residual: f64) -> f64 {
     let share = residual / TUKEY;
     (1.0 - share * share).max(0.0).powi(2)
 }
 
-/// The slope of Tukey's psi, a residual times its weight.
+/// Returns the slope of Tukey's psi, which is a residual times its weight.
 fn psi_slope(residual: f64) -> f64 {
     let square = (residual / TUKEY).powi(2);
     (1.0 - square).max(0.0) * (1.0 - 5.0 * square)
@@ -505,7 +521,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// What residuals scatter beyond the noise of their places, in pixels.
+/// Estimates the scatter of the residuals beyond the noise of their samples, in pixels.
 fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
     let all = MEDIAN * median(residuals.iter().map(|r| r.abs()).collect());
     let own = median(offsets.iter().map(|row| row.sigma).collect());
@@ -535,7 +551,7 @@ mod tests {
         }
     }
 
-    /// Where nothing moves the whole image alike.
+    /// Returns the covariance without the image-wide part, for data without image-wide errors.
     fn borne_out(fit: &TurnFit) -> DMatrix<f64> {
         &fit.covariance - WHOLE * &fit.bound
     }
@@ -544,7 +560,7 @@ mod tests {
         (0..12).map(|_| random.random_range(-0.5..0.5_f64)).sum()
     }
 
-    /// An edge somewhere in a block of the image, where it was.
+    /// Creates an edge at a random position in a block of the image, with offset 0.
     fn edge(camera: &Camera, block: usize, random: &mut ChaCha8Rng) -> EdgeOffset {
         let u = 120.0 * ((block % COLUMNS) as f64 + random.random_range(0.0..1.0));
         let v = 90.0 * ((block / COLUMNS) as f64 + random.random_range(0.0..1.0));
@@ -553,7 +569,7 @@ mod tests {
         place(camera, block, [u, v], angle, contrast)
     }
 
-    /// A place of an edge, across which offsets count in the direction of an angle.
+    /// Creates a sample of an edge; `angle` is the direction of positive offsets.
     fn place(camera: &Camera, block: usize, [u, v]: [f64; 2], angle: f64, contrast: f64) -> EdgeOffset {
         const ASIDE: f64 = 1e-6;
         let ray = ray_in_camera(camera, Pixel { u, v }).unwrap();
@@ -576,8 +592,9 @@ mod tests {
         }
     }
 
-    /// Edges of three to twenty places, eight pixels apart, that share an offset of 0.08 px beside the noise of each, and
-    /// with their block a vector of `moved` pixels either way.
+    /// Creates edges of three to twenty samples, eight pixels apart. The samples of an edge share an offset
+    /// of 0.08 px beyond their own noise. The edges of a block share a vector of `moved` pixels along either
+    /// axis.
     fn long_edges(camera: &Camera, truth: &[f64; 4], moved: f64, random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
         let mut all = Vec::new();
         let mut motion = [0.0; 2];
@@ -606,8 +623,8 @@ mod tests {
         all
     }
 
-    /// Edges after a turn: with noise, noise that a block shares, light that moves them to the dark side, and a share
-    /// of the blocks where something moved by itself.
+    /// Creates edges after a rotation, with noise, noise common to a block, and lighting that shifts edges to
+    /// the dark side. In the first `moved` blocks an object moved.
     fn edges(truth: &[f64; 4], light: f64, moved: usize, random: &mut ChaCha8Rng) -> Vec<EdgeOffset> {
         let camera = camera();
         let mut all = Vec::new();
@@ -687,7 +704,7 @@ mod tests {
         let mut all: Vec<EdgeOffset> = many.into_iter().chain(few).collect();
         all.iter_mut().for_each(|edge| edge.offset = 0.1 * normal(&mut random));
         let fit = TurnFit::new(&all, Estimated::Turn).unwrap();
-        // Of what the block tells: not of the roll about it.
+        // The block determines pan and tilt, but not the roll about itself.
         for k in 0..2 {
             let of_bound = fit.covariance[(k, k)] / fit.bound[(k, k)];
             assert!(of_bound > 1.0, "{of_bound} of the bound");

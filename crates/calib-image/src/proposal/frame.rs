@@ -1,25 +1,27 @@
-//! A camera as a proposal sees it: where the verticals and the directions of the floor vanish.
+//! Vanishing points of the vertical and of the floor directions, for a camera orientation.
 
 use calib_core::Orientation;
 
-/// A vanishing point relative to the principal point, homogeneous.
+/// Vanishing point relative to the principal point, homogeneous.
 pub(super) type Point = [f64; 3];
 
-/// Of the verticals: `(f cos p sin r, f cos p cos r, sin p)`.
+/// Returns the vanishing point of the vertical: `(f cos p sin r, f cos p cos r, sin p)`, with focal length f,
+/// pitch p and roll r.
 pub(super) fn nadir(at: &Orientation) -> Point {
     let ((sr, cr), (sp, cp)) = (at.roll.sin_cos(), at.pitch.sin_cos());
     [at.focal * cp * sr, at.focal * cp * cr, sp]
 }
 
-/// Of the floor direction at `azimuth`, counter-clockwise from the camera's right, in radians.
+/// Returns the vanishing point of the floor direction at `azimuth`, in radians counter-clockwise from the
+/// camera's right.
 pub(super) fn level(at: &Orientation, azimuth: f64) -> Point {
     let ((sr, cr), (sp, cp), (sa, ca)) = (at.roll.sin_cos(), at.pitch.sin_cos(), azimuth.sin_cos());
     let (x, y) = (ca, -sp * sa);
     [at.focal * (cr * x + sr * y), at.focal * (cr * y - sr * x), cp * sa]
 }
 
-/// The azimuth at which a line through the image meets the horizon: where the floor direction vanishes that it has
-/// if it is level.
+/// Returns the azimuth at which a line through the image meets the horizon. If the line is horizontal, this
+/// is its floor direction.
 pub(super) fn azimuth(at: &Orientation, through: [f64; 3]) -> f64 {
     let [across, ahead] = [0.0, std::f64::consts::FRAC_PI_2].map(|azimuth| {
         let point = level(at, azimuth);
@@ -28,9 +30,10 @@ pub(super) fn azimuth(at: &Orientation, through: [f64; 3]) -> f64 {
     (-across).atan2(ahead)
 }
 
-/// The camera of this focal whose verticals vanish there, with the horizon above its feet.
+/// Returns the camera with this focal length and this vertical vanishing point, with the horizon above its
+/// feet.
 pub(super) fn with_nadir([x, y, w]: Point, focal: f64) -> Orientation {
-    // Upright: the verticals run down the image.
+    // Upright camera: verticals run down the image.
     let sign = if y < 0.0 { -1.0 } else { 1.0 };
     let (x, y, w) = (sign * x, sign * y, sign * w);
     Orientation { roll: x.atan2(y), pitch: (focal * w).atan2(x.hypot(y)), focal }

@@ -1,22 +1,26 @@
-//! Edges that are broken, joined again.
+//! Straight edges as evidence for vanishing points, and the joining of broken edges.
 //!
-//! An edge of a wall is found in pieces where something stands before it or its contrast changes. A piece is joined
-//! to a longer one where both its ends lie on the line through that one, within the noise of where that line is
-//! there, and the gap between them is not longer than a share of what was seen of both. Through the ends of all
-//! pieces goes the line of least squares.
+//! # Joining
 //!
-//! A straight edge as evidence of a vanishing point.
+//! An edge is often detected in pieces, because objects occlude it or its contrast changes. A piece is joined
+//! to a longer one under two conditions. Both its ends are on the line through the longer piece, within the
+//! uncertainty of that line. The gap is not longer than a fraction of the visible length of both. The joined
+//! line is the least-squares line through the ends of all pieces.
 //!
-//! The ends of an edge have independent noise. How far they must move at least for the line through them to pass
-//! through the vanishing point V is the residual r of `single/residual.rs` of the core, with weights 1: with
-//! `q = p Vw - Vxy` for either end, `T = |q1|^2 + |q2|^2` and the line l through both,
+//! # Evidence
+//!
+//! The ends of an edge have independent noise. The residual `r` is the smallest displacement of the ends
+//! after which their line passes through the vanishing point `V`. It is the residual of `single/residual.rs`
+//! of the core, with weights 1. With `q = p Vw - Vxy` for either end `p`, `T = |q1|^2 + |q2|^2` and the line
+//! `l` through both ends,
 //!
 //! `r = sqrt(2) (l . V) / sqrt(T + sqrt((|q1|^2 - |q2|^2)^2 + 4 (q1 . q2)^2))`.
 //!
-//! An edge of a direction is turned from it a little, as walls are, or by much more, as what stands about in a room
-//! is: `r ~ (1 - b) N(0, s^2) + b N(0, t^2)` with `s^2 = sigma^2 + (length turn)^2 / 2`, and t as s with the larger
-//! turn. Of any other edge every angle is as likely: as `r = length |angle| / sqrt(2)`, its density is
-//! `sqrt(2) / (pi length)`. The quotient of both is what an edge says for V.
+//! Edges of a direction deviate from it, slightly for walls and much more for movable objects: `r ~ (1 - b)
+//! N(0, s^2) + b N(0, t^2)`. Here `s^2 = sigma^2 + (length angle)^2 / 2` with the angle of walls, and `t^2`
+//! is the same with the larger angle. For any other edge every angle is equally likely. As `r = length
+//! |angle| / sqrt(2)`, its density is `sqrt(2) / (pi length)`. The ratio of the two densities is the evidence
+//! of an edge for `V`.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 
@@ -25,36 +29,37 @@ use calib_core::{Lens, Pixel};
 use super::frame::Point;
 use crate::line_segment::LineSegment;
 
-/// How far edges of a building are turned from their direction, and those of what stands about, in radians.
+/// Standard deviations of the angle between an edge and its direction, for buildings and for movable objects,
+/// in radians.
 const TURNS: [f64; 2] = [0.004, 0.05];
-/// The share of the latter among the edges of a direction.
+/// Fraction of movable objects among the edges of a direction.
 const LOOSE: f64 = 0.3;
 
-/// An edge without lens distortion, relative to the principal point.
+/// Undistorted edge, relative to the principal point.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
     pub(super) ends: [[f64; 2]; 2],
-    /// Standard deviation of either end across it, in pixels.
+    /// Standard deviation of either end, across the edge, in pixels.
     pub(super) end_sigma: f64,
     pub(super) length: f64,
-    /// The line through both ends, homogeneous.
+    /// Line through both ends, homogeneous.
     pub(super) through: [f64; 3],
-    /// Standard deviations of the residual, in pixels.
+    /// Standard deviations of the residual, for buildings and for movable objects, in pixels.
     sigmas: [f64; 2],
-    /// The segments that it is made of.
+    /// Indices of the joined segments.
     pub(super) pieces: Vec<usize>,
 }
 
-/// What an edge says of a vanishing point.
+/// Evidence of an edge for a vanishing point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Evidence {
-    /// Residual in sigmas, signed.
+    /// Signed residual, in standard deviations.
     pub(super) residual: f64,
-    /// Its derivative by the vanishing point.
+    /// Derivative of the residual with respect to the vanishing point.
     pub(super) by_point: [f64; 3],
 }
 
-/// A residual in pixels, with what its derivative needs.
+/// Residual in pixels, with the intermediate values of its derivative.
 struct Offset {
     pixels: f64,
     factor: f64,
@@ -66,7 +71,7 @@ struct Offset {
 }
 
 impl Line {
-    /// The line of a segment under a lens; `None` outside the lens.
+    /// Undistorts a segment; `None` outside the lens model.
     pub(super) fn of_segment(segment: &LineSegment, index: usize, lens: &Lens) -> Option<Self> {
         let centre = lens.principal_point;
         let end = |pixel: Pixel| {
@@ -76,7 +81,7 @@ impl Line {
         Self::new([end(segment.ends[0])?, end(segment.ends[1])?], segment.sigma, vec![index])
     }
 
-    /// The line between two ends; `None` without a length.
+    /// Creates the line between two ends; `None` if it has no length.
     pub(super) fn new(ends: [[f64; 2]; 2], end_sigma: f64, pieces: Vec<usize>) -> Option<Self> {
         let [a, b] = ends;
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
@@ -92,7 +97,8 @@ impl Line {
         })
     }
 
-    /// The residual at a vanishing point; none for one between the ends, where no edge passes.
+    /// Computes the residual at a vanishing point; `None` for a point between the ends, which cannot be their
+    /// vanishing point.
     fn offset(&self, v: Point) -> Option<Offset> {
         let q = self.ends.map(|p| [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]);
         let (squares, along) = ([dot(q[0], q[0]), dot(q[1], q[1])], dot(q[0], q[1]));
@@ -106,7 +112,7 @@ impl Line {
         Some(Offset { pixels: factor * incidence, factor, incidence, q, squares, along, root })
     }
 
-    /// Densities of a residual, of an edge of the building and of what stands about.
+    /// Returns the densities of a residual, for buildings and for movable objects.
     fn densities(&self, pixels: f64) -> [f64; 2] {
         let shares = [1.0 - LOOSE, LOOSE];
         std::array::from_fn(|k| {
@@ -115,9 +121,9 @@ impl Line {
         })
     }
 
-    /// How much likelier the edge is if it leads there than if it leads anywhere.
+    /// Returns the likelihood ratio: the edge leads to this vanishing point, or in any direction.
     pub(super) fn odds(&self, v: Point) -> f64 {
-        /// So many of the larger sigmas off, the odds are nothing.
+        /// Residual, in larger standard deviations, beyond which the odds are zero.
         const FAR: f64 = 6.0;
         let Some(offset) = self.offset(v).filter(|offset| offset.pixels.abs() < FAR * self.sigmas[1]) else {
             return 0.0;
@@ -126,7 +132,7 @@ impl Line {
         (tight + loose) * PI * self.length / SQRT_2
     }
 
-    /// The residual at a vanishing point, weighted as the mixture of both sigmas weighs it.
+    /// Computes the residual at a vanishing point, weighted by the mixture of both standard deviations.
     pub(super) fn evidence(&self, v: Point) -> Option<Evidence> {
         let offset = self.offset(v)?;
         let [tight, loose] = self.densities(offset.pixels);
@@ -153,16 +159,16 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// Sigmas that an end may be off the line.
+/// Largest distance of an end from the line, in standard deviations.
 const OFF: f64 = 2.0;
-/// Longest gap, as a share of what was seen of both.
+/// Longest gap, as a fraction of the visible length of both pieces.
 const GAP: f64 = 0.7;
-/// Pieces may overlap by so many pixels.
+/// Largest overlap of two pieces, in pixels.
 const OVERLAP: f64 = 2.0;
-/// Of more edges than this the shortest are left out: a bound on time.
+/// Largest number of edges, which limits the computing time; the shortest are dropped.
 const MOST: usize = 1_500;
 
-/// The same edges, the longest first, with broken ones joined.
+/// Joins broken edges; returns all edges, the longest first.
 #[must_use]
 pub fn joined(segments: &[LineSegment]) -> Vec<LineSegment> {
     let origin = Lens::pinhole(Pixel::new(0.0, 0.0));
@@ -170,7 +176,7 @@ pub fn joined(segments: &[LineSegment]) -> Vec<LineSegment> {
     lines(segments, &origin).into_iter().map(whole).collect()
 }
 
-/// The lines of segments under a lens, the longest first, with broken ones joined.
+/// Undistorts the segments and joins broken edges, the longest first.
 pub(super) fn lines(segments: &[LineSegment], lens: &Lens) -> Vec<Line> {
     let each = segments.iter().enumerate();
     let mut left: Vec<Line> =
@@ -184,14 +190,14 @@ pub(super) fn lines(segments: &[LineSegment], lens: &Lens) -> Vec<Line> {
     whole
 }
 
-/// A line with all the pieces that continue it; `None` of one that is part of another.
+/// Extends a line by all its pieces; `None` if the line is already part of another one.
 fn grown(first: usize, all: &[Line], is_used: &mut [bool]) -> Option<Line> {
     if is_used[first] {
         return None;
     }
     let mut pieces = vec![&all[first]];
     let mut line = all[first].clone();
-    // The nearest piece first: what lies in a gap would be beside the line that was joined over it.
+    // Nearest piece first; otherwise a piece inside a gap would lie beside the line already joined over it.
     let nearest = |line: &Line, is_used: &[bool]| {
         let free = (first + 1..all.len()).filter(|&i| !is_used[i]);
         let gaps = free.filter_map(|i| Some((i, gap(line, &all[i])?)));
@@ -229,12 +235,13 @@ impl Axis {
     }
 }
 
-/// How far a piece of the same edge is from the line, in pixels; none for a piece of another edge.
+/// Returns the gap between a line and a piece of the same edge, in pixels; `None` for a piece of another
+/// edge.
 fn gap(line: &Line, piece: &Line) -> Option<f64> {
     let axis = Axis::of(line);
     let ends = piece.ends.map(|end| axis.to_axis(end));
     let gap = ends.iter().map(|[s, _]| s.abs() - 0.5 * line.length).fold(f64::INFINITY, f64::min);
-    // What runs beside it is another edge.
+    // A parallel neighbour is another edge.
     if gap < -OVERLAP || gap > GAP * (line.length + piece.length) || ends[0][0] * ends[1][0] < 0.0 {
         return None;
     }
@@ -245,7 +252,7 @@ fn gap(line: &Line, piece: &Line) -> Option<f64> {
     is_on.then_some(gap)
 }
 
-/// The line through all of its pieces.
+/// Fits the line through all pieces.
 fn through(pieces: &[&Line]) -> Option<Line> {
     let axis = Axis::of(pieces[0]);
     let ends = pieces.iter().flat_map(|piece| piece.ends.map(|end| axis.to_axis(end)));

@@ -1,37 +1,38 @@
-//! Where edges lie: on the floor, above it, or where edges alone do not tell.
+//! Classification of edges: on the floor, above it, or undetermined.
 //!
-//! An edge that reaches above the horizon is higher than the camera. What crosses many level edges of other directions is
-//! of a pattern, and the largest pattern of a place is its floor: joints, tiles, marks. A plumb edge that passes a level
-//! edge, or hangs from it, has it on a wall or on what stands before one; one that ends there from above has its foot
-//! there, and says nothing against the floor.
+//! An edge that extends above the horizon is higher than the camera. An edge that crosses many horizontal
+//! edges of other directions belongs to a pattern, and the largest pattern of a scene is its floor (joints,
+//! tiles, markings). If a vertical edge crosses a horizontal edge, or hangs from it, the horizontal edge is
+//! on a wall or on an object. If a vertical edge ends there from above, it has its foot there; this does not
+//! contradict the floor.
 
 use super::join::Line;
 use super::mixture::Mixture;
 
-/// Where an edge of a level direction lies.
+/// Location of a horizontal edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Lies {
     /// On the floor.
     Floor,
-    /// On a wall, or on what stands on the floor.
+    /// On a wall, or on an object on the floor.
     Above,
-    /// Nothing tells: it speaks of its direction only.
+    /// Undetermined; only the direction of the edge is known.
     Open,
 }
 
-/// How far from an edge an end still touches it, in pixels.
+/// Largest distance between an edge and the end of an edge that touches it, in pixels.
 const TOUCH: f64 = 3.0;
-/// An edge belongs to a direction from this probability on.
+/// Smallest probability with which an edge is assigned to a direction.
 const BELONGS: f64 = 0.7;
-/// So many level edges of other directions that cross an edge make a pattern, in spite of so many plumb ones. Of rendered
-/// edges that are said to lie on the floor nine of ten do.
+/// Smallest number of crossing horizontal edges of other directions in a pattern, and the largest number of
+/// vertical edges that contradict it. Of rendered edges classified as floor, 90 % are on the floor.
 const PATTERN: usize = 5;
 const IN_SPITE_OF: usize = 1;
-/// More of them than this, and a plumb edge is not believed to have the edge on a wall.
+/// Largest number of such crossing edges with which a vertical edge can place the edge on a wall.
 const PLAIN: usize = 1;
 
-/// Of every line; [`Lies::Open`] of those that are of no level direction.
+/// Classifies every line; lines without a horizontal direction are [`Lies::Open`].
 pub(super) fn lies(mixture: &Mixture, lines: &[Line]) -> Vec<Lies> {
     let memberships = mixture.memberships(lines);
     let directions: Vec<Option<usize>> = memberships
@@ -77,20 +78,21 @@ fn lies_of(
     }
 }
 
-/// How far below the horizon a point is, in pixels times the focal; above it less than nothing.
+/// Returns the signed distance of a point below the horizon, in pixels times the focal length; negative above
+/// it.
 fn below_horizon(mixture: &Mixture, [x, y]: [f64; 2]) -> f64 {
     let [a, b, c] = super::frame::nadir(&mixture.camera);
     let focal = mixture.camera.focal;
     (a * x + b * y) / focal + c * focal
 }
 
-/// The ends of a plumb edge, the upper one first.
+/// Returns the ends of a vertical edge, the upper one first.
 fn upright(mixture: &Mixture, line: &Line) -> [[f64; 2]; 2] {
     let [a, b] = line.ends;
     if below_horizon(mixture, a) < below_horizon(mixture, b) { [a, b] } else { [b, a] }
 }
 
-/// How another edge meets a line.
+/// Way in which another edge meets a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meeting {
     AtItsTop,
@@ -114,7 +116,7 @@ fn meeting(line: &Line, [top, foot]: [[f64; 2]; 2]) -> Meeting {
     }
 }
 
-/// How far along a line from its first end, and how far beside it, a point is.
+/// Returns the coordinates of a point along a line from its first end, and across it, in pixels.
 fn beside(line: &Line, p: [f64; 2]) -> (f64, f64) {
     let [a, b] = line.ends;
     let [x, y] = [0, 1].map(|k| (b[k] - a[k]) / line.length);

@@ -1,12 +1,13 @@
-//! The likelihood of all edges under one camera: every edge is of the verticals, of one of the floor directions, or of
-//! none of them.
+//! Mixture likelihood of all edges under one camera: every edge belongs to the vertical, to one of the floor
+//! directions, or to none.
 //!
-//! With the shares `pi` and the odds of `line.rs`, `log L = sum_i log(pi_0 + sum_k pi_k odds_ik)`. It is maximised
-//! over roll, pitch, log focal, azimuths and shares by expectation and maximisation (Dempster, Laird and Rubin
-//! 1977): the probability of every edge to belong to every direction, then one Gauss-Newton step on the residuals
-//! so weighted, with what is believed of cameras and of right angles as residuals of their own.
+//! With the shares `pi` and the odds of `join.rs`, `log L = sum_i log(pi_0 + sum_k pi_k odds_ik)`. It is
+//! maximised over roll, pitch, log focal length, azimuths and shares by expectation maximisation (Dempster,
+//! Laird and Rubin 1977). Every round computes the probability that each edge belongs to each direction. It
+//! then takes one Gauss-Newton step on the weighted residuals. The priors of the camera and of right angles
+//! are additional residuals.
 //!
-//! What is believed of a camera before an edge is seen: it stands upright and its lens is a usual one.
+//! The prior of a camera ([`Belief`]): cameras are upright and have a usual focal length.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -16,35 +17,36 @@ use nalgebra::{DMatrix, DVector};
 use super::frame::{Point, level, nadir};
 use super::join::Line;
 
-/// Standard deviation of the roll of cameras that somebody set up, in radians.
+/// Standard deviation of the roll of installed cameras, in radians.
 const ROLL: f64 = 0.08;
-/// Widths of the image that the focal is, and the standard deviation of its log: the weak prior of the core.
+/// Median focal length, in image widths, and standard deviation of its logarithm: the weak prior of the core.
 const FOCAL: [f64; 2] = [0.8, 0.35];
 
-/// Normal densities of roll and log focal, and a pitch by which every direction of sight is as likely.
+/// Prior of a camera: normal densities of roll and log focal length, and a pitch with equally likely viewing
+/// directions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Belief {
     log_focal: f64,
 }
 
 impl Belief {
-    /// Of a camera with images of this width, in pixels.
+    /// Creates the prior for images of this width, in pixels.
     pub(super) fn of_width(width: f64) -> Self {
         Self { log_focal: (FOCAL[0] * width).ln() }
     }
 
-    /// Log density of a camera by roll, pitch and log focal, up to a constant.
+    /// Returns the log density of a camera over roll, pitch and log focal length, up to a constant.
     pub(super) fn log_density(&self, camera: &Orientation) -> f64 {
         let square: f64 = self.residuals(camera).iter().map(|(residual, _)| residual * residual).sum();
         camera.pitch.cos().max(1e-3).ln() - 0.5 * square
     }
 
-    /// How unusual a camera is: its larger residual, in sigmas.
+    /// Returns the larger of the two residuals, in standard deviations: a measure of how unusual a camera is.
     pub(super) fn sigmas(&self, camera: &Orientation) -> f64 {
         self.residuals(camera).iter().map(|(residual, _)| residual.abs()).fold(0.0, f64::max)
     }
 
-    /// The residuals of roll and log focal in sigmas, each with its derivative.
+    /// Returns the residuals of roll and log focal length in standard deviations, each with its derivative.
     pub(super) fn residuals(&self, camera: &Orientation) -> [(f64, f64); 2] {
         [
             (camera.roll / ROLL, ROLL.recip()),
@@ -53,37 +55,37 @@ impl Belief {
     }
 }
 
-/// Expectations at most.
+/// Largest number of expectation-maximisation rounds.
 const ROUNDS: usize = 40;
-/// A step that moves every parameter by less than this ends the search.
+/// Largest parameter step at which the iteration has converged.
 const STILL: f64 = 1e-7;
-/// Standard deviation of a right angle in a scene, in radians: that of the core.
+/// Standard deviation of a right angle in a scene, in radians, as in the core.
 const RIGHT_ANGLE: f64 = 0.016;
-/// How probable it is, before an edge is seen, that two of the floor directions of a scene are at right angles.
+/// Prior probability that two of the floor directions of a scene are at right angles.
 const SQUARE_SCENES: f64 = 0.95;
-/// How many edges say the same: those of one door are not as independent as a product over all edges has them. Where
-/// cameras are compared, their log likelihood is divided by it (a composite likelihood: Varin, Reid and Firth 2011);
-/// what is believed before an edge is seen is believed once, and is not.
+/// Average number of edges with the same information. The edges of one door, for example, are not
+/// independent, as a product over all edges assumes. When cameras are compared, their log likelihood is
+/// divided by this number (a composite likelihood: Varin, Reid and Firth 2011). The priors are not divided.
 const ALIKE: f64 = 4.0;
-/// One pseudo-observation for every unknown that nothing is believed of, so that the equations can be solved where
-/// no edge speaks: a radian is known to about 30.
+/// Information of one weak pseudo-observation for every parameter, so that the equations are solvable without
+/// any edge. It corresponds to a standard deviation of about 30 radians.
 const REGULAR: f64 = 1e-3;
 
-/// A camera with its directions and shares, and how likely they make the edges.
+/// Camera with its directions and shares, and the resulting evidence of the edges.
 #[derive(Clone, Debug)]
 pub(super) struct Mixture {
     pub(super) camera: Orientation,
     pub(super) azimuths: Vec<f64>,
-    /// Pairs of floor directions that are at right angles to each other.
+    /// Pairs of floor directions constrained to be at right angles.
     pub(super) tied: Vec<[usize; 2]>,
-    /// Of the verticals, then of every floor direction; the rest is of none.
+    /// Shares of the vertical and of every floor direction; the rest belongs to none.
     pub(super) shares: Vec<f64>,
-    /// Log of the evidence: the posterior integrated over the parameters, to first order (Laplace).
+    /// Log evidence: the posterior integrated over the parameters, to first order (Laplace).
     pub(super) log_evidence: f64,
 }
 
 impl Mixture {
-    /// The likeliest from a start; `None` where the edges do not determine it.
+    /// Fits the mixture from a start; `None` if the edges do not determine it.
     pub(super) fn fitted(
         lines: &[Line],
         start: (Orientation, Vec<f64>, Vec<[usize; 2]>),
@@ -109,13 +111,13 @@ impl Mixture {
         std::iter::once(nadir(&self.camera)).chain(levels).collect()
     }
 
-    /// The probability of every edge to belong to every direction, by edge.
+    /// Returns, for every edge, the probabilities that it belongs to each direction.
     pub(super) fn memberships(&self, lines: &[Line]) -> Vec<Vec<f64>> {
         let points = self.points();
         lines.iter().map(|line| self.membership(line, &points).1).collect()
     }
 
-    /// The likelihood of an edge, and the probability to belong to every direction.
+    /// Returns the likelihood of an edge, and the probabilities that it belongs to each direction.
     fn membership(&self, line: &Line, points: &[Point]) -> (f64, Vec<f64>) {
         let none = 1.0 - self.shares.iter().sum::<f64>();
         let each: Vec<f64> =
@@ -124,7 +126,7 @@ impl Mixture {
         (all, each.into_iter().map(|one| one / all).collect())
     }
 
-    /// Derivatives of every vanishing point by the parameters that it depends on.
+    /// Computes the derivatives of every vanishing point with respect to the parameters on which it depends.
     pub(super) fn point_derivatives(&self) -> Vec<Vec<(usize, Point)>> {
         const STEP: f64 = 1e-6;
         let difference = |k: usize, j: usize| {
@@ -145,7 +147,7 @@ impl Mixture {
         (0..=self.azimuths.len()).map(of).collect()
     }
 
-    /// The normal equations with every edge weighted by its probabilities; takes the shares on the way.
+    /// Builds the normal equations, with every edge weighted by its probabilities, and updates the shares.
     fn expected(&mut self, lines: &[Line], belief: &Belief) -> (DMatrix<f64>, DVector<f64>) {
         let (points, derivatives) = (self.points(), self.point_derivatives());
         let mut equations = Equations::new(3 + self.azimuths.len());
@@ -164,7 +166,7 @@ impl Mixture {
             }
         }
         self.add_beliefs(&mut equations, belief);
-        // One edge more of each and of none: no share is nothing.
+        // One pseudo-edge for each direction and for none, so that no share is zero.
         let all = lines.len() as f64 + 1.0 + totals.len() as f64;
         self.shares = totals.iter().map(|total| (total + 1.0) / all).collect();
         (equations.normal, equations.gradient)
@@ -180,13 +182,13 @@ impl Mixture {
         }
     }
 
-    /// How far two floor directions are from a right angle, in radians.
+    /// Returns the deviation of two floor directions from a right angle, in radians.
     pub(super) fn off_square(&self, [a, b]: [usize; 2]) -> f64 {
         (self.azimuths[b] - self.azimuths[a]).rem_euclid(PI) - FRAC_PI_2
     }
 
     fn move_by(&mut self, step: &DVector<f64>) {
-        /// Most that one step turns, in radians, or changes the log focal.
+        /// Largest change of an angle, in radians, or of the log focal length in one step.
         const MOST: f64 = 0.1;
         let by = |j: usize| step[j].clamp(-MOST, MOST);
         self.camera.roll += by(0);
@@ -195,7 +197,8 @@ impl Mixture {
         self.azimuths.iter_mut().enumerate().for_each(|(k, azimuth)| *azimuth += by(3 + k));
     }
 
-    /// With its evidence: the posterior density integrated over the unknowns to first order (Laplace).
+    /// Computes the log evidence: the posterior density integrated over the parameters to first order
+    /// (Laplace).
     fn concluded(mut self, lines: &[Line], belief: &Belief) -> Option<Self> {
         let points = self.points();
         let log_likelihood: f64 = lines.iter().map(|line| self.membership(line, &points).0.ln()).sum();
@@ -208,7 +211,7 @@ impl Mixture {
         self.log_evidence.is_finite().then_some(self)
     }
 
-    /// Log density of the azimuths before an edge is seen: any, but for one that a right angle gives.
+    /// Returns the log prior density of the azimuths: uniform, except for one that a right angle determines.
     fn log_density_of_azimuths(&self) -> f64 {
         let free = self.azimuths.len() - self.tied.len();
         let of_scene = if self.tied.is_empty() { 1.0 - SQUARE_SCENES } else { SQUARE_SCENES };
@@ -230,7 +233,7 @@ impl Equations {
         Self { normal: DMatrix::identity(unknowns, unknowns) * REGULAR, gradient: DVector::zeros(unknowns) }
     }
 
-    /// A residual with its derivatives.
+    /// Adds a residual with its derivatives.
     fn add(&mut self, row: &[(usize, f64)], residual: f64, weight: f64) {
         for &(i, by) in row {
             self.gradient[i] -= weight * by * residual;

@@ -1,16 +1,17 @@
-//! The calibration that a still proposes: edges in, ordinary annotations with probabilities out, and a verdict.
+//! Automatic calibration of an image from its straight edges: annotations with probabilities, a solution, and
+//! its confidence.
 //!
-//! Law: edges are numbers here, with their noise; no pixel of the still is read. The files in the order of the data:
+//! Its rule: edges enter as numbers with their noise; no pixel of the image is read. The files in data-flow
+//! order:
 //!
-//! - `frame` a camera as its vanishing points; `line` what an edge says of one; `join` broken edges made whole;
-//! - `belief` what is believed of cameras;
-//! - `search` vanishing points that many edges lead to, and the cameras that these allow;
-//! - `mixture` the likelihood of all edges under one camera, each of one direction or of none;
-//! - `bend` the distortion under which the grouping is likeliest;
-//! - `lies` which edges lie on the floor;
-//! - `strokes` the few edges that tell most; `drawn` these as annotations, solved as what an operator draws is;
-//! - `straight` edges that the lens bends, to fit its distortion to;
-//! - `verdict` whether to believe it; [`Proposal::new`] runs all of it.
+//! - `frame`: vanishing points of a camera;
+//! - `join`: evidence of an edge for a vanishing point, and the joining of broken edges;
+//! - `mixture`: the prior of cameras, and the likelihood of all edges under one camera;
+//! - `search`: vanishing points, the cameras that they allow, and the distortion;
+//! - `lies`: classification of edges as on the floor or above it;
+//! - `strokes`: the most informative edges as annotations, and their solution;
+//! - `straight`: edges curved by distortion, for fitting the lens;
+//! - `still`: the entry point, [`Proposal::new`], and the confidence.
 
 mod frame;
 mod join;

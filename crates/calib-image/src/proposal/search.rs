@@ -1,18 +1,26 @@
-//! Where to look: vanishing points that many edges lead to, and the cameras that these allow.
+//! Search for camera hypotheses: vanishing points with many supporting edges, the cameras that they allow,
+//! and the distortion.
 //!
-//! Every pair of long edges proposes a point, all edges are asked (Fischler and Bolles 1981, with every pair in
-//! place of chance). A point scores the sum of `log(1 - e + e odds)`, the log likelihood of the mixture in which the
-//! share e of the edges leads there. The best is taken, every edge is weighed by the probability that it does not
-//! lead there, and the next is sought. Cameras follow from a point taken for that of the verticals, with a range of
-//! focals and with those that put another point at right angles to it or to a third; under every camera the floor
-//! directions are sought in the same way among the azimuths at which long edges meet the horizon.
+//! # Vanishing points
 //!
-//! The distortion under which the grouping of the edges is likeliest.
+//! Every pair of long edges yields a candidate point, which is tested on all edges (Fischler and Bolles 1981,
+//! with all pairs instead of random ones). The score of a point is the sum of `log(1 - e + e odds)`: the log
+//! likelihood of a mixture with the fraction `e` of the edges leading to it. After the best point is taken,
+//! every edge is weighted by the probability that it does not lead there. The search is then repeated.
 //!
-//! A lens that bends turns every edge by what depends on where it is: under the right distortion more edges lead to
-//! common points. One number is sought, k1 with coordinates divided by half the diagonal of the image, with k2 the
-//! square of a barrel's k1, as lenses have it (`single/lens_prior.rs` of the core); the annotations that are
-//! proposed have inner points, from which the solve fits what coefficients they support.
+//! # Cameras
+//!
+//! Each point in turn is assumed to be the vertical vanishing point. Its focal lengths are a fixed range, and
+//! those for which two of the points are at right angles. For every camera, the floor directions are searched
+//! in the same way, among the azimuths at which long edges meet the horizon.
+//!
+//! # Distortion
+//!
+//! Distortion rotates every edge by an amount that depends on its position. With the correct distortion, more
+//! edges lead to common points. One parameter is searched: k1, with coordinates divided by half the image
+//! diagonal. For barrel distortion k2 is the square of k1, as in usual lenses (`single/lens_prior.rs` of the
+//! core). The suggested annotations contain inner points, from which the solver fits as many coefficients as
+//! they support.
 
 use calib_core::{BrownConrady, Distortion, Lens, Orientation, Pixel};
 
@@ -20,26 +28,26 @@ use super::frame::{Point, azimuth, level, nadir, with_nadir};
 use super::join::Line;
 use super::mixture::Belief;
 
-/// So many of the longest edges are asked.
+/// Number of longest edges that are used.
 const ASKED: usize = 250;
-/// So many of them propose vanishing points, and directions of the floor.
+/// Number of longest edges from which vanishing points, and floor directions, are generated.
 const PROPOSERS: [usize; 2] = [70, 50];
-/// Vanishing points that are looked for.
+/// Largest number of vanishing points.
 const POINTS: usize = 8;
-/// The share of the edges that lead to one point.
+/// Prior fraction of the edges that lead to one point.
 const SHARE: f64 = 0.1;
-/// What a point must score at least, more than chance gives among so many.
+/// Smallest score of a point; chance reaches less among so many candidates.
 const LEAST_SCORE: f64 = 6.0;
-/// Horizontal fields of view that are tried, from and to, in degrees, and how many of them.
+/// Smallest and largest horizontal field of view, in degrees, and the number of focal lengths between them.
 const FIELDS: [f64; 2] = [18.0, 125.0];
 const FOCALS: usize = 20;
-/// Floor directions of one camera, and how far they are from each other at least: the sine of their angle.
+/// Largest number of floor directions of a camera, and the sine of the smallest angle between them.
 const DIRECTIONS: usize = 3;
 const APART: f64 = 0.1;
-/// Cameras that are worked out.
+/// Largest number of cameras to refine.
 const CAMERAS: usize = 8;
 
-/// A camera with the azimuths of its floor directions.
+/// Camera with the azimuths of its floor directions.
 #[derive(Clone, Debug)]
 pub(super) struct Hypothesis {
     pub(super) camera: Orientation,
@@ -47,7 +55,7 @@ pub(super) struct Hypothesis {
     score: f64,
 }
 
-/// What all edges say of one candidate.
+/// Evidence of all edges for one candidate.
 struct Candidate {
     odds: Vec<f64>,
     gains: Vec<f64>,
@@ -56,7 +64,7 @@ struct Candidate {
 impl Candidate {
     fn new(odds: impl Iterator<Item = f64>) -> Self {
         let odds: Vec<f64> = odds.collect();
-        // Most edges do not lead there, and a logarithm takes its time.
+        // Most edges do not lead there, and a logarithm is slow.
         let nothing = (1.0 - SHARE).ln();
         let gain = |&odds: &f64| if odds > 0.0 { (1.0 - SHARE + SHARE * odds).ln() } else { nothing };
         let gains = odds.iter().map(gain).collect();
@@ -67,18 +75,19 @@ impl Candidate {
         self.gains.iter().zip(left).map(|(gain, left)| gain * left).sum()
     }
 
-    /// Takes what leads there out of what is left.
+    /// Reduces the weights of the edges that lead to this candidate.
     fn take_from(&self, left: &mut [f64]) {
         left.iter_mut().zip(&self.odds).for_each(|(left, &odds)| *left *= remainder(odds));
     }
 }
 
-/// The probability of an edge not to lead where its odds are these.
+/// Returns the probability that an edge with these odds does not lead to the candidate.
 fn remainder(odds: f64) -> f64 {
     (1.0 - SHARE) / (1.0 - SHARE + SHARE * odds)
 }
 
-/// Cameras that explain many edges, the best first. The longest lines come first.
+/// Returns cameras that explain many edges, the best first. `lines` must be sorted by length, the longest
+/// first.
 pub(super) fn hypotheses(lines: &[Line], width: f64, belief: &Belief) -> Vec<Hypothesis> {
     let lines = &lines[..lines.len().min(ASKED)];
     let points: Vec<Point> = vanishing_points(lines).into_iter().map(|(point, _)| point).collect();
@@ -95,18 +104,19 @@ pub(super) fn hypotheses(lines: &[Line], width: f64, belief: &Belief) -> Vec<Hyp
     kept
 }
 
-/// Whether two cameras are worth working out both.
+/// Whether two cameras differ enough for both to be refined.
 fn is_other(a: &Orientation, b: &Orientation) -> bool {
     let apart = [(a.focal / b.focal).ln() / 0.15, (a.roll - b.roll) / 0.05, (a.pitch - b.pitch) / 0.08];
     apart.iter().any(|apart| apart.abs() > 1.0)
 }
 
-/// How well edges lead to common points, whatever the camera: what the best points score together.
+/// Returns the total score of the best vanishing points, for any camera: a measure of how well the edges
+/// concur.
 pub(super) fn concurrence(lines: &[Line]) -> f64 {
     vanishing_points(&lines[..lines.len().min(ASKED)]).iter().map(|(_, score)| score).sum()
 }
 
-/// Vanishing points of the image, the best first, with their scores.
+/// Returns the vanishing points of the image with their scores, the best first.
 fn vanishing_points(lines: &[Line]) -> Vec<(Point, f64)> {
     let first = &lines[..lines.len().min(PROPOSERS[0])];
     let pairs = first.iter().enumerate().flat_map(|(i, a)| first[..i].iter().map(move |b| (a, b)));
@@ -124,7 +134,8 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Which candidates explain most of what is left, one after the other, with their scores.
+/// Selects candidates one after the other, each time the best for the remaining edges; returns indices and
+/// scores.
 fn greedy(
     candidates: &[Candidate],
     mut left: Vec<f64>,
@@ -145,7 +156,7 @@ fn greedy(
     chosen
 }
 
-/// The cameras that vanishing points allow.
+/// Returns the cameras that the vanishing points allow.
 fn cameras(points: &[Point], width: f64) -> Vec<Orientation> {
     let [narrow, wide] = FIELDS.map(|field| 0.5 * width / (0.5 * field.to_radians()).tan());
     let step = (wide / narrow).powf(((FOCALS - 1) as f64).recip());
@@ -160,14 +171,15 @@ fn cameras(points: &[Point], width: f64) -> Vec<Orientation> {
     all.filter(stands).collect()
 }
 
-/// Whether a camera stands as cameras do: more roll would be a floor direction taken for the verticals.
+/// Whether the roll and pitch of a camera are plausible. With more roll, a floor direction was probably
+/// mistaken for the vertical.
 fn stands(camera: &Orientation) -> bool {
     const ROLL: f64 = 0.7;
     const UP: f64 = 0.7;
     camera.roll.abs() < ROLL && camera.pitch > -UP
 }
 
-/// The floor directions under a camera that explain most.
+/// Finds the floor directions under a camera that explain the most edges.
 fn with_directions(lines: &[Line], camera: Orientation, belief: &Belief) -> Hypothesis {
     let down = nadir(&camera);
     let vertical = Candidate::new(lines.iter().map(|line| line.odds(down)));
@@ -198,14 +210,14 @@ fn with_directions(lines: &[Line], camera: Orientation, belief: &Belief) -> Hypo
 
 /// Standard deviation of k1 among lenses.
 const K1: f64 = 0.2;
-/// Distortions that are tried at first, none before all.
+/// Coarse candidates for k1; zero (no distortion) comes first.
 pub(super) const COARSE: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
-/// By how much the log evidence must rise for a bent lens to be believed.
+/// Smallest rise of the log evidence with which distortion is accepted.
 pub(super) const LEAST_GAIN: f64 = 6.0;
-/// Halvings of the step about the best.
+/// Number of times the step is halved.
 const HALVINGS: usize = 3;
 
-/// The lens of this k1.
+/// Returns the lens with this k1.
 pub(super) fn lens(k1: f64, principal_point: Pixel, size: [f64; 2]) -> Lens {
     if k1 == 0.0 {
         return Lens::pinhole(principal_point);
@@ -219,13 +231,13 @@ pub(super) fn lens(k1: f64, principal_point: Pixel, size: [f64; 2]) -> Lens {
     }
 }
 
-/// Log density of k1 before an edge is seen, up to a constant.
+/// Returns the log prior density of k1, up to a constant.
 pub(super) fn log_density(k1: f64) -> f64 {
     -0.5 * (k1 / K1).powi(2)
 }
 
-/// The best of a coarse step, and its neighbourhood, halved again and again; `score` is none where there is no
-/// answer.
+/// Refines the best coarse k1 by repeatedly halving the step. `score` returns `None` if the score is
+/// undefined.
 pub(super) fn refined(mut best: (f64, f64), mut score: impl FnMut(f64) -> Option<f64>) -> (f64, f64) {
     let mut step = 0.5 * (COARSE[1] - COARSE[0]).abs();
     for _ in 0..HALVINGS {

@@ -1,12 +1,10 @@
-//! From the edges of a still to what it proposes.
+//! Automatic calibration of one image from its straight edges.
 //!
-//! 1. Under a few distortions: edges joined, cameras sought, the best worked out as mixtures, with and without right
-//!    angles. Where a lens that bends makes the grouping much likelier, its k1 is refined.
-//! 2. The strokes of the likeliest mixture are solved as an operator's would be.
-//! 3. The sigma of the focal is that of the solve and, beside it, how far the other mixtures are from this one, by
-//!    their evidence; the verdict follows from it.
-//!
-//! Whether a proposal is to be believed.
+//! 1. For a few distortions, edges are joined and cameras are searched. The best are refined as mixtures,
+//!    with and without right angles. If distortion makes the grouping much likelier, its k1 is refined.
+//! 2. The strokes of the likeliest mixture are solved like annotations of an operator.
+//! 3. The standard deviation of the focal length combines that of the solution and the scatter of the other
+//!    mixtures, weighted by their evidence. The confidence follows from it.
 
 use std::fmt;
 
@@ -22,19 +20,19 @@ use super::strokes::{Group, entry, groups, solved, stroke, strokes};
 use super::{join, search};
 use crate::line_segment::LineSegment;
 
-/// Whether a proposal is to be believed.
+/// Confidence of an automatic calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub enum Verdict {
-    /// It may be used as it is.
+    /// Usable without review.
     Sure,
-    /// It is likely, and wants a look.
+    /// Likely, but needs review.
     Check,
-    /// There is none.
+    /// Not usable.
     None,
 }
 
 impl Verdict {
-    /// Its name in files.
+    /// Returns its name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -45,48 +43,48 @@ impl Verdict {
     }
 }
 
-/// Why a proposal is not sure.
+/// Reason for a reduced confidence.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Reason {
-    /// There are fewer straight edges than directions could be told from.
+    /// Too few straight edges to find directions.
     FewEdges {
-        /// How many there are.
+        /// Number of edges.
         found: usize,
     },
-    /// The image is round, and its lens is not known: a fisheye bends edges by more than grouping finds out.
+    /// Round image with an unknown lens: a fisheye has more distortion than the grouping can estimate.
     RoundImage,
-    /// The edges lead nowhere in common, more than chance would make them.
+    /// No vanishing points beyond chance.
     NoDirections,
-    /// No edge is plumb.
+    /// No vertical edges.
     NoVerticals,
-    /// Besides the verticals there is one direction only, and it leaves the focal open.
+    /// Only one floor direction, which does not determine the focal length.
     OneDirection {
-        /// Relative standard deviation of the focal.
+        /// Relative standard deviation of the focal length.
         sigma: f64,
     },
-    /// The directions leave the focal open.
+    /// Directions that do not determine the focal length.
     FocalOpen {
-        /// Relative standard deviation of the focal.
+        /// Relative standard deviation of the focal length.
         sigma: f64,
     },
-    /// Other cameras explain the edges nearly as well.
+    /// Another camera that explains the edges nearly as well.
     TwoHypotheses {
-        /// Their focals, in pixels, this one first.
+        /// Focal lengths in pixels: of the solution, then of the other camera.
         focals: [f64; 2],
     },
-    /// No camera that somebody set up has such a roll or focal.
+    /// Roll or focal length unusual for installed cameras.
     Unusual {
-        /// In pixels.
+        /// Focal length, in pixels.
         focal: f64,
     },
-    /// The edges do not agree with each other as well as their noise would have them.
+    /// Contradictory edges: residuals larger than their noise.
     Misfit {
-        /// Sum of squared residuals over their number.
+        /// Sum of squared residuals for each degree of freedom.
         chi2_per_dof: f64,
     },
 }
 
-/// What an operator reads.
+/// Messages for the operator.
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -126,70 +124,72 @@ impl fmt::Display for Reason {
     }
 }
 
-/// Edges that are worked with, the longest ones.
+/// Largest number of edges used, the longest first.
 const MOST_LINES: usize = 400;
-/// Fewer edges propose nothing.
+/// Smallest number of edges for a calibration.
 const LEAST_LINES: usize = 8;
-/// Strokes that are shown at most.
+/// Largest number of strokes shown.
 const STROKES: usize = 20;
-/// Log evidence against edges of no direction that a proposal needs: to be as likely.
+/// Smallest log evidence relative to edges without directions: at least equally likely.
 const LEAST_EVIDENCE: f64 = 0.0;
-/// Floor directions that are nearer to a right angle than this, in radians, may be at right angles.
+/// Largest deviation of two floor directions from a right angle, in radians, with which a right angle is
+/// tried.
 const NEARLY_SQUARE: f64 = 0.4;
-/// Relative standard deviation of the focal up to which a proposal is sure, and up to which there is one.
+/// Largest relative standard deviation of the focal length with the confidence `sure`, and with `check`.
 const SURE: f64 = 0.06;
 const CHECK: f64 = 0.10;
-/// That of a focal of which nothing is known.
+/// Relative standard deviation of an unknown focal length.
 const OPEN: f64 = 10.0;
-/// Sigmas of what is believed of cameras from which one wants a look, and from which it is not believed.
+/// Prior z-scores above which a calibration needs review, or is rejected.
 const UNUSUAL: f64 = 2.0;
 const UNBELIEVED: f64 = 3.0;
-/// By how much the solve underestimates its sigma: strokes of edges share what is wrong with them.
+/// Factor by which the solver underestimates the standard deviation: the strokes of one edge share their
+/// errors.
 const WIDENING: f64 = 1.6;
 
-/// What is known of a still: its edges, its size, and the lens if somebody knows it.
+/// Input of an automatic calibration: the edges of an image, its size, and the lens if known.
 #[derive(Clone, Debug)]
 pub struct Still {
-    /// Straight edges, raw pixels.
+    /// Straight edges, in raw pixels.
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
     pub size: [u32; 2],
-    /// Principal point, raw pixel; the centre if absent.
+    /// Principal point, in raw pixels; the image centre if absent.
     pub principal_point: Option<Pixel>,
-    /// The lens, where it is known; else its distortion is found with the grouping.
+    /// Lens, if known; otherwise the distortion is estimated with the grouping.
     pub lens: Option<Lens>,
-    /// The circle outside which a round image is dark.
+    /// Image circle of a round image.
     pub image_circle: Option<ImageCircle>,
 }
 
-/// What a still proposes.
+/// Automatic calibration of an image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Proposal {
-    /// Whether to believe it.
+    /// Confidence of the result.
     pub verdict: Verdict,
-    /// Why it is not sure.
+    /// Reasons for a reduced confidence.
     pub reasons: Vec<Reason>,
-    /// The strokes, direction by direction; empty where nothing was found.
+    /// Strokes, by direction; empty if no directions were found.
     pub groups: Vec<Group>,
-    /// Edges that the lens bends, each a polyline, from which the distortion can be fitted; none where the lens is known
-    /// or does not bend.
+    /// Edges curved by distortion, each a polyline, for fitting the distortion; empty if the lens is known or
+    /// has no distortion.
     pub straight: Vec<Vec<Pixel>>,
-    /// The camera as it would be drawn, without an image.
+    /// Camera with the strokes as annotations, without an image.
     pub camera: Option<SiteCamera>,
-    /// What the solve makes of it.
+    /// Solution for this camera.
     pub solution: Option<Solution>,
-    /// Relative standard deviation of the focal, wrong groups included.
+    /// Relative standard deviation of the focal length, including the effect of wrong groups.
     pub focal_sigma_rel: Option<f64>,
     /// Another camera that explains the edges nearly as well.
     pub alternative: Option<Alternative>,
 }
 
-/// Another camera that explains the edges of a still nearly as well as that which it proposes.
+/// Another camera that explains the edges of an image nearly as well as the best one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Alternative {
-    /// Its roll, pitch and focal.
+    /// Roll, pitch and focal length.
     pub orientation: Orientation,
-    /// The strokes that it explains, direction by direction.
+    /// Strokes that it explains, by direction.
     pub groups: Vec<Group>,
 }
 
@@ -202,13 +202,13 @@ struct Grouping {
 }
 
 impl Grouping {
-    /// The strokes of a mixture.
+    /// Returns the strokes of a mixture.
     fn drawn(&self, mixture: &Mixture) -> Vec<Group> {
         let draw = |line: usize| stroke(&self.lines[line], &self.lens);
         groups(mixture, &strokes(mixture, &self.lines, STROKES), &draw, &lies(mixture, &self.lines))
     }
 
-    /// All cameras but the likeliest with their log evidence less its own.
+    /// Returns all cameras except the likeliest, each with its log evidence relative to the likeliest.
     fn others(&self) -> Vec<(f64, &Mixture)> {
         let Some((best, others)) = self.mixtures.split_first() else { return Vec::new() };
         others.iter().map(|other| (other.log_evidence - best.log_evidence, other)).collect()
@@ -220,7 +220,7 @@ impl Grouping {
 }
 
 impl Proposal {
-    /// The proposal of a still.
+    /// Calibrates an image from its edges.
     #[must_use]
     pub fn new(still: &Still) -> Self {
         if still.segments.len() < LEAST_LINES {
@@ -235,7 +235,7 @@ impl Proposal {
         match grouping.mixtures.first() {
             Some(best) if best.log_evidence > LEAST_EVIDENCE => {
                 let straight = straight(&grouping.lines, &still.segments, &grouping.lens);
-                // What is known of the lens already is not asked for.
+                // No straight edges are needed for a known lens.
                 let straight = if still.lens.is_some() { Vec::new() } else { straight };
                 Self { straight, ..Self::of(&grouping, best, still.size) }
             }
@@ -256,7 +256,7 @@ impl Proposal {
         }
     }
 
-    /// The proposal of the likeliest mixture.
+    /// Creates the result for the likeliest mixture.
     fn of(grouping: &Grouping, best: &Mixture, size: [u32; 2]) -> Self {
         let groups = grouping.drawn(best);
         let camera = entry(size, &grouping.lens, &groups);
@@ -267,7 +267,7 @@ impl Proposal {
             return proposal;
         };
         if is_other([solution.roll_deg, solution.pitch_deg], &best.camera) {
-            // The strokes alone allow a camera that nobody set up; its numbers would be read as an answer.
+            // The strokes alone allow an implausible camera; its numbers would be mistaken for a result.
             proposal.reasons = vec![Reason::TwoHypotheses { focals: [best.camera.focal, solution.focal_px] }];
             proposal.camera = Some(camera);
             return proposal;
@@ -286,7 +286,7 @@ impl Proposal {
         proposal
     }
 
-    /// The verdict, with what speaks against it; the rival, if that does.
+    /// Sets the confidence and its reasons; returns the rival camera if it is one of them.
     fn judge<'a>(
         &mut self,
         [sigma, own, unusual]: [f64; 3],
@@ -306,7 +306,7 @@ impl Proposal {
         if unusual > UNUSUAL {
             self.reasons.push(Reason::Unusual { focal: solution.focal_px });
         }
-        if solution.warns_of(Code::Misfit) {
+        if solution.has_warning(Code::Misfit) {
             let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
             self.reasons.push(Reason::Misfit { chi2_per_dof });
         }
@@ -322,7 +322,7 @@ impl Proposal {
         rival
     }
 
-    /// What must be there for directions to control each other, and is not.
+    /// Returns the reason if directions are missing that are needed as a check.
     fn missing(&self, sigma: f64) -> Option<Reason> {
         let levels = self.groups.iter().filter(|group| group.annotation.kind == Kind::Parallel).count();
         let verticals = self.groups.iter().find(|group| group.annotation.kind == Kind::Vertical);
@@ -333,11 +333,11 @@ impl Proposal {
     }
 }
 
-/// How far the other mixtures are from the likeliest one.
+/// Scatter of the other mixtures about the likeliest one.
 struct Scatter<'a> {
-    /// Standard deviation of the log focal over all of them, by their evidence.
+    /// Standard deviation of the log focal length over all mixtures, weighted by their evidence.
     sigma: f64,
-    /// The one that adds most.
+    /// Mixture with the largest contribution.
     rival: Option<&'a Mixture>,
 }
 
@@ -356,13 +356,13 @@ impl<'a> Scatter<'a> {
 }
 
 impl Still {
-    /// A still of which nothing is known but its edges.
+    /// Creates the input from edges alone.
     #[must_use]
     pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
         Self { segments, size, principal_point: None, lens: None, image_circle: None }
     }
 
-    /// The still of a camera: its lens is known where its distortion is given.
+    /// Creates the input for a camera of a site; its lens is known if the site specifies its distortion.
     #[must_use]
     pub fn of_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
@@ -375,7 +375,7 @@ impl Still {
         }
     }
 
-    /// The likeliest grouping.
+    /// Returns the likeliest grouping.
     fn grouping(&self) -> Option<Grouping> {
         let straight = self.grouped(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
         let bent = if self.lens.is_none() { self.bent_grouping() } else { None };
@@ -387,7 +387,8 @@ impl Still {
         Some(chosen)
     }
 
-    /// The grouping under the distortion under which edges lead to common points best, if that is any.
+    /// Returns the grouping under the distortion with the best concurrence of edges; `None` if that is no
+    /// distortion.
     fn bent_grouping(&self) -> Option<Grouping> {
         let concurrence = |k1: f64| {
             search::concurrence(&self.lines(&search::lens(k1, self.centre(), self.sides())))
@@ -413,7 +414,7 @@ impl Still {
         self.grouped(search::lens(k1, self.centre(), self.sides()), k1)
     }
 
-    /// Edges joined and grouped under a lens.
+    /// Joins and groups the edges under a lens.
     fn grouped(&self, lens: Lens, k1: f64) -> Grouping {
         let lines = self.lines(&lens);
         let belief = Belief::of_width(f64::from(self.size[0]));
@@ -430,7 +431,7 @@ impl Still {
         lines
     }
 
-    /// The same grouping under the distortion that makes it likeliest.
+    /// Refines the distortion of a grouping.
     fn refined(&self, coarse: &Grouping) -> Grouping {
         let belief = Belief::of_width(f64::from(self.size[0]));
         let score = |k1: f64| {
@@ -442,7 +443,7 @@ impl Still {
         let (k1, _) = search::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
         let lens = search::lens(k1, self.centre(), self.sides());
         let lines = self.lines(&lens);
-        // So near to the coarse step the same cameras are worth working out: nothing is sought anew.
+        // The cameras of the coarse step are close enough; no new search is needed.
         let starts =
             coarse.mixtures.iter().map(|from| (from.camera, from.azimuths.clone(), from.tied.clone()));
         let mut mixtures: Vec<Mixture> =
@@ -452,17 +453,17 @@ impl Still {
     }
 }
 
-/// Whether the solve of the strokes stands the camera on its head, or turns it from that of all edges about its axis or
-/// up and down by more than any noise would.
+/// Whether the solution of the strokes differs from the camera of all edges by more than noise, in roll or
+/// pitch; for example upside down.
 fn is_other(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
-    /// In radians.
+    /// Largest accepted difference, in radians.
     const TURNED: f64 = 0.5;
     let turned =
         |found: Option<f64>, own: f64| found.is_some_and(|found| (found.to_radians() - own).abs() > TURNED);
     turned(found_deg[0], camera.roll) || turned(found_deg[1], camera.pitch)
 }
 
-/// The mixtures of a hypothesis: with no right angle, and with each that may be one.
+/// Returns the mixtures of a hypothesis: without a right angle, and with each possible one.
 fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &Belief) -> Vec<Mixture> {
     use std::f64::consts::{FRAC_PI_2, PI};
     let azimuths = &hypothesis.azimuths;

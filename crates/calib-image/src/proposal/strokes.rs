@@ -1,10 +1,11 @@
-//! Which edges an operator is shown: the few that tell most.
+//! Selection of the few most informative edges, and their conversion to annotations.
 //!
-//! An edge adds `J' J` to the information about roll, pitch, focal and the azimuths of the floor directions, times the
-//! probability that it belongs. One after the other the edge is taken that raises the log determinant most
-//! (D-optimal, greedily): long edges, far from each other, of every direction that matters.
+//! An edge with the Jacobian row `J` adds `J' J` to the information about roll, pitch, focal length and the
+//! azimuths of the floor directions. It is multiplied by the probability that the edge belongs to its
+//! direction. One after the other, the edge that raises the log determinant most is selected (greedy
+//! D-optimal design). The result is long edges, far from each other, of every relevant direction.
 //!
-//! Edges as annotations, as an operator would draw them, and what the solve makes of them.
+//! The selected edges become annotations, as if drawn by an operator, and are solved as such.
 
 use calib_core::{Annotation, Kind, Lens, Pixel, UndistortedPixel};
 use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
@@ -14,28 +15,28 @@ use super::join::Line;
 use super::lies::Lies;
 use super::mixture::Mixture;
 
-/// Edges that belong less surely are not shown.
+/// Smallest probability of a selected edge.
 const LEAST: f64 = 0.7;
 
-/// Strokes of every direction at least, where there are.
+/// Smallest number of strokes of every direction, if available.
 const LEAST_EACH: usize = 2;
 
-/// An edge that is shown.
+/// Selected edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stroke {
     /// Index of the line.
     pub(super) line: usize,
-    /// 0 for the verticals, then the floor directions.
+    /// Direction: 0 for the vertical, then the floor directions.
     pub(super) direction: usize,
-    /// That it belongs.
+    /// Probability that the edge belongs to the direction.
     pub(super) probability: f64,
 }
 
-/// At most so many edges.
+/// Selects at most `most` edges.
 pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Stroke> {
     let mut left = candidates(mixture, lines);
     let unknowns = 3 + mixture.azimuths.len();
-    // What is believed of cameras, so that there is a determinant from the first edge on.
+    // Prior information of the camera, so that the determinant is positive before the first edge.
     let mut information = DMatrix::identity(unknowns, unknowns) * 100.0;
     let mut chosen = Vec::new();
     while chosen.len() < most && !left.is_empty() {
@@ -60,14 +61,14 @@ pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Str
     chosen
 }
 
-/// A direction that has not yet as many strokes as it takes to see that they belong together.
+/// Returns a direction with too few strokes to check that they are consistent.
 fn wanting(chosen: &[Stroke], left: &[(Stroke, Vec<f64>)]) -> Option<usize> {
     let drawn = |direction: usize| chosen.iter().filter(|stroke| stroke.direction == direction).count();
     let most = left.iter().map(|(stroke, _)| stroke.direction).max()?;
     (0..=most).find(|&k| drawn(k) < LEAST_EACH && left.iter().any(|(stroke, _)| stroke.direction == k))
 }
 
-/// The edges that belong somewhere, with the derivatives of their residuals.
+/// Returns the edges assigned to a direction, with the derivatives of their residuals.
 fn candidates(mixture: &Mixture, lines: &[Line]) -> Vec<(Stroke, Vec<f64>)> {
     let (points, derivatives) = (mixture.points(), mixture.point_derivatives());
     let memberships = mixture.memberships(lines);
@@ -87,23 +88,23 @@ fn candidates(mixture: &Mixture, lines: &[Line]) -> Vec<(Stroke, Vec<f64>)> {
 /// Edges of one direction.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Group {
-    /// As they would be drawn.
+    /// Suggested annotation.
     pub annotation: Annotation,
-    /// That a segment belongs, in the order of the segments.
+    /// Probability of each segment to belong to the direction, in the order of the segments.
     pub probabilities: Vec<f64>,
-    /// Where they lie, in the order of the segments.
+    /// Location class of each segment, in the order of the segments.
     pub lies: Vec<Lies>,
 }
 
 impl Group {
-    /// That all of it belongs: the mean over its segments.
+    /// Returns the probability of the group: the mean over its segments.
     #[must_use]
     pub fn probability(&self) -> f64 {
         self.probabilities.iter().sum::<f64>() / self.probabilities.len().max(1) as f64
     }
 }
 
-/// The strokes as annotations: verticals, then every floor direction that two of them have.
+/// Converts the strokes to annotations: the vertical, then every floor direction with at least two strokes.
 pub(super) fn groups(
     mixture: &Mixture,
     strokes: &[Stroke],
@@ -131,17 +132,17 @@ pub(super) fn groups(
     (0..=mixture.azimuths.len()).filter(|&direction| is_drawn(direction)).map(group).collect()
 }
 
-/// The ends of a line as the lens shows them.
+/// Returns the ends of a line in raw pixels of the lens.
 pub(super) fn stroke(line: &Line, lens: &Lens) -> Vec<Pixel> {
     let Pixel { u, v } = lens.principal_point;
     line.ends.iter().filter_map(|p| lens.distort(UndistortedPixel { u: p[0] + u, v: p[1] + v })).collect()
 }
 
-/// The camera with this lens and these annotations.
+/// Creates the camera with this lens and these annotations.
 pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera {
     let centre = Pixel::new(0.5 * f64::from(size[0]), 0.5 * f64::from(size[1]));
     let principal_point_px = Some(lens.principal_point).filter(|point| *point != centre);
-    let distortion = DistortionEntry::of(lens, lens.focal);
+    let distortion = DistortionEntry::from_lens(lens, lens.focal);
     let distortion = distortion.map(|entry| DistortionEntry { focal_px: Some(lens.focal), ..entry });
     let lens = LensEntry { principal_point_px, distortion, ..LensEntry::default() };
     SiteCamera {
@@ -151,7 +152,7 @@ pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera
     }
 }
 
-/// What the whole solve makes of a camera; none where it fails.
+/// Solves the camera; `None` if the solver fails.
 pub(super) fn solved(entry: &SiteCamera) -> Option<Solution> {
     let site = Site { cameras: vec![entry.clone()], ..Site::new() };
     let mut report = site.calibrate(&Options::default());

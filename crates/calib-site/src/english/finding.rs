@@ -1,53 +1,55 @@
-//! A finding in words: what is so, and what the operator can do about it. A new finding has its two arms here.
+//! Messages and advice for findings, and for failures (cameras without a result).
 //!
-//! Why there is no result.
+//! A new finding needs an arm in `message` and one in `advice`.
 
 use calib_core::outcome::{Drawing, Failure, Finding, Parameter, Suggestion, WhyUnused};
 
 use crate::document::Site;
-use crate::english::phrase::what_to_draw;
+use crate::english::phrase::suggestion_text;
 use crate::english::phrase::{
-    English, Names, bent, corners, efov, estimator, evidence, few_residuals, field, floor, from_prior,
-    joint_misfit, open_focal, other_minima, scale_assumed, scale_conflict, unchecked,
+    Names, SentenceContext, corners, counted, curved, default_focal, efov, estimator, evidence,
+    few_residuals, field, floor, joint_misfit, other_minima, scale_assumed, scale_conflict, unchecked,
+    undetermined_focal,
 };
 use crate::solution::{FailureEntry, Warning};
 
 impl Site {
-    /// A finding as a message and an advice: about the result of a camera, or about the site as a whole.
+    /// Describes a finding as a message and advice. The camera is an index into `cameras`, or `None` for a
+    /// finding about the whole site.
     #[must_use]
-    pub fn in_english(&self, camera: Option<usize>, finding: &Finding, names: Names) -> Warning {
+    pub fn describe_finding(&self, camera: Option<usize>, finding: &Finding, names: Names) -> Warning {
         let entry = camera.and_then(|index| self.cameras.get(index));
-        let message = English { site: self, entry, names }.message(finding);
+        let message = SentenceContext { site: self, entry, names }.message(finding);
         Warning { code: finding.code(), message, advice: advice(finding) }
     }
 }
 
-impl English<'_> {
+impl SentenceContext<'_> {
     fn message(&self, finding: &Finding) -> String {
         use Finding as F;
         match finding {
             F::FocalUnobservable { sigma, looks_down, good_floor, .. } => {
-                open_focal(*sigma, good_floor.filter(|_| *looks_down))
+                undetermined_focal(*sigma, good_floor.filter(|_| *looks_down))
             }
-            F::PriorDominates { focal, sigma } => from_prior(*focal, *sigma),
+            F::PriorDominates { focal, sigma } => default_focal(*focal, *sigma),
             F::TwoSolutions { others, .. } => other_minima(others),
             F::Weak { floor_length_rel, .. } | F::Unusable { floor_length_rel, .. } => {
                 floor(*floor_length_rel)
             }
             F::Unchecked { dof, rejected, .. } => unchecked(*dof, *rejected),
             F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
-            F::UncertaintyUnknown => "How well the camera is known, nothing tells: nothing is drawn, or what is drawn contradicts itself.".into(),
+            F::UncertaintyUnknown => "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.".into(),
             F::OutOfDate { what, stored, now } => self.out_of_date(*what, *stored, *now),
             F::PointsOutside { .. } => self.points_outside(finding),
-            F::BelowFloor { height } => format!("The camera stands {:.2} m below the floor.", -height),
-            F::NoFloor => "The camera sees no floor where its field of view is.".into(),
+            F::BelowFloor { height } => format!("The camera is {:.2} m below the floor.", -height),
+            F::NoFloor => "No floor is visible in the field of view of the camera.".into(),
             F::LineOutlier { line, px } => self.line_outlier(*line, *px),
             F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
             F::HeightsApart { lowest, highest } => self.heights_apart(*lowest, *highest),
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
-            F::BentEdges { px, px_without_lens } => bent(*px, *px_without_lens),
-            F::BentOneWay { px } => bent_one_way(*px),
-            F::UninformativeEdges { edges, drawn, bend_px } => self.says_little(edges, *drawn, *bend_px),
+            F::BentEdges { px, px_without_lens } => curved(*px, *px_without_lens),
+            F::BentOneWay { px } => curved_one_way(*px),
+            F::UninformativeEdges { edges, drawn, bend_px } => self.uninformative(edges, *drawn, *bend_px),
             F::UncertainCorners { px, is_round, .. } => corners(*px, *is_round),
             F::UnusedEdges { first, count, is_undistorted, px } => {
                 self.unused_edges(*first, *count, *is_undistorted, *px)
@@ -58,54 +60,57 @@ impl English<'_> {
             }
             F::UnusedPrior { parameter } => unused_prior(field(*parameter)),
             F::OutsideLens { line } => {
-                format!("{} has a point where the lens shows nothing.", self.line_of(*line))
+                format!("{} has a point outside the field of view of the lens.", self.line_of(*line))
             }
-            F::NoLength { line } => format!("{} has no length.", self.line_of(*line)),
-            F::TooFewControlPoints { count } => format!("{count} control point(s) do not place the camera."),
-            F::HiddenControlPoints { points } => self.hidden(points),
-            F::FarControlPoints { rms_px, worst, worst_px } => self.far(*rms_px, *worst, *worst_px),
+            F::NoLength { line } => format!("{} has zero length.", self.line_of(*line)),
+            F::TooFewControlPoints { count } => format!(
+                "{} not enough to place the camera.",
+                counted(*count, "control point is", "control points are")
+            ),
+            F::HiddenControlPoints { points } => self.hidden_control_points(points),
+            F::FarControlPoints { rms_px, worst, worst_px } => self.far_control_points(*rms_px, *worst, *worst_px),
             F::ScaleAssumed { height } => scale_assumed(*height),
-            F::PlacedByHand => "A hand says where the camera stands, and nothing tells how well.".into(),
+            F::PlacedByHand => "The camera was placed by hand, so the uncertainty of its position is unknown.".into(),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
             F::DistortionNotInvertible => {
-                "The distortion folds back on itself inside the image: a corner shows no ray.".into()
+                "The distortion cannot be inverted in a corner of the image.".into()
             }
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
             F::DistanceOutlier { distance } => self.distance_outlier(*distance),
             F::NotConnected { cameras, why } => self.not_connected(cameras, *why),
-            F::Sliding { camera } => format!("The links of {} leave open where it stands.", self.id(*camera)),
+            F::Sliding { camera } => format!("The links of {} do not determine its position.", self.id(*camera)),
             F::ScaleUnknown { cameras, root } => self.scale_unknown(cameras, *root),
             F::TooManyCameras { count, first } => self.too_many(*count, *first),
             F::Unused { what, why } => self.unused(what, *why),
             F::UnusedEvidence { evidence: shared, count } => {
-                format!("{count} {} are not used: every camera is solved by itself.", evidence(*shared))
+                format!("{} not used, because each camera is solved separately.", evidence(*shared, *count))
             }
         }
     }
 }
 
-/// What the operator can do about a finding.
+/// Returns the advice for a finding.
 fn advice(finding: &Finding) -> String {
     use Finding as F;
     let next = || next(finding.suggestion());
     match finding {
         F::FocalUnobservable { looks_down: true, .. } => {
-            format!("Enter the focal if heights matter, or draw verticals. {}", next())
+            format!("Enter the focal length if heights matter, or draw verticals. {}", next())
         }
         F::FocalUnobservable { .. } => format!(
-            "Draw floor lines that run away from the camera, or a right angle at about 45 degrees to the view, or enter the focal. {}",
+            "Draw floor lines that run away from the camera or a right angle at about 45\u{b0} to the view, or enter the focal length. {}",
             next()
         ),
-        F::TwoSolutions { .. } => format!("One more line decides. {}", next()),
+        F::TwoSolutions { .. } => format!("Draw one more line to decide between them. {}", next()),
         F::Weak { scale_rel: Some(scale), next, .. } | F::Unusable { scale_rel: Some(scale), next, .. }
             if next.is_none_or(|next| next.drawing == Drawing::KnownSize) =>
         {
             measure_one(*scale)
         }
         F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
-        F::HeightsApart { .. } => HEIGHTS_APART.into(),
+        F::HeightsApart { .. } => CHECK_HEIGHTS.into(),
         F::Unused { why, .. } => advice_on_unused(*why).into(),
         F::PointsOutside { fits_exchanged, is_other_image, .. } => {
             advice_on_points(*fits_exchanged, *is_other_image).into()
@@ -114,93 +119,101 @@ fn advice(finding: &Finding) -> String {
     }
 }
 
-const HEIGHTS_APART: &str = "Check the heights, feet and heads of both: they must stand on the floor. Switch one off to see what the others give.";
+const CHECK_HEIGHTS: &str = "Check the height, foot and head of both: they must stand on the floor. To compare, switch one off and solve again.";
 
-const FLOOR_OR_UPRIGHT: &str =
-    "Check that floor lines and verticals were not exchanged; draw the field of view on the floor.";
+const CHECK_FLOOR_LINES: &str =
+    "Check that floor lines and verticals are not confused, and draw the field of view on the floor.";
 
-const TIE_OR_HOLD: &str =
-    "Give two control points, or links with a camera that has some, and refine; or hold what is measured.";
+const CONNECT_OR_FIX: &str =
+    "Add two control points, or link it to a camera that has them, then refine. Or fix the measured values.";
 
 const ANOTHER_EDGE: &str =
-    "If it is the lens, draw a straight edge of another direction with three points and more.";
+    "If the lens is the cause, draw a straight edge in another direction, with three or more points.";
 
-const GIVE_A_SCALE: &str = "Enter one known distance, height or length, or two points of the plan.";
+const ENTER_A_SCALE: &str = "Enter a known distance, height or length, or two control points on the plan.";
 
 fn unused_prior(field: &str) -> String {
     format!("The paper's method does not use the prior {field}.")
 }
 
-fn bent_one_way(px: f64) -> String {
+fn curved_one_way(px: f64) -> String {
     format!(
-        "The lines of one direction are bent, {px:.1} px rms: by the lens, because what they follow curves, or a point is off."
+        "The lines of one direction are curved by {px:.1} px RMS: because of the lens, a curved edge, or a misplaced point."
     )
 }
 
-/// What tells the corners of an image, or the rim of a round one.
-const fn farther_edges(is_round: bool, is_reached: bool) -> &'static str {
+/// Returns the advice for uncertain distortion in the corners of an image, or at the rim of a round image.
+const fn extend_edges(is_round: bool, is_reached: bool) -> &'static str {
     match (is_round, is_reached) {
         (true, true) => {
-            "Edges reach the rim already: draw verticals and floor lines, or link points with another camera."
+            "Edges already reach the rim. Draw verticals and floor lines, or link points with another camera."
         }
-        (true, false) => "Draw straight edges that reach out to the rim.",
-        (false, _) => "Draw straight edges that reach into the corners.",
+        (true, false) => "Draw straight edges that reach the rim.",
+        (false, _) => "Draw straight edges that reach the corners.",
     }
 }
 
-/// Advice that is the same whatever the numbers.
+/// Returns the advice for findings whose advice does not depend on their numbers.
 const fn fixed_advice(finding: &Finding) -> &'static str {
     use Finding as F;
     match finding {
-        F::PriorDominates { .. } => "Enter the focal if you know it, or draw what tells it.",
-        F::NoFloor => FLOOR_OR_UPRIGHT,
-        F::FewResiduals { .. } => "Draw more lines: each makes the noise better known.",
+        F::PriorDominates { .. } => {
+            "Enter the focal length if you know it, or draw lines that determine it, such as a right angle on the floor."
+        }
+        F::NoFloor => CHECK_FLOOR_LINES,
+        F::FewResiduals { .. } => "Draw more lines: each one improves the estimate of the noise.",
         F::UncertaintyUnknown => {
-            "Mend the lines that do not fit, if there are such; else draw lines on its image, or import it with standard \
-             deviations (\"sigma\" in the solution)."
+            "Correct the lines that do not fit, or draw lines if the image has none. An imported calibration needs \
+             standard deviations (\"sigma\" in the solution)."
         }
         F::OutOfDate { .. } => "Solve the site again: calib solve, or Solve in the app.",
-        F::BelowFloor { .. } => "Check its height, and that up is z in what it came from.",
-        F::LineOutlier { .. } => "Draw it again, delete it, or use it anyway (\"keep\") if it is right.",
+        F::BelowFloor { .. } => "Check its height. In an imported calibration, the z axis must point up.",
+        F::LineOutlier { .. } => "Redraw it or delete it. If it is correct, use it anyway (\"keep\").",
         F::Misfit { .. } => {
-            "Look at the largest residuals: a line off its edge, a direction that is not parallel, or a bent lens."
+            "Check the lines with the largest residuals: a line may be misplaced, not parallel, or curved by distortion."
         }
-        F::JointMisfit { .. } => "Look for the largest residuals among links, marks and control points.",
-        F::BentEdges { .. } => "Look for a point off its edge, then for an edge that is bent in space.",
+        F::JointMisfit { .. } => "Check the links, marks and control points with the largest residuals.",
+        F::BentEdges { .. } => {
+            "Look for a point that is not on its edge, then for an edge that is not straight in reality."
+        }
         F::BentOneWay { .. } => ANOTHER_EDGE,
-        F::UninformativeEdges { .. } => "Draw long edges far from the image centre that do not point at it.",
-        F::UncertainCorners { is_round, is_reached, .. } => farther_edges(*is_round, *is_reached),
-        F::UnusedEdges { .. } => "Take the coefficients out of lens.distortion to have them fitted.",
-        F::UnusedKind { .. } => "Switch it off, or use a method that does.",
+        F::UninformativeEdges { .. } => {
+            "Draw long edges far from the image centre that do not point towards it."
+        }
+        F::UncertainCorners { is_round, is_reached, .. } => extend_edges(*is_round, *is_reached),
+        F::UnusedEdges { .. } => "Remove the coefficients from lens.distortion to fit them.",
+        F::UnusedKind { .. } => "Switch it off, or use a method that supports it.",
         F::TooFewSegments { .. } => "Draw the missing segments.",
-        F::UnusedPrior { .. } => "Hold it with \"fixed\": true, or use --method ml.",
-        F::OutsideLens { .. } => "Move the point inward, or correct the distortion.",
-        F::NoLength { .. } => "Draw it again, or delete it.",
+        F::UnusedPrior { .. } => "Fix it with \"fixed\": true, or use --method ml.",
+        F::OutsideLens { .. } => "Move the point inwards, or correct the distortion.",
+        F::NoLength { .. } => "Redraw it or delete it.",
         F::TooFewControlPoints { .. } => {
-            "Two points far apart inside the lens are needed, and more make it sure."
+            "Add control points: two that are far apart are required, and more make the result safer."
         }
         F::HiddenControlPoints { .. } => "Check their coordinates and pixels.",
         F::FarControlPoints { .. } => {
-            "Check the worst one's coordinates and pixel, or switch it off and look again."
+            "Check the coordinates and the pixel of the worst one, or switch it off and solve again."
         }
         F::ScaleConflict { .. } => {
-            "Check the scale of the plan, the heights and lengths, and the size of the EFOV polygon."
+            "Check the scale of the plan, the heights and lengths, and the size of the field of view on the plan."
         }
-        F::EfovAboveHorizon { .. } => "Draw the far edge of the EFOV lower, where the floor can be told.",
+        F::EfovAboveHorizon { .. } => {
+            "Move the far edge of the field of view down, onto floor that is clearly visible."
+        }
         F::DistortionNotInvertible => "Draw straight edges nearer to the corners, or fit fewer coefficients.",
         F::ControlPointOutlier { .. } => {
-            "Check its coordinates and its pixel, or use it anyway (\"keep\") if it is right."
+            "Check its coordinates and its pixel. If both are correct, use it anyway (\"keep\")."
         }
         F::ElementOutlier { .. } => {
-            "Check that every camera shows the same thing there, or use it anyway (\"keep\") if it is right."
+            "Check that it marks the same object in every camera. If it does, use it anyway (\"keep\")."
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
-        F::NotConnected { .. } => "Link two points with a camera that is tied, or give control points.",
-        F::Sliding { .. } => "Link points far apart from each other.",
-        F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => GIVE_A_SCALE,
-        F::PlacedByHand => TIE_OR_HOLD,
-        F::TooManyCameras { .. } => "Let every link and mark be seen by fewer cameras.",
-        F::UnusedEvidence { .. } => "Let the cameras be refined together, by the maximum-likelihood method.",
+        F::NotConnected { .. } => "Link two points with a connected camera, or add control points.",
+        F::Sliding { .. } => "Link another point, far from the others, or fix its placement.",
+        F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => ENTER_A_SCALE,
+        F::PlacedByHand => CONNECT_OR_FIX,
+        F::TooManyCameras { .. } => "Use fewer cameras for each link and mark.",
+        F::UnusedEvidence { .. } => "Refine the cameras together, with the maximum-likelihood method.",
         F::FocalUnobservable { .. }
         | F::TwoSolutions { .. }
         | F::Weak { .. }
@@ -215,96 +228,99 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
 const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'static str {
     match (fits_exchanged, is_other_image) {
         (true, _) => {
-            "Check whether u and v are swapped in what is drawn, or width and height in size_px: an image of NumPy has \
-             the shape (height, width), and is read at [v, u]."
+            "Check whether u and v are swapped in the annotations, or width and height in size_px. NumPy images have \
+             the shape (height, width) and are indexed by [v, u]."
         }
         (false, true) => {
-            "Check that size_px is the size of the image that it was drawn on: a still, or a stream of another size."
+            "Check that size_px is the size of the annotated image. A stream of the same camera may have another size."
         }
-        (false, false) => "Check these points; a line may be drawn a little beyond the border.",
+        (false, false) => "Check these points. A line may extend a little beyond the border.",
     }
 }
 
 const fn advice_on_unused(why: WhyUnused) -> &'static str {
     match why {
         WhyUnused::OutOfSight => {
-            "Check that it is drawn below the horizon, inside the lens, and on the same thing in every view."
+            "Check that it is below the horizon, inside the field of view of the lens, and on the same object in every image."
         }
-        WhyUnused::SeenOnce => "Draw it in a second camera, or give it a distance to something else.",
-        WhyUnused::Unmeasured => "Measure between links or marks that cameras show, and say how well.",
-        WhyUnused::Unfitted => "Switch links and marks off one by one, the farthest first.",
+        WhyUnused::SeenOnce => "Mark it in a second camera, or enter its distance to another link or mark.",
+        WhyUnused::Unmeasured => {
+            "Use links or marks that cameras show, and enter \"sigma\" or \"fixed\" for the length."
+        }
+        WhyUnused::Unfitted => "Switch off links and marks one at a time, the farthest first.",
     }
 }
 
 fn measure_one(scale: f64) -> String {
     format!(
-        "The shape of the floor is good; what limits it is the scale: a size or height is known to \u{b1} {:.1} % only. Measure one, the longer the better, and enter its length with the uncertainty of the measurement.",
+        "The scale limits the accuracy: it comes from a size or height known only to \u{b1} {:.1} %. Measure a length, as long as possible, and enter it with its uncertainty.",
         100.0 * scale
     )
 }
 
 fn next(suggestion: Option<Suggestion>) -> String {
     suggestion.map_or_else(
-        || "Draw lines elsewhere and in other directions.".into(),
-        |suggestion| what_to_draw(&suggestion),
+        || "Draw lines in other parts of the image and in other directions.".into(),
+        |suggestion| suggestion_text(&suggestion),
     )
 }
 
 impl From<&Failure> for FailureEntry {
     fn from(failure: &Failure) -> Self {
-        let [message, advice] = why_not(failure);
+        let [message, advice] = failure_text(failure);
         Self { code: failure.code(), message, advice }
     }
 }
 
-/// Why there is no result, and what the operator can do.
-fn why_not(failure: &Failure) -> [String; 2] {
+/// Returns the message and the advice for a camera without a result.
+fn failure_text(failure: &Failure) -> [String; 2] {
     match failure {
         Failure::TooFewVerticals { count } => [
-            format!("The paper's method needs two vertical lines for the roll, and has {count}."),
+            format!("The paper's method needs two verticals to determine the roll, but only {count} can be used."),
             ANOTHER_VERTICAL.into(),
         ],
         Failure::CoincidentVerticals => [
-            "The vertical lines coincide, so that they do not meet in one point.".into(),
+            "The verticals coincide, so they do not intersect in a single point.".into(),
             ANOTHER_VERTICAL.into(),
         ],
         Failure::NothingOnTheFloor => [
-            "Nothing on the floor tells pitch and focal apart.".into(),
-            "Draw two parallel floor lines, a right angle, or segments of equal length; or enter the focal.".into(),
+            "The annotations on the floor do not determine pitch and focal length.".into(),
+            "Draw two parallel floor lines, a right angle, or segments of equal length. Or enter the focal length.".into(),
         ],
         Failure::NothingDrawn => [
-            "Nothing is drawn that tells how the camera is turned.".into(),
+            "No lines are drawn that determine the orientation of the camera.".into(),
             "Draw two verticals and two parallel floor lines that run away from the camera.".into(),
         ],
         Failure::NoPitchAndFocal => {
-            ["No pitch and focal put these lines on a floor.".into(), EXCHANGED.into()]
+            ["No pitch and focal length fit these lines on a floor.".into(), CHECK_KINDS.into()]
         }
         Failure::NoOrientation => {
-            ["No roll, pitch and focal put these lines on a floor.".into(), EXCHANGED.into()]
+            ["No roll, pitch and focal length fit these lines on a floor.".into(), CHECK_KINDS.into()]
         }
         Failure::Underdetermined { weakest } => [
-            format!("The lines leave the {} of the camera open.", weakest.map_or("orientation", parameter)),
+            format!("The lines do not determine the {} of the camera.", weakest.map_or("orientation", parameter)),
             "Draw two verticals, one on each side of the image, and two parallel floor lines that run away from the camera.".into(),
         ],
         Failure::NoLens { camera, because } => [
-            format!("The lens is that of camera \"{camera}\", which has no result: {}", why_not(because)[0]),
-            format!("Complete camera \"{camera}\" first, or give this camera a lens of its own."),
+            format!("This camera uses the lens of camera \"{camera}\", which has no result: {}", failure_text(because)[0]),
+            format!("Complete camera \"{camera}\" first, or enter a separate lens for this camera."),
         ],
         Failure::TooExtreme => [
-            "The numbers drawn and entered are too extreme to be calculated with.".into(),
+            "A drawn or entered value is too extreme for the calculation.".into(),
             "Look for a value that is thousands of times too large or too small.".into(),
         ],
     }
 }
 
-const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or hold lens.roll_deg.";
-const EXCHANGED: &str = "Check that floor lines were not drawn as verticals, and lengths above the horizon.";
+const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or fix lens.roll_deg.";
+const CHECK_KINDS: &str =
+    "Check that no floor line was drawn as a vertical, and no length above the horizon.";
 
 const fn parameter(parameter: Parameter) -> &'static str {
     match parameter {
         Parameter::Roll => "roll",
         Parameter::Pitch => "pitch",
-        Parameter::Focal => "focal",
+        Parameter::Focal => "focal length",
         Parameter::Height => "height",
     }
 }

@@ -1,12 +1,15 @@
-//! Findings, failures and suggestions in English, as files and reports have them.
+//! English sentences for findings, failures and suggestions, as used in files, reports and the app.
 //!
-//! Law: the edge of the core. Nothing outside this folder makes a sentence of a result, and nothing looks
-//! into one.
+//! This module is the only one that phrases results. No code may parse these sentences: use the codes
+//! instead.
+//!
+//! - `finding`: the message and the advice of every finding and failure;
+//! - `phrase`: names of annotations and links, longer phrases, plural forms, suggestions.
 
 mod phrase;
 mod finding;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use phrase::what_to_draw;
+pub(crate) use phrase::suggestion_text;
 pub use phrase::{Names, counted};

@@ -1,8 +1,5 @@
-//! What sentences are made of: names of what they speak about, and the longer phrases.
-//!
-//! How many there are, in words that agree with it.
-//!
-//! What to draw next.
+//! Parts of sentences: names of annotations, links and cameras, longer phrases, plural forms, and
+//! suggestions.
 
 use calib_core::outcome::{
     Drawing, Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject, Suggestion,
@@ -12,61 +9,62 @@ use calib_core::single::{Annotation, line_name};
 
 use crate::document::{Site, SiteCamera};
 
-/// "1 line", "2 lines": one is never many.
+/// Formats a count with the singular or plural form: "1 line", "2 lines", "0 lines".
 #[must_use]
 pub fn counted(count: usize, one: &str, many: &str) -> String {
     if count == 1 { format!("1 {one}") } else { format!("{count} {many}") }
 }
 
-/// What to draw next, and what it is good for.
-pub(crate) fn what_to_draw(suggestion: &Suggestion) -> String {
+/// Describes a suggested annotation and its effect on the uncertainty of floor lengths.
+pub(crate) fn suggestion_text(suggestion: &Suggestion) -> String {
     let what = match suggestion.drawing {
         Drawing::VerticalOnTheLeft => "A vertical near the left edge of the image",
         Drawing::VerticalOnTheRight => "A vertical near the right edge of the image",
         Drawing::ParallelsAway => "Two parallel floor lines that run away from the camera, left and right",
         Drawing::ParallelsAcross => "Two parallel floor lines across the view, near and far",
-        Drawing::RightAngle => "A right angle near the middle of the floor, at about 45 degrees to the view,",
+        Drawing::RightAngle => "A right angle near the middle of the floor, at about 45\u{b0} to the view,",
         Drawing::EqualLengths => "Three floor segments of equal length, near, far and across,",
-        Drawing::SharedPoints => "Links of four floor points to another camera that sees them as well",
-        Drawing::KnownSize => "One thing on the floor whose length you know (a tile, a lane, a parking bay)",
+        Drawing::SharedPoints => "Links of four floor points to another camera that also shows them",
+        Drawing::KnownSize => "One object of known length on the floor (a tile, a lane, a parking bay)",
     };
     let gain = match suggestion.ratio {
-        r if r < 0.28 => "cut the uncertainty of the floor to a fraction".into(),
-        r if r < 0.4 => "cut the uncertainty of the floor to a third".into(),
-        r if r < 0.6 => "halve the uncertainty of the floor".into(),
-        r => format!("lower the uncertainty of the floor by {:.0} %", 100.0 * (1.0 - r)),
+        r if r < 0.28 => "reduce the floor uncertainty to a fraction".into(),
+        r if r < 0.4 => "reduce the floor uncertainty to a third".into(),
+        r if r < 0.6 => "halve the floor uncertainty".into(),
+        r => format!("reduce the floor uncertainty by {:.0} %", 100.0 * (1.0 - r)),
     };
-    // A floor without a scale has a smaller number, which is of its shape alone.
-    let scale = if suggestion.drawing == Drawing::KnownSize { ", its scale included" } else { "" };
-    format!("{what} would {gain} (then floor \u{b1} {:.1} %{scale}).", 100.0 * suggestion.floor_length_rel)
+    // If the scale is unknown, `floor_length_rel` covers only the shape of the floor. Only a known size also
+    // improves the scale.
+    let scale = if suggestion.drawing == Drawing::KnownSize { ", including the scale" } else { "" };
+    format!("{what} would {gain} (to \u{b1} {:.1} %{scale}).", 100.0 * suggestion.floor_length_rel)
 }
 
-/// How annotations are named.
+/// Naming scheme for annotations in sentences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Names {
-    /// By where they stand in the file: `Vertical (annotation 0)`.
+    /// Kind and index in the file: `Vertical (annotation 0)`.
     InFile,
-    /// By their lines, as drawings show them: `V1 to V3`.
+    /// Names of the lines, as labelled on the image: `V1 to V3`.
     OnScreen,
 }
 
-/// What sentences name things by.
-pub(super) struct English<'a> {
+/// Context for the sentences: the site, the camera and the naming scheme.
+pub(super) struct SentenceContext<'a> {
     pub(super) site: &'a Site,
-    /// The camera in question.
+    /// Camera that the finding is about.
     pub(super) entry: Option<&'a SiteCamera>,
     pub(super) names: Names,
 }
 
-impl English<'_> {
+impl SentenceContext<'_> {
     fn annotations(&self) -> &[Annotation] {
         self.entry.map_or(&[], |entry| &entry.annotations)
     }
 
-    /// An annotation by where it stands in the file, or by its lines.
+    /// Returns the name of an annotation, by its index in the file or by its lines.
     pub(super) fn label(&self, index: usize) -> String {
         let Some(annotation) = self.annotations().get(index) else { return String::new() };
-        // One without lines has no name on the screen.
+        // An annotation without lines has no label on the image.
         if self.names == Names::InFile || annotation.polylines().count() == 0 {
             return annotation.label(index);
         }
@@ -81,7 +79,7 @@ impl English<'_> {
         line_name(self.annotations(), line.annotation, line.segment)
     }
 
-    /// A line, and in files its annotation.
+    /// Returns the name of a line; with [`Names::InFile`], followed by its annotation.
     pub(super) fn line_of(&self, line: Source) -> String {
         match self.names {
             Names::InFile => format!("{} of {}", self.line(line), self.label(line.annotation)),
@@ -89,7 +87,7 @@ impl English<'_> {
         }
     }
 
-    /// The id of a camera.
+    /// Returns the id of a camera, or an empty string if the index is out of range.
     pub(super) fn id(&self, camera: usize) -> &str {
         self.site.cameras.get(camera).map_or("", |entry| &entry.id)
     }
@@ -99,7 +97,7 @@ impl English<'_> {
         enumerated(&ids)
     }
 
-    /// A control point as residuals call it.
+    /// Returns the name of a control point, as used for residuals.
     fn control_point(&self, entry: Option<&SiteCamera>, index: usize) -> String {
         entry.and_then(|entry| entry.control_points.get(index)).map_or_else(String::new, |p| p.label(index))
     }
@@ -112,7 +110,7 @@ impl English<'_> {
         })
     }
 
-    /// Something that cameras share, in the midst of a sentence.
+    /// Returns the name of a link, mark, control point, distance or camera, for use within a sentence.
     fn shared(&self, subject: Subject) -> String {
         let name = |id: Option<&String>, index: usize| id.cloned().unwrap_or_else(|| index.to_string());
         match subject {
@@ -134,8 +132,8 @@ impl English<'_> {
     pub(super) fn line_outlier(&self, line: Source, px: Option<f64>) -> String {
         let line = self.line_of(line);
         match px {
-            Some(px) => format!("{line} contradicts the others by {px:.1} px and was set aside."),
-            None => format!("{line} lies above the horizon that the others give, and was set aside."),
+            Some(px) => format!("{line} contradicts the others by {px:.1} px and was rejected."),
+            None => format!("{line} is above the horizon of the other lines and was rejected."),
         }
     }
 
@@ -143,16 +141,16 @@ impl English<'_> {
         let [(low, lowest), (high, highest)] =
             [lowest, highest].map(|(line, height)| (self.line_of(line), height));
         format!(
-            "Uprights contradict each other: the camera is {lowest:.2} m high by {low}, and {highest:.2} m by {high}."
+            "Uprights contradict each other: the camera height is {lowest:.2} m from {low}, but {highest:.2} m from {high}."
         )
     }
 
     pub(super) fn too_few(&self, annotation: usize, by: Estimator, [drawn, least]: [usize; 2]) -> String {
         let (who, label) = (estimator(by), self.label(annotation));
-        format!("{who} {label}: it has {drawn} segment(s) and needs {least}.")
+        format!("{who} {label}: it has {} and needs at least {least}.", counted(drawn, "segment", "segments"))
     }
 
-    /// Points of the drawing that the image has not.
+    /// Describes annotated points that are outside the image.
     pub(super) fn points_outside(&self, finding: &Finding) -> String {
         let Finding::PointsOutside { outside, drawn, size: [width, height], fits_exchanged, first, .. } =
             finding
@@ -167,13 +165,13 @@ impl English<'_> {
             Subject::Efov => "the field of view".into(),
             shared => self.shared(shared),
         };
-        let exchanged = if *fits_exchanged { " With u and v exchanged all would lie inside." } else { "" };
+        let exchanged = if *fits_exchanged { " With u and v exchanged, all would be inside." } else { "" };
         format!(
-            "{outside} of {drawn} points that are drawn lie outside the image of {width} x {height} pixels, first in {first}.{exchanged}"
+            "{outside} of {drawn} points are outside the image of {width} x {height} pixels, the first in {first}.{exchanged}"
         )
     }
 
-    /// What is not as the solution has it.
+    /// Describes the largest difference between a stored solution and the current site; residuals in pixels.
     pub(super) fn out_of_date(&self, what: Subject, stored: Option<f64>, now: Option<f64>) -> String {
         let name = match what {
             Subject::Line(line) if self.annotations().get(line.annotation).is_some() => self.line_of(line),
@@ -185,109 +183,114 @@ impl English<'_> {
         };
         match (stored, now) {
             (Some(stored), Some(now)) => format!(
-                "The solution is out of date: {name} is {:.1} px from its prediction, and was {:.1} px when it was solved.",
+                "The solution is out of date: {name} is now {:.1} px from its prediction; it was {:.1} px when solved.",
                 now.abs(),
                 stored.abs()
             ),
-            (None, Some(_)) => format!("The solution is out of date: it does not know {name}."),
+            (None, Some(_)) => format!("The solution is out of date: it does not include {name}."),
             (_, None) => {
-                format!("The solution is out of date: {name} is not where it was when it was solved.")
+                format!("The solution is out of date: {name} was moved or removed.")
             }
         }
     }
 
     pub(super) fn misfit(&self, chi2: f64, dof: i64, worst: Option<(Source, f64)>) -> String {
-        let worst = worst.map_or_else(String::new, |(line, px)| {
-            format!(" The largest is {}: {px:.1} px.", self.line_of(line))
-        });
-        format!("Residuals are larger than drawing noise (chi-square {chi2:.0} on {dof}).{worst}")
+        let worst = worst
+            .map_or_else(String::new, |(line, px)| format!(" Worst: {}, {px:.1} px.", self.line_of(line)));
+        format!(
+            "The lines disagree more than drawing noise explains (chi-square {chi2:.0}, {dof} degrees of freedom).{worst}"
+        )
     }
 
-    pub(super) fn says_little(&self, edges: &[Source], drawn: usize, bend_px: f64) -> String {
-        /// Edges that are named one by one; more are counted.
+    pub(super) fn uninformative(&self, edges: &[Source], drawn: usize, bend_px: f64) -> String {
+        /// Largest number of edges listed by name; longer lists give only their count.
         const NAMED: usize = 4;
         let names: Vec<String> = edges.iter().map(|&edge| self.line(edge)).collect();
         let who = match names.len() {
-            1 => format!("{} says", names[0]),
-            2..=NAMED => format!("{} say", names.join(", ")),
-            count => format!("{count} of {drawn} straight edges say"),
+            1 => format!("{} hardly constrains", names[0]),
+            2..=NAMED => format!("{} hardly constrain", names.join(", ")),
+            count => format!("{count} of {drawn} straight edges hardly constrain"),
         };
-        let by = if names.len() == 1 { "it by" } else { "none of them by more than" };
-        format!(
-            "{who} next to nothing about the lens: 10 px of distortion in the corner would bend {by} {bend_px:.1} px."
-        )
+        let by = if names.len() == 1 { "it by" } else { "them by at most" };
+        format!("{who} the lens: 10 px of distortion in the corner would curve {by} {bend_px:.1} px.")
     }
 
     pub(super) fn unused_edges(&self, first: usize, count: usize, is_undistorted: bool, px: f64) -> String {
         let which = if count == 1 { self.label(first) } else { format!("{count} straight edges") };
-        let bent = if is_undistorted { "no distortion" } else { "the distortion that is given" };
-        format!("The fit does not use {which}: {bent} is held. They are {px:.2} px off straight under it.")
+        let how = if is_undistorted { "without distortion" } else { "with the entered distortion" };
+        format!(
+            "The fit does not use {which}: the lens is fixed {how}. The deviation from straight is {px:.2} px."
+        )
     }
 
-    pub(super) fn hidden(&self, points: &[usize]) -> String {
+    pub(super) fn hidden_control_points(&self, points: &[usize]) -> String {
         let names: Vec<String> = points.iter().map(|&point| self.control_point(self.entry, point)).collect();
-        format!("The camera does not show control points {} where it stands now.", names.join(", "))
+        format!("Control points that are not visible from the current camera position: {}.", names.join(", "))
     }
 
-    pub(super) fn far(&self, rms_px: f64, worst: usize, worst_px: f64) -> String {
+    pub(super) fn far_control_points(&self, rms_px: f64, worst: usize, worst_px: f64) -> String {
         let name = self.control_point(self.entry, worst);
-        format!("The control points are {rms_px:.1} px rms off; the worst is {name}: {worst_px:.1} px.")
+        format!("The control points have an RMS error of {rms_px:.1} px. Worst: {name}, {worst_px:.1} px.")
     }
 
     pub(super) fn control_point_outlier(&self, camera: usize, point: usize) -> String {
         let name = self.control_point(self.site.cameras.get(camera), point);
-        format!("Control point {name} contradicts the others and was set aside.")
+        format!("Control point {name} contradicts the others and was rejected.")
     }
 
     pub(super) fn element_outlier(&self, element: Subject, worst: Option<(usize, f64)>) -> String {
         let far =
             worst.map_or_else(String::new, |(camera, px)| format!(" ({px:.0} px in {})", self.id(camera)));
         let element = capitalised(&self.shared(element));
-        format!("{element} contradicts the others and was set aside{far}.")
+        format!("{element} contradicts the others and was rejected{far}.")
     }
 
     pub(super) fn distance_outlier(&self, distance: usize) -> String {
-        format!("The {} contradicts the rest and was set aside.", self.distance(distance))
+        format!("The {} contradicts the other measurements and was rejected.", self.distance(distance))
     }
 
     pub(super) fn not_connected(&self, cameras: &[usize], why: WhyNotConnected) -> String {
         let ids = self.ids(cameras);
         match why {
             WhyNotConnected::TooLittle => {
-                format!("What {ids} shares with other cameras is too little to place it.")
+                format!("There are too few links with other cameras to place {ids}.")
             }
             WhyNotConnected::Placed => {
-                format!("Nothing ties {ids} to the rest of the site: it stands where it was placed.")
+                format!("Nothing connects {ids} to the rest of the site. The placement by hand is kept.")
             }
-            WhyNotConnected::Alone => format!("Nothing ties {ids} to the rest of the site."),
+            WhyNotConnected::Alone => format!("Nothing connects {ids} to the rest of the site."),
         }
     }
 
     pub(super) fn scale_unknown(&self, cameras: &[usize], root: usize) -> String {
         let (ids, root) = (self.ids(cameras), self.id(root));
-        format!("Nothing gives the scale of {ids}: camera {root} stands at the height it was placed with.")
+        format!(
+            "The scale of {ids} is unknown. Camera {root} is assumed to have the height from its placement."
+        )
     }
 
     pub(super) fn too_many(&self, count: usize, first: usize) -> String {
         let first = self.id(first);
         format!(
-            "{count} cameras, {first} among them, share more than can be fitted together: each is solved by itself."
+            "{count} cameras, including {first}, share too many links and marks to be solved together. Each is solved separately."
         )
     }
 
     pub(super) fn unused(&self, what: &[Subject], why: WhyUnused) -> String {
         let names: Vec<String> = what.iter().map(|&subject| self.shared(subject)).collect();
         let why = match why {
-            WhyUnused::OutOfSight => "a camera that shows it cannot see anything where the others put it",
-            WhyUnused::SeenOnce => "one camera alone shows it",
-            WhyUnused::Unmeasured => "an end of it has no place, or its length no \"sigma\" and no \"fixed\"",
-            WhyUnused::Unfitted => "no place was found from which all that is shared can be seen",
+            WhyUnused::OutOfSight => "the position from the other views is not visible in one of the cameras",
+            WhyUnused::SeenOnce => "only one camera shows it",
+            WhyUnused::Unmeasured => {
+                "an end has no position, or the length has neither \"sigma\" nor \"fixed\""
+            }
+            WhyUnused::Unfitted => "no camera position was found from which all links and marks are visible",
         };
         format!("Not used: {}; {why}.", enumerated(&names))
     }
 }
 
-/// "a, b, c and 7 more".
+/// Joins names as "a, b, c and 7 more".
 fn enumerated(names: &[String]) -> String {
     const MOST: usize = 6;
     match names.len() {
@@ -301,23 +304,25 @@ fn capitalised(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-pub(super) fn open_focal(sigma: f64, floor_seen_from_above: Option<f64>) -> String {
+pub(super) fn undetermined_focal(sigma: f64, floor_seen_from_above: Option<f64>) -> String {
     let known =
-        if sigma > 1.0 { "at all".into() } else { format!("better than \u{b1} {:.0} %", 100.0 * sigma) };
+        if sigma > 1.0 { String::new() } else { format!(" better than \u{b1} {:.0} %", 100.0 * sigma) };
     match floor_seen_from_above {
         Some(rel) => format!(
-            "Looking down, the lines do not tell the focal {known}; the floor is good to {:.1} %, heights above it are not.",
+            "The camera looks down, so the lines do not determine the focal length{known}. Floor lengths are good to {:.1} %, but heights are not.",
             100.0 * rel
         ),
         None => {
-            format!("Focal length and pitch cannot be told apart: the lines do not tell the focal {known}.")
+            format!(
+                "Focal length and pitch cannot be separated: the lines do not determine the focal length{known}."
+            )
         }
     }
 }
 
-pub(super) fn from_prior(focal: f64, sigma: f64) -> String {
+pub(super) fn default_focal(focal: f64, sigma: f64) -> String {
     format!(
-        "The focal of {focal:.0} px \u{b1} {:.0} % comes from what cameras usually have, not from the lines.",
+        "The focal length ({focal:.0} px \u{b1} {:.0} %) is a default; the lines do not determine it.",
         100.0 * sigma
     )
 }
@@ -325,60 +330,66 @@ pub(super) fn from_prior(focal: f64, sigma: f64) -> String {
 pub(super) fn other_minima(others: &[OtherMinimum]) -> String {
     let list: Vec<String> = others
         .iter()
-        .map(|other| format!("focal {:.0} px with pitch {:.1}\u{b0}", other.focal, other.pitch.to_degrees()))
+        .map(|other| {
+            format!("focal length {:.0} px with pitch {:.1}\u{b0}", other.focal, other.pitch.to_degrees())
+        })
         .collect();
-    format!("The lines fit another camera as well: {}.", list.join("; "))
+    format!("The lines also fit another camera: {}.", list.join("; "))
 }
 
 pub(super) fn unchecked(dof: i64, rejected: usize) -> String {
     let aside = match rejected {
         0 => "",
-        1 => " after a line was set aside",
-        _ => " after lines were set aside",
+        1 => " after a line was rejected",
+        _ => " after lines were rejected",
     };
     match dof {
-        ..=0 => format!("Nothing checks the drawing{aside}: another camera would fit other lines as well."),
-        1 => format!(
-            "One line more than needed is drawn{aside}: it agrees by chance too often to check the rest."
-        ),
+        ..=0 => format!("There are no redundant lines{aside}, so errors cannot be detected."),
+        1 => format!("There is only one redundant line{aside}, which is too few to detect errors reliably."),
         _ => {
-            format!("Only {dof} lines more than needed are drawn{aside}: choosing among them checks little.")
+            format!(
+                "There are only {dof} redundant lines{aside}, which are too few to detect errors reliably."
+            )
         }
     }
 }
 
 pub(super) fn few_residuals(dof: i64, factor: f64) -> String {
-    let lines = counted(usize::try_from(dof).unwrap_or_default(), "line", "lines");
+    let lines = counted(usize::try_from(dof).unwrap_or_default(), "redundant line", "redundant lines");
     format!(
-        "The drawing noise is estimated from {lines} more than needed: every \u{b1} is {factor:.1} times wider for it (Student's t)."
+        "The drawing noise is estimated from only {lines}, so every \u{b1} is {factor:.1} times wider (Student's t)."
     )
 }
 
 pub(super) fn floor(rel: f64) -> String {
-    // A length that may be twice as long or nothing is not known.
+    // A relative error of 100 % or more provides no information about lengths.
     if rel >= 1.0 {
-        return "Lengths on the floor are not known.".into();
+        return "Lengths on the floor are undetermined.".into();
     }
-    format!("Lengths on the floor are known to \u{b1} {:.1} %.", 100.0 * rel)
+    format!("Lengths on the floor are accurate to \u{b1} {:.1} %.", 100.0 * rel)
 }
 
 pub(super) fn joint_misfit(chi2: f64, dof: i64) -> String {
     format!(
-        "The cameras that are fitted together contradict each other: chi-square {chi2:.0} for {dof} degrees of freedom."
+        "The cameras that were solved together contradict each other (chi-square {chi2:.0}, {dof} degrees of freedom)."
     )
 }
 
-pub(super) fn bent(px: f64, px_without_lens: f64) -> String {
+pub(super) fn curved(px: f64, px_without_lens: f64) -> String {
     format!(
-        "The edges drawn as straight are {px:.2} px rms off straight ({px_without_lens:.2} px without a lens)."
+        "The straight edges deviate from straight by {px:.2} px RMS ({px_without_lens:.2} px without distortion)."
     )
 }
 
 pub(super) fn corners(px: f64, is_round: bool) -> String {
-    // By more than an image is wide is altogether.
-    let how = if px < 4000.0 { format!("by \u{b1} {px:.0} px") } else { "altogether".into() };
-    let what = if is_round { "rim" } else { "corners" };
-    format!("The straight edges leave the {what} of the image uncertain {how}.")
+    /// Uncertainty above which the distortion counts as undetermined, in pixels: the width of a large image.
+    const MAX_PX: f64 = 4000.0;
+    let place = if is_round { "at the rim" } else { "in the corners" };
+    if px < MAX_PX {
+        format!("The distortion {place} of the image is uncertain by \u{b1} {px:.0} px.")
+    } else {
+        format!("The straight edges do not determine the distortion {place} of the image.")
+    }
 }
 
 pub(super) const fn estimator(by: Estimator) -> &'static str {
@@ -388,7 +399,7 @@ pub(super) const fn estimator(by: Estimator) -> &'static str {
     }
 }
 
-/// The field of a camera's entry that tells a parameter.
+/// Returns the JSON field in a camera's entry that sets this parameter.
 pub(super) const fn field(parameter: Parameter) -> &'static str {
     match parameter {
         Parameter::Focal => "lens.focal_px",
@@ -399,28 +410,28 @@ pub(super) const fn field(parameter: Parameter) -> &'static str {
 }
 
 pub(super) fn scale_assumed(height: f64) -> String {
-    format!("Nothing gives the scale: the camera is taken to be {height:.2} m high.")
+    format!("The scale is unknown: a camera height of {height:.2} m is assumed.")
 }
 
 pub(super) fn scale_conflict(estimated: f64, placed: f64) -> String {
     format!(
-        "The camera is {estimated:.2} m high by what was entered and drawn, and {placed:.2} m as it is placed."
+        "The camera height is {estimated:.2} m from the annotations and entered values, but {placed:.2} m from its placement."
     )
 }
 
 pub(super) const fn efov(is_whole: bool) -> &'static str {
     if is_whole {
-        "The whole EFOV lies above the horizon or outside the lens."
+        "The whole field of view (EFOV) is above the horizon or outside the lens."
     } else {
-        "A part of the EFOV lies above the horizon, farther than 50 camera heights, or outside the lens; it was cut off."
+        "A part of the field of view (EFOV) was cut off: it is above the horizon, farther than 50 camera heights, or outside the lens."
     }
 }
 
-pub(super) const fn evidence(shared: SharedEvidence) -> &'static str {
+pub(super) fn evidence(shared: SharedEvidence, count: usize) -> String {
     match shared {
-        SharedEvidence::Links => "links",
-        SharedEvidence::Marks => "marks tied to pixels",
-        SharedEvidence::Distances => "distances",
+        SharedEvidence::Links => counted(count, "link is", "links are"),
+        SharedEvidence::Marks => counted(count, "mark with pixels is", "marks with pixels are"),
+        SharedEvidence::Distances => counted(count, "distance is", "distances are"),
     }
 }
 
@@ -429,7 +440,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_is_not_many_and_none_is() {
+    fn counted_uses_the_plural_for_zero_and_two() {
         let words = [0, 1, 2].map(|count| counted(count, "lens", "lenses"));
         assert_eq!(words, ["0 lenses", "1 lens", "2 lenses"]);
     }

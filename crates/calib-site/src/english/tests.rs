@@ -1,4 +1,4 @@
-//! Every finding and every failure has a code, a subject and sentences.
+//! Tests that every finding and every failure has a code, a subject and complete sentences.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -15,7 +15,8 @@ use calib_core::single::{Annotation, Kind};
 
 const LINE: Source = Source { annotation: 0, segment: 1 };
 
-/// The place of a variant in [`findings`]: one that is not there does not compile.
+/// Returns the index of a variant in [`findings`]. The match is exhaustive, so a new variant does not compile
+/// without an index.
 fn number(finding: &Finding) -> usize {
     use Finding as F;
     match finding {
@@ -66,8 +67,8 @@ fn number(finding: &Finding) -> usize {
     }
 }
 
-/// Findings about a camera, with what each is about.
-fn of_a_camera() -> Vec<(Finding, Subject)> {
+/// Returns one finding of every kind about a camera, each with its expected subject.
+fn camera_findings() -> Vec<(Finding, Subject)> {
     use Finding as F;
     let next = Some(Suggestion { drawing: Drawing::RightAngle, ratio: 0.5, floor_length_rel: 0.02 });
     let (annotation, by) = (0, Estimator::Paper);
@@ -119,8 +120,8 @@ fn points_outside(is_other_image: bool) -> Finding {
     Finding::PointsOutside { outside: 2, drawn: 9, size, fits_exchanged: false, is_other_image, first }
 }
 
-/// Findings about the site, with what each is about.
-fn of_the_site() -> Vec<(Finding, Subject)> {
+/// Returns one finding of every kind about the site, each with its expected subject.
+fn site_findings() -> Vec<(Finding, Subject)> {
     use Finding as F;
     let distance = Subject::Distance(0);
     vec![
@@ -139,8 +140,8 @@ fn of_the_site() -> Vec<(Finding, Subject)> {
 }
 
 fn findings() -> Vec<(Option<usize>, Finding, Subject)> {
-    let camera = of_a_camera().into_iter().map(|(finding, subject)| (Some(0), finding, subject));
-    camera.chain(of_the_site().into_iter().map(|(finding, subject)| (None, finding, subject))).collect()
+    let camera = camera_findings().into_iter().map(|(finding, subject)| (Some(0), finding, subject));
+    camera.chain(site_findings().into_iter().map(|(finding, subject)| (None, finding, subject))).collect()
 }
 
 fn failures() -> Vec<Failure> {
@@ -157,7 +158,7 @@ fn failures() -> Vec<Failure> {
     ]
 }
 
-/// A camera with two verticals and a control point, a link, and a distance.
+/// Builds a site with one camera (two verticals and a control point), two links, and a distance.
 fn site() -> Site {
     let segment = |x: f64| vec![Pixel::new(x, 900.0), Pixel::new(x + 20.0, 300.0)];
     let verticals = Annotation::of_segments(Kind::Vertical, vec![segment(300.0), segment(1500.0)]);
@@ -180,18 +181,18 @@ fn every_finding_has_a_subject_a_code_and_sentences() {
     let list = findings();
     let mut numbers: Vec<usize> = list.iter().map(|(_, finding, _)| number(finding)).collect();
     numbers.sort_unstable();
-    assert_eq!(numbers, (0..list.len()).collect::<Vec<_>>(), "every variant once");
+    assert_eq!(numbers, (0..list.len()).collect::<Vec<_>>(), "each variant must occur once");
     for (camera, finding, subject) in &list {
         assert_eq!(finding.subject(), *subject, "{finding:?}");
         assert_eq!(finding.severity(), finding.code().severity());
         for names in [Names::InFile, Names::OnScreen] {
-            let Warning { code, message, advice } = site.in_english(*camera, finding, names);
+            let Warning { code, message, advice } = site.describe_finding(*camera, finding, names);
             assert_eq!(code, finding.code());
             assert!(is_sentence(&message) && is_sentence(&advice), "{message:?} {advice:?}");
         }
     }
     for code in Code::ALL {
-        assert!(list.iter().any(|(_, finding, _)| finding.code() == *code), "{code} is found by nobody");
+        assert!(list.iter().any(|(_, finding, _)| finding.code() == *code), "no finding has the code {code}");
     }
 }
 
@@ -203,54 +204,54 @@ fn every_failure_has_a_code_and_sentences() {
         assert!(is_sentence(&message) && is_sentence(&advice), "{message:?} {advice:?}");
     }
     for code in FailureCode::ALL {
-        assert!(failures().iter().any(|failure| failure.code() == *code), "{code} is nobody's");
+        assert!(failures().iter().any(|failure| failure.code() == *code), "no failure has the code {code}");
     }
 }
 
 #[test]
-fn a_note_alone_fails_no_check_of_a_camera() {
+fn notes_do_not_fail_the_check_of_a_camera() {
     let failing = || Code::ALL.iter().filter(|code| code.fails_check());
-    let of_the_site = [Code::NotConnected, Code::ScaleUnknown, Code::ScaleConflict];
-    for code in failing().filter(|code| !of_the_site.contains(code)) {
+    let site_codes = [Code::NotConnected, Code::ScaleUnknown, Code::ScaleConflict];
+    for code in failing().filter(|code| !site_codes.contains(code)) {
         assert!(code.severity() > Severity::Note, "{code}");
     }
     assert!(
         !Code::Weak.fails_check() && !Code::Outlier.fails_check(),
-        "its lines were set aside, and counted"
+        "rejected lines are counted elsewhere"
     );
     assert_eq!(failing().count(), 14, "{:?}", failing().collect::<Vec<_>>());
 }
 
 #[test]
-fn the_screen_names_lines_and_files_their_annotations() {
+fn screen_names_lines_and_file_names_annotations() {
     let (site, finding) = (site(), Finding::LineOutlier { line: LINE, px: Some(12.0) });
-    let said = |names| site.in_english(Some(0), &finding, names).message;
-    assert!(said(Names::InFile).starts_with("V2 of Vertical (annotation 0) contradicts"));
-    assert!(said(Names::OnScreen).starts_with("V2 contradicts"));
+    let message = |names| site.describe_finding(Some(0), &finding, names).message;
+    assert!(message(Names::InFile).starts_with("V2 of Vertical (annotation 0) contradicts"));
+    assert!(message(Names::OnScreen).starts_with("V2 contradicts"));
     let unused = Finding::UnusedKind { annotation: 0, by: Estimator::Paper };
-    let said = |names| site.in_english(Some(0), &unused, names).message;
-    assert!(said(Names::InFile).ends_with("Vertical (annotation 0)."));
-    assert!(said(Names::OnScreen).ends_with("V1 to V2."));
+    let message = |names| site.describe_finding(Some(0), &unused, names).message;
+    assert!(message(Names::InFile).ends_with("Vertical (annotation 0)."));
+    assert!(message(Names::OnScreen).ends_with("V1 to V2."));
 }
 
 #[test]
-fn what_is_not_there_is_named_by_nothing_and_does_no_harm() {
+fn finding_about_a_missing_camera_has_a_message() {
     for (camera, finding, _) in findings() {
-        let said = Site::new().in_english(camera, &finding, Names::OnScreen);
-        assert!(!said.message.is_empty());
+        let warning = Site::new().describe_finding(camera, &finding, Names::OnScreen);
+        assert!(!warning.message.is_empty());
     }
 }
 
 #[test]
-fn a_report_says_in_words_what_it_has_found_in_values() {
+fn warnings_of_a_report_match_its_findings() {
     let site = site();
     for refine in [false, true] {
         let report = site.calibrate(&Options { refine, ..Options::default() });
         let solution = report.cameras[0].1.as_ref().unwrap();
         let findings = report.findings[0].as_ref().unwrap();
         assert!(!findings.is_empty());
-        assert_eq!(solution.warnings, site.words(Some(0), findings));
-        assert_eq!(report.site.warnings, site.words(None, &report.site_findings));
+        assert_eq!(solution.warnings, site.warnings(Some(0), findings));
+        assert_eq!(report.site.warnings, site.warnings(None, &report.site_findings));
     }
     let nothing = Site { cameras: vec![SiteCamera::new("door", [1920, 1080])], ..Site::new() };
     let report = nothing.calibrate(&Options::default());

@@ -7,7 +7,7 @@ use calib_core::{
 };
 
 use calib_core::single::{FixedParameters, paper_minimum};
-use calib_demo::random::{Drawn, RandomScene, SIZE};
+use calib_demo::random::{AnnotationSet, RandomScene, SIZE};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -66,13 +66,13 @@ pub(crate) fn run(extent: &Extent) {
         "| drawn | noise px | estimator | roll | pitch | focal | focal > 20 % off | no result | 95 % covers roll, pitch, focal |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    for drawn in [Drawn::Directions, Drawn::Lengths] {
-        let mut random = ChaCha8Rng::seed_from_u64(if drawn == Drawn::Directions { 1 } else { 2 });
+    for drawn in [AnnotationSet::Directions, AnnotationSet::Lengths] {
+        let mut random = ChaCha8Rng::seed_from_u64(if drawn == AnnotationSet::Directions { 1 } else { 2 });
         let scenes: Vec<RandomScene> =
             (0..extent.scenes).map(|_| RandomScene::new(&mut random, drawn, None, None)).collect();
         for noise in [0.5, 1.0, 2.0] {
             for (name, estimator) in ESTIMATORS {
-                if name == "closed form" && drawn == Drawn::Lengths {
+                if name == "closed form" && drawn == AnnotationSet::Lengths {
                     continue;
                 }
                 let row = measure(&scenes, extent.draws, noise, estimator);
@@ -82,13 +82,13 @@ pub(crate) fn run(extent: &Extent) {
     }
 }
 
-fn print_row(drawn: Drawn, noise: f64, name: &str, row: &Row) {
+fn print_row(drawn: AnnotationSet, noise: f64, name: &str, row: &Row) {
     let median = |ratios: &[f64]| {
         let mut sorted = ratios.to_vec();
         sorted.sort_by(f64::total_cmp);
         if sorted.is_empty() { f64::NAN } else { sorted[sorted.len() / 2] }
     };
-    let drawn = if drawn == Drawn::Directions { "1: directions" } else { "2: lengths" };
+    let drawn = if drawn == AnnotationSet::Directions { "1: directions" } else { "2: lengths" };
     let share = |count: usize| 100.0 * count as f64 / row.trials.max(1) as f64;
     let coverage = if row.covered == [0; 3] {
         "-".into()

@@ -71,7 +71,7 @@ fn entry(index: u32) -> (Camera, SiteCamera) {
         lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal, distortion, image_circle: None },
         covariance: Covariance::EXACT,
     };
-    let solution = Solution::of(&camera, Method::Given, Stage::Placed);
+    let solution = Solution::from_camera(&camera, Method::Given, Stage::Placed);
     let entry =
         SiteCamera { solution: Some(solution), ..SiteCamera::new(format!("camera {index}"), [1920, 1080]) };
     (camera, entry)

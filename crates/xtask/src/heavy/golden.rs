@@ -102,8 +102,8 @@ fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
         camera.covariance.0[which][which] = sigma * sigma;
     }
     // Of some cameras nobody knows how good they are.
-    let covariance = if index % 7 == 6 { None } else { CovarianceEntry::of(&camera) };
-    let solution = Solution { covariance, ..Solution::of(&camera, Method::Given, Stage::Placed) };
+    let covariance = if index % 7 == 6 { None } else { CovarianceEntry::from_camera(&camera) };
+    let solution = Solution { covariance, ..Solution::from_camera(&camera, Method::Given, Stage::Placed) };
     SiteCamera { solution: Some(solution), ..SiteCamera::new(format!("camera-{index}"), STILL) }
 }
 

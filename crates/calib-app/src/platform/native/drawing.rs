@@ -1,4 +1,4 @@
-//! SVG plans as pictures.
+//! Rasterising SVG plans.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -8,15 +8,15 @@ use resvg::usvg::{ImageKind, Options, Tree, fontdb};
 use crate::drawing::SIDE;
 use crate::platform::native::drawing_memory::bytes_to_draw;
 
-/// What drawing may take beside the picture, in bytes: one layer of the largest, or more that are smaller.
+/// Memory limit of rasterising, in bytes, without the image itself.
 const MOST_BYTES: f64 = 1e9;
-/// What drawing an embedded picture takes beside decoding it, in bytes a pixel: with its transparency, twice.
+/// Memory for an embedded image with transparency, twice, in bytes per pixel.
 const RGBA_TWICE: u64 = 8;
 
-/// Draws an SVG on white, as PNG.
+/// Rasterises an SVG on white, as PNG.
 ///
 /// # Errors
-/// When it is no drawing, one without a size, or one that takes more memory than a picture may.
+/// When it is invalid, has no size, or needs more memory than an image may.
 pub(super) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let tree = parse(bytes)?;
     let size = tree.size();
@@ -33,7 +33,7 @@ pub(super) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
             MOST_BYTES / 1e9
         ));
     }
-    let mut pixels = Pixmap::new(w, h).ok_or("The drawing has no size.")?;
+    let mut pixels = Pixmap::new(w, h).ok_or("The SVG file has no size.")?;
     pixels.fill(Color::WHITE);
     resvg::render(&tree, zoom, &mut pixels.as_mut());
     pixels.encode_png().map_err(|error| error.to_string())
@@ -45,7 +45,7 @@ fn parse(bytes: &[u8]) -> Result<Tree, String> {
     let refused = Mutex::new(None);
     let mut options =
         Options { font_family: "IBM Plex Sans".into(), fontdb: Arc::new(fonts), ..Options::default() };
-    // A plan from elsewhere reads no files of this machine.
+    // A plan must not read files of this machine.
     options.image_href_resolver.resolve_string = Box::new(|_, _| None);
     options.image_href_resolver.resolve_data = Box::new(|mime, data, options| {
         embedded(mime, data, options)
@@ -57,16 +57,16 @@ fn parse(bytes: &[u8]) -> Result<Tree, String> {
     refused.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(tree), Err)
 }
 
-/// A picture within a drawing, if decoding it stays within the limits of every other: its header tells.
+/// Loads an embedded image if its header is within the limits of all images.
 fn embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Result<ImageKind, String> {
-    let said = |why: String| format!("a picture in the drawing: {why}");
+    let said = |why: String| format!("an image in the SVG file: {why}");
     let is_png = data.starts_with(b"\x89PNG");
     if is_png || data.starts_with(&[0xff, 0xd8]) {
-        calib_input::room_to_decode(&data, RGBA_TWICE).map_err(|error| said(error.to_string()))?;
+        calib_input::check_decode_memory(&data, RGBA_TWICE).map_err(|error| said(error.to_string()))?;
         return Ok(if is_png { ImageKind::PNG(data) } else { ImageKind::JPEG(data) });
     }
     if mime != "image/svg+xml" {
-        return Err(said(format!("{mime} is not read; embed it as PNG or JPEG")));
+        return Err(said(format!("{mime} is not supported; embed it as PNG or JPEG")));
     }
     Tree::from_data_nested(&data, options).map(ImageKind::SVG).map_err(|error| said(error.to_string()))
 }
@@ -111,7 +111,7 @@ mod tests {
     fn a_picture_in_a_drawing_is_bounded_as_every_other() {
         let small = calib_editor::decode(&with(&href("image/png", &png(8, 8))).unwrap()).unwrap();
         assert_eq!(small.get_pixel(1000, 1000).0, [0; 3], "it is drawn");
-        // Fifty kilobytes that would take 1.2 GB; and within a drawing that is within the drawing.
+        // Fifty kilobytes that would need 1.2 GB; also nested in another drawing.
         let large = href("image/png", &png(10_000, 10_000));
         let nested = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9">{large}</svg>"#);
         for inner in [large, href("image/svg+xml", nested.as_bytes())] {
@@ -122,13 +122,13 @@ mod tests {
         assert!(error.contains("image/webp is not read"), "{error}");
     }
 
-    /// Groups in groups, each as large as the drawing.
+    /// Returns nested groups, each as large as the drawing.
     fn deep(count: usize) -> String {
         let group = r#"<g opacity="0.5"><rect width="40" height="40"/>"#;
         group.repeat(count) + &"</g>".repeat(count)
     }
 
-    /// Something that is drawn by way of something else, that is said before it.
+    /// Returns a shape that refers to a definition.
     fn by_way_of(way: &str, attribute: &str) -> String {
         format!("<defs>{way}</defs><rect width=\"40\" height=\"40\" {attribute}=\"url(#a)\"/>")
     }

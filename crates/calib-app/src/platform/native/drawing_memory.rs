@@ -1,25 +1,26 @@
-//! How much memory drawing an SVG takes, before it is drawn.
+//! Memory that rasterising an SVG needs, computed before it is rasterised.
 //!
-//! A group with opacity, a blend mode, a clip, a mask or a filter is drawn on a layer of its own, as large as what it
-//! holds, up to five times the picture either way; its clip and its mask on more of that size, and every step of a
-//! filter keeps its result. A pattern is drawn as a tile of any size, and a drawing within the drawing on a layer as
-//! large as what it is drawn on. What exists at once is summed along each branch; of branches the largest counts.
+//! A group with opacity, blend mode, clip, mask or filter is painted on its own layer. The layer is as large
+//! as the group, up to five times the image in each direction. Its clip and its mask need more layers of that
+//! size, and every filter step keeps its result. A pattern needs a tile of any size, and a nested drawing a
+//! layer as large as its canvas. Memory that exists at the same time is summed along each branch; the largest
+//! branch counts.
 
 use resvg::usvg::filter::{Filter, Kind};
 use resvg::usvg::{ClipPath, Group, ImageKind, Mask, Node, Paint, Path, Pattern, Transform, Tree};
 
-/// Nodes that are walked at most: patterns that hold each other several times would be drawn without end.
+/// Limit of visited nodes; patterns that contain each other would never end.
 const MOST_NODES: usize = 200_000;
-/// Sides of the largest layer, in sides of the picture.
+/// Largest side of a layer, relative to the image.
 const LARGEST: f64 = 5.0;
-/// Layers that a step of a filter takes beside its result.
+/// Layers of a filter step in addition to its result.
 const WORKING: usize = 6;
-/// Of a clip or mask, in layers, with its transparency as bytes of their own.
+/// Memory of a clip or mask, in layers, including its alpha bytes.
 const STENCIL: f64 = 1.5;
-/// Bytes of a pixel.
+/// Bytes per pixel.
 const RGBA: f64 = 4.0;
 
-/// What a drawing takes while it is drawn on so many pixels, in bytes; `None` where it has no end.
+/// Returns the memory for rasterising a drawing at this size, in bytes; `None` if it is unbounded.
 pub(super) fn bytes_to_draw(tree: &Tree, zoom: Transform, size: [u32; 2]) -> Option<f64> {
     let size = size.map(f64::from);
     let mut walk = Walk { nodes: 0 };
@@ -30,14 +31,14 @@ fn area([width, height]: [f64; 2]) -> f64 {
     width * height
 }
 
-/// Where something is drawn.
+/// Coordinate system and canvas of a node.
 #[derive(Clone, Copy)]
 struct Place {
-    /// From its coordinates to pixels.
+    /// Transform to pixels.
     to_pixels: Transform,
-    /// What it is drawn on, in pixels.
+    /// Size of the current canvas, in pixels.
     canvas: [f64; 2],
-    /// The largest layer there is, in pixels.
+    /// Size of the largest layer, in pixels.
     largest: [f64; 2],
 }
 
@@ -50,13 +51,13 @@ impl Place {
         Self { to_pixels: self.to_pixels.pre_concat(transform), ..self }
     }
 
-    /// Width and height of the layer of a group.
+    /// Returns width and height of the layer of a group.
     fn layer(self, group: &Group) -> [f64; 2] {
-        /// For edges between pixels, on both sides together.
+        /// Margin for antialiasing, on both sides together.
         const EDGE: f64 = 4.0;
         let bounds = group.layer_bounding_box();
         let (x, y) = self.to_pixels.get_scale();
-        // Layers with filters are turned with the group, the others are upright.
+        // Layers with filters rotate with the group; others are axis-aligned.
         let upright = bounds.transform(self.to_pixels).map_or([f32::MAX; 2], |at| [at.width(), at.height()]);
         let turned = [bounds.width() * x, bounds.height() * y];
         let sides = if group.filters().is_empty() { upright } else { turned };
@@ -64,7 +65,7 @@ impl Place {
     }
 }
 
-/// Pixels that exist at once beside what is drawn on, and how many nodes were met.
+/// Pixels that exist at the same time, and the number of visited nodes.
 struct Walk {
     nodes: usize,
 }
@@ -138,7 +139,7 @@ impl Walk {
         Some(STENCIL * area(place.canvas) + inner.max(next))
     }
 
-    /// What a clip is made of: groups with a clip of their own are drawn on layers as large as that.
+    /// Returns the memory of a clip; groups inside it with clips need layers of the same size.
     fn clipping(&mut self, group: &Group, place: Place) -> Option<f64> {
         let mut most = 0.0_f64;
         for node in group.children() {
@@ -170,7 +171,7 @@ impl Walk {
         Some(most)
     }
 
-    /// The tile of a pattern.
+    /// Returns the memory of the tile of a pattern.
     fn pattern(&mut self, pattern: &Pattern, place: Place) -> Option<f64> {
         let (x, y) = place.within(pattern.transform()).to_pixels.get_scale();
         let rect = pattern.rect();

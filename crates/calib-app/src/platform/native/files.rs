@@ -1,45 +1,40 @@
-//! Files of the disk: whole, or none.
-//!
-//! The system's file chooser.
-//!
-//! A folder that one window has for itself, for as long as its program lives.
+//! Files on disk, written atomically; the system's file chooser; and locks of folders.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
 
 use calib_editor::images::is_image;
-use calib_editor::{FileResult, Reach, world_endings};
-use calib_input::Part;
+use calib_editor::{AllowedFiles, FileResult, world_endings};
+use calib_input::PartialFile;
 use calib_site::MAX_BYTES;
 
 use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
 use crate::platform::Answer;
 
-/// Reads a file of any size a site or image may have.
+/// Reads a file, up to the largest size of a site or an image.
 ///
 /// # Errors
-/// When it is no regular file that is there, or larger than that.
+/// When it is missing, not a regular file, or too large.
 pub(super) fn read(path: &Path) -> FileResult<Vec<u8>> {
     calib_input::read(path, MAX_BYTES as u64).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Reads a file as [`read`] does, if it is within reach.
+/// Reads a file as [`read`] does, if it is allowed.
 ///
 /// # Errors
-/// When it is not, and as that.
-pub(super) fn read_within(path: &Path, reach: &Reach) -> FileResult<Vec<u8>> {
+/// When it is not allowed, and as `read`.
+pub(super) fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u8>> {
     let real = path.canonicalize().map_err(|error| format!("{}: {error}", path.display()))?;
-    // What is asked about is what is read: no link is followed in between.
-    if !reach.holds(&real, |path| path.canonicalize().ok()) {
-        let why =
-            "outside the folder of the site, and left out. \u{201c}Read images again\u{201d} asks for it.";
+    // The checked path is the one that is read: no link is followed in between.
+    if !reach.allows(&real, |path| path.canonicalize().ok()) {
+        let why = "Outside the site's folder, not read. \u{201c}Read images again\u{201d} asks for it.";
         return Err(format!("{}: {why}", path.display()));
     }
     read(&real)
 }
 
-/// Writes a file whole or not at all, and waits until the disk has it.
+/// Writes a file atomically, and waits until it is on disk.
 ///
 /// # Errors
 /// When the folder cannot be written to.
@@ -47,7 +42,7 @@ pub(super) fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
     write_to(path, bytes, true)
 }
 
-/// Writes a file whole or not at all. It survives the end of this program, not that of the machine.
+/// Writes a file atomically, without waiting for the disk.
 ///
 /// # Errors
 /// When the folder cannot be written to.
@@ -56,9 +51,9 @@ pub(super) fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
 }
 
 fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
-    let place = calib_input::place(path, true).map_err(|error| error.to_string())?;
+    let place = calib_input::resolve_target(path, true).map_err(|error| error.to_string())?;
     let written = place.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| {
-        let part = Part::beside(&place)?;
+        let part = PartialFile::new_for(&place)?;
         part.file().write_all(bytes)?;
         if waits {
             part.file().sync_data()?;
@@ -68,13 +63,13 @@ fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
     written.map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Where autosaves and the demonstration's images live.
+/// Returns the folder of autosaves and of the demonstration's images.
 #[must_use]
 pub(super) fn data_dir() -> Option<PathBuf> {
     eframe::storage_dir("calib")
 }
 
-/// The images in a folder, by name.
+/// Returns the images in a folder, sorted by name.
 #[must_use]
 pub(super) fn images_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -83,9 +78,9 @@ pub(super) fn images_in(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// Forgets the file of an autosave, and its images.
+/// Deletes an autosave and its images.
 pub(super) fn forget(folder: &Path, file: &Path) {
-    // What is not there need not be removed.
+    // A missing file needs no deletion.
     let _ = std::fs::remove_file(file);
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries.filter(|entry| entry.file_name().to_string_lossy().starts_with("image-")) {
@@ -93,22 +88,22 @@ pub(super) fn forget(folder: &Path, file: &Path) {
     }
 }
 
-/// The claim; a kill ends it, too.
+/// Lock of a folder; a killed process releases it, too.
 #[derive(Debug)]
 pub(crate) struct Claim {
-    /// Locked by the system until it is closed.
+    /// File that the system locks until it is closed.
     _lock: Option<std::fs::File>,
 }
 
 impl Claim {
-    /// Claims a folder; `None` when another window has it.
+    /// Locks a folder; `None` if another window has it.
     #[must_use]
     pub(crate) fn of(folder: &Path) -> Option<Self> {
         let open = || {
             std::fs::create_dir_all(folder)?;
             std::fs::File::options().create(true).append(true).open(folder.join("lock"))
         };
-        // A folder that cannot be written to is nobody's: what is kept there says so.
+        // A folder that cannot be written to needs no lock; writing reports the error.
         let Ok(file) = open() else { return Some(Self { _lock: None }) };
         match file.try_lock() {
             Err(std::fs::TryLockError::WouldBlock) => None,
@@ -117,7 +112,7 @@ impl Claim {
     }
 }
 
-/// Asks for files, or for where to put them.
+/// Opens a chooser for files, or for a place to save.
 pub(super) fn ask(purpose: Purpose) -> Answer {
     let dialog = rfd::AsyncFileDialog::new();
     let one = |file: rfd::FileHandle| Chosen {
@@ -129,7 +124,7 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
     let images = |title: &str| dialog.clone().set_title(title).add_filter("Images", IMAGES);
     let answer: Pin<Box<dyn Future<Output = Vec<rfd::FileHandle>>>> = match purpose {
         Purpose::AddImages | Purpose::NewerStill => {
-            let what = if purpose == Purpose::AddImages { "Add images" } else { "Choose newer stills" };
+            let what = if purpose == Purpose::AddImages { "Add images" } else { "Choose newer images" };
             let files = images(what).pick_files();
             Box::pin(async { files.await.unwrap_or_default() })
         }
@@ -155,7 +150,7 @@ pub(super) fn ask(purpose: Purpose) -> Answer {
             Box::pin(async { files.await.unwrap_or_default() })
         }
         Purpose::SavePicture => {
-            let picture = dialog.set_title("Save a picture").add_filter("Picture", &["png"]);
+            let picture = dialog.set_title("Save a screenshot").add_filter("Picture", &["png"]);
             let file = picture.set_file_name("view.png").save_file();
             Box::pin(async { file.await.into_iter().collect() })
         }

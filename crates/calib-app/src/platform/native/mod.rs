@@ -1,4 +1,4 @@
-//! Windows on a desktop: files, threads, the system's chooser.
+//! Desktop: files, threads, the system's chooser.
 
 mod drawing_memory;
 mod drawing;
@@ -8,7 +8,7 @@ mod task;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use calib_editor::{Edge, FileResult, Reach, Source};
+use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{Comparison, LineSegment, Proposal};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
@@ -17,7 +17,7 @@ use image::RgbImage;
 use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Platform, Recovery, Stills};
 
-/// A desktop.
+/// Desktop platform.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Native;
 
@@ -35,7 +35,7 @@ impl Platform for Native {
         files::read(path)
     }
 
-    fn read_within(path: &Path, reach: &Reach) -> FileResult<Vec<u8>> {
+    fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u8>> {
         files::read_within(path, reach)
     }
 
@@ -117,7 +117,7 @@ impl Platform for Native {
         task::propose(ctx, camera, edges)
     }
 
-    // The thread ends by itself; nobody hears of what it finds.
+    // The thread runs to its end; its result is dropped.
     fn stop_proposing() {}
 
     fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>> {
@@ -128,14 +128,14 @@ impl Platform for Native {
         task::recover(ctx, asked, stills)
     }
 
-    // The thread ends by itself; nobody hears of what it finds.
+    // The thread runs to its end; its result is dropped.
     fn stop_comparing() {}
 
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>> {
         task::refine(ctx, site)
     }
 
-    // The thread ends by itself; nobody hears of what it finds.
+    // The thread runs to its end; its result is dropped.
     fn stop_refining() {}
 }
 

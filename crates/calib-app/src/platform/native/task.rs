@@ -1,6 +1,4 @@
-//! Work off the frame's path: a thread.
-//!
-//! Long work that needs nothing but bytes, on threads.
+//! Background work on threads.
 
 use std::sync::Arc;
 
@@ -15,24 +13,24 @@ use crate::platform::native::drawing::draw;
 use crate::platform::native::files;
 use crate::platform::{Lost, Recovery, Stills};
 
-/// Work that is under way, and then its result. Work that nobody waits for any more is not begun.
+/// Background work and its result. Work whose task was dropped is not started.
 #[derive(Debug)]
 pub struct Task<T> {
     result: std::sync::mpsc::Receiver<T>,
     wanted: Arc<()>,
 }
 
-/// As many at once as there are processors: a folder of forty stills does not fill the memory.
+/// Limits running work to the number of processors, so that a folder of images does not fill the memory.
 mod gate {
     use std::sync::{Condvar, Mutex, PoisonError};
 
     static RUNNING: Mutex<usize> = Mutex::new(0);
     static DONE: Condvar = Condvar::new();
 
-    /// A place; it is given back when it is dropped, after a panic, too.
+    /// Slot of running work, released when dropped, also after a panic.
     pub(super) struct Place;
 
-    /// Waits for a place.
+    /// Waits for a slot.
     pub(super) fn enter() -> Place {
         let most = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
         let running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
@@ -50,13 +48,13 @@ mod gate {
 }
 
 impl<T: Send + 'static> Task<T> {
-    /// Starts the work; `ctx` is asked for a frame when it is done.
+    /// Starts work; a frame is requested when it is done.
     #[must_use]
     pub fn spawn(ctx: &Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
         Self::start(ctx, || Some(gate::enter()), work)
     }
 
-    /// Starts work that waits for no other.
+    /// Starts work without waiting for a slot.
     #[must_use]
     pub fn spawn_apart(ctx: &Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
         Self::start(ctx, || None, work)
@@ -77,7 +75,7 @@ impl<T: Send + 'static> Task<T> {
                 return;
             }
             let done = work();
-            // Nobody waits any more when the receiver is gone.
+            // The receiver may be gone.
             if sender.send(done).is_ok() {
                 ctx.request_repaint();
             }
@@ -85,13 +83,13 @@ impl<T: Send + 'static> Task<T> {
         Self { result, wanted }
     }
 
-    /// The result, once; work that was lost has none.
+    /// Returns the result once; work that panicked has none.
     #[must_use]
     pub fn poll(&self) -> Option<T> {
         self.outcome()?.ok()
     }
 
-    /// How the work ended, once.
+    /// Returns the outcome once.
     #[must_use]
     pub fn outcome(&self) -> Option<Result<T, Lost>> {
         debug_assert!(Arc::strong_count(&self.wanted) == 1, "a task is waited for once");
@@ -104,11 +102,11 @@ impl<T: Send + 'static> Task<T> {
 }
 
 impl<T> Task<T> {
-    /// Work that is done already.
+    /// Creates finished work.
     #[must_use]
     pub fn done(result: T) -> Self {
         let (sender, receiver) = std::sync::mpsc::channel();
-        // The receiver is there.
+        // The receiver exists.
         let _ = sender.send(result);
         Self { result: receiver, wanted: Arc::new(()) }
     }

@@ -1,4 +1,4 @@
-//! What a browser has in place of files, threads and choosers, and what the page does for the app.
+//! Browser: its replacement for files, threads and choosers, and the services of the page.
 
 mod page;
 mod task;
@@ -7,7 +7,7 @@ mod worker;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use calib_editor::{Edge, FileResult, Reach, Source};
+use calib_editor::{AllowedFiles, Edge, FileResult, Source};
 use calib_image::{Comparison, LineSegment, Proposal};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
@@ -24,28 +24,28 @@ pub use task::Task;
 
 pub(crate) use worker::{COMPARE, PROPOSE, RECOVER, REFINE};
 
-/// A browser.
+/// Browser platform.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Web;
 
 impl Platform for Web {
     const KEEPS_CTRL_N: bool = true;
     const HAS_FOLDERS: bool = false;
-    // One face for both: the page is to be small.
+    // Headings use the regular font, which keeps the page small.
     const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Regular.ttf");
-    // A page has its storage for itself.
+    // Storage belongs to the page.
     type Claim = ();
 
     fn wants_stillness() -> bool {
         page::PAGE.with(page::Page::still)
     }
 
-    /// What the browser was not given is not there.
+    /// Files must be dropped on the page.
     fn read(path: &Path) -> FileResult<Vec<u8>> {
         Err(format!("{}: drop this image here", path.display()))
     }
 
-    fn read_within(path: &Path, _: &Reach) -> FileResult<Vec<u8>> {
+    fn read_within(path: &Path, _: &AllowedFiles) -> FileResult<Vec<u8>> {
         Self::read(path)
     }
 
@@ -53,18 +53,18 @@ impl Platform for Web {
         None
     }
 
-    /// A file that is written is a download.
+    /// A written file is a download.
     fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
         download(path, bytes);
         Ok(())
     }
 
-    /// There are no such files in the browser: the shelf keeps sites.
+    /// The browser has no files; its storage keeps sites.
     fn write_quickly(path: &Path, _: &[u8]) -> FileResult<()> {
-        Err(format!("{}: there are no files here", path.display()))
+        Err(format!("{}: the browser has no files", path.display()))
     }
 
-    // The shelf dates what it keeps.
+    // The storage dates its entries.
     fn now() -> Option<u64> {
         None
     }
@@ -96,7 +96,7 @@ impl Platform for Web {
             let mut chosen = Vec::new();
             for file in files {
                 let name = file.path().to_string_lossy().into_owned();
-                // A folder has none; whoever takes it says so.
+                // A folder has no bytes; the caller reports it.
                 let bytes = file.bytes_async().await.ok();
                 chosen.push(Chosen { name, path: None, bytes });
             }
@@ -120,7 +120,7 @@ impl Platform for Web {
     ) -> Task<Result<T, String>> {
         Task::wait(ctx, async move {
             let picture = async {
-                let is_made = source.made_by_name().is_some();
+                let is_made = source.name_to_render().is_some();
                 let bytes = if is_made { None } else { Some(source.clone().read(Self::read_within)?) };
                 let drawn = match bytes.as_ref().filter(|bytes| is_svg(bytes)) {
                     Some(bytes) => Some(draw(bytes).await?),
@@ -138,7 +138,7 @@ impl Platform for Web {
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
         let image = Arc::clone(image);
-        // Without them one draws by hand.
+        // Without edges the operator annotates by hand.
         Task::wait(ctx, async move { worker::edges(&image).await.unwrap_or_default() })
     }
 
@@ -151,7 +151,7 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::propose(&camera, &edges).await })
     }
 
-    // It computes for nobody any more.
+    // The worker is stopped.
     fn stop_proposing() {
         worker::stop_proposing();
     }
@@ -164,7 +164,7 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::recover(&asked, &stills).await })
     }
 
-    // It computes for nobody any more.
+    // The worker is stopped.
     fn stop_comparing() {
         worker::stop_comparing();
     }
@@ -173,13 +173,13 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::refine(&site).await })
     }
 
-    // It computes for nobody any more.
+    // The worker is stopped.
     fn stop_refining() {
         worker::stop_refining();
     }
 }
 
-/// Hands a file over as a download.
+/// Offers a file as a download.
 pub(crate) fn download(path: &Path, bytes: &[u8]) {
     let name = path.file_name().map_or_else(|| "site.json".into(), |name| name.to_string_lossy());
     let mime = match path.extension().and_then(|extension| extension.to_str()) {
@@ -192,7 +192,7 @@ pub(crate) fn download(path: &Path, bytes: &[u8]) {
     page::download(&name, mime, &Uint8Array::from(bytes));
 }
 
-/// Asks for files of these endings, and reads them.
+/// Opens a chooser for files with these endings, and reads them.
 pub(crate) async fn pick(endings: &[&str], multiple: bool) -> Vec<Chosen> {
     let accept: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
     let Ok(files) = JsFuture::from(page::pick(&accept.join(","), multiple)).await else { return Vec::new() };
@@ -205,7 +205,7 @@ pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
     for file in files.iter().filter_map(|file| file.dyn_into::<web_sys::File>().ok()) {
         let bytes = match JsFuture::from(file.array_buffer()).await {
             Ok(buffer) => Some(Uint8Array::new(&buffer).to_vec()),
-            // A folder, or a file that went away: whoever takes it says so.
+            // A folder, or a file that was removed; the caller reports it.
             Err(_) => None,
         };
         chosen.push(Chosen { name: file.name(), path: None, bytes });
@@ -213,28 +213,28 @@ pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
     chosen
 }
 
-/// Draws an SVG on white, as PNG.
+/// Rasterises an SVG on white, as PNG.
 pub(crate) async fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let drawn = JsFuture::from(page::draw(&Uint8Array::from(bytes), SIDE)).await;
     drawn.map(|png| Uint8Array::new(&png).to_vec()).map_err(|error| said(&error))
 }
 
-/// What an error of JavaScript says.
+/// Returns the message of a JavaScript error.
 fn said(error: &JsValue) -> String {
     let message = Reflect::get(error, &"message".into()).ok().and_then(|message| message.as_string());
     message.or_else(|| error.as_string()).unwrap_or_else(|| format!("{error:?}"))
 }
 
-/// Waits until the browser had the time to do something else.
+/// Yields to the browser.
 pub(crate) async fn breath() {
     let wait = js_sys::Promise::new(&mut |resolve, _| {
         if let Some(window) = web_sys::window() {
-            // Without a timer the work is done at once.
+            // Without a timer the work continues at once.
             if window.set_timeout_with_callback_and_timeout_and_arguments_0(&resolve, 16).is_err() {
                 let _ = resolve.call0(&resolve);
             }
         }
     });
-    // It is never rejected.
+    // The promise is never rejected.
     let _ = JsFuture::from(wait).await;
 }

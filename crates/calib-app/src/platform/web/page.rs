@@ -1,8 +1,5 @@
-//! What the page does for the app: `web/store.js` and `web/page.js` say how.
-//!
-//! What the page and its workers say to each other, in JSON.
-//!
-//! The browser's file chooser.
+//! Interface of the page (`web/store.js`, `web/page.js`), its messages as JSON, and the browser's file
+//! chooser.
 
 use std::path::PathBuf;
 
@@ -14,24 +11,24 @@ use wasm_bindgen::prelude::*;
 use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
 use crate::platform::web::pick;
 
-/// Reads what was said, as text: a reader of bytes would have every type in the program a second time.
+/// Parses a message as text; a second parser for bytes would double the generated code.
 pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     let text = str::from_utf8(bytes).map_err(|error| error.to_string())?;
     serde_json::from_str(text).map_err(|error| error.to_string())
 }
 
-/// A file that is saved is a download: there is nothing to ask.
+/// Opens a chooser; a file to save is a download, so nothing is asked.
 pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
     match purpose {
         Purpose::SaveSite | Purpose::SavePlain => {
             vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
         }
-        // A site comes together with its images.
+        // A site is chosen together with its images.
         Purpose::OpenSite => pick(&[SITE, IMAGES].concat(), true).await,
         Purpose::Compare => pick(SITE, false).await,
         Purpose::AddImages | Purpose::NewerStill => pick(IMAGES, true).await,
         Purpose::ReplaceStill => pick(IMAGES, false).await,
-        // A plan may come with its world file.
+        // A plan is chosen together with its world file.
         Purpose::LoadPlan => pick(&[PLANS, world_endings()].concat(), true).await,
         Purpose::Import => pick(&[], true).await,
         Purpose::SavePicture => {
@@ -40,101 +37,101 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
         Purpose::SaveReport => {
             vec![Chosen { name: "report.html".into(), path: Some("report.html".into()), bytes: None }]
         }
-        // The browser has a folder of its own for what is downloaded.
+        // The browser has its own download folder.
         Purpose::Export => vec![Chosen { name: String::new(), path: Some(PathBuf::new()), bytes: None }],
     }
 }
 
 #[wasm_bindgen]
 extern "C" {
-    /// The page's own object.
+    /// The page's object.
     #[wasm_bindgen(js_name = calib, thread_local_v2)]
     pub(crate) static PAGE: Page;
 
-    /// Its type.
+    /// Type of the page's object.
     pub(crate) type Page;
 
-    /// Wishes that were made and not yet taken.
+    /// Requests that are not handled yet.
     #[wasm_bindgen(method, getter)]
     pub(crate) fn queue(this: &Page) -> Array;
 
-    /// Whether the operator asked their system for less motion.
+    /// Whether the operator asked the system for reduced motion.
     #[wasm_bindgen(method, getter)]
     pub(crate) fn still(this: &Page) -> bool;
 
-    /// Called by the page when there is a new wish.
+    /// Function that the page calls after a new request.
     #[wasm_bindgen(method, setter)]
     pub(crate) fn set_wake(this: &Page, wake: &Function);
 
-    /// Called by the page to show the app on a new canvas.
+    /// Function that the page calls to show the app on a new canvas.
     #[wasm_bindgen(method, setter)]
     pub(crate) fn set_restart(this: &Page, restart: &Function);
 
-    /// Whether closing the page would lose something.
+    /// Whether closing the page would lose work.
     #[wasm_bindgen(method, setter)]
     pub(crate) fn set_unkept(this: &Page, unkept: bool);
 
-    /// Says that the program stopped.
+    /// Reports that the program stopped.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn panicked(message: &str);
 
-    /// Says that the first frame is painted.
+    /// Reports that the first frame is painted.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn shown();
 
-    /// Says that the canvas lost its picture.
+    /// Reports that the canvas lost its graphics context.
     #[wasm_bindgen(js_namespace = calib, js_name = contextLost)]
     pub(crate) fn context_lost();
 
-    /// Says that there is a picture again.
+    /// Reports that the graphics context is back.
     #[wasm_bindgen(js_namespace = calib, js_name = contextBack)]
     pub(crate) fn context_back();
 
-    /// A canvas in place of the one there was.
+    /// Replaces the canvas by a new one.
     #[wasm_bindgen(js_namespace = calib, js_name = freshCanvas)]
     pub(crate) fn fresh_canvas() -> web_sys::HtmlCanvasElement;
 
-    /// Asks for files.
+    /// Opens a file chooser.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn pick(accept: &str, multiple: bool) -> Promise;
 
-    /// Has the worker do something.
+    /// Runs work in a worker.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn work(kind: &str, name: &str, width: u32, bytes: &Uint8Array) -> Promise;
 
-    /// A picture of the demonstration as it comes with the page, or null.
+    /// Returns an image of the demonstration that was shipped with the page, or null.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn picture(name: &str) -> Promise;
 
-    /// Draws an SVG as PNG on white, its longer side so many pixels.
+    /// Rasterises an SVG on white as PNG; `side` is the longer side, in pixels.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;
 
-    /// Lets go of the worker that does this kind of work.
+    /// Stops the worker of this kind of work.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn dismiss(kind: &str);
 
-    /// Shows the tree of widgets to those who do not see the canvas.
+    /// Sends the widget tree to screen readers.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn mirror(tree: &str);
 
-    /// Hands a file over as a download.
+    /// Offers a file as a download.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn download(name: &str, mime: &str, bytes: &Uint8Array);
 
-    /// Every kept site.
+    /// Lists the stored sites.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn list() -> Promise;
 
-    /// Keeps a site and its new images.
+    /// Stores a site and its new images.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn keep(record: &str, images: &Array) -> Promise;
 
-    /// A kept site and its images.
+    /// Returns a stored site and its images.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn open(id: &str) -> Promise;
 
-    /// Forgets a kept site.
+    /// Removes a stored site.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn remove(id: &str) -> Promise;
 }

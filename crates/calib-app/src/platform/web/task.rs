@@ -1,18 +1,18 @@
-//! Work off the frame's path: what the browser does by itself, or between two frames.
+//! Background work in the browser: promises, or short work between two frames.
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::platform::Lost;
 
-/// Work that is under way, and then its result.
+/// Background work and its result.
 #[derive(Debug)]
 pub struct Task<T> {
     result: Rc<RefCell<Option<T>>>,
 }
 
 impl<T> Task<T> {
-    /// Work that is done already.
+    /// Creates finished work.
     #[must_use]
     pub fn done(result: T) -> Self {
         Self { result: Rc::new(RefCell::new(Some(result))) }
@@ -20,7 +20,7 @@ impl<T> Task<T> {
 }
 
 impl<T: 'static> Task<T> {
-    /// Does the work between two frames: a page has no threads. For what takes no longer than a blink.
+    /// Runs work between two frames, because a page has no threads. For short work only.
     #[must_use]
     pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + 'static) -> Self {
         Self::wait(ctx, async move {
@@ -29,7 +29,7 @@ impl<T: 'static> Task<T> {
         })
     }
 
-    /// Waits for what the browser does; `ctx` is asked for a frame when it is done.
+    /// Waits for a future of the browser; a frame is requested when it is done.
     #[must_use]
     pub fn wait(ctx: &egui::Context, work: impl Future<Output = T> + 'static) -> Self {
         let (result, ctx) = (Rc::new(RefCell::new(None)), ctx.clone());
@@ -42,13 +42,13 @@ impl<T: 'static> Task<T> {
         Self { result }
     }
 
-    /// The result, once; work that was lost has none.
+    /// Returns the result once; work that panicked has none.
     #[must_use]
     pub fn poll(&self) -> Option<T> {
         self.outcome()?.ok()
     }
 
-    /// How the work ended, once.
+    /// Returns the outcome once.
     #[must_use]
     pub fn outcome(&self) -> Option<Result<T, Lost>> {
         self.result.take().map(Ok)

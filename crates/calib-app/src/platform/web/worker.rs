@@ -1,4 +1,4 @@
-//! What the page has its workers do, and what they answer.
+//! Requests to the page's workers, and their answers.
 
 use calib_editor::{Edge, Source, edges};
 use calib_image::{Comparison, LineSegment, Proposal};
@@ -10,14 +10,14 @@ use wasm_bindgen_futures::JsFuture;
 use crate::platform::web::{Web, message, page};
 use crate::platform::{Platform as _, Recovery, Stills};
 
-/// What has a worker of its own, so that it can be stopped.
+/// Worker for refinement; separate, so that it can be stopped.
 pub(crate) const REFINE: &str = "refine";
-/// The same: with an image its edges are measured, without one they propose.
+/// Worker for automatic calibration: with an image it measures edges, otherwise it calibrates from them.
 pub(crate) const PROPOSE: &str = "propose";
 
-/// The same: what became of a camera between two stills, one after the other in the bytes.
+/// Worker for comparisons; the bytes contain both images.
 pub(crate) const COMPARE: &str = "compare";
-/// The same: the camera recovered from the second.
+/// Worker for recovery.
 pub(crate) const RECOVER: &str = "recover";
 
 async fn ask(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
@@ -25,7 +25,7 @@ async fn ask(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, 
     answer.map(|answer| Array::from(&answer)).map_err(|error| crate::platform::web::said(&error))
 }
 
-/// Decodes an image in the worker.
+/// Decodes an image.
 pub(crate) async fn pixels(bytes: &[u8]) -> Result<RgbImage, String> {
     image_of(&ask("decode", "", 0, bytes).await?)
 }
@@ -37,35 +37,35 @@ fn image_of(answer: &Array) -> Result<RgbImage, String> {
     RgbImage::from_raw(width, height, bytes).ok_or_else(|| "an image of another size".into())
 }
 
-/// A picture of the demonstration that comes with the page; without it, as in a page that was saved without what
-/// lies beside it, it is rendered.
+/// Returns an image of the demonstration that was shipped with the page; a page saved as a single file has
+/// none, and renders it.
 async fn shipped(name: &str) -> Option<Vec<u8>> {
     let answer = JsFuture::from(page::picture(name)).await.ok()?;
     answer.is_object().then(|| Uint8Array::new(&answer).to_vec())
 }
 
-/// Decodes an image in the worker; one of the demonstration comes with the page, or is made there.
+/// Decodes an image; an image of the demonstration is fetched or rendered.
 pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
-    let Some(made) = source.made_by_name().map(str::to_owned) else {
+    let Some(made) = source.name_to_render().map(str::to_owned) else {
         return pixels(&source.read(Web::read_within)?).await;
     };
     if let Some(bytes) = shipped(&made).await {
         let image = pixels(&bytes).await?;
-        source.keep(bytes.into());
+        source.store_rendered(bytes.into());
         return Ok(image);
     }
     let answer = ask("render", &made, 0, &[]).await?;
-    source.keep(Uint8Array::new(&answer.get(2)).to_vec().into());
+    source.store_rendered(Uint8Array::new(&answer.get(2)).to_vec().into());
     image_of(&answer)
 }
 
-/// Finds edges in the worker.
+/// Detects edges.
 pub(crate) async fn edges(image: &RgbImage) -> Result<Vec<Edge>, String> {
     let answer = ask("edges", "", image.width(), image).await?;
     Ok(edges::from_numbers(&Float64Array::new(&answer.get(0)).to_vec()))
 }
 
-/// Refines a site in a worker of its own.
+/// Refines a site.
 pub(crate) async fn refine(site: &Site) -> Result<Site, String> {
     let answer = ask(REFINE, "", 0, site.to_json().as_bytes()).await?;
     let text =
@@ -73,40 +73,40 @@ pub(crate) async fn refine(site: &Site) -> Result<Site, String> {
     Site::from_json(&text).map_err(|error| error.to_string())
 }
 
-/// Measures edges in a worker of its own.
+/// Measures edges.
 pub(crate) async fn measure_edges(image: &RgbImage) -> Result<Vec<LineSegment>, String> {
     parsed(&ask(PROPOSE, "", image.width(), image).await?)
 }
 
-/// Has edges propose in the worker that measured them.
+/// Calibrates from measured edges, in the worker that measured them.
 pub(crate) async fn propose(camera: &SiteCamera, edges: &[LineSegment]) -> Result<Proposal, String> {
     let asked = serde_json::to_vec(&(camera, edges)).map_err(|error| error.to_string())?;
     parsed(&ask(PROPOSE, "", 0, &asked).await?)
 }
 
-/// Lets go of the worker that proposes.
+/// Stops the automatic calibration.
 pub(crate) fn stop_proposing() {
     page::dismiss(PROPOSE);
 }
 
-/// Has two stills compared in a worker of its own.
+/// Compares two images.
 pub(crate) async fn compare(camera: &SiteCamera, stills: &Stills) -> Result<Comparison, String> {
     parsed(&ask_of(COMPARE, camera, stills).await?)
 }
 
-/// Has a camera recovered in a worker of its own.
+/// Recovers a camera.
 pub(crate) async fn recover(asked: &Recovery, stills: &Stills) -> Result<Recovered, String> {
     parsed(&ask_of(RECOVER, asked, stills).await?)
 }
 
-/// Asks something of two stills of one size.
+/// Sends a request with two images of one size.
 async fn ask_of(kind: &str, asked: &impl serde::Serialize, [old, new]: &Stills) -> Result<Array, String> {
     let asked = serde_json::to_string(asked).map_err(|error| error.to_string())?;
     let bytes = [old.as_raw().as_slice(), new.as_raw().as_slice()].concat();
     ask(kind, &asked, old.width(), &bytes).await
 }
 
-/// Lets go of the workers that compare and recover.
+/// Stops comparison and recovery.
 pub(crate) fn stop_comparing() {
     page::dismiss(COMPARE);
     page::dismiss(RECOVER);
@@ -117,7 +117,7 @@ fn parsed<T: serde::de::DeserializeOwned>(answer: &Array) -> Result<T, String> {
     message::read(&text)
 }
 
-/// Lets go of the worker that refines.
+/// Stops the refinement.
 pub(crate) fn stop_refining() {
     page::dismiss(REFINE);
 }
