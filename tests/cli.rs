@@ -452,11 +452,13 @@ fn calibrations_are_chosen_by_time() {
 #[test]
 fn a_straight_segment_annotation_without_points_is_no_crash() {
     let (scratch, mut site) = site();
-    site.cameras[0].annotations.push(Annotation::of_segments(Kind::EqualLength, vec![]));
+    site.cameras[0].annotations.push(Annotation::from_segments(Kind::EqualLength, vec![]));
     // Everything at one point: lines without a direction.
     let dot = vec![Pixel::new(5.0, 5.0); 2];
-    site.cameras[0].annotations.push(Annotation::of_segments(Kind::Vertical, vec![dot.clone(), dot.clone()]));
-    site.cameras[1].annotations = vec![Annotation::of_segments(Kind::EqualLength, vec![dot; 5])];
+    site.cameras[0]
+        .annotations
+        .push(Annotation::from_segments(Kind::Vertical, vec![dot.clone(), dot.clone()]));
+    site.cameras[1].annotations = vec![Annotation::from_segments(Kind::EqualLength, vec![dot; 5])];
     scratch.write("site.json", site.to_json());
     let run = scratch.calib(&["solve", "site.json", "--format", "json"]);
     assert!(run.code == 0 || run.code == 4, "{run:?}");
@@ -492,7 +494,7 @@ fn solving_tells_how_the_cameras_agree() {
     let (scratch, _) = shared_site();
     let run = scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
     let (_, of_site) = run.stdout.split_once("\nsite\n").unwrap();
-    assert!(of_site.contains("3 cameras hang together; scale known"), "{of_site}");
+    assert!(of_site.contains("3 cameras are connected; scale known"), "{of_site}");
     // Every pair with what the solved site says of it.
     let solved = scratch.read_json("solved.json");
     for pair in solved["solution"]["overlaps"].as_array().unwrap() {
@@ -588,7 +590,7 @@ fn a_report_has_the_site_and_an_overlay_its_links() {
         let name = format!("Link {}<", link.id.as_ref().unwrap());
         assert_eq!(section.matches(&name).count(), 1, "{name}");
     }
-    assert_eq!(section.matches("set aside<").count(), 1);
+    assert_eq!(section.matches("rejected<").count(), 1);
     assert_eq!(section.matches("<tr>").count(), 2 + 3 + 3 * site.links.len(), "heads, pairs, every view");
     // A ring where it was drawn, in the colour of outliers where it was set aside.
     scratch.calib(&["render", "solved.json", "--camera", "c1", "-o", "c1-links.png"]).expect_code(0);

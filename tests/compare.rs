@@ -13,7 +13,7 @@ use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, Worl
 
 use calib_core::camera::{Turn, angles_from_rotation, ray_in_camera};
 
-use calib_image::{Became, Comparison};
+use calib_image::{CameraChange, Comparison};
 use calib_site::{Method, Site};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
@@ -288,7 +288,7 @@ fn any_turn(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> Turn 
 /// One comparison beside the truth.
 #[derive(Debug)]
 struct Trial {
-    became: Became,
+    became: CameraChange,
     /// Errors over sigmas: turn about three axes, zoom.
     errors: [f64; 4],
     /// In degrees, and as a share.
@@ -301,14 +301,14 @@ struct Trial {
 
 fn trial(stills: &Stills, new: &RgbImage, truth: &Turn) -> Trial {
     let found = Comparison::new(&stills.camera, &[], &stills.moments[0], new).unwrap();
-    let left = Turn::between(&found.turn.applied(&stills.camera), &truth.applied(&stills.camera));
+    let left = Turn::between(&found.rotation.applied(&stills.camera), &truth.applied(&stills.camera));
     let [x, y, z] = left.vector;
     let sigma = |k: usize| found.covariance[k][k].sqrt();
     let errors: [f64; 4] = std::array::from_fn(|k| [x, y, z, left.zoom][k] / sigma(k));
     let size =
         truth.vector.iter().chain([&truth.zoom]).enumerate().map(|(k, value)| (value / sigma(k)).abs());
     Trial {
-        became: found.became,
+        became: found.change,
         errors,
         off: [left.angle().to_degrees(), left.zoom.abs()],
         size: size.fold(0.0, f64::max),
@@ -347,9 +347,9 @@ impl Row {
             self.refused += 1;
             return;
         }
-        let said = trial.became != Became::Unchanged;
+        let said = trial.became != CameraChange::Unchanged;
         self.right += usize::from(said == moved);
-        self.shifted += usize::from(trial.became == Became::Shifted);
+        self.shifted += usize::from(trial.became == CameraChange::Shifted);
         self.wrong += usize::from(said != moved && (!moved || trial.size > 3.0));
         self.aligned += 1;
         for (inside, error) in self.inside.iter_mut().zip(trial.errors) {
@@ -542,10 +542,10 @@ fn the_table_of_cameras_that_stand_still() {
             let day = Day::any(&mut random, 0.6);
             let new = day.shown(still, cover, &mut random);
             let found = became(stills, &new);
-            if found.became != Became::Unchanged {
+            if found.change != CameraChange::Unchanged {
                 tell(&format!("{} {number}: {day:?}", stills.id), &found);
             }
-            *counts.entry(said(found.became)).or_default() += 1;
+            *counts.entry(said(found.change)).or_default() += 1;
         }
         println!("{}", counted(&stills.id, &counts));
         counts.into_iter().for_each(|(said, count)| *together.entry(said).or_default() += count);
@@ -554,11 +554,11 @@ fn the_table_of_cameras_that_stand_still() {
 }
 
 /// What is said of a camera, with all refusals in one.
-fn said(became: Became) -> &'static str {
+fn said(became: CameraChange) -> &'static str {
     match became {
-        Became::Unchanged => "unchanged",
-        Became::Moved => "moved",
-        Became::Shifted => "shifted",
+        CameraChange::Unchanged => "unchanged",
+        CameraChange::Moved => "moved",
+        CameraChange::Shifted => "shifted",
         _ => "refused",
     }
 }
@@ -677,7 +677,7 @@ fn rendered_steps(chosen: bool, trials: usize) -> BTreeMap<String, BTreeMap<&'st
             *rows
                 .entry(format!("1 rendered, stepped aside by {metres:.1} m"))
                 .or_default()
-                .entry(said(found.became))
+                .entry(said(found.change))
                 .or_default() += 1;
         }
     }
@@ -687,7 +687,16 @@ fn rendered_steps(chosen: bool, trials: usize) -> BTreeMap<String, BTreeMap<&'st
 /// What was found, where one looks closer.
 fn tell(what: &str, found: &Comparison) {
     if std::env::var_os("CALIB_COMPARE_VERBOSE").is_some() {
-        let Comparison { became, clear, shift, places, found, by_chance, turn, .. } = found;
+        let Comparison {
+            change: became,
+            z_score: clear,
+            shift,
+            visible_samples: places,
+            found_fraction: found,
+            chance_fraction: by_chance,
+            rotation: turn,
+            ..
+        } = found;
         println!(
             "{what}: {became:?}, {turn:.4?}, {clear:.1} clear, {shift:.2} px, {places} places, {found:.2} found, {by_chance:.2} by chance"
         );
@@ -709,7 +718,7 @@ fn no_turns(all: &[Stills], chosen: bool, trials: usize) -> BTreeMap<String, BTr
                 let new = day.shown(new, cover, random);
                 let found = became(stills, &new);
                 tell(&format!("{} {name}", stills.id), &found);
-                *rows.entry(name).or_default().entry(said(found.became)).or_default() += 1;
+                *rows.entry(name).or_default().entry(said(found.change)).or_default() += 1;
             };
             for metres in STEPS {
                 let camera = beside(&stills.camera, metres, std::f64::consts::PI, &mut random);
@@ -782,24 +791,24 @@ fn what_is_no_turn_is_not_taken_for_one() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut night = |x, y| old.get_pixel(x, y).0.map(|value| value / 100 + random.random_range(0..5_u8));
     let dark = RgbImage::from_fn(size[0], size[1], |x, y| Rgb(night(x, y)));
-    assert_eq!(became(&shop, &dark).became, Became::TooDark);
+    assert_eq!(became(&shop, &dark).change, CameraChange::TooDark);
     let fog = image::imageops::blur(old, 25.0);
-    assert_eq!(became(&shop, &fog).became, Became::Blind);
+    assert_eq!(became(&shop, &fog).change, CameraChange::Blind);
     let barn = calib_demo::demo_site().truth[4].1;
     let other = rendered("barn", &barn, [1920, 1080], size[0]).moments.remove(0);
-    assert_eq!(became(&shop, &other).became, Became::Replaced);
+    assert_eq!(became(&shop, &other).change, CameraChange::DifferentView);
     for metres in STEPS {
         let WorldPoint { x, y, z } = camera.position;
         let position = WorldPoint::new(x - 0.83 * metres, y + 0.55 * metres, z);
         let beside = Camera { position, yaw: camera.yaw + 0.02, ..camera };
         let new = calib_demo::render(&beside, size);
-        assert_eq!(became(&shop, &new).became, Became::Shifted, "{metres} m aside");
+        assert_eq!(became(&shop, &new).change, CameraChange::Shifted, "{metres} m aside");
     }
     let turned = Turn { vector: [0.01, 0.02, -0.005], zoom: 0.01 }.applied(&camera);
-    assert_eq!(became(&shop, &calib_demo::render(&turned, size)).became, Became::Moved);
+    assert_eq!(became(&shop, &calib_demo::render(&turned, size)).change, CameraChange::Moved);
     let flat = RgbImage::from_pixel(size[0], size[1], Rgb([90; 3]));
     let nothing = Comparison::new(&camera, &[], &flat, old).unwrap();
-    assert_eq!(nothing.became, Became::TooFewEdges);
+    assert_eq!(nothing.change, CameraChange::TooFewEdges);
 }
 
 /// A fence before more than half of what a camera sees: its posts are found again one post beside.
@@ -823,12 +832,12 @@ fn what_repeats_does_not_mislead() {
         let new = fence.turned(0, &truth, &RgbImage::from_pixel(960, 540, Rgb([90; 3])));
         let found = became(&fence, &new);
         tell(&format!("{posts} posts"), &found);
-        let left = Turn::between(&found.turn.applied(&fence.camera), &truth.applied(&fence.camera));
+        let left = Turn::between(&found.rotation.applied(&fence.camera), &truth.applied(&fence.camera));
         let off = left.angle() * fence.camera.focal;
         assert!(
-            !found.became.is_aligned() || off < 0.5,
+            !found.change.is_aligned() || off < 0.5,
             "{posts} posts: {off:.2} px off, {:?}",
-            found.became
+            found.change
         );
     }
 }

@@ -8,12 +8,12 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, TimestampMicrosecondArray};
 use calib_site::Site;
-use calib_tests::{LENSES, Scratch, camera, engines_python, entry, program, root};
+use calib_tests::{LENSES, Scratch, camera, engines_python, entry, root};
 use parquet::arrow::ArrowWriter;
 use parquet::file::properties::WriterProperties;
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 /// Camera a with five coefficients, b without distortion, c with the division model.
 fn site() -> Site {

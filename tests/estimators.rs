@@ -7,7 +7,7 @@ use calib_core::{
     WorldPoint,
 };
 
-use calib_core::outcome::Drawing;
+use calib_core::outcome::SuggestedAnnotation;
 
 use calib_core::single::{FixedParameters, Known, paper_minimum};
 
@@ -66,7 +66,7 @@ fn the_fit_finds_exact_scenes() {
             assert!(focal < 1e-6, "{drawn:?}: {focal:e}, {} alternatives", fit.alternatives.len());
             assert!((fit.camera.pitch - scene.camera.pitch).abs() < 1e-6);
             assert!((fit.camera.roll - scene.camera.roll).abs() < 1e-6);
-            assert!(fit.outliers.is_empty() && !fit.misfit);
+            assert!(fit.outliers.is_empty() && !fit.is_misfit);
         }
     }
 }
@@ -202,19 +202,19 @@ impl Studio {
 
     fn verticals(&mut self) -> Annotation {
         let lines = [(-2.5, 6.0), (-1.0, 8.0), (1.2, 7.0), (2.8, 6.5)].map(|(x, y)| self.vertical(x, y));
-        Annotation::of_segments(Kind::Vertical, lines.to_vec())
+        Annotation::from_segments(Kind::Vertical, lines.to_vec())
     }
 
     /// Floor lines of one direction, side by side.
     fn parallels(&mut self, azimuth: f64) -> Annotation {
         let lines =
             [(-2.0, 6.5), (-0.5, 6.0), (0.8, 7.0), (2.2, 6.5)].map(|(x, y)| self.floor(x, y, azimuth, 3.0));
-        Annotation::of_segments(Kind::Parallel, lines.to_vec())
+        Annotation::from_segments(Kind::Parallel, lines.to_vec())
     }
 
     fn right_angle(&mut self, azimuth: f64) -> Annotation {
         let lines = [self.floor(0.5, 6.0, azimuth, 2.5), self.floor(-0.5, 6.5, azimuth + 90.0, 2.5)];
-        Annotation::of_segments(Kind::Perpendicular, lines.to_vec())
+        Annotation::from_segments(Kind::Perpendicular, lines.to_vec())
     }
 
     fn site(&self, annotations: Vec<Annotation>) -> SiteCamera {
@@ -293,7 +293,7 @@ fn a_right_angle_aligned_with_the_view_does_not_tell_the_focal() {
     studio.camera.roll = 0.0;
     let verticals = studio.verticals();
     let lines = [studio.floor(0.0, 6.0, 0.0, 2.5), studio.floor(0.0, 6.5, 90.0, 2.5)];
-    let aligned = Annotation::of_segments(Kind::Perpendicular, lines.to_vec());
+    let aligned = Annotation::from_segments(Kind::Perpendicular, lines.to_vec());
     assert_named(&solve(studio.site(vec![verticals, aligned])), Code::FocalUnobservable);
 }
 
@@ -352,13 +352,13 @@ fn equal_segments_at_one_depth_and_direction_do_not_tell_the_focal() {
     studio.camera.roll = 0.0;
     let verticals = studio.verticals();
     let side_by_side = [-2.0, -0.7, 0.7, 2.0].map(|x| studio.floor(x, 6.0, 0.0, 1.0)).to_vec();
-    let equal = Annotation::of_segments(Kind::EqualLength, side_by_side.clone());
+    let equal = Annotation::from_segments(Kind::EqualLength, side_by_side.clone());
     assert_named(&solve(studio.site(vec![verticals.clone(), equal])), Code::FocalUnobservable);
     let mut segments = side_by_side;
     segments.extend(
         [(-1.0, 4.5), (1.0, 8.0), (0.0, 5.0), (0.5, 7.0)].map(|(x, y)| studio.floor(x, y, 80.0, 1.0)),
     );
-    let spread = Annotation::of_segments(Kind::EqualLength, segments);
+    let spread = Annotation::from_segments(Kind::EqualLength, segments);
     assert_healthy(&solve(studio.site(vec![verticals, spread])), &studio);
 }
 
@@ -368,10 +368,10 @@ fn a_level_camera_with_one_parallel_group_is_weak_and_a_right_angle_mends_it() {
     let lines =
         [(-2.0, 9.0), (-0.7, 9.0), (0.8, 9.0), (2.2, 9.0)].map(|(x, y)| studio.floor(x, y, 85.0, 4.0));
     let verticals = studio.verticals();
-    let group = Annotation::of_segments(Kind::Parallel, lines.to_vec());
+    let group = Annotation::from_segments(Kind::Parallel, lines.to_vec());
     assert_named(&solve(studio.site(vec![verticals.clone(), group.clone()])), Code::FocalUnobservable);
     let angles = [studio.floor(0.5, 7.5, 40.0, 3.0), studio.floor(-0.5, 8.0, 130.0, 3.0)];
-    let angle = Annotation::of_segments(Kind::Perpendicular, angles.to_vec());
+    let angle = Annotation::from_segments(Kind::Perpendicular, angles.to_vec());
     let solution = solve(studio.site(vec![verticals, group, angle]));
     assert!(!codes(&solution).contains(&Code::FocalUnobservable), "{:#?}", solution.warnings);
 }
@@ -381,10 +381,10 @@ fn looking_straight_down_the_floor_is_fine_and_the_focal_is_not() {
     let mut studio = Studio::new(89.9, 75.0);
     let floor = |studio: &mut Studio, azimuth: f64| {
         let lines = [(-1.5, -0.8), (0.0, 0.9), (1.4, 0.3)].map(|(x, y)| studio.floor(x, y, azimuth, 1.6));
-        Annotation::of_segments(Kind::Parallel, lines.to_vec())
+        Annotation::from_segments(Kind::Parallel, lines.to_vec())
     };
     let verticals = [(-1.5, 0.9), (1.4, -0.8), (1.2, 0.9)].map(|(x, y)| studio.vertical_low(x, y));
-    let verticals = Annotation::of_segments(Kind::Vertical, verticals.to_vec());
+    let verticals = Annotation::from_segments(Kind::Vertical, verticals.to_vec());
     let along = Annotation { id: Some("a".into()), ..floor(&mut studio, 20.0) };
     let across = Annotation { at_right_angles_to: Some("a".into()), ..floor(&mut studio, 110.0) };
     let solution = solve(studio.site(vec![verticals, along, across]));
@@ -416,7 +416,7 @@ fn no_vertical_is_needed_where_the_floor_says_enough() {
     let along = Annotation { id: Some("a".into()), ..studio.parallels(60.0) };
     let across = Annotation { at_right_angles_to: Some("a".into()), ..studio.parallels(150.0) };
     assert_healthy(&solve(studio.site(vec![along.clone(), across.clone()])), &studio);
-    let one = Annotation::of_segments(Kind::Vertical, vec![studio.vertical(-2.0, 6.0)]);
+    let one = Annotation::from_segments(Kind::Vertical, vec![studio.vertical(-2.0, 6.0)]);
     assert_healthy(&solve(studio.site(vec![one, along, across])), &studio);
 }
 
@@ -448,7 +448,7 @@ fn a_known_length_an_upright_and_a_height_give_the_scale() {
     let truth = studio.camera.position.z;
     let length = Annotation {
         length_m: Some(2.0),
-        ..Annotation::of_segments(
+        ..Annotation::from_segments(
             Kind::KnownLength,
             vec![studio.floor(0.0, 6.0, 30.0, 2.0), studio.floor(1.0, 5.0, 100.0, 2.0)],
         )
@@ -483,7 +483,7 @@ fn a_known_size_is_asked_for_where_the_scale_is_the_limit_and_brings_what_was_sa
     let asked = |camera: SiteCamera| {
         let next = solve(camera).draw_next?;
         let all = [vec![next.clone()], next.otherwise].concat();
-        all.into_iter().find(|next| next.drawing == Some(Drawing::KnownSize))
+        all.into_iter().find(|next| next.drawing == Some(SuggestedAnnotation::KnownSize))
     };
     let with_height = |height: Known| SiteCamera { height_m: Some(height), ..studio.site(base.clone()) };
     let guessed = asked(studio.site(base.clone())).unwrap();
@@ -494,7 +494,7 @@ fn a_known_size_is_asked_for_where_the_scale_is_the_limit_and_brings_what_was_sa
     let length = Annotation {
         length_m: Some(1.75),
         length_sigma_rel: Some(0.01),
-        ..Annotation::of_segments(Kind::KnownLength, vec![studio.floor(0.0, 4.0, 0.0, 1.75)])
+        ..Annotation::from_segments(Kind::KnownLength, vec![studio.floor(0.0, 4.0, 0.0, 1.75)])
     };
     let measured = studio.site(base.iter().cloned().chain([length]).collect());
     let then = solve(measured.clone()).sigma.unwrap().floor_length_rel.unwrap();
@@ -575,10 +575,10 @@ fn what_a_method_does_not_use_is_named() {
     let mut studio = Studio::new(30.0, 75.0);
     let points = (0..4).map(|i| studio.pixel(WorldPoint::new(-2.0, 5.0 + f64::from(i), 0.0))).collect();
     let straight = Annotation { points: Some(points), ..Annotation::new(Kind::Straight) };
-    let lonely = Annotation::of_segments(Kind::Parallel, vec![studio.floor(0.0, 6.0, 20.0, 2.0)]);
+    let lonely = Annotation::from_segments(Kind::Parallel, vec![studio.floor(0.0, 6.0, 20.0, 2.0)]);
     let known = Annotation {
         length_m: Some(2.0),
-        ..Annotation::of_segments(Kind::KnownLength, vec![studio.floor(0.0, 6.0, 30.0, 2.0)])
+        ..Annotation::from_segments(Kind::KnownLength, vec![studio.floor(0.0, 6.0, 30.0, 2.0)])
     };
     let base = vec![studio.verticals(), studio.parallels(70.0)];
     let annotations: Vec<Annotation> = base.into_iter().chain([straight, lonely, known]).collect();

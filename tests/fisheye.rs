@@ -90,11 +90,11 @@ fn room(random: &mut ChaCha8Rng, camera: &Camera, field: f64, points: usize) -> 
     let verticals = segments(None, 6);
     let [along, across] = [segments(Some(turn), 5), segments(Some(turn + std::f64::consts::FRAC_PI_2), 5)];
     [
-        Annotation::of_segments(Kind::Vertical, verticals),
-        Annotation { id: Some("along".into()), ..Annotation::of_segments(Kind::Parallel, along) },
+        Annotation::from_segments(Kind::Vertical, verticals),
+        Annotation { id: Some("along".into()), ..Annotation::from_segments(Kind::Parallel, along) },
         Annotation {
             at_right_angles_to: Some("along".into()),
-            ..Annotation::of_segments(Kind::Parallel, across)
+            ..Annotation::from_segments(Kind::Parallel, across)
         },
     ]
 }
@@ -322,7 +322,7 @@ fn a_fisheye_is_told_by_its_edges_and_no_other_lens_is_taken_for_one() {
         let edges = site.cameras[0].annotations.clone();
         // Only where straight edges are drawn is a lens fitted that nobody asked for.
         site.cameras[0].annotations.extend(edges.iter().map(|drawn| {
-            Annotation::of_segments(Kind::Straight, drawn.segments.clone().unwrap_or_default())
+            Annotation::from_segments(Kind::Straight, drawn.segments.clone().unwrap_or_default())
         }));
         told += usize::from(model(&site) == Some(DistortionModel::KannalaBrandt));
     }
@@ -413,7 +413,7 @@ fn a_real_fisheye_is_found_from_straight_edges_as_well_as_from_its_boards() {
     for circle in [None, Some(circles[0])] {
         let options = LensOptions {
             principal_point: Pixel::new(0.5 * size[0], 0.5 * size[1]),
-            centre_is_held: false,
+            is_centre_fixed: false,
             circle,
             size,
             fitted: None,

@@ -30,7 +30,7 @@ fn scribbled(random: &mut ChaCha8Rng, index: usize) -> SiteCamera {
         for _ in 0..groups {
             let count = random.random_range(least..=most);
             if count > 0 {
-                camera.annotations.push(Annotation::of_segments(kind, any_segments(random, count)));
+                camera.annotations.push(Annotation::from_segments(kind, any_segments(random, count)));
             }
         }
     };
@@ -324,7 +324,7 @@ fn what_six_or_seven_lines_say_by_chance_is_not_certain() {
             (Kind::Parallel, parallels.div_ceil(2)),
         ];
         for (kind, count) in groups.into_iter().filter(|(_, count)| *count > 0) {
-            camera.annotations.push(Annotation::of_segments(kind, any_segments(&mut random, count)));
+            camera.annotations.push(Annotation::from_segments(kind, any_segments(&mut random, count)));
         }
         let site = Site { cameras: vec![camera], ..Site::new() };
         let Ok(solution) = site.calibrate(&Options::default()).cameras.remove(0).1 else { continue };

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_core::{
-    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, Fitted, Kind, Lens,
-    LensFit, LensOptions, Pixel, UndistortedPixel, WorldPoint,
+    Annotation, BrownConrady, Camera, Code, Covariance, Distortion, DistortionModel, FittedCoefficients,
+    Kind, Lens, LensFit, LensOptions, Pixel, UndistortedPixel, WorldPoint,
 };
 
 use calib_core::outcome::Source;
@@ -73,7 +73,7 @@ fn synthetic_edges_give_the_lens_back() {
         let edges = drawn(&mut random, &lens, size);
         let options = LensOptions {
             principal_point: lens.principal_point,
-            centre_is_held: true,
+            is_centre_fixed: true,
             circle: None,
             size,
             fitted: None,
@@ -160,13 +160,13 @@ fn wide_lenses_come_back_from_synthetic_edges() {
             let fisheye = matches!(family, Family::Fisheye);
             let options = LensOptions {
                 principal_point: lens.principal_point,
-                centre_is_held: true,
+                is_centre_fixed: true,
                 circle: None,
                 size,
                 fitted: match family {
                     Family::Brown2 | Family::Brown3 => None,
-                    Family::Division => Some(Fitted::first(DistortionModel::Division, 1)),
-                    Family::Fisheye => Some(Fitted::first(DistortionModel::KannalaBrandt, 2)),
+                    Family::Division => Some(FittedCoefficients::first(DistortionModel::Division, 1)),
+                    Family::Fisheye => Some(FittedCoefficients::first(DistortionModel::KannalaBrandt, 2)),
                 },
                 focal: fisheye.then_some(lens.focal),
                 sigma: 0.3,
@@ -241,7 +241,7 @@ fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
     let mut random = ChaCha8Rng::seed_from_u64(8);
     let options = LensOptions {
         principal_point,
-        centre_is_held: true,
+        is_centre_fixed: true,
         circle: None,
         size,
         fitted: None,
@@ -272,10 +272,10 @@ fn coefficients_that_edges_say_nothing_of_are_those_of_lenses() {
     let lens = Lens { principal_point, focal: 1200.0, distortion: Distortion::None, image_circle: None };
     let mut random = ChaCha8Rng::seed_from_u64(9);
     // Short edges in the middle, and a hand that trembles.
-    let fitted = Some(Fitted::first(DistortionModel::BrownConrady, 2));
+    let fitted = Some(FittedCoefficients::first(DistortionModel::BrownConrady, 2));
     let options = LensOptions {
         principal_point,
-        centre_is_held: true,
+        is_centre_fixed: true,
         circle: None,
         size,
         fitted,
@@ -314,7 +314,7 @@ fn an_edge_that_alone_reaches_the_corners_is_believed_when_the_others_agree() {
     };
     let options = LensOptions {
         principal_point: lens.principal_point,
-        centre_is_held: true,
+        is_centre_fixed: true,
         circle: None,
         size,
         fitted: None,
@@ -473,13 +473,15 @@ fn a_real_lens_is_straightened_as_well_as_by_a_calibration() {
         }
     };
     let reference = reference("k1k2");
-    let k1_k2 = Fitted::first(DistortionModel::BrownConrady, 2);
-    for (fitted, most) in
-        [(None, 0.10), (Some(k1_k2), 0.095), (Some(Fitted::first(DistortionModel::Division, 1)), 0.10)]
-    {
+    let k1_k2 = FittedCoefficients::first(DistortionModel::BrownConrady, 2);
+    for (fitted, most) in [
+        (None, 0.10),
+        (Some(k1_k2), 0.095),
+        (Some(FittedCoefficients::first(DistortionModel::Division, 1)), 0.10),
+    ] {
         let options = LensOptions {
             principal_point: reference.principal_point,
-            centre_is_held: true,
+            is_centre_fixed: true,
             circle: None,
             size,
             fitted,
@@ -494,7 +496,12 @@ fn a_real_lens_is_straightened_as_well_as_by_a_calibration() {
         assert!(mean <= most, "{mean}");
         // Another family of lenses differs in the corners, which no board has reached.
         assert!(
-            apart <= if fit.fitted == Some(Fitted::first(DistortionModel::Division, 1)) { 0.6 } else { 0.5 },
+            apart
+                <= if fit.fitted == Some(FittedCoefficients::first(DistortionModel::Division, 1)) {
+                    0.6
+                } else {
+                    0.5
+                },
             "{apart} px"
         );
     }
@@ -561,7 +568,7 @@ fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
     };
     let options = LensOptions {
         principal_point: lens.principal_point,
-        centre_is_held: true,
+        is_centre_fixed: true,
         circle: None,
         size,
         fitted: None,
@@ -609,7 +616,7 @@ fn one_bent_edge_drawn_sixty_times_does_not_make_a_lens() {
     edges.extend((0..60).map(|k| edge(bent(), 20 + k)));
     let options = LensOptions {
         principal_point: plain.principal_point,
-        centre_is_held: true,
+        is_centre_fixed: true,
         circle: None,
         size,
         fitted: None,
@@ -653,7 +660,7 @@ fn room(lens: Lens, random: &mut ChaCha8Rng) -> (Site, Camera) {
                 .collect();
             segments.extend(points.filter(|points| points[0].distance(points[11]) > 250.0));
         }
-        Annotation::of_segments(kind, segments)
+        Annotation::from_segments(kind, segments)
     };
     let along = Annotation { id: Some("a".into()), ..lines(Kind::Parallel, [0.6, 0.8, 0.0], 4) };
     let across = lines(Kind::Parallel, [-0.8, 0.6, 0.0], 4);

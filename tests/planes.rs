@@ -57,7 +57,7 @@ impl<'a> Hand<'a> {
     fn verticals(&mut self) -> Annotation {
         let feet = [[-1.5, 6.0], [0.2, 7.0], [1.8, 5.5]];
         let posts = feet.map(|[x, y]| self.line(WorldPoint::new(x, y, 0.0), WorldPoint::new(x, y, 1.8)));
-        Annotation::of_segments(Kind::Vertical, posts.to_vec())
+        Annotation::from_segments(Kind::Vertical, posts.to_vec())
     }
 
     /// Two directions of the floor at right angles.
@@ -65,10 +65,10 @@ impl<'a> Hand<'a> {
         let along = [[-1.0, 4.5], [0.5, 5.0], [1.5, 6.0]].map(|at| self.on(&Plane::FLOOR, at, [0.7, 2.4]));
         let across = [[-1.0, 5.0], [0.0, 7.0]].map(|at| self.on(&Plane::FLOOR, at, [1.2, -0.35]));
         vec![
-            Annotation { id: Some("p".into()), ..Annotation::of_segments(Kind::Parallel, along.to_vec()) },
+            Annotation { id: Some("p".into()), ..Annotation::from_segments(Kind::Parallel, along.to_vec()) },
             Annotation {
                 at_right_angles_to: Some("p".into()),
-                ..Annotation::of_segments(Kind::Parallel, across.to_vec())
+                ..Annotation::from_segments(Kind::Parallel, across.to_vec())
             },
         ]
     }
@@ -116,7 +116,7 @@ fn a_length_on_a_platform_gives_the_height_above_the_floor() {
     let mut hand = Hand::exact(&truth);
     let measured = Annotation {
         length_m: Some(2.0),
-        ..Annotation::of_segments(Kind::KnownLength, vec![hand.on(&stage, [-0.5, 6.0], [2.0, 0.0])])
+        ..Annotation::from_segments(Kind::KnownLength, vec![hand.on(&stage, [-0.5, 6.0], [2.0, 0.0])])
     };
     let height = |annotation| {
         let plane = PlaneEntry { height_m: exact(0.6), tilt: Some(level()), ..PlaneEntry::new("stage") };
@@ -150,7 +150,7 @@ fn pair(plane: &Plane, noise: f64, seed: u64) -> Site {
         .collect();
     let on_stage = |hand: &mut Hand| {
         let along = [[-0.6, 5.2], [0.3, 5.4]].map(|at| hand.on(plane, at, [0.3, 1.6]));
-        vec![on_plane(Annotation::of_segments(Kind::Parallel, along.to_vec()))]
+        vec![on_plane(Annotation::from_segments(Kind::Parallel, along.to_vec()))]
     };
     let ids = ["a", "b"];
     let entries = (0..2)

@@ -13,7 +13,7 @@ use calib_core::{Camera, Distortion, Lens, Orientation, Pixel, WorldPoint};
 use calib_core::single::Known;
 
 use calib_demo::random::normal;
-use calib_image::{Lies, LineSegment, Proposal, Reason, Still, Verdict, line_segments};
+use calib_image::{EdgeClass, LineSegment, Proposal, Reason, EdgeImage, Verdict, line_segments};
 use calib_site::{Options, Site, Solution};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
@@ -177,10 +177,10 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
         horizon: truth.map(|truth| horizon_error(&found, &truth, centre, ROOM)),
     };
     let proposed = rooms.iter().filter_map(|room| {
-        let still = Still { principal_point: Some(centre), ..Still::new(room.segments.clone(), [640, 480]) };
-        let proposal = Proposal::new(&Still { lens: Some(Lens::pinhole(centre)), ..still });
+        let still = EdgeImage { principal_point: Some(centre), ..EdgeImage::new(room.segments.clone(), [640, 480]) };
+        let proposal = Proposal::new(&EdgeImage { lens: Some(Lens::pinhole(centre)), ..still });
         let solution = proposal.solution.as_ref()?;
-        Some(off(proposal.verdict, orientation(solution), proposal.focal_sigma_rel?, room.truth))
+        Some(off(proposal.confidence, orientation(solution), proposal.focal_sigma_rel?, room.truth))
     });
     let each = proposed.collect();
     let baseline = rooms
@@ -253,7 +253,7 @@ fn rooms_propose_their_cameras_or_abstain() {
 }
 
 fn proposal_of(image: &RgbImage) -> Proposal {
-    Proposal::new(&Still::new(line_segments(image), [image.width(), image.height()]))
+    Proposal::new(&EdgeImage::new(line_segments(image), [image.width(), image.height()]))
 }
 
 /// The proposal of a still, beside its true camera.
@@ -264,7 +264,7 @@ fn of_image(image: &RgbImage, truth: &Orientation) -> Option<Off> {
 fn off(proposal: &Proposal, truth: &Orientation) -> Option<Off> {
     let found = orientation(proposal.solution.as_ref()?);
     Some(Off {
-        verdict: proposal.verdict,
+        verdict: proposal.confidence,
         log_focal: (found.focal / truth.focal).ln(),
         sigma: proposal.focal_sigma_rel?,
         pitch: Some((found.pitch - truth.pitch).to_degrees()),
@@ -312,9 +312,9 @@ fn a_round_image_proposes_nothing_before_its_lens_is_known() {
     let image = calib_demo::render(camera, entry.size_px);
     let circle = calib_image::image_circle(&image);
     assert!(circle.is_some());
-    let still = Still { image_circle: circle, ..Still::new(line_segments(&image), entry.size_px) };
+    let still = EdgeImage { image_circle: circle, ..EdgeImage::new(line_segments(&image), entry.size_px) };
     let proposal = Proposal::new(&still);
-    assert_eq!((proposal.verdict, &proposal.reasons[..]), (Verdict::None, &[Reason::RoundImage][..]));
+    assert_eq!((proposal.confidence, &proposal.reasons[..]), (Verdict::None, &[Reason::RoundImage][..]));
     assert!(proposal.groups.is_empty() && proposal.reasons[0].to_string().contains("straight edges"));
 }
 
@@ -371,9 +371,9 @@ fn count_floor(proposal: &Proposal, camera: &Camera, size: [u32; 2], told: &mut 
                 2
             };
             match lies {
-                Lies::Floor => told[0][which] += 1,
-                Lies::Above => told[1][which] += 1,
-                Lies::Open => {}
+                EdgeClass::Floor => told[0][which] += 1,
+                EdgeClass::Above => told[1][which] += 1,
+                EdgeClass::Undetermined => {}
             }
         }
     }
@@ -495,7 +495,7 @@ fn nonsense() -> Vec<(&'static str, RgbImage)> {
 fn nonsense_proposes_nothing() {
     for (name, image) in nonsense() {
         let proposal = proposal_of(&image);
-        assert_eq!(proposal.verdict, Verdict::None, "{name}: {:?}", proposal.solution);
+        assert_eq!(proposal.confidence, Verdict::None, "{name}: {:?}", proposal.solution);
         assert!(!proposal.reasons.is_empty(), "{name} has no reason");
     }
 }
@@ -506,13 +506,13 @@ fn any_number_of_edges_anywhere_is_taken() {
     for count in [0, 1, 7, 8, 60, 3000] {
         let mut pixel = || Pixel::new(random.random_range(-50.0..700.0), random.random_range(-50.0..500.0));
         let segments = (0..count).map(|_| LineSegment { ends: [pixel(), pixel()], sigma: 0.5 }).collect();
-        let proposal = Proposal::new(&Still::new(segments, [640, 480]));
-        assert_eq!(proposal.verdict, Verdict::None, "{count}: {:?}", proposal.solution);
+        let proposal = Proposal::new(&EdgeImage::new(segments, [640, 480]));
+        assert_eq!(proposal.confidence, Verdict::None, "{count}: {:?}", proposal.solution);
     }
     let same = LineSegment { ends: [Pixel::new(10.0, 20.0), Pixel::new(300.0, 40.0)], sigma: 0.5 };
-    assert_eq!(Proposal::new(&Still::new(vec![same; 50], [640, 480])).verdict, Verdict::None);
+    assert_eq!(Proposal::new(&EdgeImage::new(vec![same; 50], [640, 480])).confidence, Verdict::None);
     let point = LineSegment { ends: [Pixel::new(f64::NAN, 0.0); 2], sigma: 0.0 };
-    assert_eq!(Proposal::new(&Still::new(vec![point; 50], [640, 480])).verdict, Verdict::None);
+    assert_eq!(Proposal::new(&EdgeImage::new(vec![point; 50], [640, 480])).confidence, Verdict::None);
 }
 
 #[test]

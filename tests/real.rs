@@ -104,7 +104,7 @@ fn shelter(data: &Value, frames: &std::path::Path, hold_focal: bool) -> Site {
         };
         let parallel = |id: &str, lines| Annotation {
             id: Some(id.into()),
-            ..Annotation::of_segments(Kind::Parallel, lines)
+            ..Annotation::from_segments(Kind::Parallel, lines)
         };
         let across = Annotation { at_right_angles_to: Some("along".into()), ..parallel("across", across) };
         let points = camera["control_points"].as_array().unwrap().iter().map(control_point);
@@ -112,7 +112,7 @@ fn shelter(data: &Value, frames: &std::path::Path, hold_focal: bool) -> Site {
             image: Some(frames.join(camera["image"].as_str().unwrap()).to_string_lossy().into_owned()),
             lens: Some(lens),
             annotations: vec![
-                Annotation::of_segments(Kind::Vertical, vertical),
+                Annotation::from_segments(Kind::Vertical, vertical),
                 parallel("along", along),
                 across,
             ],
@@ -395,7 +395,7 @@ fn edges_of_the_scene_find_the_lenses() {
         let size: [f64; 2] = serde_json::from_value(camera["size"].clone()).unwrap();
         let options = LensOptions {
             principal_point: given.principal_point,
-            centre_is_held: true,
+            is_centre_fixed: true,
             circle: None,
             size,
             fitted: None,

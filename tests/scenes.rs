@@ -94,9 +94,9 @@ impl Scene {
         let along = |(azimuth, slope): (f64, f64)| {
             move |length: f64| [length * azimuth.cos(), length * azimuth.sin(), length * slope]
         };
-        let verticals = Annotation::of_segments(Kind::Vertical, self.segments(random, 5, up)?);
+        let verticals = Annotation::from_segments(Kind::Vertical, self.segments(random, 5, up)?);
         let parallels = |random: &mut ChaCha8Rng, direction| {
-            Some(Annotation::of_segments(Kind::Parallel, self.segments(random, 3, along(direction))?))
+            Some(Annotation::from_segments(Kind::Parallel, self.segments(random, 3, along(direction))?))
         };
         let first = Annotation { id: Some("a".into()), ..parallels(random, self.directions[0])? };
         let tied =
@@ -105,7 +105,7 @@ impl Scene {
         if !self.marks.is_empty() {
             let mark = |&length: &f64| self.segments(random, 1, |_| along(self.directions[0])(length))?.pop();
             let marks = self.marks.iter().map(mark).collect::<Option<_>>()?;
-            drawn.push(Annotation::of_segments(Kind::EqualLength, marks));
+            drawn.push(Annotation::from_segments(Kind::EqualLength, marks));
         }
         Some(drawn)
     }
@@ -130,7 +130,7 @@ fn measure(truth: SceneErrors, assumed: SceneErrors, marks: usize, scenes: usize
         let scores = [
             (fit.camera.roll - scene.camera.roll) / sigma(Covariance::ROLL),
             (fit.camera.pitch - scene.camera.pitch) / sigma(Covariance::PITCH),
-            (fit.camera.focal / scene.camera.focal).ln() / fit.log_focal_sigma_of_answer(),
+            (fit.camera.focal / scene.camera.focal).ln() / fit.log_focal_sigma_with_prior(),
         ];
         for (i, score) in scores.into_iter().enumerate() {
             squares[i] += score * score;
@@ -263,7 +263,7 @@ fn a_thing_of_a_usual_size_gives_the_scale_with_its_spread() {
     });
     let constraints = Constraints::new(&annotations, &scene.camera.lens, SceneErrors::EXACT);
     let fit = Fit::new(&constraints, &FitOptions::new(scene.camera.lens, SIZE)).unwrap();
-    assert!(fit.height_known);
+    assert!(fit.is_height_known);
     let height = fit.camera.position.z;
     let relative = fit.camera.covariance.sigma(Covariance::Z).unwrap() / height;
     assert!((height / scene.camera.position.z - 1.0).abs() < 4.0 * relative, "{height} m");

@@ -261,7 +261,7 @@ fn the_program_says_since_when_and_goes_on_where_it_was() {
     );
     assert!(found["tracks"].as_u64().unwrap() > 300);
     let page = std::fs::read_to_string(scratch.path("watch.html")).unwrap();
-    assert!(page.contains("shop-1") && page.contains("moved since") && !page.contains("<script"));
+    assert!(page.contains("shop-1") && page.contains("moved at") && !page.contains("<script"));
 
     // In pieces, with a state between them, and a piece that is read twice.
     let middle = seen.len() / 2;

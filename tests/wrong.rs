@@ -171,7 +171,7 @@ fn drawn(random: &mut ChaCha8Rng, count: usize) -> (Camera, Vec<Annotation>) {
     }
     let [vertical, along, across] = segments;
     let kinds = [(Kind::Vertical, vertical), (Kind::Parallel, along), (Kind::Parallel, across)];
-    (camera, kinds.map(|(kind, lines)| Annotation::of_segments(kind, lines)).to_vec())
+    (camera, kinds.map(|(kind, lines)| Annotation::from_segments(kind, lines)).to_vec())
 }
 
 fn site_of(annotations: Vec<Annotation>) -> Site {

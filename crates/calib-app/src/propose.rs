@@ -3,7 +3,7 @@
 
 use calib_core::Kind;
 use calib_editor::{Action, CalibrationDecision, Hypothesis, PendingCalibration, PendingGroup, TOOLS};
-use calib_image::{Lies, Verdict};
+use calib_image::{EdgeClass, Verdict};
 use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
 use crate::command::Command;
@@ -157,14 +157,14 @@ impl Row<'_> {
                 let label = ui.label(RichText::new(format!("{count}{noun}")).color(palette.text2));
                 if self.group.kind != Kind::Straight {
                     let share = 100.0 * self.group.probability();
-                    let lying = |so: Lies, words: &str| match self.group.count_of_class(so) {
+                    let lying = |so: EdgeClass, words: &str| match self.group.count_of_class(so) {
                         0 => String::new(),
                         count => format!("; {count} {words}"),
                     };
                     label.on_hover_text(format!(
                         "Probability of this group: {share:.0} %{}{}",
-                        lying(Lies::Floor, "probably on the floor"),
-                        lying(Lies::Above, "above the floor")
+                        lying(EdgeClass::Floor, "probably on the floor"),
+                        lying(EdgeClass::Above, "above the floor")
                     ));
                 }
             });

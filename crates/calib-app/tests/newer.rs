@@ -11,7 +11,7 @@ use calib_app::command::Command;
 use calib_app::state::Showing;
 use calib_core::{Camera, Covariance};
 use calib_editor::{Action, Images, NewerAction, Pane};
-use calib_image::Became;
+use calib_image::CameraChange;
 use calib_site::{Method, Options, Site, SiteCamera};
 use calib_tests::Scratch;
 use desk::Desk;
@@ -44,8 +44,8 @@ fn compare(desk: &mut Desk, file: PathBuf) {
     desk.harness.run_steps(2);
 }
 
-fn became(desk: &Desk) -> Option<Became> {
-    Some(desk.harness.state().editor.selected_newer()?.comparison.became)
+fn became(desk: &Desk) -> Option<CameraChange> {
+    Some(desk.harness.state().editor.selected_newer()?.comparison.change)
 }
 
 fn since(desk: &mut Desk, time: &str) {
@@ -62,7 +62,7 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     later.save(scratch.path("today.png")).unwrap();
     let mut desk = desk(&scratch, "store.png");
     compare(&mut desk, scratch.path("today.png"));
-    assert_eq!(became(&desk), Some(Became::Moved));
+    assert_eq!(became(&desk), Some(CameraChange::Moved));
     assert!(desk.harness.query_by_label("Moved").is_some(), "{:?}", desk.words());
     assert!(desk.words().iter().any(|word| word.starts_with("zoom 1.03")), "{:?}", desk.words());
     for (_, word) in Showing::ALL {
@@ -79,7 +79,7 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     desk.keys(Modifiers::SHIFT, Key::R);
     assert!(desk.app().is_comparing());
     desk.tell(Command::DismissNewer);
-    assert_eq!(became(&desk), Some(Became::Moved), "what it is recovered from stays meanwhile");
+    assert_eq!(became(&desk), Some(CameraChange::Moved), "what it is recovered from stays meanwhile");
     desk.wait(|app| !app.is_comparing());
     desk.harness.run_steps(3);
     let [new, old] = &desk.site().cameras[..] else { panic!("two periods: {:?}", desk.app().editor.error()) };
@@ -102,7 +102,7 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     assert_eq!(became(&desk), None, "the old period has ended when it was taken");
     let after = desk.site().clone();
     desk.undo();
-    assert_eq!((desk.site(), became(&desk)), (&before, Some(Became::Moved)));
+    assert_eq!((desk.site(), became(&desk)), (&before, Some(CameraChange::Moved)));
     desk.redo();
     assert_eq!(*desk.site(), after);
     kept_until_it_is_drawn_on_again(&mut desk);
@@ -151,7 +151,7 @@ fn what_is_dropped_under_the_name_of_a_camera_and_a_time_is_its_newer_still() {
         (newer.ids.first().unwrap().as_str(), newer.since.as_str()),
         ("store", "2026-06-01T09:00:00Z")
     );
-    assert_eq!((newer.comparison.became, desk.site().cameras.len()), (Became::TooFewEdges, 1));
+    assert_eq!((newer.comparison.change, desk.site().cameras.len()), (CameraChange::TooFewEdges, 1));
     let bytes = std::fs::read(scratch.path("store_20260601_0900.png")).unwrap();
     let file = Chosen { name: "store_20260602_0900.png".into(), path: None, bytes: Some(bytes) };
     desk.app().take_together(&ctx, vec![file]);
@@ -183,8 +183,8 @@ fn what_is_compared_while_the_site_is_first_saved_is_of_its_camera_still() {
     }
     assert!(desk.app().is_comparing(), "it was saved too late to be tested");
     desk.wait(|app| !app.is_comparing());
-    let became = desk.app().editor.newer(0).map(|newer| newer.comparison.became);
-    assert_eq!(became, Some(Became::Unchanged), "{:?}", desk.app().editor.session().note);
+    let became = desk.app().editor.newer(0).map(|newer| newer.comparison.change);
+    assert_eq!(became, Some(CameraChange::Unchanged), "{:?}", desk.app().editor.session().note);
 }
 
 #[test]

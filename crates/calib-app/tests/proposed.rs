@@ -7,7 +7,7 @@ mod desk;
 use calib_app::storage::demo;
 use calib_core::{Annotation, Camera, Kind, Orientation};
 use calib_editor::{Action, Hypothesis, Images, Pane, Period};
-use calib_image::{Lies, LineSegment, Proposal, Still, Verdict};
+use calib_image::{EdgeClass, LineSegment, Proposal, EdgeImage, Verdict};
 use calib_site::{Options, Site, SiteCamera, Solution};
 use desk::Desk;
 use egui::{Key, Modifiers};
@@ -113,13 +113,13 @@ fn proposed() -> Desk {
     let drawn = demonstration.annotations.into_iter();
     let group = |annotation: Annotation| {
         let probabilities = vec![0.9; annotation.polylines().count()];
-        let lies = vec![Lies::Open; probabilities.len()];
+        let lies = vec![EdgeClass::Undetermined; probabilities.len()];
         calib_image::Group { annotation, probabilities, lies }
     };
     let groups =
         drawn.filter(|drawn| matches!(drawn.kind, Kind::Vertical | Kind::Parallel)).map(group).collect();
-    let nothing = Proposal::new(&Still::new(Vec::new(), [1920, 1080]));
-    let proposal = Proposal { verdict: Verdict::Check, reasons: Vec::new(), groups, ..nothing };
+    let nothing = Proposal::new(&EdgeImage::new(Vec::new(), [1920, 1080]));
+    let proposal = Proposal { confidence: Verdict::Check, reasons: Vec::new(), groups, ..nothing };
     desk.app()
         .act(Action::SetAutomaticCalibration(Period { camera: "a".into(), from: None }, Box::new(proposal)));
     desk.harness.run_steps(3);
@@ -201,7 +201,7 @@ fn a_proposal_survives_the_way_out_of_a_worker() {
     assert!(camera == drawn && received == edges);
     let few = edges.iter().take(3).copied().collect();
     for edges in [edges, few, Vec::new()] {
-        let proposal = Proposal::new(&Still::new(edges, drawn.size_px));
+        let proposal = Proposal::new(&EdgeImage::new(edges, drawn.size_px));
         let text = serde_json::to_vec(&proposal).unwrap();
         assert_eq!(serde_json::from_slice::<Proposal>(&text).unwrap(), proposal);
     }

@@ -91,7 +91,7 @@ impl OutputArgs {
 
     /// Returns the path of one of several output files: the output path with `-name` before its extension. An
     /// empty name returns the output path.
-    pub(crate) fn named(&self, name: &str) -> String {
+    pub(crate) fn path_for(&self, name: &str) -> String {
         let path = Path::new(&self.output);
         let (stem, extension) = (path.file_stem(), path.extension());
         if name.is_empty() {

@@ -120,20 +120,20 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let file = args.site.read_without_warnings()?;
     let cameras = file.site.cameras.iter().enumerate();
-    let verdicts: Vec<CameraResult> =
+    let results: Vec<CameraResult> =
         cameras.map(|(index, camera)| CameraResult::new(&file.site, index, camera, args)).collect();
-    if verdicts.is_empty() {
+    if results.is_empty() {
         return Err(CommandError::Unsolved(format!("{} has no cameras to check", file.path)));
     }
     let of_site = args.max_overlap_m.map(|most| site_faults(&file, most, &args.allow));
-    report(&file, &verdicts, of_site.as_deref(), args)?;
-    let failed = verdicts.iter().filter(|verdict| !verdict.faults.is_empty()).count();
+    report(&file, &results, of_site.as_deref(), args)?;
+    let failed = results.iter().filter(|result| !result.faults.is_empty()).count();
     match (failed, of_site.is_none_or(|faults| faults.is_empty())) {
         (0, true) => Ok(()),
         (0, false) => Err(CommandError::Unsolved("the site fails".into())),
-        (_, true) => Err(CommandError::Unsolved(format!("{failed} of {} cameras fail", verdicts.len()))),
+        (_, true) => Err(CommandError::Unsolved(format!("{failed} of {} cameras fail", results.len()))),
         (_, false) => {
-            Err(CommandError::Unsolved(format!("the site and {failed} of {} cameras fail", verdicts.len())))
+            Err(CommandError::Unsolved(format!("the site and {failed} of {} cameras fail", results.len())))
         }
     }
 }
@@ -141,53 +141,53 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 /// Prints the results of the cameras, and of the site if it was checked.
 fn report(
     file: &SiteFile,
-    verdicts: &[CameraResult],
+    results: &[CameraResult],
     of_site: Option<&[String]>,
     args: &Args,
 ) -> Result<(), CommandError> {
     if args.format == Format::Json {
-        return files::print(&format!("{:#}\n", as_json(verdicts, of_site, args)));
+        return files::print(&format!("{:#}\n", as_json(results, of_site, args)));
     }
-    let said = |faults: &[String]| {
+    let summary = |faults: &[String]| {
         if faults.is_empty() { "ok".into() } else { format!("FAILED: {}", faults.join("; ")) }
     };
-    for verdict in verdicts {
-        let judged = verdict.camera.solution.as_ref().map(checked_numbers).unwrap_or_default();
-        files::print(&format!("{}: {}{judged}\n", verdict.camera.id, said(&verdict.summaries())))?;
+    for result in results {
+        let numbers = result.camera.solution.as_ref().map(checked_numbers).unwrap_or_default();
+        files::print(&format!("{}: {}{numbers}\n", result.camera.id, summary(&result.summaries())))?;
         if args.explain {
-            files::print(&explanation(verdict))?;
+            files::print(&explanation(result))?;
         }
     }
     files::print(&escape_control_characters(planes_text(&file.site).trim_start_matches('\n')))?;
     let Some(faults) = of_site else { return Ok(()) };
-    let judged = file.site.solution.as_ref().map(checked_site_numbers).unwrap_or_default();
-    files::print(&format!("the site: {}{judged}\n", said(faults)))
+    let numbers = file.site.solution.as_ref().map(checked_site_numbers).unwrap_or_default();
+    files::print(&format!("the site: {}{numbers}\n", summary(faults)))
 }
 
 /// Formats each finding on its own line with its advice.
-fn explanation(verdict: &CameraResult) -> String {
+fn explanation(result: &CameraResult) -> String {
     let line = |fate: &str, fault: &Fault| {
         let code = fault.code.map_or_else(String::new, |code| format!("{code}: "));
         format!("  {fate} {code}{} {}\n", fault.message, fault.advice)
     };
-    let failed = verdict.faults.iter().map(|fault| line("failed: ", fault));
-    failed.chain(verdict.allowed.iter().map(|fault| line("allowed:", fault))).collect()
+    let failed = result.faults.iter().map(|fault| line("failed: ", fault));
+    failed.chain(result.allowed.iter().map(|fault| line("allowed:", fault))).collect()
 }
 
-fn as_json(verdicts: &[CameraResult], of_site: Option<&[String]>, args: &Args) -> serde_json::Value {
-    let told = |fault: &Fault| serde_json::json!({ "code": fault.code, "message": fault.message, "advice": fault.advice });
-    let camera = |verdict: &CameraResult| {
-        let (id, faults) = (&verdict.camera.id, verdict.summaries());
+fn as_json(results: &[CameraResult], of_site: Option<&[String]>, args: &Args) -> serde_json::Value {
+    let fault_json = |fault: &Fault| serde_json::json!({ "code": fault.code, "message": fault.message, "advice": fault.advice });
+    let camera = |result: &CameraResult| {
+        let (id, faults) = (&result.camera.id, result.summaries());
         let mut value = serde_json::json!({ "camera": id, "ok": faults.is_empty(), "faults": faults });
         if args.explain {
-            value["failed"] = verdict.faults.iter().map(told).collect();
-            value["allowed"] = verdict.allowed.iter().map(told).collect();
+            value["failed"] = result.faults.iter().map(fault_json).collect();
+            value["allowed"] = result.allowed.iter().map(fault_json).collect();
         }
         value
     };
-    let list: Vec<_> = verdicts.iter().map(camera).collect();
+    let list: Vec<_> = results.iter().map(camera).collect();
     let ok =
-        verdicts.iter().all(|verdict| verdict.faults.is_empty()) && of_site.is_none_or(<[String]>::is_empty);
+        results.iter().all(|result| result.faults.is_empty()) && of_site.is_none_or(<[String]>::is_empty);
     let mut value = serde_json::json!({ "ok": ok, "cameras": list });
     if let Some(faults) = of_site {
         value["site"] = serde_json::json!({ "ok": faults.is_empty(), "faults": faults });

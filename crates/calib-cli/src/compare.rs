@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use calib_core::{Camera, Pixel};
-use calib_image::{Became, Comparison, OtherSize, drawn_edges, recovered};
+use calib_image::{CameraChange, Comparison, SizeMismatchError, annotation_edges, recover};
 use calib_report::{decimals, few};
 use calib_site::{NewImage, Site, SiteCamera};
 use image::{Rgb, RgbImage};
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Newer images (PNG, JPEG) or folders of images, ordered by the time in their names (2026-05-01T0830,
     /// UTC) or their EXIF data
     #[arg(long = "still", required = true, num_args = 1.., value_name = "FILE")]
-    stills: Vec<PathBuf>,
+    images: Vec<PathBuf>,
     /// Output format of the report
     #[arg(long, value_enum, default_value = "text")]
     format: Format,
@@ -84,10 +84,11 @@ impl CameraComparison {
     /// Returns the first image of the current state: it has the newest image's status, and no later image
     /// shows the camera unchanged.
     pub(crate) fn first_changed(&self) -> Option<&ImageComparison> {
-        let last = self.newest()?.comparison.became;
-        let still = self.images.iter().rposition(|seen| seen.comparison.became == Became::Unchanged);
-        let after = &self.images[still.map_or(0, |index| index + 1)..];
-        after.iter().find(|seen| seen.comparison.became.name() == last.name())
+        let last = self.newest()?.comparison.change;
+        let unchanged =
+            self.images.iter().rposition(|seen| seen.comparison.change == CameraChange::Unchanged);
+        let after = &self.images[unchanged.map_or(0, |index| index + 1)..];
+        after.iter().find(|seen| seen.comparison.change.name() == last.name())
     }
 }
 
@@ -98,9 +99,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let file = args.site.read()?;
     let mut compared = Vec::new();
-    for (index, taken) in images_by_camera(args, &file)? {
+    for (index, images) in images_by_camera(args, &file)? {
         let pulse = Pulse::new("comparing");
-        compared.push(compare(&file, index, taken, args.threads)?);
+        compared.push(compare(&file, index, images, args.threads)?);
         drop(pulse);
     }
     report(args, &compared)?;
@@ -118,7 +119,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 }
 
 fn has_changed(of: &CameraComparison) -> bool {
-    of.newest().is_some_and(|seen| seen.comparison.became != Became::Unchanged)
+    of.newest().is_some_and(|seen| seen.comparison.change != CameraChange::Unchanged)
 }
 
 /// Image with its capture time, if known.
@@ -127,7 +128,7 @@ type DatedImage = (Option<Timestamp>, PathBuf);
 /// Groups the newer images by the index of the camera's entry, each group in order of time.
 fn images_by_camera(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<DatedImage>)>, CommandError> {
     let mut of: Vec<(usize, Vec<DatedImage>)> = Vec::new();
-    for path in site_file::list_images(&args.stills)? {
+    for path in site_file::list_images(&args.images)? {
         let id = match &args.camera {
             Some(id) => id.clone(),
             None => camera_id_of_image(file, &path)?,
@@ -135,11 +136,11 @@ fn images_by_camera(args: &Args, file: &SiteFile) -> Result<Vec<(usize, Vec<Date
         let time = site_file::capture_time(&path)?;
         let index = entry_index(file, &id, time)?;
         match of.iter_mut().find(|(other, _)| *other == index) {
-            Some((_, taken)) => taken.push((time, path)),
+            Some((_, images)) => images.push((time, path)),
             None => of.push((index, vec![(time, path)])),
         }
     }
-    of.iter_mut().for_each(|(_, taken)| taken.sort());
+    of.iter_mut().for_each(|(_, images)| images.sort());
     of.sort_by_key(|(index, _)| *index);
     Ok(of)
 }
@@ -169,7 +170,7 @@ fn entry_index(file: &SiteFile, id: &str, time: Option<Timestamp>) -> Result<usi
 fn compare(
     file: &SiteFile,
     index: usize,
-    taken: Vec<DatedImage>,
+    images: Vec<DatedImage>,
     threads: ThreadsArgs,
 ) -> Result<CameraComparison, CommandError> {
     let entry = &file.site.cameras[index];
@@ -177,15 +178,15 @@ fn compare(
         || CommandError::Unsolved(format!("camera \"{}\" is not calibrated: solve it first", entry.id));
     let camera = entry.camera().ok_or_else(not_calibrated)?;
     let old = file.camera_image(entry)?;
-    let drawn = drawn_edges(entry);
-    let of_still = |(time, path): DatedImage| {
+    let edges = annotation_edges(entry);
+    let compare_image = |(time, path): DatedImage| {
         let new = read_newer_image(entry, &path)?;
-        let comparison = Comparison::new(&camera, &drawn, &old, &new)
+        let comparison = Comparison::new(&camera, &edges, &old, &new)
             .map_err(|error| size_mismatch(&path, entry, error))?;
         Ok::<_, CommandError>(ImageComparison { time, path, comparison })
     };
-    let seen = threads.run(taken, of_still, |_| ())?;
-    Ok(CameraComparison { index, id: entry.id.clone(), camera, images: seen })
+    let images = threads.run(images, compare_image, |_| ())?;
+    Ok(CameraComparison { index, id: entry.id.clone(), camera, images })
 }
 
 /// Renders the newest image of every camera.
@@ -210,12 +211,12 @@ pub(crate) fn read_newer_image(entry: &SiteCamera, path: &Path) -> Result<RgbIma
     let wrong = |error| CommandError::invalid(path.display(), error);
     let new = calib_input::image_size(&bytes).map_err(wrong)?;
     if new != entry.size_px {
-        return Err(size_mismatch(path, entry, OtherSize { old: entry.size_px, new }));
+        return Err(size_mismatch(path, entry, SizeMismatchError { old: entry.size_px, new }));
     }
     calib_input::decode(&bytes).map_err(wrong)
 }
 
-fn size_mismatch(path: &Path, entry: &SiteCamera, error: OtherSize) -> CommandError {
+fn size_mismatch(path: &Path, entry: &SiteCamera, error: SizeMismatchError) -> CommandError {
     CommandError::invalid(path.display(), format!("camera \"{}\": {error}", entry.id))
 }
 
@@ -234,11 +235,11 @@ fn report(args: &Args, compared: &[CameraComparison]) -> Result<(), CommandError
 /// Returns one object for one image of a camera chosen with `--camera`, otherwise a list.
 fn json(args: &Args, compared: &[CameraComparison]) -> serde_json::Value {
     let of = |of: &CameraComparison| {
-        let stills: Vec<_> = of.images.iter().map(|seen| image_json(of, seen)).collect();
-        let mut value = stills.last().cloned().unwrap_or_default();
+        let images: Vec<_> = of.images.iter().map(|seen| image_json(of, seen)).collect();
+        let mut value = images.last().cloned().unwrap_or_default();
         value["since"] = of.first_changed().and_then(|seen| seen.time).map(|time| time.to_string()).into();
-        if stills.len() > 1 {
-            value["stills"] = stills.into();
+        if images.len() > 1 {
+            value["stills"] = images.into();
         }
         value
     };
@@ -252,7 +253,7 @@ fn image_json(
     of: &CameraComparison,
     ImageComparison { path, time, comparison }: &ImageComparison,
 ) -> serde_json::Value {
-    let became = comparison.became;
+    let became = comparison.change;
     let known = |value: f64| Some(value).filter(|value| became.is_aligned() && value.is_finite());
     let (turned, turned_sigma) = comparison.angle(&of.camera);
     let (zoom, zoom_sigma) = comparison.zoom();
@@ -264,7 +265,7 @@ fn image_json(
         "still": path.to_string_lossy(),
         "time": time.map(|time| time.to_string()),
         "verdict": became.name(),
-        "shifted": became == Became::Shifted,
+        "shifted": became == CameraChange::Shifted,
         "turned_deg": known(turned.to_degrees()),
         "turned_sigma_deg": known(turned_sigma.to_degrees()),
         "zoom": known(zoom),
@@ -273,11 +274,11 @@ fn image_json(
         "pitch_deg": degrees(1),
         "roll_deg": degrees(2),
         "sigma": { "yaw_deg": sigma(0), "pitch_deg": sigma(1), "roll_deg": sigma(2) },
-        "sigmas_clear": known(comparison.clear),
+        "sigmas_clear": known(comparison.z_score),
         "moved_px": known(comparison.shift),
-        "places": comparison.places,
-        "found": comparison.found,
-        "found_by_chance": comparison.by_chance,
+        "places": comparison.visible_samples,
+        "found": comparison.found_fraction,
+        "found_by_chance": comparison.chance_fraction,
         "reason": became.to_string(),
     })
 }
@@ -296,7 +297,7 @@ fn text(compared: &[CameraComparison]) -> String {
             let _ = writeln!(out, "{:width$}  {}", of.id, row(of, &seen.comparison));
             let time = seen.time.map(|time| format!(" ({time})")).unwrap_or_default();
             let _ =
-                writeln!(out, "{:width$}    {}{time}: {}", "", seen.path.display(), seen.comparison.became);
+                writeln!(out, "{:width$}    {}{time}: {}", "", seen.path.display(), seen.comparison.change);
         }
     }
     out
@@ -311,7 +312,7 @@ fn with_sigma(value: f64, sigma: f64) -> String {
 }
 
 fn row(of: &CameraComparison, comparison: &Comparison) -> String {
-    let became = comparison.became;
+    let became = comparison.change;
     if !became.is_aligned() {
         return format!(
             "{:11} {:>23} {:>22} {:>8} {:>8} {:>8} {:>5.0}%",
@@ -321,7 +322,7 @@ fn row(of: &CameraComparison, comparison: &Comparison) -> String {
             "-",
             "-",
             "-",
-            100.0 * comparison.found
+            100.0 * comparison.found_fraction
         );
     }
     let (turned, turned_sigma) = comparison.angle(&of.camera);
@@ -333,7 +334,7 @@ fn row(of: &CameraComparison, comparison: &Comparison) -> String {
         became.name(),
         with_sigma(turned.to_degrees(), turned_sigma.to_degrees()),
         with_sigma(zoom, zoom_sigma),
-        100.0 * comparison.found,
+        100.0 * comparison.found_fraction,
     )
 }
 
@@ -343,14 +344,14 @@ const FOUND_COLOUR: Rgb<u8> = Rgb([40, 220, 90]);
 const MISSING_COLOUR: Rgb<u8> = Rgb([255, 90, 40]);
 
 /// Draws a dot on the newer image at the predicted position of every edge.
-pub(crate) fn draw_edges(of: &CameraComparison, seen: &ImageComparison, mut still: RgbImage) -> RgbImage {
-    let turned = seen.comparison.turn.at(&of.camera);
-    for (place, found) in &seen.comparison.seen {
+pub(crate) fn draw_edges(of: &CameraComparison, seen: &ImageComparison, mut image: RgbImage) -> RgbImage {
+    let turned = seen.comparison.rotation.at(&of.camera);
+    for (place, found) in &seen.comparison.samples {
         if let (Some(found), Some(at)) = (found, turned.pixel(*place)) {
-            dot(&mut still, at, if *found { FOUND_COLOUR } else { MISSING_COLOUR });
+            dot(&mut image, at, if *found { FOUND_COLOUR } else { MISSING_COLOUR });
         }
     }
-    still
+    image
 }
 
 fn dot(image: &mut RgbImage, at: Pixel, colour: Rgb<u8>) {
@@ -376,8 +377,9 @@ pub(crate) fn write_recovered(
     // Image paths are relative to the output file.
     let mut site = file.with_paths_relative_to(&file.site, output);
     let mut count = 0;
-    let has_changed =
-        |of: &&CameraComparison| of.newest().is_some_and(|seen| seen.comparison.became != Became::Unchanged);
+    let has_changed = |of: &&CameraComparison| {
+        of.newest().is_some_and(|seen| seen.comparison.change != CameraChange::Unchanged)
+    };
     for of in compared.iter().filter(has_changed) {
         match recover_camera(file, &site, of, since, output)? {
             Ok(with) => {
@@ -411,7 +413,7 @@ fn recover_camera(
     let (old, new) = (file.camera_image(entry)?, read_newer_image(entry, &seen.path)?);
     let newer = NewImage { image: path_relative_to_file(&seen.path, output), since: since.to_string() };
     let pulse = Pulse::new("solving");
-    let found = recovered(site, of.index, &seen.comparison, [&old, &new], &newer);
+    let found = recover(site, of.index, &seen.comparison, [&old, &new], &newer);
     drop(pulse);
     Ok(found.map_err(|refusal| refusal.to_string()).map(|found| {
         if !found.left_out.is_empty() {

@@ -187,8 +187,8 @@ impl Errors {
         let is_placed = solution.stage > Stage::Partial;
         let spread = |c: &Camera| {
             let axes = [Covariance::X, Covariance::Y, Covariance::Z];
-            let told: Vec<f64> = axes.iter().filter_map(|&axis| c.covariance.sigma(axis)).collect();
-            (told.len() == axes.len()).then(|| told.iter().map(|s| s * s).sum::<f64>().sqrt())
+            let sigmas: Vec<f64> = axes.iter().filter_map(|&axis| c.covariance.sigma(axis)).collect();
+            (sigmas.len() == axes.len()).then(|| sigmas.iter().map(|s| s * s).sum::<f64>().sqrt())
         };
         let turn = |a: f64, b: f64| ((a - b + half).rem_euclid(2.0 * half) - half).to_degrees();
         let tops = [&found, truth].map(Camera::straight_down);

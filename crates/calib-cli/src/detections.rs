@@ -92,15 +92,14 @@ impl TableArgs {
     /// Opens a table for the cameras of a site.
     pub(crate) fn open(&self, table: &str, file: &SiteFile) -> Result<Detections, CommandError> {
         let mut input = Input::open(table)?;
-        let format = match (&self.from, Format::of_path(table)) {
+        let format = match (&self.from, Format::from_path(table)) {
             (Some(name), _) => Format::from_name(name)?,
             (None, Some(format)) => format,
             (None, None) => input.format()?,
         };
         let (bytes, read, name) = (input.bytes, input.counter(), input.name.clone());
-        let keeps_broken = self.bad_rows == BadRows::Status;
-        let mut source =
-            format.open(input, ReadOptions { to: format, as_text: &[], keeps_incomplete: keeps_broken })?;
+        let keeps_incomplete = self.bad_rows == BadRows::Status;
+        let mut source = format.open(input, ReadOptions { to: format, as_text: &[], keeps_incomplete })?;
         let progress = Progress::new(source.rows(), bytes, read);
         let first = source.next().transpose()?;
         let calibrations = self.calibrations(file, first.as_ref(), &name)?;
@@ -170,15 +169,15 @@ impl Detections {
             // The start of this batch was already processed by an earlier run.
             let old = (skip + count).saturating_sub(rows).min(count) as usize;
             let batch = batch.slice(old, batch.num_rows() - old);
-            let place = |row: usize| self.source.row_name(row + old);
-            let is_broken = |row: usize| self.source.is_broken(row + old);
-            let of = Rows { row_name: &place, is_incomplete: &is_broken };
-            let seen = self.columns.read(&batch, &mut self.calibrations, of);
-            let seen = seen.map_err(|error| match CommandError::from_table_error(error) {
+            let row_name = |row: usize| self.source.row_name(row + old);
+            let is_incomplete = |row: usize| self.source.is_incomplete(row + old);
+            let source_rows = Rows { row_name: &row_name, is_incomplete: &is_incomplete };
+            let sightings = self.columns.read(&batch, &mut self.calibrations, source_rows);
+            let sightings = sightings.map_err(|error| match CommandError::from_table_error(error) {
                 CommandError::Invalid(what) => CommandError::invalid(&self.name, what),
-                stop => stop,
+                other => other,
             })?;
-            each(&seen, rows)?;
+            each(&sightings, rows)?;
         }
         for note in self.columns.bad.notes().into_iter().chain(self.calibrations.uncalibrated_notes()) {
             print_message(format_args!("calib: {note}"));

@@ -92,7 +92,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         files::print_message(note);
     }
     files::print_message(format_args!(
-        "{} holds {}; it has no place for: {}",
+        "{} contains {}; it cannot hold: {}",
         format.name, format.contains, format.lacks
     ));
     if !export.unsolved.is_empty() {

@@ -60,12 +60,12 @@ pub(crate) fn write_through(
     let writing = || format!("writing {}", path.display());
     if is_stream(path) {
         let stream = File::options().write(true).open(path).with_context(writing)?;
-        return fill(&stream).map_err(|stop| stop.add_context(writing));
+        return fill(&stream).map_err(|error| error.add_context(writing));
     }
     let target = resolve_output(path, force)?;
     let part = PartialFile::new_for(&target).with_context(writing)?;
     // Errors such as a full disk name this file.
-    fill(part.file()).map_err(|stop| stop.add_context(writing))?;
+    fill(part.file()).map_err(|error| error.add_context(writing))?;
     part.persist(&target, force).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists if !force => exists_error(path),
         _ => CommandError::from(anyhow::Error::from(error).context(writing())),
@@ -169,9 +169,9 @@ mod tests {
     fn results_are_in_the_order_of_the_items() {
         for threads in [1, 3, 40] {
             let threads = ThreadsArgs { threads: NonZeroUsize::new(threads).unwrap() };
-            let mut told = 0;
-            let twice = threads.run((0..20).collect(), |item| Ok::<_, ()>(2 * item), |_| told += 1);
-            assert_eq!((twice.unwrap(), told), ((0..20).map(|item| 2 * item).collect::<Vec<_>>(), 20));
+            let mut done = 0;
+            let twice = threads.run((0..20).collect(), |item| Ok::<_, ()>(2 * item), |_| done += 1);
+            assert_eq!((twice.unwrap(), done), ((0..20).map(|item| 2 * item).collect::<Vec<_>>(), 20));
             let fails = |item| if item == 7 { Err(item) } else { Ok(item) };
             assert_eq!(threads.run((0..20).collect(), fails, |_| ()), Err(7));
             assert_eq!(threads.run(Vec::new(), fails, |_| ()), Ok(Vec::new()));

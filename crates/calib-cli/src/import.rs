@@ -16,7 +16,7 @@ use crate::stop::CommandError;
 /// Merges imported cameras and plan into a site. Existing ones are replaced only if `replaces` is set.
 pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Site, CommandError> {
     let SiteFile { mut site, path, .. } = file;
-    let (mut added, mut taken) = (Vec::new(), Vec::new());
+    let (mut added, mut replaced) = (Vec::new(), Vec::new());
     for camera in imported.cameras {
         let mut of_id = site.cameras.iter_mut().filter(|entry| entry.id == camera.id);
         match (of_id.next(), of_id.next()) {
@@ -25,7 +25,7 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
                 site.cameras.push(camera);
             }
             (Some(entry), None) => {
-                taken.push(camera.id.clone());
+                replaced.push(camera.id.clone());
                 replace_camera(entry, camera, &path)?;
             }
             (Some(_), Some(_)) => {
@@ -35,18 +35,18 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
             }
         }
     }
-    let mut there: Vec<String> = taken.iter().map(|id| format!("camera \"{id}\"")).collect();
+    let mut existing: Vec<String> = replaced.iter().map(|id| format!("camera \"{id}\"")).collect();
     if let Some(plan) = imported.plan {
-        there.extend(site.plan.is_some().then(|| "a plan".into()));
+        existing.extend(site.plan.is_some().then(|| "a plan".into()));
         site.plan = Some(keep_plan_image(plan, site.plan));
     }
-    if !replaces && !there.is_empty() {
+    if !replaces && !existing.is_empty() {
         let what =
-            format!("already has {}; add --replace to replace lens and pose, or the plan", list(&there));
+            format!("already has {}; add --replace to replace lens and pose, or the plan", list(&existing));
         return Err(CommandError::invalid(path, what));
     }
     site.check().map_err(|error| CommandError::invalid(&path, format!("after the merge: {error}")))?;
-    report_merge(&path, &added, &there);
+    report_merge(&path, &added, &existing);
     Ok(site)
 }
 
@@ -88,9 +88,13 @@ fn replace_camera(entry: &mut SiteCamera, camera: SiteCamera, path: &str) -> Res
 }
 
 /// Keeps the existing image of the plan, because a world file does not prove that its image exists.
-fn keep_plan_image(plan: Plan, there: Option<Plan>) -> Plan {
-    let Some(there) = there else { return plan };
-    Plan { image: there.image.or(plan.image), georeference: plan.georeference.or(there.georeference), ..plan }
+fn keep_plan_image(plan: Plan, existing: Option<Plan>) -> Plan {
+    let Some(existing) = existing else { return plan };
+    Plan {
+        image: existing.image.or(plan.image),
+        georeference: plan.georeference.or(existing.georeference),
+        ..plan
+    }
 }
 
 /// Largest accepted total size of the files of a folder, in bytes.

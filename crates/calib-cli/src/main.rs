@@ -19,7 +19,6 @@ mod files;
 #[cfg(feature = "archives")]
 mod archive;
 mod picture;
-#[cfg(feature = "archives")]
 mod progress;
 mod site_file;
 mod args;
@@ -32,11 +31,9 @@ mod sigma_map;
 mod render;
 mod demo;
 #[cfg(feature = "archives")]
-#[cfg(feature = "archives")]
 mod detections;
 #[cfg(feature = "archives")]
 mod project;
-#[cfg(feature = "archives")]
 mod export;
 mod import;
 mod propose;
@@ -141,12 +138,12 @@ fn main() -> ExitCode {
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(stop) => {
-            if let Some(message) = stop.message() {
+        Err(error) => {
+            if let Some(message) = error.message() {
                 // stderr may be closed; the message is lost then.
                 let _ = writeln!(std::io::stderr(), "calib: {}", stop::escape_control_characters(&message));
             }
-            ExitCode::from(stop.code())
+            ExitCode::from(error.code())
         }
     }
 }

@@ -221,12 +221,12 @@ fn check(args: &Args) -> Result<(), CommandError> {
 
 /// Returns the formats of the input and of the output.
 fn input_and_output_formats(args: &Args, input: &mut Input) -> Result<[&'static Format; 2], CommandError> {
-    let from = match (&args.from, Format::of_path(&args.input)) {
+    let from = match (&args.from, Format::from_path(&args.input)) {
         (Some(name), _) => Format::from_name(name)?,
         (None, Some(format)) => format,
         (None, None) => input.format()?,
     };
-    let to = match (&args.format, Format::of_path(&args.output)) {
+    let to = match (&args.format, Format::from_path(&args.output)) {
         (Some(name), _) => Format::from_name(name)?,
         (None, Some(format)) => format,
         (None, None) => from,
@@ -291,7 +291,7 @@ impl Table {
             let batch = batch?;
             let mapped = self.map(&batch, calibrations)?;
             if let Some(output) = output.take() {
-                sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
+                sink = Some((to.create)(output, &mapped.schema(), self.output_options())?);
             }
             if let Some(sink) = &mut sink {
                 sink.write(&mapped)?;
@@ -302,26 +302,26 @@ impl Table {
             // An empty table gets a header if the format has one.
             let Some(schema) = self.source.schema() else { return Ok(output.flush()?) };
             let mapped = self.map(&RecordBatch::new_empty(schema), calibrations)?;
-            sink = Some((to.create)(output, &mapped.schema(), self.packing())?);
+            sink = Some((to.create)(output, &mapped.schema(), self.output_options())?);
         }
         sink.map_or(Ok(()), Sink::finish)
     }
 
     /// Returns the compression of the output, which is the same as the input's.
-    fn packing(&self) -> OutputOptions {
-        let mut packing = self.source.output_options();
-        packing.is_verbatim = self.is_verbatim;
-        packing
+    fn output_options(&self) -> OutputOptions {
+        let mut options = self.source.output_options();
+        options.is_verbatim = self.is_verbatim;
+        options
     }
 
     fn map(&self, batch: &RecordBatch, calibrations: &mut Calibrations) -> Result<RecordBatch, CommandError> {
-        let place = |row: usize| self.source.row_name(row);
-        let is_broken = |row: usize| self.source.is_broken(row);
-        let rows = Rows { row_name: &place, is_incomplete: &is_broken };
+        let row_name = |row: usize| self.source.row_name(row);
+        let is_incomplete = |row: usize| self.source.is_incomplete(row);
+        let rows = Rows { row_name: &row_name, is_incomplete: &is_incomplete };
         self.mapping.map(batch, calibrations, rows).map_err(|error| {
             match CommandError::from_table_error(error) {
                 CommandError::Invalid(what) => CommandError::invalid(&self.name, what),
-                stop => stop,
+                other => other,
             }
         })
     }

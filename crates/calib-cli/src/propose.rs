@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use calib_core::{Annotation, ImageCircle};
-use calib_image::{Group, Proposal, Still, Verdict, image_circle, line_segments};
+use calib_image::{Group, Proposal, EdgeImage, Verdict, image_circle, line_segments};
 use calib_report::{few, is_fitted, overlay, straight_down};
 use calib_site::{Options, Site, SiteCamera};
 use clap::ValueEnum;
@@ -37,8 +37,8 @@ enum Accept {
 impl Accept {
     fn accepts(self, proposal: &Proposal) -> bool {
         match self {
-            Self::Sure => proposal.verdict == Verdict::Sure,
-            Self::Check => proposal.verdict != Verdict::None,
+            Self::Sure => proposal.confidence == Verdict::Sure,
+            Self::Check => proposal.confidence != Verdict::None,
             Self::All => proposal.solution.is_some(),
         }
     }
@@ -49,7 +49,7 @@ impl Accept {
 pub(crate) struct Args {
     /// Images (PNG, JPEG), or folders of images
     #[arg(required = true, value_name = "IMAGE")]
-    stills: Vec<PathBuf>,
+    images: Vec<PathBuf>,
     /// Write the site to this file (- is stdout)
     #[arg(short, long, value_name = "FILE")]
     output: Option<String>,
@@ -84,27 +84,27 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
     }
-    let stills = site_file::list_images(&args.stills)?;
-    let ids = ids(&stills);
-    let mut progress = BatchProgress::new(stills.len());
-    let proposed = args.threads.run(
-        stills,
+    let images = site_file::list_images(&args.images)?;
+    let ids = ids(&images);
+    let mut progress = BatchProgress::new(images.len());
+    let results = args.threads.run(
+        images,
         |path| calibrate_image(path, args.accept),
-        |still| progress.done(&still.path),
+        |result| progress.done(&result.path),
     )?;
     drop(progress);
     let output = args.output.as_deref().unwrap_or("-");
-    let cameras = proposed.iter().zip(ids).map(|(still, id)| camera(still, id, output)).collect();
-    let site = solved(Site { cameras, ..Site::new() }, &proposed);
+    let cameras = results.iter().zip(ids).map(|(result, id)| camera(result, id, output)).collect();
+    let site = solved(Site { cameras, ..Site::new() }, &results);
     if let Some(output) = &args.output {
         files::write(output, site.to_json().as_bytes(), args.force)?;
         warn_about_outside_images(&site, output);
     }
     if let Some(folder) = &args.render {
-        draw(&site, &proposed, folder, args.force)?;
+        draw(&site, &results, folder, args.force)?;
     }
-    report(args, &site, &proposed)?;
-    check_all_accepted(&site, &proposed)
+    report(args, &site, &results)?;
+    check_all_accepted(&site, &results)
 }
 
 /// Warns about images that other commands read only with `--allow-outside`.
@@ -127,47 +127,47 @@ fn calibrate_image(path: PathBuf, accept: Accept) -> Result<ImageCalibration, Co
     let size = [image.width(), image.height()];
     let image_circle = image_circle(&image);
     let principal_point = image_circle.map(ImageCircle::centre);
-    let still = Still::new(line_segments(&image), size);
-    let proposal = Proposal::new(&Still { principal_point, image_circle, ..still });
-    let is_taken = accept.accepts(&proposal);
-    Ok(ImageCalibration { path, size, image_circle, calibration: proposal, is_accepted: is_taken })
+    let still = EdgeImage::new(line_segments(&image), size);
+    let proposal = Proposal::new(&EdgeImage { principal_point, image_circle, ..still });
+    let is_accepted = accept.accepts(&proposal);
+    Ok(ImageCalibration { path, size, image_circle, calibration: proposal, is_accepted })
 }
 
 /// Returns a unique id for every image: its file name, with a number if the name is already used.
-fn ids(stills: &[PathBuf]) -> Vec<String> {
-    let mut taken = BTreeSet::new();
+fn ids(images: &[PathBuf]) -> Vec<String> {
+    let mut used = BTreeSet::new();
     let mut id = |path: &PathBuf| {
         let stem =
             path.file_stem().map_or_else(|| "still".into(), |stem| stem.to_string_lossy().into_owned());
         let numbered = (2..).map(|number| format!("{stem}-{number}"));
         let mut names = std::iter::once(stem.clone()).chain(numbered);
-        let name = names.find(|name| !taken.contains(name)).unwrap_or(stem);
-        taken.insert(name.clone());
+        let name = names.find(|name| !used.contains(name)).unwrap_or(stem);
+        used.insert(name.clone());
         name
     };
-    stills.iter().map(&mut id).collect()
+    images.iter().map(&mut id).collect()
 }
 
 /// Returns the camera of an image, with the automatic calibration if it was accepted.
-fn camera(still: &ImageCalibration, id: String, output: &str) -> SiteCamera {
-    let drawn = still.calibration.camera.clone().filter(|_| still.is_accepted);
-    let mut drawn = drawn.unwrap_or_else(|| SiteCamera::new(String::new(), still.size));
-    if still.is_accepted {
+fn camera(result: &ImageCalibration, id: String, output: &str) -> SiteCamera {
+    let camera = result.calibration.camera.clone().filter(|_| result.is_accepted);
+    let mut camera = camera.unwrap_or_else(|| SiteCamera::new(String::new(), result.size));
+    if result.is_accepted {
         // The straight edges determine the distortion if it is later estimated; they have no effect while the
         // lens is fixed.
-        drawn.annotations.extend(still.calibration.straight.iter().cloned().map(Annotation::of_points));
+        camera.annotations.extend(result.calibration.straight.iter().cloned().map(Annotation::from_points));
     }
-    if still.image_circle.is_some() {
-        let lens = drawn.lens.get_or_insert_default();
+    if result.image_circle.is_some() {
+        let lens = camera.lens.get_or_insert_default();
         // The circle's centre is the principal point unless the fitted lens has one.
-        (lens.image_circle_px, lens.principal_point_px) = (still.image_circle, None);
+        (lens.image_circle_px, lens.principal_point_px) = (result.image_circle, None);
     }
-    SiteCamera { id, image: Some(path_relative_to_file(&still.path, output)), ..drawn }
+    SiteCamera { id, image: Some(path_relative_to_file(&result.path, output)), ..camera }
 }
 
 /// Solves the cameras with an accepted automatic calibration.
-fn solved(site: Site, proposed: &[ImageCalibration]) -> Site {
-    let cameras = site.cameras.iter().zip(proposed).filter(|(_, proposed)| proposed.is_accepted);
+fn solved(site: Site, results: &[ImageCalibration]) -> Site {
+    let cameras = site.cameras.iter().zip(results).filter(|(_, result)| result.is_accepted);
     let cameras: Vec<String> = cameras.map(|(camera, _)| camera.id.clone()).collect();
     if cameras.is_empty() {
         return site;
@@ -176,10 +176,10 @@ fn solved(site: Site, proposed: &[ImageCalibration]) -> Site {
 }
 
 /// Draws every image with its automatic calibration, whether accepted or not.
-fn draw(site: &Site, proposed: &[ImageCalibration], folder: &Path, force: bool) -> Result<(), CommandError> {
+fn draw(site: &Site, results: &[ImageCalibration], folder: &Path, force: bool) -> Result<(), CommandError> {
     std::fs::create_dir_all(folder).with_context(|| format!("creating {}", folder.display()))?;
-    for (camera, proposed) in site.cameras.iter().zip(proposed) {
-        let ImageCalibration { path, calibration: proposal, .. } = proposed;
+    for (camera, result) in site.cameras.iter().zip(results) {
+        let ImageCalibration { path, calibration: proposal, .. } = result;
         let shown = SiteCamera {
             annotations: proposal.groups.iter().map(|group| group.annotation.clone()).collect(),
             solution: camera.solution.clone().or_else(|| proposal.solution.clone()),
@@ -195,13 +195,13 @@ fn draw(site: &Site, proposed: &[ImageCalibration], folder: &Path, force: bool) 
 }
 
 /// Prints the report; to stderr if the site goes to stdout.
-fn report(args: &Args, site: &Site, proposed: &[ImageCalibration]) -> Result<(), CommandError> {
+fn report(args: &Args, site: &Site, results: &[ImageCalibration]) -> Result<(), CommandError> {
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
-        Format::Text if to_stdout => print_message(text(site, proposed)),
-        Format::Text => files::print(&escape_control_characters(&text(site, proposed)))?,
+        Format::Text if to_stdout => print_message(text(site, results)),
+        Format::Text => files::print(&escape_control_characters(&text(site, results)))?,
         Format::Json if to_stdout => {}
-        Format::Json => files::print(&json(site, proposed)?)?,
+        Format::Json => files::print(&json(site, results)?)?,
     }
     Ok(())
 }
@@ -211,7 +211,7 @@ fn reason(proposal: &Proposal) -> String {
     proposal.reasons.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-fn text(site: &Site, proposed: &[ImageCalibration]) -> String {
+fn text(site: &Site, results: &[ImageCalibration]) -> String {
     let mut out = String::new();
     let width = site.cameras.iter().map(|camera| camera.id.chars().count()).max().unwrap_or(0).max(6);
     let _ = writeln!(
@@ -219,9 +219,9 @@ fn text(site: &Site, proposed: &[ImageCalibration]) -> String {
         "{:width$}  {:10} {:>7} {:>9} {:>10} {:>14} {:>8}",
         "camera", "confidence", "lines", "roll deg", "pitch deg", "focal px", "sigma"
     );
-    for (camera, ImageCalibration { calibration: proposal, .. }) in site.cameras.iter().zip(proposed) {
-        let strokes: usize = proposal.groups.iter().map(|group| group.probabilities.len()).sum();
-        let _ = write!(out, "{:width$}  {:10} {strokes:>7}", camera.id, proposal.verdict.name());
+    for (camera, ImageCalibration { calibration: proposal, .. }) in site.cameras.iter().zip(results) {
+        let lines: usize = proposal.groups.iter().map(|group| group.probabilities.len()).sum();
+        let _ = write!(out, "{:width$}  {:10} {lines:>7}", camera.id, proposal.confidence.name());
         if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
             let angle = |angle: Option<f64>| angle.map_or_else(|| "-".into(), |angle| format!("{angle:.2}"));
             // Roll belongs to the heading of the image's top edge if the camera looks straight down.
@@ -238,7 +238,7 @@ fn text(site: &Site, proposed: &[ImageCalibration]) -> String {
     out
 }
 
-fn json(site: &Site, proposed: &[ImageCalibration]) -> Result<String, CommandError> {
+fn json(site: &Site, results: &[ImageCalibration]) -> Result<String, CommandError> {
     let group = |(index, group): (usize, &Group)| {
         serde_json::json!({
             "annotation": index,
@@ -248,16 +248,16 @@ fn json(site: &Site, proposed: &[ImageCalibration]) -> Result<String, CommandErr
             "lies": group.lies,
         })
     };
-    let of = |(camera, ImageCalibration { calibration: proposal, is_accepted: is_taken, .. }): (
+    let of = |(camera, ImageCalibration { calibration: proposal, is_accepted, .. }): (
         &SiteCamera,
         &ImageCalibration,
     )| {
         let groups: Vec<_> = proposal.groups.iter().enumerate().map(group).collect();
         serde_json::json!({
             "id": camera.id,
-            "verdict": proposal.verdict.name(),
+            "verdict": proposal.confidence.name(),
             "reason": reason(proposal),
-            "accepted": is_taken,
+            "accepted": is_accepted,
             "focal_px": proposal.solution.as_ref().map(|solution| solution.focal_px),
             "focal_sigma_rel": proposal.focal_sigma_rel,
             "groups": groups,
@@ -269,24 +269,24 @@ fn json(site: &Site, proposed: &[ImageCalibration]) -> Result<String, CommandErr
             })),
         })
     };
-    let cameras: Vec<_> = site.cameras.iter().zip(proposed).map(of).collect();
+    let cameras: Vec<_> = site.cameras.iter().zip(results).map(of).collect();
     let mut text = serde_json::to_string_pretty(&serde_json::json!({ "cameras": cameras }))?;
     text.push('\n');
     Ok(text)
 }
 
 /// Fails with exit code 4 if an image has no accepted calibration, and names all such images.
-fn check_all_accepted(site: &Site, proposed: &[ImageCalibration]) -> Result<(), CommandError> {
-    let without = site.cameras.iter().zip(proposed).filter(|(_, proposed)| !proposed.is_accepted);
-    let without: Vec<&str> = without.map(|(camera, _)| camera.id.as_str()).collect();
-    if without.is_empty() {
+fn check_all_accepted(site: &Site, results: &[ImageCalibration]) -> Result<(), CommandError> {
+    let unaccepted = site.cameras.iter().zip(results).filter(|(_, result)| !result.is_accepted);
+    let unaccepted: Vec<&str> = unaccepted.map(|(camera, _)| camera.id.as_str()).collect();
+    if unaccepted.is_empty() {
         return Ok(());
     }
     Err(CommandError::Unsolved(format!(
         "{} of {} images have no accepted calibration: {}. Annotate them, or review the results of --accept all",
-        without.len(),
-        proposed.len(),
-        few(without.iter().copied())
+        unaccepted.len(),
+        results.len(),
+        few(unaccepted.iter().copied())
     )))
 }
 
@@ -312,9 +312,9 @@ impl BatchProgress {
         Self { bar, done: 0, total, last_message: Instant::now() }
     }
 
-    fn done(&mut self, still: &Path) {
+    fn done(&mut self, image: &Path) {
         self.done += 1;
-        self.bar.set_message(escape_control_characters(&still.to_string_lossy()).into_owned());
+        self.bar.set_message(escape_control_characters(&image.to_string_lossy()).into_owned());
         self.bar.set_position(self.done as u64);
         if self.bar.is_hidden() && self.last_message.elapsed() >= Self::MESSAGE_INTERVAL {
             self.last_message = Instant::now();

@@ -31,9 +31,9 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.output.check_free()?;
     let file = args.site.read()?;
     #[cfg(feature = "archives")]
-    let judged = args.walk.test(&file)?;
+    let walk_test = args.walk.test(&file)?;
     #[cfg(feature = "archives")]
-    let walk = judged.as_ref().map(WalkTest::page);
+    let walk = walk_test.as_ref().map(WalkTest::page);
     #[cfg(not(feature = "archives"))]
     let walk = None;
     let pulse = Pulse::new("drawing the page");
@@ -43,28 +43,28 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     let cameras: Vec<&SiteCamera> = file.site.cameras.iter().collect();
     crate::solve::check_all_solved(&cameras)?;
     #[cfg(feature = "archives")]
-    if let Some(judged) = &judged {
-        judged.check_passed()?;
+    if let Some(walk_test) = &walk_test {
+        walk_test.check_passed()?;
     }
     Ok(())
 }
 
 /// Builds the page. An unreadable image is reported, and the page shows the reason instead.
 fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, CommandError> {
-    let mut ended = None;
+    let mut failure = None;
     let mut pictures = |shown: Shown<'_>| match read_picture(file, shown) {
         Ok(picture) => Ok(picture),
         Err(CommandError::Invalid(message)) => {
             print_message(format_args!("calib: {message}"));
             Err(message)
         }
-        Err(stop) => {
-            ended = Some(stop);
+        Err(error) => {
+            failure = Some(error);
             Err(String::new())
         }
     };
     let page = calib_report::page(&file.site, walk, &mut pictures);
-    ended.map_or(Ok(page), Err)
+    failure.map_or(Ok(page), Err)
 }
 
 fn read_picture(file: &SiteFile, shown: Shown<'_>) -> Result<Picture, CommandError> {

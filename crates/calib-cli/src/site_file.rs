@@ -283,9 +283,9 @@ fn file_error_message(error: FileError) -> String {
 }
 
 /// Lists the given images; images in folders are sorted by name.
-pub(crate) fn list_images(asked: &[PathBuf]) -> Result<Vec<PathBuf>, CommandError> {
+pub(crate) fn list_images(given: &[PathBuf]) -> Result<Vec<PathBuf>, CommandError> {
     let mut found = Vec::new();
-    for path in asked {
+    for path in given {
         if !path.exists() {
             return Err(CommandError::invalid(path.display(), "no such image or folder"));
         }
@@ -327,11 +327,11 @@ pub(crate) fn read_image_bytes(path: &Path) -> Result<Vec<u8>, CommandError> {
 
 /// Returns the capture time of an image, from its name or otherwise its EXIF data.
 pub(crate) fn capture_time(path: &Path) -> Result<Option<Timestamp>, CommandError> {
-    let told = match calib_input::time_in_name(&stem(path)) {
+    let time = match calib_input::time_in_name(&stem(path)) {
         Some(time) => Some(time),
         None => calib_input::capture_time(&read_image_bytes(path)?),
     };
-    Ok(told.and_then(|time| time.parse().ok()))
+    Ok(time.and_then(|time| time.parse().ok()))
 }
 
 /// Returns the file name without folder and extension.

@@ -181,19 +181,19 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::write(output, file.with_paths_relative_to(&solved, output).to_json().as_bytes(), args.force)?;
     }
-    let mut asked: Vec<CameraReport> = Vec::new();
+    let mut reports: Vec<CameraReport> = Vec::new();
     for ((index, _), found) in report.cameras.iter().zip(&report.findings) {
         let camera = &solved.cameras[*index];
         if site_file::is_valid_at(camera, args.at.as_deref())? {
-            asked.push(CameraReport { camera, findings: found.as_deref().unwrap_or_default() });
+            reports.push(CameraReport { camera, findings: found.as_deref().unwrap_or_default() });
         }
     }
-    let cameras: Vec<&SiteCamera> = asked.iter().map(|asked| asked.camera).collect();
+    let cameras: Vec<&SiteCamera> = reports.iter().map(|report| report.camera).collect();
     let to_stdout = args.output.as_deref() == Some("-");
     match args.format {
         // With the site on stdout, the report goes to stderr.
-        Format::Text if to_stdout => files::print_message(text(&solved, &asked)),
-        Format::Text => files::print(&text(&solved, &asked))?,
+        Format::Text if to_stdout => files::print_message(text(&solved, &reports)),
+        Format::Text => files::print(&text(&solved, &reports))?,
         Format::Json if to_stdout => {}
         Format::Json => files::print(&json(&cameras)?)?,
     }
@@ -244,18 +244,18 @@ pub(crate) fn json(cameras: &[&SiteCamera]) -> Result<String, CommandError> {
 const ASSUMED_MARK: &str = "*";
 
 /// Formats the text report: a table of cameras, then warnings and advice.
-fn text(site: &Site, asked: &[CameraReport]) -> String {
+fn text(site: &Site, reports: &[CameraReport]) -> String {
     let mut out = String::new();
     if let Some(name) = &site.name {
         let _ = writeln!(out, "{name}\n");
     }
-    let width = asked.iter().map(|asked| asked.camera.id.chars().count()).max().unwrap_or(0).max(6);
+    let width = reports.iter().map(|report| report.camera.id.chars().count()).max().unwrap_or(0).max(6);
     let _ = writeln!(
         out,
         "{:width$}  {:8} {:>14} {:>14} {:>14} {:>18} {:>9} {:>7} {:>6}",
         "camera", "stage", "roll deg", "pitch deg", "yaw deg", "focal px", "height m", "floor", "rms px",
     );
-    for CameraReport { camera, .. } in asked {
+    for CameraReport { camera, .. } in reports {
         match (&camera.solution, &camera.error) {
             (Some(solution), _) => row(&mut out, width, camera, solution, site.scale_is_known(camera)),
             (None, Some(failure)) => failed(&mut out, width, camera, failure),
@@ -263,16 +263,16 @@ fn text(site: &Site, asked: &[CameraReport]) -> String {
         }
     }
     let is_assumed =
-        |asked: &CameraReport| asked.camera.solution.is_some() && !site.scale_is_known(asked.camera);
-    if asked.iter().any(is_assumed) {
+        |report: &CameraReport| report.camera.solution.is_some() && !site.scale_is_known(report.camera);
+    if reports.iter().any(is_assumed) {
         let _ = writeln!(out, "{ASSUMED_MARK} assumed height; the \u{b1} of the floor excludes the scale.");
     }
-    for CameraReport { camera, .. } in asked {
+    for CameraReport { camera, .. } in reports {
         if let Some(down) = camera.solution.as_ref().and_then(straight_down) {
             let _ = writeln!(out, "{:width$}  {down}", camera.id);
         }
     }
-    for CameraReport { camera, findings } in asked {
+    for CameraReport { camera, findings } in reports {
         let Some(solution) = &camera.solution else { continue };
         remarks(&mut out, camera, solution, findings);
     }

@@ -95,8 +95,8 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         files::check_free(output, args.force)?;
     }
     let file = args.site.read()?;
-    let judged = test_walk(&file, args.detections.open(&file)?, &args.limits)?;
-    let page = judged.page();
+    let test = test_walk(&file, args.detections.open(&file)?, &args.limits)?;
+    let page = test.page();
     if let Some(output) = &args.output {
         files::write(output, page.html().as_bytes(), args.force)?;
     }
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         Format::Json => files::print(&format!("{:#}\n", as_json(&page)))?,
         Format::Text => files::print(&crate::stop::escape_control_characters(&page.text()))?,
     }
-    judged.check_passed()
+    test.check_passed()
 }
 
 impl Limits {

@@ -193,14 +193,15 @@ fn as_json(id: &str, from: Option<&str>, health: &CameraHealth) -> serde_json::V
 
 fn change_json(change: &Change) -> serde_json::Value {
     let Movement { pan, tilt, roll, zoom } = change.movement;
-    let told = [("heights", change.is_seen_in_heights), ("other-cameras", change.is_seen_by_others)];
-    let told: Vec<&str> = told.into_iter().filter(|(_, tells)| *tells).map(|(name, _)| name).collect();
+    let evidence = [("heights", change.is_seen_in_heights), ("other-cameras", change.is_seen_by_others)];
+    let evidence: Vec<&str> =
+        evidence.into_iter().filter(|(_, is_evidence)| *is_evidence).map(|(name, _)| name).collect();
     serde_json::json!({
         "by": parameters([pan, tilt, roll, zoom], change.sigmas),
         "sigma": parameters(change.sigmas, change.sigmas),
         "sigmas_clear": change.significance,
         "false_alarm": change.false_alarm,
-        "told_by": told,
+        "told_by": evidence,
     })
 }
 

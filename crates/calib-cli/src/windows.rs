@@ -67,8 +67,8 @@ fn look(text: &str) -> Result<Look, String> {
         _ => return Err(wrong()),
     };
     let [pitch, yaw, hfov, roll] = [pitch, yaw, hfov, roll].map(f64::to_radians);
-    let asked = Look { pitch, yaw, roll, hfov };
-    Window::flat(asked, [1, 1]).map(|_| asked).ok_or_else(wrong)
+    let direction = Look { pitch, yaw, roll, hfov };
+    Window::flat(direction, [1, 1]).map(|_| direction).ok_or_else(wrong)
 }
 
 /// View with its name; the name is empty for a single view.
@@ -147,19 +147,19 @@ pub(crate) fn run(
         return Err(CommandError::Usage("several views need several files: give -o FILE".into()));
     }
     let (lens, camera) = (&lens, camera.as_ref());
-    let seen = windows
+    let views = windows
         .iter()
-        .map(|(name, window)| (output.named(name), View { window, lens, focal, camera, entry, reach }));
-    let seen: Vec<(String, View<'_>)> = seen.collect();
+        .map(|(name, window)| (output.path_for(name), View { window, lens, focal, camera, entry, reach }));
+    let views: Vec<(String, View<'_>)> = views.collect();
     // Every view and file is checked before the first is written.
-    for (file, window) in &seen {
+    for (file, window) in &views {
         window.check([width, height])?;
         let extensions: &[&str] = if args.remap { &["json", "remap.npy"] } else { &["json"] };
         let others = extensions.iter().map(|extension| companion_path(file, extension));
         let others = others.filter(|_| !output.is_stdout());
         std::iter::once(file.clone()).chain(others).try_for_each(|file| output.check_path_free(&file))?;
     }
-    seen.iter().try_for_each(|(file, window)| window.write(args, output, file, image))
+    views.iter().try_for_each(|(file, window)| window.write(args, output, file, image))
 }
 
 /// Returns the path of a file that accompanies an image.
@@ -266,9 +266,9 @@ mod tests {
 
     #[test]
     fn view_directions_are_in_degrees() {
-        let asked = look("45,-90, 80").unwrap();
-        assert!((asked.pitch - 0.25 * std::f64::consts::PI).abs() < 1e-12);
-        assert!((asked.yaw + 0.5 * std::f64::consts::PI).abs() < 1e-12 && asked.roll == 0.0);
+        let direction = look("45,-90, 80").unwrap();
+        assert!((direction.pitch - 0.25 * std::f64::consts::PI).abs() < 1e-12);
+        assert!((direction.yaw + 0.5 * std::f64::consts::PI).abs() < 1e-12 && direction.roll == 0.0);
         assert!((look("0,0,90,30").unwrap().roll - 30.0_f64.to_radians()).abs() < 1e-12);
         for wrong in ["", "45", "45,0", "0,0,0", "0,0,171", "0,0,nan", "inf,0,90", "0,0,90,0,0", "a,b,c"] {
             assert!(look(wrong).is_err(), "{wrong}");

@@ -1,4 +1,4 @@
-//! One camera from the lines drawn on its image: how it is turned, its focal length, and how sure that is.
+//! Orientation and focal length of one camera from annotated lines, with their standard deviations.
 //!
 //! ```text
 //! cargo run --release -p calib-core --example fit_camera
@@ -8,11 +8,11 @@ use calib_core::{Annotation, Constraints, Covariance, Fit, FitOptions, Kind, Len
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let line = |[a, b]: [(f64, f64); 2]| vec![Pixel::from(<[f64; 2]>::from(a)), <[f64; 2]>::from(b).into()];
-    let drawn = |kind, lines: &[[(f64, f64); 2]]| {
-        Annotation::of_segments(kind, lines.iter().copied().map(line).collect())
+    let annotation = |kind, lines: &[[(f64, f64); 2]]| {
+        Annotation::from_segments(kind, lines.iter().copied().map(line).collect())
     };
     let annotations = [
-        drawn(
+        annotation(
             Kind::Vertical,
             &[
                 [(641.5, 465.0), (594.5, 105.3)],
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 [(1008.0, 352.3), (1008.4, 48.5)],
             ],
         ),
-        drawn(
+        annotation(
             Kind::Parallel,
             &[
                 [(624.5, 759.5), (642.3, 421.9)],
@@ -28,7 +28,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 [(989.1, 808.5), (869.1, 438.3)],
             ],
         ),
-        drawn(Kind::Perpendicular, &[[(837.1, 691.7), (1076.8, 582.4)], [(1140.2, 631.0), (916.2, 517.0)]]),
+        annotation(
+            Kind::Perpendicular,
+            &[[(837.1, 691.7), (1076.8, 582.4)], [(1140.2, 631.0), (916.2, 517.0)]],
+        ),
     ];
     let lens = Lens::pinhole(Pixel::new(960.0, 540.0));
     let fit = Fit::new(
@@ -43,6 +46,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("pitch {}", degrees(camera.pitch, Covariance::PITCH));
     println!("focal {:.0} ± {:.0} px", camera.focal, sigma(Covariance::FOCAL));
     println!("floor ± {:.1} %", 100.0 * fit.floor_length_rel.unwrap_or(f64::NAN));
-    println!("foot of the picture's middle: {:?}", camera.pixel_to_floor(Pixel::new(960.0, 540.0), 0.0));
+    println!("floor point of the image centre: {:?}", camera.pixel_to_floor(Pixel::new(960.0, 540.0), 0.0));
     Ok(())
 }

@@ -87,6 +87,6 @@ pub use outcome::{
     Code, Failure, FailureCode, Finding, Parameter, Residual, ResidualOf, Severity, Subject, Suggestion,
 };
 pub use single::{
-    Annotation, Constraints, Fit, FitOptions, Fitted, Kind, LensFit, LensOptions, Orientation, Prior, Priors,
-    SceneErrors,
+    Annotation, Constraints, Fit, FitOptions, FittedCoefficients, Kind, LensFit, LensOptions, Orientation,
+    Prior, Priors, SceneErrors,
 };

@@ -260,7 +260,7 @@ fn segments(hand: &mut Operator, kind: Kind, edges: &[Edge], count: usize, least
     const LONG: f64 = 500.0;
     let runs = hand.runs(edges, least);
     let chosen = spread(&runs, count, Run::middle, |run| run.length().min(LONG));
-    Annotation::of_segments(kind, chosen.iter().map(|run| hand.annotate_run(run)).collect())
+    Annotation::from_segments(kind, chosen.iter().map(|run| hand.annotate_run(run)).collect())
 }
 
 /// Annotates polylines along long straight edges, preferably near the image border.
@@ -324,7 +324,10 @@ fn right_angle(hand: &mut Operator, plot: &AnnotationPlan) -> Option<Annotation>
         pair[0].length().min(pair[1].length()) - 0.5 * pair[0].middle().distance(pair[1].middle())
     };
     let best = pairs.max_by(|p, q| worth(p).total_cmp(&worth(q)))?;
-    Some(Annotation::of_segments(Kind::Perpendicular, best.iter().map(|run| hand.polyline(run, 2)).collect()))
+    Some(Annotation::from_segments(
+        Kind::Perpendicular,
+        best.iter().map(|run| hand.polyline(run, 2)).collect(),
+    ))
 }
 
 /// Annotates edges of three tiles each, near and far, in both directions.
@@ -337,7 +340,7 @@ fn equal_length(hand: &mut Operator) -> Option<Annotation> {
     let strokes = chosen.iter().map(|run| hand.polyline(run, 2)).collect();
     Some(Annotation {
         name: Some("Three tiles".into()),
-        ..Annotation::of_segments(Kind::EqualLength, strokes)
+        ..Annotation::from_segments(Kind::EqualLength, strokes)
     })
 }
 
@@ -347,7 +350,7 @@ fn known_length(hand: &mut Operator) -> Option<Annotation> {
     let edge = Edge::new([x0 - 0.04, y0 - 0.04, 0.002], [x0 - 0.04, y1 + 0.04, 0.002]);
     let strokes =
         vec![[edge.from, edge.to].into_iter().filter_map(|point| hand.annotate_point(point)).collect()];
-    let annotation = Annotation::of_segments(Kind::KnownLength, strokes);
+    let annotation = Annotation::from_segments(Kind::KnownLength, strokes);
     Some(Annotation { name: Some("Lane".into()), length_m: Some(edge.length()), ..annotation })
 }
 

@@ -64,7 +64,7 @@ impl RandomScene {
         let azimuth = random.random_range(0.0..PI);
         let count = random.random_range(3..6);
         let verticals: Option<Vec<_>> = (0..count).map(|_| room.vertical(random)).collect();
-        let mut annotations = vec![Annotation::of_segments(Kind::Vertical, verticals?)];
+        let mut annotations = vec![Annotation::from_segments(Kind::Vertical, verticals?)];
         match drawn {
             AnnotationSet::Directions => annotations.extend(room.directions(random, azimuth)?),
             AnnotationSet::Lengths => annotations.push(room.lengths(random, azimuth)?),
@@ -146,7 +146,7 @@ impl Room {
         for (size, angle) in sizes.into_iter().zip([azimuth, azimuth + other]) {
             let lines: Option<Vec<_>> =
                 (0..size).map(|_| self.floor(random, angle, (1.0, 6.0), 120.0)).collect();
-            annotations.push(Annotation::of_segments(Kind::Parallel, lines?));
+            annotations.push(Annotation::from_segments(Kind::Parallel, lines?));
         }
         for _ in 0..random.random_range(1..3) {
             let angle = if random.random::<f64>() < 0.6 { azimuth } else { random.random_range(0.0..PI) };
@@ -154,7 +154,7 @@ impl Room {
                 .iter()
                 .map(|&a| self.floor(random, a, (0.8, 4.0), 100.0))
                 .collect();
-            annotations.push(Annotation::of_segments(Kind::Perpendicular, lines?));
+            annotations.push(Annotation::from_segments(Kind::Perpendicular, lines?));
         }
         Some(annotations)
     }
@@ -172,7 +172,7 @@ impl Room {
                 self.floor(random, angle, (length, length), 40.0)
             })
             .collect();
-        Some(Annotation::of_segments(Kind::EqualLength, lines?))
+        Some(Annotation::from_segments(Kind::EqualLength, lines?))
     }
 
     /// Returns the bottom corners of the image, and the two corners at the far end of the room.

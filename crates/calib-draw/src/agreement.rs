@@ -1,4 +1,4 @@
-//! How far every camera puts the links and marks it shows from where the site has them.
+//! Distances between solved links and marks and their observations in every camera.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -8,57 +8,57 @@ use calib_core::floor::FloorLine;
 
 use calib_site::{ElementSolution, Link, LinkKind, Mark, Site, SiteCamera};
 
-/// A link or a mark that has a place, and what the cameras make of it.
+/// Solved link or mark with its observations.
 #[derive(Clone, Debug)]
 pub struct Element<'a> {
     /// "link" or "mark".
     pub what: &'static str,
-    /// As residuals and warnings name it.
+    /// Id, as in residuals and warnings.
     pub id: String,
-    /// Where it is.
+    /// Solution.
     pub found: &'a ElementSolution,
-    /// Contradicts the others, and took no part.
+    /// Whether it contradicts other observations and is not used.
     pub is_aside: bool,
-    /// Took no part because the operator says so.
+    /// Whether the operator switched it off.
     pub is_off: bool,
-    /// A post or a line: the points of a view are ends of one thing.
+    /// Whether it is a post or a line, whose points in a view are ends of one element.
     pub is_long: bool,
-    /// Camera by camera.
+    /// Observations by camera.
     pub views: Vec<View<'a>>,
 }
 
-/// One camera's sightings of an element.
+/// Observations of an element by one camera.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
-    /// The camera.
+    /// Camera.
     pub entry: &'a SiteCamera,
     /// Index of the camera in its site.
     pub index: usize,
-    /// What it shows of it, point by point.
+    /// Observed points.
     pub sightings: Vec<Sighting>,
 }
 
-/// A pixel that was drawn, and the point of the scene that it shows.
+/// Observed pixel and its solved point.
 #[derive(Clone, Debug)]
 pub struct Sighting {
-    /// Where the operator drew it.
+    /// Annotated pixel.
     pub drawn: Pixel,
-    /// Where the camera shows the point.
+    /// Reprojection of the solved point.
     pub shown: Pixel,
-    /// The point, seen from above.
+    /// Solved point, seen from above.
     pub at: FloorPoint,
-    /// Where the camera puts the pixel, at the height of the point.
+    /// Floor position of the pixel according to the camera, at the height of the solved point.
     pub put: Option<FloorPoint>,
 }
 
 impl View<'_> {
-    /// Root mean square distance in the image, in pixels.
+    /// Returns the RMS distance in the image, in pixels.
     #[must_use]
     pub fn px(&self) -> f64 {
         rms(self.sightings.iter().map(|seen| seen.drawn.distance(seen.shown))).unwrap_or(0.0)
     }
 
-    /// Root mean square distance on the floor, in metres.
+    /// Returns the RMS distance on the floor, in metres.
     #[must_use]
     pub fn floor_m(&self) -> Option<f64> {
         rms(self.sightings.iter().filter_map(|seen| Some(seen.put?.distance(seen.at))))
@@ -66,13 +66,13 @@ impl View<'_> {
 }
 
 impl Element<'_> {
-    /// Whether it says something of the site.
+    /// Whether it contributes to the solution of the site.
     #[must_use]
     pub fn is_used(&self) -> bool {
         !self.is_aside && !self.is_off
     }
 
-    /// The largest error of a camera, in pixels.
+    /// Returns the largest RMS error of a camera, in pixels.
     #[must_use]
     pub fn worst_px(&self) -> f64 {
         self.views.iter().map(View::px).fold(0.0, f64::max)
@@ -84,7 +84,7 @@ fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0.0).then(|| f64::sqrt(sum / count))
 }
 
-/// Every link and mark that was solved, as far as cameras that stand somewhere show it.
+/// Returns all solved links and marks, with the observations of placed cameras.
 #[must_use]
 pub fn elements(site: &Site) -> Vec<Element<'_>> {
     let mut cameras: HashMap<&str, (usize, Camera)> = HashMap::new();
@@ -186,7 +186,8 @@ fn points_of_mark(mark: &Mark, camera_id: &str, camera: &Camera) -> Vec<Sighting
     of.filter_map(|seen| sighting(camera, seen.px, shape.point(&seen.point)?, &Plane::FLOOR)).collect()
 }
 
-/// The pixel is put on the plane through the point that is as steep as the one that it stands on.
+/// Compares a pixel with its solved point. The pixel is intersected with a plane through the point, parallel
+/// to the point's own plane.
 fn sighting(camera: &Camera, drawn: Pixel, at: WorldPoint, plane: &Plane) -> Option<Sighting> {
     let shown = camera.world_to_pixel(at)?;
     let through = Plane { height: at.z, anchor: at.on_floor(), ..*plane };
@@ -194,8 +195,7 @@ fn sighting(camera: &Camera, drawn: Pixel, at: WorldPoint, plane: &Plane) -> Opt
     Some(Sighting { drawn, shown, at: at.on_floor(), put })
 }
 
-/// The point of a line that is nearest to where the camera puts a pixel; in the image, the nearest to
-/// the pixel.
+/// Compares a pixel with a solved line: with the closest point on the line in the image.
 fn sighting_of_line(
     camera: &Camera,
     drawn: Pixel,

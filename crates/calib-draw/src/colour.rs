@@ -1,58 +1,58 @@
-//! The colours of what is drawn; lines on images have one colour in a light and a dark theme.
+//! Colours of overlays; lines on images have the same colour in the light and the dark theme.
 
 use std::fmt;
 
-/// A colour: red, green and blue.
+/// Colour: red, green and blue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Rgb(pub [u8; 3]);
 
 impl Rgb {
-    /// From `0xRRGGBB`.
+    /// Creates a colour from `0xRRGGBB`.
     #[must_use]
     pub const fn hex(rgb: u32) -> Self {
         let [_, red, green, blue] = rgb.to_be_bytes();
         Self([red, green, blue])
     }
 
-    /// Control points, marks, links, grid, horizon.
+    /// Colour of control points, marks, links, grid and horizon.
     pub const WHITE: Self = Self::hex(0xFFFFFF);
-    /// A link that waits for another view, and its epipolar line.
+    /// Colour of a link that needs another view, and of its epipolar line.
     pub const WAITING: Self = Self::hex(0xF2DF4A);
-    /// What is not known yet.
+    /// Colour of unknown values.
     pub const DOUBT: Self = Self::hex(0xFFB020);
-    /// Suspects and gross errors.
+    /// Colour of suspected outliers and gross errors.
     pub const BAD: Self = Self::hex(0xFF5470);
-    /// The same, dark enough for a light plan.
+    /// Darker variant of [`Self::BAD`] for a light plan.
     pub const BAD_ON_LIGHT: Self = Self::hex(0xC4123A);
-    /// What is held or in focus.
+    /// Colour of selected and focused items.
     pub const ACCENT: Self = Self::hex(0x8E9BFF);
-    /// The grid that is straight in the scene, bent by the lens.
+    /// Colour of the lens grid.
     pub const LENS: Self = Self::hex(0x8CE6FF);
-    /// Under every line on an image, so that it is legible on any ground.
+    /// Colour of the outline under every line on an image, for contrast with any background.
     pub const OUTLINE: Self = Self::hex(0x07090B);
-    /// Behind words on an image.
+    /// Background of labels on an image.
     pub const TAG: Self = Self::hex(0x0D0F12);
-    /// Text and lines on a light plan.
+    /// Colour of text and lines on a light plan.
     pub const INK: Self = Self::hex(0x1B1F23);
 
-    /// The colour of a camera; hues come near each other where there are many, so it never stands without a name.
+    /// Returns the colour of a camera. With many cameras, hues become similar; always show the name too.
     #[must_use]
     pub fn camera(index: usize) -> Self {
         CAMERAS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.74), |[on_dark, _]| *on_dark)
     }
 
-    /// The same hue, dark enough for lines on a light plan.
+    /// Returns the same hue, dark enough for lines on a light plan.
     #[must_use]
     pub fn camera_on_light(index: usize) -> Self {
         CAMERAS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.37), |[_, on_light]| *on_light)
     }
 
-    /// A colour whose hue no lower index has: each turns by the golden angle from the one before.
+    /// Returns a colour with a new hue, one golden angle from the hue of the previous index.
     fn of_hue(index: usize, saturation: f64, lightness: f64) -> Self {
         const GOLDEN: f64 = 0.381_966_011_250_105;
         let hue = (index as f64 * GOLDEN).fract() * 6.0;
         let chroma = (1.0 - (2.0 * lightness - 1.0).abs()) * saturation;
-        // One channel after the other is at its most, 120 degrees apart.
+        // The channels peak one after the other, 120 degrees apart.
         let channel = |shift: f64| {
             let from_top = ((hue + shift).rem_euclid(6.0) - 3.0).abs() - 1.0;
             let value = lightness + chroma * (from_top.clamp(0.0, 1.0) - 0.5);
@@ -62,7 +62,7 @@ impl Rgb {
     }
 }
 
-/// Of every camera: on images and dark grounds, and on light ones.
+/// Colours of the first cameras: for images and dark backgrounds, and for light backgrounds.
 const CAMERAS: [[Rgb; 2]; 8] = [
     [Rgb::hex(0xFF9D7A), Rgb::hex(0xC4552B)],
     [Rgb::hex(0x6FE0D2), Rgb::hex(0x0F8A7A)],
@@ -74,7 +74,7 @@ const CAMERAS: [[Rgb; 2]; 8] = [
     [Rgb::hex(0xD9B38C), Rgb::hex(0x8A6038)],
 ];
 
-/// As style sheets and SVG write it.
+/// Formats the colour for style sheets and SVG.
 impl fmt::Display for Rgb {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self([red, green, blue]) = self;

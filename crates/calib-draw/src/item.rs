@@ -1,140 +1,139 @@
-//! One thing to be painted: where it lies, and what it means.
-//!
-//! What a drawn thing means. Its look follows from that; a painter never asks for more.
+//! Items of an overlay: geometry and meaning. The meaning determines the appearance; painters need nothing
+//! else.
 
 use calib_core::Kind;
 
 use crate::kind::Sign;
 
-/// A line that was drawn on an image, and what the solution says of it.
+/// Annotated line on an image, with its residual.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// What it says of the scene.
+    /// Kind of annotation.
     pub kind: Kind,
-    /// Index of its annotation in its camera.
+    /// Index of the annotation in its camera.
     pub annotation: usize,
-    /// Its index in the annotation.
+    /// Index of the line in its annotation.
     pub segment: usize,
-    /// Not used, because the operator says so.
+    /// Whether the operator switched it off.
     pub is_off: bool,
-    /// Set aside as an outlier.
+    /// Whether it is rejected as an outlier.
     pub is_outlier: bool,
-    /// Its residual, in pixels.
+    /// Residual, in pixels.
     pub residual_px: Option<f64>,
-    /// The same, in standard deviations of the drawing.
+    /// Absolute residual, in standard deviations of the annotations.
     pub over_sigma: Option<f64>,
 }
 
-/// A link or a mark that was solved, as one camera shows it.
+/// Solved link or mark, in the view of one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sighted {
-    /// Index of the camera; `None` for the thing itself, which is the same for all.
+    /// Index of the camera; `None` for the element itself, common to all cameras.
     pub camera: Option<usize>,
-    /// Contradicts the others, and took no part.
+    /// Whether it contradicts other observations and is not used.
     pub is_aside: bool,
-    /// Took no part because the operator says so.
+    /// Whether the operator switched it off.
     pub is_off: bool,
 }
 
-/// What a drawn thing means; indices are those of the site.
+/// Meaning of an item; indices refer to the site.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Meaning {
-    /// Straight in the scene, bent by the lens.
+    /// Line that is straight in the scene and curved by the distortion.
     LensGrid,
-    /// A line of the metre grid of the floor.
+    /// Line of the metre grid on the floor.
     Grid,
-    /// The horizon.
+    /// Horizon.
     Horizon,
-    /// The effective field of view of a camera.
+    /// Effective field of view (EFOV) of a camera.
     Efov(usize),
-    /// That of another camera than the one whose image it is.
+    /// EFOV of another camera than the one of the image.
     OtherEfov(usize),
-    /// The prism over the EFOV of a camera.
+    /// Prism over the EFOV of a camera.
     Prism(usize),
-    /// A figure on the floor to judge height and plumb by.
+    /// Figure on the floor, for checking height and verticality.
     Guide,
-    /// Where a plane besides the floor holds.
+    /// Region of a plane other than the floor.
     Plane(usize),
-    /// A virtual element.
+    /// Virtual element.
     Mark(usize),
-    /// A line that was drawn.
+    /// Annotated line.
     Annotation(Line),
-    /// A drawn line beyond its ends, towards its vanishing point.
+    /// Extension of an annotated line beyond its ends, towards its vanishing point.
     Extension(Kind),
-    /// The line to be drawn next.
+    /// Suggested next line.
     Suggestion(Kind),
-    /// A control point where the operator drew or entered it.
+    /// Control point as annotated or entered by the operator.
     ControlPoint {
-        /// Its camera.
+        /// Index of its camera.
         camera: usize,
-        /// Its index there.
+        /// Index of the point in its camera.
         index: usize,
         /// Whether it is not used.
         is_off: bool,
     },
-    /// The corner of a mark where the operator saw it.
+    /// Observed corner of a mark.
     MarkSeen(usize),
-    /// From where a point was drawn to where the solution shows it.
+    /// Residual: from the annotated point to its reprojection.
     Residual {
         /// Whether the point is not used.
         is_off: bool,
     },
-    /// A link as it was drawn.
+    /// Link as annotated.
     Link {
-        /// Which link.
+        /// Index of the link.
         index: usize,
-        /// Whether it waits to be shown in another view.
+        /// Whether it needs an observation in another view.
         waits: bool,
     },
-    /// Where a link put by one view lies by another.
+    /// Position of a link according to one view.
     LinkPut {
-        /// Which link.
+        /// Index of the link.
         index: usize,
-        /// Whose view puts it there; `None` for the line between what two views say.
+        /// Index of the camera; `None` for the line between two positions.
         camera: Option<usize>,
     },
-    /// The line of one view on which another view's point must lie.
+    /// Epipolar line: possible positions of a point of another view.
     Epipolar,
-    /// A link or mark where a view shows it.
+    /// Observation of a link or mark in a view.
     Seen(Sighted),
-    /// A link or mark where the solution has it.
+    /// Solved position of a link or mark.
     Solved(Sighted),
-    /// Where a camera may stand.
+    /// Uncertainty ellipse of a camera's position.
     PositionEllipse(usize),
-    /// A camera on the plan.
+    /// Camera on the plan.
     Camera(usize),
 }
 
-/// What there is to paint, in raw pixels of an image or in metres of the floor.
+/// Geometry of an item, in raw pixels of an image or in metres of the floor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Geometry<P> {
-    /// From point to point.
+    /// Open line.
     Polyline(Vec<P>),
-    /// An outline that comes back to its start.
+    /// Closed outline.
     Polygon(Vec<P>),
-    /// A point, shown by a figure of the painter's.
+    /// Point; its symbol is chosen by the painter.
     Point(P),
-    /// A sign of the size of the screen, laid on the line between two points.
+    /// Sign of constant screen size, on the line between two points.
     Sign(Sign, [P; 2]),
-    /// Words about a point.
+    /// Text at a point.
     Label(P, String),
-    /// A camera from above, a cone of the size of the screen.
+    /// Camera seen from above, a cone of constant screen size.
     Cone {
-        /// Where it stands.
+        /// Position of the camera.
         foot: P,
-        /// A point ahead of it.
+        /// Point ahead of the camera.
         ahead: P,
-        /// Half its horizontal field of view, in radians.
+        /// Half the horizontal field of view, in radians.
         half_angle: f64,
     },
 }
 
-/// One thing to be painted.
+/// Item of an overlay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item<P> {
-    /// What it means.
+    /// Meaning.
     pub meaning: Meaning,
-    /// Where it lies.
+    /// Geometry.
     pub geometry: Geometry<P>,
 }
 

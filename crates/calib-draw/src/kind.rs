@@ -1,39 +1,39 @@
-//! How lines of every kind look. A new kind has its row here; no painter changes.
+//! Appearance of every kind of line. A new kind needs only a row here; no painter changes.
 //!
-//! Small signs on lines, so that colour never tells a kind alone. They have the size of the screen, not of
-//! the scene: a painter lays them on the line where it has drawn it.
+//! Small signs distinguish the kinds without colour. They have constant screen size; a painter places them on
+//! its line.
 
 use calib_core::Kind;
 
 use crate::colour::Rgb;
 
-/// What a sign is made of.
+/// Shape of a part of a sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Form {
-    /// A line from point to point.
+    /// Line through these points.
     Stroke(&'static [[f64; 2]]),
-    /// A convex area.
+    /// Convex area.
     Fill(&'static [[f64; 2]]),
-    /// A ring of this radius.
+    /// Ring with this radius.
     Ring(f64),
-    /// A disc of this radius.
+    /// Disc with this radius.
     Disc(f64),
 }
 
-/// Where on its line a part of a sign stands.
+/// Position of a part of a sign on its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stand {
-    /// At its first point.
+    /// First point.
     First,
-    /// In its middle.
+    /// Middle.
     Middle,
-    /// In its middle, turned about where needed so that it points down the image.
+    /// Middle, reversed if needed to point down the image.
     MiddleDown,
-    /// At its last point.
+    /// Last point.
     Last,
 }
 
-/// A sign: its parts, in points along the line and across it, to the right of its direction.
+/// Sign: its parts, in screen points along the line and across it, to the right of its direction.
 pub type Sign = &'static [(Stand, Form)];
 
 pub(crate) const NONE: Sign = &[];
@@ -44,7 +44,7 @@ pub(crate) const CHEVRONS: Sign = &[
 ];
 pub(crate) const SQUARE: Sign =
     &[(Stand::Middle, Form::Stroke(&[[0.0, 0.0], [0.0, -10.0], [10.0, -10.0], [10.0, 0.0]]))];
-/// Beside the chevrons of a direction that is at right angles to another one.
+/// Square next to the chevrons of a direction at right angles to another one.
 pub(crate) const SQUARE_BESIDE: Sign =
     &[(Stand::Middle, Form::Stroke(&[[6.0, 0.0], [6.0, -8.0], [14.0, -8.0], [14.0, 0.0]]))];
 pub(crate) const TICKS: Sign = &[
@@ -57,20 +57,20 @@ pub(crate) const ENDS: Sign = &[
 ];
 pub(crate) const FOOT_AND_HEAD: Sign = &[(Stand::First, Form::Ring(7.0)), (Stand::Last, Form::Disc(5.0))];
 
-/// A part of a sign laid on a line, in the units of the drawing.
+/// Part of a sign placed on a line, in the units of the canvas.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Laid {
-    /// A line.
+    /// Line.
     Stroke(Vec<[f64; 2]>),
-    /// A convex area.
+    /// Convex area.
     Fill(Vec<[f64; 2]>),
-    /// A ring: centre and radius.
+    /// Ring: centre and radius.
     Ring([f64; 2], f64),
-    /// A disc: centre and radius.
+    /// Disc: centre and radius.
     Disc([f64; 2], f64),
 }
 
-/// Lays a sign on the line from `a` to `b` of a drawing in which a point of the screen is `scale` long.
+/// Places a sign on the line from `a` to `b`; `scale` is the length of a screen point on the canvas.
 #[must_use]
 pub fn lay(sign: Sign, [a, b]: [[f64; 2]; 2], scale: f64) -> Vec<Laid> {
     let by = [b[0] - a[0], b[1] - a[1]];
@@ -98,22 +98,22 @@ fn lay_part(stand: Stand, form: Form, [a, b]: [[f64; 2]; 2], size: f64, scale: f
     }
 }
 
-/// A row of the table.
+/// Appearance of one kind.
 #[derive(Clone, Copy, Debug)]
 pub struct KindLook {
-    /// Which kind.
+    /// Kind.
     pub kind: Kind,
-    /// On images, and on dark grounds.
+    /// Colour on images and dark backgrounds.
     pub colour: Rgb,
-    /// The same hue on a light ground.
+    /// Same hue on a light background.
     pub on_light: Rgb,
-    /// Lengths of strokes and gaps; solid if empty.
+    /// Lengths of dashes and gaps; solid if empty.
     pub dash: &'static [f64],
-    /// What tells the kind without its colour.
+    /// Sign that identifies the kind without colour.
     pub sign: Sign,
 }
 
-/// The look of every kind, in the order of `calib_core::single::KINDS`.
+/// Appearance of every kind, in the order of `calib_core::single::KINDS`.
 pub const KIND_LOOKS: [KindLook; calib_core::single::KINDS.len()] = {
     const fn row(kind: Kind, [colour, on_light]: [u32; 2], sign: Sign) -> KindLook {
         KindLook { kind, colour: Rgb::hex(colour), on_light: Rgb::hex(on_light), dash: &[], sign }
@@ -130,7 +130,7 @@ pub const KIND_LOOKS: [KindLook; calib_core::single::KINDS.len()] = {
 };
 
 impl KindLook {
-    /// The row of a kind.
+    /// Returns the row of a kind.
     #[must_use]
     pub fn of(kind: Kind) -> &'static Self {
         &KIND_LOOKS[kind as usize]

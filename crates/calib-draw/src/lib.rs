@@ -1,10 +1,17 @@
-//! What is drawn of a site on the images of its cameras and on its plan, made once for every painter.
+//! Overlays of a site on the images of its cameras and on its floor plan, shared by all painters (app,
+//! report).
 //!
-//! A painter asks for layers ([`on_image`], [`on_plan`]) and gets items: polylines, points and words in raw
-//! pixels or in metres of the floor, each with its [`Meaning`]. [`Look`] says how a meaning looks; a new
-//! kind of annotation has its row in [`KIND_LOOKS`] and needs no change in a painter. Handles, hover and
-//! gestures are the business of a program that has them, signs of the size of the screen are laid where the
-//! painter has drawn their line ([`lay`]).
+//! Its rule: a painter asks for layers ([`on_image`], [`on_plan`]) and gets items with geometry and
+//! [`Meaning`]. [`Look`] maps a meaning to colour, width and dash. A new kind of annotation needs only a row
+//! in [`KIND_LOOKS`]; no painter changes. Items are polylines, points and labels, in raw pixels or in metres
+//! of the floor. Handles, hover and gestures belong to the app. Signs of constant screen size are placed by
+//! the painter on its line ([`lay`]). The files in data-flow order:
+//!
+//! - `scene`: a site and its results;
+//! - `agreement`: distances between observed and solved links and marks;
+//! - `image`, `plan`: the layers of an image and of the plan;
+//! - `item`: items and their meanings;
+//! - `colour`, `kind`, `look`: the appearance of every meaning.
 //!
 //! ```
 //! use calib_draw::{Geometry, ImageLayer, ImageView, Look, Signs, on_image};

@@ -1,36 +1,36 @@
-//! How every meaning looks: colour, width, dash. Painters turn it into theirs.
+//! Appearance of every meaning: colour, width and dash.
 
 use crate::colour::Rgb;
 use crate::item::{Line, Meaning, Sighted};
 use crate::kind::KindLook;
 
-/// What lies under a line, so that it is legible on any ground.
+/// Outline under a line, for contrast with any background.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outline {
-    /// A dark line.
+    /// Dark outline.
     Dark,
-    /// A dark line that is hardly seen; a still picture does without.
+    /// Faint dark outline; omitted in printed images.
     Faint,
-    /// Nothing.
+    /// No outline.
     None,
 }
 
-/// How a line looks. Lengths are those of a screen; larger pictures scale them.
+/// Appearance of a line. Lengths are in screen points; larger images scale them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// Its colour.
+    /// Colour.
     pub colour: Rgb,
-    /// Its width.
+    /// Width.
     pub width: f64,
-    /// Lengths of strokes and gaps; solid if empty.
+    /// Lengths of dashes and gaps; solid if empty.
     pub dash: &'static [f64],
-    /// From 0, invisible, to 1.
+    /// Opacity, from 0 (invisible) to 1.
     pub opacity: f64,
-    /// What lies under it.
+    /// Outline.
     pub outline: Outline,
 }
 
-/// Width of what was drawn.
+/// Width of annotated lines.
 pub const LINE: f64 = 2.0;
 const DRAWN_OFF: &[f64] = &[3.0, 6.0];
 const FIELD: &[f64] = &[10.0, 5.0];
@@ -53,7 +53,7 @@ impl Look {
         Self { outline, ..self }
     }
 
-    /// On images, and on a dark floor.
+    /// Returns the appearance on images, and on a dark plan.
     #[must_use]
     pub fn of(meaning: Meaning) -> Self {
         const WHITE: Rgb = Rgb::WHITE;
@@ -93,7 +93,7 @@ impl Look {
         }
     }
 
-    /// On a light plan: lines are dark, and nothing lies under them.
+    /// Returns the appearance on a light plan: dark lines without outline.
     #[must_use]
     pub fn on_light(meaning: Meaning) -> Self {
         let look = match meaning {
@@ -120,7 +120,8 @@ impl Look {
 }
 
 impl Line {
-    /// The colour of its points and its name: what would be set aside says so even where the line is off.
+    /// Returns the colour of its points and name. An outlier has the outlier colour even if the line is
+    /// switched off.
     #[must_use]
     pub fn colour(&self) -> Rgb {
         if self.is_outlier { Rgb::BAD } else { KindLook::of(self.kind).colour }

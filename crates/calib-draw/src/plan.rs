@@ -1,4 +1,4 @@
-//! What is drawn on the floor seen from above, in metres.
+//! Overlays of the floor plan, seen from above, in metres.
 
 use calib_core::{Camera, FloorPoint, floor_grid};
 
@@ -9,30 +9,30 @@ use crate::item::{Geometry, Item};
 use crate::item::{Meaning, Sighted};
 use crate::scene::Scene;
 
-/// What can be drawn on a plan.
+/// Layer of a plan overlay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlanLayer {
-    /// The metre grid inside four corners, with lines so many metres apart.
+    /// Metre grid inside four corners; the value is the distance of its lines, in metres.
     Grid([FloorPoint; 4], f64),
-    /// The regions of the planes besides the floor, with their names.
+    /// Regions of the planes other than the floor, with their names.
     Planes,
-    /// The EFOV of every camera.
+    /// EFOV of every camera.
     Efovs,
-    /// So many standard deviations of where every camera stands.
+    /// Uncertainty ellipse of every camera's position; the value is its size, in standard deviations.
     PositionEllipses(f64),
     /// Virtual elements.
     Marks,
-    /// Where every view puts the links it shows, apart by as much as the views disagree.
+    /// Positions of links according to each view, connected to show their disagreement.
     Links,
-    /// Links and marks that were solved, and where every camera puts what it shows of them.
+    /// Solved links and marks, with their positions according to each camera.
     Sightings,
-    /// Control points, and where their cameras put them.
+    /// Control points, with their positions according to their cameras.
     ControlPoints,
-    /// Every camera.
+    /// All cameras.
     Cameras,
 }
 
-/// A plan to be drawn on.
+/// Floor plan, for overlays.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanView<'a> {
     scene: &'a dyn Scene,
@@ -41,26 +41,26 @@ pub struct PlanView<'a> {
 }
 
 impl<'a> PlanView<'a> {
-    /// The floor of a site, with every camera that is solved.
+    /// Creates the view of a site with all solved cameras.
     #[must_use]
     pub fn new(scene: &'a dyn Scene) -> Self {
         Self { scene, first: None, is_placed: false }
     }
 
-    /// Only with cameras that stand where they belong in the site.
+    /// Restricts the view to placed cameras.
     #[must_use]
     pub fn of_placed(self) -> Self {
         Self { is_placed: true, ..self }
     }
 
-    /// With one camera over all others.
+    /// Puts one camera above all others.
     #[must_use]
     pub fn with_uppermost(self, camera: usize) -> Self {
         Self { first: Some(camera), ..self }
     }
 
-    /// The cameras that are drawn, from the lowest up: what a camera saw before it was recalibrated is seen when it is in
-    /// hand.
+    /// Returns the visible cameras from the lowest to the highest. A superseded camera is visible only as the
+    /// uppermost one.
     fn cameras(&self) -> impl Iterator<Item = (usize, Camera)> {
         let count = self.scene.site().cameras.len();
         let uppermost = self.first.filter(|&camera| camera < count);
@@ -97,7 +97,7 @@ impl PlanLayer {
     }
 }
 
-/// What is drawn on a plan, layer by layer from the lowest.
+/// Returns the overlays of a plan, from the lowest layer to the highest.
 #[must_use]
 pub fn on_plan(view: &PlanView, layers: &[PlanLayer]) -> Vec<Item<FloorPoint>> {
     layers.iter().flat_map(|layer| layer.items(view)).collect()
@@ -128,7 +128,7 @@ fn cone(view: &PlanView, camera: usize, pose: &Camera) -> Item<FloorPoint> {
     let foot = pose.position.on_floor();
     let ahead = FloorPoint { x: foot.x - pose.yaw.sin(), y: foot.y + pose.yaw.cos() };
     let size = view.scene.site().cameras[camera].size();
-    // What hangs under a ceiling sees all round.
+    // A wide camera under a ceiling sees all round.
     let all_round = pose.lens.distortion.is_wide() && pose.pitch > 0.25 * std::f64::consts::PI;
     let view = if all_round { std::f64::consts::TAU } else { view_angle(&pose.lens, pose.focal, size) };
     let half_angle = 0.5 * view;
@@ -170,7 +170,7 @@ fn links(view: &PlanView) -> Vec<Item<FloorPoint>> {
     items
 }
 
-/// First what lies beneath, then the links and marks themselves.
+/// Returns the connecting lines first, then the links and marks.
 fn sightings(view: &PlanView) -> Vec<Item<FloorPoint>> {
     let elements: Vec<Element> =
         elements(view.scene.site()).into_iter().filter(|element| !element.is_off).collect();
@@ -187,7 +187,8 @@ fn sighted(element: &Element, camera: Option<usize>) -> Sighted {
     Sighted { camera, is_aside: element.is_aside, is_off: element.is_off }
 }
 
-/// The line that a link is, and from where every camera puts a point of it to where it is.
+/// Returns the line of a link, and the lines from the position according to each camera to the solved
+/// position.
 fn put(element: &Element) -> Vec<Item<FloorPoint>> {
     let mut items: Vec<Item<FloorPoint>> = line(element).into_iter().collect();
     for view in &element.views {
@@ -198,7 +199,7 @@ fn put(element: &Element) -> Vec<Item<FloorPoint>> {
     items
 }
 
-/// The piece of a line of the floor that the cameras show.
+/// Returns the part of a floor line that the cameras show.
 fn line(element: &Element) -> Option<Item<FloorPoint>> {
     let turn = element.found.turn_deg.filter(|_| element.is_long)?;
     let (sin, cos) = turn.to_radians().sin_cos();
@@ -224,11 +225,11 @@ fn control_points(view: &PlanView) -> Vec<Item<FloorPoint>> {
     items
 }
 
-/// The outline of the cone of a camera of this length: from its foot to both sides, bowed where these are far apart; of one that
-/// sees all round, a disc about its foot.
+/// Returns the outline of a camera's cone with this length. It is a triangle, with a curved front if the cone
+/// is wide; a disc about the foot for an all-round view.
 #[must_use]
 pub fn cone_corners(foot: [f64; 2], ahead: [f64; 2], half_angle: f64, length: f64) -> Vec<[f64; 2]> {
-    /// A cone this wide or wider is bowed, in radians from its middle.
+    /// Smallest half angle with a curved front, in radians.
     const BOWED: f64 = 1.25;
     const STEPS: i32 = 12;
     let [x, y] = foot;
@@ -241,7 +242,7 @@ pub fn cone_corners(foot: [f64; 2], ahead: [f64; 2], half_angle: f64, length: f6
     if half_angle < BOWED {
         return vec![foot, tip(-half_angle, length), tip(half_angle, length)];
     }
-    // Painters fill what is convex.
+    // Painters fill only convex areas.
     let half_angle = half_angle.min(std::f64::consts::FRAC_PI_2);
     let bow = (-STEPS..=STEPS).map(|step| tip(half_angle * share(step), 0.8 * length));
     std::iter::once(foot).chain(bow).collect()

@@ -1,36 +1,36 @@
-//! Where a painter's site and its results are kept: in a file, or in solves that go on.
+//! Access to a site and its results, from a file or from running solves.
 
 use calib_core::{Camera, Plane};
 use calib_site::{Site, Solution, Stage};
 
-/// A site and what is known of its cameras.
+/// Site with the results of its cameras.
 pub trait Scene: std::fmt::Debug {
-    /// The site as it is drawn.
+    /// Returns the site.
     fn site(&self) -> &Site;
 
-    /// The pose and lens of a camera, if they are known.
+    /// Returns the pose and lens of a camera, if known.
     fn pose(&self, camera: usize) -> Option<Camera>;
 
-    /// What was solved of a camera.
+    /// Returns the solution of a camera.
     fn solution(&self, camera: usize) -> Option<&Solution>;
 
-    /// What was solved of a camera that stands where it belongs in the site.
+    /// Returns the solution of a camera that is placed in the site.
     fn placed(&self, camera: usize) -> Option<&Solution> {
         self.solution(camera).filter(|solution| solution.stage >= Stage::Placed)
     }
 
-    /// Where the plane of this id is; the floor without one.
+    /// Returns the plane with this id; the floor for `None`.
     fn plane(&self, id: Option<&str>) -> Plane {
         self.site().plane_or_floor(id)
     }
 
-    /// Index of the camera of this id.
+    /// Returns the index of the camera with this id.
     fn index(&self, id: &str) -> Option<usize> {
         self.site().cameras.iter().position(|camera| camera.id == id)
     }
 }
 
-/// A site with its results, as a file has it.
+/// Site with the results stored in its file.
 impl Scene for Site {
     fn site(&self) -> &Site {
         self

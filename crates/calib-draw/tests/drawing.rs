@@ -1,4 +1,4 @@
-//! What is drawn of the demonstration site, and of sites that have what it lacks.
+//! Tests of the overlays of the demonstration site, and of variants of it.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -16,7 +16,7 @@ use calib_draw::{
 };
 use calib_site::{Options, Site};
 
-/// The demonstration, solved.
+/// Returns the solved demonstration site.
 fn solved() -> &'static Site {
     static SITE: OnceLock<Site> = OnceLock::new();
     SITE.get_or_init(|| {
@@ -43,7 +43,7 @@ fn labels<P: Copy>(items: &[Item<P>]) -> Vec<(P, &str)> {
     found
 }
 
-/// How far points are from the straight line through the first and the last.
+/// Returns the largest distance of the points from the straight line through the first and the last.
 fn bend(points: &[[f64; 2]]) -> f64 {
     let ([ax, ay], [bx, by]) = (points[0], points[points.len() - 1]);
     let length = (bx - ax).hypot(by - ay).max(1e-9);
@@ -51,7 +51,8 @@ fn bend(points: &[[f64; 2]]) -> f64 {
     points.iter().copied().map(off).fold(0.0, f64::max)
 }
 
-/// Largest sine of the angle of a bearing with the plane of the first and that a quarter of the way on.
+/// Returns the largest sine of the angle between a bearing and the plane of two of them: the first, and the
+/// one at a quarter of the list.
 fn out_of_plane(bearings: &[[f64; 3]], focal: f64) -> f64 {
     let unit = |[x, y, z]: [f64; 3]| {
         let length = x.hypot(y).hypot(z);
@@ -70,7 +71,7 @@ fn every_drawn_line_is_there_once_as_it_was_drawn() {
         let view = ImageView::new(site, camera);
         let items = on_image(&view, &[ImageLayer::Annotations(Signs::OfKinds)]);
         let lens = entry.solution.as_ref().unwrap().lens();
-        // A fisheye bends them between the points that were drawn; every other lens leaves them as they are.
+        // A fisheye curves them between the annotated points; other lenses do not.
         let drawn = entry.annotations.iter().flat_map(|a| a.polylines());
         let drawn: Vec<Vec<Pixel>> = drawn.map(|points| drawn_line(&lens, &points)).collect();
         let lines = polylines(&items);
@@ -345,7 +346,7 @@ fn what_a_camera_saw_before_it_was_recalibrated_is_on_the_plan_when_it_is_in_han
     };
     assert_eq!(fields(PlanView::new(&site)), (0..old).collect::<Vec<_>>());
     assert_eq!(fields(PlanView::new(&site).with_uppermost(old)).last(), Some(&old));
-    // It has ended, and nothing came after it.
+    // The old period has ended without a successor.
     site.cameras.remove(0);
     assert!(fields(PlanView::new(&site)).contains(&(old - 1)));
 }

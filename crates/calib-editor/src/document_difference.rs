@@ -71,7 +71,7 @@ mod tests {
         from.cameras = ["a", "b"].map(|id| SiteCamera::new(id, [640, 480])).to_vec();
         let mut to = from.clone();
         let line = vec![Pixel::new(1.0, 2.0), Pixel::new(3.0, 4.0)];
-        to.cameras[0].annotations.push(Annotation::of_segments(Kind::Vertical, vec![line]));
+        to.cameras[0].annotations.push(Annotation::from_segments(Kind::Vertical, vec![line]));
         to.cameras[1] = SiteCamera::new("c", [640, 480]);
         assert_eq!(differences(&from, &to), ["a: lines: 0 \u{2192} 1", "c: added", "b: removed"]);
         assert!(differences(&to, &to).is_empty());

@@ -107,13 +107,13 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
             // Two lines make a right angle: a third line begins the next annotation.
             let is_open = |annotation: &Annotation| {
                 let count = annotation.segments.as_ref().map_or(0, Vec::len);
-                !fresh && (kind != Kind::Perpendicular || count < row.least)
+                !fresh && (kind != Kind::Perpendicular || count < row.min_segments)
             };
             let index = last.filter(|&index| is_open(&entry.annotations[index])).unwrap_or_else(|| {
                 // A length that was not entered constrains nothing: the annotation is off until one is
                 // entered.
                 let (length_m, off) = (row.has_length.then_some(1.0), row.has_length);
-                let empty = Annotation::of_segments(kind, Vec::new());
+                let empty = Annotation::from_segments(kind, Vec::new());
                 entry.annotations.push(Annotation { length_m, off, ..empty });
                 entry.annotations.len() - 1
             });

@@ -3,7 +3,7 @@
 
 use calib_core::{Camera, Code};
 
-use calib_core::single::{Known, RULED_OUT};
+use calib_core::single::{Known, MIN_CHI2_DIFFERENCE};
 
 use calib_site::{LensCache, Site, SiteCamera, Solution};
 
@@ -84,7 +84,7 @@ impl Family {
             HFOV_STEPS.filter_map(|i| fit(site, index, HFOV_STEP_DEG * f64::from(i), lenses)).collect();
         let chi2 = |fit: &Fit| fit.solution.chi2.unwrap_or(f64::INFINITY);
         let best = tried.iter().map(chi2).fold(f64::INFINITY, f64::min);
-        let mut fits = tried.iter().filter(|fit| chi2(fit) - best < RULED_OUT);
+        let mut fits = tried.iter().filter(|fit| chi2(fit) - best < MIN_CHI2_DIFFERENCE);
         let first = fits.next()?;
         let last = fits.next_back().unwrap_or(first);
         let (low, high) = (first.view, last.view);

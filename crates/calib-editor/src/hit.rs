@@ -193,7 +193,7 @@ mod tests {
     fn site() -> Site {
         let mut camera = SiteCamera::new("a", [640, 480]);
         let line = vec![Pixel::new(100.0, 100.0), Pixel::new(300.0, 100.0)];
-        camera.annotations.push(Annotation::of_segments(Kind::Vertical, vec![line]));
+        camera.annotations.push(Annotation::from_segments(Kind::Vertical, vec![line]));
         camera.efov_px =
             Some(vec![Pixel::new(104.0, 100.0), Pixel::new(400.0, 400.0), Pixel::new(0.0, 400.0)]);
         Site { cameras: vec![camera], ..Site::new() }
@@ -224,7 +224,7 @@ mod tests {
             ..calib_site::LensEntry::default()
         });
         let ends = [Pixel::new(120.0, 60.0), Pixel::new(520.0, 60.0)];
-        entry.annotations[0] = Annotation::of_segments(Kind::Parallel, vec![ends.to_vec()]);
+        entry.annotations[0] = Annotation::from_segments(Kind::Parallel, vec![ends.to_vec()]);
         let curve = drawn_line(&entry.likely_lens(), &ends);
         let middle = curve[curve.len() / 2];
         assert!(middle.v < 40.0, "distortion curves it away from the centre: {middle:?}");

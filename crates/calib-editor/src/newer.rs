@@ -8,7 +8,7 @@ use std::path::Path;
 
 use calib_core::Camera;
 
-use calib_image::{Became, Comparison};
+use calib_image::{CameraChange, Comparison};
 use calib_input::time_in_name;
 use calib_site::{Recovered, Site, SiteCamera};
 
@@ -62,7 +62,7 @@ impl NewerImage {
     /// Whether the camera was rotated or zoomed at an unchanged position, so that it can be recovered.
     #[must_use]
     pub fn has_moved(&self) -> bool {
-        self.comparison.became == Became::Moved
+        self.comparison.change == CameraChange::Moved
     }
 }
 

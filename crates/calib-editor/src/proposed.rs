@@ -11,7 +11,7 @@
 //! suggestions of what to draw next.
 
 use calib_core::{Annotation, Camera, Kind, Lens, Orientation, Pixel};
-use calib_image::{Group, Lies, Proposal, Reason, Verdict};
+use calib_image::{Group, EdgeClass, Proposal, Reason, Verdict};
 use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
 
 use crate::period::Period;
@@ -29,7 +29,7 @@ pub struct PendingGroup {
     /// Probability of each line that it belongs to the group, in the order of the lines.
     pub probabilities: Vec<f64>,
     /// Class of each line, in the order of the lines.
-    pub classes: Vec<Lies>,
+    pub classes: Vec<EdgeClass>,
 }
 
 impl PendingGroup {
@@ -50,7 +50,7 @@ impl PendingGroup {
 
     /// Returns the number of its lines in a class.
     #[must_use]
-    pub fn count_of_class(&self, class: Lies) -> usize {
+    pub fn count_of_class(&self, class: EdgeClass) -> usize {
         self.classes.iter().filter(|&&own| own == class).count()
     }
 
@@ -82,14 +82,14 @@ impl PendingGroup {
     fn of_lines(
         kind: Kind,
         direction: String,
-        lines: impl Iterator<Item = (Vec<Pixel>, (f64, Lies))>,
+        lines: impl Iterator<Item = (Vec<Pixel>, (f64, EdgeClass))>,
         entry: &SiteCamera,
     ) -> Self {
-        let is_new = |(line, _): &(Vec<Pixel>, (f64, Lies))| {
+        let is_new = |(line, _): &(Vec<Pixel>, (f64, EdgeClass))| {
             let ends = line.first().copied().zip(line.last().copied());
             ends.is_some_and(|(from, to)| !suggest::is_annotated(&[from, to], entry))
         };
-        let (lines, scores): (_, Vec<(f64, Lies)>) = lines.filter(is_new).unzip();
+        let (lines, scores): (_, Vec<(f64, EdgeClass)>) = lines.filter(is_new).unzip();
         let (probabilities, classes) = scores.into_iter().unzip();
         Self { kind, direction, lines, probabilities, classes }
     }
@@ -169,7 +169,7 @@ impl PendingCalibration {
     /// Creates it from an automatic calibration. Lines that are annotated already are omitted.
     #[must_use]
     pub fn new(entry: &SiteCamera, proposal: &Proposal) -> Self {
-        let straight = proposal.straight.iter().map(|line| (line.clone(), (1.0, Lies::Open)));
+        let straight = proposal.straight.iter().map(|line| (line.clone(), (1.0, EdgeClass::Undetermined)));
         let straight = PendingGroup::of_lines(Kind::Straight, String::new(), straight, entry);
         let drawable = |groups: &[Group]| {
             let (mut groups, ties) = name_directions(entry, groups);
@@ -184,7 +184,7 @@ impl PendingCalibration {
         });
         Self {
             of: Period::from_camera(entry),
-            confidence: proposal.verdict,
+            confidence: proposal.confidence,
             reasons: proposal.reasons.clone(),
             groups,
             orientation: proposal.solution.as_ref().and_then(orientation),
@@ -258,10 +258,10 @@ impl PendingCalibration {
     fn add_group(&self, entry: &mut SiteCamera, group: &PendingGroup) {
         match group.kind {
             Kind::Straight => {
-                entry.annotations.extend(group.lines.iter().cloned().map(Annotation::of_points));
+                entry.annotations.extend(group.lines.iter().cloned().map(Annotation::from_points));
             }
             Kind::Parallel => self.add_floor_lines(entry, group),
-            kind => entry.annotations.push(Annotation::of_segments(kind, group.lines.clone())),
+            kind => entry.annotations.push(Annotation::from_segments(kind, group.lines.clone())),
         }
     }
 
@@ -277,7 +277,7 @@ impl PendingCalibration {
         entry.annotations.push(Annotation {
             id: Some(group.direction.clone()),
             at_right_angles_to: tied,
-            ..Annotation::of_segments(Kind::Parallel, group.lines.clone())
+            ..Annotation::from_segments(Kind::Parallel, group.lines.clone())
         });
     }
 

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use calib_core::outcome::Drawing;
+use calib_core::outcome::SuggestedAnnotation;
 use calib_core::{Camera, MarkKind, Pixel, PlanPixel, Plane, WorldPoint};
 use calib_site::{Method, Names, PlacementEntry, Site, SiteCamera, Solution, Warning};
 
@@ -46,7 +46,7 @@ pub struct ToolSettings {
 #[derive(Clone, Debug)]
 pub struct PendingLines {
     /// Suggestions that the operator dismissed, each with the id of its camera.
-    pub(crate) dismissed: Vec<(String, Drawing)>,
+    pub(crate) dismissed: Vec<(String, SuggestedAnnotation)>,
     /// Undecided automatic calibrations, at most one per camera.
     pub(crate) proposed: Arc<Vec<PendingCalibration>>,
     /// Selected (group, line) of the automatic calibration of the selected camera.

@@ -2,7 +2,7 @@
 //!
 //! Also the subject of a warning about the whole site, so that the app can show it.
 
-use calib_core::outcome::WhyNotConnected;
+use calib_core::outcome::DisconnectionReason;
 use calib_core::single::straightness_rms;
 use calib_core::{Code, Finding, Kind, Parameter, Severity, Subject};
 use calib_site::{Names, Report, Site, Stage, Warning, counted};
@@ -30,11 +30,15 @@ fn possible_findings<'a>(site: &'a Site, report: &'a Report) -> impl Iterator<It
         Some(Finding::ElementOutlier { element, worst: Some((index(&worst.camera)?, worst.px)) })
     });
     let distances = (0..site.distances.len()).map(|distance| Finding::DistanceOutlier { distance });
-    let sliding = (0..site.cameras.len()).map(|camera| Finding::Sliding { camera });
+    let sliding = (0..site.cameras.len()).map(|camera| Finding::UndeterminedPosition { camera });
     let components = report.site.components.iter().map(move |ids| ids.iter().filter_map(index).collect());
     let of_components = components.flat_map(|cameras: Vec<usize>| {
-        let why = [WhyNotConnected::TooLittle, WhyNotConnected::Placed, WhyNotConnected::Alone];
-        let apart = why.map(|why| Finding::NotConnected { cameras: cameras.clone(), why });
+        let why = [
+            DisconnectionReason::TooFewLandmarks,
+            DisconnectionReason::PlacedByOperator,
+            DisconnectionReason::NoLandmarks,
+        ];
+        let apart = why.map(|why| Finding::NotConnected { cameras: cameras.clone(), reason: why });
         let unscaled = cameras
             .clone()
             .into_iter()

@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(edges_for_suggestion(&next, &camera(), &entry(), &[joint, post]), [post]);
         assert_eq!(edges_for_suggestion(&next, &camera(), &entry(), &[joint]), Vec::<Edge>::new());
         let mut drawn = entry();
-        drawn.annotations.push(Annotation::of_segments(Kind::Vertical, vec![post.to_vec()]));
+        drawn.annotations.push(Annotation::from_segments(Kind::Vertical, vec![post.to_vec()]));
         assert_eq!(
             edges_for_suggestion(&next, &camera(), &drawn, &[joint, post]),
             Vec::<Edge>::new(),

@@ -11,7 +11,7 @@ use calib_editor::{
     Action, Editor, Images, Modifiers, NewImage, NewerAction, NewerImage, Opened, Pane, Period, Phase,
     Pointer, TOOLS, inconsistent_links, pair_rms_distance,
 };
-use calib_image::{Became, Comparison};
+use calib_image::{CameraChange, Comparison};
 use calib_site::{LinkKind, Site, SiteCamera};
 
 const BUMP: &str = "2026-06-01T09:00:00Z";
@@ -126,16 +126,16 @@ fn image_is_replaced_and_rescaled_in_its_own_period() {
 fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<NewerImage> {
     let entry = &editor.site().cameras[camera];
     let comparison = Comparison {
-        became: Became::Moved,
-        turn: calib_core::camera::Turn::default(),
+        change: CameraChange::Moved,
+        rotation: calib_core::camera::Turn::default(),
         covariance: [[0.0; 4]; 4],
         bound: [[0.0; 4]; 4],
-        clear: 9.0,
+        z_score: 9.0,
         shift: 3.0,
-        places: 100,
-        found: 0.9,
-        by_chance: 0.05,
-        seen: Vec::new(),
+        visible_samples: 100,
+        found_fraction: 0.9,
+        chance_fraction: 0.05,
+        samples: Vec::new(),
     };
     Box::new(NewerImage {
         ids: [entry.id.clone()].into(),

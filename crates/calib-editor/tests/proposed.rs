@@ -7,7 +7,7 @@ use calib_core::{Kind, Orientation, Pixel};
 use calib_editor::{
     Action, CalibrationDecision, Editor, Images, NewImage, Opened, Pane, Period, Phase, Pointer, command,
 };
-use calib_image::{Alternative, Group, Lies, Proposal, Reason, Still, Verdict};
+use calib_image::{Alternative, Group, EdgeClass, Proposal, Reason, EdgeImage, Verdict};
 use calib_site::{Site, SiteCamera};
 
 /// Returns a site with two cameras of the demonstration; the first one has no annotations.
@@ -44,17 +44,18 @@ fn proposal() -> Proposal {
         drawn.annotations.iter().filter(|drawn| drawn.kind == Kind::Parallel).cloned().collect();
     let group = |annotation: calib_core::Annotation| {
         let count = annotation.polylines().count();
-        Group { annotation, probabilities: vec![0.9; count], lies: vec![Lies::Open; count] }
+        Group { annotation, probabilities: vec![0.9; count], lies: vec![EdgeClass::Undetermined; count] }
     };
-    let mut groups = vec![group(calib_core::Annotation::of_segments(Kind::Vertical, lines(Kind::Vertical)))];
+    let mut groups =
+        vec![group(calib_core::Annotation::from_segments(Kind::Vertical, lines(Kind::Vertical)))];
     for (index, annotation) in parallels.into_iter().enumerate() {
         let id = Some(format!("floor {}", index + 1));
         let tie = (index == 1).then(|| "floor 1".to_owned());
         groups.push(group(calib_core::Annotation { id, at_right_angles_to: tie, name: None, ..annotation }));
     }
-    let nothing = Proposal::new(&Still::new(Vec::new(), [1920, 1080]));
+    let nothing = Proposal::new(&EdgeImage::new(Vec::new(), [1920, 1080]));
     let camera = Some(SiteCamera::new("still", [1920, 1080]));
-    Proposal { verdict: Verdict::Check, reasons: Vec::new(), groups, camera, ..nothing }
+    Proposal { confidence: Verdict::Check, reasons: Vec::new(), groups, camera, ..nothing }
 }
 
 fn proposed() -> Editor {
@@ -96,7 +97,7 @@ fn operator_chooses_between_two_equally_good_cameras() {
         };
         let reasons = vec![Reason::TwoHypotheses { focals: [1200.0, 8000.0] }];
         let groups = [own.groups.len(), rival.groups.len()];
-        let own = Proposal { verdict: Verdict::None, reasons, alternative: Some(rival), ..own };
+        let own = Proposal { confidence: Verdict::None, reasons, alternative: Some(rival), ..own };
         editor.apply(Action::SetAutomaticCalibration(of, Box::new(own)));
         do_it(&mut editor, CalibrationDecision::AcceptAll);
         let note = editor.session().note.clone().unwrap();
@@ -256,7 +257,7 @@ fn automatic_calibration_is_removed_with_its_camera_or_image() {
 fn uncertain_result_can_only_be_accepted_by_group() {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
-    let unsure = Proposal { verdict: Verdict::None, ..proposal() };
+    let unsure = Proposal { confidence: Verdict::None, ..proposal() };
     editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(unsure)));
     let groups = kinds(&editor).len();
     do_it(&mut editor, CalibrationDecision::AcceptAll);

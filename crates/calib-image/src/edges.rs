@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_edge_of_a_step_is_found_where_it_is() {
+    fn the_edge_of_a_step_is_found_at_its_position() {
         let picture = RgbImage::from_fn(160, 120, |x, _| Rgb([if x < 70 { 40 } else { 200 }; 3]));
         let edges = find(&picture);
         let [a, b] = edges[0];
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_survive_as_numbers() {
+    fn edges_survive_the_conversion_to_numbers() {
         let edges =
             [[Pixel::new(1.0, 2.0), Pixel::new(3.0, 4.0)], [Pixel::new(5.0, 6.5), Pixel::new(7.0, 8.0)]];
         assert_eq!(from_numbers(&to_numbers(&edges)), edges);
@@ -136,7 +136,7 @@ mod tests {
             Rgb([(60.0 + 120.0 * covered) as u8; 3])
         });
         let found = line_segments(&picture);
-        let edge = found.first().expect("there is one edge");
+        let edge = found.first().expect("one edge is found");
         for end in edge.ends {
             let off = (end.u - at(end.v)) / 1.0_f64.hypot(0.21);
             assert!(off.abs() < 2.0 * edge.sigma && edge.sigma < 0.6, "{off} px off, sigma {}", edge.sigma);

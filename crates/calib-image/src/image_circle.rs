@@ -79,7 +79,7 @@ fn black(image: &RgbImage) -> Option<u8> {
     (corners[2] <= BLACK).then_some(corners[2])
 }
 
-/// Returns the quantile of the levels at `share`; 0 if there are no levels.
+/// Returns the quantile of the levels at `share`; 0 for no levels.
 fn quantile(share: f64, levels: impl Iterator<Item = u8>) -> u8 {
     let mut levels: Vec<u8> = levels.collect();
     levels.sort_unstable();
@@ -209,14 +209,14 @@ mod tests {
     }
 
     #[test]
-    fn the_circle_is_found_where_it_is_whole_and_where_it_is_cut() {
+    fn complete_and_cut_circles_are_found() {
         for (size, circle) in [
             ([720, 720], ImageCircle { u: 366.0, v: 351.0, radius: 330.0 }),
             ([960, 720], ImageCircle { u: 480.3, v: 355.0, radius: 440.0 }),
             ([1280, 720], ImageCircle { u: 640.0, v: 362.0, radius: 344.5 }),
         ] {
             for dark in [false, true] {
-                let found = image_circle(&picture(size, circle, dark)).expect("there is a circle");
+                let found = image_circle(&picture(size, circle, dark)).expect("the circle is found");
                 let off = found.centre().distance(circle.centre());
                 assert!(off < 0.6 && (found.radius - circle.radius).abs() < 0.8, "{found:?}, not {circle:?}");
             }
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn black_that_ends_in_no_circle_is_not_of_a_fisheye() {
+    fn black_borders_without_a_circle_are_not_a_fisheye() {
         let bars = |x0: u32, y0: u32| {
             RgbImage::from_fn(640, 480, |x, y| {
                 let is_bar = x < x0 || x >= 640 - x0 || y < y0 || y >= 480 - y0;

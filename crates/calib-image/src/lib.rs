@@ -28,11 +28,11 @@ mod proposal;
 mod compare;
 
 pub use compare::{
-    Became, Comparison, EdgeOffset, Estimated, OtherSize, Refusal, STEP, TONE, TurnFit, Uncompared,
-    drawn_edges, recovered,
+    CameraChange, Comparison, ComparisonError, EdgeOffset, FitParameters, RecoveryError, RotationFit, STEP,
+    SizeMismatchError, TONE_SIZE, annotation_edges, recover,
 };
 pub use edges::{Edge, line_segments};
 pub use image_circle::image_circle;
 pub use line_segment::{LineSegment, to_segment};
-pub use proposal::{Alternative, Group, Lies, Proposal, Reason, Still, Verdict, joined};
+pub use proposal::{Alternative, Group, EdgeClass, Proposal, Reason, EdgeImage, Verdict, join_edges};
 pub use pull::{RADIUS, pull, pull_drawn, pull_line};

@@ -8,7 +8,7 @@ use image::RgbImage;
 
 /// Largest number of samples along a line.
 pub(crate) const SAMPLES: usize = 160;
-/// Largest distance at which an edge is offered or attracts a line, in image pixels at any zoom.
+/// Largest distance of an edge that is offered or attracts a line, in image pixels at any zoom.
 pub const RADIUS: f64 = 8.0;
 /// The same distance, in steps across a line.
 const REACH: i32 = RADIUS as i32;
@@ -46,13 +46,13 @@ pub(crate) struct Found {
     pub(crate) seen: f64,
 }
 
-/// Snaps a line to the edge along it; `None` if there is no edge.
+/// Snaps a line to the edge along it; `None` without an edge.
 #[must_use]
 pub fn pull(image: &RgbImage, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
     found(image, line).map(|found| found.ends)
 }
 
-/// Finds the edge along a line; `None` if there is no edge.
+/// Finds the edge along a line; `None` without an edge.
 ///
 /// At samples along the line, the steepest brightness change across it is located to a fraction of a pixel.
 /// All changes must have the same sign. A straight line is fitted to the consistent samples.
@@ -93,7 +93,7 @@ pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
     })
 }
 
-/// Snaps a line of any number of points to the edge along it; `None` if there is no edge.
+/// Snaps a line of any number of points to the edge along it; `None` without an edge.
 ///
 /// Two points are snapped to one straight edge. With more points, each is snapped separately, across the line
 /// at that point, because a straight edge may be curved by distortion. Points without an edge stay in place.
@@ -186,7 +186,7 @@ fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     (square > 0.0).then_some((mt - tilt * ms, tilt))
 }
 
-/// Snaps a line to the edge along it; `None` if there is no edge. Under a fisheye lens, the edge follows the
+/// Snaps a line to the edge along it; `None` without an edge. Under a fisheye lens, the edge follows the
 /// image of the straight 3D line through the ends. Under other lenses, it follows the line itself.
 ///
 /// Let n be the normal of the plane through the camera and the 3D line, m its middle direction, and `s = n x
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_drawn_beside_an_edge_is_pulled_onto_it() {
+    fn a_line_near_an_edge_is_pulled_onto_it() {
         for tilt in [0.0, 0.13] {
             let drawn = [Pixel::new(83.5 + tilt * 20.0, 20.0), Pixel::new(77.5 + tilt * 130.0, 130.0)];
             let [a, b] = pull(&picture(tilt), drawn).unwrap();
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn every_point_of_a_bent_edge_is_pulled_onto_it() {
+    fn every_point_of_a_curved_edge_is_pulled_onto_it() {
         // Parabola, 9 px off its chord.
         let edge = |v: f64| 80.3 + 0.003 * (v - 75.0).powi(2);
         let picture = RgbImage::from_fn(200, 150, |x, y| {
@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_edges_beside_each_other_one_is_taken_whole() {
+    fn between_two_parallel_edges_one_is_chosen() {
         // The upper part of the line follows one edge, the lower part another one 7 px away.
         let at = |v: f64| if v < 85.0 { 78.0 } else { 85.0 };
         let picture = RgbImage::from_fn(200, 150, |x, y| {
@@ -407,10 +407,10 @@ mod tests {
         });
         let pulled = pull(&picture, [Pixel::new(81.0, 10.0), Pixel::new(81.0, 140.0)]);
         let on_one = |p: Pixel, edge: f64| (p.u - edge).abs() < 0.4;
-        let [a, b] = pulled.expect("one of them is caught");
+        let [a, b] = pulled.expect("one of the edges is found");
         assert!(
             [78.0, 85.0].iter().any(|&edge| on_one(a, edge) && on_one(b, edge)),
-            "{a:?} {b:?} is neither"
+            "{a:?} {b:?} is on neither edge"
         );
     }
 
@@ -448,7 +448,7 @@ mod pull_curve_tests {
     }
 
     #[test]
-    fn a_line_drawn_beside_a_curved_edge_is_pulled_onto_it() {
+    fn a_line_near_a_curved_edge_is_pulled_onto_it() {
         let lens = fisheye();
         for normal in [[0.2, 1.0, 0.5], [1.0, 0.3, -0.7], [0.1, 0.9, 1.2]] {
             let still = picture(normal);
@@ -468,7 +468,7 @@ mod pull_curve_tests {
                 assert!(off(end) < 0.2, "{} px off the edge of {normal:?}", off(end));
             }
             let chord = pull(&still, drawn);
-            assert!(chord.is_none_or(|ends| ends.iter().any(|&end| off(end) > 0.5)), "the edge is bent");
+            assert!(chord.is_none_or(|ends| ends.iter().any(|&end| off(end) > 0.5)), "the edge is curved");
         }
     }
 

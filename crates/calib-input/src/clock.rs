@@ -97,17 +97,17 @@ mod tests {
 
     #[test]
     fn exif_time_is_read_with_its_offset() {
-        for (zone, told) in [(b"+02:00\0", "+02:00"), (b"-09:30\0", "-09:30"), (b"      \0", "Z")] {
+        for (zone, offset) in [(b"+02:00\0", "+02:00"), (b"-09:30\0", "-09:30"), (b"      \0", "Z")] {
             let data = exif(b"2026:05:01 08:30:05\0", zone);
-            assert_eq!(capture_time(data), Some(format!("2026-05-01T08:30:05{told}")));
+            assert_eq!(capture_time(data), Some(format!("2026-05-01T08:30:05{offset}")));
         }
     }
 
     #[test]
     fn truncated_or_blank_exif_has_no_time() {
-        let told = exif(b"2026:05:01 08:30:05\0", b"+02:00\0");
-        for length in 0..told.len() - 8 {
-            assert_eq!(capture_time(told[..length].to_vec()), None, "{length}");
+        let data = exif(b"2026:05:01 08:30:05\0", b"+02:00\0");
+        for length in 0..data.len() - 8 {
+            assert_eq!(capture_time(data[..length].to_vec()), None, "{length}");
         }
         for clock in [b"                   \0", b"2026:13:01 08:30:05\0", b"    :  :     :  :  \0"] {
             assert_eq!(capture_time(exif(clock, b"+02:00\0")), None);

@@ -86,7 +86,7 @@ impl fmt::Display for FileError {
         match self {
             Self::System(error) => error.fmt(f),
             Self::NotAFile(what) => write!(f, "is {what}, expected a regular file"),
-            Self::TooLong { max_bytes: most } => write!(f, "larger than the limit of {} MiB", most >> 20),
+            Self::TooLong { max_bytes } => write!(f, "larger than the limit of {} MiB", max_bytes >> 20),
             Self::Memory(error) => error.fmt(f),
         }
     }
@@ -99,17 +99,17 @@ impl std::error::Error for FileError {}
 /// # Errors
 ///
 /// Fails if it is not a regular file, is longer, or cannot be read.
-pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
+pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>, FileError> {
     // The type is checked before opening, because opening a pipe waits for its other end.
     regular(&path.metadata().map_err(FileError::System)?)?;
     let file = File::open(path).map_err(FileError::System)?;
     // The file may have been replaced after the check.
     let about = file.metadata().map_err(FileError::System)?;
     regular(&about)?;
-    if about.len() > most {
-        return Err(FileError::TooLong { max_bytes: most });
+    if about.len() > max_bytes {
+        return Err(FileError::TooLong { max_bytes });
     }
-    read_into(allocate(about.len() + 1).map_err(FileError::Memory)?, file, most)
+    read_into(allocate(about.len() + 1).map_err(FileError::Memory)?, file, max_bytes)
 }
 
 /// Reads a stream of at most `most` bytes.
@@ -117,16 +117,16 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
 /// # Errors
 ///
 /// Fails if the stream is longer or cannot be read.
-pub fn read_from(stream: impl Read, most: u64) -> Result<Vec<u8>, FileError> {
-    read_into(Vec::new(), stream, most)
+pub fn read_from(stream: impl Read, max_bytes: u64) -> Result<Vec<u8>, FileError> {
+    read_into(Vec::new(), stream, max_bytes)
 }
 
-fn read_into(mut bytes: Vec<u8>, from: impl Read, most: u64) -> Result<Vec<u8>, FileError> {
-    from.take(most.saturating_add(1)).read_to_end(&mut bytes).map_err(|error| match error.kind() {
+fn read_into(mut bytes: Vec<u8>, from: impl Read, max_bytes: u64) -> Result<Vec<u8>, FileError> {
+    from.take(max_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(|error| match error.kind() {
         std::io::ErrorKind::OutOfMemory => FileError::Memory(OutOfMemory { bytes: bytes.len() as u64 }),
         _ => FileError::System(error),
     })?;
-    if bytes.len() as u64 > most { Err(FileError::TooLong { max_bytes: most }) } else { Ok(bytes) }
+    if bytes.len() as u64 > max_bytes { Err(FileError::TooLong { max_bytes }) } else { Ok(bytes) }
 }
 
 fn regular(about: &Metadata) -> Result<(), FileError> {
@@ -204,8 +204,8 @@ mod tests {
             (b"hello", "other text"),
         ];
         for (bytes, what) in others {
-            let said = json_document(bytes.to_vec()).unwrap_err().to_string();
-            assert!(said.starts_with(&format!("is {what}, expected a site file")), "{said}");
+            let message = json_document(bytes.to_vec()).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("is {what}, expected a site file")), "{message}");
         }
     }
 

@@ -8,17 +8,19 @@
 //! - `file`: regular files, memory checks, JSON documents
 //! - `still`: images as RGB pixels
 //! - `clock`: capture times of images
-//! - `part`: output files, relative paths
+//! - `relative`: relative paths
+//! - `part`: output files
 
 mod clock;
 mod file;
 mod still;
+mod relative;
 #[cfg(feature = "write")]
 mod part;
 
 pub use clock::time_in_name;
 pub use file::{DocumentError, FileError, OutOfMemory, check_memory, json_document, read, read_from};
-pub use part::relative;
 #[cfg(feature = "write")]
 pub use part::{PartialFile, PathError, resolve_target};
+pub use relative::relative;
 pub use still::{ImageFileError, capture_time, check_decode_memory, decode, image_size};

@@ -1,4 +1,4 @@
-//! Output files that appear only when they are complete, and relative paths.
+//! Output files that appear only when they are complete.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -121,13 +121,13 @@ fn link_name(file: &File, path: &Path, over: bool) -> io::Result<()> {
         done => return Ok(done?),
     }
     // A hard link cannot replace an existing file, but a rename can.
-    let mut beside = path.file_name().unwrap_or_default().to_owned();
-    beside.push(format!(".{}", std::process::id()));
-    let beside = path.with_file_name(beside);
-    link(&beside)?;
-    std::fs::rename(&beside, path).inspect_err(|_| {
+    let mut sibling = path.file_name().unwrap_or_default().to_owned();
+    sibling.push(format!(".{}", std::process::id()));
+    let sibling = path.with_file_name(sibling);
+    link(&sibling)?;
+    std::fs::rename(&sibling, path).inspect_err(|_| {
         // The error of the rename is returned, not the error of this cleanup.
-        let _ = std::fs::remove_file(&beside);
+        let _ = std::fs::remove_file(&sibling);
     })
 }
 
@@ -141,24 +141,6 @@ fn make_readable(path: &Path) {
     }
     #[cfg(not(unix))]
     let _ = path;
-}
-
-/// Returns `path` relative to `folder`, with `/` between its parts, or unchanged if they share no root.
-#[must_use]
-pub fn relative(path: &Path, folder: &Path) -> String {
-    let parts = |path: &Path| -> Vec<String> {
-        path.components().map(|part| part.as_os_str().to_string_lossy().into_owned()).collect()
-    };
-    if path.is_absolute() != folder.is_absolute() {
-        return path.to_string_lossy().into_owned();
-    }
-    let (path_parts, folder_parts) = (parts(path), parts(folder));
-    let shared = path_parts.iter().zip(&folder_parts).take_while(|(a, b)| a == b).count();
-    if shared == 0 && path.is_absolute() {
-        return path.to_string_lossy().into_owned();
-    }
-    let up = std::iter::repeat_n("..".to_owned(), folder_parts.len() - shared);
-    up.chain(path_parts.into_iter().skip(shared)).collect::<Vec<_>>().join("/")
 }
 
 #[cfg(test)]
@@ -191,11 +173,5 @@ mod tests {
         assert_eq!(resolve_target(&dead, true), Err(PathError::BrokenLink(dead.clone())));
         assert_eq!(resolve_target(&file, false), Err(PathError::Exists(file)));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3);
-    }
-
-    #[test]
-    fn paths_are_relative_to_the_file() {
-        assert_eq!(relative(Path::new("/a/b/c.png"), Path::new("/a/d")), "../b/c.png");
-        assert_eq!(relative(Path::new("/a/d/c.png"), Path::new("/a/d")), "c.png");
     }
 }

@@ -1,21 +1,22 @@
-//! What every page begins and ends with.
+//! Start and end of every HTML page.
 
 use crate::svg::escape;
 
-/// The page brings all that it shows, and runs nothing.
+/// Content security policy: the page loads nothing and runs no scripts.
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
-/// The end of a page.
+/// End of a page.
 pub(crate) const CLOSED: &str = "</main></body></html>\n";
 
-/// The begin of a page with this title.
+/// Returns the start of a page with this title, and the note that explains "±".
 pub(crate) fn opened(title: &str) -> String {
     let title = escape(title);
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\
-         <title>{title}</title><style>{}</style></head><body><main><h1>{title}</h1>\n",
+         <title>{title}</title><style>{}</style></head><body><main><h1>{title}</h1>\n\
+         <p class=dim>\u{b1} is one standard deviation.</p>\n",
         include_str!("report.css")
     )
 }

@@ -1,20 +1,20 @@
-//! Words on a drawing that do not cover each other.
+//! Placement of labels without overlaps.
 
 use crate::style;
 use crate::svg::{Anchor, Svg};
 
-/// Where words may stand about what they name: to the right and below, in pixels of the screen, of their base line.
+/// Offset of a label's baseline from its point, to the right and down in screen pixels, and its anchor.
 pub(crate) type Place = (f64, f64, Anchor);
 
-/// What of a drawing is taken by words, as left, top, right and bottom.
+/// Rectangles of placed labels, as left, top, right and bottom, with their texts.
 #[derive(Debug, Default)]
 pub(crate) struct Labels {
     taken: Vec<([f64; 4], String)>,
 }
 
 impl Labels {
-    /// The first of some places about a point where words cover no others, as base line and anchor; what is found is taken.
-    /// `None` where there is none.
+    /// Places a label at the first of the offsets without overlap; returns baseline and anchor, or `None` if
+    /// all overlap.
     pub(crate) fn free(
         &mut self,
         svg: &Svg,
@@ -32,26 +32,27 @@ impl Labels {
         })
     }
 
-    /// Whether the same words stand where these would: of what was drawn and of where it is shown, one name is enough.
+    /// Whether the same text already overlaps this position: a point and its reprojection need only one
+    /// label.
     pub(crate) fn are_said(&self, svg: &Svg, about: [f64; 2], text: &str, place: &Place) -> bool {
         let (at, anchor) = placed(svg, about, place);
         let own = extent(svg, at, text, anchor);
         self.taken.iter().any(|(other, said)| said == text && meet(&own, other))
     }
 
-    /// Takes the ground of a tag, whose upper left corner is here.
+    /// Reserves the rectangle of a tag with this upper left corner.
     pub(crate) fn take_tag(&mut self, svg: &Svg, [x, y]: [f64; 2], text: &str) {
         let [width, height] = svg.tag_size(text);
         self.taken.push(([x, y, x + width, y + height], text.to_owned()));
     }
 }
 
-/// Base line and anchor of words about a point.
+/// Returns baseline and anchor of a label at an offset from a point.
 pub(crate) fn placed(svg: &Svg, [x, y]: [f64; 2], &(right, down, anchor): &Place) -> ([f64; 2], Anchor) {
     ([x + right * svg.scale, y + down * svg.scale], anchor)
 }
 
-/// What words take, a little less than their lines are high: letters with tails may touch.
+/// Returns the rectangle of a label, slightly lower than its line; descenders may touch.
 fn extent(svg: &Svg, [x, y]: [f64; 2], text: &str, anchor: Anchor) -> [f64; 4] {
     const ABOVE: f64 = 0.75;
     const BELOW: f64 = 0.2;
@@ -73,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_at_one_point_go_beside_each_other_and_the_last_finds_no_place() {
+    fn labels_at_one_point_do_not_overlap_and_the_last_is_dropped() {
         let (svg, mut labels) = (Svg::new([400.0, 300.0], 1.0), Labels::default());
         let places = [(7.0, -5.0, Anchor::Start), (-7.0, -5.0, Anchor::End)];
         let mut place = |at: [f64; 2]| labels.free(&svg, at, "word", &places);

@@ -1,7 +1,14 @@
-//! What is handed over of a site: drawings as SVG, and one page of HTML with every overlay, number and warning.
+//! Customer-facing reports of a site: overlays as SVG, and self-contained HTML pages.
 //!
-//! No files, no clock, no pixels: pictures come and go as what a page refers to them by, so that the command line,
-//! the app and the page in the browser write the same report.
+//! Its rule: no files, no clock, no pixel decoding; callers provide images as `data:` URIs. The command line,
+//! the desktop app and the browser app therefore write identical reports. In data-flow order:
+//!
+//! - `style`, `words`, `svg`, `labels`, `frame`: sizes, text formats, SVG output, label placement, and the
+//!   HTML frame;
+//! - `overlay`: overlay of a camera's image;
+//! - `plan_quality`, `plan_view`: the site from above, with its uncertainties;
+//! - `site_section`, `planes`, `walk_page`: sections of the report;
+//! - `page`: the report of a site; `watch_page`: the report of drift detection.
 
 // A module uses only those above it.
 mod style;

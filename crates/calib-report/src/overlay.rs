@@ -1,4 +1,4 @@
-//! What is drawn on a camera's image.
+//! Overlay of a camera's image.
 
 use calib_core::{Code, FloorPoint, Pixel, ResidualOf};
 
@@ -15,7 +15,7 @@ use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 use crate::words::straight_down;
 
-/// Everything known of a camera, drawn on its image; beneath it, if wanted, the grid that shows the lens.
+/// Draws all results of a camera for its image; `lens_grid` adds the grid that shows the distortion.
 #[must_use]
 pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     let size = entry.size();
@@ -38,7 +38,7 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     svg
 }
 
-/// What is drawn, from the lowest.
+/// Returns the layers from the lowest to the highest.
 fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
     let efov = entry.solution.as_ref().map_or(&[][..], |solution| &solution.efov_m);
     let others = [
@@ -54,7 +54,7 @@ fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
     lens_grid.then_some(ImageLayer::LensGrid).into_iter().chain(others).collect()
 }
 
-/// A step of the grid that leaves cells to be told apart: 1, 2, 5, 10, ... metres.
+/// Returns a grid step with distinguishable cells: 0.5, 1, 2, 5, 10, … metres.
 pub(crate) fn grid_step(polygon: &[FloorPoint]) -> f64 {
     let reach = reach(polygon);
     [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|step| reach / step < 24.0).unwrap_or(100.0)
@@ -82,7 +82,8 @@ fn draw(svg: &mut Svg, item: &Item<Pixel>) {
     }
 }
 
-/// From where a point was drawn to where the camera shows it; a residual below a pixel is not to be seen.
+/// Draws a line from the annotated to the reprojected point; residuals below a pixel are invisible and
+/// omitted.
 fn draw_residual(svg: &mut Svg, points: &[Pixel], stroke: Stroke) {
     let [drawn, shown] = points else { return };
     if shown.distance(*drawn) > 1.0 {
@@ -121,14 +122,14 @@ fn draw_sign(svg: &mut Svg, meaning: Meaning, sign: Sign, ends: [[f64; 2]; 2]) {
     }
 }
 
-/// A text on a dark ground, whose upper left corner is here.
+/// Text on a dark background, with its upper left corner.
 struct Tag {
     at: [f64; 2],
     text: String,
     colour: Rgb,
 }
 
-/// Words stand clear of what they name and of each other, numbers of the grid where there is room.
+/// Draws labels clear of their points and of each other; numbers of the grid only if there is space.
 fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
     let mut labels = Labels::default();
     tags.iter().for_each(|tag| labels.take_tag(svg, tag.at, &tag.text));
@@ -151,7 +152,7 @@ fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
     }
 }
 
-/// Where words about a point may stand, the usual place first.
+/// Returns the possible offsets of a label, the preferred one first.
 fn places(meaning: Meaning) -> Vec<Place> {
     let beside = |down: f64| {
         let [right, left] = [(7.0, Anchor::Start), (-7.0, Anchor::End)];
@@ -171,7 +172,7 @@ fn places(meaning: Meaning) -> Vec<Place> {
     }
 }
 
-/// Pose and quality in a line.
+/// Describes pose and accuracy in one line.
 fn summary(entry: &SiteCamera) -> String {
     let Some(solution) = &entry.solution else {
         return entry
@@ -180,14 +181,14 @@ fn summary(entry: &SiteCamera) -> String {
             .map_or_else(String::new, |error| format!(" \u{b7} not solved: {}", error.message));
     };
     let (Some(pitch), Some(roll)) = (solution.pitch_deg, solution.roll_deg) else {
-        return " \u{b7} only its lens is known".into();
+        return " \u{b7} only the lens is known".into();
     };
     let hfov = view_angle(&solution.lens(), solution.focal_px, entry.size()).to_degrees();
     let is_down = straight_down(solution).is_some();
     let roll = if is_down { String::new() } else { format!(" \u{b7} roll {roll:.1}\u{b0}") };
-    let mut text = format!(" \u{b7} pitch {pitch:.1}\u{b0}{roll} \u{b7} view {hfov:.0}\u{b0}");
+    let mut text = format!(" \u{b7} pitch {pitch:.1}\u{b0}{roll} \u{b7} field of view {hfov:.0}\u{b0}");
     let is_assumed = solution.has_warning(Code::ScaleAssumed);
-    let [assumed, scale_open] = if is_assumed { ["assumed ", " but for its scale"] } else { [""; 2] };
+    let [assumed, scale_open] = if is_assumed { ["assumed ", " (scale assumed)"] } else { [""; 2] };
     if let Some(position) = solution.position_m {
         text.push_str(&format!(" \u{b7} {assumed}height {:.2} m", position.z));
     }
@@ -197,7 +198,7 @@ fn summary(entry: &SiteCamera) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// Names of the kinds that are drawn, each with its place and in its colour.
+/// Returns the names of all kinds in use, with their positions and colours.
 fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[Item<Pixel>]) -> Vec<Tag> {
     let [_, h] = entry.size();
     let step = 22.0 * svg.scale;
@@ -220,11 +221,11 @@ fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[
     let rows: Vec<(&str, Rgb)> = used
         .iter()
         .map(|row| (row.title, KindLook::of(row.kind).colour))
-        .chain(field.then_some(("Field of view (dashed) and 2 m above it", camera)))
+        .chain(field.then_some(("Field of view (dashed), and 2 m above it", camera)))
         .chain(regions.then_some(("Region of a plane (dotted)", Rgb::WHITE)))
-        .chain(lens_grid.then_some(("Straight in the scene, bent by the lens", Rgb::LENS)))
-        .chain(shared.next().is_some().then_some(("Link or mark: drawn (ring), solved (cross)", Rgb::WHITE)))
-        .chain(outliers.then_some(("Set aside", Rgb::BAD)))
+        .chain(lens_grid.then_some(("Straight lines of the scene, with distortion", Rgb::LENS)))
+        .chain(shared.next().is_some().then_some(("Link or mark: annotated (ring), solved (cross)", Rgb::WHITE)))
+        .chain(outliers.then_some(("Rejected", Rgb::BAD)))
         .collect();
     let place = |(index, &(title, colour)): (usize, &(&str, Rgb))| {
         let y = h - 10.0 * svg.scale - step * (rows.len() - index) as f64;

@@ -1,4 +1,4 @@
-//! One self-contained page to hand over.
+//! Report of a site: one self-contained HTML page for the customer.
 
 use std::fmt::Write as _;
 
@@ -18,29 +18,29 @@ use crate::walk_page::WalkPage;
 use crate::words::is_fitted;
 use crate::words::{scene_errors, straight_down};
 
-/// A picture that the page shows.
+/// Embedded image of the page.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// By which the page has it: a `data:` URI, so that nothing is missing where it is opened.
+    /// URI for `href`: a `data:` URI, so that the page is complete without other files.
     pub href: String,
     /// Width and height, in pixels.
     pub size: [u32; 2],
 }
 
-/// Of what a picture is asked for.
+/// Image that the page needs.
 #[derive(Clone, Copy, Debug)]
 pub enum Shown<'a> {
-    /// The image of a camera that has one.
+    /// Image of a camera.
     Camera(&'a SiteCamera),
-    /// The plan of a site that has one.
+    /// Image of the floor plan.
     Plan,
 }
 
-/// Gives a picture, or says why it is not there.
+/// Callback that returns an image, or the reason why it is missing.
 pub type Pictures<'a> = &'a mut dyn FnMut(Shown<'_>) -> Result<Picture, String>;
 
-/// The whole page: summary, plan, what a walk through the site showed, then every camera. A page without one picture is
-/// better than no page: what `pictures` says stands in its place.
+/// Writes the page: summary, site, planes, plan, acceptance walk, then every camera. A missing image is
+/// replaced by its reason, so that the page is still usable.
 #[must_use]
 pub fn page(site: &Site, walk: Option<&WalkPage<'_>>, pictures: Pictures<'_>) -> String {
     let mut html = opened(site.name.as_deref().unwrap_or("Camera calibration"));
@@ -76,26 +76,26 @@ fn from_above(html: &mut String, site: &Site, pictures: Pictures<'_>) {
     let _ = write!(html, "<h2>From above</h2><figure>{}</figure>", svg.finish(&beneath));
 }
 
-/// A picture, by what may stand in an attribute; one that is not there is a note on the page.
+/// Returns the image with an escaped URI; a missing image becomes a note on the page.
 fn found(html: &mut String, picture: Result<Picture, String>) -> Option<Picture> {
     let picture = picture.map_err(|why| write!(html, "<p class=\"note bad\">{}</p>", escape(&why))).ok()?;
     Some(Picture { href: picture.href.replace('"', "&quot;"), ..picture })
 }
 
-/// A drawing over its picture, both in the page.
+/// Writes an overlay on its image.
 fn figure(Picture { href, size: [w, h] }: &Picture, svg: &Svg) -> String {
     svg.finish(&format!(r#"<image href="{href}" width="{w}" height="{h}"/>"#))
 }
 
 fn summary(html: &mut String, cameras: &[SiteCamera]) {
     html.push_str(
-        "<table><thead><tr><th>Camera<th>Stage<th class=n>Focal, px<th class=n>Pitch<th class=n>Roll<th class=n>Yaw\
-         <th class=n>x, m<th class=n>y, m<th class=n>Height, m<th class=n>Floor<th class=n>rms, px</tr></thead><tbody>\n",
+        "<table><thead><tr><th>Camera<th>Stage<th class=n>Focal length, px<th class=n>Pitch<th class=n>Roll<th class=n>Yaw\
+         <th class=n>x, m<th class=n>y, m<th class=n>Height, m<th class=n>Floor scale<th class=n>RMS residual, px</tr></thead><tbody>\n",
     );
     for camera in cameras {
         let id = escape(&camera.id);
         let Some(solution) = &camera.solution else {
-            let why = camera.error.as_ref().map_or("not solved", |error| &error.message);
+            let why = camera.error.as_ref().map_or("Not solved", |error| &error.message);
             let _ = writeln!(
                 html,
                 "<tr><td><a href=\"#{id}\">{id}</a><td colspan=10 class=bad>{}</tr>",
@@ -165,7 +165,7 @@ fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: Pictur
         (None, Some(error)) => {
             let _ = write!(
                 html,
-                "<p class=\"note bad\"><b>{}</b> {} {}</p>",
+                "<p class=\"note bad\"><b>{}</b> {} <i>{}</i></p>",
                 error.code,
                 escape(&error.message),
                 escape(&error.advice)
@@ -187,25 +187,25 @@ fn details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solut
         );
     }
     if let Some(next) = &solution.draw_next {
-        let _ = writeln!(html, "<p class=\"note\"><b>next</b> {}</p>", escape(&next.message));
+        let _ = writeln!(html, "<p class=\"note\"><b>Next</b> {}</p>", escape(&next.message));
     }
     for other in &solution.alternatives {
         let _ = writeln!(
             html,
-            "<p class=\"note\">Fits as well: focal {:.0} px, view {:.0}\u{b0}, pitch {:.1}\u{b0} (chi-square {:.1}).</p>",
+            "<p class=\"note\">Another solution fits equally well: focal length {:.0} px, field of view {:.0}\u{b0}, pitch {:.1}\u{b0} (chi-square {:.1}).</p>",
             other.focal_px, other.hfov_deg, other.pitch_deg, other.chi2
         );
     }
     if !camera.annotations.is_empty() {
         let errors = scene_errors(&site.scene_errors(camera));
-        let _ = writeln!(html, "<p class=dim>The scene. {}.</p>", escape(&errors));
+        let _ = writeln!(html, "<p class=dim>{}.</p>", escape(&errors));
     }
     html.push_str("<table><thead><tr><th>Line or point<th class=n>Residual, px<th></tr></thead><tbody>\n");
     let sigma = solution.sigma_px.unwrap_or(1.0);
     for residual in &solution.residuals {
         let sigma = own_sigma(site, camera, residual).unwrap_or(sigma);
         let class = if residual.outlier || residual.px.abs() > 3.0 * sigma { " class=bad" } else { "" };
-        let note = if residual.outlier { "set aside" } else { "" };
+        let note = if residual.outlier { "rejected" } else { "" };
         let _ = writeln!(
             html,
             "<tr{class}><td>{}<td class=n>{:.2}<td>{note}</tr>",
@@ -216,7 +216,7 @@ fn details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solut
     html.push_str("</tbody></table>\n");
 }
 
-/// How well the pixel of a control point or a link was clicked, where that is said of it.
+/// Returns the pixel standard deviation of a control point or link, if specified.
 fn own_sigma(site: &Site, camera: &SiteCamera, residual: &Residual) -> Option<f64> {
     let id = residual.id.as_ref()?;
     match residual.of {

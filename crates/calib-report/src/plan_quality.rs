@@ -1,5 +1,4 @@
-//! What the plan shows of how well a site is known: where each camera may stand, and how far cameras
-//! put links and marks from where they are.
+//! Uncertainties on the plan: position ellipses of cameras, and errors of links and marks in each camera.
 
 use calib_core::FloorPoint;
 
@@ -9,31 +8,32 @@ use calib_site::Site;
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 
-/// How many times its size an error of a link is drawn.
+/// Magnification of the errors of links and marks.
 const ERRORS: f64 = 10.0;
-/// How many standard deviations an ellipse spans.
+/// Size of an ellipse, in standard deviations.
 const SIGMAS: f64 = 2.0;
-/// Corners of the ellipse of the legend.
+/// Number of corners of the ellipse in the legend.
 const CORNERS: usize = 48;
-/// From the floor to the pixels of the plan.
+/// Map from the floor to pixels of the plan.
 type OnPlan<'a> = &'a dyn Fn(FloorPoint) -> [f64; 2];
-/// A rectangle: left, top, right, bottom.
+/// Rectangle: left, top, right, bottom.
 type Rectangle = [f64; 4];
 
-/// What is drawn of the quality of a site, ready to be laid on its plan.
+/// Uncertainties of a site, ready to draw on its plan.
 pub(crate) struct PlanQuality {
     sightings: Vec<Item<FloorPoint>>,
     pub(crate) ellipses: Vec<Item<FloorPoint>>,
-    /// How many times their size the ellipses are.
+    /// Magnification of the ellipses.
     magnified: f64,
 }
 
 impl PlanQuality {
-    /// `scale` is that of the drawing, as in [`Svg::scale`].
+    /// Computes the uncertainties; `scale` is the scale of the drawing, as in [`Svg::scale`].
     pub(crate) fn new(site: &Site, scale: f64, to_plan: OnPlan<'_>) -> Self {
         let view = PlanView::new(site).of_placed();
         let ellipses = |times: f64| on_plan(&view, &[PlanLayer::PositionEllipses(times * SIGMAS)]);
-        // The largest must show beside the dot of its camera; the others are drawn alike, to be compared.
+        // The largest ellipse must be visible around the dot of its camera; all have the same magnification,
+        // for comparison.
         let least = 16.0 * scale;
         let is_seen = |times: &f64| ellipses(*times).iter().any(|item| reach(site, item, to_plan) > least);
         let magnified = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(is_seen).unwrap_or(100.0);
@@ -41,7 +41,7 @@ impl PlanQuality {
         Self { sightings, ellipses: ellipses(magnified), magnified }
     }
 
-    /// Links and marks with what every camera is off, and their names where `taken` leaves room.
+    /// Draws links and marks with their errors in every camera, and their names if `taken` leaves space.
     pub(crate) fn draw_elements(
         &self,
         svg: &mut Svg,
@@ -65,7 +65,7 @@ impl PlanQuality {
                 _ => None,
             })
             .collect();
-        // Hundreds of dots must not hide what they stand on.
+        // Hundreds of large dots would hide the plan.
         let radius = if places.len() > 300 { 1.5 } else { 2.5 };
         let half = 1.5 * radius * svg.scale;
         taken.extend(places.iter().map(|(.., [x, y])| [x - half, y - half, x + half, y + half]));
@@ -77,15 +77,15 @@ impl PlanQuality {
         }
     }
 
-    /// What the legend says: one entry for everything drawn.
+    /// Returns the entries of the legend, one for every kind of symbol in use.
     pub(crate) fn legend(&self) -> Vec<(Sample, String)> {
         let mut rows = Vec::new();
         if !self.ellipses.is_empty() {
             let times = match self.magnified {
                 1.0 => String::new(),
-                times => format!(", drawn {times} times its size"),
+                times => format!(", magnified {times} times"),
             };
-            rows.push((Sample::Ellipse, format!("where a camera stands, {SIGMAS} sigma{times}")));
+            rows.push((Sample::Ellipse, format!("position of a camera, {SIGMAS} standard deviations{times}")));
         }
         let is_shown = |is_aside: bool| {
             let is_of = |meaning| matches!(meaning, Meaning::Solved(of) if of.is_aside == is_aside);
@@ -96,18 +96,18 @@ impl PlanQuality {
             rows.push((
                 Sample::Arrow,
                 format!(
-                    "link or mark, with its error from where a camera puts it, drawn {ERRORS} times its size"
+                    "link or mark, with its error in each camera, magnified {ERRORS} times"
                 ),
             ));
         }
         if is_shown(true) {
-            rows.push((Sample::Aside, "set aside, in its true size".into()));
+            rows.push((Sample::Aside, "rejected, not magnified".into()));
         }
         rows
     }
 }
 
-/// What an entry of the legend shows beside its text.
+/// Symbol of a legend entry.
 #[derive(Clone, Copy)]
 pub(crate) enum Sample {
     Ellipse,
@@ -116,7 +116,7 @@ pub(crate) enum Sample {
 }
 
 impl Sample {
-    /// Draws the sample about a point.
+    /// Draws the symbol at a point.
     pub(crate) fn draw(self, svg: &mut Svg, [x, y]: [f64; 2]) {
         let half = 11.0 * svg.scale;
         match self {
@@ -141,7 +141,7 @@ impl Sample {
     }
 }
 
-/// How far from its camera an ellipse reaches, in plan pixels.
+/// Returns the extent of an ellipse from its camera, in plan pixels.
 fn reach(site: &Site, item: &Item<FloorPoint>, to_plan: OnPlan<'_>) -> f64 {
     let (Meaning::PositionEllipse(camera), Geometry::Polygon(corners)) = (item.meaning, &item.geometry)
     else {
@@ -153,11 +153,11 @@ fn reach(site: &Site, item: &Item<FloorPoint>, to_plan: OnPlan<'_>) -> f64 {
     corners.map(|p| (p[0] - x).hypot(p[1] - y)).fold(0.0, f64::max)
 }
 
-/// Draws the line that a link is, or how far a camera is off; gives the rectangles that an error takes.
+/// Draws the line of a link, or the error of a camera; returns the rectangles covered by an error.
 fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Rectangle> {
     match (meaning, points) {
         (Meaning::Seen(of), &[put, at]) => {
-            // A gross error needs no magnifying.
+            // A rejected observation is large enough without magnification.
             let times = if of.is_aside { 1.0 } else { ERRORS };
             let tail = [0, 1].map(|k| at[k] + times * (put[k] - at[k]));
             draw_error(svg, meaning, [tail, at]);
@@ -170,7 +170,7 @@ fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Re
     }
 }
 
-/// An arrow to where a thing is; what was set aside is no more than a line.
+/// Draws an arrow to the solved position; rejected observations have no arrow head.
 fn draw_error(svg: &mut Svg, meaning: Meaning, [tail, tip]: [[f64; 2]; 2]) {
     let stroke = Stroke::of(Look::on_light(meaning));
     svg.line(&[tail, tip], false, stroke);
@@ -179,9 +179,9 @@ fn draw_error(svg: &mut Svg, meaning: Meaning, [tail, tip]: [[f64; 2]; 2]) {
     }
 }
 
-/// The rectangles that a line takes, piece by piece.
+/// Returns the rectangles covered by a line, piece by piece.
 fn pieces(svg: &Svg, from: [f64; 2], to: [f64; 2]) -> Vec<Rectangle> {
-    /// A line longer than this runs off the plan.
+    /// Largest number of pieces; a longer line extends beyond the plan.
     const MOST: f64 = 100.0;
     let step = 6.0 * svg.scale;
     let count = ((to[0] - from[0]).hypot(to[1] - from[1]) / step).min(MOST) as usize;
@@ -195,12 +195,12 @@ fn pieces(svg: &Svg, from: [f64; 2], to: [f64; 2]) -> Vec<Rectangle> {
         .collect()
 }
 
-/// The head at the end of a line; a short line has none.
+/// Draws the head of an arrow; short arrows have none.
 fn arrow_head(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: Rgb) {
     let (dx, dy) = (tip[0] - tail[0], tip[1] - tail[1]);
     let length = dx.hypot(dy);
     let head = 6.0 * svg.scale;
-    // The dot of the element covers the tip: the head stands before it.
+    // The head is in front of the dot that covers the tip.
     let before = 3.5 * svg.scale;
     if length < head + before {
         return;
@@ -210,7 +210,7 @@ fn arrow_head(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: Rgb) {
     svg.fill(&[at(before, 0.0), at(before + head, 0.4 * head), at(before + head, -0.4 * head)], colour, 1.0);
 }
 
-/// Where a text beside a point covers nothing that is there, if there is such a place; it is taken then.
+/// Finds a free position for a label near a point, and reserves it; `None` if there is no space.
 fn room(
     svg: &Svg,
     [x, y]: [f64; 2],
@@ -219,7 +219,7 @@ fn room(
     taken: &mut Vec<Rectangle>,
 ) -> Option<[f64; 2]> {
     let (tall, wide) = (style::TEXT * svg.scale, svg.text_width(text));
-    // Near the point, or a little farther where arrows stand about it.
+    // Close to the point, or a little farther from arrows around it.
     let corners = [5.0, 16.0].into_iter().flat_map(|gap| {
         let gap = gap * svg.scale;
         [

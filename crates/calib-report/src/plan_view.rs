@@ -1,4 +1,4 @@
-//! A site seen from above: every camera with its EFOV on the floor plan.
+//! Site from above: every camera with its EFOV on the floor plan.
 
 use calib_core::{FloorPoint, PlanPixel, PlanScale};
 use calib_draw::{
@@ -11,23 +11,24 @@ use crate::plan_quality::{PlanQuality, Sample};
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg, TAG_LETTER};
 
-/// Longest side of a picture of a site without a plan, in pixels.
+/// Longest side of the view of a site without a plan image, in pixels.
 const LONGEST: f64 = 1600.0;
-/// The colour of what is empty, red, green and blue.
+/// Background colour: red, green and blue.
 pub const GROUND: [u8; 3] = [247, 248, 249];
-/// How much of a plan's own colours is left: it recedes so that what is drawn on it stands out.
+/// Opacity of the plan image; it is faded so that the overlay stands out.
 pub const PLAN_SHARE: f64 = 0.55;
 
-/// What a drawing of a site from above lies on.
+/// Background of the view from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
-    /// Width and height of all of it, in pixels, the strip with the legend beneath the plan included.
+    /// Width and height in pixels, including the legend below the plan.
     pub size: [u32; 2],
-    /// Whether the plan's picture is in its upper left corner; else all of it is empty.
+    /// Whether the plan image is in the upper left corner; otherwise the background is empty.
     pub has_picture: bool,
 }
 
-/// The ground and the drawing of a site seen from above, on its plan's picture of this size where there is one.
+/// Draws a site from above; `picture` is the size of the plan image, if available. Returns the background and
+/// the overlay.
 #[must_use]
 pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
     let (sides, scale) = match (&site.plan, picture) {
@@ -49,7 +50,7 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
         draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size)]), 0.0, &on_plan);
     }
-    // Many fields that overlap must not add up to mud.
+    // Overlapping fields must not add up to an opaque area.
     let cover = (2.5 / site.cameras.len().max(1) as f64).clamp(0.05, 0.25);
     draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Planes]), 0.0, &on_plan);
     draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), cover, &on_plan);
@@ -69,7 +70,8 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
     (ground, svg)
 }
 
-/// A ground for a site without a plan's picture: all that is seen, with a margin.
+/// Returns size and scale of the background of a site without a plan image: everything visible, with a
+/// margin.
 fn blank(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
     let unit = PlanScale { metres_per_px: 1.0, origin: PlanPixel::default(), x_axis };
     let solutions = || site.cameras.iter().filter_map(|camera| camera.solution.as_ref());
@@ -94,13 +96,13 @@ fn blank(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
     ([side(right - left), side(bottom - top)], PlanScale { metres_per_px, origin, x_axis })
 }
 
-/// The grid over all of the plan.
+/// Returns the grid of the whole plan.
 fn grid(scale: &PlanScale, [w, h]: [f64; 2]) -> PlanLayer {
     let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|p| scale.floor_from_plan(p.into()));
     PlanLayer::Grid(corners, grid_step(&corners))
 }
 
-/// Lines as their meanings look on a light plan, areas filled with the colour of their camera.
+/// Draws lines with their appearance on a light plan, and fills areas with the colour of their camera.
 fn draw_items(
     svg: &mut Svg,
     items: &[Item<FloorPoint>],
@@ -125,7 +127,7 @@ fn draw_items(
     }
 }
 
-/// How far apart the cameras stand on the drawing: half of them have their neighbour farther away.
+/// Returns the median distance of a camera to its nearest neighbour, in pixels of the plan.
 fn room_of_figures(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> f64 {
     let feet: Vec<[f64; 2]> = cameras
         .iter()
@@ -144,8 +146,7 @@ fn room_of_figures(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) ->
     all.get(all.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// A camera on the plan: a cone of its horizontal field of view, of a length that is legible at any
-/// scale, and a tag.
+/// Camera on the plan: a tag, and a cone of its horizontal field of view with a legible length at any scale.
 struct Figure {
     index: usize,
     foot: [f64; 2],
@@ -164,7 +165,7 @@ impl Figure {
         [w, h]: [f64; 2],
         on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
     ) -> Option<Self> {
-        // Where cameras stand close, a figure is small and says no more than a name.
+        // Cameras close to each other have small cones and only their id.
         let is_close = room < 90.0;
         let Item { meaning: Meaning::Camera(index), geometry: Geometry::Cone { foot, ahead, half_angle } } =
             *item
@@ -192,7 +193,7 @@ impl Figure {
         }
     }
 
-    /// The rectangles of the plan that are not free: tag and cone.
+    /// Returns the occupied rectangles of the plan: tag and cone.
     fn covers(&self, svg: &Svg) -> [[f64; 4]; 2] {
         let size = style::TEXT * svg.scale;
         let [left, top] = self.corner;
@@ -212,9 +213,9 @@ impl Figure {
     }
 }
 
-/// What the signs mean, in a strip beneath the plan: nothing of the plan is hidden.
+/// Legend below the plan, so that it hides nothing.
 struct Legend {
-    /// Where each begins.
+    /// Position, symbol and text of every entry.
     rows: Vec<([f64; 2], Sample, String)>,
     height: f64,
 }
@@ -251,10 +252,10 @@ impl Legend {
     }
 }
 
-/// The arrow to the north of a georeferenced site; else the one of world +y.
+/// Draws an arrow to the north of a georeferenced site; otherwise along world +y.
 fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
     let (turn, name) = match site.georeference() {
-        // North lies at the azimuth of +x, counter-clockwise from +x.
+        // Angle of north, counter-clockwise from +x, which equals the azimuth of +x.
         Some(georeference) => (georeference.x_axis_azimuth_deg.to_radians(), "N"),
         None => (std::f64::consts::FRAC_PI_2, "y"),
     };

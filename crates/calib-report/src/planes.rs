@@ -1,4 +1,4 @@
-//! What solving found of the planes besides the floor, in words.
+//! Solved planes other than the floor, as text and as a section of the report.
 
 use std::fmt::Write as _;
 
@@ -8,16 +8,16 @@ use calib_site::Site;
 
 use crate::svg::escape;
 
-/// A plane that was solved.
+/// Formatted solution of a plane.
 pub(crate) struct Found<'a> {
     pub(crate) title: &'a str,
     pub(crate) height: String,
     pub(crate) fall: String,
-    /// A dash where the fall is not known to be one.
+    /// Direction of the fall; a dash if the fall is not significant.
     pub(crate) toward: String,
 }
 
-/// The planes that were solved, in the order of the file.
+/// Returns the solved planes in the order of the file.
 pub(crate) fn found(site: &Site) -> Vec<Found<'_>> {
     let planes = site.planes.iter().zip(site.surfaces());
     let solved = planes.filter(|(entry, _)| entry.solution.is_some());
@@ -30,7 +30,7 @@ impl<'a> Found<'a> {
         let with_sigma =
             |value: f64, sigma: f64, digits: usize| format!("{value:.digits$} \u{b1} {sigma:.digits$}");
         let [fall, fall_sigma] = [plane.fall(), sigmas.fall].map(f64::to_degrees);
-        // A direction that may as well be the opposite one says nothing.
+        // A direction with a standard deviation above 90° is meaningless.
         let toward = sigmas.toward.map(f64::to_degrees).filter(|&sigma| sigma < 90.0);
         let direction = plane.toward().to_degrees().rem_euclid(360.0);
         Self {
@@ -42,7 +42,7 @@ impl<'a> Found<'a> {
     }
 }
 
-/// The table for reading; empty where none was solved.
+/// Returns the table as text; empty without solved planes.
 #[must_use]
 pub fn planes_text(site: &Site) -> String {
     let planes = found(site);
@@ -61,13 +61,13 @@ pub fn planes_text(site: &Site) -> String {
     out
 }
 
-/// The section of a report; empty where none was solved.
+/// Writes the section of the report; nothing without solved planes.
 pub(crate) fn planes_section(html: &mut String, site: &Site) {
     let planes = found(site);
     if planes.is_empty() {
         return;
     }
-    html.push_str("<section id=\"the-planes\"><h2>Planes</h2>\n<p class=dim>Besides the floor: height at the mean of the corners of the region; the direction counts counter-clockwise from +x.</p>\n<table><thead><tr><th>Plane<th class=n>Height, m<th class=n>Fall, \u{b0}<th class=n>Toward, \u{b0}</tr></thead>\n");
+    html.push_str("<section id=\"the-planes\"><h2>Planes</h2>\n<p class=dim>Planes other than the floor. The height is at the mean of the region's corners; directions are counter-clockwise from +x.</p>\n<table><thead><tr><th>Plane<th class=n>Height, m<th class=n>Fall, \u{b0}<th class=n>Toward, \u{b0}</tr></thead>\n");
     for Found { title, height, fall, toward } in &planes {
         let [height, fall, toward] = [height, fall, toward].map(|number| number.replace('-', "\u{2212}"));
         let _ = writeln!(
@@ -83,7 +83,7 @@ pub(crate) fn planes_section(html: &mut String, site: &Site) {
 mod tests {
     use super::*;
 
-    /// A ramp that falls by 3 degrees toward +y, and a platform of which nothing but its height was found.
+    /// Ramp that falls by 3° toward +y, and a platform with a known height only.
     fn site() -> Option<Site> {
         let steep = 3_f64.to_radians().tan();
         let text = format!(
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_found_is_listed_with_how_sure_it_is() {
+    fn solved_planes_are_listed_with_their_uncertainty() {
         let text = site().map(|site| planes_text(&site)).unwrap_or_default();
         let lines: Vec<Vec<&str>> =
             text.lines().skip(2).map(|line| line.split_whitespace().collect()).collect();
@@ -109,11 +109,11 @@ mod tests {
             ["0.400", "\u{b1}", "0.020", "3.00", "\u{b1}", "0.57", "90.0", "\u{b1}", "10.9"]
         );
         assert_eq!(deck[1..4], ["-1.200", "\u{b1}", "0.010"]);
-        assert_eq!(deck.last(), Some(&"-"), "a fall that may as well be none points nowhere");
+        assert_eq!(deck.last(), Some(&"-"), "an insignificant fall has no direction");
     }
 
     #[test]
-    fn a_report_has_a_section_only_where_planes_were_found() {
+    fn a_report_has_a_section_only_with_solved_planes() {
         let mut html = String::new();
         planes_section(&mut html, &Site::new());
         assert!(html.is_empty());

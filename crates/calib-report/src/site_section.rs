@@ -1,6 +1,5 @@
-//! What the report says of the site as a whole.
-//!
-//! A site in words: what hangs together, which cameras disagree most, what is to be done.
+//! Section of the report about the whole site: connectivity, the largest disagreements of cameras, and
+//! warnings.
 
 use std::fmt::Write as _;
 
@@ -11,7 +10,7 @@ use calib_site::{Overlap, Scale, Site, SiteSolution, Warning};
 use crate::svg::escape;
 use crate::words::{centimetres, distance, few};
 
-/// Components, scale and loops in a line.
+/// Describes components, scale and loop closure in one line.
 #[must_use]
 pub fn together(solution: &SiteSolution) -> Option<String> {
     let mut groups: Vec<&Vec<String>> = solution.components.iter().collect();
@@ -21,14 +20,14 @@ pub fn together(solution: &SiteSolution) -> Option<String> {
     let mut line = if apart.is_empty() {
         match all {
             1 => "one camera".into(),
-            _ => format!("{all} cameras hang together"),
+            _ => format!("{all} cameras are connected"),
         }
     } else {
         let names: Vec<String> = apart.iter().map(|group| few(group.iter().map(String::as_str))).collect();
         let names: Vec<String> =
             apart.iter().zip(names).map(|(g, n)| if g.len() > 1 { format!("({n})") } else { n }).collect();
         format!(
-            "{} of {all} cameras hang together, apart from them {}",
+            "{} of {all} cameras are connected; not connected: {}",
             largest.len(),
             few(names.iter().map(String::as_str))
         )
@@ -39,12 +38,12 @@ pub fn together(solution: &SiteSolution) -> Option<String> {
         None => {}
     }
     if let Some(gap) = solution.loop_closure_m {
-        let _ = write!(line, "; loops {} apart before the joint fit", distance(gap));
+        let _ = write!(line, "; loop closure error {} before the joint solution", distance(gap));
     }
     Some(line)
 }
 
-/// Pairs of cameras, the worst first: by what was measured, then by what is predicted.
+/// Sorts pairs of cameras by the measured error, then by the predicted one, the largest first.
 #[must_use]
 pub fn worst_first(overlaps: &[Overlap]) -> Vec<&Overlap> {
     let mut sorted: Vec<&Overlap> = overlaps.iter().collect();
@@ -56,18 +55,18 @@ pub fn worst_first(overlaps: &[Overlap]) -> Vec<&Overlap> {
     sorted
 }
 
-/// Warnings that ask for the same.
+/// Warnings with the same code and advice.
 #[derive(Clone, Debug)]
 pub struct WarningKind<'a> {
-    /// Of all of them.
+    /// Code of the warnings.
     pub code: Code,
-    /// A few, and how many more there are.
+    /// First messages, and the number of further ones.
     pub messages: Vec<String>,
-    /// What is asked for.
+    /// Common advice.
     pub advice: &'a str,
 }
 
-/// Warnings by what they ask for.
+/// Groups warnings by code and advice.
 #[must_use]
 pub fn kinds(warnings: &[Warning]) -> Vec<WarningKind<'_>> {
     const MESSAGES: usize = 4;
@@ -88,11 +87,11 @@ pub fn kinds(warnings: &[Warning]) -> Vec<WarningKind<'_>> {
     kinds
 }
 
-/// Rows that are shown at once; the others unfold.
+/// Number of visible rows; further rows are collapsed.
 const PAIRS: usize = 30;
 const ELEMENTS: usize = 15;
 
-/// The section on the site; nothing for a site of which there is nothing to say.
+/// Writes the section about the site; nothing without a joint solution.
 pub(crate) fn site_section(html: &mut String, site: &Site) {
     let Some(solution) = &site.solution else { return };
     html.push_str("<section id=\"the-site\"><h2>The site</h2>\n");
@@ -120,7 +119,7 @@ fn sentence(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A table whose rows beyond the first unfold; the worst come first.
+/// Writes a table with the worst rows first; rows beyond the first `most` are collapsed.
 fn table(html: &mut String, head: &str, rows: &[String], most: usize) {
     let _ = writeln!(html, "<table><thead><tr>{head}</tr></thead>");
     let (shown, hidden) = rows.split_at(rows.len().min(most));
@@ -139,8 +138,8 @@ fn overlaps(html: &mut String, overlaps: &[Overlap]) {
     if overlaps.is_empty() {
         return;
     }
-    html.push_str("<div><h3>Cameras that see the same floor</h3>\n");
-    html.push_str("<p class=dim>How far apart two cameras put the same thing: measured on what both show, noise of the pixels included; predicted, one sigma of the calibration alone.</p>\n");
+    html.push_str("<div><h3>Cameras with overlapping views</h3>\n");
+    html.push_str("<p class=dim>Distance between the positions of the same floor point according to two cameras. Measured: RMS over their common links and marks, including pixel noise. Predicted: one standard deviation of the calibration alone.</p>\n");
     let cell = |value: Option<f64>| value.map_or_else(|| "\u{2013}".into(), centimetres);
     let rows: Vec<String> = worst_first(overlaps)
         .into_iter()
@@ -168,17 +167,17 @@ fn links(html: &mut String, elements: &[Element]) {
         b.0.cmp(&a.0).then(b.1.total_cmp(&a.1))
     });
     html.push_str("<div class=links><h3>Links and marks</h3>\n");
-    html.push_str("<p class=dim>How far every camera shows them from where they are, in the image and on the floor.</p>\n");
+    html.push_str("<p class=dim>Error in each camera: the distance from the solved position, in the image (px) and on the floor (cm).</p>\n");
     let rows: Vec<String> = sorted.into_iter().map(row).collect();
     let head = "<th>Link or mark<th><th class=n>x, m<th class=n>y, m<th>Camera<th class=n>px<th class=n>cm";
     table(html, head, &rows, ELEMENTS);
     html.push_str("</div>\n");
 }
 
-/// One element, a line for every camera.
+/// Writes one link or mark, with a row for every camera.
 fn row(element: &Element) -> String {
     let note = match (element.is_aside, element.is_off) {
-        (true, _) => "set aside",
+        (true, _) => "rejected",
         (false, true) => "off",
         (false, false) => "",
     };

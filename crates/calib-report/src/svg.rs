@@ -1,4 +1,4 @@
-//! A drawing as SVG: into a page as it is, or onto an image by what paints SVG.
+//! SVG drawing, for HTML pages and for rasterising onto images.
 
 use std::fmt::Write as _;
 
@@ -6,53 +6,53 @@ use calib_draw::{Look, Outline, Rgb};
 
 use crate::style;
 
-/// Width of a letter over its height, on average.
+/// Average width of a letter relative to its height.
 pub(crate) const TAG_LETTER: f64 = 0.49;
 
-/// How a line looks.
+/// Appearance of a line.
 #[derive(Clone, Copy, Debug)]
 pub struct Stroke<'a> {
-    /// Of the line.
+    /// Colour.
     pub colour: Rgb,
-    /// In pixels of the screen.
+    /// Width, in screen pixels.
     pub width: f64,
-    /// From 0 to 1.
+    /// Opacity, from 0 to 1.
     pub opacity: f64,
-    /// Lengths of dashes and gaps; empty for a full line.
+    /// Lengths of dashes and gaps; empty for a solid line.
     pub dash: &'a [f64],
-    /// Outlined in dark, to be legible on any ground.
+    /// Whether the line has a dark outline, for contrast with any background.
     pub outlined: bool,
 }
 
 impl<'a> Stroke<'a> {
-    /// A full line.
+    /// Creates a solid line.
     #[must_use]
     pub const fn new(colour: Rgb, width: f64) -> Self {
         Self { colour, width, opacity: 1.0, dash: &[], outlined: true }
     }
 
-    /// As a meaning looks.
+    /// Creates the stroke for an appearance.
     #[must_use]
     pub fn of(look: Look) -> Self {
         let Look { colour, width, dash, opacity, outline } = look;
         Self { colour, width, opacity, dash, outlined: outline == Outline::Dark }
     }
 
-    /// The same, so far opaque, without an outline.
+    /// Returns the stroke with this opacity and without outline.
     #[must_use]
     pub const fn faint(self, opacity: f64) -> Self {
         Self { opacity, outlined: false, ..self }
     }
 }
 
-/// Where a text stands relative to its point.
+/// Position of a text relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// It begins there.
+    /// Text starting at the point.
     Start,
-    /// Its middle is there.
+    /// Text centred at the point.
     Middle,
-    /// It ends there.
+    /// Text ending at the point.
     End,
 }
 
@@ -66,29 +66,29 @@ impl Anchor {
     }
 }
 
-/// A drawing in the making, in pixels of its ground.
+/// Drawing, in pixels of its background.
 #[derive(Clone, Debug)]
 pub struct Svg {
     size: [f64; 2],
-    /// How much larger than on screen everything is.
+    /// Scale relative to the screen.
     pub scale: f64,
     body: String,
 }
 
 impl Svg {
-    /// Width and height of its ground, in pixels.
+    /// Returns width and height of the background, in pixels.
     #[must_use]
     pub const fn size(&self) -> [f64; 2] {
         self.size
     }
 
-    /// An empty drawing on a ground of this size; `scale` is how much larger than on screen things are.
+    /// Creates an empty drawing on a background of this size; `scale` is relative to the screen.
     #[must_use]
     pub fn new(size: [f64; 2], scale: f64) -> Self {
         Self { size, scale, body: String::new() }
     }
 
-    /// A polyline of pixels; closed ones come back to their start.
+    /// Draws a polyline in pixels; `closed` returns to its start.
     pub fn line(&mut self, points: &[[f64; 2]], closed: bool, stroke: Stroke) {
         let path = self.path(points, closed);
         if path.is_empty() {
@@ -117,13 +117,13 @@ impl Svg {
         );
     }
 
-    /// A filled polygon.
+    /// Draws a filled polygon.
     pub fn fill(&mut self, points: &[[f64; 2]], colour: Rgb, opacity: f64) {
         let path = self.path(points, true);
         let _ = writeln!(self.body, r#"<path d="{path}" fill="{colour}" fill-opacity="{opacity:.3}"/>"#);
     }
 
-    /// A dot with a dark rim.
+    /// Draws a dot with a dark rim.
     pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Rgb) {
         let (radius, rim) = (radius * self.scale, self.scale);
         let _ = writeln!(
@@ -133,7 +133,7 @@ impl Svg {
         );
     }
 
-    /// A ring.
+    /// Draws a ring.
     pub fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
         let Stroke { colour, width, opacity, outlined, .. } = stroke;
         let (radius, width) = (radius * self.scale, width * self.scale);
@@ -152,7 +152,7 @@ impl Svg {
         );
     }
 
-    /// A text with a dark halo.
+    /// Draws a text with a dark halo.
     pub fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
         let size = style::TEXT * self.scale;
         let anchor = anchor.name();
@@ -165,7 +165,7 @@ impl Svg {
         );
     }
 
-    /// A text on a light ground, in a dark colour without a halo.
+    /// Draws a text on a light background, in a dark colour without halo.
     pub(crate) fn ink(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
         let size = style::TEXT * self.scale;
         let anchor = anchor.name();
@@ -176,18 +176,18 @@ impl Svg {
         );
     }
 
-    /// Width that a text takes, about.
+    /// Returns the approximate width of a text.
     pub(crate) fn text_width(&self, text: &str) -> f64 {
         style::TEXT * self.scale * TAG_LETTER * text.chars().count() as f64
     }
 
-    /// Width and height of the ground of a tag.
+    /// Returns width and height of the background of a tag.
     pub(crate) fn tag_size(&self, text: &str) -> [f64; 2] {
         let size = style::TEXT * self.scale;
         [self.text_width(text) + size, 1.6 * size]
     }
 
-    /// A text on a dark ground, its upper left corner at this pixel.
+    /// Draws a text on a dark background, with its upper left corner at this pixel.
     pub fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb) {
         let size = style::TEXT * self.scale;
         let [width, height] = self.tag_size(text);
@@ -203,7 +203,7 @@ impl Svg {
     }
 
     fn path(&self, points: &[[f64; 2]], closed: bool) -> String {
-        // What is far off the ground is not drawn: huge numbers break rasterisers.
+        // Points far outside are skipped, because huge numbers break rasterisers.
         const FAR: f64 = 1e5;
         let mut path = String::new();
         for [x, y] in points.iter().filter(|[x, y]| x.abs() < FAR && y.abs() < FAR) {
@@ -215,7 +215,7 @@ impl Svg {
         path
     }
 
-    /// The drawing as an SVG element, with something beneath it.
+    /// Returns the drawing as an SVG element, on top of the SVG in `beneath`.
     #[must_use]
     pub fn finish(&self, beneath: &str) -> String {
         let [w, h] = self.size;
@@ -226,7 +226,7 @@ impl Svg {
     }
 }
 
-/// Text that is safe between the tags of a page.
+/// Escapes text for HTML and SVG.
 pub(crate) fn escape(text: &str) -> String {
     // XML has no control characters.
     let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();

@@ -1,4 +1,4 @@
-//! What a walk through a site showed, in words and as a page to sign.
+//! Result of an acceptance walk through a site, as text and as a page to sign.
 
 use std::fmt::Write as _;
 
@@ -13,22 +13,22 @@ use crate::frame::{CLOSED, opened};
 use crate::svg::{Anchor, Stroke, Svg, escape};
 use crate::words::{centimetres, few};
 
-/// What a walk showed, and how it was judged.
+/// Result of a walk, with the decision.
 #[derive(Clone, Copy, Debug)]
 pub struct WalkPage<'a> {
-    /// Of the site.
+    /// Title of the site.
     pub title: &'a str,
     /// Ids of the cameras, by index.
     pub names: &'a [String],
-    /// What it showed.
+    /// Result.
     pub result: &'a WalkResult,
-    /// The same by parts of the floor.
+    /// Result by zone of the floor.
     pub zones: &'a Zones,
-    /// Why it failed; empty where it passed.
+    /// Reasons for the failure; empty if passed.
     pub faults: &'a [String],
 }
 
-/// What zones are called: a letter for the column, a number for the row.
+/// Returns the name of a zone: a letter for the column, a number for the row.
 #[must_use]
 pub fn zone_name(zone: &Zone) -> String {
     let [column, row] = zone.cell;
@@ -37,7 +37,7 @@ pub fn zone_name(zone: &Zone) -> String {
     format!("{first}{}{}", letter(column), row + 1)
 }
 
-/// Where a camera puts the walker, and what may be wrong with it.
+/// Describes the offset of a camera's walker positions, and its most likely pose errors.
 #[must_use]
 pub fn direction(one: &Disagreement) -> String {
     let [x, y] = one.shift;
@@ -49,7 +49,7 @@ pub fn direction(one: &Disagreement) -> String {
     let turn = [("yaw", yaw), ("pitch", pitch), ("roll", roll)];
     let (name, largest) = turn.into_iter().fold(turn[0], |a, b| if b.1.abs() > a.1.abs() { b } else { a });
     format!(
-        "puts the walker {} and {} (\u{b1} {} cm); likeliest its {name} is off by {:+.2}\u{b0}, its height by {} cm",
+        "places the walker {} and {} (\u{b1} {} cm); most likely errors: {name} {:+.2}\u{b0}, height {} cm",
         toward(x, "x"),
         toward(y, "y"),
         centimetres(one.shift_sigma),
@@ -59,7 +59,7 @@ pub fn direction(one: &Disagreement) -> String {
 }
 
 impl WalkPage<'_> {
-    /// Lines to read.
+    /// Returns the result as text.
     #[must_use]
     pub fn text(&self) -> String {
         let mut out = format!("{}\n", self.verdict());
@@ -69,7 +69,7 @@ impl WalkPage<'_> {
         for zone in self.zones.list.iter().filter(|zone| zone.error.is_some()) {
             let _ = writeln!(out, "zone {}: {}", zone_name(zone), error(zone));
         }
-        let _ = writeln!(out, "nobody walked in {}", self.not_walked());
+        let _ = writeln!(out, "not walked: {}", self.not_walked());
         out
     }
 
@@ -80,19 +80,19 @@ impl WalkPage<'_> {
     fn camera(&self, index: usize) -> String {
         let together = self.result.shared_moments[index];
         match self.result.disagreements.iter().find(|one| one.camera == index) {
-            Some(one) => format!("disagrees ({:.1} sigmas): {}", one.significance, direction(one)),
+            Some(one) => format!("disagrees ({:.1} standard deviations): {}", one.significance, direction(one)),
             None if together == 0 => "not tested: no other camera saw the walker at the same time".into(),
-            None => format!("agrees with the others at {}", counted(together, "moment", "moments")),
+            None => format!("agrees with the other cameras ({})", counted(together, "moment", "moments")),
         }
     }
 
     fn not_walked(&self) -> String {
         let names: Vec<String> =
             self.zones.list.iter().filter(|zone| zone.moments == 0).map(zone_name).collect();
-        if names.is_empty() { "no zone".into() } else { few(names.iter().map(String::as_str)) }
+        if names.is_empty() { "none".into() } else { few(names.iter().map(String::as_str)) }
     }
 
-    /// The whole page.
+    /// Returns the page.
     #[must_use]
     pub fn html(&self) -> String {
         let mut html = opened(self.title);
@@ -101,12 +101,12 @@ impl WalkPage<'_> {
         html
     }
 
-    /// What the page says, as a part of any page.
+    /// Writes the result as a section of a page.
     pub(crate) fn section(&self, html: &mut String) {
         let class = if self.faults.is_empty() { "note good" } else { "note bad" };
         let _ = writeln!(
             html,
-            "<h2>Acceptance by a walk</h2><p class=\"{class}\">{}</p>",
+            "<h2>Acceptance walk</h2><p class=\"{class}\">{}</p>",
             escape(&self.verdict())
         );
         let _ = writeln!(html, "<figure>{}</figure>", self.plan());
@@ -131,7 +131,7 @@ impl WalkPage<'_> {
         html.push_str("</tbody></table>\n<p>Name, date, signature: ________________________________</p>\n");
     }
 
-    /// The zones from above, shaded by their error, with the way of the walker.
+    /// Draws the zones from above, shaded by their error, with the path of the walker.
     fn plan(&self) -> String {
         let Zones { side, list } = self.zones;
         let fold =
@@ -141,7 +141,7 @@ impl WalkPage<'_> {
         let scale = 1000.0 / (high[0] - low[0]).max(*side);
         let size = [1000.0, ((high[1] - low[1]) * scale).max(1.0)];
         let mut svg = Svg::new(size, 1.0);
-        // North is up: y of the plan runs against y of the page.
+        // World +y points up on the page, against the y axis of the SVG.
         let at = |point: FloorPoint| [(point.x - low[0]) * scale, size[1] - (point.y - low[1]) * scale];
         let line = Stroke { outlined: false, ..Stroke::new(Rgb::INK, 1.0) };
         for zone in list {
@@ -149,7 +149,7 @@ impl WalkPage<'_> {
             let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
                 .map(|[a, b]| at(FloorPoint::new(x + a * side, y + b * side)));
             if let Some(error) = zone.error {
-                /// Metres of the darkest shade.
+                /// Error with the darkest shade, in metres.
                 const WORST: f64 = 0.5;
                 svg.fill(&corners, Rgb::BAD_ON_LIGHT, (0.6 * error / WORST).min(0.6));
             }
@@ -175,9 +175,9 @@ fn error(zone: &Zone) -> String {
     match (zone.error, zone.error_sigma) {
         (Some(error), Some(sigma)) => {
             let moments = counted(zone.shared_moments, "moment", "moments");
-            format!("{} \u{b1} {} cm of {moments}", centimetres(error), centimetres(sigma))
+            format!("{} \u{b1} {} cm ({moments})", centimetres(error), centimetres(sigma))
         }
-        _ if zone.moments > 0 => "one camera alone".into(),
-        _ => "nobody walked".into(),
+        _ if zone.moments > 0 => "only one camera".into(),
+        _ => "not walked".into(),
     }
 }

@@ -1,4 +1,4 @@
-//! What the watch of cameras found, in words and with a plot of every camera.
+//! Result of drift detection, as text and with a plot for every camera.
 
 use std::fmt::Write as _;
 
@@ -12,23 +12,23 @@ use calib_site::counted;
 use crate::frame::{CLOSED, opened};
 use crate::svg::{Anchor, Stroke, Svg, escape};
 
-/// A camera with what was found of it.
+/// Camera with the result of its drift detection.
 #[derive(Clone, Copy, Debug)]
 pub struct WatchedCamera<'a> {
-    /// Its id.
+    /// Id.
     pub id: &'a str,
-    /// What was found.
+    /// Result.
     pub health: &'a CameraHealth,
 }
 
-/// Says a time in nanoseconds since 1970.
+/// Formatter of a time, in nanoseconds since 1970.
 type Instant<'a> = &'a dyn Fn(i64) -> String;
 
-/// The whole page.
+/// Writes the page.
 #[must_use]
 pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'_>) -> String {
     let mut html = opened(title);
-    html.push_str("<table><thead><tr><th>Camera<th>Verdict<th class=n>Tracks<th class=n>Seen with others</tr></thead><tbody>\n");
+    html.push_str("<table><thead><tr><th>Camera<th>Status<th class=n>Tracks<th class=n>Matches with other cameras</tr></thead><tbody>\n");
     for WatchedCamera { id, health } in cameras {
         let class = if health.status == DriftStatus::Moved { " class=bad" } else { "" };
         let (id, verdict) = (escape(id), health.status.name().replace('-', " "));
@@ -52,13 +52,13 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
     html
 }
 
-/// A camera in a line.
+/// Describes the result of a camera in one line.
 #[must_use]
 pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
     let tracks = counted(usize::try_from(health.tracks).unwrap_or(usize::MAX), "track", "tracks");
     match (&health.change, health.status) {
         (Some(change), _) => format!(
-            "moved since {} (between {} and {}): {}; {}. {tracks}",
+            "moved at {} (between {} and {}): {}; {}. {tracks}",
             instant(change.since),
             instant(change.between[0]),
             instant(change.between[1]),
@@ -66,13 +66,13 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
             told_by(change)
         ),
         (None, DriftStatus::CannotTell) => {
-            format!("cannot tell: {tracks} here, too few or telling too little; {}", found(health))
+            format!("unknown: {tracks}, too few or not informative enough; {}", found(health))
         }
         (None, _) => format!("unchanged: {tracks}; {}", found(health)),
     }
 }
 
-/// By how much a camera moved.
+/// Describes the movement of a camera.
 fn by(change: &Change) -> String {
     let Movement { pan, tilt, roll, zoom } = change.movement;
     let [pan_sigma, tilt_sigma, roll_sigma, zoom_sigma] = change.sigmas;
@@ -90,38 +90,39 @@ fn by(change: &Change) -> String {
 
 fn told_by(change: &Change) -> &'static str {
     match (change.is_seen_in_heights, change.is_seen_by_others) {
-        (true, false) => "people are not as tall there as they were",
-        (false, true) => "people do not stand where other cameras see them",
-        _ => "people are not as tall, and not where other cameras see them",
+        (true, false) => "the apparent heights of people changed",
+        (false, true) => "the positions of people contradict other cameras",
+        _ => "the apparent heights of people changed, and their positions contradict other cameras",
     }
 }
 
-/// The smallest movements that would have been found.
+/// Describes the smallest detectable movements.
 fn found(health: &CameraHealth) -> String {
     let [pan, tilt, _, zoom] = health.smallest_detectable;
     let pan = if pan.is_finite() && pan < 0.5 {
-        format!("a pan of {:.1}\u{b0}, ", pan.to_degrees())
+        format!("pan {:.1}\u{b0}, ", pan.to_degrees())
     } else {
-        "no pan (no other camera sees the same people), ".into()
+        "pan undetectable (no other camera sees the same people), ".into()
     };
     if !(tilt.is_finite() && zoom.is_finite()) {
-        return "no movement would have been found".into();
+        return "no movement is detectable".into();
     }
     format!(
-        "would have found {pan}a tilt of {:.1}\u{b0}, a zoom of {:.0} %",
+        "smallest detectable movement: {pan}tilt {:.1}\u{b0}, zoom {:.0} %",
         tilt.to_degrees(),
         100.0 * zoom.exp_m1()
     )
 }
 
-/// Beneath a plot.
+/// Background of a plot.
 const GROUND: &str = r#"<rect width="1000" height="300" fill="white"/>"#;
 /// Left, top, right and bottom of a plot.
 const AREA: [f64; 4] = [60.0, 20.0, 980.0, 250.0];
-/// Most that heights are shown to differ by.
+/// Largest relative difference of heights on the plot.
 const SHOWN: f64 = 0.1;
 
-/// Heights over time, how clear a change is at every time, and when it was.
+/// Draws the heights of people over time, the significance of a change at every time, and the detected
+/// change.
 fn plot(health: &CameraHealth, instant: Instant<'_>) -> Option<Svg> {
     let spans = health.heights.iter().map(|then| then.span);
     let first = spans.clone().map(|span| span[0]).min()?;
@@ -167,7 +168,7 @@ fn plot(health: &CameraHealth, instant: Instant<'_>) -> Option<Svg> {
     }
     svg.ink([left, bottom + 18.0], &instant(first), Rgb::INK, Anchor::Start);
     svg.ink([right - 150.0, bottom + 18.0], &instant(last), Rgb::INK, Anchor::Start);
-    let legend = "black: heights of people, window by window; red: how clear a change then would be, dashed what is enough";
+    let legend = "black: relative heights of people; red: significance of a change at each time (dashed: alarm threshold)";
     svg.ink([left, bottom + 38.0], legend, Rgb::INK, Anchor::Start);
     Some(svg)
 }

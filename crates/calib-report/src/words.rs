@@ -1,16 +1,14 @@
-//! Words and numbers as the operator reads them.
-//!
-//! What is known of a lens, and whether it was found here.
+//! Text and number formats for operators, and the state of a lens.
 
 use std::fmt::Write as _;
 
 use calib_core::{Distortion, Lens, SceneErrors};
 use calib_site::{Method, SiteCamera, Solution, Stage};
 
-/// Names in a row, cut short: "a, b, c and 997 more".
+/// Lists names, shortened: "a, b, c and 997 more".
 #[must_use]
 pub fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    /// A list that the eye takes in is written out.
+    /// Longest list that is written in full.
     const MOST: usize = 6;
     const SHOWN: usize = 3;
     let names: Vec<&str> = names.into_iter().collect();
@@ -20,10 +18,10 @@ pub fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     format!("{} and {} more", names[..SHOWN].join(", "), names.len() - SHOWN)
 }
 
-/// Decimals that a standard deviation supports: two digits of its own.
+/// Returns the number of decimals supported by a standard deviation: two significant digits of it.
 #[must_use]
 pub fn decimals(sigma: f64) -> usize {
-    /// Where there is none to go by.
+    /// Number of decimals without a valid standard deviation.
     const USUAL: usize = 2;
     const MOST: f64 = 7.0;
     if !(sigma.is_finite() && sigma > 0.0) {
@@ -32,40 +30,40 @@ pub fn decimals(sigma: f64) -> usize {
     (1.0 - sigma.log10().floor()).clamp(0.0, MOST) as usize
 }
 
-/// Metres as centimetres, with a decimal as long as it says something.
+/// Formats metres as centimetres, with one decimal below a metre.
 #[must_use]
 pub fn centimetres(metres: f64) -> String {
     let value = 100.0 * metres;
     if value < 100.0 { format!("{value:.1}") } else { format!("{value:.0}") }
 }
 
-/// A distance in the unit that suits it.
+/// Formats a distance in centimetres or metres.
 #[must_use]
 pub fn distance(metres: f64) -> String {
     if metres < 1.0 { format!("{} cm", centimetres(metres)) } else { format!("{metres:.1} m") }
 }
 
-/// How far the scene may be from what is drawn.
+/// Describes the assumed accuracy of the scene.
 #[must_use]
 pub fn scene_errors(errors: &SceneErrors) -> String {
     if *errors == SceneErrors::EXACT {
-        return "Taken for exactly what is drawn".into();
+        return "The scene is assumed to match the annotations exactly".into();
     }
     let SceneErrors { floor_tilt, crossfall, angle, length } = errors;
     let to_the_side = match crossfall.to_degrees() {
-        degrees if degrees > 0.0 => format!(" and {degrees:.1}\u{b0} to the side of marks of equal length"),
+        degrees if degrees > 0.0 => format!(", plus {degrees:.1}\u{b0} to the side of marks of equal length"),
         _ => String::new(),
     };
     format!(
-        "One sigma: floor falls {:.1}\u{b0}{to_the_side}, corners {:.1}\u{b0} off square, equal lengths {:.1} %",
+        "Assumed accuracy of the scene (standard deviations): floor slope {:.1}\u{b0}{to_the_side}, right angles {:.1}\u{b0}, equal lengths {:.1} %",
         floor_tilt.to_degrees(),
         angle.to_degrees(),
         100.0 * length,
     )
 }
 
-/// How a camera that looks straight down looks, in place of its roll and, once it stands somewhere, its yaw; `None`
-/// for any other.
+/// Describes the orientation of a camera that looks straight down; `None` for other cameras. It replaces the
+/// roll and, if the camera is placed, the yaw.
 #[must_use]
 pub fn straight_down(solution: &Solution) -> Option<String> {
     let down = solution.camera()?.straight_down()?;
@@ -74,21 +72,22 @@ pub fn straight_down(solution: &Solution) -> Option<String> {
         format!("{:.2}{sure}", value.to_degrees())
     };
     let tilt = degrees(down.tilt, down.tilt_sigma);
-    let mut text = format!("looks straight down, {tilt} degrees off");
+    let mut text = format!("looks straight down (tilt {tilt} degrees)");
     if solution.stage >= Stage::Placed {
         let heading = degrees(down.heading, down.heading_sigma);
-        let _ = write!(text, "; the top of its image heads {heading} degrees, counted as yaw is");
+        let _ = write!(text, "; top of the image at yaw {heading} degrees");
     }
     Some(text)
 }
 
-/// The lens of a camera, which may be known where its pose is not.
+/// Returns the lens of a camera, which may be known without its pose.
 #[must_use]
 pub fn lens_of(entry: &SiteCamera) -> Lens {
     entry.solution.as_ref().map_or_else(|| entry.lens(), Solution::lens)
 }
 
-/// Whether the lens of a camera was found from what is drawn on its image, or on that of its like.
+/// Whether the lens of a camera was estimated from annotations, on its own image or on images of a camera of
+/// the same type.
 #[must_use]
 pub fn is_fitted(entry: &SiteCamera) -> bool {
     let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);

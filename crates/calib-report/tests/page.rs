@@ -1,4 +1,4 @@
-//! The page of the demonstration: whole without a file, and the same every time.
+//! Tests of the report of the demonstration site: it is self-contained and reproducible.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -19,7 +19,7 @@ fn pictures(shown: Shown<'_>) -> Result<Picture, String> {
 }
 
 #[test]
-fn every_camera_is_shown_with_its_picture_or_why_it_is_not() {
+fn every_camera_has_its_image_or_the_reason_why_it_is_missing() {
     let site = solved();
     let html = page(&site, None, &mut pictures);
     assert_eq!(html, page(&site, None, &mut pictures));
@@ -35,7 +35,7 @@ fn every_camera_is_shown_with_its_picture_or_why_it_is_not() {
 }
 
 #[test]
-fn nothing_is_fetched_and_nothing_runs() {
+fn the_page_loads_nothing_and_runs_no_scripts() {
     let html = page(&solved(), None, &mut pictures);
     assert!(html.contains("default-src 'none'"));
     for fetched in ["src=\"http", "href=\"http", "<script", "<link", "url("] {

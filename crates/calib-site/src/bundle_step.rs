@@ -227,7 +227,7 @@ impl<'a> Member<'a> {
     }
 
     fn height_is_known(&self) -> bool {
-        self.single.fit.as_ref().is_some_and(|fit| fit.height_known)
+        self.single.fit.as_ref().is_some_and(|fit| fit.is_height_known)
     }
 
     /// Returns the initial camera: as placed by the operator, otherwise as estimated by stage 1. A height

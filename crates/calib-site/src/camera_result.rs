@@ -4,7 +4,7 @@ use crate::document::Site;
 use crate::english::{Names, suggestion_text};
 use crate::solution::{FailureEntry, Solution, SuggestionEntry, Warning};
 use calib_core::outcome::{Code, Failure, Finding, Suggestion};
-use calib_core::single::Sketch;
+use calib_core::single::SuggestedLine;
 
 /// Numerical result of a camera, with its findings as values.
 #[derive(Clone, Debug)]
@@ -13,7 +13,7 @@ pub(crate) struct CameraResult {
     pub(crate) solution: Solution,
     pub(crate) findings: Vec<Finding>,
     /// Suggested annotations, the most useful first.
-    pub(crate) sketches: Vec<Sketch>,
+    pub(crate) sketches: Vec<SuggestedLine>,
 }
 
 impl CameraResult {
@@ -80,10 +80,10 @@ impl Site {
     }
 }
 
-impl From<&Sketch> for SuggestionEntry {
-    fn from(sketch: &Sketch) -> Self {
+impl From<&SuggestedLine> for SuggestionEntry {
+    fn from(sketch: &SuggestedLine) -> Self {
         Self {
-            drawing: Some(sketch.suggestion.drawing),
+            drawing: Some(sketch.suggestion.annotation),
             kind: sketch.kind,
             message: suggestion_text(&sketch.suggestion),
             segments_px: sketch.segments.clone(),

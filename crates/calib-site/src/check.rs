@@ -17,7 +17,7 @@ use crate::scene::SceneEntry;
 use crate::site_error::{
     ErrorSubject, NamedAnnotation, SiteError, SiteErrorKind, kind_from_json_error, quoted,
 };
-use calib_core::single::{Annotation, Belongs, USUAL_SIZES};
+use calib_core::single::{Annotation, FieldUse, USUAL_SIZES};
 
 /// Largest length of a site file, in bytes, including `data:` images.
 pub const MAX_BYTES: usize = 1 << 30;
@@ -275,10 +275,10 @@ fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     name(&at.key("name"), annotation.name.as_ref())?;
     let row = annotation.kind.row();
     for (key, is_there, belongs) in annotation.fields() {
-        if is_there && belongs == Belongs::Never {
+        if is_there && belongs == FieldUse::Never {
             return at.key(key).expected(format!("{key:?}"), format!("only fields of {}", row.name));
         }
-        if !is_there && belongs == Belongs::Always {
+        if !is_there && belongs == FieldUse::Always {
             return at.expected(format!("{} without {key:?}", row.name), format!("{key:?}"));
         }
     }
@@ -308,7 +308,7 @@ fn check_like(at: &At, annotation: &Annotation) -> Checked {
     let names = || -> Vec<&str> {
         USUAL_SIZES.iter().filter(|usual| usual.constraint == constraint).map(|usual| usual.id).collect()
     };
-    match annotation.usual().filter(|usual| usual.constraint == constraint) {
+    match annotation.usual_size().filter(|usual| usual.constraint == constraint) {
         Some(_) => Ok(()),
         None => at.expected(quoted(like), format!("one of {}", names().join(", "))),
     }
@@ -335,7 +335,7 @@ fn check_right_angle_references(at: &At, annotations: &[Annotation]) -> Checked 
     let by_id: HashMap<&str, usize> = annotations
         .iter()
         .enumerate()
-        .filter(|(_, a)| a.may_be_tied())
+        .filter(|(_, a)| a.can_be_tied())
         .filter_map(|(i, a)| Some((a.id.as_deref()?, i)))
         .collect();
     let tie = |i: usize| annotations[i].at_right_angles_to.as_deref();

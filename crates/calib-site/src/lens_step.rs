@@ -10,7 +10,8 @@ use calib_core::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
 use calib_core::optimize::is_misfit;
 use calib_core::outcome::Finding;
 use calib_core::single::{
-    Annotation, Edge, Fitted, Kind, LensFit, LensOptions, Source, edges, outermost, straightness_rms,
+    Annotation, Edge, FittedCoefficients, Kind, LensFit, LensOptions, Source, edges, outermost,
+    straightness_rms,
 };
 
 /// Lens of a camera, with the results from its straight edges.
@@ -27,7 +28,7 @@ pub(crate) struct LensEstimate {
 }
 
 /// Returns the coefficients to fit for a distortion entry; `None` if its coefficients are entered.
-fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
+fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
     if entry.distortion().is_some() {
         return None;
     }
@@ -44,7 +45,7 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<Fitted> {
         let last = which.iter().rposition(|&is| is).unwrap_or(0);
         which[..=last].fill(true);
     }
-    Some(Fitted { model: entry.model, which })
+    Some(FittedCoefficients { model: entry.model, which })
 }
 
 /// Returns the entered principal point.
@@ -173,12 +174,12 @@ fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>,
     let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
     let options = LensOptions {
         principal_point: entry.principal_point(),
-        centre_is_held: given_centre(entry).is_some(),
+        is_centre_fixed: given_centre(entry).is_some(),
         size: entry.size(),
         circle: entry.image_circle(),
         // The coefficients of other models do not depend on the focal length, so the cache key must not
         // contain it.
-        focal: focal.filter(|_| fitted.as_ref().is_none_or(Fitted::has_own_focal)),
+        focal: focal.filter(|_| fitted.as_ref().is_none_or(FittedCoefficients::has_own_focal)),
         fitted,
         sigma: entry.sigma_px.unwrap_or(1.0),
     };
@@ -263,7 +264,7 @@ impl LensEstimate {
         /// Smallest number of edges, each uninformative alone, that may determine a lens together.
         const MIN_EDGES_TOGETHER: usize = 5;
         let Some(fit) = &self.fit else {
-            let curved = self.curved_one_way_px.map(|px| Finding::BentOneWay { px });
+            let curved = self.curved_one_way_px.map(|px| Finding::CurvedInOneDirection { px });
             return self.unused_edges().into_iter().chain(curved).collect();
         };
         let is_round = fit.lens.distortion.is_wide() || entry.image_circle().is_some();
@@ -281,8 +282,8 @@ impl LensEstimate {
         if !uninformative.is_empty() && !is_determined {
             findings.push(Finding::UninformativeEdges {
                 edges: uninformative.iter().map(|(source, _)| *source).collect(),
-                drawn: self.straightness.len(),
-                bend_px: uninformative.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max),
+                total: self.straightness.len(),
+                sagitta_px: uninformative.iter().map(|(_, sagitta)| *sagitta).fold(0.0, f64::max),
             });
         }
         if corner > MAX_CORNER_SIGMA_PX {
@@ -291,7 +292,7 @@ impl LensEstimate {
         }
         if is_misfit(fit.chi2, fit.dof) {
             let [px_without_lens, px] = fit.straightness;
-            findings.push(Finding::BentEdges { px, px_without_lens });
+            findings.push(Finding::CurvedEdges { px, px_without_lens });
         }
         findings
     }

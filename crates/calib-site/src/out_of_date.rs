@@ -13,7 +13,7 @@ use crate::solution::{Method, Solution, Stage};
 use calib_core::camera::{Camera, Lens, Pixel, WorldPoint};
 use calib_core::outcome::{Finding, Residual, ResidualOf, Subject};
 use calib_core::single::{
-    ConstraintKind, Constraints, Held, Orientation, Source, edges, residuals_at, residuals_held,
+    ConstraintKind, Constraints, Orientation, Source, StoredCamera, edges, residuals_at, residuals_of_stored,
     straightness_rms,
 };
 
@@ -52,7 +52,9 @@ impl Site {
         let of_camera = |(index, entry): (usize, &SiteCamera)| {
             let differences = self.differences(entry).into_iter().chain(self.link_differences(index, entry));
             let worst = differences.max_by(|a, b| a.size().total_cmp(&b.size()));
-            worst.map(|Difference { what, stored, now }| (index, Finding::OutOfDate { what, stored, now }))
+            worst.map(|Difference { what, stored, now }| {
+                (index, Finding::OutOfDate { subject: what, stored, now })
+            })
         };
         self.cameras.iter().enumerate().filter_map(of_camera).collect()
     }
@@ -126,17 +128,17 @@ impl Site {
         }
         let rejected: Vec<Source> =
             stored.iter().filter(|(_, residual)| residual.outlier).map(|(source, _)| *source).collect();
-        let held = |sigma: f64| Held {
+        let held = |sigma: f64| StoredCamera {
             orientation: at,
             height,
-            height_is_free: !is_refined && own_height.is_none(),
+            is_height_free: !is_refined && own_height.is_none(),
             height_prior: entry.priors().height,
             sigma,
             rejected: &rejected,
             width,
         };
         let noises = [entry.sigma_px.unwrap_or(1.0), solution.sigma_px.unwrap_or(1.0)];
-        let found = noises.map(|sigma| residuals_held(&constraints, &held(sigma)));
+        let found = noises.map(|sigma| residuals_of_stored(&constraints, &held(sigma)));
         found.into_iter().map(|found| found.into_iter().chain(straight.iter().copied()).collect()).collect()
     }
 

@@ -22,7 +22,7 @@ use calib_core::camera::{Camera, Covariance, Distortion, FloorPoint, Lens, Plane
 use calib_core::floor::{default_efov, efov_on_plane};
 use calib_core::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
 use calib_core::single::{
-    Constraints, InvalidSegment, OPEN_FOCAL, PlanePrior, heights_apart, is_inconsistent,
+    Constraints, InvalidSegment, MAX_LOG_FOCAL_SIGMA, PlanePrior, contradictory_uprights, is_inconsistent,
 };
 
 /// Result of a calibration.
@@ -249,7 +249,7 @@ impl Site {
 
 /// Whether the annotations of a camera, or its shared observations, contradict each other beyond any noise.
 fn is_inconsistent_with(first: &SingleFit, joined: Option<&CameraEstimate>) -> bool {
-    first.fit.as_ref().is_some_and(|fit| fit.inconsistent)
+    first.fit.as_ref().is_some_and(|fit| fit.is_inconsistent)
         || joined.is_some_and(|joined| is_inconsistent(joined.chi2, joined.dof))
 }
 
@@ -276,8 +276,10 @@ fn apply_joint_estimate(
     solution.rms_px = rms(&entry.annotations, &solution.residuals);
     // The focal length may be determined by other cameras, or by the straight edges of a fisheye, even if
     // stage 1 does not determine it.
-    let focal_is_determined =
-        camera.covariance.sigma(Covariance::FOCAL).is_none_or(|sigma| sigma < OPEN_FOCAL * camera.focal);
+    let focal_is_determined = camera
+        .covariance
+        .sigma(Covariance::FOCAL)
+        .is_none_or(|sigma| sigma < MAX_LOG_FOCAL_SIGMA * camera.focal);
     if (joined.is_connected || camera.lens.distortion.is_wide()) && focal_is_determined {
         findings.retain(|finding| !matches!(finding.code(), Code::FocalUnobservable | Code::PriorDominates));
     }
@@ -306,8 +308,8 @@ fn efov(
 /// and orientation together, so its own residual need not be the largest.
 fn height_findings(entry: &SiteCamera, camera: &Camera, findings: &[Finding]) -> Option<Finding> {
     let is_misfit = findings.iter().any(|finding| finding.code() == Code::Misfit);
-    let [lowest, highest] = heights_apart(camera, &entry.annotations).filter(|_| is_misfit)?;
-    Some(Finding::HeightsApart { lowest, highest })
+    let [lowest, highest] = contradictory_uprights(camera, &entry.annotations).filter(|_| is_misfit)?;
+    Some(Finding::ContradictoryUprights { lowest, highest })
 }
 
 /// Reports a distortion that cannot be inverted inside the image.

@@ -8,7 +8,9 @@ use crate::solution::{Solution, Stage};
 use calib_core::camera::{Camera, Covariance, WorldPoint};
 use calib_core::floor::{ControlPoint, from_control_points, with_placement_covariance};
 use calib_core::outcome::{Code, Finding, Residual, ResidualOf};
-use calib_core::single::{BESIDE, floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel};
+use calib_core::single::{
+    MAX_OVERLAP_DISTANCE_PX, floor_finding, grid, placed_floor_length_rel, placed_floor_shape_rel,
+};
 
 /// Relative standard deviation of a height from placement, when a polygon is dragged and scaled on a plan.
 const PLACED_HEIGHT_SIGMA_REL: f64 = 0.02;
@@ -133,9 +135,10 @@ fn without_duplicates(mut points: Vec<ControlPoint>) -> Vec<ControlPoint> {
     points.sort_by(|a, b| a.pixel.u.total_cmp(&b.pixel.u));
     let mut once: Vec<ControlPoint> = Vec::new();
     for point in points {
-        let mut near = once.iter().rev().take_while(|known| point.pixel.u - known.pixel.u <= BESIDE);
+        let mut near =
+            once.iter().rev().take_while(|known| point.pixel.u - known.pixel.u <= MAX_OVERLAP_DISTANCE_PX);
         let is_known = |known: &ControlPoint| {
-            known.pixel.distance(point.pixel) <= BESIDE
+            known.pixel.distance(point.pixel) <= MAX_OVERLAP_DISTANCE_PX
                 && known.world.distance(point.world) <= MAX_DUPLICATE_DISTANCE_M
         };
         if !near.any(is_known) {

@@ -111,7 +111,7 @@ impl Site {
         let is_other_image = 2 * count > drawn || fits_exchanged && count > 1 && 8 * count >= drawn;
         let first = outside.first().copied().unwrap_or(Subject::Efov);
         let (size, outside) = (entry.size_px, count);
-        Some(Finding::PointsOutside { outside, drawn, size, fits_exchanged, is_other_image, first })
+        Some(Finding::PointsOutside { outside, total: drawn, size, fits_exchanged, is_other_image, first })
     }
 
     /// Returns every annotated pixel of a camera, with its subject. For a camera with several periods, links
@@ -180,13 +180,15 @@ mod tests {
     fn site(size: [u32; 2], points: &[[f64; 2]]) -> Site {
         let mut camera = SiteCamera::new("door", size);
         let segments = points.chunks(2).map(|ends| ends.iter().copied().map(Pixel::from).collect()).collect();
-        camera.annotations.push(Annotation::of_segments(Kind::Vertical, segments));
+        camera.annotations.push(Annotation::from_segments(Kind::Vertical, segments));
         Site { cameras: vec![camera], ..Site::new() }
     }
 
     fn found(site: &Site) -> Option<(Code, usize, usize)> {
         let finding = site.points_outside(&site.cameras[0])?;
-        let Finding::PointsOutside { outside, drawn, .. } = finding else { unreachable!("another finding") };
+        let Finding::PointsOutside { outside, total: drawn, .. } = finding else {
+            unreachable!("another finding")
+        };
         Some((finding.code(), outside, drawn))
     }
 

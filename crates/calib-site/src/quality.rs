@@ -11,7 +11,7 @@ use calib_core::bundle::{
 use calib_core::camera::{Camera, Covariance, ObservedPixel, Pixel, PosedCamera};
 use calib_core::floor::{default_efov, efov_on_floor};
 use calib_core::outcome::{
-    Code, Failure, Finding, Residual, ResidualOf, Subject, WhyNotConnected, WhyUnused,
+    Code, DisconnectionReason, Failure, Finding, Residual, ResidualOf, Subject, UnusedReason,
 };
 
 use crate::bundle_step::BundleResult;
@@ -236,11 +236,11 @@ impl Site {
                 let unreached = views.iter().all(|view| bundle.unplaced.contains(view));
                 let by_hand = views.iter().any(|&view| self.cameras[view].placement.is_some());
                 let why = match (unreached, by_hand) {
-                    (true, _) => WhyNotConnected::TooLittle,
-                    (false, true) => WhyNotConnected::Placed,
-                    (false, false) => WhyNotConnected::Alone,
+                    (true, _) => DisconnectionReason::TooFewLandmarks,
+                    (false, true) => DisconnectionReason::PlacedByOperator,
+                    (false, false) => DisconnectionReason::NoLandmarks,
                 };
-                Finding::NotConnected { cameras: views.clone(), why }
+                Finding::NotConnected { cameras: views.clone(), reason: why }
             })
             .collect();
         // Connected, but its position is undetermined: for example, a line along the view, or two points
@@ -254,7 +254,7 @@ impl Site {
         let sliding = solutions
             .iter()
             .filter(|(_, result)| result.as_ref().ok().and_then(slides) == Some(true))
-            .map(|&(camera, _)| Finding::Sliding { camera });
+            .map(|&(camera, _)| Finding::UndeterminedPosition { camera });
         findings.extend(sliding);
         findings
     }
@@ -266,12 +266,17 @@ fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
         list.iter().map(|&landmark| bundle.landmarks[landmark].0.into()).collect()
     };
     let list = [
-        (landmarks(&bundle.unobservable), WhyUnused::OutOfSight),
-        (landmarks(&bundle.unused.landmarks), WhyUnused::SeenOnce),
-        (bundle.unused.distances.iter().copied().map(Subject::Distance).collect(), WhyUnused::Unmeasured),
-        (bundle.unsolved.iter().copied().map(Subject::Camera).collect(), WhyUnused::Unfitted),
+        (landmarks(&bundle.unobservable), UnusedReason::NotVisible),
+        (landmarks(&bundle.unused.landmarks), UnusedReason::SingleView),
+        (
+            bundle.unused.distances.iter().copied().map(Subject::Distance).collect(),
+            UnusedReason::UnknownLengthOrEnd,
+        ),
+        (bundle.unsolved.iter().copied().map(Subject::Camera).collect(), UnusedReason::NoPoses),
     ];
-    list.into_iter().filter(|(what, _)| !what.is_empty()).map(|(what, why)| Finding::Unused { what, why })
+    list.into_iter()
+        .filter(|(what, _)| !what.is_empty())
+        .map(|(what, why)| Finding::Unused { subjects: what, reason: why })
 }
 
 fn rejected_elements(

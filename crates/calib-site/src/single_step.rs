@@ -16,7 +16,7 @@ use calib_core::floor::{STAGE_1_HEIGHT, view_angle};
 use calib_core::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use calib_core::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
-    PlanePrior, Priors, Shape, Source, draw_next, findings, paper_minimum, residuals_at,
+    PlanePrior, Priors, Shape, Source, findings, paper_minimum, residuals_at, suggest_lines,
 };
 
 /// Stage 1 of the cameras whose lens others share, by their ids.
@@ -52,7 +52,7 @@ fn fixed_parameters(
         }
         Some(Err(failure)) => {
             let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
-            Err(Failure::NoLens { camera: like.to_owned(), because: Box::new(failure.clone()) })
+            Err(Failure::SharedLensFailed { camera: like.to_owned(), reason: Box::new(failure.clone()) })
         }
     }
 }
@@ -194,10 +194,10 @@ fn likelihood(
         weak_prior: prior,
         keep: &keep,
         has_neighbours,
-        is_scale_open,
+        is_scale_unknown: is_scale_open,
     };
     let fit = Fit::new(constraints, &options)?;
-    let sketches = draw_next(&fit, constraints, &options);
+    let sketches = suggest_lines(&fit, constraints, &options);
     let mut solution = Solution::from_camera(&fit.camera, Method::MaximumLikelihood, Stage::Partial);
     solution.set_uncertainty(&fit.camera, fit.floor_length_rel);
     solution.sigma_px = Some(fit.sigma);
@@ -361,8 +361,13 @@ fn unused_annotations(
         if unknown(annotation.kind) {
             return Some(Finding::UnusedKind { annotation: index, by });
         }
-        let is_short = row.shape == Shape::Segments && drawn < row.least && !(tied && drawn > 0);
-        is_short.then_some(Finding::TooFewSegments { annotation: index, by, drawn, least: row.least })
+        let is_short = row.shape == Shape::Segments && drawn < row.min_segments && !(tied && drawn > 0);
+        is_short.then_some(Finding::TooFewSegments {
+            annotation: index,
+            by,
+            count: drawn,
+            required: row.min_segments,
+        })
     })
 }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use calib_core::camera::{Coefficient, DistortionModel, FloorPoint, ImageCircle, Pixel, WorldPoint};
-use calib_core::outcome::{Code, Drawing, FailureCode, Residual};
+use calib_core::outcome::{Code, FailureCode, Residual, SuggestedAnnotation};
 use calib_core::single::Kind;
 
 /// Declares structs of the document. Unknown fields are errors, and absent optional fields are not written.
@@ -153,7 +153,7 @@ document! {
     struct SuggestionEntry {
         /// Suggested annotation and its approximate position in the image.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        drawing: Option<Drawing>,
+        drawing: Option<SuggestedAnnotation>,
         /// Kind of annotation; absent for links.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         kind: Option<Kind>,

@@ -170,7 +170,7 @@ impl Calibrations {
                 Err(TableError::Unsolved(why)) => {
                     notes.extend(refused.replace(why));
                 }
-                Err(stop) => return Err(stop),
+                Err(error) => return Err(error),
             }
         }
         if let Some(why) = refused {
@@ -230,10 +230,10 @@ impl Calibrations {
     pub(crate) fn choose(
         &mut self,
         batch: &RecordBatch,
-        place: RowName<'_>,
+        row_name: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Choice, TableError> {
-        let times = self.times(batch, place, bad)?;
+        let times = self.times(batch, row_name, bad)?;
         self.choose_at(batch, times.as_deref())
     }
 
@@ -241,10 +241,10 @@ impl Calibrations {
     pub(crate) fn times(
         &self,
         batch: &RecordBatch,
-        place: RowName<'_>,
+        row_name: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Option<Vec<Option<i64>>>, TableError> {
-        self.at.as_ref().map(|at| at.times(batch, place, bad)).transpose()
+        self.at.as_ref().map(|at| at.times(batch, row_name, bad)).transpose()
     }
 
     /// Selects the calibration of every row of a batch, given the times of the rows.
@@ -345,23 +345,23 @@ impl Calibrations {
 /// Returns the mapping between the stream and the image of a camera.
 fn stream_map(wanted: &CalibrationRequest, entry: &SiteCamera) -> Result<StreamMap, TableError> {
     wanted.stream.map(entry.size()).map_err(|why| {
-        let (id, said) = (&entry.id, wanted.wording.name("stream-size"));
+        let (id, option) = (&entry.id, wanted.wording.name("stream-size"));
         TableError::Usage(match (why, wanted.wording) {
             (StreamError::Proportion { size: [w, h], shown: [sw, sh] }, Wording::Flags) => format!(
-                "{said} {w}x{h}: camera \"{id}\" has another aspect ratio ({sw} x {sh} pixels); choose \
+                "{option} {w}x{h}: camera \"{id}\" has another aspect ratio ({sw} x {sh} pixels); choose \
                  --stream-fit stretch or --stream-fit letterbox"
             ),
-            (why, _) => format!("{said}: camera \"{id}\": {why}"),
+            (why, _) => format!("{option}: camera \"{id}\": {why}"),
         })
     })
 }
 
 /// Reads a column of ids: text, numbers, or a dictionary of either.
 fn ids(batch: &RecordBatch, name: &str, wording: Wording) -> Result<StringArray, TableError> {
-    let asked = wording.with("camera-column", name);
+    let option = wording.with("camera-column", name);
     let found = column(batch, name).ok_or_else(|| {
-        TableError::Invalid(format!("{asked}: the table has the columns \"{}\"", names(batch)))
+        TableError::Invalid(format!("{option}: the table has the columns \"{}\"", names(batch)))
     })?;
     texts(&found)
-        .map_err(|error| TableError::Invalid(format!("{asked}: expected ids as text or numbers: {error}")))
+        .map_err(|error| TableError::Invalid(format!("{option}: expected ids as text or numbers: {error}")))
 }

@@ -107,9 +107,9 @@ pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
         DataType::BinaryView => column.as_binary_view().iter().map(utf8).collect(),
         DataType::Null => StringArray::new_null(column.len()),
         DataType::RunEndEncoded(ends, _) => match ends.data_type() {
-            DataType::Int16 => texts(&expanded::<Int16Type>(column)?)?,
-            DataType::Int32 => texts(&expanded::<Int32Type>(column)?)?,
-            _ => texts(&expanded::<Int64Type>(column)?)?,
+            DataType::Int16 => texts(&expand_runs::<Int16Type>(column)?)?,
+            DataType::Int32 => texts(&expand_runs::<Int32Type>(column)?)?,
+            _ => texts(&expand_runs::<Int64Type>(column)?)?,
         },
         kind if kind.is_nested() => {
             return Err(ArrowError::CastError(format!("found values of type {kind}")));
@@ -124,7 +124,7 @@ pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
 }
 
 /// Expands run-length encoded values to one per row.
-fn expanded<E: RunEndIndexType>(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
+fn expand_runs<E: RunEndIndexType>(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     let runs = column.as_run::<E>();
     let of_row = (0..runs.len()).map(|row| runs.get_physical_index(row) as u64);
     take(runs.values(), &UInt64Array::from_iter_values(of_row), None)
@@ -161,8 +161,8 @@ mod tests {
         assert_eq!(doubles(&wide), Some(expected));
         let small: ArrayRef = Arc::new(UInt8Array::from(vec![Some(255), None]));
         assert_eq!(doubles(&small), Some(Float64Array::from(vec![Some(255.0), None])));
-        let said: ArrayRef = Arc::new(BooleanArray::from(vec![true]));
-        assert_eq!(doubles(&said), None);
+        let flags: ArrayRef = Arc::new(BooleanArray::from(vec![true]));
+        assert_eq!(doubles(&flags), None);
     }
 
     #[test]

@@ -46,19 +46,25 @@ impl BadCells {
     }
 
     /// Counts an invalid cell, or returns an error if invalid rows stop the run.
-    fn count_cell(&self, place: &str, column: &str, found: &str, expected: &str) -> Result<(), TableError> {
+    fn count_cell(
+        &self,
+        row_name: &str,
+        column: &str,
+        found: &str,
+        expected: &str,
+    ) -> Result<(), TableError> {
         if self.rows == BadRows::Status {
             self.count.fetch_add(1, Ordering::Relaxed);
             return Ok(());
         }
         Err(TableError::Invalid(format!(
-            "{place}, column {column}: found \"{found}\", expected {expected}; use {} to continue",
+            "{row_name}, column {column}: found \"{found}\", expected {expected}; use {} to continue",
             self.wording.with("bad-rows", "status")
         )))
     }
 
     /// Counts an incomplete row.
-    pub(crate) fn met_broken(&self) {
+    pub(crate) fn count_incomplete_row(&self) {
         self.incomplete.fetch_add(1, Ordering::Relaxed);
     }
 
@@ -66,12 +72,13 @@ impl BadCells {
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let whole = "are incomplete (wrong number of cells, not a JSON object, or not UTF-8)";
-        let told = [
+        let counts = [
             (&self.incomplete, format!("rows {whole}: their status is")),
             (&self.count, "cells are not numbers or times: the status of their rows is".to_owned()),
         ];
-        let met = told.into_iter().map(|(count, what)| (count.load(Ordering::Relaxed), what));
-        met.filter(|(count, _)| *count > 0)
+        let counts = counts.into_iter().map(|(count, what)| (count.load(Ordering::Relaxed), what));
+        counts
+            .filter(|(count, _)| *count > 0)
             .map(|(count, what)| format!("{count} {what} missing or no-calibration"))
             .collect()
     }
@@ -96,7 +103,7 @@ pub(crate) fn numbers<const N: usize>(
     batch: &RecordBatch,
     wanted: [&str; N],
     expected: &str,
-    place: RowName<'_>,
+    row_name: RowName<'_>,
     bad: &BadCells,
 ) -> Result<[Vec<f64>; N], TableError> {
     let mut found = [const { Vec::new() }; N];
@@ -104,12 +111,12 @@ pub(crate) fn numbers<const N: usize>(
         let Some(column) = column(batch, name) else {
             // CSV has its columns in the header line; JSON has them in each line.
             let is_csv = batch.num_rows() == 0
-                || place(0).starts_with("line") && !batch.schema().fields().iter().any(|f| is_json(f));
-            let place = if is_csv { "line 1".into() } else { place(0) };
-            let what = format!("{place}: found the columns \"{}\", expected {expected}", names(batch));
+                || row_name(0).starts_with("line") && !batch.schema().fields().iter().any(|f| is_json(f));
+            let row_name = if is_csv { "line 1".into() } else { row_name(0) };
+            let what = format!("{row_name}: found the columns \"{}\", expected {expected}", names(batch));
             return Err(TableError::Invalid(what));
         };
-        *values = doubles(&column, name, place, bad)?;
+        *values = doubles(&column, name, row_name, bad)?;
     }
     Ok(found)
 }
@@ -117,7 +124,7 @@ pub(crate) fn numbers<const N: usize>(
 fn doubles(
     column: &ArrayRef,
     name: &str,
-    place: RowName<'_>,
+    row_name: RowName<'_>,
     bad: &BadCells,
 ) -> Result<Vec<f64>, TableError> {
     let refused = || {
@@ -137,7 +144,7 @@ fn doubles(
         kind if is_text(kind) => {
             let texts = texts(column).map_err(|_| refused())?;
             let number = |text: &str| text.parse().ok();
-            let parsed = parse_cells(&texts, name, place, bad, "a number", number)?;
+            let parsed = parse_cells(&texts, name, row_name, bad, "a number", number)?;
             Ok(parsed.into_iter().map(|value| value.unwrap_or(f64::NAN)).collect())
         }
         _ => Err(refused()),
@@ -152,7 +159,7 @@ fn is_text(kind: &DataType) -> bool {
 fn parse_cells<T>(
     texts: &StringArray,
     name: &str,
-    place: RowName<'_>,
+    row_name: RowName<'_>,
     bad: &BadCells,
     expected: &str,
     value: impl Fn(&str) -> Option<T>,
@@ -162,7 +169,7 @@ fn parse_cells<T>(
         None | Some("") => Ok(None),
         Some(text) => match value(text) {
             Some(value) => Ok(Some(value)),
-            None => bad.count_cell(&place(row), name, text, expected).map(|()| None),
+            None => bad.count_cell(&row_name(row), name, text, expected).map(|()| None),
         },
     });
     parsed.collect()
@@ -249,7 +256,7 @@ impl AtColumn {
     pub(crate) fn times(
         &self,
         batch: &RecordBatch,
-        place: RowName<'_>,
+        row_name: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Vec<Option<i64>>, TableError> {
         let name = &self.name;
@@ -264,7 +271,7 @@ impl AtColumn {
             return Ok(exact.iter().collect());
         }
         match column.data_type() {
-            kind if is_text(kind) => self.times_from_text(&column, place, bad),
+            kind if is_text(kind) => self.times_from_text(&column, row_name, bad),
             kind if kind.is_numeric() => self.times_from_numbers(&column),
             other => Err(TableError::Invalid(format!(
                 "{}: found {other}, expected timestamps, numbers, or text such as 2026-05-01T08:00:00Z",
@@ -280,7 +287,7 @@ impl AtColumn {
     fn times_from_text(
         &self,
         column: &ArrayRef,
-        place: RowName<'_>,
+        row_name: RowName<'_>,
         bad: &BadCells,
     ) -> Result<Vec<Option<i64>>, TableError> {
         let texts = texts(column)?;
@@ -292,7 +299,7 @@ impl AtColumn {
             Some(_) => "a number or a time such as 2026-05-01T08:00:00Z".to_owned(),
             None => format!("a time such as 2026-05-01T08:00:00Z, or numbers with {}", self.units()),
         };
-        parse_cells(&texts, &self.name, place, bad, &expected, time)
+        parse_cells(&texts, &self.name, row_name, bad, &expected, time)
     }
 
     fn times_from_numbers(&self, column: &ArrayRef) -> Result<Vec<Option<i64>>, TableError> {

@@ -183,14 +183,14 @@ impl Mapping {
         &self,
         batch: &RecordBatch,
         calibrations: &mut Calibrations,
-        Rows { row_name: place, is_incomplete: is_broken }: Rows<'_>,
+        Rows { row_name, is_incomplete }: Rows<'_>,
     ) -> Result<RecordBatch, TableError> {
-        let mut points = self.points(batch, place)?;
-        for row in (0..batch.num_rows()).filter(|&row| is_broken(row)) {
-            self.bad.met_broken();
+        let mut points = self.points(batch, row_name)?;
+        for row in (0..batch.num_rows()).filter(|&row| is_incomplete(row)) {
+            self.bad.count_incomplete_row();
             points.a[row] = f64::NAN;
         }
-        let choice = calibrations.choose(batch, place, &self.bad)?;
+        let choice = calibrations.choose(batch, row_name, &self.bad)?;
         let mapped = points.mapped(self, calibrations, &choice);
         let schema = batch.schema();
         let mut fields: Vec<Arc<Field>> = schema.fields().iter().cloned().collect();
@@ -220,13 +220,13 @@ impl Mapping {
     }
 
     /// Reads the input points: pixels of the stream, or 3D points.
-    fn points(&self, batch: &RecordBatch, place: RowName<'_>) -> Result<Points, TableError> {
+    fn points(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<Points, TableError> {
         let schema = batch.schema();
         let has = |name: &str| schema.column_with_name(name).is_some();
         if self.to == To::Pixel {
-            let [a, b] = numbers(batch, ["x_m", "y_m"], "x_m,y_m,z_m", place, &self.bad)?;
+            let [a, b] = numbers(batch, ["x_m", "y_m"], "x_m,y_m,z_m", row_name, &self.bad)?;
             let c = if has("z_m") {
-                let [c] = numbers(batch, ["z_m"], "z_m", place, &self.bad)?;
+                let [c] = numbers(batch, ["z_m"], "z_m", row_name, &self.bad)?;
                 c
             } else {
                 vec![self.height; a.len()]
@@ -237,19 +237,19 @@ impl Mapping {
             Columns::Auto => !(has("u") && has("v")) && has("w") && has("h"),
             columns => columns == Columns::Boxes,
         };
-        let [a, b] = if boxes { self.feet(batch, place)? } else { self.pixels(batch, place)? };
+        let [a, b] = if boxes { self.feet(batch, row_name)? } else { self.pixels(batch, row_name)? };
         Ok(Points { a, b, c: Vec::new() })
     }
 
-    fn pixels(&self, batch: &RecordBatch, place: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
+    fn pixels(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
         let expected = if self.columns == Columns::Auto { "u,v or x,y,w,h" } else { "u,v" };
-        numbers(batch, ["u", "v"], expected, place, &self.bad)
+        numbers(batch, ["u", "v"], expected, row_name, &self.bad)
     }
 
     /// Computes the middles of the lower edges of boxes.
-    fn feet(&self, batch: &RecordBatch, place: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
+    fn feet(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
         let names = ["x", "y", "w", "h"];
-        let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", place, &self.bad)?;
+        let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", row_name, &self.bad)?;
         for row in 0..x.len() {
             [x[row], y[row]] = BoxForm::CornerSize.foot([x[row], y[row], w[row], h[row]]);
         }

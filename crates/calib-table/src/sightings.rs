@@ -95,7 +95,7 @@ impl SightingColumns {
         Ok(seen)
     }
 
-    fn boxes(&self, batch: &RecordBatch, place: RowName<'_>) -> Result<Boxes, TableError> {
+    fn boxes(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<Boxes, TableError> {
         let schema = batch.schema();
         let has = |name: &str| schema.column_with_name(name).is_some();
         let are_boxes = match self.columns {
@@ -104,9 +104,9 @@ impl SightingColumns {
         };
         let expected = if self.columns == Columns::Auto { "x,y,w,h or u,v" } else { "x,y,w,h" };
         Ok(if are_boxes {
-            Boxes::Whole(numbers(batch, ["x", "y", "w", "h"], expected, place, &self.bad)?)
+            Boxes::Whole(numbers(batch, ["x", "y", "w", "h"], expected, row_name, &self.bad)?)
         } else {
-            Boxes::Feet(numbers(batch, ["u", "v"], "u,v", place, &self.bad)?)
+            Boxes::Feet(numbers(batch, ["u", "v"], "u,v", row_name, &self.bad)?)
         })
     }
 

@@ -23,7 +23,7 @@ pub(crate) enum SizeChoice {
 pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation) -> Option<SizeChoice> {
     let palette = theme::palette(ui.ctx());
     let constraint = annotation.kind.row().constraint;
-    let own = annotation.usual();
+    let own = annotation.usual_size();
     let title = own.map_or("like\u{2026}".to_owned(), |usual| format!("like {}", size(units, usual)));
     let mut chosen = None;
     ui.menu_button(RichText::new(title).small().color(palette.text2), |ui| {
@@ -130,7 +130,7 @@ fn group(
     ui.horizontal(|ui| {
         icons::inline(ui, icon, theme::kind_icon(row.kind, ui.visuals().dark_mode));
         let name = annotation.name.clone().unwrap_or_else(|| {
-            if row.is_lettered { format!("{} {letter}", row.title) } else { row.title.to_owned() }
+            if row.has_letter { format!("{} {letter}", row.title) } else { row.title.to_owned() }
         });
         ui.label(RichText::new(name).font(theme::medium(12.0)));
         ui.label(RichText::new(count.to_string()).color(palette.text3));

@@ -2,7 +2,7 @@
 //! the recovery.
 
 use calib_editor::{Action, NewerAction, NewerImage, Pane};
-use calib_image::Became;
+use calib_image::CameraChange;
 use egui::{Color32, CursorIcon, Painter, Rect, RichText, Role, Sense, Slider, TextEdit, Ui, WidgetInfo};
 
 use crate::canvas::Mapping;
@@ -111,28 +111,28 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
 }
 
 /// Returns label, icon, text colour and background colour of a comparison result.
-pub(crate) fn verdict(became: Became, palette: &Palette) -> (&'static str, Icon, Color32, Color32) {
+pub(crate) fn verdict(became: CameraChange, palette: &Palette) -> (&'static str, Icon, Color32, Color32) {
     match became {
-        Became::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
-        Became::Moved => ("Moved", Icon::Warn, palette.bad, palette.bad_bg),
-        Became::Shifted => ("Image shifted", Icon::Warn, palette.bad, palette.bad_bg),
-        Became::Replaced => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
-        Became::TooDark => ("Unclear: too dark", Icon::Warn, palette.warn, palette.warn_bg),
-        Became::Blind => ("Unclear: no edges", Icon::Warn, palette.warn, palette.warn_bg),
-        Became::TooFewEdges => ("Unclear: few edges", Icon::Warn, palette.warn, palette.warn_bg),
+        CameraChange::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
+        CameraChange::Moved => ("Moved", Icon::Warn, palette.bad, palette.bad_bg),
+        CameraChange::Shifted => ("Image shifted", Icon::Warn, palette.bad, palette.bad_bg),
+        CameraChange::DifferentView => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
+        CameraChange::TooDark => ("Unclear: too dark", Icon::Warn, palette.warn, palette.warn_bg),
+        CameraChange::Blind => ("Unclear: no edges", Icon::Warn, palette.warn, palette.warn_bg),
+        CameraChange::TooFewEdges => ("Unclear: few edges", Icon::Warn, palette.warn, palette.warn_bg),
     }
 }
 
 fn judgement(ui: &mut Ui, newer: &NewerImage) {
     let palette = theme::palette(ui.ctx());
-    let (word, icon, colour, fill) = verdict(newer.comparison.became, palette);
+    let (word, icon, colour, fill) = verdict(newer.comparison.change, palette);
     egui::Frame::NONE.fill(fill).corner_radius(4).inner_margin(8).show(ui, |ui| {
         ui.set_width(ui.available_width());
         ui.horizontal_top(|ui| {
             icons::inline(ui, icon, colour);
             ui.vertical(|ui| {
                 ui.label(RichText::new(word).font(theme::medium(12.0)));
-                ui.label(RichText::new(sentence(newer.comparison.became)).color(palette.text2));
+                ui.label(RichText::new(sentence(newer.comparison.change)).color(palette.text2));
                 for number in numbers(newer) {
                     ui.label(RichText::new(number).color(palette.text));
                 }
@@ -142,7 +142,7 @@ fn judgement(ui: &mut Ui, newer: &NewerImage) {
     ui.add_space(4.0);
 }
 
-fn sentence(became: Became) -> String {
+fn sentence(became: CameraChange) -> String {
     let words = became.to_string();
     let mut letters = words.chars();
     let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
@@ -159,8 +159,9 @@ fn degrees(angle: f64, sigma: f64) -> [String; 2] {
 /// matched.
 fn numbers(newer: &NewerImage) -> Vec<String> {
     let found = &newer.comparison;
-    let again = format!("{:.0} % of {} edge points matched", 100.0 * found.found, found.places);
-    if !found.became.is_aligned() {
+    let again =
+        format!("{:.0} % of {} edge points matched", 100.0 * found.found_fraction, found.visible_samples);
+    if !found.change.is_aligned() {
         return vec![again];
     }
     let (angle, angle_sigma) = found.angle(&newer.pose);

@@ -36,12 +36,12 @@ impl<'a> Overlay<'a> {
         let clip = painter.clip_rect();
         let left = painter.with_clip_rect(clip.intersect(left_of(*split)));
         let right = painter.with_clip_rect(clip.intersect(right_of(*split)));
-        let turned = newer.comparison.turn.at(&newer.pose);
-        let is_aligned = newer.comparison.became.is_aligned();
+        let turned = newer.comparison.rotation.at(&newer.pose);
+        let is_aligned = newer.comparison.change.is_aligned();
         if is_aligned {
             self.paint_carried(&right, &turned);
         }
-        for (place, found) in &newer.comparison.seen {
+        for (place, found) in &newer.comparison.samples {
             let Some(found) = *found else { continue };
             dot(&left, self.at(*place), found);
             let now = if is_aligned { turned.pixel(*place) } else { None };

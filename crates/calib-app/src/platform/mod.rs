@@ -50,7 +50,7 @@ pub(crate) struct Recovery {
 impl Recovery {
     /// Recovers the camera.
     pub(crate) fn done(&self, [old, new]: [&RgbImage; 2]) -> Result<Recovered, String> {
-        let found = calib_image::recovered(&self.site, self.index, &self.comparison, [old, new], &self.still);
+        let found = calib_image::recover(&self.site, self.index, &self.comparison, [old, new], &self.still);
         found.map_err(|refusal| refusal.to_string())
     }
 }

@@ -3,7 +3,7 @@
 
 use calib_core::{floor_grid, on_image};
 use calib_editor::{Action, CameraStatus, Family, Fit, StatusLevel, camera_status, steps, summary};
-use calib_image::Became;
+use calib_image::CameraChange;
 use egui::{
     Align2, Color32, Key, Painter, Rect, RichText, Role, ScrollArea, Sense, Slider, Stroke, TextEdit, Ui,
     Vec2, WidgetInfo,
@@ -183,9 +183,9 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
 
 /// Returns the status of a camera; a change shown by its newest image has priority.
 fn about(app: &App, camera: usize, palette: &Palette) -> (String, Color32) {
-    let changed = app.editor.newer(camera).filter(|newer| newer.comparison.became != Became::Unchanged);
+    let changed = app.editor.newer(camera).filter(|newer| newer.comparison.change != CameraChange::Unchanged);
     if let Some(newer) = changed {
-        let (word, _, colour, _) = panel::verdict(newer.comparison.became, palette);
+        let (word, _, colour, _) = panel::verdict(newer.comparison.change, palette);
         return (format!("newest image: {}", word.to_lowercase()), colour);
     }
     let ended = app.editor.site().cameras.get(camera).and_then(|entry| entry.valid_to.as_ref());

@@ -30,7 +30,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize) {
     let name = name(entry);
     let (word, colour) = match app.editor.newer(camera) {
         Some(newer) => {
-            let (word, _, colour, _) = verdict(newer.comparison.became, palette);
+            let (word, _, colour, _) = verdict(newer.comparison.change, palette);
             (word, colour)
         }
         None => ("no newer image", palette.text3),

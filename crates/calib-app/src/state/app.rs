@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 
 use calib_core::floor::{Mount, lens_reach};
-use calib_core::outcome::Drawing;
+use calib_core::outcome::SuggestedAnnotation;
 use calib_core::{Lens, Pixel};
 use calib_editor::{
     Action, Command, Edge, Editor, Pane, Part, PendingCalibration, Period, TOOLS, edges, edit, hit, suggest,
@@ -442,7 +442,7 @@ impl App {
         let next = self.editor.session().suggestion();
         let rel = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
         let is_needed = |next: &&SuggestionEntry| {
-            rel.is_none_or(|rel| rel >= GOOD) || next.drawing == Some(Drawing::KnownSize)
+            rel.is_none_or(|rel| rel >= GOOD) || next.drawing == Some(SuggestedAnnotation::KnownSize)
         };
         next.filter(|next| self.view.layers.suggestion && is_needed(next))
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use calib_core::Camera;
 use calib_editor::{Action, NewImage, NewerAction, NewerImage, Period};
-use calib_image::{Comparison, OtherSize, Uncompared};
+use calib_image::{Comparison, ComparisonError, SizeMismatchError};
 use calib_site::{NewImage as RecoveredStill, Recovered, Site, SiteCamera};
 use egui::Context;
 
@@ -152,13 +152,13 @@ impl App {
         let none = || "it has no calibration for the time of this image".to_owned();
         let index = session.site.entry_index_at(camera, taken.as_deref()).ok_or_else(none)?;
         let pose = session.solved.pose(index).copied();
-        let pose = pose.ok_or_else(|| Uncompared::NotCalibrated.to_string())?;
+        let pose = pose.ok_or_else(|| ComparisonError::NotCalibrated.to_string())?;
         let entry = session.solved.write_into(&session.site).cameras.swap_remove(index);
         if entry.image.is_none() {
             return Err("it has no image to compare with".into());
         }
         if entry.size_px != still.size {
-            return Err(OtherSize { old: entry.size_px, new: still.size }.to_string());
+            return Err(SizeMismatchError { old: entry.size_px, new: still.size }.to_string());
         }
         Ok(OfCamera { entry, pose, still, taken })
     }

@@ -232,7 +232,7 @@ impl Sink for FileWriter<Output<'_>> {
 pub(super) fn create_stream<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _packing: OutputOptions,
+    _options: OutputOptions,
 ) -> Result<Box<dyn Sink + 'a>, CommandError> {
     Ok(Box::new(StreamWriter::try_new(output, schema)?))
 }
@@ -240,7 +240,7 @@ pub(super) fn create_stream<'a>(
 pub(super) fn create_file<'a>(
     output: Output<'a>,
     schema: &Schema,
-    _packing: OutputOptions,
+    _options: OutputOptions,
 ) -> Result<Box<dyn Sink + 'a>, CommandError> {
     Ok(Box::new(FileWriter::try_new(output, schema)?))
 }

@@ -18,8 +18,8 @@ use calib_formats::is_spreadsheet_formula;
 
 use super::arrow::to_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, OutputOptions, ReadOptions,
-    Sink, Source, TYPE_INFERENCE_ROWS,
+    BATCH_ROWS, CELL_BYTES, CONTINUE_HINT, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, OutputOptions,
+    ReadOptions, Sink, Source, TYPE_INFERENCE_ROWS,
 };
 use crate::files::print_message;
 use crate::stop::CommandError;
@@ -75,13 +75,13 @@ pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Sou
         header.iter().map(|column| Field::new(column.trim(), DataType::Utf8, true)).collect();
     let schema = Arc::new(Schema::new(fields));
     check_column_names(&name, &schema, purpose.as_text)?;
-    let (is_untold, as_text) = (purpose.to.is_typed, purpose.as_text.to_vec());
+    let (needs_types, as_text) = (purpose.to.is_typed, purpose.as_text.to_vec());
     let mut csv = Csv {
         name,
         reader,
         left,
         schema,
-        needs_types: is_untold,
+        needs_types,
         as_text,
         keeps_incomplete: purpose.keeps_incomplete,
         record: ByteRecord::new(),
@@ -89,7 +89,7 @@ pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Sou
         lines: Vec::new(),
         incomplete: Vec::new(),
     };
-    if is_untold {
+    if needs_types {
         csv.first = csv.read()?;
     }
     Ok(Box::new(csv))
@@ -185,14 +185,17 @@ impl Csv {
 
     fn read_error(&self, error: &::csv::Error) -> CommandError {
         let is_of_length = matches!(error.kind(), ::csv::ErrorKind::UnequalLengths { .. });
-        let hint = if is_of_length { format!("; {GOES_ON}") } else { String::new() };
+        let hint = if is_of_length { format!("; {CONTINUE_HINT}") } else { String::new() };
         CommandError::invalid(&self.name, format!("{error}{hint}"))
     }
 
     fn encoding_error(&self, line: u64) -> CommandError {
         let at = self.record.iter().position(|cell| std::str::from_utf8(cell).is_err());
         let column = at.and_then(|at| self.schema.fields().get(at)).map_or("", |field| field.name());
-        CommandError::invalid(&self.name, format!("line {line}, column {column}: not UTF-8 text; {GOES_ON}"))
+        CommandError::invalid(
+            &self.name,
+            format!("line {line}, column {column}: not UTF-8 text; {CONTINUE_HINT}"),
+        )
     }
 }
 
@@ -208,7 +211,7 @@ impl Source for Csv {
         }
     }
 
-    fn is_broken(&self, row: usize) -> bool {
+    fn is_incomplete(&self, row: usize) -> bool {
         self.lines.get(row).is_some_and(|line| self.incomplete.binary_search(line).is_ok())
     }
 
@@ -227,10 +230,10 @@ struct CsvSink<'a> {
 pub(super) fn create<'a>(
     output: Output<'a>,
     schema: &Schema,
-    packing: OutputOptions,
+    options: OutputOptions,
 ) -> Result<Box<dyn Sink + 'a>, CommandError> {
     let writer = Writer::from_writer(output);
-    let mut sink = CsvSink { writer, is_verbatim: packing.is_verbatim, protected: 0 };
+    let mut sink = CsvSink { writer, is_verbatim: options.is_verbatim, protected: 0 };
     for field in schema.fields() {
         sink.write_text(field.name().as_bytes())?;
     }

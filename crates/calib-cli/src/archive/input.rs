@@ -57,8 +57,8 @@ impl Source for PanicGuard {
         self.source.row_name(row)
     }
 
-    fn is_broken(&self, row: usize) -> bool {
-        self.source.is_broken(row)
+    fn is_incomplete(&self, row: usize) -> bool {
+        self.source.is_incomplete(row)
     }
 
     fn rows(&self) -> Option<u64> {

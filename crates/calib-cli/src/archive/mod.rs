@@ -50,7 +50,7 @@ pub(crate) trait Source {
     fn row_name(&self, row: usize) -> String;
 
     /// Whether a row of the last batch is incomplete; its cells may be shifted.
-    fn is_broken(&self, _row: usize) -> bool {
+    fn is_incomplete(&self, _row: usize) -> bool {
         false
     }
 
@@ -80,12 +80,12 @@ pub(crate) struct ReadOptions<'a> {
     pub(crate) to: &'static Format,
     /// Columns that stay text, even if their cells look like numbers.
     pub(crate) as_text: &'a [String],
-    /// Whether incomplete rows are read ([`Source::is_broken`]) instead of ending the run.
+    /// Whether incomplete rows are read ([`Source::is_incomplete`]) instead of ending the run.
     pub(crate) keeps_incomplete: bool,
 }
 
 /// Advice for an incomplete row.
-const GOES_ON: &str = "use --bad-rows status to continue";
+const CONTINUE_HINT: &str = "use --bad-rows status to continue";
 
 /// Writer of the output.
 pub(crate) type Output<'a> = Box<dyn Write + Send + 'a>;
@@ -181,7 +181,7 @@ impl Format {
     }
 
     /// Returns the format for a file name, ignoring the extension of a compression.
-    pub(crate) fn of_path(path: &str) -> Option<&'static Self> {
+    pub(crate) fn from_path(path: &str) -> Option<&'static Self> {
         let path = FileCompression::from_file_name(path).map_or(path, |(_, inner)| inner);
         let extension = Path::new(path).extension()?.to_string_lossy().to_lowercase();
         FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str()))

@@ -20,7 +20,7 @@ use serde_json::value::RawValue;
 
 use super::arrow::to_utc;
 use super::{
-    BATCH_ROWS, CELL_BYTES, Format, GOES_ON, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, OutputOptions,
+    BATCH_ROWS, CELL_BYTES, CONTINUE_HINT, Format, Input, MAX_COLUMNS, MAX_ROW_BYTES, Output, OutputOptions,
     ReadOptions, Sink, Source, TYPE_INFERENCE_ROWS, is_json, json_field, plain,
 };
 use crate::stop::CommandError;
@@ -51,7 +51,7 @@ struct Column {
 }
 
 pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Source>, CommandError> {
-    let ReadOptions { to, keeps_incomplete: keeps_broken, .. } = purpose;
+    let ReadOptions { to, keeps_incomplete, .. } = purpose;
     let name = input.name.clone();
     let reader = BufReader::with_capacity(1 << 16, input.into_read());
     let (text, lines, broken) = (Vec::new(), Vec::new(), Vec::new());
@@ -59,7 +59,7 @@ pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Sou
         name,
         reader,
         to,
-        keeps_incomplete: keeps_broken,
+        keeps_incomplete,
         types: None,
         text,
         line: 0,
@@ -105,8 +105,10 @@ impl NdjsonSource {
             let read = json.deserialize_map(object).and_then(|()| json.end());
             if let Err(error) = read {
                 if !self.keeps_incomplete {
-                    let what =
-                        format!("line {}: expected one JSON object per line: {error}; {GOES_ON}", self.line);
+                    let what = format!(
+                        "line {}: expected one JSON object per line: {error}; {CONTINUE_HINT}",
+                        self.line
+                    );
                     return Err(CommandError::invalid(&self.name, what));
                 }
                 self.incomplete.push(self.line);
@@ -219,7 +221,7 @@ impl Source for NdjsonSource {
         let columns = match self.fill() {
             Ok(_) if self.lines.is_empty() => return None,
             Ok(columns) => columns,
-            Err(stop) => return Some(Err(stop)),
+            Err(error) => return Some(Err(error)),
         };
         let columns: Vec<(String, ArrayRef)> = columns
             .into_iter()
@@ -235,7 +237,7 @@ impl Source for NdjsonSource {
         Some(batch.map_err(CommandError::from))
     }
 
-    fn is_broken(&self, row: usize) -> bool {
+    fn is_incomplete(&self, row: usize) -> bool {
         self.lines.get(row).is_some_and(|line| self.incomplete.binary_search(line).is_ok())
     }
 
@@ -300,7 +302,7 @@ struct NdjsonSink<'a>(Writer<Output<'a>, LineDelimited>);
 pub(super) fn create<'a>(
     output: Output<'a>,
     _schema: &Schema,
-    _packing: OutputOptions,
+    _options: OutputOptions,
 ) -> Result<Box<dyn Sink + 'a>, CommandError> {
     let builder = WriterBuilder::new().with_encoder_factory(Arc::new(UnchangedJson));
     Ok(Box::new(NdjsonSink(builder.build(output))))

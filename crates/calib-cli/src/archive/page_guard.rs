@@ -100,8 +100,8 @@ impl Chunk {
         if self.codec != Compression::UNCOMPRESSED {
             check(header()?.decompressed_size)?;
         }
-        let Some(listed) = &self.list_values else { return Ok(()) };
-        let mut pages = listed.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(list_values) = &self.list_values else { return Ok(()) };
+        let mut pages = list_values.lock().unwrap_or_else(PoisonError::into_inner);
         pages.insert(at, header()?.values);
         check_list_values(pages.values().sum())
     }
@@ -205,10 +205,10 @@ mod tests {
     #[test]
     fn page_sizes_are_parsed_from_the_header() {
         const SIZES: [u8; 10] = [0x15, 0x00, 0x15, 0xFE, 0xFF, 0xFF, 0xFF, 0x0F, 0x15, 0x02];
-        let told = Some(PageHeader { decompressed_size: 0x7FFF_FFFF, values: 5 });
-        assert_eq!(PageHeader::parse(&[&SIZES[..], &[0x2C, 0x15, 0x0A]].concat()), told);
+        let expected = Some(PageHeader { decompressed_size: 0x7FFF_FFFF, values: 5 });
+        assert_eq!(PageHeader::parse(&[&SIZES[..], &[0x2C, 0x15, 0x0A]].concat()), expected);
         let with_checksum = [&SIZES[..], &[0x15, 0xFE, 0x01, 0x4C, 0x15, 0x0A]].concat();
-        assert_eq!(PageHeader::parse(&with_checksum), told);
+        assert_eq!(PageHeader::parse(&with_checksum), expected);
         assert_eq!(PageHeader::parse(&SIZES), None);
         assert_eq!(PageHeader::parse(&[0x2C, 0x15, 0x04]), None);
         assert_eq!(PageHeader::parse(&[]), None);

@@ -153,7 +153,10 @@ impl CameraEstimate {
         let sigma = entry.fit.map_or(1.0, |fit| fit.sigma);
         let stage_1 = entry.stage_1();
         let pixels = |&(source, residual): &(Source, f64)| {
-            (source, residual * stage_1.sigma_of(source) * entry.constraints.repeats.times(source).sqrt())
+            (
+                source,
+                residual * stage_1.sigma_of(source) * entry.constraints.repeats.repeat_count(source).sqrt(),
+            )
         };
         let mut residuals: Vec<(Source, f64)> = residuals.iter().map(pixels).collect();
         residuals.extend(rejected_residuals(entry, &camera, &refined.nuisances[view], planes));

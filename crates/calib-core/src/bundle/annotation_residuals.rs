@@ -94,7 +94,7 @@ impl BundleProblem<'_> {
         let scene = this.stage_1.constraints.scene;
         let [start, lens] = [&this.camera.lens, &camera.lens];
         let constraints = Constraints::in_charts_of(start, this.annotations, lens, scene, &self.planes);
-        let residuals = stage_1_residuals(&this.stage_1.of(&constraints), state)?;
+        let residuals = stage_1_residuals(&this.stage_1.with_constraints(&constraints), state)?;
         let constraints = Constraints::in_charts_of(start, this.annotations, lens, scene, &self.planes);
         let d_lens = stage_1_by_lens(&this.stage_1, &constraints, state)?;
         (d_lens.len() == residuals.len()).then_some((residuals, d_lens))

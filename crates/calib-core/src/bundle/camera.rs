@@ -3,7 +3,7 @@
 use crate::camera::{Camera, Covariance, ImageCircle, Lens, Pixel, WorldPoint};
 use crate::single::{
     Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, LensResidual, Prior, Priors,
-    Problem, edges, lens_prior, outermost, slope_prior, times_drawn, weak_prior,
+    Problem, edges, lens_prior, outermost, repeat_counts, slope_prior, weak_prior,
 };
 
 /// Number of parameters of a camera, including its lens, in the order of [`Covariance`].
@@ -145,7 +145,7 @@ impl<'a> BundleCamera<'a> {
         let sigma = self.fit.map_or(1.0, |fit| fit.sigma);
         let rejected = self.fit.map_or(&[][..], |fit| &fit.outliers[..]);
         let weak_log_focal: Option<Prior> =
-            self.fit.filter(|fit| fit.weak_prior_used).map(|_| weak_prior(width));
+            self.fit.filter(|fit| fit.has_weak_prior).map(|_| weak_prior(width));
         let focal = self.priors.focal.filter(|_| self.fixed.focal.is_none());
         let priors = Priors { focal, weak_log_focal, ..self.priors };
         Problem { rejected, ..Problem::new(self.constraints, self.fixed, priors, sigma, width) }
@@ -247,7 +247,7 @@ impl<'a> View<'a> {
             stage_1,
             nuisance,
             shares_floor: gauge.is_some(),
-            edge_counts: times_drawn(edges.iter()),
+            edge_counts: repeat_counts(edges.iter()),
             edges,
             size: entry.size,
             circle: entry.circle,

@@ -15,7 +15,7 @@ use crate::bundle::problem::BundleProblem;
 use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
 use crate::optimize::{BlockCovariance, LevenbergMarquardt, MISFIT_SCORE, chi2_score, is_misfit};
-use crate::single::PRIOR_TELLS;
+use crate::single::MIN_LOG_FOCAL_SIGMA_FOR_PRIOR;
 
 /// Covariance between the parameters of one camera (rows) and of another (columns), in the order and units of
 /// [`Covariance`].
@@ -298,7 +298,9 @@ impl<'a> Converged<'a> {
     pub(crate) fn weak_prior_matters(&self, view: usize) -> bool {
         let Some((block, index)) = self.problem.camera_layout(view)[Covariance::FOCAL] else { return false };
         let own = self.covariance.as_ref().map(|known| known.block(&self.problem.blocks, block, block));
-        !own.is_some_and(|own| own[(index, index)] < PRIOR_TELLS * PRIOR_TELLS)
+        !own.is_some_and(|own| {
+            own[(index, index)] < MIN_LOG_FOCAL_SIGMA_FOR_PRIOR * MIN_LOG_FOCAL_SIGMA_FOR_PRIOR
+        })
     }
 
     /// Returns the outlier candidates with their chi-squares.

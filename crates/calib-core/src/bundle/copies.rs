@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 use crate::camera::Pixel;
-use crate::single::{BESIDE, lies_on};
+use crate::single::{MAX_OVERLAP_DISTANCE_PX, is_repeat_of};
 
 /// Numbers of copies of landmarks and distances.
 #[derive(Clone, Debug, Default)]
@@ -114,7 +114,7 @@ impl IdenticalGroups {
 type Cell = (usize, usize, [i64; 2]);
 
 /// Side of a cell of points, in pixels; observations closer than this are in adjacent cells.
-const POINT_CELL_PX: f64 = BESIDE;
+const POINT_CELL_PX: f64 = MAX_OVERLAP_DISTANCE_PX;
 /// Side of a cell of lines, and the sampling distance along a line, in pixels.
 const LINE_CELL_PX: f64 = 64.0;
 
@@ -196,7 +196,7 @@ fn is_copy(own: &Landmark, other: &Landmark) -> bool {
 }
 
 fn is_same_point(a: &Observation, b: &Observation) -> bool {
-    (a.view, a.point) == (b.view, b.point) && a.pixel.distance(b.pixel) <= BESIDE
+    (a.view, a.point) == (b.view, b.point) && a.pixel.distance(b.pixel) <= MAX_OVERLAP_DISTANCE_PX
 }
 
 /// Whether two measured points are at the same position within their uncertainty.
@@ -220,7 +220,7 @@ fn has_same_position(own: &Landmark, other: &Landmark) -> bool {
 fn is_on_same_edge(own: &Landmark, other: &Landmark) -> bool {
     own.views().into_iter().all(|view| {
         let there = segment(other, view);
-        segment(own, view).zip(there).is_some_and(|(here, there)| lies_on(&here, &there))
+        segment(own, view).zip(there).is_some_and(|(here, there)| is_repeat_of(&here, &there))
     })
 }
 

@@ -29,7 +29,7 @@ pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item 
     let mut estimated = vec![false; planes.len()];
     for plane in on_planes {
         if let (Some(estimated), Some(prior)) = (estimated.get_mut(plane), planes.get(plane)) {
-            *estimated = !prior.is_held();
+            *estimated = !prior.is_fixed();
         }
     }
     estimated

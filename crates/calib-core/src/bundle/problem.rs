@@ -184,7 +184,7 @@ impl<'a> BundleProblem<'a> {
             points as i64 - edge_redundancy(view.edges.iter(), &view.edge_counts)
         };
         let edges: i64 = self.views.iter().map(beyond).sum();
-        let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated()).sum::<i64>()
+        let repeated: i64 = self.views.iter().map(|view| view.stage_1.repeated_residuals()).sum::<i64>()
             + self.copies.redundant_dof(&self.landmarks, &self.distances);
         residuals as i64 - repeated - edges - self.blocks.unknowns() as i64
     }

@@ -135,7 +135,7 @@ pub(crate) fn stage_1_by_lens(
 ) -> Option<Vec<[f64; Lens::PARAMETERS]>> {
     let mut gradients = Vec::new();
     problem
-        .of(constraints)
+        .with_constraints(constraints)
         .each_residual(state, |residual: ByLens, _, _| gradients.push(residual.gradient))?;
     Some(gradients)
 }
@@ -183,7 +183,7 @@ mod tests {
         let directions = (segments.clone(), segments.clone(), segments.clone());
         let drawn = (directions, segments.clone(), segments, pixel(), pixel());
         drawn.prop_map(|((verticals, parallels, corner), lengths, known, foot, head)| {
-            let of = Annotation::of_segments;
+            let of = Annotation::from_segments;
             vec![
                 of(Kind::Vertical, verticals),
                 of(Kind::Parallel, parallels),
@@ -217,7 +217,7 @@ mod tests {
             let by = stage_1_by_lens(&problem, &Constraints::in_charts_of(&lens, &annotations, &lens, SCENE, &[]), &state);
             let values = |moved: &Lens| -> Option<Vec<f64>> {
                 let constraints = Constraints::in_charts_of(&lens, &annotations, moved, SCENE, &[]);
-                let residuals = stage_1_residuals(&problem.of(&constraints), &state)?;
+                let residuals = stage_1_residuals(&problem.with_constraints(&constraints), &state)?;
                 Some(residuals.iter().map(|residual| residual.0).collect())
             };
             let both = by.zip(values(&lens));

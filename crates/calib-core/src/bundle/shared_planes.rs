@@ -171,7 +171,7 @@ mod tests {
         let line =
             |a: [f64; 2], b: [f64; 2]| vec![Pixel::new(a[0] + jitter, a[1]), Pixel::new(b[0], b[1] + jitter)];
         let on_ramp = |annotation| Annotation { plane: Some("ramp".into()), ..annotation };
-        let of = Annotation::of_segments;
+        let of = Annotation::from_segments;
         vec![
             of(
                 Kind::Vertical,

@@ -17,7 +17,7 @@ macro_rules! codes {
             /// Every code of the list.
             pub const ALL: &'static [Self] = &[$(Self::$code),+];
 
-            /// Returns the code as it is written in files.
+            /// Returns the code in site files.
             #[must_use]
             pub const fn as_str(self) -> &'static str {
                 match self { $(Self::$code => $text),+ }

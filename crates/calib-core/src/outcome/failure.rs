@@ -30,9 +30,9 @@ pub enum Failure {
     /// The vertical lines coincide, so they have no vanishing point.
     CoincidentVerticals,
     /// No annotation on the floor separates pitch from focal length.
-    NothingOnTheFloor,
+    NoFloorAnnotations,
     /// No annotation constrains the orientation.
-    NothingDrawn,
+    NoAnnotations,
     /// No pitch and focal length have possible geometry for the lines.
     NoPitchAndFocal,
     /// No roll, pitch and focal length have possible geometry for the lines.
@@ -43,11 +43,11 @@ pub enum Failure {
         weakest: Option<Parameter>,
     },
     /// The camera that this one shares its lens with has no result.
-    NoLens {
+    SharedLensFailed {
         /// Id of that camera.
         camera: String,
         /// Reason why that camera has no result.
-        because: Box<Self>,
+        reason: Box<Self>,
     },
     /// The result is not finite, or exceeds the bounds of the site file.
     TooExtreme,
@@ -60,11 +60,11 @@ impl Failure {
         match self {
             Self::TooFewVerticals { .. }
             | Self::CoincidentVerticals
-            | Self::NothingOnTheFloor
-            | Self::NothingDrawn => FailureCode::TooFewLines,
+            | Self::NoFloorAnnotations
+            | Self::NoAnnotations => FailureCode::TooFewLines,
             Self::NoPitchAndFocal | Self::NoOrientation | Self::TooExtreme => FailureCode::NoSolution,
             Self::Underdetermined { .. } => FailureCode::Underdetermined,
-            Self::NoLens { .. } => FailureCode::MissingValue,
+            Self::SharedLensFailed { .. } => FailureCode::MissingValue,
         }
     }
 }

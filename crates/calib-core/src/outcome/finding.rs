@@ -7,7 +7,7 @@ use crate::outcome::subject::{Parameter, Source, Subject};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub enum Drawing {
+pub enum SuggestedAnnotation {
     /// A vertical line near the left edge of the image.
     VerticalOnTheLeft,
     /// A vertical line near the right edge of the image.
@@ -30,7 +30,7 @@ pub enum Drawing {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Suggestion {
     /// Annotation to draw.
-    pub drawing: Drawing,
+    pub annotation: SuggestedAnnotation,
     /// Ratio of the predicted relative error of floor lengths with the annotation to the present one.
     pub ratio: f64,
     /// Predicted relative error of floor lengths with the annotation.
@@ -57,26 +57,26 @@ pub enum Estimator {
 
 /// Reason why cameras are not connected to the rest of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WhyNotConnected {
+pub enum DisconnectionReason {
     /// They share too few landmarks with the other cameras to be placed.
-    TooLittle,
+    TooFewLandmarks,
     /// They share no landmarks, and keep the placement that the operator set.
-    Placed,
+    PlacedByOperator,
     /// They share no landmarks and have no placement.
-    Alone,
+    NoLandmarks,
 }
 
 /// Reason why shared evidence is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WhyUnused {
+pub enum UnusedReason {
     /// Its position from the other views is not visible in one of the cameras.
-    OutOfSight,
+    NotVisible,
     /// Only one camera observes it.
-    SeenOnce,
+    SingleView,
     /// A distance without a length, or with an end whose position is unknown.
-    Unmeasured,
-    /// No camera poses were found from which all shared landmarks are visible.
-    Unfitted,
+    UnknownLengthOrEnd,
+    /// No camera poses make all shared landmarks visible.
+    NoPoses,
 }
 
 /// Kind of evidence that cameras share.
@@ -157,7 +157,7 @@ pub enum Finding {
         worst: Option<(Source, f64)>,
     },
     /// The uprights give contradictory camera heights, and the residuals are too large.
-    HeightsApart {
+    ContradictoryUprights {
         /// The upright that gives the lowest camera height, and that height in metres.
         lowest: (Source, f64),
         /// The upright that gives the highest camera height, and that height in metres.
@@ -171,14 +171,14 @@ pub enum Finding {
         dof: i64,
     },
     /// Straight edges are not straight under the best-fitting lens.
-    BentEdges {
+    CurvedEdges {
         /// Root mean square distance from straight, in pixels.
         px: f64,
         /// Root mean square distance from straight without distortion, in pixels.
         px_without_lens: f64,
     },
     /// Curved lines exist in one direction only: the cause may be the lens, or a curved road.
-    BentOneWay {
+    CurvedInOneDirection {
         /// Root mean square distance from straight, in pixels.
         px: f64,
     },
@@ -187,9 +187,9 @@ pub enum Finding {
         /// The uninformative edges.
         edges: Vec<Source>,
         /// Number of all straight edges.
-        drawn: usize,
+        total: usize,
         /// Largest sagitta of these edges under a distortion of 10 px in the corner, in pixels.
-        bend_px: f64,
+        sagitta_px: f64,
     },
     /// The straight edges leave the distortion in the corners of the image uncertain.
     UncertainCorners {
@@ -225,9 +225,9 @@ pub enum Finding {
         /// The estimator.
         by: Estimator,
         /// Number of segments of the annotation.
-        drawn: usize,
+        count: usize,
         /// Number of segments that the kind needs.
-        least: usize,
+        required: usize,
     },
     /// A prior is not used: the paper's method has no priors.
     UnusedPrior {
@@ -268,7 +268,7 @@ pub enum Finding {
     FewResiduals {
         /// Degrees of freedom: residuals minus unknowns.
         dof: i64,
-        /// Factor by which the standard deviations are widened.
+        /// Widening factor of the standard deviations.
         factor: f64,
     },
     /// The uncertainty of the camera is unknown.
@@ -276,7 +276,7 @@ pub enum Finding {
     /// The annotations have changed since the camera was solved.
     OutOfDate {
         /// The annotation, control point, link or mark whose residual differs most.
-        what: Subject,
+        subject: Subject,
         /// Residual in the stored solution, in pixels; `None` if the solution does not contain it.
         stored: Option<f64>,
         /// Residual now, in pixels; `None` if it was removed or has no prediction.
@@ -287,12 +287,12 @@ pub enum Finding {
         /// Number of points outside.
         outside: usize,
         /// Number of all annotated points.
-        drawn: usize,
+        total: usize,
         /// Width and height of the image, in pixels.
         size: [u32; 2],
         /// Whether all points would be inside if u and v, or width and height, were exchanged.
         fits_exchanged: bool,
-        /// Whether so many points are outside that the annotations belong to another image.
+        /// Whether the annotations belong to another image, because too many points are outside.
         is_other_image: bool,
         /// Annotation or observation of the first such point.
         first: Subject,
@@ -356,10 +356,10 @@ pub enum Finding {
         /// Indices of the cameras.
         cameras: Vec<usize>,
         /// Reason why they are not connected.
-        why: WhyNotConnected,
+        reason: DisconnectionReason,
     },
     /// The links of a camera do not determine its position.
-    Sliding {
+    UndeterminedPosition {
         /// Index of the camera.
         camera: usize,
     },
@@ -380,9 +380,9 @@ pub enum Finding {
     /// The bundle adjustment does not use some shared evidence.
     Unused {
         /// The links, marks, distances or cameras.
-        what: Vec<Subject>,
+        subjects: Vec<Subject>,
         /// Reason why they are not used.
-        why: WhyUnused,
+        reason: UnusedReason,
     },
     /// Shared evidence is not used because every camera is solved separately.
     UnusedEvidence {
@@ -417,13 +417,13 @@ impl Finding {
             | Self::DistanceOutlier { .. } => Code::Outlier,
             Self::Misfit { .. }
             | Self::JointMisfit { .. }
-            | Self::HeightsApart { .. }
-            | Self::BentEdges { .. }
+            | Self::ContradictoryUprights { .. }
+            | Self::CurvedEdges { .. }
             | Self::HiddenControlPoints { .. }
             | Self::FarControlPoints { .. } => Code::Misfit,
-            Self::UninformativeEdges { .. } | Self::UncertainCorners { .. } | Self::BentOneWay { .. } => {
-                Code::UninformativePolyline
-            }
+            Self::UninformativeEdges { .. }
+            | Self::UncertainCorners { .. }
+            | Self::CurvedInOneDirection { .. } => Code::UninformativePolyline,
             Self::UnusedEdges { .. }
             | Self::UnusedKind { .. }
             | Self::TooFewSegments { .. }
@@ -439,7 +439,7 @@ impl Finding {
             Self::ScaleConflict { .. } => Code::ScaleConflict,
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
-            Self::NotConnected { .. } | Self::Sliding { .. } => Code::NotConnected,
+            Self::NotConnected { .. } | Self::UndeterminedPosition { .. } => Code::NotConnected,
             Self::ScaleUnknown { .. } => Code::ScaleUnknown,
         }
     }
@@ -481,14 +481,14 @@ impl Finding {
             Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
             Self::LineOutlier { line, .. }
             | Self::Misfit { worst: Some((line, _)), .. }
-            | Self::HeightsApart { lowest: (line, _), .. }
+            | Self::ContradictoryUprights { lowest: (line, _), .. }
             | Self::OutsideLens { line }
             | Self::NoLength { line } => Subject::Line(*line),
             Self::UninformativeEdges { edges, .. } => {
                 edges.first().map_or(Subject::Lens, |line| Subject::Line(*line))
             }
-            Self::BentEdges { .. }
-            | Self::BentOneWay { .. }
+            Self::CurvedEdges { .. }
+            | Self::CurvedInOneDirection { .. }
             | Self::UncertainCorners { .. }
             | Self::DistortionNotInvertible => Subject::Lens,
             Self::UnusedEdges { first: annotation, .. }
@@ -507,15 +507,15 @@ impl Finding {
                 Subject::ControlPoint { camera: *camera, point: *point }
             }
             Self::ElementOutlier { element, .. } => *element,
-            Self::OutOfDate { what, .. } | Self::PointsOutside { first: what, .. } => *what,
+            Self::OutOfDate { subject: what, .. } | Self::PointsOutside { first: what, .. } => *what,
             Self::DistanceOutlier { distance } => Subject::Distance(*distance),
             Self::NotConnected { cameras, .. } => {
                 cameras.first().map_or(Subject::Site, |&camera| Subject::Camera(camera))
             }
-            Self::Sliding { camera }
+            Self::UndeterminedPosition { camera }
             | Self::ScaleUnknown { root: camera, .. }
             | Self::TooManyCameras { first: camera, .. } => Subject::Camera(*camera),
-            Self::Unused { what, .. } => what.first().copied().unwrap_or(Subject::Site),
+            Self::Unused { subjects: what, .. } => what.first().copied().unwrap_or(Subject::Site),
             Self::JointMisfit { .. } | Self::UnusedEvidence { .. } => Subject::Site,
         }
     }

@@ -17,6 +17,7 @@ mod failure;
 pub use code::{Code, Severity};
 pub use failure::{Failure, FailureCode};
 pub use finding::{
-    Drawing, Estimator, Finding, OtherMinimum, SharedEvidence, Suggestion, WhyNotConnected, WhyUnused,
+    DisconnectionReason, Estimator, Finding, OtherMinimum, SharedEvidence, SuggestedAnnotation, Suggestion,
+    UnusedReason,
 };
 pub use subject::{Parameter, Residual, ResidualOf, Source, Subject};

@@ -12,14 +12,16 @@
 use crate::camera::Chart;
 use crate::optimize::nelder_mead;
 use crate::outcome::Failure;
-use crate::single::constraints::{Constraints, Direction, Line};
+use crate::single::constraints::{Constraints, Direction, LineConstraint};
 use crate::single::parameters::FixedParameters;
 use crate::single::parameters::Orientation;
 use crate::single::vanishing_point::{roll_from_verticals, unrolled, vanishing_point};
 
 /// Grid of start values: pitches in degrees, and horizontal fields of view in degrees.
-const PITCHES: [f64; 14] = [3.0, 8.0, 13.0, 18.0, 24.0, 30.0, 36.0, 42.0, 48.0, 54.0, 60.0, 67.0, 74.0, 82.0];
-const FIELDS: [f64; 12] = [24.0, 32.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 90.0, 100.0, 110.0, 120.0];
+const START_PITCHES_DEG: [f64; 14] =
+    [3.0, 8.0, 13.0, 18.0, 24.0, 30.0, 36.0, 42.0, 48.0, 54.0, 60.0, 67.0, 74.0, 82.0];
+const START_FIELDS_OF_VIEW_DEG: [f64; 12] =
+    [24.0, 32.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 90.0, 100.0, 110.0, 120.0];
 
 /// Returns roll, pitch and focal length at the minimum of the paper's C, and the value of C.
 ///
@@ -34,7 +36,7 @@ pub fn minimum(
 ) -> Result<(Orientation, f64), Failure> {
     let roll = match fixed.roll {
         Some(roll) => roll,
-        None => roll_of(constraints)?,
+        None => roll_from_constraints(constraints)?,
     };
     if let (Some(pitch), Some(focal)) = (fixed.pitch, fixed.focal) {
         let orientation = Orientation { roll, pitch, focal };
@@ -78,12 +80,12 @@ pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
 }
 
 /// Returns an end as an undistorted pixel, if a pinhole camera can show it.
-fn ahead(chart: Option<&Chart>, point: [f64; 2]) -> Option<[f64; 2]> {
+fn pinhole_point(chart: Option<&Chart>, point: [f64; 2]) -> Option<[f64; 2]> {
     chart.map_or(Some(point), |chart| chart.ahead(point))
 }
 
 /// Returns the spread of the image directions of lines, times their mean length.
-fn spread<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
+fn spread<'a>(lines: impl Iterator<Item = &'a LineConstraint>) -> f64 {
     let (mut cos, mut sin, mut total, mut count) = (0.0, 0.0, 0.0, 0.0);
     for line in lines {
         let [a, b] = line.ends.map(|end| end.point);
@@ -97,7 +99,7 @@ fn spread<'a>(lines: impl Iterator<Item = &'a Line>) -> f64 {
     (total - cos.hypot(sin)) / count
 }
 
-fn roll_of(constraints: &Constraints) -> Result<f64, Failure> {
+fn roll_from_constraints(constraints: &Constraints) -> Result<f64, Failure> {
     let verticals = constraints.lines.iter().filter(|line| line.direction == Direction::Vertical);
     let count = verticals.clone().count();
     let why = if count < 2 { Failure::TooFewVerticals { count } } else { Failure::CoincidentVerticals };
@@ -106,14 +108,17 @@ fn roll_of(constraints: &Constraints) -> Result<f64, Failure> {
 
 /// Returns the lowest local minima of C on a grid, as (pitch, log focal length).
 fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64; 2]> {
-    const MOST: usize = 3;
+    const MAX_STARTS: usize = 3;
     let pitches: Vec<f64> = match fixed.pitch {
         Some(pitch) => vec![pitch],
-        None => PITCHES.iter().map(|degrees| degrees.to_radians()).collect(),
+        None => START_PITCHES_DEG.iter().map(|degrees| degrees.to_radians()).collect(),
     };
     let focals: Vec<f64> = match fixed.focal {
         Some(focal) => vec![focal],
-        None => FIELDS.iter().map(|degrees| 0.5 * width / (0.5 * degrees.to_radians()).tan()).collect(),
+        None => START_FIELDS_OF_VIEW_DEG
+            .iter()
+            .map(|degrees| 0.5 * width / (0.5 * degrees.to_radians()).tan())
+            .collect(),
     };
     let cost: Vec<Vec<f64>> = pitches
         .iter()
@@ -132,7 +137,7 @@ fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64
         }
     }
     lowest.sort_by(|a, b| a.0.total_cmp(&b.0));
-    lowest.into_iter().take(MOST).map(|(_, start)| start).collect()
+    lowest.into_iter().take(MAX_STARTS).map(|(_, start)| start).collect()
 }
 
 /// The paper's C for one camera, with all lines rotated into unrolled axes.
@@ -155,7 +160,7 @@ impl Criterion {
     fn new(constraints: &Constraints, roll: f64) -> Self {
         let (sin, cos) = roll.sin_cos();
         let unroll = |[x, y]: [f64; 2]| [x * cos - y * sin, x * sin + y * cos];
-        let line = |line: &Line| unrolled(line, [sin, cos]);
+        let line = |line: &LineConstraint| unrolled(line, [sin, cos]);
         let mut criterion = Self {
             verticals: Vec::new(),
             floor: Vec::new(),
@@ -171,7 +176,8 @@ impl Criterion {
         }
         for length in &constraints.lengths {
             // The criterion cannot use points beside the camera.
-            if let [Some(a), Some(b)] = length.ends.map(|end| ahead(length.chart.as_ref(), end.point)) {
+            if let [Some(a), Some(b)] = length.ends.map(|end| pinhole_point(length.chart.as_ref(), end.point))
+            {
                 criterion.lengths[length.group].push([unroll(a), unroll(b)]);
             }
         }
@@ -183,7 +189,7 @@ impl Criterion {
         let pairs = self.pairs().count();
         let lengths = self.lengths.iter().filter(|group| group.len() > 1).count();
         let by_verticals = !self.verticals.is_empty() && (fixed.focal.is_some() || fixed.pitch.is_some());
-        if pairs + lengths > 0 || by_verticals { Ok(()) } else { Err(Failure::NothingOnTheFloor) }
+        if pairs + lengths > 0 || by_verticals { Ok(()) } else { Err(Failure::NoFloorAnnotations) }
     }
 
     /// Returns the pairs of floor lines that must be parallel (`false`) or at right angles (`true`), by

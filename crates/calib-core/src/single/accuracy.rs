@@ -22,8 +22,8 @@ pub struct Grid(Vec<[f64; 3]>);
 impl Grid {
     /// Creates the grid between the corners of the drawn polygon; with more than four, between those farthest
     /// along the diagonals.
-    pub(crate) fn of_polygon(camera: &Camera, corners: &[Pixel]) -> Self {
-        let [a, b, c, d] = four(corners);
+    pub(crate) fn from_polygon(camera: &Camera, corners: &[Pixel]) -> Self {
+        let [a, b, c, d] = four_corners(corners);
         let points = (0..SIDE * SIDE).filter_map(|k| {
             let (s, t) = ((k % SIDE) as f64 / (SIDE - 1) as f64, (k / SIDE) as f64 / (SIDE - 1) as f64);
             let mix = |value: fn(&Pixel) -> f64| {
@@ -37,16 +37,16 @@ impl Grid {
 
     /// Creates the grid between the corners of a floor polygon, for example the default EFOV, as seen by the
     /// camera.
-    pub(crate) fn of_floor(camera: &Camera, polygon: &[FloorPoint]) -> Self {
+    pub(crate) fn from_floor(camera: &Camera, polygon: &[FloorPoint]) -> Self {
         let pixels: Vec<Pixel> =
             polygon.iter().filter_map(|p| camera.world_to_pixel(p.at_height(0.0))).collect();
-        if pixels.len() < 3 { Self(Vec::new()) } else { Self::of_polygon(camera, &pixels) }
+        if pixels.len() < 3 { Self(Vec::new()) } else { Self::from_polygon(camera, &pixels) }
     }
 }
 
 /// Returns the corners of a quadrilateral in order, or the corners of a polygon that are farthest along the
 /// diagonals.
-fn four(corners: &[Pixel]) -> [Pixel; 4] {
+fn four_corners(corners: &[Pixel]) -> [Pixel; 4] {
     if let [a, b, c, d] = *corners {
         return [a, b, c, d];
     }
@@ -229,7 +229,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_floor_jacobian_is_that_of_differences(camera in any_camera(), x in -900.0..900.0_f64, y in -100.0..500.0_f64) {
+        fn floor_jacobian_matches_finite_differences(camera in any_camera(), x in -900.0..900.0_f64, y in -100.0..500.0_f64) {
             const STEP: f64 = 1e-6;
             let parameters = [camera.roll, camera.pitch, camera.focal.ln(), 0.0];
             let Some(here) = FloorJacobian::new(&parameters, [x, y, 1.0]) else { return Ok(()) };
@@ -257,14 +257,14 @@ mod tests {
         }
 
         #[test]
-        fn a_relative_error_of_the_height_alone_is_the_error_of_every_length(camera in any_camera()) {
+        fn relative_height_error_equals_the_error_of_every_length(camera in any_camera()) {
             let parameters = [camera.roll, camera.pitch.max(0.4), camera.focal.ln(), 0.0];
             let grid = Grid((0..25).map(|k| [f64::from(k % 5) * 300.0 - 600.0, f64::from(k / 5) * 90.0 + 20.0, 1.0]).collect());
             let mut covariance = Matrix4::zeros();
             covariance[(3, 3)] = 0.02_f64.powi(2);
             if let Some(known) = floor_length_rel(&parameters, &grid, &covariance, true) {
                 prop_assert!((known - 0.02).abs() < 1e-12);
-                prop_assert!(floor_length_rel(&parameters, &grid, &covariance, false).is_some_and(|rel| rel < 1e-9), "a common scale is no error");
+                prop_assert!(floor_length_rel(&parameters, &grid, &covariance, false).is_some_and(|rel| rel < 1e-9), "the common scale is not an error");
             }
         }
     }

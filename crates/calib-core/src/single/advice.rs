@@ -14,24 +14,26 @@ use nalgebra::{DMatrix, Matrix2, Matrix4};
 
 use crate::camera::{Camera, Covariance, FloorPoint, Pixel};
 use crate::optimize::Uncertainty;
-use crate::outcome::{Drawing, Finding, OtherMinimum, Suggestion};
+use crate::outcome::{Finding, OtherMinimum, SuggestedAnnotation, Suggestion};
 use crate::single::accuracy::floor_length_rel;
 use crate::single::annotation::{ConstraintKind, Kind, Known};
-use crate::single::constraints::{Constraints, Direction, Endpoint, Length, Line, Source};
+use crate::single::constraints::{
+    Constraints, Direction, Endpoint, LengthConstraint, LineConstraint, Source,
+};
 use crate::single::fit::{Fit, FitOptions, LocalMinimum, grid};
 use crate::single::likelihood::{Problem, State};
-use crate::single::minima::OPEN_FOCAL;
+use crate::single::minima::MAX_LOG_FOCAL_SIGMA;
 use crate::single::nuisances::Nuisances;
 use crate::single::outliers::student_factor;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// Assumed image positions of shared points, as fractions of width and height from the image centre.
-const PLACES: [[f64; 2]; 4] = [[-0.25, 0.1], [0.25, 0.1], [-0.2, 0.35], [0.2, 0.35]];
+const SHARED_POINT_OFFSETS: [[f64; 2]; 4] = [[-0.25, 0.1], [0.25, 0.1], [-0.2, 0.35], [0.2, 0.35]];
 /// Number of parameters of one camera: roll, pitch and log focal length. The total includes both cameras and
 /// the similarity between their floors.
-const OWN: usize = 3;
-const ALL: usize = 2 * OWN + 4;
+const CAMERA_PARAMETERS: usize = 3;
+const TOTAL_PARAMETERS: usize = 2 * CAMERA_PARAMETERS + 4;
 
 /// Returns the information about roll, pitch, log focal length and log height that four shared points add to
 /// `information`.
@@ -45,7 +47,7 @@ pub(crate) fn shared_points(
 ) -> Option<Matrix4<f64>> {
     let [w, h] = size;
     let pixel = |[x, y]: [f64; 2]| Pixel::new((0.5 + x) * w, (0.5 + y) * h);
-    let pixels = PLACES.map(pixel);
+    let pixels = SHARED_POINT_OFFSETS.map(pixel);
     let points: Vec<FloorPoint> =
         pixels.iter().map(|&pixel| camera.pixel_to_floor(pixel, 0.0)).collect::<Option<_>>()?;
     let count = points.len() as f64;
@@ -53,9 +55,11 @@ pub(crate) fn shared_points(
         x: points.iter().map(|at| at.x).sum::<f64>() / count,
         y: points.iter().map(|at| at.y).sum::<f64>() / count,
     };
-    let known = of_angles(information);
-    let mut normal = DMatrix::<f64>::zeros(ALL, ALL);
-    normal.view_mut((OWN, OWN), (OWN, OWN)).copy_from(&known);
+    let known = orientation_information(information);
+    let mut normal = DMatrix::<f64>::zeros(TOTAL_PARAMETERS, TOTAL_PARAMETERS);
+    normal
+        .view_mut((CAMERA_PARAMETERS, CAMERA_PARAMETERS), (CAMERA_PARAMETERS, CAMERA_PARAMETERS))
+        .copy_from(&known);
     for (&pixel, point) in pixels.iter().zip(&points) {
         let (own, noise) = jacobian(camera, pixel, sigma)?;
         let (x, y) = (point.x - middle.x, point.y - middle.y);
@@ -63,10 +67,10 @@ pub(crate) fn shared_points(
         let turned = FloorPoint { x: middle.x + y, y: middle.y - x };
         let (other, noise_of_other) = jacobian(camera, camera.world_to_pixel(turned.at_height(0.0))?, sigma)?;
         let back = Matrix2::new(0.0, -1.0, 1.0, 0.0);
-        let mut row = DMatrix::<f64>::zeros(2, ALL);
-        row.view_mut((0, 0), (2, OWN)).copy_from(&own);
-        row.view_mut((0, OWN), (2, OWN)).copy_from(&(-(back * other)));
-        row.view_mut((0, 2 * OWN), (2, 4)).copy_from(&DMatrix::from_row_slice(
+        let mut row = DMatrix::<f64>::zeros(2, TOTAL_PARAMETERS);
+        row.view_mut((0, 0), (2, CAMERA_PARAMETERS)).copy_from(&own);
+        row.view_mut((0, CAMERA_PARAMETERS), (2, CAMERA_PARAMETERS)).copy_from(&(-(back * other)));
+        row.view_mut((0, 2 * CAMERA_PARAMETERS), (2, 4)).copy_from(&DMatrix::from_row_slice(
             2,
             4,
             &[1.0, 0.0, -y, x, 0.0, 1.0, x, y],
@@ -74,11 +78,11 @@ pub(crate) fn shared_points(
         let weight = (noise + back * noise_of_other * back.transpose()).try_inverse()?;
         normal += row.transpose() * weight * row;
     }
-    let rest = ALL - OWN;
+    let rest = TOTAL_PARAMETERS - CAMERA_PARAMETERS;
     let (own, cross, others) = (
-        normal.view((0, 0), (OWN, OWN)),
-        normal.view((0, OWN), (OWN, rest)),
-        normal.view((OWN, OWN), (rest, rest)),
+        normal.view((0, 0), (CAMERA_PARAMETERS, CAMERA_PARAMETERS)),
+        normal.view((0, CAMERA_PARAMETERS), (CAMERA_PARAMETERS, rest)),
+        normal.view((CAMERA_PARAMETERS, CAMERA_PARAMETERS), (rest, rest)),
     );
     let added = own - cross * others.clone_owned().try_inverse()? * cross.transpose();
     let places = [ROLL, PITCH, LOG_FOCAL];
@@ -92,9 +96,9 @@ pub(crate) fn shared_points(
 }
 
 /// Returns the information about roll, pitch and log focal length, with the height eliminated.
-fn of_angles(information: &Matrix4<f64>) -> DMatrix<f64> {
+fn orientation_information(information: &Matrix4<f64>) -> DMatrix<f64> {
     let height = information[(3, 3)];
-    DMatrix::from_fn(OWN, OWN, |i, j| {
+    DMatrix::from_fn(CAMERA_PARAMETERS, CAMERA_PARAMETERS, |i, j| {
         let through = if height > 0.0 { information[(i, 3)] * information[(3, j)] / height } else { 0.0 };
         // Regularisation of undetermined parameters, so that they can be eliminated.
         information[(i, j)] - through + if i == j { 1e-6 } else { 0.0 }
@@ -107,26 +111,26 @@ fn jacobian(camera: &Camera, pixel: Pixel, sigma: f64) -> Option<(DMatrix<f64>, 
     let columns =
         [by[Covariance::ROLL], by[Covariance::PITCH], by[Covariance::FOCAL].map(|by| by * camera.focal)];
     let [[xx, xy], [_, yy]] = camera.floor_covariance(pixel, sigma)?.pixel;
-    Some((DMatrix::from_fn(2, OWN, |i, k| columns[k][i]), Matrix2::new(xx, xy, xy, yy)))
+    Some((DMatrix::from_fn(2, CAMERA_PARAMETERS, |i, k| columns[k][i]), Matrix2::new(xx, xy, xy, yy)))
 }
 
 /// Relative errors of floor lengths above which a result is weak, and above which it is unusable.
-const WEAK: f64 = 0.03;
-const UNUSABLE: f64 = 0.10;
+const MAX_GOOD_FLOOR_ERROR: f64 = 0.03;
+const MAX_USABLE_FLOOR_ERROR: f64 = 0.10;
 
 /// Relative standard deviation of an unknown scale: cameras are usually 2 to 5 m high.
-const GUESSED_SCALE: f64 = 0.5;
+const GUESSED_SCALE_SIGMA_REL: f64 = 0.5;
 
 /// Length of a suggested measurement in camera heights, and its relative standard deviation.
-const MEASURED: f64 = 0.5;
-const MEASURED_REL: f64 = 0.01;
+const MEASURED_LENGTH: f64 = 0.5;
+const MEASURED_SIGMA_REL: f64 = 0.01;
 
 /// Minimum pitch of a camera that looks down, in radians.
-const LOOKS_DOWN: f64 = 1.2;
+const MIN_LOOKS_DOWN_PITCH_RAD: f64 = 1.2;
 
 /// Suggested annotation with an example on the image.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sketch {
+pub struct SuggestedLine {
     /// Kind of annotation, and the error of floor lengths with it.
     pub suggestion: Suggestion,
     /// Kind of the annotation to create; `None` for links.
@@ -139,19 +143,19 @@ pub struct Sketch {
 #[must_use]
 pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     let mut findings = Vec::new();
-    if let Some(sigma) = fit.log_focal_sigma.filter(|&sigma| sigma > OPEN_FOCAL) {
+    if let Some(sigma) = fit.log_focal_sigma.filter(|&sigma| sigma > MAX_LOG_FOCAL_SIGMA) {
         findings.push(Finding::FocalUnobservable {
             sigma,
-            looks_down: fit.camera.pitch > LOOKS_DOWN,
-            good_floor: fit.floor_length_rel.filter(|&rel| rel <= WEAK),
+            looks_down: fit.camera.pitch > MIN_LOOKS_DOWN_PITCH_RAD,
+            good_floor: fit.floor_length_rel.filter(|&rel| rel <= MAX_GOOD_FLOOR_ERROR),
             next,
         });
-        let narrowed = fit.log_focal_sigma_of_answer();
-        if fit.weak_prior_used && narrowed < 0.5 * sigma {
+        let narrowed = fit.log_focal_sigma_with_prior();
+        if fit.has_weak_prior && narrowed < 0.5 * sigma {
             findings.push(Finding::PriorDominates { focal: fit.camera.focal, sigma: narrowed });
         }
     }
-    if fit.two_solutions {
+    if fit.has_two_solutions {
         let rival = |other: &LocalMinimum| OtherMinimum {
             focal: other.orientation.focal,
             pitch: other.orientation.pitch,
@@ -159,7 +163,7 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
         findings.push(Finding::TwoSolutions { others: fit.alternatives.iter().map(rival).collect(), next });
     }
     match fit.floor_length_rel {
-        _ if fit.inconsistent => findings.push(Finding::UncertaintyUnknown),
+        _ if fit.is_inconsistent => findings.push(Finding::UncertaintyUnknown),
         None => findings.push(Finding::NoFloor),
         Some(rel) => findings.extend(floor_finding(rel, fit.floor_shape_rel, next)),
     }
@@ -167,9 +171,9 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
     findings.extend(few_residuals(fit));
     findings.extend(fit.outliers.iter().map(|&source| Finding::LineOutlier {
         line: source,
-        px: pixels_off(fit, source).filter(|px| px.is_finite()),
+        px: residual_px(fit, source).filter(|px| px.is_finite()),
     }));
-    if fit.misfit {
+    if fit.is_misfit {
         findings.push(misfit(fit));
     }
     findings
@@ -182,13 +186,17 @@ pub fn floor_finding(
     shape_rel: Option<f64>,
     next: Option<Suggestion>,
 ) -> Option<Finding> {
-    let has_good_shape = |shape: &f64| *shape <= WEAK && *shape < 0.5 * floor_length_rel;
+    let has_good_shape = |shape: &f64| *shape <= MAX_GOOD_FLOOR_ERROR && *shape < 0.5 * floor_length_rel;
     let scale_rel = shape_rel.filter(has_good_shape).map(|shape| floor_length_rel.powi(2) - shape.powi(2));
     let scale_rel = scale_rel.map(f64::sqrt);
-    if floor_length_rel > UNUSABLE {
+    if floor_length_rel > MAX_USABLE_FLOOR_ERROR {
         Some(Finding::Unusable { floor_length_rel, scale_rel, next })
     } else {
-        (floor_length_rel > WEAK).then_some(Finding::Weak { floor_length_rel, scale_rel, next })
+        (floor_length_rel > MAX_GOOD_FLOOR_ERROR).then_some(Finding::Weak {
+            floor_length_rel,
+            scale_rel,
+            next,
+        })
     }
 }
 
@@ -197,26 +205,26 @@ pub fn floor_finding(
 /// Wrong lines agree by chance with one redundant residual about once in a hundred cases, with two once in
 /// ten thousand. Every rejected line was chosen to make the rest agree, so it costs one degree of freedom.
 fn unchecked(fit: &Fit, next: Option<Suggestion>) -> Option<Finding> {
-    const LEAST: i64 = 2;
+    const MIN_DOF: i64 = 2;
     let (dof, rejected) = (fit.dof, fit.outliers.len());
-    (dof - (rejected as i64) < LEAST).then_some(Finding::Unchecked { dof, rejected, next })
+    (dof - (rejected as i64) < MIN_DOF).then_some(Finding::Unchecked { dof, rejected, next })
 }
 
 /// Returns a finding if few residuals widen the standard deviations noticeably.
 fn few_residuals(fit: &Fit) -> Option<Finding> {
-    const WORTH_SAYING: f64 = 1.2;
-    let dof = fit.noise_dof.filter(|_| !fit.inconsistent)?;
+    const MIN_REPORTED_FACTOR: f64 = 1.2;
+    let dof = fit.noise_dof.filter(|_| !fit.is_inconsistent)?;
     let factor = student_factor(dof);
-    (factor > WORTH_SAYING).then_some(Finding::FewResiduals { dof, factor })
+    (factor > MIN_REPORTED_FACTOR).then_some(Finding::FewResiduals { dof, factor })
 }
 
-fn pixels_off(fit: &Fit, source: Source) -> Option<f64> {
+fn residual_px(fit: &Fit, source: Source) -> Option<f64> {
     fit.residuals.iter().find(|(s, _)| *s == source).map(|(_, pixels)| pixels.abs())
 }
 
 fn misfit(fit: &Fit) -> Finding {
     let worst = fit.residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    let worst = worst.map(|&(source, _)| (source, pixels_off(fit, source).unwrap_or(f64::NAN)));
+    let worst = worst.map(|&(source, _)| (source, residual_px(fit, source).unwrap_or(f64::NAN)));
     Finding::Misfit { chi2: fit.chi2, dof: fit.dof, worst }
 }
 
@@ -224,8 +232,8 @@ fn misfit(fit: &Fit) -> Finding {
 ///
 /// They include links to other cameras if `options` allow them.
 #[must_use]
-pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Vec<Sketch> {
-    /// Largest ratio of the error with the annotation to the present error at which it is suggested.
+pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Vec<SuggestedLine> {
+    /// Maximum ratio of the error with the annotation to the present error.
     const MAX_RATIO: f64 = 0.8;
     let inliers: Constraints = without(constraints, &fit.outliers);
     let grid = grid(&fit.camera, options.efov, options.size);
@@ -241,8 +249,8 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
     };
     let Some(own) = information(&inliers, &fit.state) else { return Vec::new() };
     let Some(now) = rel(own) else { return Vec::new() };
-    let sketch = |then: f64, drawing: Drawing, kind: Option<Kind>, segments| Sketch {
-        suggestion: Suggestion { drawing, ratio: then / now, floor_length_rel: then },
+    let suggested = |then: f64, annotation: SuggestedAnnotation, kind: Option<Kind>, segments| SuggestedLine {
+        suggestion: Suggestion { annotation, ratio: then / now, floor_length_rel: then },
         kind,
         segments,
     };
@@ -251,25 +259,28 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
         rel(information(&constraints, &state)?)
     };
     let drawn = candidates(fit, options).into_iter().filter_map(|candidate| {
-        Some(sketch(with(&candidate)?, candidate.drawing, Some(candidate.kind), candidate.pixels(fit)))
+        Some(suggested(with(&candidate)?, candidate.annotation, Some(candidate.kind), candidate.pixels(fit)))
     });
     let linked = || {
         let added = shared_points(&fit.camera, options.size, sigma, &own.0)?;
-        Some(sketch(rel((own.0 + added, own.1))?, Drawing::SharedPoints, None, Vec::new()))
+        Some(suggested(rel((own.0 + added, own.1))?, SuggestedAnnotation::SharedPoints, None, Vec::new()))
     };
-    let mut sketches: Vec<Sketch> = drawn.chain(linked().filter(|_| options.has_neighbours)).collect();
+    let mut suggestions: Vec<SuggestedLine> = drawn.chain(linked().filter(|_| options.has_neighbours)).collect();
     let size = known_size(fit, options).and_then(|candidate| Some((with(&candidate)?, candidate)));
-    let guessed = if fit.height_known { 0.0 } else { GUESSED_SCALE };
-    sketches.extend(size.map(|(then, Candidate { drawing, kind, .. })| {
-        let suggestion = Suggestion { drawing, ratio: then / now.hypot(guessed), floor_length_rel: then };
-        Sketch { suggestion, kind: Some(kind), segments: Vec::new() }
+    let guessed = if fit.is_height_known { 0.0 } else { GUESSED_SCALE_SIGMA_REL };
+    suggestions.extend(size.map(|(then, Candidate { annotation, kind, .. })| {
+        let suggestion =
+            Suggestion { annotation, ratio: then / now.hypot(guessed), floor_length_rel: then };
+        SuggestedLine { suggestion, kind: Some(kind), segments: Vec::new() }
     }));
-    // A comparison with NaN is false, so nothing is suggested.
-    sketches.retain(|sketch| sketch.suggestion.ratio < MAX_RATIO && sketch.suggestion.ratio.is_finite());
-    sketches.sort_by(|a, b| a.suggestion.floor_length_rel.total_cmp(&b.suggestion.floor_length_rel));
+    // A comparison with NaN is false, so invalid candidates are removed.
+    suggestions.retain(|line| line.suggestion.ratio < MAX_RATIO && line.suggestion.ratio.is_finite());
+    suggestions.sort_by(|a, b| a.suggestion.floor_length_rel.total_cmp(&b.suggestion.floor_length_rel));
     // With a guessed scale, the shape of the floor has priority.
-    sketches.sort_by_key(|sketch| !fit.height_known && sketch.suggestion.drawing == Drawing::KnownSize);
-    sketches
+    suggestions.sort_by_key(|line| {
+        !fit.is_height_known && line.suggestion.annotation == SuggestedAnnotation::KnownSize
+    });
+    suggestions
 }
 
 /// Returns a length across the near floor, measured with a tape.
@@ -277,10 +288,15 @@ pub fn draw_next(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> 
 /// `None` if the height is fixed or known as precisely, and if a plan or other cameras give the scale.
 fn known_size(fit: &Fit, options: &FitOptions) -> Option<Candidate> {
     let sigma = fit.core_covariance[(LOG_HEIGHT, LOG_HEIGHT)].sqrt();
-    let is_known = options.fixed.height.is_some() || fit.height_known && sigma < 2.0 * MEASURED_REL;
-    let is_asked_for = options.is_scale_open && !is_known;
-    let segment = floor_at(fit, [0.0, 0.25 * options.size[1]], 0.0, MEASURED).filter(|_| is_asked_for)?;
-    Some(Candidate { kind: Kind::KnownLength, drawing: Drawing::KnownSize, segments: vec![segment] })
+    let is_known = options.fixed.height.is_some() || fit.is_height_known && sigma < 2.0 * MEASURED_SIGMA_REL;
+    let is_asked_for = options.is_scale_unknown && !is_known;
+    let segment =
+        floor_at(fit, [0.0, 0.25 * options.size[1]], 0.0, MEASURED_LENGTH).filter(|_| is_asked_for)?;
+    Some(Candidate {
+        kind: Kind::KnownLength,
+        annotation: SuggestedAnnotation::KnownSize,
+        segments: vec![segment],
+    })
 }
 
 fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
@@ -307,7 +323,7 @@ impl Constraints {
 /// Candidate annotation, in undistorted pixels relative to the principal point.
 struct Candidate {
     kind: Kind,
-    drawing: Drawing,
+    annotation: SuggestedAnnotation,
     segments: Vec<[[f64; 2]; 2]>,
 }
 
@@ -324,7 +340,7 @@ impl Candidate {
         }
         let is_known = self.kind.row().has_length;
         if constraint == ConstraintKind::Length {
-            let length = Known::fixed(MEASURED * state.parameters[LOG_HEIGHT].exp());
+            let length = Known::fixed(MEASURED_LENGTH * state.parameters[LOG_HEIGHT].exp());
             joined.length_groups.push(is_known.then_some(length));
         }
         for (i, segment) in self.segments.iter().enumerate() {
@@ -338,8 +354,8 @@ impl Candidate {
             match constraint {
                 ConstraintKind::Length => {
                     let group = joined.length_groups.len() - 1;
-                    let spread = if is_known { MEASURED_REL } else { joined.scene.length };
-                    joined.lengths.push(Length {
+                    let spread = if is_known { MEASURED_SIGMA_REL } else { joined.scene.length };
+                    joined.lengths.push(LengthConstraint {
                         chart: None,
                         ends,
                         group,
@@ -351,12 +367,17 @@ impl Candidate {
                 }
                 _ => {
                     let deviation = joined.deviation_of(direction);
-                    joined.lines.push(Line { chart: None, ends, direction, deviation, source: source(i) });
+                    joined.lines.push(LineConstraint {
+                        chart: None,
+                        ends,
+                        direction,
+                        deviation,
+                        source: source(i),
+                    });
                 }
             }
         }
-        // The fitted nuisance parameters keep their values; those of the candidate are computed in closed
-        // form.
+        // The fitted nuisance parameters keep their values; the candidate's are computed in closed form.
         let problem = Problem::new(
             &joined,
             crate::single::parameters::FixedParameters::default(),
@@ -365,7 +386,7 @@ impl Candidate {
             1e3,
         );
         let mut at = problem.state_at(state.parameters)?;
-        let (old, new) = (Nuisances::of(constraints), Nuisances::of(&joined));
+        let (old, new) = (Nuisances::new(constraints), Nuisances::new(&joined));
         let mut copy = |from: std::ops::Range<usize>, to: usize| {
             at.nuisance[to..to + from.len()].copy_from_slice(&state.nuisance[from]);
         };
@@ -387,8 +408,8 @@ impl Candidate {
     }
 }
 
-/// Suggested annotation, its kind, and its segments as far as they are visible in the image.
-type Proposal = (Drawing, Kind, Vec<Option<[[f64; 2]; 2]>>);
+/// Suggested annotation, its kind, and its segments if they are visible in the image.
+type CandidateRow = (SuggestedAnnotation, Kind, Vec<Option<[[f64; 2]; 2]>>);
 
 /// Returns candidates of every kind at their most informative positions, from the estimated floor.
 fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
@@ -398,34 +419,34 @@ fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
     let floor = |x: f64, y: f64, azimuth: f64, length: f64| floor_at(fit, at(x, y), azimuth, length);
     let half = std::f64::consts::FRAC_PI_2;
     let (away, slant) = (half, 0.5 * half);
-    let list: [Proposal; 6] = [
-        (Drawing::VerticalOnTheLeft, Kind::Vertical, vec![vertical(-0.4)]),
-        (Drawing::VerticalOnTheRight, Kind::Vertical, vec![vertical(0.4)]),
+    let list: [CandidateRow; 6] = [
+        (SuggestedAnnotation::VerticalOnTheLeft, Kind::Vertical, vec![vertical(-0.4)]),
+        (SuggestedAnnotation::VerticalOnTheRight, Kind::Vertical, vec![vertical(0.4)]),
         (
-            Drawing::ParallelsAway,
+            SuggestedAnnotation::ParallelsAway,
             Kind::Parallel,
             vec![floor(-0.3, 0.25, away, 1.2), floor(0.3, 0.25, away, 1.2)],
         ),
         (
-            Drawing::ParallelsAcross,
+            SuggestedAnnotation::ParallelsAcross,
             Kind::Parallel,
             vec![floor(0.0, 0.4, 0.1, 0.8), floor(0.0, 0.05, 0.1, 1.6)],
         ),
         (
-            Drawing::RightAngle,
+            SuggestedAnnotation::RightAngle,
             Kind::Perpendicular,
             vec![floor(0.05, 0.2, slant, 0.8), floor(-0.05, 0.2, slant + half, 0.8)],
         ),
         (
-            Drawing::EqualLengths,
+            SuggestedAnnotation::EqualLengths,
             Kind::EqualLength,
             vec![floor(-0.2, 0.35, away, 0.5), floor(0.2, 0.1, away, 0.5), floor(0.0, 0.25, 0.0, 0.5)],
         ),
     ];
     list.into_iter()
-        .filter_map(|(drawing, kind, segments)| {
+        .filter_map(|(annotation, kind, segments)| {
             let segments: Option<Vec<_>> = segments.into_iter().collect();
-            Some(Candidate { drawing, kind, segments: segments? })
+            Some(Candidate { annotation, kind, segments: segments? })
         })
         .collect()
 }
@@ -475,21 +496,21 @@ mod tests {
     }
 
     #[test]
-    fn points_tell_more_the_better_the_other_camera_is_known() {
-        let told = |known: f64| {
+    fn shared_points_add_more_information_if_the_other_camera_is_more_accurate() {
+        let information_with = |known: f64| {
             let information = Matrix4::from_diagonal(&nalgebra::Vector4::new(known, known, known, 0.0));
             shared_points(&camera(), [1920.0, 1080.0], 1.0, &information).unwrap()
         };
-        let (little, much) = (told(10.0), told(1e5));
+        let (little, much) = (information_with(10.0), information_with(1e5));
         for k in [ROLL, PITCH, LOG_FOCAL] {
             assert!(much[(k, k)] > little[(k, k)] && little[(k, k)] >= -1e-9, "{k}: {little} {much}");
         }
-        // The shared points carry limited information of their own.
+        // The information of the shared points is limited.
         assert!(much[(ROLL, ROLL)] < 1e7, "{much}");
     }
 
     #[test]
-    fn a_camera_that_sees_no_floor_shares_none() {
+    fn camera_without_floor_has_no_shared_points() {
         let up = Camera { pitch: -0.6, ..camera() };
         assert!(shared_points(&up, [1920.0, 1080.0], 1.0, &Matrix4::identity()).is_none());
     }

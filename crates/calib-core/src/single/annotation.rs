@@ -87,7 +87,7 @@ pub enum ConstraintKind {
 
 /// Whether a field must, may or must not be present in annotations of a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Belongs {
+pub enum FieldUse {
     /// The field must not be present.
     Never,
     /// The field may be omitted.
@@ -96,7 +96,7 @@ pub enum Belongs {
     Always,
 }
 
-impl Belongs {
+impl FieldUse {
     const fn always_if(is: bool) -> Self {
         if is { Self::Always } else { Self::Never }
     }
@@ -116,15 +116,15 @@ pub struct KindRow {
     /// Shape on the image.
     pub shape: Shape,
     /// Minimum number of segments that constrains the camera.
-    pub least: usize,
+    pub min_segments: usize,
     /// Whether annotations of this kind have `length_m`.
     pub has_length: bool,
     /// Constraint on the camera.
     pub constraint: ConstraintKind,
     /// Whether the paper's method uses it.
     pub in_paper: bool,
-    /// Whether each annotation of this kind is a group of its own, distinguished by a letter.
-    pub is_lettered: bool,
+    /// Whether each annotation of this kind is a separate group, distinguished by a letter.
+    pub has_letter: bool,
 }
 
 impl KindRow {
@@ -167,15 +167,15 @@ pub const KINDS: [KindRow; 7] = {
             title,
             letter,
             shape,
-            least,
+            min_segments: least,
             has_length: false,
             constraint,
             in_paper: true,
-            is_lettered: false,
+            has_letter: false,
         }
     }
     const fn lettered(row: KindRow) -> KindRow {
-        KindRow { is_lettered: true, ..row }
+        KindRow { has_letter: true, ..row }
     }
     const fn not_in_paper(row: KindRow) -> KindRow {
         KindRow { in_paper: false, ..row }
@@ -226,7 +226,7 @@ impl Kind {
 pub struct Annotation {
     /// Kind of the annotation.
     pub kind: Kind,
-    /// Id by which other annotations refer to it.
+    /// Id for references from other annotations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
     /// Name given by the operator.
@@ -308,17 +308,17 @@ impl Annotation {
 
     /// Returns an annotation with segments.
     #[must_use]
-    pub fn of_segments(kind: Kind, segments: Vec<Vec<Pixel>>) -> Self {
+    pub fn from_segments(kind: Kind, segments: Vec<Vec<Pixel>>) -> Self {
         Self { segments: Some(segments), ..Self::new(kind) }
     }
 
     /// Returns a straight-edge annotation with points along an edge.
     #[must_use]
-    pub fn of_points(points: Vec<Pixel>) -> Self {
+    pub fn from_points(points: Vec<Pixel>) -> Self {
         Self { points: Some(points), ..Self::new(Kind::Straight) }
     }
 
-    /// Returns the polylines of the annotation, of any kind, in the order in which residuals are numbered.
+    /// Returns the polylines of the annotation, of any kind, in the order of the residuals.
     pub fn polylines(&self) -> impl Iterator<Item = Vec<Pixel>> + '_ {
         let segments = self.segments.iter().flatten().cloned();
         let upright = self.foot.zip(self.head).map(|(foot, head)| vec![foot, head]);
@@ -327,25 +327,25 @@ impl Annotation {
 
     /// Returns the fields that depend on the kind: name in files, whether the field is present, and whether
     /// it may be.
-    pub fn fields(&self) -> [(&'static str, bool, Belongs); 11] {
+    pub fn fields(&self) -> [(&'static str, bool, FieldUse); 11] {
         let row = self.kind.row();
-        let of_shape = |shape| Belongs::always_if(row.shape == shape);
+        let of_shape = |shape| FieldUse::always_if(row.shape == shape);
         let (segments, points) = (of_shape(Shape::Segments), of_shape(Shape::Polyline));
         let standing = of_shape(Shape::FootAndHead);
         let is_tied = self.at_right_angles_to.is_some();
-        let optional = |belongs: bool| if belongs { Belongs::Optionally } else { Belongs::Never };
-        let ties = optional(self.may_be_tied());
+        let optional = |belongs: bool| if belongs { FieldUse::Optionally } else { FieldUse::Never };
+        let ties = optional(self.can_be_tied());
         let (angles, lengths) = (
             row.is_level() && row.constraint != ConstraintKind::Length,
             row.constraint == ConstraintKind::Length,
         );
         // With `like`, the size is optional.
-        let size = |belongs: Belongs| match belongs {
-            Belongs::Always if self.like.is_some() => Belongs::Optionally,
+        let size = |belongs: FieldUse| match belongs {
+            FieldUse::Always if self.like.is_some() => FieldUse::Optionally,
             belongs => belongs,
         };
         [
-            ("like", self.like.is_some(), optional(row.has_length || standing == Belongs::Always)),
+            ("like", self.like.is_some(), optional(row.has_length || standing == FieldUse::Always)),
             ("angle_sigma_deg", self.angle_sigma_deg.is_some(), optional(angles)),
             ("length_sigma_rel", self.length_sigma_rel.is_some(), optional(lengths)),
             ("segments", self.segments.is_some(), segments),
@@ -353,15 +353,15 @@ impl Annotation {
             ("foot", self.foot.is_some(), standing),
             ("head", self.head.is_some(), standing),
             ("height_m", self.height_m.is_some(), size(standing)),
-            ("length_m", self.length_m.is_some(), size(Belongs::always_if(row.has_length))),
+            ("length_m", self.length_m.is_some(), size(FieldUse::always_if(row.has_length))),
             ("at_right_angles_to", is_tied, ties),
-            ("plane", self.plane.is_some(), optional(row.is_level() || standing == Belongs::Always)),
+            ("plane", self.plane.is_some(), optional(row.is_level() || standing == FieldUse::Always)),
         ]
     }
 
     /// Whether the direction can be tied to the direction of another annotation.
     #[must_use]
-    pub fn may_be_tied(&self) -> bool {
+    pub fn can_be_tied(&self) -> bool {
         self.kind.row().constraint == ConstraintKind::Parallel
     }
 
@@ -394,7 +394,7 @@ pub struct UsualSize {
     /// Whether the size is a length on the floor or the height of an upright object.
     pub constraint: ConstraintKind,
     /// Whether the object is parallel to the road, like a lane mark.
-    pub lies_along: bool,
+    pub is_along_road: bool,
     /// Source of the numbers.
     pub source: &'static str,
 }
@@ -416,7 +416,7 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
         constraint: ConstraintKind,
         source: &'static str,
     ) -> UsualSize {
-        UsualSize { id, title, size: Known::prior(value, sigma), constraint, lies_along: false, source }
+        UsualSize { id, title, size: Known::prior(value, sigma), constraint, is_along_road: false, source }
     }
     [
         row(
@@ -445,7 +445,7 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
             "11 to 12 ft (AASHTO Green Book)",
         ),
         UsualSize {
-            lies_along: true,
+            is_along_road: true,
             ..row(
                 ("lane-mark-us", "Broken lane line, US, length of a mark"),
                 (3.05, 0.1),
@@ -480,7 +480,7 @@ pub const USUAL_SIZES: [UsualSize; 12] = {
 impl Annotation {
     /// Returns the object of usual size that `like` refers to.
     #[must_use]
-    pub fn usual(&self) -> Option<&'static UsualSize> {
+    pub fn usual_size(&self) -> Option<&'static UsualSize> {
         self.like.as_deref().and_then(UsualSize::find)
     }
 
@@ -491,17 +491,17 @@ impl Annotation {
             Some(relative) => Known::prior(length, relative * length),
             None => Known::fixed(length),
         };
-        self.length_m.map(given).or_else(|| self.usual_of(ConstraintKind::Length))
+        self.length_m.map(given).or_else(|| self.usual_size_for(ConstraintKind::Length))
     }
 
     /// Returns the known height from foot to head, in metres.
     #[must_use]
     pub fn height(&self) -> Option<Known> {
-        self.height_m.or_else(|| self.usual_of(ConstraintKind::Upright))
+        self.height_m.or_else(|| self.usual_size_for(ConstraintKind::Upright))
     }
 
-    fn usual_of(&self, constraint: ConstraintKind) -> Option<Known> {
-        self.usual().filter(|usual| usual.constraint == constraint).map(|usual| usual.size)
+    fn usual_size_for(&self, constraint: ConstraintKind) -> Option<Known> {
+        self.usual_size().filter(|usual| usual.constraint == constraint).map(|usual| usual.size)
     }
 }
 
@@ -510,7 +510,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_in_the_order_of_the_kinds() {
+    fn table_is_in_the_order_of_the_kinds() {
         for row in &KINDS {
             assert_eq!(row.kind.row().name, row.name);
         }
@@ -518,7 +518,7 @@ mod tests {
 
     #[test]
     fn lines_are_numbered_by_kind() {
-        let of = |kind, count| Annotation::of_segments(kind, vec![Vec::new(); count]);
+        let of = |kind, count| Annotation::from_segments(kind, vec![Vec::new(); count]);
         let annotations = [of(Kind::Vertical, 3), of(Kind::Parallel, 2), of(Kind::Vertical, 2)];
         assert_eq!(line_name(&annotations, 0, 0), "V1");
         assert_eq!(line_name(&annotations, 2, 1), "V5");
@@ -526,7 +526,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_told_apart_and_sizes_have_a_spread() {
+    fn usual_sizes_have_unique_names_and_plausible_sigmas() {
         for (index, usual) in USUAL_SIZES.iter().enumerate() {
             assert_eq!(UsualSize::find(usual.id), Some(&USUAL_SIZES[index]));
             assert!(usual.size.sigma.is_some_and(|sigma| sigma > 0.0 && sigma < 0.1 * usual.size.value));

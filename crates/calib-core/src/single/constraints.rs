@@ -57,7 +57,7 @@ pub enum Direction {
 
 /// Segment whose direction in space is constrained.
 #[derive(Clone, Copy, Debug)]
-pub struct Line<E = f64> {
+pub struct LineConstraint<E = f64> {
     /// Chart of the ends, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
     /// The two ends. A polyline of three or more points is replaced by two points with equal first and second
@@ -73,7 +73,7 @@ pub struct Line<E = f64> {
 
 /// Floor segment whose length is known, or equal to the length of others.
 #[derive(Clone, Copy, Debug)]
-pub struct Length<E = f64> {
+pub struct LengthConstraint<E = f64> {
     /// Chart of the ends, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
     /// First and last point.
@@ -92,7 +92,7 @@ pub struct Length<E = f64> {
 
 /// Vertical object of known height on the floor: a person or a post.
 #[derive(Clone, Copy, Debug)]
-pub struct Upright<E = f64> {
+pub struct UprightConstraint<E = f64> {
     /// Chart of foot and head, for a wide lens; `None` for undistorted pixels.
     pub chart: Option<Chart>,
     /// Foot, on the floor.
@@ -109,7 +109,7 @@ pub struct Upright<E = f64> {
 
 /// Plane that at least one annotation refers to.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DrawnPlane {
+pub struct AnnotatedPlane {
     /// Index among all planes of the scene.
     pub index: usize,
     /// Prior on the plane.
@@ -120,23 +120,23 @@ pub struct DrawnPlane {
 #[derive(Clone, Debug)]
 pub struct Constraints<E = f64> {
     /// Segments whose direction is constrained.
-    pub lines: Vec<Line<E>>,
+    pub lines: Vec<LineConstraint<E>>,
     /// Number of groups of floor directions; the angle of each is a nuisance parameter.
     pub groups: usize,
     /// Segments whose length is constrained.
-    pub lengths: Vec<Length<E>>,
+    pub lengths: Vec<LengthConstraint<E>>,
     /// Known length of every group, in metres. Lengths that are unknown or have a standard deviation are
     /// nuisance parameters.
     pub length_groups: Vec<Option<Known>>,
     /// Persons and posts.
-    pub uprights: Vec<Upright<E>>,
+    pub uprights: Vec<UprightConstraint<E>>,
     /// Deviations of annotated directions from the directions of their groups.
     pub deviations: Vec<Deviation>,
     /// Planes other than the floor that annotations refer to.
-    pub planes: Vec<DrawnPlane>,
+    pub planes: Vec<AnnotatedPlane>,
     /// Standard deviations of the scene's own errors.
     pub scene: SceneErrors,
-    /// Repeat counts, by which the variances of repeated segments are multiplied.
+    /// Repeat counts: factors of the variances of repeated segments.
     pub repeats: Repeats,
     /// Standard deviation of a drawn coordinate of every annotation, in pixels; `None` for the camera's
     /// value.
@@ -176,7 +176,7 @@ impl<E> Constraints<E> {
         invalid: Vec::new(),
     };
 
-    /// Whether there are no constraints.
+    /// Whether the list of constraints is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty() && self.lengths.is_empty() && self.uprights.is_empty()
@@ -184,7 +184,7 @@ impl<E> Constraints<E> {
 }
 
 /// Scales the variances of repeated annotations so that they count once.
-pub(crate) fn share_redrawn<E: Number>(drawn: &mut Constraints<E>) {
+pub(crate) fn weight_repeats<E: Number>(drawn: &mut Constraints<E>) {
     share_lines(drawn);
     share_lengths(drawn);
     share_uprights(drawn);
@@ -214,18 +214,18 @@ fn share_lines<E: Number>(constraints: &mut Constraints<E>) {
     let [as_group, in_group] = [by_deviation(&of_all), by_deviation(&of_group)];
     let as_level = by_deviation(&|[.., own]| own.share());
     for (index, deviation) in constraints.deviations.iter_mut().enumerate() {
-        let rest = directions.without(deviation.group, as_group.0[index]);
-        let of_angle = in_group.of(index) * as_group.of(index).max(rest.unwrap_or(0.0));
+        let rest = directions.mean_share_without(deviation.group, as_group.0[index]);
+        let of_angle = in_group.mean_share(index) * as_group.mean_share(index).max(rest.unwrap_or(0.0));
         deviation.azimuth /= of_angle.sqrt();
-        deviation.level /= as_level.of(index).sqrt();
+        deviation.level /= as_level.mean_share(index).sqrt();
     }
-    constraints.repeats.note_directions(&directions.all());
+    constraints.repeats.set_direction_shares(&directions.mean_shares());
     for (line, [Count { all: times, .. }, ..]) in constraints.lines.iter_mut().zip(&counts) {
         line.ends.iter_mut().for_each(|end| scale_variance(end, *times));
     }
     constraints
         .repeats
-        .note(constraints.lines.iter().zip(&counts).map(|(line, [count, ..])| (line.source, count.all)));
+        .insert(constraints.lines.iter().zip(&counts).map(|(line, [count, ..])| (line.source, count.all)));
 }
 
 fn share_lengths<E: Number>(constraints: &mut Constraints<E>) {
@@ -244,16 +244,16 @@ fn share_lengths<E: Number>(constraints: &mut Constraints<E>) {
         counts.iter().zip(&constraints.lengths).map(move |(of, length)| (Some(length.group), of[k].share()))
     };
     let [unknown, known] = [1, 2].map(|k| Shares::new(constraints.length_groups.len(), of(k)));
-    constraints.repeats.note_lengths(&unknown.all());
+    constraints.repeats.set_length_shares(&unknown.mean_shares());
     for (group, of) in constraints.length_groups.iter_mut().enumerate() {
         let sigma = of.as_mut().and_then(|of| of.sigma.as_mut());
-        sigma.into_iter().for_each(|sigma| *sigma /= known.of(group).sqrt());
+        sigma.into_iter().for_each(|sigma| *sigma /= known.mean_share(group).sqrt());
     }
     for (length, [Count { all: times, .. }, ..]) in constraints.lengths.iter_mut().zip(&counts) {
         length.ends.iter_mut().for_each(|end| scale_variance(end, *times));
         length.spread *= times.sqrt();
     }
-    constraints.repeats.note(
+    constraints.repeats.insert(
         constraints.lengths.iter().zip(&counts).map(|(length, [count, ..])| (length.source, count.all)),
     );
 }
@@ -261,12 +261,12 @@ fn share_lengths<E: Number>(constraints: &mut Constraints<E>) {
 fn share_uprights<E: Number>(constraints: &mut Constraints<E>) {
     let drawn: Vec<_> =
         constraints.uprights.iter().map(|of| polyline(of.chart.as_ref(), [&of.foot, &of.head])).collect();
-    let times = Overlaps::new(&drawn).times();
+    let times = Overlaps::new(&drawn).repeat_counts();
     for (upright, times) in constraints.uprights.iter_mut().zip(&times) {
         [&mut upright.foot, &mut upright.head].into_iter().for_each(|end| scale_variance(end, *times));
         upright.height.sigma.iter_mut().for_each(|sigma| *sigma *= times.sqrt());
     }
-    constraints.repeats.note(constraints.uprights.iter().map(|upright| upright.source).zip(times));
+    constraints.repeats.insert(constraints.uprights.iter().map(|upright| upright.source).zip(times));
 }
 
 fn scale_variance<E: Number>(end: &mut Endpoint<E>, times: f64) {
@@ -296,18 +296,18 @@ impl Shares {
     }
 
     /// Returns the mean share of the members of a group; 1 for an empty group.
-    fn of(&self, group: usize) -> f64 {
+    fn mean_share(&self, group: usize) -> f64 {
         mean(self.0[group]).unwrap_or(1.0)
     }
 
     /// Returns the mean share of the members of a group, excluding members with this sum and count.
-    fn without(&self, group: usize, (sum, count): (f64, f64)) -> Option<f64> {
+    fn mean_share_without(&self, group: usize, (sum, count): (f64, f64)) -> Option<f64> {
         let all = self.0[group];
         mean((all.0 - sum, all.1 - count))
     }
 
-    fn all(&self) -> Vec<f64> {
-        (0..self.0.len()).map(|group| self.of(group)).collect()
+    fn mean_shares(&self) -> Vec<f64> {
+        (0..self.0.len()).map(|group| self.mean_share(group)).collect()
     }
 }
 
@@ -316,7 +316,7 @@ fn mean((sum, count): (f64, f64)) -> Option<f64> {
 }
 
 /// Minimum length of a segment with a direction, in pixels.
-const MIN_LENGTH: f64 = 1e-3;
+const MIN_SEGMENT_LENGTH_PX: f64 = 1e-3;
 impl Constraints {
     /// Computes the constraints of the annotations that are switched on, undistorted by `lens`.
     #[must_use]
@@ -345,9 +345,9 @@ impl Constraints {
 
 #[expect(
     private_bounds,
-    reason = "what is drawn becomes numbers of two kinds: values, and values with derivatives"
+    reason = "constraints exist with two number types: plain values, and values with derivatives"
 )]
-impl<E: OfLens> Constraints<E> {
+impl<E: LensNumber> Constraints<E> {
     /// Computes constraints like [`Constraints::on_planes`], in the charts of the lens `start` that the
     /// estimate of `lens` began with.
     ///
@@ -375,7 +375,7 @@ struct Builder<'a, E> {
     directions: Vec<Option<(usize, bool)>>,
 }
 
-impl<'a, E: OfLens> Builder<'a, E> {
+impl<'a, E: LensNumber> Builder<'a, E> {
     fn build(
         annotations: &'a [Annotation],
         [lens, charts]: [&'a Lens; 2],
@@ -392,7 +392,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
                 builder.add(index, annotation);
             }
         }
-        share_redrawn(&mut builder.constraints);
+        weight_repeats(&mut builder.constraints);
         builder.constraints
     }
 
@@ -411,7 +411,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
     fn add_parallels(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
         let groups = &mut self.constraints.groups;
         let (group, orthogonal) = direction_of(self.annotations, index, &mut self.directions, groups);
-        let scene = self.constraints.scene.of(annotation);
+        let scene = self.constraints.scene.for_annotation(annotation);
         // The first annotation of a tied chain defines the direction of the group.
         let azimuth = if annotation.at_right_angles_to.is_some() { scene.angle } else { 0.0 };
         let plane = self.plane(annotation);
@@ -422,7 +422,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
     fn add_right_angles(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
         let group = self.constraints.groups;
         self.constraints.groups += 1;
-        let scene = self.constraints.scene.of(annotation);
+        let scene = self.constraints.scene.for_annotation(annotation);
         let azimuth = |i: usize| if i > 0 { scene.angle } else { 0.0 };
         let plane = self.plane(annotation);
         let deviation = |i: usize| {
@@ -448,7 +448,7 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let index = self.planes.iter().position(|plane| plane.id == *named)?;
         let drawn = &mut self.constraints.planes;
         Some(drawn.iter().position(|plane| plane.index == index).unwrap_or_else(|| {
-            drawn.push(DrawnPlane { index, prior: self.planes[index].clone() });
+            drawn.push(AnnotatedPlane { index, prior: self.planes[index].clone() });
             drawn.len() - 1
         }))
     }
@@ -462,11 +462,11 @@ impl<'a, E: OfLens> Builder<'a, E> {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
             let chart = Chart::toward(self.charts, points);
-            let ends = line_ends(points, self.lens, chart.as_ref());
-            match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
+            let ends = equivalent_ends(points, self.lens, chart.as_ref());
+            match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_distinct_ends) {
                 Ok(ends) => {
                     let (direction, deviation) = direction(segment);
-                    self.constraints.lines.push(Line { chart, ends, direction, deviation, source });
+                    self.constraints.lines.push(LineConstraint { chart, ends, direction, deviation, source });
                 }
                 Err(reason) => self.constraints.invalid.push((source, reason)),
             }
@@ -476,21 +476,22 @@ impl<'a, E: OfLens> Builder<'a, E> {
     fn add_lengths(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
         let group = self.constraints.length_groups.len();
         let known = annotation.length();
-        let spread = if known.is_some() { 0.0 } else { self.constraints.scene.of(annotation).length };
+        let spread =
+            if known.is_some() { 0.0 } else { self.constraints.scene.for_annotation(annotation).length };
         self.constraints.length_groups.push(known);
         let plane = self.plane(annotation);
         // Objects of usual size have any direction, unless the table states that they are along the road. A
         // single length is a measured distance.
-        let is_along = annotation.usual().is_none_or(|usual| usual.lies_along);
+        let is_along = annotation.usual_size().is_none_or(|usual| usual.is_along_road);
         let is_mark = is_along && segments.len() > 1 && plane.is_none();
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
             let chart = Chart::toward(self.charts, points);
             let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
             let ends = points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a)?, end(b)?]));
-            match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_length) {
+            match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_distinct_ends) {
                 Ok(ends) => {
-                    self.constraints.lengths.push(Length {
+                    self.constraints.lengths.push(LengthConstraint {
                         chart,
                         ends,
                         group,
@@ -516,7 +517,14 @@ impl<'a, E: OfLens> Builder<'a, E> {
         let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
         match (end(foot), end(head)) {
             (Some(foot), Some(head)) => {
-                self.constraints.uprights.push(Upright { chart, foot, head, height, plane, source });
+                self.constraints.uprights.push(UprightConstraint {
+                    chart,
+                    foot,
+                    head,
+                    height,
+                    plane,
+                    source,
+                });
             }
             _ => self.constraints.invalid.push((source, InvalidSegment::OutsideLens)),
         }
@@ -543,7 +551,7 @@ fn direction_of(
         let tied = annotations[last]
             .at_right_angles_to
             .as_ref()
-            .and_then(|id| annotations.iter().position(|a| a.may_be_tied() && a.id.as_ref() == Some(id)));
+            .and_then(|id| annotations.iter().position(|a| a.can_be_tied() && a.id.as_ref() == Some(id)));
         match tied {
             Some(next) if seen.insert(next) => chain.push(next),
             _ => {
@@ -563,19 +571,19 @@ fn direction_of(
 }
 
 /// Number type of the coordinates of an end point.
-trait OfLens: Number {
+trait LensNumber: Number {
     /// Returns the undistorted point or chart point of a raw pixel, with the covariance of unit noise.
     fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint<Self>>;
 }
 
-impl OfLens for f64 {
+impl LensNumber for f64 {
     fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint> {
         let point = lens.in_chart(pixel, chart)?;
         Some(Endpoint { point: point.at, covariance: covariance_of_unit_noise(point.jacobian) })
     }
 }
 
-impl OfLens for ByLens {
+impl LensNumber for ByLens {
     fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint<Self>> {
         let found = lens.in_chart(pixel, chart)?;
         let by = lens.in_chart_by_parameters(pixel, &found, chart);
@@ -595,9 +603,13 @@ fn covariance_of_unit_noise<E: Number>([[a, b], [c, d]]: [[E; 2]; 2]) -> [E; 3] 
     [a * a + b * b, a * c + b * d, c * c + d * d]
 }
 
-fn with_length<E: Number>(ends: [Endpoint<E>; 2]) -> Result<[Endpoint<E>; 2], InvalidSegment> {
+fn with_distinct_ends<E: Number>(ends: [Endpoint<E>; 2]) -> Result<[Endpoint<E>; 2], InvalidSegment> {
     let [a, b] = ends.map(|end| end.point.map(Number::value));
-    if (a[0] - b[0]).hypot(a[1] - b[1]) < MIN_LENGTH { Err(InvalidSegment::NoLength) } else { Ok(ends) }
+    if (a[0] - b[0]).hypot(a[1] - b[1]) < MIN_SEGMENT_LENGTH_PX {
+        Err(InvalidSegment::NoLength)
+    } else {
+        Ok(ends)
+    }
 }
 
 /// Returns two points that are equivalent to a polyline: its centroid plus and minus the standard deviation
@@ -605,7 +617,11 @@ fn with_length<E: Number>(ends: [Endpoint<E>; 2]) -> Result<[Endpoint<E>; 2], In
 ///
 /// Each point has half the weight of all points. The first and second moments along the line equal those of
 /// the polyline.
-fn line_ends<E: OfLens>(points: &[Pixel], lens: &Lens, chart: Option<&Chart>) -> Option<[Endpoint<E>; 2]> {
+fn equivalent_ends<E: LensNumber>(
+    points: &[Pixel],
+    lens: &Lens,
+    chart: Option<&Chart>,
+) -> Option<[Endpoint<E>; 2]> {
     let ends: Vec<Endpoint<E>> =
         points.iter().map(|&pixel| E::endpoint(pixel, lens, chart)).collect::<Option<_>>()?;
     if let [first, last] = ends[..] {
@@ -642,7 +658,7 @@ mod tests {
         Annotation {
             id: Some(id.into()),
             at_right_angles_to: tied.map(Into::into),
-            ..Annotation::of_segments(Kind::Parallel, vec![segment])
+            ..Annotation::from_segments(Kind::Parallel, vec![segment])
         }
     }
 
@@ -657,14 +673,14 @@ mod tests {
             .iter()
             .map(|line| matches!(line.direction, Direction::Floor { orthogonal: true, .. }))
             .collect();
-        assert_eq!(is_orthogonal, [false, false, true], "c is tied to b, b to a: c leads along a");
+        assert_eq!(is_orthogonal, [false, false, true], "c is tied to b and b to a, so c is parallel to a");
     }
 
     #[test]
-    fn a_polyline_of_many_points_weighs_as_much_as_its_points() {
+    fn polyline_has_the_weight_of_all_its_points() {
         let lens = Lens::pinhole(Pixel::new(0.0, 0.0));
         let points: Vec<Pixel> = (0..9).map(|i| Pixel::new(f64::from(i) * 10.0, 3.0)).collect();
-        let [a, b] = line_ends::<f64>(&points, &lens, None).unwrap();
+        let [a, b] = equivalent_ends::<f64>(&points, &lens, None).unwrap();
         assert!((a.point[1] - 3.0).abs() < 1e-12 && (b.point[0] - a.point[0]) > 40.0);
         assert!((a.covariance[0] - 2.0 / 9.0).abs() < 1e-12);
     }

@@ -20,7 +20,7 @@ use crate::single::size_residual::{CameraTerms, floor_direction};
 
 /// Ratio of the standard deviations of the slopes along and across the marks. Main roads climb by up to 4 or
 /// 6 %, and mostly by less than 2 %.
-const GRADIENT: f64 = 0.25;
+const GRADIENT_RATIO: f64 = 0.25;
 
 /// Lower Cholesky factor of the covariance of the lean to the right and away from the camera: its first
 /// column, and the last entry.
@@ -53,8 +53,8 @@ impl<E: Number> Problem<'_, E> {
         let resultant = (cos * cos + sin * sin).at_least(1e-18).sqrt();
         let share = resultant * (0.5 * constraints.scene.crossfall.powi(2));
         let (both, [cos, sin]) = (
-            resultant * (1.0 + GRADIENT * GRADIENT),
-            [cos, sin].map(|mean| mean * (1.0 - GRADIENT * GRADIENT)),
+            resultant * (1.0 + GRADIENT_RATIO * GRADIENT_RATIO),
+            [cos, sin].map(|mean| mean * (1.0 - GRADIENT_RATIO * GRADIENT_RATIO)),
         );
         let right = (level + share * (both - cos)).sqrt();
         let ahead_by_right = -(share * sin) / right;

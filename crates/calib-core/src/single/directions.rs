@@ -2,7 +2,7 @@
 //! parameters that they depend on.
 
 use crate::optimize::NuisanceJacobian;
-use crate::single::constraints::{Constraints, Direction, Line};
+use crate::single::constraints::{Constraints, Direction, LineConstraint};
 use crate::single::nuisances::Nuisances;
 use crate::single::residual::{Angles, Parameters, VanishingPoint};
 use crate::single::scene_errors::Deviation;
@@ -29,7 +29,7 @@ impl<'a, E> Directions<'a, E> {
         nuisance: &[f64],
         on_plane: impl Fn(usize) -> Option<&'b Parameters>,
     ) -> Option<Self> {
-        let nuisances = Nuisances::of(constraints);
+        let nuisances = Nuisances::new(constraints);
         let tilt = [0, 1].map(|axis| nuisance[nuisances.tilt() + axis]);
         let angles = Angles::new(parameters);
         let turned = |group: usize, orthogonal: bool| {
@@ -43,7 +43,8 @@ impl<'a, E> Directions<'a, E> {
             let Some(plane) = deviation.plane else { return Some(angles.floor(angle, nuisance[at + 1])) };
             Some(Angles::new(on_plane(plane)?).floor(angle, nuisance[at + 1]))
         };
-        let is_exact = |line: &Line<E>| line.deviation.is_none() && line.direction != Direction::Vertical;
+        let is_exact =
+            |line: &LineConstraint<E>| line.deviation.is_none() && line.direction != Direction::Vertical;
         let has_exact = constraints.lines.iter().any(is_exact);
         Some(Self {
             constraints,
@@ -57,7 +58,7 @@ impl<'a, E> Directions<'a, E> {
 
     /// Returns the vanishing point of a line.
     #[inline]
-    pub(crate) fn of(&self, line: &Line<E>) -> &VanishingPoint {
+    pub(crate) fn vanishing_point(&self, line: &LineConstraint<E>) -> &VanishingPoint {
         match (line.direction, line.deviation) {
             (Direction::Vertical, _) => &self.nadir,
             (Direction::Floor { .. }, Some(deviation)) => &self.deviations[deviation],
@@ -67,14 +68,18 @@ impl<'a, E> Directions<'a, E> {
 
     /// Returns the plane of a line; `None` for the floor.
     #[inline]
-    pub(crate) fn plane_of(&self, line: &Line<E>) -> Option<usize> {
+    pub(crate) fn plane_of(&self, line: &LineConstraint<E>) -> Option<usize> {
         self.constraints.deviations[line.deviation?].plane
     }
 
     /// Converts the derivatives of a line's residual from the two parameters of its vanishing point to the
     /// nuisance parameters.
     #[inline]
-    pub(crate) fn by_nuisances(&self, line: &Line<E>, [first, second]: [f64; 2]) -> NuisanceJacobian {
+    pub(crate) fn by_nuisances(
+        &self,
+        line: &LineConstraint<E>,
+        [first, second]: [f64; 2],
+    ) -> NuisanceJacobian {
         let Direction::Floor { group, .. } = line.direction else {
             let tilt = self.nuisances.tilt();
             let by_tilt = NuisanceJacobian::of(tilt, first).and(tilt + 1, second);

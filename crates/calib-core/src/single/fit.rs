@@ -38,11 +38,12 @@ use crate::single::accuracy::{Grid, floor_length_rel};
 use crate::single::constraints::{Constraints, Source};
 use crate::single::likelihood::{Problem, State};
 use crate::single::minima::{
-    Minimum, OPEN_FOCAL, PRIOR_TELLS, Solutions, USUAL_FOCAL, weak_prior, with_weak_prior,
+    MAX_LOG_FOCAL_SIGMA, MIN_LOG_FOCAL_SIGMA_FOR_PRIOR, Minimum, Solutions, USUAL_FOCAL_PER_WIDTH,
+    weak_prior, with_weak_prior,
 };
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, solve_without_outliers};
 use crate::single::parameters::{FixedParameters, Orientation, Priors};
-use crate::single::plausibility::{BEYOND_BELIEF, implausibility};
+use crate::single::plausibility::{MIN_COST_DIFFERENCE, implausibility};
 use crate::single::prediction::predictable;
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::single::size_residual::CameraTerms;
@@ -70,7 +71,7 @@ pub struct FitOptions<'a> {
     pub has_neighbours: bool,
     /// Whether the scale is unknown from the plan and from other cameras, so that a known size may be
     /// suggested.
-    pub is_scale_open: bool,
+    pub is_scale_unknown: bool,
 }
 
 impl FitOptions<'_> {
@@ -88,7 +89,7 @@ impl FitOptions<'_> {
             weak_prior: true,
             keep: &[],
             has_neighbours: false,
-            is_scale_open: false,
+            is_scale_unknown: false,
         }
     }
 }
@@ -99,7 +100,7 @@ impl FitOptions<'_> {
     /// It is the width of the image, except for a wide lens. The focal length of a wide lens is already close
     /// to that of the camera.
     fn width(&self) -> f64 {
-        if self.lens.distortion.is_wide() { self.lens.focal / USUAL_FOCAL } else { self.size[0] }
+        if self.lens.distortion.is_wide() { self.lens.focal / USUAL_FOCAL_PER_WIDTH } else { self.size[0] }
     }
 }
 
@@ -131,9 +132,9 @@ pub struct Fit {
     /// Constraints rejected as outliers.
     pub outliers: Vec<Source>,
     /// Whether the chi-square is too large for the noise, and no outlier explains it.
-    pub misfit: bool,
+    pub is_misfit: bool,
     /// Whether the residuals are too large for any noise estimate, so that the covariance is unknown.
-    pub inconsistent: bool,
+    pub is_inconsistent: bool,
     /// Degrees of freedom of the noise estimate; `None` if the noise was given or assumed.
     pub noise_dof: Option<i64>,
     /// Other minima that the chi-square does not rule out.
@@ -142,22 +143,22 @@ pub struct Fit {
     pub alternatives: Vec<LocalMinimum>,
     /// Whether one of the alternatives is a local minimum of the same problem, rather than the minimum
     /// without the weak prior.
-    pub two_solutions: bool,
+    pub has_two_solutions: bool,
     /// Standard deviation of the log focal length without the weak prior; `None` if the focal length is
     /// fixed.
     pub log_focal_sigma: Option<f64>,
     /// Whether the weak prior was used.
-    pub weak_prior_used: bool,
+    pub has_weak_prior: bool,
     /// Whether the height is fixed, or determined by a prior, an upright or a known length.
-    pub height_known: bool,
+    pub is_height_known: bool,
     /// Like `floor_length_rel`, but for ratios of lengths: without the error of the common scale.
     pub(crate) floor_shape_rel: Option<f64>,
     pub(crate) state: State,
     pub(crate) core_covariance: Matrix4<f64>,
 }
 
-/// Minimum difference in chi-square at which a worse camera is ruled out.
-pub const RULED_OUT: f64 = 6.0;
+/// Minimum difference in chi-square that rules out the worse of two cameras.
+pub const MIN_CHI2_DIFFERENCE: f64 = 6.0;
 
 impl Fit {
     /// Computes the maximum-likelihood fit.
@@ -183,12 +184,12 @@ impl Fit {
             None => Noise::estimated(chi2, dof, rejected.len()),
         };
         let of_lines = found.without_weak_prior().first().map(|lowest| noise_at(lowest.chi2));
-        let found = weighed(found, of_lines, &problem, options);
+        let found = with_weighted_prior(found, of_lines, &problem, options);
         problem.priors.weak_log_focal = found.weak_prior.as_ref().map(|weak| weak.prior);
         let chosen = choose(&found, &problem, options).ok_or(Failure::NoOrientation)?;
         let best = &found.minima[chosen];
-        let chi2 = found.chi2_of_drawings(best);
-        // The reported noise is the one that weighted the prior.
+        let chi2 = found.chi2_of_annotations(best);
+        // The reported noise is the noise that weighted the prior.
         let noise = of_lines.filter(|_| found.weak_prior.is_some()).unwrap_or_else(|| noise_at(chi2));
         let inconsistent = is_inconsistent(chi2, dof);
         let spread = noise.spread();
@@ -211,14 +212,14 @@ impl Fit {
             floor_length_rel: rel.filter(|_| !inconsistent),
             floor_shape_rel: floor_length_rel(&best.state.parameters, &grid, &core_covariance, false),
             residuals: residuals(constraints, &problem, &best.state),
-            misfit: is_misfit(chi2, dof),
-            inconsistent,
+            is_misfit: is_misfit(chi2, dof),
+            is_inconsistent: inconsistent,
             noise_dof: noise.dof,
             alternatives,
-            two_solutions,
+            has_two_solutions: two_solutions,
             log_focal_sigma,
-            weak_prior_used: found.weak_prior.is_some(),
-            height_known,
+            has_weak_prior: found.weak_prior.is_some(),
+            is_height_known: height_known,
             state: best.state.clone(),
             core_covariance,
             outliers: rejected,
@@ -228,7 +229,7 @@ impl Fit {
     /// Returns the standard deviation of the log focal length of this fit, with the weak prior if it was
     /// used.
     #[must_use]
-    pub fn log_focal_sigma_of_answer(&self) -> f64 {
+    pub fn log_focal_sigma_with_prior(&self) -> f64 {
         self.core_covariance[(LOG_FOCAL, LOG_FOCAL)].max(0.0).sqrt()
     }
 }
@@ -243,10 +244,15 @@ fn residuals(constraints: &Constraints, problem: &Problem, state: &State) -> Vec
 /// Adds the weak prior if it has a noticeable effect, weighted against the noise estimated from the
 /// residuals.
 ///
-/// The weak prior is not added if the focal length has a prior of its own.
-fn weighed(found: Solutions, noise: Option<Noise>, problem: &Problem, options: &FitOptions) -> Solutions {
+/// The weak prior is not added if the focal length has another prior.
+fn with_weighted_prior(
+    found: Solutions,
+    noise: Option<Noise>,
+    problem: &Problem,
+    options: &FitOptions,
+) -> Solutions {
     let spread = noise.map_or(1.0, |noise| noise.spread());
-    let tells = found.log_focal_sigma() * spread.sqrt() > PRIOR_TELLS;
+    let tells = found.log_focal_sigma() * spread.sqrt() > MIN_LOG_FOCAL_SIGMA_FOR_PRIOR;
     let is_asked = options.weak_prior && problem.free[LOG_FOCAL] && problem.priors.focal.is_none();
     let is_weighed = found.weak_prior.is_some() && spread <= 1.0;
     if !(is_asked && tells) || is_weighed {
@@ -270,12 +276,12 @@ fn alternatives(
     let implausibility =
         |minimum: &Minimum| implausibility(&camera_of(minimum, problem, options), options.efov, options.size);
     let best = &found.minima[chosen];
-    let beyond = implausibility(best) + BEYOND_BELIEF;
-    let is_open = log_focal_sigma.is_some_and(|sigma| sigma > OPEN_FOCAL);
+    let beyond = implausibility(best) + MIN_COST_DIFFERENCE;
+    let is_open = log_focal_sigma.is_some_and(|sigma| sigma > MAX_LOG_FOCAL_SIGMA);
     let lines_decide = found.weak_prior.is_some() && !is_open;
     let minima = if lines_decide { found.without_weak_prior() } else { &found.minima };
     let chi2 = |minimum: &Minimum| if lines_decide { minimum.chi2 } else { found.chi2_with_prior(minimum) };
-    let limit = minima.iter().map(chi2).fold(f64::INFINITY, f64::min) + RULED_OUT;
+    let limit = minima.iter().map(chi2).fold(f64::INFINITY, f64::min) + MIN_CHI2_DIFFERENCE;
     let own = if lines_decide { nearest(minima, best) } else { Some(chosen) };
     let is_possible = |minimum: &Minimum| {
         chi2(minimum) < limit && (!options.weak_prior || implausibility(minimum) < beyond)
@@ -304,9 +310,9 @@ fn nearest(minima: &[Minimum], to: &Minimum) -> Option<usize> {
 /// Returns the grid in the drawn EFOV, or in the default EFOV.
 pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     if efov.is_empty() {
-        Grid::of_floor(camera, &default_efov(camera, size).polygon)
+        Grid::from_floor(camera, &default_efov(camera, size).polygon)
     } else {
-        Grid::of_polygon(camera, efov)
+        Grid::from_polygon(camera, efov)
     }
 }
 
@@ -321,7 +327,7 @@ fn choose(found: &Solutions, problem: &Problem, options: &FitOptions) -> Option<
     }
     let usual = weak_prior(problem.width);
     let chi2 = |minimum: &Minimum| found.chi2_with_prior(minimum);
-    let limit = found.minima.iter().map(chi2).fold(f64::INFINITY, f64::min) + RULED_OUT;
+    let limit = found.minima.iter().map(chi2).fold(f64::INFINITY, f64::min) + MIN_CHI2_DIFFERENCE;
     let possible = found.minima.iter().enumerate().filter(|(_, minimum)| chi2(minimum) < limit);
     let badness = |m: &Minimum| {
         let camera = camera_of(m, problem, options);
@@ -381,17 +387,17 @@ fn covariance_of(minimum: &Minimum, spread: f64) -> Covariance {
 fn check_not_empty(problem: &Problem) -> Result<(), Failure> {
     let count = problem.lines().count() + problem.lengths().count() + problem.uprights().count();
     let open = problem.free[..3].iter().any(|&free| free);
-    if count > 0 || !open { Ok(()) } else { Err(Failure::NothingDrawn) }
+    if count > 0 || !open { Ok(()) } else { Err(Failure::NoAnnotations) }
 }
 
 fn check_determined(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Result<(), Failure> {
     /// Relative error of floor lengths below which a singular fit is accepted: the undetermined parameter
     /// does not matter.
-    const SINGULAR: f64 = 0.5;
+    const MAX_SINGULAR_FLOOR_ERROR: f64 = 0.5;
     /// Relative error of floor lengths below which a regular fit is accepted.
-    const REGULAR: f64 = 10.0;
-    let is_determined = !best.uncertainty.singular && rel.is_none_or(|rel| rel < REGULAR);
-    if is_determined || rel.is_some_and(|rel| rel < SINGULAR) {
+    const MAX_REGULAR_FLOOR_ERROR: f64 = 10.0;
+    let is_determined = !best.uncertainty.singular && rel.is_none_or(|rel| rel < MAX_REGULAR_FLOOR_ERROR);
+    if is_determined || rel.is_some_and(|rel| rel < MAX_SINGULAR_FLOOR_ERROR) {
         return Ok(());
     }
     let parameters = [Parameter::Roll, Parameter::Pitch, Parameter::Focal];
@@ -415,7 +421,7 @@ impl Fit {
         let fit = Self::new(constraints, options).ok()?;
         let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
         let mut problem = Problem { rejected: &fit.outliers, ..problem };
-        problem.priors.weak_log_focal = fit.weak_prior_used.then(|| weak_prior(options.size[0]));
+        problem.priors.weak_log_focal = fit.has_weak_prior.then(|| weak_prior(options.size[0]));
         let drawn = problem.lines().count() + problem.lengths().count() + 2 * problem.uprights().count();
         let mut of_sigmas = 2.0 * drawn as f64 * sigma.ln();
         constraints.each_scene_prior(|_, sigma| of_sigmas += 2.0 * sigma.ln());

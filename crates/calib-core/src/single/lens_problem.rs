@@ -26,35 +26,35 @@ use crate::camera::{
 };
 use crate::optimize::{LeastSquares, least_squares_unless};
 use crate::single::constraints::Source;
-use crate::single::parameters::Fitted;
+use crate::single::parameters::FittedCoefficients;
 use crate::single::straightness::{
     Edge, outermost, straightness_in_charts_of, straightness_with_jacobian, uninformative,
 };
 
 /// Standard deviations of k1, of k2 minus the square of a negative k1, of k3, and of p1 and p2.
-const K1: f64 = 0.2;
-const K2: f64 = 0.1;
-const K3: f64 = 0.1;
-const TANGENTIAL: f64 = 0.003;
+const K1_SIGMA: f64 = 0.2;
+const K2_SIGMA: f64 = 0.1;
+const K3_SIGMA: f64 = 0.1;
+const TANGENTIAL_SIGMA: f64 = 0.003;
 
 /// Standard deviations of k1 to k4 of a fisheye. The design families of fisheyes have k1 and k2 of 0 and 0
 /// (equidistant), -0.042 and 0.0005 (equisolid), 0.083 and 0.008 (stereographic).
-const FISHEYE: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
+const FISHEYE_SIGMAS: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
 
 /// Standard deviation of the log slope of a fisheye: `d radius / d angle` relative to its value at the axis.
 ///
 /// At right angles to the axis the log slope is 0, -0.35 and 0.69 for the three families. No real lens folds
 /// back inside its image. Without this prior, a lens that folds near the outermost points could explain any
 /// edges there.
-const FISHEYE_SLOPE: f64 = 0.6;
+const FISHEYE_LOG_SLOPE_SIGMA: f64 = 0.6;
 
 /// Standard deviation of the principal point from the image centre, as a fraction of the image diagonal.
 /// Sensors of small fisheyes are some percent off the lens axis.
-const CENTRE: f64 = 0.02;
+const CENTRE_SIGMA_PER_DIAGONAL: f64 = 0.02;
 
 /// Standard deviation of the principal point from the centre of the image circle, as a fraction of its
 /// radius. The rim is produced by a stop or the mount, which is slightly off the lens axis.
-const CENTRE_OF_CIRCLE: f64 = 0.01;
+const CENTRE_SIGMA_PER_RADIUS: f64 = 0.01;
 
 /// Residual of a prior on a lens, `(value - expected) / sigma`, with its derivatives by the parameters of the
 /// lens.
@@ -74,7 +74,7 @@ pub(crate) fn lens_prior(
     let brown = match lens.distortion {
         Distortion::BrownConrady(brown) => brown,
         Distortion::KannalaBrandt { k } => {
-            return fisheye_prior(&k, lens.principal_point, centre_belief(size, circle), fitted);
+            return fisheye_prior(&k, lens.principal_point, centre_prior(size, circle), fitted);
         }
         _ => return Vec::new(),
     };
@@ -87,17 +87,17 @@ pub(crate) fn lens_prior(
     let residual = |&index: &usize| {
         let mut by = [0.0; Lens::PARAMETERS];
         let (value, scale, sigma) = match row.coefficients[index] {
-            Coefficient::K1 => (square * brown.k1, square, K1),
+            Coefficient::K1 => (square * brown.k1, square, K1_SIGMA),
             Coefficient::K2 => {
                 let k1 = square * brown.k1.min(0.0);
                 if let Some(first) = place(Coefficient::K1) {
-                    by[first] = -2.0 * k1 * square / K2;
+                    by[first] = -2.0 * k1 * square / K2_SIGMA;
                 }
-                (square * square * brown.k2 - k1 * k1, square * square, K2)
+                (square * square * brown.k2 - k1 * k1, square * square, K2_SIGMA)
             }
-            Coefficient::K3 => (square.powi(3) * brown.k3, square.powi(3), K3),
-            Coefficient::P1 => (ratio * brown.p1, ratio, TANGENTIAL),
-            _ => (ratio * brown.p2, ratio, TANGENTIAL),
+            Coefficient::K3 => (square.powi(3) * brown.k3, square.powi(3), K3_SIGMA),
+            Coefficient::P1 => (ratio * brown.p1, ratio, TANGENTIAL_SIGMA),
+            _ => (ratio * brown.p2, ratio, TANGENTIAL_SIGMA),
         };
         by[index] += scale / sigma;
         LensResidual { value: value / sigma, by, sigma: sigma / scale }
@@ -106,9 +106,9 @@ pub(crate) fn lens_prior(
 }
 
 /// Returns the expected principal point of a fisheye and its standard deviation, in pixels.
-fn centre_belief([w, h]: [f64; 2], circle: Option<ImageCircle>) -> (Pixel, f64) {
-    let of_image = || (Pixel::new(0.5 * w, 0.5 * h), CENTRE * w.hypot(h));
-    circle.map_or_else(of_image, |circle| (circle.centre(), CENTRE_OF_CIRCLE * circle.radius))
+fn centre_prior([w, h]: [f64; 2], circle: Option<ImageCircle>) -> (Pixel, f64) {
+    let of_image = || (Pixel::new(0.5 * w, 0.5 * h), CENTRE_SIGMA_PER_DIAGONAL * w.hypot(h));
+    circle.map_or_else(of_image, |circle| (circle.centre(), CENTRE_SIGMA_PER_RADIUS * circle.radius))
 }
 
 /// Returns the prior residuals of a fisheye: coefficients near the equidistant model, principal point near
@@ -123,7 +123,9 @@ fn fisheye_prior(
         let (off, sigma) = match index {
             Lens::OWN_FOCAL => return None,
             Lens::CENTRE => (centre.u - believed.u, of_centre),
-            coefficient if coefficient < FISHEYE.len() => (k[coefficient], FISHEYE[coefficient]),
+            coefficient if coefficient < FISHEYE_SIGMAS.len() => {
+                (k[coefficient], FISHEYE_SIGMAS[coefficient])
+            }
             _ => (centre.v - believed.v, of_centre),
         };
         let mut by = [0.0; Lens::PARAMETERS];
@@ -139,20 +141,24 @@ fn fisheye_prior(
 pub(crate) fn slope_prior(lens: &Lens, outermost: Option<Pixel>) -> Option<LensResidual> {
     let pixel = outermost.filter(|_| lens.distortion.is_wide())?;
     let (log, by) = lens.log_slope(pixel).unwrap_or((f64::INFINITY, [0.0; Lens::PARAMETERS]));
-    Some(LensResidual { value: log / FISHEYE_SLOPE, by: by.map(|by| by / FISHEYE_SLOPE), sigma: 1.0 })
+    Some(LensResidual {
+        value: log / FISHEYE_LOG_SLOPE_SIGMA,
+        by: by.map(|by| by / FISHEYE_LOG_SLOPE_SIGMA),
+        sigma: 1.0,
+    })
 }
 
 /// Fit of distortion coefficients to polylines, as a least-squares problem.
 pub(super) struct LensProblem<'a> {
     pub(super) edges: Vec<&'a Edge>,
     /// Repeat count of every edge.
-    pub(super) times: Vec<f64>,
-    pub(super) fitted: Fitted,
+    pub(super) repeat_counts: Vec<f64>,
+    pub(super) fitted: FittedCoefficients,
     /// Free parameters other than coefficients, as indices among the parameters of the lens.
     ///
-    /// Their values follow those of the coefficients: log of the focal length in `unit`, and offset of the
-    /// principal point from its expected position.
-    pub(super) open: Vec<usize>,
+    /// In the vector of values they follow the coefficients: log of the focal length in `unit`, and offset of
+    /// the principal point from its expected position.
+    pub(super) free: Vec<usize>,
     /// Principal point, or its expected position if it is free.
     pub(super) principal_point: Pixel,
     /// Unit of coordinates, in pixels: the focal length of the coefficients, or its start value.
@@ -178,7 +184,7 @@ impl LensProblem<'_> {
             distortion: self.fitted.distortion(values),
             image_circle: None,
         };
-        for (&index, value) in self.open.iter().zip(values.iter().skip(self.fitted.len())) {
+        for (&index, value) in self.free.iter().zip(values.iter().skip(self.fitted.len())) {
             match index {
                 Lens::OWN_FOCAL => lens.focal *= value.exp(),
                 Lens::CENTRE => lens.principal_point.u += value,
@@ -191,7 +197,7 @@ impl LensProblem<'_> {
     /// Returns the indices of the fitted parameters among the parameters of the lens, in the order of the
     /// values.
     pub(super) fn indices(&self) -> Vec<usize> {
-        self.fitted.indices().into_iter().chain(self.open.iter().copied()).collect()
+        self.fitted.indices().into_iter().chain(self.free.iter().copied()).collect()
     }
 
     /// Returns the cost of every edge, as one of its copies: the sum of its squared residuals.
@@ -202,7 +208,7 @@ impl LensProblem<'_> {
 
     /// Returns the sum over all edges, with every edge counted once regardless of its repeats.
     pub(super) fn cost(&self, values: &[f64]) -> f64 {
-        self.costs(values).zip(&self.times).map(|(cost, times)| cost / times).sum()
+        self.costs(values).zip(&self.repeat_counts).map(|(cost, times)| cost / times).sum()
     }
 
     /// Returns the prior residuals of the fitted parameters, in standard deviations.
@@ -226,7 +232,7 @@ impl LensProblem<'_> {
         let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
             .edges
             .iter()
-            .zip(&self.times)
+            .zip(&self.repeat_counts)
             .map(|(edge, times)| {
                 let (mut distances, mut columns) =
                     straightness_with_jacobian([&lens, &start], &edge.points, indices)?;
@@ -264,7 +270,7 @@ impl LensProblem<'_> {
     /// curve every edge that is not radial.
     pub(super) fn uninformative(&self, values: &[f64]) -> Vec<(Source, f64)> {
         /// Ratio of the corner's standard deviations below which an edge is uninformative.
-        const HARDLY: f64 = 1.05;
+        const MAX_SIGMA_RATIO: f64 = 1.05;
         if self.fitted.is_wide() {
             return Vec::new();
         }
@@ -275,7 +281,7 @@ impl LensProblem<'_> {
         };
         let says_nothing = |(source, _): &(Source, f64)| {
             let without = self.corner_variance(values, |edge| edge.source != *source);
-            without.is_some_and(|variance| variance < HARDLY * HARDLY * corner)
+            without.is_some_and(|variance| variance < MAX_SIGMA_RATIO * MAX_SIGMA_RATIO * corner)
         };
         hardly_bent.into_iter().filter(says_nothing).collect()
     }
@@ -285,7 +291,7 @@ impl LensProblem<'_> {
     ///
     /// For a fisheye the image circle replaces the border. Without a known circle its radius is assumed to be
     /// half the longer side.
-    pub(super) fn places(&self) -> [Pixel; 3] {
+    pub(super) fn reference_pixels(&self) -> [Pixel; 3] {
         let [w, h] = self.size;
         let whole = ImageCircle::around(self.size);
         let circle = if self.fitted.is_wide() { self.circle.unwrap_or(whole) } else { whole };
@@ -301,13 +307,13 @@ impl LensProblem<'_> {
     /// Returns the variance of the undistorted corner of the image in square pixels, as determined by the
     /// selected edges.
     fn corner_variance(&self, values: &[f64], is_used: impl Fn(&Edge) -> bool) -> Option<f64> {
-        let [_, _, corner] = self.places();
-        let used = self.edges.iter().copied().zip(self.times.iter().copied());
+        let [_, _, corner] = self.reference_pixels();
+        let used = self.edges.iter().copied().zip(self.repeat_counts.iter().copied());
         let (edges, times) = used.filter(|(edge, _)| is_used(edge)).unzip();
-        let (fitted, open) = (self.fitted.clone(), self.open.clone());
-        let some = LensProblem { edges, times, fitted, open, ..*self };
+        let (fitted, open) = (self.fitted.clone(), self.free.clone());
+        let some = LensProblem { edges, repeat_counts: times, fitted, free: open, ..*self };
         let covariance = some.covariance(values)?;
-        let by = shown_by_parameters(&self.lens(values), corner)?;
+        let by = undistorted_by_parameters(&self.lens(values), corner)?;
         let jacobian: Vec<[f64; 2]> = self.indices().iter().map(|&k| by[k].at).collect();
         let pairs = (0..values.len()).flat_map(|i| (0..values.len()).map(move |j| (i, j)));
         let along = |(i, j): (usize, usize)| {
@@ -337,18 +343,18 @@ impl LensProblem<'_> {
         };
         let starts = if self.fitted.is_wide() { &FISHEYE_STARTS[..] } else { &STARTS[..] };
         let starts = starts.iter().map(|start| padded(start)).chain([padded(smaller)]);
-        let mut candidates = self.reached(starts, FIRST_STEPS);
+        let mut candidates = self.states_from(starts, FIRST_STEPS);
         candidates.sort_by(|a, b| a.1.total_cmp(&b.1));
         candidates.truncate(MAX_CANDIDATES);
-        let minima = self.reached(candidates.into_iter().map(|(values, _)| values), MAX_STEPS);
+        let minima = self.states_from(candidates.into_iter().map(|(values, _)| values), MAX_STEPS);
         minima.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     /// Returns the distinct states reached from these starts after a number of steps, with their costs.
-    fn reached(&self, starts: impl Iterator<Item = Vec<f64>>, steps: usize) -> Vec<(Vec<f64>, f64)> {
+    fn states_from(&self, starts: impl Iterator<Item = Vec<f64>>, steps: usize) -> Vec<(Vec<f64>, f64)> {
         let mut found: Vec<(Vec<f64>, f64)> = Vec::new();
         for start in starts {
-            let is_known = |at: &Vec<f64>, _| found.iter().any(|(other, _)| self.is_one(other, at));
+            let is_known = |at: &Vec<f64>, _| found.iter().any(|(other, _)| self.is_same(other, at));
             if let Some(summary) = least_squares_unless(self, start, steps, is_known) {
                 found.push((summary.state, summary.cost));
             }
@@ -357,13 +363,13 @@ impl LensProblem<'_> {
     }
 
     /// Whether two states are so close that runs from both converge to the same minimum.
-    pub(super) fn is_one(&self, a: &[f64], b: &[f64]) -> bool {
+    pub(super) fn is_same(&self, a: &[f64], b: &[f64]) -> bool {
         /// Largest distance of coefficients, of the log focal length, and of principal points in units of the
         /// focal length.
-        const NEAR: f64 = 1e-4;
-        let pixels = self.fitted.len() + self.open.iter().take_while(|&&index| index < Lens::CENTRE).count();
+        const MAX_DISTANCE: f64 = 1e-4;
+        let pixels = self.fitted.len() + self.free.iter().take_while(|&&index| index < Lens::CENTRE).count();
         let mut off = a.iter().zip(b).map(|(a, b)| (a - b).abs()).enumerate();
-        off.all(|(i, off)| off < if i < pixels { NEAR } else { NEAR * self.unit })
+        off.all(|(i, off)| off < if i < pixels { MAX_DISTANCE } else { MAX_DISTANCE * self.unit })
     }
 }
 
@@ -371,7 +377,7 @@ impl LensProblem<'_> {
 /// lens, in the chart around it.
 ///
 /// Outside the lens, the nearest valid pixel toward the principal point is used.
-pub(super) fn shown_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {
+pub(super) fn undistorted_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {
     const STEPS: usize = 40;
     let centre = lens.principal_point;
     let toward = |k: usize| {
@@ -448,13 +454,13 @@ impl LensProblem<'_> {
     /// Frees the focal length, and the principal point unless it is fixed.
     ///
     /// The focal length starts at the value with the straightest edges.
-    pub(super) fn opened(mut self, centre_is_held: bool) -> Self {
+    pub(super) fn with_free_focal(mut self, is_centre_fixed: bool) -> Self {
         /// Focal lengths of fisheyes from 60 to 250 degrees, in units of half the image diagonal.
         const STARTS: [f64; 5] = [0.4, 0.52, 0.68, 0.9, 1.2];
         const FIRST_STEPS: usize = 8;
-        self.open = vec![Lens::OWN_FOCAL];
-        if !centre_is_held {
-            self.open.extend([Lens::CENTRE, Lens::CENTRE + 1]);
+        self.free = vec![Lens::OWN_FOCAL];
+        if !is_centre_fixed {
+            self.free.extend([Lens::CENTRE, Lens::CENTRE + 1]);
         }
         let [w, h] = self.size;
         let half_diagonal = 0.5 * w.hypot(h);
@@ -470,7 +476,7 @@ impl LensProblem<'_> {
             self.unit = start * half_diagonal;
             let is_known = |values: &Vec<f64>, _| {
                 let here = absolute(values, self.unit);
-                reached.iter().any(|other| self.is_one(other, &here))
+                reached.iter().any(|other| self.is_same(other, &here))
             };
             let values = vec![0.0; self.indices().len()];
             let Some(found) = least_squares_unless(&self, values, FIRST_STEPS, is_known) else { continue };
@@ -493,7 +499,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn derivatives_are_those_of_differences(k in [-0.4..0.2_f64, -0.3..0.3_f64, -0.2..0.2_f64], p in [-0.01..0.01_f64, -0.01..0.01_f64], focal in 400.0..3000.0_f64) {
+        fn prior_derivatives_match_finite_differences(k in [-0.4..0.2_f64, -0.3..0.3_f64, -0.2..0.2_f64], p in [-0.01..0.01_f64, -0.01..0.01_f64], focal in 400.0..3000.0_f64) {
             const STEP: f64 = 1e-6;
             let brown = BrownConrady { k1: k[0], k2: k[1], k3: k[2], p1: p[0], p2: p[1] };
             let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion: Distortion::BrownConrady(brown), image_circle: None };
@@ -511,7 +517,7 @@ mod tests {
         }
 
         #[test]
-        fn derivatives_of_the_slope_of_a_fisheye_are_those_of_differences(
+        fn fisheye_slope_derivatives_match_finite_differences(
             k in [-0.03..0.1_f64, -0.002..0.01_f64], focal in 500.0..900.0_f64, at in [0.0..1920.0_f64, 0.0..1920.0_f64],
         ) {
             const STEPS: [f64; Lens::PARAMETERS] = [1e-8, 1e-8, 1e-8, 1e-8, 1e-6, 1e-3, 1e-3];

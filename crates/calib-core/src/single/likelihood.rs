@@ -14,13 +14,15 @@
 use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,
 };
-use crate::single::constraints::{Constraints, Direction, DrawnPlane, Length, Line, Source, Upright};
+use crate::single::constraints::{
+    AnnotatedPlane, Constraints, Direction, LengthConstraint, LineConstraint, Source, UprightConstraint,
+};
 use crate::single::directions::Directions;
 use crate::single::nuisances::{Nuisances, PlaneNuisances};
 use crate::single::parameters::FixedParameters;
 use crate::single::parameters::Orientation;
 use crate::single::parameters::{Prior, Priors};
-use crate::single::plane_frame::{Measured, PlaneFrame};
+use crate::single::plane_frame::{DistanceKind, PlaneFrame};
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, LineResidual, PITCH, Parameters, ROLL};
 use crate::single::size_residual::{CameraTerms, floor_length};
 use crate::single::vanishing_point::unrolled;
@@ -76,7 +78,7 @@ impl<'a> Problem<'a> {
     /// Returns the degrees of freedom: number of residuals minus number of unknowns.
     pub(crate) fn dof(&self) -> i64 {
         let residuals = self.lines().count() + self.lengths().count() + 2 * self.uprights().count();
-        let mut count = residuals as i64 - self.repeated();
+        let mut count = residuals as i64 - self.repeated_residuals();
         let Priors { roll, pitch, focal, height, weak_log_focal } = self.priors;
         count += [roll, pitch, focal, height, weak_log_focal].iter().flatten().count() as i64;
         self.constraints.each_scene_prior(|_, _| count += 1);
@@ -89,9 +91,9 @@ impl<'a> Problem<'a> {
 
     /// Returns the number of residuals of repeated annotations, minus the unknowns of these alone, rounded
     /// up.
-    pub(crate) fn repeated(&self) -> i64 {
+    pub(crate) fn repeated_residuals(&self) -> i64 {
         let Constraints { repeats, groups, length_groups, .. } = self.constraints;
-        let again = |source: Source| 1.0 - repeats.times(source).recip();
+        let again = |source: Source| 1.0 - repeats.repeat_count(source).recip();
         let lines: f64 = self.lines().map(|line| again(line.source)).sum();
         let lengths: f64 = self.lengths().map(|length| again(length.source)).sum();
         let uprights: f64 = self.uprights().map(|upright| again(upright.source)).sum();
@@ -126,7 +128,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns the same problem with other constraints.
-    pub(crate) fn of<'b, E>(&self, constraints: &'b Constraints<E>) -> Problem<'b, E>
+    pub(crate) fn with_constraints<'b, E>(&self, constraints: &'b Constraints<E>) -> Problem<'b, E>
     where
         'a: 'b,
     {
@@ -194,7 +196,7 @@ impl<'a> Problem<'a> {
             }
         })?;
         for (source, pixels) in &mut residuals {
-            *pixels *= self.constraints.repeats.times(*source).sqrt();
+            *pixels *= self.constraints.repeats.repeat_count(*source).sqrt();
         }
         Some(residuals)
     }
@@ -223,15 +225,15 @@ impl<'a> Problem<'a> {
 }
 
 /// Quantities that an annotation on a plane depends on.
-pub(super) struct OnPlane {
+pub(super) struct PlaneState {
     /// Camera relative to the plane; `None` if the camera is not above it.
     pub(super) frame: Option<PlaneFrame>,
     pub(super) nuisances: PlaneNuisances,
 }
 
-impl OnPlane {
+impl PlaneState {
     /// Returns the quantities for annotations in the plane, which do not depend on the verticals.
-    pub(super) fn of_level(&self) -> Option<(&PlaneFrame, PlaneNuisances)> {
+    pub(super) fn without_tilt(&self) -> Option<(&PlaneFrame, PlaneNuisances)> {
         Some((self.frame.as_ref()?, PlaneNuisances { tilt: None, ..self.nuisances }))
     }
 }
@@ -240,9 +242,9 @@ impl<E> Constraints<E> {
     /// Returns the camera with these parameters relative to every plane; `None` for a plane that it is not
     /// above.
     pub(crate) fn plane_frames(&self, parameters: &Parameters, nuisance: &[f64]) -> Vec<Option<PlaneFrame>> {
-        let nuisances = Nuisances::of(self);
+        let nuisances = Nuisances::new(self);
         let tilt = [0, 1].map(|axis| nuisance[nuisances.tilt() + axis]);
-        let frame = |(plane, drawn): (usize, &DrawnPlane)| {
+        let frame = |(plane, drawn): (usize, &AnnotatedPlane)| {
             let [right, ahead, foot] = std::array::from_fn(|k| nuisance[nuisances.plane(plane) + k]);
             PlaneFrame::new(parameters, tilt, [right, ahead], drawn.prior.plane.height + foot)
         };
@@ -252,10 +254,10 @@ impl<E> Constraints<E> {
 
 impl<'a, E: Number> Problem<'a, E> {
     /// Returns the quantities that annotations on every plane depend on.
-    fn on_planes(&self, state: &State) -> Vec<OnPlane> {
+    fn plane_states(&self, state: &State) -> Vec<PlaneState> {
         let frames = self.constraints.plane_frames(&state.parameters, &state.nuisance);
         let with_nuisances =
-            |(plane, frame)| OnPlane { frame, nuisances: self.constraints.nuisances_on(plane) };
+            |(plane, frame)| PlaneState { frame, nuisances: self.constraints.nuisances_on(plane) };
         frames.into_iter().enumerate().map(with_nuisances).collect()
     }
 
@@ -267,23 +269,23 @@ impl<'a, E: Number> Problem<'a, E> {
 
     /// Returns the layout of the nuisance parameters.
     pub(crate) fn nuisances(&self) -> Nuisances {
-        Nuisances::of(self.constraints)
+        Nuisances::new(self.constraints)
     }
 
-    fn in_use(&self, source: Source) -> bool {
+    fn is_used(&self, source: Source) -> bool {
         self.rejected.is_empty() || !self.rejected.contains(&source)
     }
 
-    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a Line<E>> + '_ {
-        self.constraints.lines.iter().filter(|line| self.in_use(line.source))
+    pub(crate) fn lines(&self) -> impl Iterator<Item = &'a LineConstraint<E>> + '_ {
+        self.constraints.lines.iter().filter(|line| self.is_used(line.source))
     }
 
-    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a Length<E>> + '_ {
-        self.constraints.lengths.iter().filter(|length| self.in_use(length.source))
+    pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a LengthConstraint<E>> + '_ {
+        self.constraints.lengths.iter().filter(|length| self.is_used(length.source))
     }
 
-    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a Upright<E>> + '_ {
-        self.constraints.uprights.iter().filter(|upright| self.in_use(upright.source))
+    pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a UprightConstraint<E>> + '_ {
+        self.constraints.uprights.iter().filter(|upright| self.is_used(upright.source))
     }
 
     /// Calls `sink` with every residual in standard deviations, its derivatives by nuisance parameters (if
@@ -300,7 +302,7 @@ impl<'a, E: Number> Problem<'a, E> {
         if !(focal > 0.02 * self.width && focal < 500.0 * self.width) || parameters[PITCH].abs() > 3.0 {
             return None;
         }
-        let planes = self.on_planes(state);
+        let planes = self.plane_states(state);
         self.each_line(state, &planes, &mut sink)?;
         let tilt = self.nuisances().tilt();
         let at = CameraTerms::<N>::new(parameters, [state.nuisance[tilt], state.nuisance[tilt + 1]]);
@@ -322,14 +324,14 @@ impl<'a, E: Number> Problem<'a, E> {
     fn each_line<N: NumberOver<E>>(
         &self,
         state: &State,
-        planes: &[OnPlane],
+        planes: &[PlaneState],
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) -> Option<()> {
         let at = |plane: usize| planes[plane].frame.as_ref().map(|frame| &frame.parameters);
         let directions = Directions::new(self.constraints, &state.parameters, &state.nuisance, at)?;
         for line in self.lines() {
             let scale = self.sigma_of(line.source).recip();
-            let vanishing = directions.of(line).in_chart(line.chart.as_ref());
+            let vanishing = directions.vanishing_point(line).in_chart(line.chart.as_ref());
             let residual = LineResidual::new(&line.ends, vanishing.at);
             let value = N::from(residual.pixels) * scale;
             if !N::HAS_GRADIENT {
@@ -345,9 +347,9 @@ impl<'a, E: Number> Problem<'a, E> {
             let mut nuisance =
                 directions.by_nuisances(line, vanishing.d_own.map(|change| derivative(&change)));
             if let Some(plane) = directions.plane_of(line) {
-                let (frame, of_plane) = planes[plane].of_level()?;
+                let (frame, of_plane) = planes[plane].without_tilt()?;
                 let of_plane = PlaneNuisances { foot: None, ..of_plane };
-                let (carried, jacobian) = frame.carried(&gradient, Measured::OnPlane, &of_plane);
+                let (carried, jacobian) = frame.propagated(&gradient, DistanceKind::OnPlane, &of_plane);
                 gradient = carried;
                 nuisance = nuisance.with(&jacobian);
             }

@@ -25,10 +25,10 @@ fn source(segment: usize) -> Source {
 }
 
 /// Returns a length of a group; every second length of the first group is on a plane.
-fn length((index, (ends, group)): (usize, ([Endpoint; 2], usize))) -> Length {
+fn length((index, (ends, group)): (usize, ([Endpoint; 2], usize))) -> LengthConstraint {
     let plane = (group == 0 && index % 2 == 0).then_some(0);
     let is_mark = plane.is_none();
-    Length { chart: None, ends, group, spread: 0.01, is_mark, plane, source: source(100 + index) }
+    LengthConstraint { chart: None, ends, group, spread: 0.01, is_mark, plane, source: source(100 + index) }
 }
 
 /// Returns random constraints: the Jacobian must also be correct for large residuals.
@@ -45,7 +45,7 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
             lines: lines
                 .into_iter()
                 .enumerate()
-                .map(|(i, (ends, group, orthogonal))| Line {
+                .map(|(i, (ends, group, orthogonal))| LineConstraint {
                     chart: None,
                     ends,
                     direction: direction(group, orthogonal),
@@ -67,14 +67,14 @@ fn any_constraints() -> impl Strategy<Value = Constraints> {
                 .map(|(i, (foot, head, height))| {
                     let height = Known::prior(height, 0.05);
                     let plane = (i == 1).then_some(0);
-                    Upright { chart: None, foot, head, height, plane, source: source(200 + i) }
+                    UprightConstraint { chart: None, foot, head, height, plane, source: source(200 + i) }
                 })
                 .collect(),
             deviations: vec![
                 Deviation { group: 0, orthogonal: true, azimuth: 0.01, level: 0.005, plane: None },
                 Deviation { group: 1, orthogonal: false, azimuth: 0.0, level: 0.005, plane: Some(0) },
             ],
-            planes: vec![DrawnPlane { index: 0, prior: ramp() }],
+            planes: vec![AnnotatedPlane { index: 0, prior: ramp() }],
             scene: SceneErrors { floor_tilt: 0.02, crossfall: 0.03, ..SceneErrors::EXACT },
             repeats: crate::single::Repeats::NONE,
             sigma_px: Vec::new(),
@@ -122,7 +122,7 @@ fn priors() -> Priors {
 
 proptest! {
     #[test]
-    fn the_jacobian_is_that_of_differences(constraints in any_constraints(), parameters in any_core()) {
+    fn jacobian_matches_finite_differences(constraints in any_constraints(), parameters in any_core()) {
         const STEP: f64 = 1e-6;
         let problem = Problem::new(&constraints, FixedParameters::default(), priors(), 0.7, 1920.0);
         let state = problem.state_at(parameters);
@@ -161,7 +161,7 @@ let own = problem.nuisances().deviation(0);
     }
 
     #[test]
-    fn our_minimiser_agrees_with_the_levenberg_marquardt_crate(
+    fn minimiser_agrees_with_the_levenberg_marquardt_crate(
         parameters in any_core(), nudge in [-0.03..0.03_f64, -0.05..0.05_f64, -0.1..0.1_f64],
         drawn in proptest::collection::vec(([-900.0..900.0_f64, -300.0..500.0_f64], 0.1..0.4_f64, -2.0..2.0_f64), 9..16),
     ) {
@@ -174,7 +174,7 @@ let own = problem.nuisances().deviation(0);
         let oracle = levenberg_marquardt::LevenbergMarquardt::new();
         let (_, report) = oracle.minimize(Oracle { problem: &problem, state: start });
         let theirs = 2.0 * report.objective_function;
-        prop_assert!((theirs - cost).abs() < 1e-7 * cost + 1e-12, "{theirs} there, {cost} here");
+        prop_assert!((theirs - cost).abs() < 1e-7 * cost + 1e-12, "{theirs} from the crate, {cost} from ours");
     }
 }
 
@@ -201,7 +201,13 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
         let step = 700.0 * share / length;
         let b =
             [a[0] + step * way[0] - noise * way[1] / length, a[1] + step * way[1] + noise * way[0] / length];
-        Some(Line { chart: None, ends: [end(a), end(b)], direction, deviation: None, source: source(i) })
+        Some(LineConstraint {
+            chart: None,
+            ends: [end(a), end(b)],
+            direction,
+            deviation: None,
+            source: source(i),
+        })
     });
     Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
 }
@@ -238,9 +244,9 @@ impl levenberg_marquardt::LeastSquaresProblem<f64, nalgebra::Dyn, nalgebra::Dyn>
 }
 
 #[test]
-fn the_executor_of_argmin_walks_the_same_way() {
+fn argmin_executor_finds_the_same_minimum() {
     let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
-    let line = |a, b, direction, i| Line {
+    let line = |a, b, direction, i| LineConstraint {
         chart: None,
         ends: [end(a), end(b)],
         direction,

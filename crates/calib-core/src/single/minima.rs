@@ -11,16 +11,16 @@ use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
 
 /// Horizontal fields of view of the start values of the focal length, in degrees.
-const FIELDS: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.0, 140.0];
+const START_FIELDS_OF_VIEW_DEG: [f64; 10] = [14.0, 22.0, 33.0, 45.0, 58.0, 72.0, 88.0, 104.0, 122.0, 140.0];
 /// Start values of the pitch, in degrees, if the verticals do not relate pitch to focal length.
-const PITCHES: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
+const START_PITCHES_DEG: [f64; 7] = [0.0, 8.0, 20.0, 35.0, 50.0, 68.0, 86.0];
 /// Focal length of usual cameras, in image widths.
-pub(crate) const USUAL_FOCAL: f64 = 0.8;
+pub(crate) const USUAL_FOCAL_PER_WIDTH: f64 = 0.8;
 /// Standard deviation of the log focal length above which the constraints do not determine the focal length.
-pub const OPEN_FOCAL: f64 = 0.2;
+pub const MAX_LOG_FOCAL_SIGMA: f64 = 0.2;
 /// Standard deviation of the log focal length above which the weak prior is added: it then has at least a
 /// twelfth of the information of the constraints.
-pub(crate) const PRIOR_TELLS: f64 = 0.1;
+pub(crate) const MIN_LOG_FOCAL_SIGMA_FOR_PRIOR: f64 = 0.1;
 /// Maximum number of accepted steps of a run. Near a minimum convergence is quadratic; if the cost is flat in
 /// the focal length, the weak prior resolves it.
 const MAX_STEPS: usize = 60;
@@ -28,7 +28,7 @@ const MAX_STEPS: usize = 60;
 /// Returns the weak prior: installed cameras have a focal length of about 0.8 image widths, within a factor
 /// of 1.4.
 pub(crate) fn weak_prior(width: f64) -> Prior {
-    Prior { value: (USUAL_FOCAL * width).ln(), sigma: 0.35 }
+    Prior { value: (USUAL_FOCAL_PER_WIDTH * width).ln(), sigma: 0.35 }
 }
 
 /// Minimum of the likelihood.
@@ -42,16 +42,20 @@ pub(crate) struct Minimum {
 
 /// Returns every distinct minimum found, the lowest first; empty if no start is possible.
 pub(crate) fn minima(problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
-    minima_beside(Vec::new(), problem, fixed)
+    minima_including(Vec::new(), problem, fixed)
 }
 
 /// Returns the known minima and every other one found, the lowest first.
-pub(crate) fn minima_beside(known: Vec<Minimum>, problem: &Problem, fixed: FixedParameters) -> Vec<Minimum> {
+pub(crate) fn minima_including(
+    known: Vec<Minimum>,
+    problem: &Problem,
+    fixed: FixedParameters,
+) -> Vec<Minimum> {
     let mut found = known;
     for start in starts(problem, fixed) {
         found = with_minimum_from(start, problem, found);
     }
-    let turned: Vec<State> = found.iter().filter_map(|minimum| turned(minimum, problem)).collect();
+    let turned: Vec<State> = found.iter().filter_map(|minimum| opposite_start(minimum, problem)).collect();
     for start in turned {
         found = with_minimum_from(start, problem, found);
     }
@@ -61,7 +65,8 @@ pub(crate) fn minima_beside(known: Vec<Minimum>, problem: &Problem, fixed: Fixed
 
 /// Adds the minimum reached from a start, if it is new or lower.
 fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -> Vec<Minimum> {
-    let is_known = |state: &State, cost: f64| found.iter().any(|known| leads_to(known, state, cost, problem));
+    let is_known =
+        |state: &State, cost: f64| found.iter().any(|known| is_near_minimum(known, state, cost, problem));
     let summary = least_squares_unless(problem, start, MAX_STEPS, is_known);
     let Some(minimum) = summary.and_then(|summary| minimum(problem, summary)) else { return found };
     match found.iter_mut().find(|other| is_same(other, &minimum, problem)) {
@@ -74,7 +79,7 @@ fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -
 
 /// Whether a run from a state converges to a minimum: the state is within one standard deviation of every
 /// parameter, and one unit of chi-square.
-fn leads_to(minimum: &Minimum, state: &State, cost: f64, problem: &Problem) -> bool {
+fn is_near_minimum(minimum: &Minimum, state: &State, cost: f64, problem: &Problem) -> bool {
     let is_near = |i: usize| {
         let off = (state.parameters[i] - minimum.state.parameters[i]).abs();
         !problem.free[i] || off < minimum.uncertainty.sigma(i)
@@ -86,16 +91,16 @@ fn leads_to(minimum: &Minimum, state: &State, cost: f64, problem: &Problem) -> b
 /// a minimum is doubtful.
 ///
 /// A minimum is doubtful if the camera is sideways or upside down, looks up, or contradicts a prior.
-fn turned(minimum: &Minimum, problem: &Problem) -> Option<State> {
+fn opposite_start(minimum: &Minimum, problem: &Problem) -> Option<State> {
     use std::f64::consts::{FRAC_PI_4, PI, TAU};
     /// Distance from a prior, in standard deviations, above which a minimum contradicts it.
-    const AGAINST: f64 = 2.0;
+    const MIN_CONTRADICTION_SIGMAS: f64 = 2.0;
     if !problem.free[ROLL] || !problem.free[PITCH] {
         return None;
     }
     let [roll, pitch, log_focal, log_height] = minimum.state.parameters;
     let is_against = |prior: Option<Prior>, value: f64| {
-        prior.is_some_and(|prior| (value - prior.value).abs() > AGAINST * prior.sigma)
+        prior.is_some_and(|prior| (value - prior.value).abs() > MIN_CONTRADICTION_SIGMAS * prior.sigma)
     };
     let is_doubtful = roll.abs() > FRAC_PI_4
         || pitch < 0.0
@@ -153,26 +158,25 @@ fn normalize_angles(state: &mut State, problem: &Problem) {
 
 /// Whether two states are the same minimum: their distance is below one standard deviation.
 fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
-    const NEAR: f64 = 1e-4;
+    const SAME_STATE_DISTANCE: f64 = 1e-4;
     let turn = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
     let difference: [f64; 3] = std::array::from_fn(|i| match i {
         ROLL => turn(a.state.parameters[ROLL] - b.state.parameters[ROLL]),
         _ => a.state.parameters[i] - b.state.parameters[i],
     });
-    if difference.iter().all(|d| d.abs() < NEAR) {
+    if difference.iter().all(|d| d.abs() < SAME_STATE_DISTANCE) {
         return true;
     }
     let is_far = |minimum: &Minimum| {
-        [ROLL, PITCH, LOG_FOCAL]
-            .into_iter()
-            .filter(|&i| problem.free[i])
-            .any(|i| difference[i].abs() > NEAR && difference[i].abs() > minimum.uncertainty.sigma(i))
+        [ROLL, PITCH, LOG_FOCAL].into_iter().filter(|&i| problem.free[i]).any(|i| {
+            difference[i].abs() > SAME_STATE_DISTANCE && difference[i].abs() > minimum.uncertainty.sigma(i)
+        })
     };
     !(is_far(a) && is_far(b))
 }
 
 fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
-    const MOST: usize = 4;
+    const MAX_STARTS: usize = 4;
     let verticals = problem.lines().filter(|line| line.direction == Direction::Vertical);
     let vanishing = vanishing_point(verticals);
     let roll = fixed.roll.unwrap_or_else(|| {
@@ -193,11 +197,12 @@ fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
         (None, None) => {
             let pitch = |degrees: f64| degrees.to_radians();
             rows.extend(
-                PITCHES.map(|p| focals.iter().map(|f| [roll, pitch(p), f.ln(), log_height]).collect()),
+                START_PITCHES_DEG
+                    .map(|p| focals.iter().map(|f| [roll, pitch(p), f.ln(), log_height]).collect()),
             );
         }
     }
-    lowest(problem, &rows, MOST)
+    lowest(problem, &rows, MAX_STARTS)
 }
 
 /// Returns the start values of the focal length, in pixels: the fixed one, or a range and the mean of the
@@ -206,8 +211,10 @@ fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
     if let Some(focal) = fixed.focal {
         return vec![focal];
     }
-    let mut focals: Vec<f64> =
-        FIELDS.iter().map(|degrees| 0.5 * problem.width / (0.5 * degrees.to_radians()).tan()).collect();
+    let mut focals: Vec<f64> = START_FIELDS_OF_VIEW_DEG
+        .iter()
+        .map(|degrees| 0.5 * problem.width / (0.5 * degrees.to_radians()).tan())
+        .collect();
     focals.extend(problem.priors.focal.map(|prior| prior.value));
     focals.sort_by(f64::total_cmp);
     focals
@@ -255,7 +262,7 @@ pub(crate) struct Solutions {
     pub(crate) weak_prior: Option<WeakPrior>,
 }
 
-/// Weak prior as it was added to the constraints.
+/// Weak prior in the solve, with the minima without it.
 #[derive(Clone, Debug)]
 pub(crate) struct WeakPrior {
     /// Prior in the cost. The cost is in units of the assumed noise, so for larger noise the sigma is reduced
@@ -279,21 +286,21 @@ impl Solutions {
     }
 
     /// Returns the contribution of the weak prior to the cost of a minimum.
-    fn square_of_prior(&self, minimum: &Minimum) -> f64 {
+    fn chi2_of_prior(&self, minimum: &Minimum) -> f64 {
         let off =
             |weak: &WeakPrior| (minimum.state.parameters[LOG_FOCAL] - weak.prior.value) / weak.prior.sigma;
         self.weak_prior.as_ref().map_or(0.0, |weak| off(weak).powi(2))
     }
 
     /// Returns the chi-square of a minimum without the weak prior.
-    pub(crate) fn chi2_of_drawings(&self, minimum: &Minimum) -> f64 {
-        minimum.chi2 - self.square_of_prior(minimum)
+    pub(crate) fn chi2_of_annotations(&self, minimum: &Minimum) -> f64 {
+        minimum.chi2 - self.chi2_of_prior(minimum)
     }
 
     /// Returns the chi-square of a minimum with the weak prior, at its stated sigma.
     pub(crate) fn chi2_with_prior(&self, minimum: &Minimum) -> f64 {
         let spread = self.weak_prior.as_ref().map_or(1.0, |weak| weak.spread);
-        self.chi2_of_drawings(minimum) + self.square_of_prior(minimum) / spread
+        self.chi2_of_annotations(minimum) + self.chi2_of_prior(minimum) / spread
     }
 }
 
@@ -301,7 +308,7 @@ impl Solutions {
 pub(crate) fn solve(problem: &Problem, fixed: FixedParameters, allow_weak_prior: bool) -> Solutions {
     let minima = minima(problem, fixed);
     let found = Solutions { minima, weak_prior: None };
-    let is_open = found.log_focal_sigma() > OPEN_FOCAL;
+    let is_open = found.log_focal_sigma() > MAX_LOG_FOCAL_SIGMA;
     if is_open && allow_weak_prior && problem.free[LOG_FOCAL] {
         with_weak_prior(problem, fixed, found.minima, 1.0)
     } else {

@@ -51,30 +51,31 @@ mod fit;
 mod advice;
 
 pub use abramov::{closed_form, minimum as paper_minimum};
-pub use advice::{Sketch, draw_next, findings, floor_finding};
+pub use advice::{SuggestedLine, findings, floor_finding, suggest_lines};
 pub use annotation::{
-    Annotation, Belongs, ConstraintKind, KINDS, Kind, KindRow, Known, Shape, USUAL_SIZES, UsualSize,
+    Annotation, ConstraintKind, FieldUse, KINDS, Kind, KindRow, Known, Shape, USUAL_SIZES, UsualSize,
     line_name,
 };
 pub use constraints::{
-    Constraints, Direction, DrawnPlane, Endpoint, InvalidSegment, Length, Line, Source, Upright,
+    AnnotatedPlane, Constraints, Direction, Endpoint, InvalidSegment, LengthConstraint, LineConstraint,
+    Source, UprightConstraint,
 };
-pub use fit::{Fit, FitOptions, LocalMinimum, RULED_OUT, grid};
+pub use fit::{Fit, FitOptions, LocalMinimum, MIN_CHI2_DIFFERENCE, grid};
 pub(crate) use lens_problem::{LensResidual, lens_prior, slope_prior};
-pub use outliers::{heights_apart, is_inconsistent};
+pub use outliers::{contradictory_uprights, is_inconsistent};
 pub(crate) use outliers::{inflation, is_significant, student_factor};
-pub(crate) use overlaps::lies_on;
-pub use overlaps::{BESIDE, Repeats};
-pub use parameters::{Fitted, FixedParameters, Orientation, PlanePrior, Prior, Priors};
+pub(crate) use overlaps::is_repeat_of;
+pub use overlaps::{MAX_OVERLAP_DISTANCE_PX, Repeats};
+pub use parameters::{FittedCoefficients, FixedParameters, Orientation, PlanePrior, Prior, Priors};
 pub use plumb_line::{LensFit, LensOptions};
 pub(crate) use prediction::predictable;
-pub use prediction::{Held, residuals_at, residuals_held};
+pub use prediction::{StoredCamera, residuals_at, residuals_of_stored};
 pub use scene_errors::{Deviation, SceneErrors};
 pub use straightness::{Edge, edges, outermost, straightness, straightness_rms};
-pub(crate) use straightness::{edge_redundancy, straightness_with_jacobian, times_drawn};
+pub(crate) use straightness::{edge_redundancy, repeat_counts, straightness_with_jacobian};
 
 pub use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};
 pub(crate) use likelihood::{Problem, State};
-pub use minima::OPEN_FOCAL;
-pub(crate) use minima::{PRIOR_TELLS, weak_prior};
+pub use minima::MAX_LOG_FOCAL_SIGMA;
+pub(crate) use minima::{MIN_LOG_FOCAL_SIGMA_FOR_PRIOR, weak_prior};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};

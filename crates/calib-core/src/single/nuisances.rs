@@ -2,13 +2,13 @@
 //! their priors.
 
 use crate::optimize::NuisanceLayout;
-use crate::single::constraints::{Constraints, Direction, DrawnPlane, Line};
+use crate::single::constraints::{AnnotatedPlane, Constraints, Direction, LineConstraint};
 
 /// Layout of the nuisance parameters in a state.
 ///
-/// The order is: angle of every group of directions, log length of every group of lengths, azimuth and
-/// elevation of every deviation, the two tilts, and for every annotated plane its two slopes and its height
-/// under the camera.
+/// The order is: angles of the groups of directions, log lengths of the groups of lengths, azimuth and
+/// elevation of every deviation. The two tilts follow. Every annotated plane adds its two slopes and its
+/// height under the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nuisances {
     groups: usize,
@@ -29,7 +29,7 @@ pub(crate) struct PlaneNuisances {
 }
 
 impl Nuisances {
-    pub(crate) fn of<E>(constraints: &Constraints<E>) -> Self {
+    pub(crate) fn new<E>(constraints: &Constraints<E>) -> Self {
         let Constraints { groups, length_groups, deviations, planes, .. } = constraints;
         let (lengths, deviations, planes) = (length_groups.len(), deviations.len(), planes.len());
         Self { groups: *groups, lengths, deviations, planes }
@@ -90,7 +90,7 @@ impl<E> Constraints<E> {
     /// Calls `sink` with the index and sigma of every nuisance parameter that has its own prior. The two
     /// tilts have a joint prior (`crossfall.rs`).
     pub(crate) fn each_scene_prior(&self, mut sink: impl FnMut(usize, f64)) {
-        let nuisances = Nuisances::of(self);
+        let nuisances = Nuisances::new(self);
         let deviations = self.deviations.iter().enumerate().flat_map(|(index, deviation)| {
             let at = nuisances.deviation(index);
             [(at, deviation.azimuth), (at + 1, deviation.level)]
@@ -111,14 +111,14 @@ impl<E> Constraints<E> {
 
     /// Returns the standard deviation of the tilt; `None` without verticals, or if the scene has no tilt.
     pub(crate) fn tilt_sigma(&self) -> Option<f64> {
-        let is_vertical = |line: &Line<E>| line.direction == Direction::Vertical;
+        let is_vertical = |line: &LineConstraint<E>| line.direction == Direction::Vertical;
         let has_verticals = || !self.uprights.is_empty() || self.lines.iter().any(is_vertical);
         Some(self.scene.floor_tilt).filter(|&sigma| sigma > 0.0 && has_verticals())
     }
 
     /// Returns the nuisance parameters of an annotation on a plane.
     pub(crate) fn nuisances_on(&self, plane: usize) -> PlaneNuisances {
-        let (nuisances, drawn) = (Nuisances::of(self), &self.planes[plane]);
+        let (nuisances, drawn) = (Nuisances::new(self), &self.planes[plane]);
         let at = nuisances.plane(plane);
         PlaneNuisances {
             tilt: self.tilt_sigma().map(|_| nuisances.tilt()),
@@ -128,7 +128,7 @@ impl<E> Constraints<E> {
     }
 }
 
-impl DrawnPlane {
+impl AnnotatedPlane {
     fn slope_sigma(&self) -> f64 {
         self.prior.slope_in_any_direction()
     }

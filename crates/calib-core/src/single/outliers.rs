@@ -23,29 +23,29 @@ use crate::optimize::{chi2_score, is_misfit};
 use crate::single::annotation::Annotation;
 use crate::single::constraints::Source;
 use crate::single::likelihood::Problem;
-use crate::single::minima::{Minimum, Solutions, minima_beside, minimum_near, solve};
+use crate::single::minima::{Minimum, Solutions, minima_including, minimum_near, solve};
 use crate::single::parameters::FixedParameters;
 
 /// Returns the uprights that give the lowest and the highest camera height, each with that height in metres,
 /// if they contradict each other.
-pub fn heights_apart(camera: &Camera, annotations: &[Annotation]) -> Option<[(Source, f64); 2]> {
+pub fn contradictory_uprights(camera: &Camera, annotations: &[Annotation]) -> Option<[(Source, f64); 2]> {
     /// Largest ratio of heights that can result from the usual noise of foot and head.
-    const APART: f64 = 1.04;
+    const MAX_HEIGHT_RATIO: f64 = 1.04;
     let on = annotations.iter().enumerate().filter(|(_, annotation)| !annotation.off);
     let mut heights: Vec<(Source, f64)> = on
         .filter_map(|(index, annotation)| {
-            let height = height_by(camera, annotation)?;
+            let height = height_from_upright(camera, annotation)?;
             Some((Source { annotation: index, segment: 0 }, height))
         })
         .collect();
     heights.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (lowest, highest) = (*heights.first()?, *heights.last()?);
-    (highest.1 > APART * lowest.1).then_some([lowest, highest])
+    (highest.1 > MAX_HEIGHT_RATIO * lowest.1).then_some([lowest, highest])
 }
 
 /// Returns the camera height determined by one upright of known height on the floor, for the orientation of
 /// `camera`.
-fn height_by(camera: &Camera, annotation: &Annotation) -> Option<f64> {
+fn height_from_upright(camera: &Camera, annotation: &Annotation) -> Option<f64> {
     let on_floor = annotation.plane.is_none();
     let (foot, head) = annotation.foot.zip(annotation.head).filter(|_| on_floor)?;
     let upright = annotation.height()?.value;
@@ -112,8 +112,8 @@ pub(crate) fn student_factor(dof: i64) -> f64 {
 /// Clicks and curved edges have errors of a few pixels. Larger errors are wrong annotations, not noise, and
 /// no factor converts them to a standard deviation.
 pub fn is_inconsistent(chi2: f64, dof: i64) -> bool {
-    const MOST_SIGMAS: f64 = 5.0;
-    is_misfit(chi2, dof) && chi2 > MOST_SIGMAS * MOST_SIGMAS * dof as f64
+    const MAX_SIGMAS: f64 = 5.0;
+    is_misfit(chi2, dof) && chi2 > MAX_SIGMAS * MAX_SIGMAS * dof as f64
 }
 
 /// Annotation noise as estimated from the residuals.
@@ -197,7 +197,7 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
         let fewer = Problem { rejected: &rejected, ..problem.clone() };
         // If another rejection explains the misfit equally well, the outlier is ambiguous and none is
         // rejected.
-        if !is_misfit(runner_up, fewer.dof()) && runner_up < chi2 + AS_WELL {
+        if !is_misfit(runner_up, fewer.dof()) && runner_up < chi2 + MIN_RUNNER_UP_CHI2_DIFFERENCE {
             break;
         }
         if confirmed + 1 == rejected.len() && is_significant(chi2_before, chi2, fewer.dof(), count) {
@@ -209,10 +209,10 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
     (results.swap_remove(confirmed), rejected)
 }
 
-/// Number of constraints above which leaving one out does not lead to another minimum.
+/// Largest number of constraints for which leaving one out may lead to another minimum.
 ///
-/// Each constraint then has almost no leverage, so its residual predicts the gain of its rejection.
-const MANY: usize = 400;
+/// With more constraints each has almost no leverage, so its residual predicts the gain of its rejection.
+const MAX_REFITTED_CONSTRAINTS: usize = 400;
 
 /// Whether rejecting up to `most` constraints may remove the misfit.
 ///
@@ -221,7 +221,7 @@ const MANY: usize = 400;
 fn may_explain(problem: &Problem, best: &Minimum, most: i64) -> bool {
     const MARGIN: f64 = 4.0;
     let count = sources(problem).len();
-    if count <= MANY {
+    if count <= MAX_REFITTED_CONSTRAINTS {
         return true;
     }
     let mut squares: Vec<f64> = Vec::with_capacity(count);
@@ -234,12 +234,12 @@ fn may_explain(problem: &Problem, best: &Minimum, most: i64) -> bool {
 }
 
 /// Minimum difference in chi-square between the best and the second-best rejection.
-const AS_WELL: f64 = 2.0;
+const MIN_RUNNER_UP_CHI2_DIFFERENCE: f64 = 2.0;
 
 /// Constraint whose rejection gives the smallest chi-square score of the rest.
 struct Outlier {
     source: Source,
-    /// Chi-square without it.
+    /// Chi-square of the rest.
     chi2: f64,
     /// Smallest chi-square without any other constraint.
     runner_up: f64,
@@ -252,7 +252,7 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
     const MULTISTART_OF_MORE: usize = 10;
     let candidates = outlier_candidates(problem, best, search);
     let multistart = match sources(problem).len() {
-        count if count > MANY => 0,
+        count if count > MAX_REFITTED_CONSTRAINTS => 0,
         _ if candidates.len() <= MAX_MULTISTART => candidates.len(),
         _ => MULTISTART_OF_MORE,
     };
@@ -267,7 +267,7 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
         // A gross error may have led the fit to another minimum, so all starts are tried, not only this one.
         let mut found: Vec<Minimum> = minimum_near(&without, &best.state).into_iter().collect();
         if rank < multistart {
-            found = minima_beside(found, &without, search.fixed);
+            found = minima_including(found, &without, search.fixed);
         }
         let chi2 = found.iter().map(|minimum| minimum.chi2).fold(f64::INFINITY, f64::min);
         scored.push((chi2_score(chi2, without.dof() as f64), source, chi2));
@@ -280,21 +280,21 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
 /// Returns the constraints to leave out in turn, the largest residuals first; with many constraints, the most
 /// promising first.
 fn outlier_candidates(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
-    /// Number of constraints above which candidates are selected.
-    const FEW: usize = 40;
+    /// Largest number of constraints for which all are candidates.
+    const MAX_UNSELECTED: usize = 40;
     /// Number of selected candidates.
-    const MOST: usize = 16;
+    const SELECTED: usize = 16;
     let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
     found.retain(|(source, _)| !(search.keep)(*source));
     found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     let mut sources: Vec<Source> = found.into_iter().map(|(source, _)| source).collect();
-    if sources.len() > MANY {
-        sources.truncate(MOST);
-    } else if sources.len() > FEW {
+    if sources.len() > MAX_REFITTED_CONSTRAINTS {
+        sources.truncate(SELECTED);
+    } else if sources.len() > MAX_UNSELECTED {
         let promised = problem.chi2_without(&best.state);
         let of = |source: &Source| promised.get(source).copied().unwrap_or(f64::INFINITY);
         sources.sort_by(|a, b| of(a).total_cmp(&of(b)));
-        sources.truncate(MOST);
+        sources.truncate(SELECTED);
     }
     sources
 }
@@ -315,29 +315,29 @@ mod tests {
     use crate::single::annotation::{Kind, Known};
 
     /// Returns the annotation of an upright with `height`, annotated with the height `stated`.
-    fn upright(camera: &Camera, [x, y]: [f64; 2], height: f64, said: f64) -> Option<Annotation> {
+    fn upright(camera: &Camera, [x, y]: [f64; 2], height: f64, stated: f64) -> Option<Annotation> {
         let shown = |z: f64| camera.world_to_pixel(WorldPoint::new(x, y, z));
         let mut annotation = Annotation::new(Kind::Upright);
         annotation.foot = Some(shown(0.0)?);
         annotation.head = Some(shown(height)?);
-        annotation.height_m = Some(Known::fixed(said));
+        annotation.height_m = Some(Known::fixed(stated));
         Some(annotation)
     }
 
     proptest! {
         #[test]
-        fn an_upright_tells_the_height_in_proportion_to_its_own(
-            camera in any_camera(), x in -4.0..4.0_f64, y in 3.0..9.0_f64, said in 0.5..3.0_f64,
+        fn camera_height_is_proportional_to_the_height_of_the_upright(
+            camera in any_camera(), x in -4.0..4.0_f64, y in 3.0..9.0_f64, stated in 0.5..3.0_f64,
         ) {
-            let Some(annotation) = upright(&camera, [x, y], 1.7, said) else { return Ok(()) };
-            let Some(height) = height_by(&camera, &annotation) else { return Ok(()) };
-            let expected = camera.position.z * said / 1.7;
+            let Some(annotation) = upright(&camera, [x, y], 1.7, stated) else { return Ok(()) };
+            let Some(height) = height_from_upright(&camera, &annotation) else { return Ok(()) };
+            let expected = camera.position.z * stated / 1.7;
             prop_assert!((height / expected - 1.0).abs() < 1e-5, "{height} for {expected}");
         }
     }
 
     #[test]
-    fn uprights_that_contradict_each_other_are_the_lowest_and_the_highest() {
+    fn contradictory_uprights_are_the_lowest_and_the_highest() {
         let camera = Camera {
             position: WorldPoint::new(0.0, 0.0, 3.0),
             yaw: 0.0,
@@ -347,22 +347,26 @@ mod tests {
             lens: crate::camera::Lens::pinhole(Pixel::new(960.0, 540.0)),
             covariance: crate::camera::Covariance::EXACT,
         };
-        let at = |place, said| upright(&camera, place, 1.75, said);
+        let at = |place, stated| upright(&camera, place, 1.75, stated);
         let mut all: Vec<Annotation> = [at([-1.0, 5.0], 1.75), at([1.0, 6.0], 1.4), at([0.5, 4.5], 1.76)]
             .into_iter()
             .flatten()
             .collect();
-        assert_eq!(all.len(), 3, "the camera shows them");
-        let [(wrong, low), (right, high)] = heights_apart(&camera, &all).unwrap();
+        assert_eq!(all.len(), 3, "all uprights are visible");
+        let [(wrong, low), (right, high)] = contradictory_uprights(&camera, &all).unwrap();
         assert_eq!([wrong.annotation, right.annotation], [1, 2]);
         assert!((low - 2.4).abs() < 1e-6 && (high - 3.0 * 1.76 / 1.75).abs() < 1e-6, "{low} {high}");
         all[1].off = true;
-        assert_eq!(heights_apart(&camera, &all), None, "what is left agrees");
-        assert_eq!(heights_apart(&camera, &all[..1]), None, "nothing to compare it with");
+        assert_eq!(contradictory_uprights(&camera, &all), None, "the remaining uprights agree");
+        assert_eq!(
+            contradictory_uprights(&camera, &all[..1]),
+            None,
+            "a single upright cannot contradict another"
+        );
     }
 
     #[test]
-    fn intervals_of_few_residuals_are_those_of_student() {
+    fn intervals_with_few_residuals_match_student_quantiles() {
         // Quantiles of Student's distribution at 0.975 (any table).
         for (dof, quantile) in [(1, 12.706), (2, 4.303), (3, 3.182), (4, 2.776), (6, 2.447), (30, 2.042)] {
             let off = student_factor(dof) * 1.96 / quantile - 1.0;
@@ -371,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn the_test_is_at_the_one_percent_level() {
+    fn misfit_test_has_the_one_percent_level() {
         // Quantiles of the chi-square distribution at 0.99 (any table).
         for (dof, quantile) in [(1, 6.635), (2, 9.210), (5, 15.086), (10, 23.209), (30, 50.892)] {
             assert!(!is_misfit(quantile * 0.97, dof) && is_misfit(quantile * 1.03, dof), "dof {dof}");

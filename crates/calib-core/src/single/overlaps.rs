@@ -16,11 +16,11 @@ use std::collections::HashMap;
 use crate::outcome::Source;
 
 /// Largest distance between two segments of the same edge, in pixels.
-pub const BESIDE: f64 = 3.0;
+pub const MAX_OVERLAP_DISTANCE_PX: f64 = 3.0;
 /// Minimum length of another segment that counts against a segment, relative to its length.
-const AS_LONG: f64 = 0.8;
+const MIN_LENGTH_RATIO: f64 = 0.8;
 /// Minimum length of a piece whose angle restricts the candidates, in pixels.
-const WITH_ANGLE: f64 = 8.0 * BESIDE;
+const MIN_ANGLE_LENGTH_PX: f64 = 8.0 * MAX_OVERLAP_DISTANCE_PX;
 
 /// Repeat count of a polyline, including itself: among all polylines that have a class, and in its own class.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,7 +65,7 @@ impl<'a> Overlaps<'a> {
     }
 
     /// Returns the repeat count of every polyline.
-    pub(crate) fn times(&self) -> Vec<f64> {
+    pub(crate) fn repeat_counts(&self) -> Vec<f64> {
         self.counts([&|_| Some(0)]).into_iter().map(|[count]| count.all).collect()
     }
 
@@ -76,7 +76,8 @@ impl<'a> Overlaps<'a> {
         classes: [&dyn Fn(usize) -> Option<usize>; N],
     ) -> Vec<[Count; N]> {
         let tallies: [Vec<Tally>; N] = classes.map(|class| self.tallies(class));
-        let mut sums: [Vec<Sum>; N] = tallies.each_ref().map(|of| of.iter().map(Sum::new).collect());
+        let mut sums: [Vec<WeightedTally>; N] =
+            tallies.each_ref().map(|of| of.iter().map(WeightedTally::new).collect());
         self.each_overlap(|on, other, share| {
             for (sums, tallies) in sums.iter_mut().zip(&tallies) {
                 sums[on].add(&tallies[on], &tallies[other], share);
@@ -120,14 +121,14 @@ impl<'a> Overlaps<'a> {
     fn each_near(&self, own: &Extent, ends: &[[f64; 2]; 2], mut sink: impl FnMut(&Piece)) {
         use std::f64::consts::PI;
         let whole = length(ends);
-        if whole < WITH_ANGLE {
+        if whole < MIN_ANGLE_LENGTH_PX {
             let near = self.places.iter().enumerate().filter(|(_, other)| own.may_lie_on(other));
             for (place, other) in near {
                 segments(other.points).for_each(|ends| sink(&Piece::new(place, ends)));
             }
             return;
         }
-        let (angle, most) = (angle(ends), (2.0 * BESIDE / whole).asin() + 1e-9);
+        let (angle, most) = (angle(ends), (2.0 * MAX_OVERLAP_DISTANCE_PX / whole).asin() + 1e-9);
         let mut within = |low: f64, high: f64| {
             let first = self.pieces.partition_point(|piece| piece.angle < low);
             self.pieces[first..].iter().take_while(|piece| piece.angle <= high).for_each(&mut sink);
@@ -195,12 +196,12 @@ impl Tally {
 
 /// Weighted number of polylines at one location and at overlapping locations, in total and for the classes of
 /// the location.
-struct Sum {
+struct WeightedTally {
     all: f64,
     by_class: Vec<f64>,
 }
 
-impl Sum {
+impl WeightedTally {
     fn new(tally: &Tally) -> Self {
         Self { all: tally.all, by_class: tally.by_class.iter().map(|&(_, drawn)| drawn).collect() }
     }
@@ -253,9 +254,11 @@ impl<'a> Extent<'a> {
 
     /// Whether another polyline is long enough to count, and near enough.
     fn may_lie_on(&self, other: &Self) -> bool {
-        let is_near =
-            |k: usize| self.low[k] <= other.high[k] + BESIDE && other.low[k] <= self.high[k] + BESIDE;
-        other.length >= AS_LONG * self.length && is_near(0) && is_near(1)
+        let is_near = |k: usize| {
+            self.low[k] <= other.high[k] + MAX_OVERLAP_DISTANCE_PX
+                && other.low[k] <= self.high[k] + MAX_OVERLAP_DISTANCE_PX
+        };
+        other.length >= MIN_LENGTH_RATIO * self.length && is_near(0) && is_near(1)
     }
 }
 
@@ -274,8 +277,8 @@ fn angle([a, b]: &[[f64; 2]; 2]) -> f64 {
 }
 
 /// Whether a segment overlaps another so far that it counts as a repeat.
-pub(crate) fn lies_on(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> bool {
-    common_length(segment, other) >= AS_LONG * length(segment)
+pub(crate) fn is_repeat_of(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> bool {
+    common_length(segment, other) >= MIN_LENGTH_RATIO * length(segment)
 }
 
 /// Returns the length of a segment's overlap with another.
@@ -290,8 +293,8 @@ fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
         let (dx, dy) = (p[0] - from[0], p[1] - from[1]);
         (dx * along[0] + dy * along[1], dx * along[1] - dy * along[0])
     };
-    let [(a, beside_a), (b, beside_b)] = segment.map(place);
-    if !(beside_a.abs() <= BESIDE && beside_b.abs() <= BESIDE) {
+    let [(a, across_a), (b, across_b)] = segment.map(place);
+    if !(across_a.abs() <= MAX_OVERLAP_DISTANCE_PX && across_b.abs() <= MAX_OVERLAP_DISTANCE_PX) {
         return 0.0;
     }
     (a.max(b).min(reach) - a.min(b).max(0.0)).max(0.0)
@@ -326,7 +329,7 @@ impl Repeats {
     pub const NONE: Self = Self { times: Vec::new(), directions: Vec::new(), lengths: Vec::new() };
 
     /// Returns the repeat count of a segment.
-    pub(crate) fn times(&self, source: Source) -> f64 {
+    pub(crate) fn repeat_count(&self, source: Source) -> f64 {
         let found = self.times.binary_search_by_key(&key(source), |&(of, _)| key(of));
         found.map_or(1.0, |at| self.times[at].1)
     }
@@ -342,18 +345,18 @@ impl Repeats {
     }
 
     /// Stores repeat counts.
-    pub(crate) fn note(&mut self, times: impl Iterator<Item = (Source, f64)>) {
+    pub(crate) fn insert(&mut self, times: impl Iterator<Item = (Source, f64)>) {
         self.times.extend(times.filter(|&(_, times)| times > 1.0));
         self.times.sort_by_key(|&(of, _)| key(of));
     }
 
     /// Stores the shares of the groups of directions.
-    pub(crate) fn note_directions(&mut self, shares: &[f64]) {
+    pub(crate) fn set_direction_shares(&mut self, shares: &[f64]) {
         self.directions = shared(shares);
     }
 
     /// Stores the shares of the groups of lengths.
-    pub(crate) fn note_lengths(&mut self, shares: &[f64]) {
+    pub(crate) fn set_length_shares(&mut self, shares: &[f64]) {
         self.lengths = shared(shares);
     }
 }
@@ -365,11 +368,11 @@ mod tests {
     use super::*;
 
     fn times(polylines: &[Vec<[f64; 2]>]) -> Vec<f64> {
-        Overlaps::new(polylines).times()
+        Overlaps::new(polylines).repeat_counts()
     }
 
     /// Computes the repeat counts by definition: every polyline against every other.
-    fn times_one_by_one(polylines: &[Vec<[f64; 2]>]) -> Vec<f64> {
+    fn repeat_counts_by_definition(polylines: &[Vec<[f64; 2]>]) -> Vec<f64> {
         let drawn: Vec<Extent> = polylines.iter().map(|points| Extent::new(points)).collect();
         let common = |own: &Extent, other: &Extent| -> f64 {
             let on = |own: [[f64; 2]; 2]| -> f64 {
@@ -390,23 +393,23 @@ mod tests {
 
     proptest! {
         #[test]
-        fn copies_together_are_one(
+        fn copies_together_count_as_one(
             a in [-900.0..900.0_f64, -500.0..500.0_f64], angle in 0.0..6.0_f64, length in 40.0..900.0_f64, count in 1..30_usize,
         ) {
             let end = |s: f64| [a[0] + s * length * angle.cos(), a[1] + s * length * angle.sin()];
             let together: f64 = times(&vec![vec![end(0.0), end(1.0)]; count]).iter().map(|times| times.recip()).sum();
             prop_assert!((together - 1.0).abs() < 1e-9);
             let apart = [[0.0, 1.0], [1.1, 2.1]].map(|ends| ends.map(end).to_vec());
-            prop_assert_eq!(times(&apart), vec![1.0, 1.0], "two pieces of one edge, one after the other");
+            prop_assert_eq!(times(&apart), vec![1.0, 1.0], "two consecutive pieces of one edge");
             let pieces = [[0.0, 1.0], [0.2, 0.4], [0.9, 0.5]].map(|ends| ends.map(end).to_vec());
-            prop_assert_eq!(times(&pieces)[0], 1.0, "pieces do not count against the whole");
-            prop_assert!(times(&pieces)[1] > 1.999, "the whole counts against a piece");
+            prop_assert_eq!(times(&pieces)[0], 1.0, "pieces do not count against the whole line");
+            prop_assert!(times(&pieces)[1] > 1.999, "the whole line counts against a piece");
         }
 
         // With nine points, the sagitta between neighbours is 0.9 px on the arc with the smallest radius.
         // Edges with more curvature are drawn with more points.
         #[test]
-        fn a_bent_edge_is_one_wherever_its_points_are_set(
+        fn curved_edge_counts_once_for_any_number_of_points(
             radius in 1800.0..6000.0_f64, counts in proptest::collection::vec(9..40_usize, 1..12),
         ) {
             let at = |s: f64| [radius * (s * 900.0 / radius).sin(), radius * (s * 900.0 / radius).cos()];
@@ -415,12 +418,12 @@ mod tests {
             }).collect();
             let together: f64 = times(&drawn).iter().map(|times| times.recip()).sum();
             prop_assert!((together - 1.0).abs() < 0.1, "{together} of {counts:?}");
-            let beside: Vec<[f64; 2]> = drawn[0].iter().map(|[x, y]| [*x, y + 8.0]).collect();
-            prop_assert_eq!(times(&[drawn[0].clone(), beside]), vec![1.0, 1.0], "an edge beside it is another");
+            let adjacent: Vec<[f64; 2]> = drawn[0].iter().map(|[x, y]| [*x, y + 8.0]).collect();
+            prop_assert_eq!(times(&[drawn[0].clone(), adjacent]), vec![1.0, 1.0], "an adjacent edge is a different edge");
         }
 
         #[test]
-        fn the_search_by_angle_misses_nothing(
+        fn angle_search_matches_the_definition(
             drawn in proptest::collection::vec(([0.0..300.0_f64, 0.0..300.0_f64], 0.0..6.3_f64, 1.0..200.0_f64, 2..5_usize), 1..30),
             again in proptest::collection::vec((0..30_usize, [-3.0..3.0_f64, -3.0..3.0_f64], 0.5..1.5_f64), 0..30),
         ) {
@@ -433,13 +436,13 @@ mod tests {
                 let (a, angle, length, points) = drawn[of % drawn.len()];
                 lines.push(line([a[0] + by[0], a[1] + by[1]], angle + 0.003 * by[0], scale * length, points));
             }
-            for (fast, slow) in times(&lines).into_iter().zip(times_one_by_one(&lines)) {
+            for (fast, slow) in times(&lines).into_iter().zip(repeat_counts_by_definition(&lines)) {
                 prop_assert!((fast - slow).abs() < 1e-9, "{fast} {slow}");
             }
         }
 
         #[test]
-        fn what_two_classes_draw_is_shared_between_them(
+        fn copies_in_two_classes_share_the_count(
             a in [-900.0..900.0_f64, -500.0..500.0_f64], angle in 0.0..6.0_f64, counts in [1..9_usize, 1..9_usize],
         ) {
             let segment = vec![a, [a[0] + 300.0 * angle.cos(), a[1] + 300.0 * angle.sin()]];

@@ -6,7 +6,7 @@ use crate::camera::{Distortion, DistortionModel, Plane};
 /// Plane of the scene, with the uncertainty of its height and slope.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanePrior {
-    /// Id by which annotations refer to the plane.
+    /// Id for references from annotations.
     pub id: String,
     /// Expected plane.
     pub plane: Plane,
@@ -18,18 +18,18 @@ pub struct PlanePrior {
 }
 
 /// Assumed distance of a camera from the anchor of a plane that it sees, in metres.
-const REACH: f64 = 10.0;
+const ANCHOR_DISTANCE_M: f64 = 10.0;
 
 impl PlanePrior {
     /// Returns a plane that is known exactly.
     #[must_use]
-    pub fn held(id: impl Into<String>, plane: Plane) -> Self {
+    pub fn fixed(id: impl Into<String>, plane: Plane) -> Self {
         Self { id: id.into(), plane, along: [1.0, 0.0], sigma: [0.0; 3] }
     }
 
-    /// Whether the plane is fixed, so that nothing of it is estimated.
+    /// Whether the plane is fixed: neither its height nor its slope is estimated.
     #[must_use]
-    pub fn is_held(&self) -> bool {
+    pub fn is_fixed(&self) -> bool {
         self.sigma == [0.0; 3]
     }
 
@@ -59,20 +59,20 @@ impl PlanePrior {
 
     /// Returns the standard deviation of the height of the plane under a camera without a pose, in metres.
     pub(crate) fn height_sigma_under_camera(&self) -> f64 {
-        self.sigma[0].hypot(self.slope_in_any_direction() * REACH)
+        self.sigma[0].hypot(self.slope_in_any_direction() * ANCHOR_DISTANCE_M)
     }
 }
 
 /// Distortion model and its fitted coefficients.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fitted {
+pub struct FittedCoefficients {
     /// Distortion model.
     pub model: DistortionModel,
     /// Flag for every coefficient that is fitted, in the order of [`Distortion::coefficients`].
     pub which: [bool; Distortion::MOST],
 }
 
-impl Fitted {
+impl FittedCoefficients {
     /// Selects the first `count` coefficients of a model.
     #[must_use]
     pub fn first(model: DistortionModel, count: usize) -> Self {

@@ -45,7 +45,7 @@ const SLOPE_SLOTS: [usize; 2] = [3, 4];
 
 /// Reference direction of the distance from a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Measured {
+pub(crate) enum DistanceKind {
     /// Distance across the plane.
     OnPlane,
     /// Distance along the verticals.
@@ -84,13 +84,13 @@ impl PlaneFrame {
 
     /// Converts the derivatives of a residual from parameters relative to the plane to parameters of the
     /// camera, the floor and the plane.
-    pub(crate) fn carried(
+    pub(crate) fn propagated(
         &self,
         of: &Gradient,
-        measured: Measured,
+        measured: DistanceKind,
         nuisances: &PlaneNuisances,
     ) -> (Gradient, NuisanceJacobian) {
-        let height = if measured == Measured::OnPlane { DISTANCE_ROW } else { VERTICAL_ROW };
+        let height = if measured == DistanceKind::OnPlane { DISTANCE_ROW } else { VERTICAL_ROW };
         let rows = [
             (of[ROLL], ROLL_ROW),
             (of[PITCH], PITCH_ROW),
@@ -149,7 +149,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_level_plane_is_a_lower_floor(roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, height in 0.5..5.0_f64, lower in -1.0..0.4_f64, tilt in [-0.02..0.02_f64, -0.02..0.02_f64]) {
+        fn level_plane_acts_as_a_floor_at_another_height(roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, height in 0.5..5.0_f64, lower in -1.0..0.4_f64, tilt in [-0.02..0.02_f64, -0.02..0.02_f64]) {
             let frame = PlaneFrame::new(&[roll, pitch, 7.0, height.ln()], tilt, [0.0; 2], lower).unwrap();
             prop_assert!((frame.parameters[ROLL] - roll).abs() < 1e-12);
             prop_assert!((frame.parameters[PITCH] - pitch).abs() < 1e-12);
@@ -158,7 +158,7 @@ mod tests {
         }
 
         #[test]
-        fn the_normal_of_the_plane_is_up_relative_to_it(roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, slope in [-0.2..0.2_f64, -0.2..0.2_f64]) {
+        fn up_relative_to_the_plane_is_its_normal(roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, slope in [-0.2..0.2_f64, -0.2..0.2_f64]) {
             let frame = PlaneFrame::new(&[roll, pitch, 7.0, 1.0], [0.0; 2], slope, 0.0).unwrap();
             let up = |[roll, pitch, ..]: Parameters| {
                 let ((sr, cr), (sp, cp)) = (roll.sin_cos(), pitch.sin_cos());
@@ -175,13 +175,13 @@ mod tests {
         }
 
         #[test]
-        fn derivatives_are_those_of_differences(
+        fn derivatives_match_finite_differences(
             roll in -0.3..0.3_f64, pitch in 0.1..1.3_f64, height in 2.0..5.0_f64, foot in -1.0..1.0_f64,
             tilt in [-0.02..0.02_f64, -0.02..0.02_f64], slope in [-0.2..0.2_f64, -0.2..0.2_f64],
             of in [-9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64, -9.0..9.0_f64], is_upright in proptest::bool::ANY,
         ) {
             const STEP: f64 = 1e-5;
-            let measured = if is_upright { Measured::Upright } else { Measured::OnPlane };
+            let measured = if is_upright { DistanceKind::Upright } else { DistanceKind::OnPlane };
             let at = [roll, pitch, 7.0, height.ln(), tilt[0], tilt[1], slope[0], slope[1], foot];
             let frame = |at: [f64; 9]| PlaneFrame::new(&[at[0], at[1], at[2], at[3]], [at[4], at[5]], [at[6], at[7]], at[8]).unwrap();
             let residual = |at: [f64; 9]| {
@@ -190,7 +190,7 @@ mod tests {
                 [a, b, c, d, frame.tilt[0], frame.tilt[1]].iter().zip(of).map(|(value, by)| value * by).sum::<f64>()
             };
             let nuisances = PlaneNuisances { tilt: Some(4), slope: Some(6), foot: Some(8) };
-            let (core, jacobian) = frame(at).carried(&of, measured, &nuisances);
+            let (core, jacobian) = frame(at).propagated(&of, measured, &nuisances);
             let mut by: Vec<(usize, f64)> = (0..4).map(|k| (k, core[k])).collect();
             by.extend(jacobian.entries());
             prop_assert_eq!(by.len(), 9);

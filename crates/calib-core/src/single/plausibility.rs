@@ -10,16 +10,16 @@ use crate::floor::{default_efov, efov_on_floor};
 
 /// Standard deviation of the roll of installed cameras, 30 degrees: no camera is mounted sideways or upside
 /// down.
-const ROLL: f64 = std::f64::consts::FRAC_PI_6;
+const ROLL_SIGMA_RAD: f64 = std::f64::consts::FRAC_PI_6;
 /// Cost of a camera whose field of view contains no floor: six sigmas.
-const NO_FLOOR: f64 = 36.0;
+const NO_FLOOR_COST: f64 = 36.0;
 /// Cosine of 60 degrees of pitch, beyond which the cost of roll decreases.
-const STEEP: f64 = 0.5;
-/// Difference in cost at which the less plausible of two cameras is ruled out: four sigmas, because both
-/// priors are weak.
+const STEEP_PITCH_COS: f64 = 0.5;
+/// Difference in cost that rules out the less plausible of two cameras: four sigmas, because both priors are
+/// weak.
 ///
 /// Up to 50 degrees of roll and 60 degrees of pitch, the camera rotated by 180 degrees is ruled out.
-pub(crate) const BEYOND_BELIEF: f64 = 16.0;
+pub(crate) const MIN_COST_DIFFERENCE: f64 = 16.0;
 
 /// Returns minus twice the log prior probability of a camera, from its roll and visible floor only.
 ///
@@ -27,17 +27,17 @@ pub(crate) const BEYOND_BELIEF: f64 = 16.0;
 pub(crate) fn implausibility(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     let half = std::f64::consts::PI;
     let roll = (camera.roll + half).rem_euclid(2.0 * half) - half;
-    let meaning = (camera.pitch.cos() / STEEP).clamp(0.0, 1.0);
-    (roll * meaning / ROLL).powi(2) + NO_FLOOR * share_without_floor(camera, efov, size)
+    let meaning = (camera.pitch.cos() / STEEP_PITCH_COS).clamp(0.0, 1.0);
+    (roll * meaning / ROLL_SIGMA_RAD).powi(2) + NO_FLOOR_COST * fraction_without_floor(camera, efov, size)
 }
 
 /// Returns the fraction of the corners of the drawn field of view that are not on the floor.
 ///
 /// Without a drawn field of view it is 1 if no floor is near, and else 0. A wide lens sees some floor in any
 /// pose, so the fraction of the image is used for it.
-fn share_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
+fn fraction_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     if efov.is_empty() && camera.lens.distortion.is_wide() {
-        return share_of_image_without_floor(camera, size);
+        return image_fraction_without_floor(camera, size);
     }
     if efov.is_empty() {
         return f64::from(u8::from(default_efov(camera, size).polygon.is_empty()));
@@ -49,7 +49,7 @@ fn share_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f64 {
     above as f64 / efov.len() as f64
 }
 
-fn share_of_image_without_floor(camera: &Camera, [w, h]: [f64; 2]) -> f64 {
+fn image_fraction_without_floor(camera: &Camera, [w, h]: [f64; 2]) -> f64 {
     /// Number of rows and columns of cells whose centres are sampled.
     const CELLS: u32 = 8;
     let at = |i: u32| (f64::from(i) + 0.5) / f64::from(CELLS);
@@ -67,11 +67,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_camera_that_looks_down_is_believed_and_its_twin_is_not(camera in any_camera()) {
+        fn camera_that_looks_down_is_plausible_and_its_opposite_is_not(camera in any_camera()) {
             let camera = Camera { pitch: camera.pitch.abs().clamp(0.4, 1.2), ..camera };
             let twin = Camera { roll: camera.roll + std::f64::consts::PI, pitch: -camera.pitch, ..camera };
             let of = |camera: &Camera| implausibility(camera, &[], [1920.0, 1080.0]);
-            prop_assert!(of(&twin) - of(&camera) > BEYOND_BELIEF, "{} {}", of(&twin), of(&camera));
+            prop_assert!(of(&twin) - of(&camera) > MIN_COST_DIFFERENCE, "{} {}", of(&twin), of(&camera));
         }
     }
 }

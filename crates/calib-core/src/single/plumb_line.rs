@@ -15,15 +15,15 @@ use crate::camera::DistortionModel::KannalaBrandt;
 use crate::camera::{DistortionModel, ImageCircle, Lens, Pixel};
 use crate::optimize::is_misfit;
 use crate::single::constraints::Source;
-use crate::single::lens_problem::{LensProblem, shown_by_parameters};
-use crate::single::parameters::Fitted;
-use crate::single::straightness::{Edge, edge_redundancy, outermost, straightness, times_drawn};
+use crate::single::lens_problem::{LensProblem, undistorted_by_parameters};
+use crate::single::parameters::FittedCoefficients;
+use crate::single::straightness::{Edge, edge_redundancy, outermost, repeat_counts, straightness};
 
 /// Twice the log of the evidence ratio that counts as very strong (Kass and Raftery 1995).
-const STRONG: f64 = 10.0;
+const STRONG_EVIDENCE: f64 = 10.0;
 
 /// Largest number of free parameters of a fisheye: two coefficients, focal length and principal point.
-const MOST_OPEN: i64 = 5;
+const MAX_FREE_PARAMETERS: i64 = 5;
 
 /// Numbers of radial coefficients (k1, k2, k3) that are compared.
 const MODEL_SIZES: [usize; 3] = [1, 2, 3];
@@ -35,7 +35,7 @@ pub struct LensFit {
     /// the model has its own.
     pub lens: Lens,
     /// Fitted coefficients; `None` if the edges support no distortion.
-    pub fitted: Option<Fitted>,
+    pub fitted: Option<FittedCoefficients>,
     /// Root mean square distance of the points from their lines, in raw pixels, before and after the fit.
     pub straightness: [f64; 2],
     /// Root mean square distance of every polyline from straight, in raw pixels.
@@ -43,7 +43,7 @@ pub struct LensFit {
     /// Fitted parameters, in the order of [`Lens::PARAMETERS`]: the coefficients, and the focal length and
     /// principal point of a fisheye unless given.
     pub free: [bool; Lens::PARAMETERS],
-    /// Covariance of the parameters; zero for those that are not fitted.
+    /// Covariance of the parameters; zero for parameters that are not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
     /// Predicted standard deviation of the undistorted position, in pixels: halfway to the border, at the
     /// middle of the longer side, and in the corner. For a fisheye, halfway to its image circle and on it.
@@ -63,13 +63,13 @@ pub struct LensOptions {
     /// Principal point, in raw pixels; for a fisheye with a free focal length, its expected position.
     pub principal_point: Pixel,
     /// Whether the principal point is fixed even if the focal length is free.
-    pub centre_is_held: bool,
+    pub is_centre_fixed: bool,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
     /// Image circle of a fisheye, if known; then the lens is a fisheye.
     pub circle: Option<ImageCircle>,
     /// Coefficients to fit; selected by the evidence if absent.
-    pub fitted: Option<Fitted>,
+    pub fitted: Option<FittedCoefficients>,
     /// Focal length of the coefficients, in pixels, for a model with its own; fitted if absent.
     pub focal: Option<f64>,
     /// Standard deviation of a drawn coordinate, in pixels.
@@ -83,8 +83,8 @@ impl LensFit {
     #[must_use]
     pub fn new(edges: &[Edge], options: &LensOptions) -> Option<Self> {
         /// Maximum number of points: enough for any lens, and a limit on the run time for hostile files.
-        const MOST: usize = 20_000;
-        let mut room = MOST;
+        const MAX_POINTS: usize = 20_000;
+        let mut room = MAX_POINTS;
         let edges: Vec<&Edge> = edges
             .iter()
             .filter(|edge| edge.points.len() > 2)
@@ -94,20 +94,31 @@ impl LensFit {
                 fits
             })
             .collect();
-        let times = times_drawn(edges.iter().copied());
+        let times = repeat_counts(edges.iter().copied());
         let redundancy = edge_redundancy(edges.iter().copied(), &times);
         if redundancy < 1 {
             return None;
         }
-        let problem = |fitted: Fitted| {
+        let problem = |fitted: FittedCoefficients| {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
             let LensOptions { principal_point, size, circle, sigma, .. } = *options;
             let (edges, times) = (edges.clone(), times.clone());
             let open = Vec::new();
-            LensProblem { edges, times, fitted, open, principal_point, unit, size, circle, sigma }
+            LensProblem {
+                edges,
+                repeat_counts: times,
+                fitted,
+                free: open,
+                principal_point,
+                unit,
+                size,
+                circle,
+                sigma,
+            }
         };
-        let undistorted = FittedModel::undistorted(problem(Fitted::first(DistortionModel::BrownConrady, 0)))?;
+        let undistorted =
+            FittedModel::undistorted(problem(FittedCoefficients::first(DistortionModel::BrownConrady, 0)))?;
         let cost_before = undistorted.cost;
         let model = match &options.fitted {
             Some(fitted) => {
@@ -118,7 +129,7 @@ impl LensFit {
                 let model = select_model(undistorted, redundancy, &problem);
                 let fisheye = || {
                     let row = KannalaBrandt.row();
-                    FittedModel::solved(problem(Fitted::first(KannalaBrandt, row.usual)), options)
+                    FittedModel::solved(problem(FittedCoefficients::first(KannalaBrandt, row.usual)), options)
                 };
                 let fisheye = model.may_be_fisheye(redundancy, options).then(fisheye).flatten();
                 fisheye.filter(|fisheye| fisheye.is_better_than(&model, redundancy, options)).unwrap_or(model)
@@ -129,7 +140,7 @@ impl LensFit {
 
     fn of(model: &FittedModel, cost_before: f64, redundancy: i64, options: &LensOptions) -> Self {
         let FittedModel { problem, values, cost, rejected } = model;
-        let edges = problem.edges.iter().zip(&problem.times);
+        let edges = problem.edges.iter().zip(&problem.repeat_counts);
         let points: f64 = edges.map(|(edge, times)| edge.points.len() as f64 / times).sum();
         let lens = problem.lens(values);
         let per_edge = |edge: &&Edge| {
@@ -175,7 +186,7 @@ impl<'a> FittedModel<'a> {
     /// Fits a model, with the focal length and principal point of a fisheye unless they are given.
     fn solved(problem: LensProblem<'a>, options: &LensOptions) -> Option<Self> {
         let is_open = problem.fitted.has_own_focal() && options.focal.is_none();
-        let problem = if is_open { problem.opened(options.centre_is_held) } else { problem };
+        let problem = if is_open { problem.with_free_focal(options.is_centre_fixed) } else { problem };
         let start = vec![0.0; problem.indices().len()];
         let (values, _) = problem.solve(if is_open { &start } else { &[] })?;
         Some(Self::of(problem, values))
@@ -185,7 +196,7 @@ impl<'a> FittedModel<'a> {
     fn may_be_fisheye(&self, redundancy: i64, options: &LensOptions) -> bool {
         let dof = redundancy - self.values.len() as i64;
         let is_bent_otherwise = || is_misfit(self.cost / (options.sigma * options.sigma), dof);
-        redundancy > MOST_OPEN && (options.circle.is_some() || is_bent_otherwise())
+        redundancy > MAX_FREE_PARAMETERS && (options.circle.is_some() || is_bent_otherwise())
     }
 
     /// Whether the edges support a fisheye very strongly against this other lens.
@@ -195,18 +206,18 @@ impl<'a> FittedModel<'a> {
     /// well.
     fn is_better_than(&self, other: &Self, redundancy: i64, options: &LensOptions) -> bool {
         /// Largest angle from the axis that other lenses are built for, in radians.
-        const OTHERS: f64 = 0.9;
+        const MAX_RECTILINEAR_ANGLE_RAD: f64 = 0.9;
         if options.circle.is_some() {
             return self.cost <= other.cost;
         }
         let of = |model: &Self| model.problem.evidence(&model.values).unwrap_or(f64::INFINITY);
         let shared = shared_gain(other, &self.problem, &self.values) / (options.sigma * options.sigma);
-        let is_shared = shared > MOST_OPEN as f64 * (redundancy as f64).ln();
-        is_shared && of(self) < of(other) - STRONG && self.reach() > OTHERS
+        let is_shared = shared > MAX_FREE_PARAMETERS as f64 * (redundancy as f64).ln();
+        is_shared && of(self) < of(other) - STRONG_EVIDENCE && self.max_angle() > MAX_RECTILINEAR_ANGLE_RAD
     }
 
     /// Returns the angle of the outermost annotated point from the axis of the lens, in radians.
-    fn reach(&self) -> f64 {
+    fn max_angle(&self) -> f64 {
         let lens = self.problem.lens(&self.values);
         let drawn = self.problem.edges.iter().flat_map(|edge| &edge.points);
         let bearing = outermost(drawn, lens.principal_point).and_then(|pixel| lens.bearing(pixel));
@@ -226,12 +237,12 @@ impl<'a> FittedModel<'a> {
 fn select_model<'a>(
     undistorted: FittedModel<'a>,
     redundancy: i64,
-    problem: &dyn Fn(Fitted) -> LensProblem<'a>,
+    problem: &dyn Fn(FittedCoefficients) -> LensProblem<'a>,
 ) -> FittedModel<'a> {
     let mut lowest = undistorted.problem.evidence(&[]).unwrap_or(f64::INFINITY);
     let mut best = undistorted;
     for count in MODEL_SIZES {
-        let next = problem(Fitted::first(DistortionModel::BrownConrady, count));
+        let next = problem(FittedCoefficients::first(DistortionModel::BrownConrady, count));
         if redundancy <= count as i64 {
             continue;
         }
@@ -240,8 +251,8 @@ fn select_model<'a>(
         let noise = noise_variance(&next, &values, redundancy - count as i64);
         let shared = shared_gain(&best, &next, &values) / noise;
         let is_shared = shared > count as f64 * (redundancy as f64).ln();
-        let is_strong = lowest - score > STRONG * noise / (next.sigma * next.sigma);
-        if score < lowest && (is_shared || shared > -STRONG && is_strong) {
+        let is_strong = lowest - score > STRONG_EVIDENCE * noise / (next.sigma * next.sigma);
+        if score < lowest && (is_shared || shared > -STRONG_EVIDENCE && is_strong) {
             lowest = score;
             best = FittedModel::of(next, values);
             continue;
@@ -267,7 +278,7 @@ fn noise_variance(problem: &LensProblem, values: &[f64], dof: i64) -> f64 {
 /// is not straight in space must not determine the lens.
 fn shared_gain(smaller: &FittedModel, larger: &LensProblem, values: &[f64]) -> f64 {
     let gains = smaller.problem.costs(&smaller.values).zip(larger.costs(values)).map(|(was, is)| was - is);
-    let gains = gains.zip(&larger.times);
+    let gains = gains.zip(&larger.repeat_counts);
     let (total, most) =
         gains.fold((0.0, 0.0), |(sum, most): (f64, f64), (gain, times)| (sum + gain / times, most.max(gain)));
     total - most
@@ -286,7 +297,7 @@ fn map_error(
     let Some(covariance) = problem.covariance(values) else { return [f64::INFINITY; 3] };
     let lens = problem.lens(values);
     let variance = |place: Pixel| {
-        let by = shown_by_parameters(&lens, place)?;
+        let by = undistorted_by_parameters(&lens, place)?;
         let jacobian: Vec<[f64; 2]> = problem.indices().iter().map(|&k| by[k].at).collect();
         let mut variance = 0.0;
         for i in 0..values.len() {
@@ -304,8 +315,8 @@ fn map_error(
         };
         Some(options.sigma * options.sigma * variance.max(0.0) + model_variance)
     };
-    // If the distortion cannot be inverted, there is no position.
-    problem.places().map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
+    // If the distortion cannot be inverted, the position is undefined.
+    problem.reference_pixels().map(|place| variance(place).map_or(f64::INFINITY, f64::sqrt))
 }
 
 /// Returns the covariance with a row and a column for every parameter of the lens.

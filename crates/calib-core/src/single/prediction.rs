@@ -14,7 +14,7 @@ use crate::single::constraints::{Constraints, Source};
 use crate::single::likelihood::{Problem, State};
 use crate::single::nuisances::Nuisances;
 use crate::single::parameters::{FixedParameters, Orientation, Prior, Priors};
-use crate::single::plane_frame::Measured;
+use crate::single::plane_frame::DistanceKind;
 use crate::single::residual::Parameters;
 use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
 
@@ -64,13 +64,13 @@ pub fn residuals_at(
 
 /// Stored camera whose constraints are evaluated again.
 #[derive(Clone, Copy, Debug)]
-pub struct Held<'a> {
+pub struct StoredCamera<'a> {
     /// Roll, pitch and focal length of the stored solution.
     pub orientation: Orientation,
     /// Height, in metres.
     pub height: f64,
     /// Whether the height is estimated from the annotations, as for a camera that was placed by hand.
-    pub height_is_free: bool,
+    pub is_height_free: bool,
     /// Prior on the height.
     pub height_prior: Option<Prior>,
     /// Standard deviation of a drawn coordinate, in pixels.
@@ -83,21 +83,21 @@ pub struct Held<'a> {
 
 /// Returns the residuals in pixels of all constraints that have a prediction at a stored camera, with the
 /// most likely nuisance parameters.
-pub fn residuals_held(constraints: &Constraints, held: &Held) -> Vec<(Source, f64)> {
+pub fn residuals_of_stored(constraints: &Constraints, stored: &StoredCamera) -> Vec<(Source, f64)> {
     /// Maximum number of steps; the remaining problem is almost linear.
     const MAX_STEPS: usize = 20;
-    let Held { orientation: at, height, .. } = *held;
+    let StoredCamera { orientation: at, height, .. } = *stored;
     let fixed = FixedParameters {
         roll: Some(at.roll),
         pitch: Some(at.pitch),
         focal: Some(at.focal),
-        height: Some(height).filter(|_| !held.height_is_free),
+        height: Some(height).filter(|_| !stored.is_height_free),
     };
     let parameters = [at.roll, at.pitch, at.focal.ln(), height.ln()];
     let constraints = predictable(constraints, &parameters);
-    let priors = Priors { height: held.height_prior, ..Priors::default() };
-    let problem = Problem::new(&constraints, fixed, priors, held.sigma, held.width);
-    let problem = Problem { rejected: held.rejected, ..problem };
+    let priors = Priors { height: stored.height_prior, ..Priors::default() };
+    let problem = Problem::new(&constraints, fixed, priors, stored.sigma, stored.width);
+    let problem = Problem { rejected: stored.rejected, ..problem };
     let found = problem.state_at(parameters).and_then(|start| least_squares(&problem, start, MAX_STEPS));
     let everything = Problem { rejected: &[], ..problem.clone() };
     found.and_then(|found| everything.residuals_in_pixels(&found.state)).unwrap_or_default()
@@ -107,14 +107,14 @@ pub fn residuals_held(constraints: &Constraints, held: &Held) -> Vec<(Source, f6
 /// behind the camera.
 pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) -> Constraints {
     let mut constraints = constraints.clone();
-    let nuisance = vec![0.0; Nuisances::of(&constraints).count()];
+    let nuisance = vec![0.0; Nuisances::new(&constraints).count()];
     let planes = constraints.plane_frames(parameters, &nuisance);
     let deviations = constraints.deviations.clone();
-    let at = |plane: Option<usize>, measured: Measured| {
+    let at = |plane: Option<usize>, measured: DistanceKind| {
         let Some(plane) = plane else { return Some(CameraTerms::<f64>::new(parameters, [0.0; 2])) };
         let frame = planes[plane].as_ref()?;
         let parameters =
-            if measured == Measured::OnPlane { &frame.parameters } else { &frame.along_verticals };
+            if measured == DistanceKind::OnPlane { &frame.parameters } else { &frame.along_verticals };
         Some(CameraTerms::new(parameters, frame.tilt))
     };
     let is_above = |deviation: Option<usize>| {
@@ -123,11 +123,11 @@ pub(crate) fn predictable(constraints: &Constraints, parameters: &Parameters) ->
     };
     constraints.lines.retain(|line| is_above(line.deviation));
     constraints.lengths.retain(|length| {
-        at(length.plane, Measured::OnPlane)
+        at(length.plane, DistanceKind::OnPlane)
             .is_some_and(|at| floor_length(&at, length.chart.as_ref(), &length.ends).is_some())
     });
     constraints.uprights.retain(|upright| {
-        let at = at(upright.plane, Measured::Upright);
+        let at = at(upright.plane, DistanceKind::Upright);
         at.is_some_and(|at| upright_residuals(&at, upright, 1.0).is_some())
     });
     constraints

@@ -239,7 +239,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_line_through_the_point_has_no_residual(
+        fn line_through_the_vanishing_point_has_no_residual(
             a in [-900.0..900.0_f64, -500.0..500.0_f64], v in [-3e3..3e3_f64, -3e3..3e3_f64], t in 0.05..0.9_f64,
             weights in [0.5..2.0_f64, 0.5..2.0_f64],
         ) {
@@ -250,7 +250,7 @@ mod tests {
         }
 
         #[test]
-        fn the_residual_is_the_least_movement_of_the_ends(
+        fn residual_is_the_smallest_movement_of_the_ends(
             a in [-900.0..900.0_f64, -500.0..500.0_f64], b in [-900.0..900.0_f64, -500.0..500.0_f64],
             v in [-3e3..3e3_f64, -3e3..3e3_f64], weights in [0.5..2.0_f64, 0.5..2.0_f64],
         ) {

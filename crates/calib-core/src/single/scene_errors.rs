@@ -60,7 +60,7 @@ impl SceneErrors {
     }
 
     /// Returns the standard deviations for one annotation, which may override those of the scene.
-    pub(crate) fn of(&self, annotation: &Annotation) -> Self {
+    pub(crate) fn for_annotation(&self, annotation: &Annotation) -> Self {
         if annotation.exact {
             return Self { angle: 0.0, length: 0.0, ..*self };
         }

@@ -14,7 +14,7 @@
 
 use crate::camera::Chart;
 use crate::optimize::{Number, NumberOver};
-use crate::single::constraints::{Endpoint, Upright};
+use crate::single::constraints::{Endpoint, UprightConstraint};
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, Parameters, ROLL, TILT, Tilt};
 
 /// Terms that all lengths and uprights share: sines, cosines, focal length and height, with their
@@ -113,11 +113,11 @@ pub(crate) fn floor_direction<E: Number, N: NumberOver<E>>(
 /// v - k c) / (f - k s)`. `None` if the foot is above the horizon or the head is behind the camera.
 pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
-    upright: &Upright<E>,
+    upright: &UprightConstraint<E>,
     sigma: f64,
 ) -> Option<[N; 2]> {
     if let Some(chart) = &upright.chart {
-        return at.upright_in(chart, upright, sigma);
+        return at.upright_residuals_in(chart, upright, sigma);
     }
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height, tilt: [right, ahead] } = *at;
     let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
@@ -227,7 +227,12 @@ impl<N: Number> CameraTerms<N> {
         Some((square.ln() * 0.5, noise))
     }
 
-    fn upright_in<E: Number>(&self, chart: &Chart, upright: &Upright<E>, sigma: f64) -> Option<[N; 2]>
+    fn upright_residuals_in<E: Number>(
+        &self,
+        chart: &Chart,
+        upright: &UprightConstraint<E>,
+        sigma: f64,
+    ) -> Option<[N; 2]>
     where
         N: NumberOver<E>,
     {

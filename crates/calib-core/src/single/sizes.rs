@@ -2,9 +2,9 @@
 
 use crate::optimize::{NuisanceJacobian, Number, NumberOver};
 use crate::single::annotation::Known;
-use crate::single::constraints::{Length, Source};
-use crate::single::likelihood::{OnPlane, Problem, State};
-use crate::single::plane_frame::Measured;
+use crate::single::constraints::{LengthConstraint, Source};
+use crate::single::likelihood::{PlaneState, Problem, State};
+use crate::single::plane_frame::DistanceKind;
 use crate::single::residual::{LOG_HEIGHT, Parameters};
 use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
 
@@ -16,7 +16,7 @@ impl<E: Number> Problem<'_, E> {
         &self,
         state: &State,
         at: &CameraTerms<N>,
-        planes: &[OnPlane],
+        planes: &[PlaneState],
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) -> Option<()> {
         for length in self.lengths() {
@@ -25,10 +25,11 @@ impl<E: Number> Problem<'_, E> {
                 sink(residual, nuisance, Some(length.source));
                 continue;
             };
-            let (frame, nuisances) = planes[plane].of_level()?;
+            let (frame, nuisances) = planes[plane].without_tilt()?;
             let at = CameraTerms::<N>::new(&frame.parameters, frame.tilt);
             let (residual, nuisance) = self.length(state, &at, &frame.parameters, length)?;
-            let (mut gradient, jacobian) = frame.carried(&residual.gradient(), Measured::OnPlane, &nuisances);
+            let (mut gradient, jacobian) =
+                frame.propagated(&residual.gradient(), DistanceKind::OnPlane, &nuisances);
             // The log length of the group is in units of the height above the floor.
             nuisance.entries().iter().for_each(|(_, by_length)| gradient[LOG_HEIGHT] += by_length);
             sink(residual.with_gradient(gradient), nuisance.with(&jacobian), Some(length.source));
@@ -44,7 +45,7 @@ impl<E: Number> Problem<'_, E> {
         state: &State,
         at: &CameraTerms<N>,
         parameters: &Parameters,
-        length: &Length<E>,
+        length: &LengthConstraint<E>,
     ) -> Option<(N, NuisanceJacobian)> {
         let scale = self.sigma_of(length.source).recip();
         let (log_length, noise) = floor_length(at, length.chart.as_ref(), &length.ends)?;
@@ -68,7 +69,7 @@ impl<E: Number> Problem<'_, E> {
     pub(super) fn each_upright<N: NumberOver<E>>(
         &self,
         at: &CameraTerms<N>,
-        planes: &[OnPlane],
+        planes: &[PlaneState],
         sink: &mut impl FnMut(N, NuisanceJacobian, Option<Source>),
     ) -> Option<()> {
         let has_tilt = self.constraints.tilt_sigma().is_some();
@@ -84,11 +85,12 @@ impl<E: Number> Problem<'_, E> {
                 }
                 continue;
             };
-            let OnPlane { frame, nuisances } = &planes[plane];
+            let PlaneState { frame, nuisances } = &planes[plane];
             let frame = frame.as_ref()?;
             let at = CameraTerms::<N>::new(&frame.along_verticals, frame.tilt);
             for residual in upright_residuals(&at, upright, sigma)? {
-                let (gradient, jacobian) = frame.carried(&residual.gradient(), Measured::Upright, nuisances);
+                let (gradient, jacobian) =
+                    frame.propagated(&residual.gradient(), DistanceKind::Upright, nuisances);
                 sink(residual.with_gradient(gradient), jacobian, Some(upright.source));
             }
         }

@@ -44,9 +44,9 @@ pub fn outermost<'a>(points: impl Iterator<Item = &'a Pixel>, centre: Pixel) -> 
 
 /// Returns the repeat count of every edge. Residuals are divided by its square root, so that the copies
 /// together count as one edge (`overlaps.rs`).
-pub(crate) fn times_drawn<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
+pub(crate) fn repeat_counts<'a>(edges: impl Iterator<Item = &'a Edge>) -> Vec<f64> {
     let points = |edge: &Edge| edge.points.iter().map(|&point| <[f64; 2]>::from(point)).collect();
-    Overlaps::new(&edges.map(points).collect::<Vec<_>>()).times()
+    Overlaps::new(&edges.map(points).collect::<Vec<_>>()).repeat_counts()
 }
 
 /// Returns the number of residuals minus the two parameters of every line, with repeated edges counted once.
@@ -281,9 +281,9 @@ pub(crate) fn sagitta(points: &[[f64; 2]], moved: &[f64]) -> f64 {
 /// The sagitta of an uninformative edge is less than one sigma, and less than a third of the largest.
 pub(crate) fn uninformative(edges: &[&Edge], lens: &Lens, size: [f64; 2], sigma: f64) -> Vec<(Source, f64)> {
     /// Displacement of the corner, in pixels.
-    const CORNER: f64 = 10.0;
+    const CORNER_DISPLACEMENT_PX: f64 = 10.0;
     let half_diagonal = 0.5 * size[0].hypot(size[1]);
-    let k1 = CORNER / half_diagonal;
+    let k1 = CORNER_DISPLACEMENT_PX / half_diagonal;
     let brown = |k1: f64| Distortion::BrownConrady(BrownConrady { k1, ..BrownConrady::default() });
     let extra = Lens { focal: half_diagonal, distortion: brown(-k1), ..*lens };
     let bend = |edge: &Edge| {
@@ -320,7 +320,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_jacobian_of_straightness_is_that_of_differences(
+        fn jacobian_of_straightness_matches_finite_differences(
             distortion in any_distortion(), start in [100.0..1800.0_f64, 100.0..900.0_f64],
             way in [-1.0..1.0_f64, -1.0..1.0_f64], off in prop::collection::vec(-2.0..2.0_f64, 5),
         ) {

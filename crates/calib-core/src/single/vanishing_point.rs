@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use crate::optimize::Number;
-use crate::single::constraints::Line;
+use crate::single::constraints::LineConstraint;
 
 /// Returns the homogeneous line through two points: their cross product.
 pub(crate) fn line_through<E: Number>([x1, y1]: [E; 2], [x2, y2]: [E; 2]) -> [E; 3] {
@@ -12,14 +12,14 @@ pub(crate) fn line_through<E: Number>([x1, y1]: [E; 2], [x2, y2]: [E; 2]) -> [E;
 }
 
 /// Returns the homogeneous line of bearings through the ends of a segment.
-fn of_bearings(line: &Line) -> [f64; 3] {
+fn of_bearings(line: &LineConstraint) -> [f64; 3] {
     let through = line_through(line.ends[0].point, line.ends[1].point);
     line.chart.map_or(through, |chart| chart.line_of_bearings(through))
 }
 
 /// Returns the homogeneous line through the ends of a segment, rotated into unrolled axes; the array is the
 /// sine and cosine of the roll.
-pub(crate) fn unrolled(line: &Line, [sin, cos]: [f64; 2]) -> [f64; 3] {
+pub(crate) fn unrolled(line: &LineConstraint, [sin, cos]: [f64; 2]) -> [f64; 3] {
     if line.chart.is_some() {
         let [a, b, c] = of_bearings(line);
         return [a * cos - b * sin, a * sin + b * cos, c];
@@ -33,8 +33,8 @@ pub(crate) fn unrolled(line: &Line, [sin, cos]: [f64; 2]) -> [f64; 3] {
 /// It is the eigenvector with the smallest eigenvalue of the scatter matrix of the lines. The lines have unit
 /// normals, in coordinates scaled to magnitude 1. The point may be at infinity (third coordinate 0). `None`
 /// for fewer than two lines, or for lines that coincide.
-pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a Line>) -> Option<[f64; 3]> {
-    let lines: Vec<&Line> = lines.collect();
+pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a LineConstraint>) -> Option<[f64; 3]> {
+    let lines: Vec<&LineConstraint> = lines.collect();
     if lines.len() < 2 {
         return None;
     }
@@ -74,9 +74,9 @@ mod tests {
     use super::*;
     use crate::single::constraints::{Direction, Endpoint, Source};
 
-    fn line(a: [f64; 2], b: [f64; 2]) -> Line {
+    fn line(a: [f64; 2], b: [f64; 2]) -> LineConstraint {
         let end = |point| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
-        Line {
+        LineConstraint {
             chart: None,
             ends: [end(a), end(b)],
             direction: Direction::Vertical,
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_meet_at_their_common_point() {
+    fn lines_intersect_at_their_common_point() {
         let at = [120.0, 900.0];
         let direction = |x: f64, y: f64| line([x, y], [x + 0.3 * (at[0] - x), y + 0.3 * (at[1] - y)]);
         let lines = [direction(-500.0, -20.0), direction(40.0, 10.0), direction(700.0, 300.0)];
@@ -95,14 +95,14 @@ mod tests {
     }
 
     #[test]
-    fn parallel_lines_meet_at_infinity_and_still_give_the_roll() {
+    fn parallel_lines_intersect_at_infinity_and_determine_the_roll() {
         let lines = [line([0.0, 0.0], [10.0, 100.0]), line([50.0, 0.0], [60.0, 100.0])];
         let [x, y, w] = vanishing_point(lines.iter()).unwrap();
         assert!(w.abs() < 1e-12 && (roll_from_verticals([x, y, w]) - 0.1_f64.atan()).abs() < 1e-12);
     }
 
     #[test]
-    fn one_line_drawn_twice_has_no_vanishing_point() {
+    fn repeated_line_has_no_vanishing_point() {
         let twice = line([0.0, 0.0], [10.0, 100.0]);
         assert_eq!(vanishing_point([twice, twice].iter()), None);
     }

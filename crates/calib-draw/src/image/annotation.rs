@@ -1,6 +1,4 @@
-//! Drawn lines: what they are, what the solution says of them, where they lead, which should come next.
-//!
-//! Control points where they were drawn, and where the camera shows them.
+//! Annotated lines with their residuals, signs and extensions, and control points with their reprojections.
 
 use calib_core::floor::line_beyond;
 use calib_core::single::{Shape, line_name};
@@ -10,13 +8,13 @@ use crate::image::ImageView;
 use crate::item::{Geometry, Item, Line, Meaning};
 use crate::kind::{KindLook, SQUARE, SQUARE_BESIDE, Sign};
 
-/// Which signs lines have beside their colour.
+/// Signs on lines, in addition to their colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signs {
-    /// Those of their kinds.
+    /// Signs of all kinds.
     OfKinds,
-    /// Where every line has its name, its letter tells its kind: only what is at right angles to the first
-    /// line of its annotation is marked.
+    /// Right-angle signs only, for views in which every line has a name. The letter of the name shows the
+    /// kind. Only lines at right angles to the first line of their annotation are marked.
     RightAngles,
 }
 
@@ -52,13 +50,13 @@ impl Signs {
             Self::OfKinds => Some(of_kind),
             Self::RightAngles => Some(of_kind).filter(|&sign| sign == SQUARE && segment > 0),
         };
-        // A second direction at right angles to a parallel group carries the square too.
+        // A second direction at right angles to a parallel group also has the square.
         let is_second = drawn.at_right_angles_to.is_some() && segment == 0 && self == Self::OfKinds;
         of_kind.into_iter().chain(is_second.then_some(SQUARE_BESIDE))
     }
 }
 
-/// What a sign is laid on: the chord between the ends of a line, moved to the middle of its curve where it is bent.
+/// Returns the segment for a sign: the chord of a line, moved to the middle of the line if it is curved.
 fn laid_on(middle: Option<Pixel>, (a, b): (Pixel, Pixel)) -> [Pixel; 2] {
     let Some(middle) = middle else { return [a, b] };
     let (u, v) = (middle.u - 0.5 * (a.u + b.u), middle.v - 0.5 * (a.v + b.v));
@@ -81,8 +79,8 @@ fn line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize)
     }
 }
 
-/// A drawn line beyond its ends, towards its vanishing point, as the lens bends it: once from each end. None
-/// of a polyline, which follows an edge as it is.
+/// Returns the extensions of an annotated line beyond both ends, towards its vanishing point, curved by the
+/// distortion. Polylines have none, because they follow an edge.
 #[must_use]
 pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixel>> {
     const STEPS: i32 = 60;

@@ -1,6 +1,5 @@
-//! On the floor, or on the plane of a field of view: the metre grid, the fields, the prism over the camera's own.
-//!
-//! Where planes besides the floor hold, at their height and slope.
+//! Floor and planes on an image: the metre grid, the fields of view, the prism over the camera's own, and the
+//! regions of planes.
 
 use calib_core::floor::{PRISM_HEIGHT, prism, vertical};
 use calib_core::{Camera, FloorPoint, Pixel, Plane, Polyline, WorldPoint, floor_grid};
@@ -21,13 +20,13 @@ pub(super) fn planes(view: &ImageView) -> Vec<Item<Pixel>> {
     items
 }
 
-/// An outline on a plane or so many metres above it, back to its start.
+/// Returns the closed outline of a polygon, at this height in metres above a plane.
 pub(super) fn outline(polygon: &[FloorPoint], plane: &Plane, height: f64) -> Polyline {
     let raised = plane.raised(height);
     polygon.iter().chain(polygon.first()).map(|&at| at.at_height(raised.height_at(at))).collect()
 }
 
-/// What lies on the floor, or above it, laid on a plane.
+/// Moves a polyline on or above the floor onto a plane.
 pub(super) fn laid(line: &[WorldPoint], plane: &Plane) -> Polyline {
     line.iter().map(|&at| WorldPoint { z: at.z + plane.height_at(at.on_floor()), ..at }).collect()
 }
@@ -46,12 +45,12 @@ pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
     items
 }
 
-/// The metres of a grid line where it comes into the image, on the side of the camera.
+/// Labels a grid line with its metres, at its visible point closest to the camera.
 fn number(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixel>> {
     const SAMPLES: usize = 200;
     let (&a, &b) = (line.first()?, line.last()?);
     let margin = 16.0 * scale;
-    // Title and legend stand on the left: numbers stay clear of them.
+    // Title and legend are on the left; numbers keep clear of them.
     let inside = |p: &Pixel| p.u > 7.0 * margin && p.v > 3.0 * margin && p.u < w - margin && p.v < h - margin;
     let points = (0..=SAMPLES).map(|i| {
         let t = i as f64 / SAMPLES as f64;
@@ -66,14 +65,15 @@ fn number(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64) ->
     Some(Item::label(Meaning::Grid, at, text))
 }
 
-/// Metres with a real minus and no more digits than there are.
+/// Formats metres with a typographic minus sign, and without trailing zeros.
 #[must_use]
 pub fn metres(value: f64) -> String {
     let rounded = (value * 1000.0).round() / 1000.0;
     format!("{}", rounded + 0.0).replace('-', "\u{2212}")
 }
 
-/// The diagonal of the rectangle about a polygon, in metres: by it the step of a grid is chosen.
+/// Returns the diagonal of the bounding rectangle of a polygon, in metres. The step of a grid is chosen from
+/// it.
 #[must_use]
 pub fn reach(polygon: &[FloorPoint]) -> f64 {
     let span = |value: fn(&FloorPoint) -> f64| {
@@ -88,11 +88,12 @@ pub(super) fn drawn_efov(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(corners) = corners else { return Vec::new() };
     let meaning = Meaning::Efov(view.camera);
     let points = corners.iter().map(|&corner| Item::point(meaning, corner));
-    // It is a polygon of pixels, whatever the lens: what is asked of a pixel is whether it lies inside.
+    // Straight pixel polygon under any lens, because a pixel is tested against this polygon.
     std::iter::once(Item::polygon(meaning, corners.clone())).chain(points).collect()
 }
 
-/// Its edges stand on the corners that were drawn; a field that nobody drew has no prism worth looking at.
+/// Returns the prism over an annotated field of view; its vertical edges start at the annotated corners. A
+/// field without annotation has no useful prism.
 pub(super) fn drawn_prism(view: &ImageView) -> Vec<Item<Pixel>> {
     let drawn = view.entry().and_then(|entry| entry.efov_px.as_ref());
     let (Some((camera, solution)), Some(drawn)) = (view.solved(), drawn) else { return Vec::new() };
@@ -104,7 +105,8 @@ pub(super) fn drawn_prism(view: &ImageView) -> Vec<Item<Pixel>> {
 }
 
 pub(super) fn solved_efov(view: &ImageView) -> Vec<Item<Pixel>> {
-    /// A clipped or bent outline has more corners than this; its prism shows its faces and no more.
+    /// Largest number of corners with a full prism. Clipped or curved outlines have more; their prism shows
+    /// only the faces.
     const CORNERS: usize = 8;
     const FACES: usize = 2;
     let Some((camera, solution)) = view.solved() else { return Vec::new() };

@@ -1,6 +1,6 @@
-//! The horizon, as the lens bends it.
+//! Horizon and lens grid on the raw image, both curved by the distortion.
 //!
-//! The undistorted grid bent over the raw image: every line of it is straight in the scene.
+//! Every line of the lens grid is straight in the scene.
 
 use calib_core::floor::lens_reach;
 use calib_core::{Camera, Lens, Pixel, UndistortedPixel};
@@ -17,14 +17,14 @@ pub(super) fn of_view(view: &ImageView) -> Vec<Item<Pixel>> {
     items
 }
 
-/// The horizon of a camera on an image of this size.
+/// Returns the horizon of a camera on an image of this size.
 #[must_use]
 pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Item<Pixel>> {
     let pieces = calib_core::horizon(camera, size).into_iter();
     pieces.map(|piece| Item::polyline(Meaning::Horizon, piece)).collect()
 }
 
-/// The word stands where the horizon leaves the image on the right.
+/// Places the label "horizon" near the right end of the horizon.
 fn word(items: &[Item<Pixel>], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixel>> {
     let is_shown = |p: &&Pixel| p.u > 0.1 * w && p.u < 0.9 * w && p.v > 48.0 * scale && p.v < h;
     let points = items.iter().flat_map(|item| match &item.geometry {
@@ -35,12 +35,12 @@ fn word(items: &[Item<Pixel>], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixe
     Some(Item::label(Meaning::Horizon, *at, "horizon".into()))
 }
 
-/// Columns of cells across the middle of the image.
+/// Number of grid columns across the middle of the image.
 const COLUMNS: f64 = 12.0;
-/// Largest cell, in widths of the image: at the edge of a fisheye the undistorted plane has no end, and
-/// the middle must have its lines too.
+/// Largest grid cell, in image widths. The undistorted plane of a fisheye is unbounded; the limit keeps grid
+/// lines in the middle.
 const LARGEST: f64 = 1.0 / 8.0;
-/// How far the undistorted plane is followed from the principal point, in widths of the image.
+/// Largest extent of the undistorted plane from the principal point, in image widths.
 const FAR: f64 = 1.5;
 
 pub(super) fn lens_grid(view: &ImageView) -> Vec<Item<Pixel>> {
@@ -51,15 +51,16 @@ pub(super) fn lens_grid(view: &ImageView) -> Vec<Item<Pixel>> {
     lines.into_iter().map(|line| Item::polyline(Meaning::LensGrid, line)).collect()
 }
 
-/// Of a fisheye: great circles through the two directions across and the two down, which are what the columns and rows of
-/// a pinhole's grid are beyond its plane, too, cut where they leave the image or the lens.
+/// Returns the grid of a fisheye: great circles through the two horizontal and the two vertical directions.
+/// They extend the columns and rows of a pinhole grid beyond its plane, clipped to the image and the lens
+/// model.
 fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     use std::f64::consts::{PI, TAU};
     let across = (0..=32).filter_map(|i| {
         let [x, _, w] = lens.bearing(Pixel::new(size[0] * f64::from(i) / 32.0, lens.principal_point.v))?;
         Some((x / lens.focal).atan2(w).abs())
     });
-    // Twelve columns at most, in steps that a person can count.
+    // At most twelve columns, in round steps.
     let side = across.fold(0.0, f64::max).to_degrees();
     let step: f64 = [5.0, 10.0, 15.0].into_iter().find(|step| 2.0 * side <= COLUMNS * step).unwrap_or(15.0);
     let count = (180.0 / step) as i32;
@@ -71,7 +72,7 @@ fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let mut found = Vec::new();
     for turn in (0..count).map(|i| (f64::from(i) * step).to_radians()) {
         let (sin, cos) = turn.sin_cos();
-        // Once round, from behind the camera, where no lens looks, over its front.
+        // One full circle, starting behind the camera, where no lens looks, across its front.
         let along = |t: f64| (PI + 0.5 * TAU * (1.0 + t)).sin_cos();
         let column = |t: f64| {
             let (s, c) = along(t);
@@ -86,14 +87,16 @@ fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     found
 }
 
-/// How far from its axis the lines of a fisheye are drawn, in radians: to the rim of a circle that lies within the image.
+/// Returns the largest angle of grid lines from the axis of a fisheye, in radians: to the rim of a circle
+/// inside the image.
 fn rim(lens: &Lens, size: [f64; 2]) -> f64 {
-    /// What sees less at the sides of its image has more in the corners.
+    /// Smallest angle of such a circle, in degrees; a lens with less at the sides of its image has more in
+    /// the corners.
     const CIRCLE: f64 = 85.0;
     Some(lens_reach(lens, lens.focal, size)).filter(|reach| *reach > CIRCLE.to_radians()).unwrap_or(f64::MAX)
 }
 
-/// The lines of the grid in raw pixels, cut where they leave the image or the lens.
+/// Returns the grid lines in raw pixels, clipped to the image and the lens model.
 fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let [w, h] = size;
     let centre = lens.principal_point;
@@ -101,7 +104,7 @@ fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let [side, _] = reach(lens, w, (0..=32).map(|i| Pixel::new(w * share(i), centre.v)));
     let [u, v] = reach(lens, w, (0..33 * 33).map(|k| Pixel::new(w * share(k % 33), h * share(k / 33))));
     let cell = (2.0 * side / COLUMNS).min(LARGEST * w);
-    // A lens that shows nothing has no grid.
+    // A lens without valid pixels has no grid.
     let count = |reach: f64| if cell > 0.0 { (reach / cell) as i32 } else { -1 };
     let offsets = |count: i32| (-count..=count).map(move |i| f64::from(i) * cell);
     let at = |du: f64, dv: f64| lens.distort(UndistortedPixel { u: centre.u + du, v: centre.v + dv });
@@ -110,7 +113,8 @@ fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     columns.chain(rows).collect()
 }
 
-/// How far from the principal point the undistorted plane is seen at these pixels, across and down.
+/// Returns the largest horizontal and vertical distances of these pixels from the principal point on the
+/// undistorted plane.
 fn reach(lens: &Lens, width: f64, pixels: impl Iterator<Item = Pixel>) -> [f64; 2] {
     let Pixel { u: cu, v: cv } = lens.principal_point;
     pixels.filter_map(|pixel| lens.undistort(pixel)).fold([0.0, 0.0], |[u, v], seen| {
@@ -118,10 +122,10 @@ fn reach(lens: &Lens, width: f64, pixels: impl Iterator<Item = Pixel>) -> [f64; 
     })
 }
 
-/// The parts on the image of a line that is given from -1 to 1.
+/// Returns the parts on the image of a line parametrised from -1 to 1.
 fn pieces([w, h]: [f64; 2], line: impl Fn(f64) -> Option<Pixel>) -> Vec<Vec<Pixel>> {
     const SAMPLES: i32 = 400;
-    // A little beyond the image, so that lines reach its border.
+    // A margin beyond the image, so that lines reach its border.
     let margin = 0.05 * w;
     let shown = |p: &Pixel| p.u > -margin && p.v > -margin && p.u < w + margin && p.v < h + margin;
     let points: Vec<Option<Pixel>> =

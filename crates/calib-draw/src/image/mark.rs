@@ -1,6 +1,5 @@
-//! Virtual elements: marks of the site, and a figure to compare with.
-//!
-//! Links and marks that several cameras show: as they are drawn, and as they were solved.
+//! Virtual elements and links on an image: marks of the site, a figure for comparison, and links as annotated
+//! and as solved.
 
 use calib_core::{Camera, MarkKind, MarkShape, Pixel, WorldPoint};
 use calib_site::Mark;
@@ -21,12 +20,12 @@ pub(super) fn marks(view: &ImageView) -> Vec<Item<Pixel>> {
     items
 }
 
-/// Corners of marks that the operator pinned to where this image shows them.
+/// Returns the corners of marks that the operator pinned to pixels of this image.
 pub(super) fn pins(view: &ImageView) -> Vec<Item<Pixel>> {
     let entry = view.entry().filter(|_| view.site().owns_links(view.camera));
     let (Some(camera), Some(entry)) = (view.pose, entry) else { return Vec::new() };
     let mut items = Vec::new();
-    // What stands behind the camera cannot be compared.
+    // Marks behind the camera cannot be compared.
     for (index, mark) in used(view).filter(|(_, mark)| camera.world_to_pixel(mark.at_m).is_some()) {
         let shape = mark.shape();
         for pin in mark.seen.iter().filter(|seen| seen.camera == entry.id) {
@@ -43,7 +42,8 @@ fn used<'a>(view: &ImageView<'a>) -> impl Iterator<Item = (usize, &'a Mark)> {
     view.site().marks.iter().enumerate().filter(|(_, mark)| !mark.off)
 }
 
-/// A person of this height in metres who stands where a pixel shows the floor, with the top of the head.
+/// Returns a person of this height in metres, standing at the floor point of a pixel, with the pixel of the
+/// top of the head.
 #[must_use]
 pub fn guide(camera: &Camera, foot: Pixel, height: f64) -> Option<(Vec<Item<Pixel>>, Option<Pixel>)> {
     let at = camera.pixel_to_floor(foot, 0.0)?.at_height(0.0);
@@ -52,7 +52,7 @@ pub fn guide(camera: &Camera, foot: Pixel, height: f64) -> Option<(Vec<Item<Pixe
     Some((items, camera.world_to_pixel(WorldPoint { z: height, ..at })))
 }
 
-/// A link that only one view shows waits for another, and so does the one that was begun.
+/// Returns the links annotated in this image. A link waits if only one view shows it, or if it is `begun`.
 pub(super) fn links(view: &ImageView, begun: Option<usize>) -> Vec<Item<Pixel>> {
     let Some(entry) = view.entry().filter(|_| view.site().owns_links(view.camera)) else { return Vec::new() };
     let mut items = Vec::new();
@@ -96,7 +96,7 @@ fn sighting(image: &ImageView, element: &Element, view: &View) -> Vec<Item<Pixel
         items.push(Item::point(seen, sighting.drawn));
         items.push(Item::point(solved, sighting.shown));
     }
-    // A mark's own drawing has its name.
+    // A mark already has its own label.
     let named = first.filter(|_| element.what == "link");
     items.extend(named.map(|at| Item::label(solved, at, element.id.clone())));
     items

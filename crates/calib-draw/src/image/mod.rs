@@ -1,7 +1,8 @@
-//! What is drawn on a camera's image, in raw pixels.
+//! Overlays of a camera's image, in raw pixels.
 //!
-//! What lies off the image is kept, so that a canvas larger than the image shows it; what the camera or its
-//! lens cannot show is left out.
+//! Geometry outside the image is kept, because a canvas may be larger than the image. Geometry outside the
+//! camera's view or its lens model is dropped. The files: `annotation` for lines and control points, `floor`
+//! for grid, planes and fields of view, `horizon` for horizon and lens grid, `mark` for marks and links.
 
 mod floor;
 mod horizon;
@@ -23,43 +24,44 @@ use crate::item::Item;
 use crate::item::Meaning;
 use crate::scene::Scene;
 
-/// What can be drawn on an image.
+/// Layer of an image overlay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ImageLayer {
-    /// What is straight in the scene, as the lens bends it.
+    /// Straight lines of the scene, curved by the distortion.
     LensGrid,
-    /// The metre grid of the floor, or of the plane that the EFOV lies on, with lines so many metres apart.
+    /// Metre grid of the floor, or of the plane of the EFOV; the value is the distance of its lines, in
+    /// metres.
     Grid(f64),
-    /// The regions of the planes besides the floor, with their names.
+    /// Regions of the planes other than the floor, with their names.
     Planes,
-    /// The EFOV as the operator drew it.
+    /// EFOV as annotated by the operator.
     DrawnEfov,
-    /// The prism over it.
+    /// Prism over the annotated EFOV.
     DrawnPrism,
-    /// The EFOV as it was solved, drawn or not, and the prism over it.
+    /// Solved EFOV, annotated or automatic, and the prism over it.
     SolvedEfov,
-    /// The EFOVs of other cameras that stand in the site.
+    /// EFOVs of other placed cameras.
     OtherEfovs,
-    /// The horizon.
+    /// Horizon.
     Horizon,
     /// Virtual elements.
     Marks,
-    /// Their corners where the operator saw them.
+    /// Corners of virtual elements at their observed pixels.
     Pins,
-    /// Drawn lines with these signs.
+    /// Annotated lines, with these signs.
     Annotations(Signs),
     /// Control points, used or not.
     ControlPoints,
-    /// Links as they are drawn; `begun` is to be shown in a further view.
+    /// Links as annotated; the link `begun` needs a second view.
     Links {
         /// Index of that link.
         begun: Option<usize>,
     },
-    /// Links and marks that were solved: where they were drawn, and where they are.
+    /// Solved links and marks: observed and reprojected points.
     Sightings,
 }
 
-/// The image of a camera to be drawn on.
+/// Image of a camera, for overlays.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageView<'a> {
     pub(crate) scene: &'a dyn Scene,
@@ -69,14 +71,14 @@ pub struct ImageView<'a> {
 }
 
 impl<'a> ImageView<'a> {
-    /// The image of the camera of this index.
+    /// Creates the view of the camera with this index.
     #[must_use]
     pub fn new(scene: &'a dyn Scene, camera: usize) -> Self {
         Self { scene, camera, pose: scene.pose(camera), letters: None }
     }
 
-    /// With the names of lines, the metres of the grid and the word on the horizon, as a picture needs them
-    /// whose letters are so many times as large as those of a screen.
+    /// Adds labels: names of lines, metres of the grid, and the word "horizon". `scale` is the size of
+    /// letters relative to the screen.
     #[must_use]
     pub fn with_letters(self, scale: f64) -> Self {
         Self { letters: Some(scale), ..self }
@@ -90,14 +92,14 @@ impl<'a> ImageView<'a> {
         self.site().cameras.get(self.camera)
     }
 
-    /// The lens that lines are drawn under: the one that was found, else the likely one. It may be known where the pose
-    /// is not.
+    /// Returns the lens for drawing lines: the solved one, otherwise the most likely one. It may be known
+    /// without the pose.
     fn lens(&self) -> Option<Lens> {
         let found = self.scene.solution(self.camera).map(Solution::lens);
         found.or_else(|| self.entry().map(SiteCamera::likely_lens))
     }
 
-    /// The way across the image of a line that was drawn by its points.
+    /// Returns the image curve of a line with these annotated points.
     fn drawn(&self, points: Vec<Pixel>) -> Vec<Pixel> {
         match self.lens() {
             Some(lens) => drawn_line(&lens, &points),
@@ -105,13 +107,13 @@ impl<'a> ImageView<'a> {
         }
     }
 
-    /// The plane that the EFOV of a camera lies on; one that nobody drew lies on the floor.
+    /// Returns the plane of a camera's EFOV; the floor if the EFOV is not annotated.
     fn efov_plane(&self, camera: usize) -> Plane {
         let entry = self.site().cameras.get(camera).filter(|entry| entry.efov_px.is_some());
         self.scene.plane(entry.and_then(|entry| entry.efov_plane.as_deref()))
     }
 
-    /// The camera with what was solved of it.
+    /// Returns the camera with its solution.
     fn solved(&self) -> Option<(Camera, &'a Solution)> {
         self.pose.zip(self.scene.solution(self.camera))
     }
@@ -138,13 +140,13 @@ impl ImageLayer {
     }
 }
 
-/// What is drawn on an image, layer by layer from the lowest.
+/// Returns the overlays of an image, from the lowest layer to the highest.
 #[must_use]
 pub fn on_image(view: &ImageView, layers: &[ImageLayer]) -> Vec<Item<Pixel>> {
     layers.iter().flat_map(|layer| layer.items(view)).collect()
 }
 
-/// A polyline of the scene as a camera shows it.
+/// Projects a polyline of the scene into the image of a camera.
 #[must_use]
 pub fn seen(camera: &Camera, meaning: Meaning, polyline: &[WorldPoint]) -> Vec<Item<Pixel>> {
     let pieces = calib_core::on_image(camera, polyline).into_iter();

@@ -177,7 +177,7 @@ impl Editor {
 
     fn add_newer(&mut self, newer: NewerImage) {
         let camera = newer.ids.first().cloned().unwrap_or_default();
-        let became = newer.comparison.became;
+        let became = newer.comparison.change;
         // Comparisons finish in any order: the newest image determines the current status.
         if let Some(known) =
             self.newer.iter().find(|known| newer.is_same_camera(known) && newer.is_before(known))

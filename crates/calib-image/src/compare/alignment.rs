@@ -7,21 +7,21 @@ use calib_core::Camera;
 use calib_core::camera::Turn;
 
 use crate::compare::feature::Luma;
-use crate::compare::motion::{Motion, Moved};
-use crate::compare::place::{Frame, HALF, LENGTH, Likeness, Place, likeness};
-use crate::{EdgeOffset, Estimated, TurnFit};
+use crate::compare::motion::{Motion, MovedCamera};
+use crate::compare::place::{EdgeSample, Frame, HALF, LENGTH, ProfileMatch, match_profiles};
+use crate::{EdgeOffset, FitParameters, RotationFit};
 
 /// Smallest correlation of two profiles of the same edge.
-const ALIKE: f64 = 0.8;
+const MIN_CORRELATION: f64 = 0.8;
 /// Smallest difference in correlation to a second candidate; below it the match is ambiguous.
-const OTHER: f64 = 0.06;
+const MIN_CORRELATION_GAP: f64 = 0.06;
 /// Correlation length of the noise across an edge, in pixels: the width of one smoothing.
-const SHARED: f64 = 2.5;
+const NOISE_LENGTH_PX: f64 = 2.5;
 
 /// Search for edge samples in the new image, after an assumed motion of the camera.
 pub(crate) struct Search<'a> {
     luma: &'a Luma,
-    moved: Moved,
+    moved: MovedCamera,
 }
 
 impl<'a> Search<'a> {
@@ -30,16 +30,16 @@ impl<'a> Search<'a> {
     }
 
     /// Whether a sample is visible in the new image, far enough from its border to locate the edge.
-    pub(crate) fn shows(&self, place: &Place) -> bool {
+    pub(crate) fn is_visible(&self, place: &EdgeSample) -> bool {
         const MARGIN: f64 = 2.0 * LENGTH as f64;
         let within = |at: f64, side: usize| at > MARGIN && at < side as f64 - MARGIN;
-        let shown = self.moved.shown(&place.sights[0]);
+        let shown = self.moved.project(&place.sights[0]);
         shown.is_some_and(|at| within(at.u, self.luma.width) && within(at.v, self.luma.height))
     }
 
     /// Measures the offset of the edge from its predicted position; `None` if it is not found within `reach`
     /// pixels.
-    pub(crate) fn offset(&self, place: &Place, reach: usize) -> Option<EdgeOffset> {
+    pub(crate) fn offset(&self, place: &EdgeSample, reach: usize) -> Option<EdgeOffset> {
         let frame = self.frame(place)?;
         let longer: Vec<f64> = (0..LENGTH + 2 * reach)
             .map(|i| frame.brightness(self.luma, i as f64 - (HALF + reach) as f64))
@@ -56,22 +56,22 @@ impl<'a> Search<'a> {
         let scale = frame.across[0].hypot(frame.across[1]);
         let normal = frame.across.map(|c| c / scale);
         let across = |slope: [f64; 2]| slope[0] * normal[0] + slope[1] * normal[1];
-        let by = self.moved.slopes(&place.sights[0])?;
+        let by = self.moved.derivatives(&place.sights[0])?;
         Some(EdgeOffset {
             offset: scale * (start - reach as f64),
             across: normal,
-            sigma: scale * (SHARED * noise / slopes.max(f64::MIN_POSITIVE)).sqrt(),
-            turn: by.turn.map(across),
-            tone: place.tone,
-            step: by.step.map(across),
+            sigma: scale * (NOISE_LENGTH_PX * noise / slopes.max(f64::MIN_POSITIVE)).sqrt(),
+            by_rotation: by.turn.map(across),
+            by_tone: place.tone,
+            by_step: by.step.map(across),
             block: place.block,
             edge: Some(place.edge),
         })
     }
 
     /// Returns the predicted position and direction of the edge in the new image.
-    fn frame(&self, place: &Place) -> Option<Frame> {
-        let [at, along, across] = place.sights.each_ref().map(|sight| self.moved.shown(sight));
+    fn frame(&self, place: &EdgeSample) -> Option<Frame> {
+        let [at, along, across] = place.sights.each_ref().map(|sight| self.moved.project(sight));
         let (at, along, across) = (at?, along?, across?);
         let along = [along.u - at.u, along.v - at.v];
         let length = along[0].hypot(along[1]);
@@ -84,36 +84,37 @@ impl<'a> Search<'a> {
 /// Locates a profile in a longer one, to a pixel; `None` if no position, or more than one, is similar enough.
 fn best(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> {
     let values: Vec<f64> =
-        (0..=2 * reach).map(|start| likeness(profile, longer, start as f64).correlation).collect();
+        (0..=2 * reach).map(|start| match_profiles(profile, longer, start as f64).correlation).collect();
     let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
     let is_peak =
         |i: usize| i > 0 && i + 1 < values.len() && values[i] >= values[i - 1] && values[i] >= values[i + 1];
-    let is_other = |i: usize| i.abs_diff(best) > 1 && is_peak(i) && values[i] > values[best] - OTHER;
-    let is_told = is_peak(best) && values[best] > ALIKE && !(0..values.len()).any(is_other);
+    let is_other =
+        |i: usize| i.abs_diff(best) > 1 && is_peak(i) && values[i] > values[best] - MIN_CORRELATION_GAP;
+    let is_told = is_peak(best) && values[best] > MIN_CORRELATION && !(0..values.len()).any(is_other);
     is_told.then_some(best)
 }
 
 /// Refines the maximum of the correlation to a fraction of a pixel, with two parabolas, the second narrower.
-fn vertex(profile: &[f64; LENGTH], longer: &[f64], mut at: f64) -> (f64, Likeness) {
+fn vertex(profile: &[f64; LENGTH], longer: &[f64], mut at: f64) -> (f64, ProfileMatch) {
     for half in [0.5, 0.25] {
         let [before, here, after] =
-            [-half, 0.0, half].map(|step| likeness(profile, longer, at + step).correlation);
+            [-half, 0.0, half].map(|step| match_profiles(profile, longer, at + step).correlation);
         let bend = before - 2.0 * here + after;
         if bend < -1e-12 {
             at += (0.5 * half * (before - after) / bend).clamp(-half, half);
         }
     }
-    (at, likeness(profile, longer, at))
+    (at, match_profiles(profile, longer, at))
 }
 
 /// Largest distance of an inlier edge from its predicted position, in pixels.
-const AGREES: f64 = 1.0;
+const MAX_INLIER_OFFSET_PX: f64 = 1.0;
 
 /// Two aligned images.
 pub(crate) struct Alignment {
     pub(crate) motion: Motion,
     /// Fit of the remaining motion; close to zero after convergence.
-    pub(crate) fit: TurnFit,
+    pub(crate) fit: RotationFit,
     /// Visibility and result of every sample: `None` outside the new image, otherwise whether its edge is at
     /// the predicted position.
     pub(crate) found: Vec<Option<bool>>,
@@ -125,9 +126,9 @@ impl Alignment {
     pub(crate) fn new(
         camera: &Camera,
         luma: &Luma,
-        places: &[Place],
+        places: &[EdgeSample],
         mut motion: Motion,
-        of: Estimated,
+        of: FitParameters,
         reaches: &[usize],
     ) -> Option<Self> {
         let mut last = None;
@@ -136,7 +137,7 @@ impl Alignment {
             let offsets: Vec<Option<EdgeOffset>> =
                 places.iter().map(|place| search.offset(place, reach)).collect();
             let told: Vec<EdgeOffset> = offsets.iter().flatten().copied().collect();
-            let fit = TurnFit::new(&told, of)?;
+            let fit = RotationFit::new(&told, of)?;
             motion = motion.then(&fit);
             last = Some((search, offsets, fit));
         }
@@ -145,26 +146,26 @@ impl Alignment {
         let found = offsets.iter().zip(places).map(|(offset, place)| {
             let agrees = offset.is_some()
                 && told.next().is_some_and(|(row, &weight)| weight > 0.0 && is_near(row, &fit));
-            search.shows(place).then_some(agrees)
+            search.is_visible(place).then_some(agrees)
         });
         let found = found.collect();
         Some(Self { motion, found, fit })
     }
 
     /// Returns the fraction of the visible samples that are found again.
-    pub(crate) fn share(&self) -> f64 {
+    pub(crate) fn found_fraction(&self) -> f64 {
         let shown = self.found.iter().flatten().count();
-        self.agreeing() as f64 / shown.max(1) as f64
+        self.inliers() as f64 / shown.max(1) as f64
     }
 
     /// Returns the number of samples found again.
-    pub(crate) fn agreeing(&self) -> usize {
+    pub(crate) fn inliers(&self) -> usize {
         self.found.iter().flatten().filter(|agrees| **agrees).count()
     }
 
     /// Returns the number of samples found again, limited to a few for each block, so that it measures
     /// coverage of the image.
-    pub(crate) fn voices(&self, places: &[Place]) -> usize {
+    pub(crate) fn coverage(&self, places: &[EdgeSample]) -> usize {
         const VOICE: usize = 6;
         let mut parts = std::collections::BTreeMap::new();
         for (place, _) in places.iter().zip(&self.found).filter(|(_, found)| **found == Some(true)) {
@@ -174,18 +175,20 @@ impl Alignment {
     }
 }
 
-fn is_near(row: &EdgeOffset, fit: &TurnFit) -> bool {
-    (row.offset - row.told(&fit.estimate)).abs() < AGREES
+fn is_near(row: &EdgeOffset, fit: &RotationFit) -> bool {
+    (row.offset - row.predicted(&fit.estimate)).abs() < MAX_INLIER_OFFSET_PX
 }
 
 /// Returns the fraction of samples found by chance: the mean over a few deliberately wrong rotations.
-pub(crate) fn by_chance(camera: &Camera, luma: &Luma, places: &[Place], turn: &Turn) -> f64 {
+pub(crate) fn chance_fraction(camera: &Camera, luma: &Luma, places: &[EdgeSample], turn: &Turn) -> f64 {
     const ASIDE: [[f64; 2]; 4] = [[37.0, 23.0], [-41.0, 29.0], [31.0, -37.0], [-29.0, -31.0]];
     let of = |aside: [f64; 2]| {
         let [u, v] = aside.map(|pixels| pixels / camera.focal);
         let search = Search::new(camera, luma, &turn.then(&Turn::of([v, u, 0.0, 0.0])).into());
-        let shown: Vec<&Place> = places.iter().filter(|place| search.shows(place)).collect();
-        let near = |place: &&&Place| search.offset(place, 3).is_some_and(|row| row.offset.abs() < AGREES);
+        let shown: Vec<&EdgeSample> = places.iter().filter(|place| search.is_visible(place)).collect();
+        let near = |place: &&&EdgeSample| {
+            search.offset(place, 3).is_some_and(|row| row.offset.abs() < MAX_INLIER_OFFSET_PX)
+        };
         shown.iter().filter(near).count() as f64 / shown.len().max(1) as f64
     };
     ASIDE.into_iter().map(of).sum::<f64>() / ASIDE.len() as f64

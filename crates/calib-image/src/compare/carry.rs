@@ -9,15 +9,15 @@ use calib_site::ImageTransfer;
 use image::RgbImage;
 
 use crate::compare::alignment::Search;
-use crate::compare::comparison::SMOOTH;
+use crate::compare::comparison::SMOOTHING_PX;
 use crate::compare::feature::Luma;
-use crate::compare::place::places;
+use crate::compare::place::edge_samples;
 use crate::edges::Edge;
 use crate::pull::pull_line;
 
 /// Transfer of annotations from an old to a new image.
 #[derive(Debug)]
-pub(crate) struct Carry<'a> {
+pub(crate) struct AnnotationTransfer<'a> {
     camera: &'a Camera,
     turn: Turn,
     turned: Turned,
@@ -27,23 +27,23 @@ pub(crate) struct Carry<'a> {
 }
 
 /// Length below which a transferred line is dropped, in pixels.
-const SHORTEST: f64 = 16.0;
+const MIN_LENGTH_PX: f64 = 16.0;
 
-impl<'a> Carry<'a> {
+impl<'a> AnnotationTransfer<'a> {
     /// Creates the transfer between two images of the same size, between which the camera rotated by `turn`.
     pub(crate) fn new(camera: &'a Camera, turn: Turn, old: &RgbImage, new: &'a RgbImage) -> Self {
-        let [before, after] = [old, new].map(|image| Luma::new(image).smoothed(SMOOTH));
+        let [before, after] = [old, new].map(|image| Luma::new(image).smoothed(SMOOTHING_PX));
         Self { camera, turn, turned: turn.at(camera), old: before, new: after, image: new }
     }
 }
 
-impl ImageTransfer for Carry<'_> {
+impl ImageTransfer for AnnotationTransfer<'_> {
     /// Maps a line and pulls it onto its edge.
     fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>> {
         /// Largest distance from a mapped line to its edge, in pixels; a farther edge is another one.
         const SAME: f64 = 2.5;
         let carried = if whole { self.all(points)? } else { self.shown_part(points)? };
-        if length(&carried) < SHORTEST || !self.is_there(points) {
+        if length(&carried) < MIN_LENGTH_PX || !self.is_there(points) {
             return None;
         }
         let pulled = pull_line(self.image, &carried);
@@ -83,7 +83,7 @@ impl ImageTransfer for Carry<'_> {
     }
 }
 
-impl Carry<'_> {
+impl AnnotationTransfer<'_> {
     /// Correlates the surroundings of a point with the new image, `step` pixels from the mapped position.
     fn likeness(&self, old: Pixel, step: [f64; 2]) -> f64 {
         const HALF: i32 = 6;
@@ -133,8 +133,8 @@ impl Carry<'_> {
         const REACH: usize = 3;
         let edges: Vec<Edge> = points.windows(2).map(|pair| [pair[0], pair[1]]).collect();
         let search = Search::new(self.camera, &self.new, &self.turn.into());
-        let places = places(self.camera, &self.old, &edges);
-        let shown: Vec<_> = places.iter().filter(|place| search.shows(place)).collect();
+        let places = edge_samples(self.camera, &self.old, &edges);
+        let shown: Vec<_> = places.iter().filter(|place| search.is_visible(place)).collect();
         let near = shown.iter().filter(|place| {
             search.offset(place, REACH).is_some_and(|row| row.offset.abs() < NEAR + 2.0 * row.sigma)
         });

@@ -16,62 +16,69 @@ use calib_core::{Camera, Pixel, UndistortedPixel};
 
 use calib_core::camera::{Turn, Turned};
 
-use crate::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
+use crate::{EdgeOffset, FitParameters, RotationFit, STEP, TONE_SIZE};
 
 use crate::compare::feature::Luma;
-use crate::compare::feature::{LEAN, Match, features, matches};
+use crate::compare::feature::{DESCRIPTOR_ROTATION, Match, features, matches};
 use crate::compare::motion::Sight;
 
 /// Unit vectors along the axes of the image.
 pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 /// Largest ratio, in either direction, of the new to the old focal length.
-const ZOOM: f64 = 2.2;
+const MAX_ZOOM_RATIO: f64 = 2.2;
 /// Largest distance of a corner from its predicted position, in pixels of the scale at which it was found.
-const NEAR: f64 = 3.5;
+const MAX_INLIER_DISTANCE_PX: f64 = 3.5;
 /// Number of pairs to try.
 const PAIRS: usize = 4000;
 /// Columns and rows of the parts of the image, for counting inliers.
 const PARTS: [usize; 2] = [12, 8];
 /// Largest number of inliers counted in one part.
-const VOICE: usize = 3;
+const MAX_INLIERS_PER_PART: usize = 3;
 
 /// Match as a ray of the old camera and pixels of the new image.
-pub(crate) struct Seen {
+pub(crate) struct CornerMatch {
     pub(crate) sight: Sight,
     /// Position in the new image.
     pub(crate) at: Pixel,
     new: UndistortedPixel,
     /// Largest distance from the predicted position, in pixels.
-    pub(crate) near: f64,
+    pub(crate) max_distance: f64,
     pub(crate) part: usize,
 }
 
 /// Matches the corners of two images, the least ambiguous first.
-pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<Seen> {
-    let found = matches(&features(old, &[0.0]), &features(new, &[-LEAN, 0.0, LEAN]));
-    let seen = |found: &Match| -> Option<Seen> {
+pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<CornerMatch> {
+    let found =
+        matches(&features(old, &[0.0]), &features(new, &[-DESCRIPTOR_ROTATION, 0.0, DESCRIPTOR_ROTATION]));
+    let seen = |found: &Match| -> Option<CornerMatch> {
         let [c, r] = [found.old.u / old.width as f64, found.old.v / old.height as f64];
         let [columns, rows] = PARTS;
         let part = (r * rows as f64) as usize * columns + (c * columns as f64) as usize;
         let (sight, new) = (Sight::new(camera, found.old)?, camera.undistort(found.new)?);
-        Some(Seen { sight, at: found.new, new, near: NEAR * found.size, part })
+        Some(CornerMatch {
+            sight,
+            at: found.new,
+            new,
+            max_distance: MAX_INLIER_DISTANCE_PX * found.size,
+            part,
+        })
     };
     found.iter().filter_map(seen).collect()
 }
 
 /// Estimates rotation and zoom from matched corners; `None` if too few agree.
-pub(crate) fn coarse(camera: &Camera, seen: &[Seen]) -> Option<Turn> {
+pub(crate) fn coarse_rotation(camera: &Camera, seen: &[CornerMatch]) -> Option<Turn> {
     /// Smallest count of agreeing corners; fewer agree by chance.
     const LEAST: usize = 8;
-    let (turn, voices) = most_agreed(camera, seen)?;
+    let (turn, voices) = best_pair(camera, seen)?;
     (voices >= LEAST).then(|| refined(camera, seen, turn))
 }
 
 /// Returns the rotation of the pair with the highest inlier count, and that count.
-fn most_agreed(camera: &Camera, seen: &[Seen]) -> Option<(Turn, usize)> {
+fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(Turn, usize)> {
     /// Number of least ambiguous matches from which the first pairs are chosen.
     const FIRST: usize = 20;
-    let mut chance = Chance(0x9e37_79b9_7f4a_7c15);
+    let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
     let mut best: Option<(Turn, usize)> = None;
     for round in 0..PAIRS {
         let among = (FIRST + round * seen.len() / (PAIRS / 2)).min(seen.len());
@@ -79,8 +86,8 @@ fn most_agreed(camera: &Camera, seen: &[Seen]) -> Option<(Turn, usize)> {
             return None;
         }
         let (a, b) = (chance.below(among), chance.below(among));
-        for turn in of_pair(camera, &seen[a], &seen[b]) {
-            let voices = voices(&turn.at(camera), seen);
+        for turn in rotations_from_pair(camera, &seen[a], &seen[b]) {
+            let voices = inlier_coverage(&turn.at(camera), seen);
             if best.is_none_or(|(_, most)| voices > most) {
                 best = Some((turn, voices));
             }
@@ -89,25 +96,25 @@ fn most_agreed(camera: &Camera, seen: &[Seen]) -> Option<(Turn, usize)> {
     best
 }
 
-fn voices(turned: &Turned, seen: &[Seen]) -> usize {
-    voices_of(seen.iter().filter(|seen| agrees(turned, seen)))
+fn inlier_coverage(turned: &Turned, seen: &[CornerMatch]) -> usize {
+    coverage(seen.iter().filter(|seen| agrees(turned, seen)))
 }
 
 /// Counts corners, limited to a few for each part of the image.
-pub(crate) fn voices_of<'a>(seen: impl Iterator<Item = &'a Seen>) -> usize {
+pub(crate) fn coverage<'a>(seen: impl Iterator<Item = &'a CornerMatch>) -> usize {
     let mut parts = [0; PARTS[0] * PARTS[1] + PARTS[0]];
     for seen in seen {
         parts[seen.part] += 1;
     }
-    parts.iter().map(|&count: &usize| count.min(VOICE)).sum()
+    parts.iter().map(|&count: &usize| count.min(MAX_INLIERS_PER_PART)).sum()
 }
 
-fn agrees(turned: &Turned, seen: &Seen) -> bool {
-    turned.shown_undistorted(seen.sight.ray).is_some_and(|shown| shown.distance(seen.new) < seen.near)
+fn agrees(turned: &Turned, seen: &CornerMatch) -> bool {
+    turned.shown_undistorted(seen.sight.ray).is_some_and(|shown| shown.distance(seen.new) < seen.max_distance)
 }
 
 /// Computes the rotations and zooms that map two rays to their new pixels.
-fn of_pair(camera: &Camera, a: &Seen, b: &Seen) -> Vec<Turn> {
+fn rotations_from_pair(camera: &Camera, a: &CornerMatch, b: &CornerMatch) -> Vec<Turn> {
     let centre = camera.lens.principal_point;
     let [p, q] = [a.new, b.new].map(|pixel| [pixel.u - centre.u, pixel.v - centre.v]);
     let flat = |p: [f64; 2], q: [f64; 2]| p[0] * q[0] + p[1] * q[1];
@@ -122,7 +129,7 @@ fn of_pair(camera: &Camera, a: &Seen, b: &Seen) -> Vec<Turn> {
     }
     let focals = [-1.0, 1.0].map(|sign| (sign * inner.sqrt() - one) / (2.0 * two));
     let focals = focals.into_iter().filter(|&square| square > 0.0).map(f64::sqrt);
-    let is_near = |focal: &f64| (ZOOM.recip()..ZOOM).contains(&(focal / camera.focal));
+    let is_near = |focal: &f64| (MAX_ZOOM_RATIO.recip()..MAX_ZOOM_RATIO).contains(&(focal / camera.focal));
     let turn = |focal: f64| {
         let [x, y] = [p, q].map(|p| unit([p[0], p[1], focal]));
         Some(Turn::of_rotation(&leading([r, s], [x, y])?, (focal / camera.focal).ln()))
@@ -143,20 +150,20 @@ fn leading(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
 }
 
 /// Refines rotation and zoom with all inliers.
-fn refined(camera: &Camera, seen: &[Seen], mut turn: Turn) -> Turn {
+fn refined(camera: &Camera, seen: &[CornerMatch], mut turn: Turn) -> Turn {
     for _ in 0..4 {
         let turned = turn.at(camera);
         let rows =
             seen.iter().filter(|seen| agrees(&turned, seen)).flat_map(|seen| rows(camera, &turn, seen));
         let rows: Vec<EdgeOffset> = rows.flatten().collect();
-        let Some(fit) = TurnFit::new(&rows, Estimated::Turn) else { return turn };
-        turn = turn.then(&fit.turn());
+        let Some(fit) = RotationFit::new(&rows, FitParameters::Rotation) else { return turn };
+        turn = turn.then(&fit.rotation());
     }
     turn
 }
 
 /// Converts the two coordinates of a match to two edge offsets.
-fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
+fn rows(camera: &Camera, turn: &Turn, seen: &CornerMatch) -> [Option<EdgeOffset>; 2] {
     const ASIDE: f64 = 1e-5;
     let shown = |turn: &Turn| turn.at(camera).shown_undistorted(seen.sight.ray);
     let Some(here) = shown(turn) else { return [None; 2] };
@@ -172,10 +179,10 @@ fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
     let row = |axis: usize| EdgeOffset {
         offset: off[axis],
         across: AXES[axis],
-        sigma: 0.2 * seen.near,
-        turn: by[axis],
-        tone: [0.0; TONE],
-        step: [0.0; STEP],
+        sigma: 0.2 * seen.max_distance,
+        by_rotation: by[axis],
+        by_tone: [0.0; TONE_SIZE],
+        by_step: [0.0; STEP],
         block: seen.part,
         edge: None,
     };
@@ -183,9 +190,9 @@ fn rows(camera: &Camera, turn: &Turn, seen: &Seen) -> [Option<EdgeOffset>; 2] {
 }
 
 /// Pseudo-random generator with the same sequence on every machine (Marsaglia 2003).
-pub(crate) struct Chance(pub(crate) u64);
+pub(crate) struct XorShift(pub(crate) u64);
 
-impl Chance {
+impl XorShift {
     pub(crate) fn below(&mut self, count: usize) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;

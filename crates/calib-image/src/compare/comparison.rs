@@ -10,32 +10,32 @@ use calib_core::camera::{Movement, Turn};
 
 use calib_site::SiteCamera;
 
-use crate::Estimated;
+use crate::FitParameters;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
-use crate::compare::alignment::{Alignment, by_chance};
-use crate::compare::coarse::{Seen, coarse, corners};
+use crate::compare::alignment::{Alignment, chance_fraction};
+use crate::compare::coarse::{CornerMatch, coarse_rotation, corners};
 use crate::compare::feature::Luma;
-use crate::compare::place::{Place, places};
-use crate::compare::stepped::Stepped;
+use crate::compare::place::{EdgeSample, edge_samples};
+use crate::compare::stepped::StepAlignment;
 use crate::edges::{Edge, find};
 
 /// Smoothing of both images before edges are compared, in pixels.
-pub(crate) const SMOOTH: f64 = 0.9;
+pub(crate) const SMOOTHING_PX: f64 = 0.9;
 /// Smallest z-score of a change. A camera that did not move is reported as moved in at most one of some
 /// hundred images.
-const CLEAR: f64 = 3.0;
+const MIN_Z_SCORE: f64 = 3.0;
 /// Smallest displacement of the image by a rotation or zoom that counts as a change, RMS in pixels. Codecs
 /// and thermal drift of lenses cause smaller ones.
-const STILL: f64 = 0.05;
+const MIN_SHIFT_PX: f64 = 0.05;
 
 /// Variance of an unknown value; finite, because files store finite numbers.
-const UNKNOWN: f64 = f64::MAX;
+const UNKNOWN_VARIANCE: f64 = f64::MAX;
 
 /// Detected change of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Became {
+pub enum CameraChange {
     /// No change.
     Unchanged,
     /// Rotated or zoomed at the same position.
@@ -43,7 +43,7 @@ pub enum Became {
     /// Moved to another position: near and far edges do not fit one rotation.
     Shifted,
     /// Different image content: another camera, another view, or an obstruction.
-    Replaced,
+    DifferentView,
     /// New image too dark.
     TooDark,
     /// New image almost without edges: lens covered, or out of focus.
@@ -52,14 +52,14 @@ pub enum Became {
     TooFewEdges,
 }
 
-impl Became {
+impl CameraChange {
     /// Returns its name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Unchanged => "unchanged",
             Self::Moved | Self::Shifted => "moved",
-            Self::Replaced => "replaced",
+            Self::DifferentView => "replaced",
             Self::TooDark | Self::Blind | Self::TooFewEdges => "cannot-tell",
         }
     }
@@ -71,67 +71,67 @@ impl Became {
     }
 }
 
-impl fmt::Display for Became {
+impl fmt::Display for CameraChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Unchanged => "edges are where they were",
-            Self::Moved => "edges moved as by a turn or a zoom of the camera",
-            Self::Shifted => "near and far edges do not agree with a turn: the camera stands elsewhere",
-            Self::Replaced => {
-                "nothing of the old still is found again: another camera, another view, or something before it"
+            Self::Unchanged => "the camera is unchanged",
+            Self::Moved => "the camera rotated or zoomed",
+            Self::Shifted => "the camera was moved to another position",
+            Self::DifferentView => {
+                "the new image shows something else: another camera, another view, or an obstruction"
             }
-            Self::TooDark => "the new still is too dark to tell",
-            Self::Blind => "the new still shows next to no edges: covered, or out of focus",
-            Self::TooFewEdges => "the old still shows too few edges to compare by",
+            Self::TooDark => "the new image is too dark to compare",
+            Self::Blind => "the new image has almost no edges: the lens is covered or out of focus",
+            Self::TooFewEdges => "the old image has too few edges to compare",
         })
     }
 }
 
 /// Error for images of different sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OtherSize {
+pub struct SizeMismatchError {
     /// Width and height of the old image.
     pub old: [u32; 2],
     /// Width and height of the new image.
     pub new: [u32; 2],
 }
 
-impl fmt::Display for OtherSize {
+impl fmt::Display for SizeMismatchError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ([ow, oh], [nw, nh]) = (self.old, self.new);
         write!(
             f,
-            "the new still is {nw} x {nh} pixels, and the camera was calibrated on {ow} x {oh}; take a still of that \
-             size, from the same stream"
+            "the new image has {nw} x {nh} pixels, but the camera was calibrated on {ow} x {oh}; take an image of that \
+             size from the same stream"
         )
     }
 }
 
-impl std::error::Error for OtherSize {}
+impl std::error::Error for SizeMismatchError {}
 
 /// Reason why a camera cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Uncompared {
+pub enum ComparisonError {
     /// Camera without a solution.
     NotCalibrated,
     /// Images of different sizes.
-    OtherSize(OtherSize),
+    SizeMismatch(SizeMismatchError),
 }
 
-impl fmt::Display for Uncompared {
+impl fmt::Display for ComparisonError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotCalibrated => f.write_str("it is not calibrated: solve it first"),
-            Self::OtherSize(error) => error.fmt(f),
+            Self::NotCalibrated => f.write_str("the camera is not calibrated; solve it first"),
+            Self::SizeMismatch(error) => error.fmt(f),
         }
     }
 }
 
-impl std::error::Error for Uncompared {}
+impl std::error::Error for ComparisonError {}
 
 /// Returns the annotated lines of a camera as edges.
 #[must_use]
-pub fn drawn_edges(entry: &SiteCamera) -> Vec<Edge> {
+pub fn annotation_edges(entry: &SiteCamera) -> Vec<Edge> {
     let lines = entry.annotations.iter().filter(|annotation| !annotation.off).flat_map(|a| a.polylines());
     lines.flat_map(|line| line.windows(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<Edge>>()).collect()
 }
@@ -140,27 +140,27 @@ pub fn drawn_edges(entry: &SiteCamera) -> Vec<Edge> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Detected change.
-    pub became: Became,
+    pub change: CameraChange,
     /// Rotation and zoom; zero if the images could not be aligned.
-    pub turn: Turn,
+    pub rotation: Turn,
     /// Covariance of rotation vector and zoom.
     pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
     /// Covariance if only samples of the same edge were shifted alike: a lower bound for estimates from these
     /// edges.
     pub bound: [[f64; Turn::SIZE]; Turn::SIZE],
     /// Significance of the motion, as a z-score.
-    pub clear: f64,
+    pub z_score: f64,
     /// Displacement of the image, RMS over it, in pixels.
     pub shift: f64,
     /// Number of edge samples visible in the new image.
-    pub places: usize,
+    pub visible_samples: usize,
     /// Fraction of these samples that were found again.
-    pub found: f64,
+    pub found_fraction: f64,
     /// Fraction of the samples that chance would find.
-    pub by_chance: f64,
+    pub chance_fraction: f64,
     /// Samples with their result: whether the edge is at its predicted position; `None` outside the new
     /// image.
-    pub seen: Vec<(Pixel, Option<bool>)>,
+    pub samples: Vec<(Pixel, Option<bool>)>,
 }
 
 impl Comparison {
@@ -169,26 +169,31 @@ impl Comparison {
     ///
     /// # Errors
     /// If the images differ in size.
-    pub fn new(camera: &Camera, drawn: &[Edge], old: &RgbImage, new: &RgbImage) -> Result<Self, OtherSize> {
+    pub fn new(
+        camera: &Camera,
+        drawn: &[Edge],
+        old: &RgbImage,
+        new: &RgbImage,
+    ) -> Result<Self, SizeMismatchError> {
         let size = |image: &RgbImage| [image.width(), image.height()];
         if size(old) != size(new) {
-            return Err(OtherSize { old: size(old), new: size(new) });
+            return Err(SizeMismatchError { old: size(old), new: size(new) });
         }
         let [before, after] = [old, new].map(Luma::new);
-        let [fine, later] = [&before, &after].map(|luma| luma.smoothed(SMOOTH));
+        let [fine, later] = [&before, &after].map(|luma| luma.smoothed(SMOOTHING_PX));
         let edges: Vec<Edge> = drawn.iter().copied().chain(find(old)).collect();
-        let places = places(camera, &fine, &edges);
-        let stills = Stills { camera, before, after, later, places, corners: OnceCell::new() };
-        Ok(stills.compared(new))
+        let places = edge_samples(camera, &fine, &edges);
+        let stills = ImagePair { camera, before, after, later, places, corners: OnceCell::new() };
+        Ok(stills.compare(new))
     }
 
     /// Compares a new image with the one of a camera; its annotated lines take precedence.
     ///
     /// # Errors
     /// If the camera is not calibrated, or the images differ in size.
-    pub fn of_entry(entry: &SiteCamera, old: &RgbImage, new: &RgbImage) -> Result<Self, Uncompared> {
-        let camera = entry.camera().ok_or(Uncompared::NotCalibrated)?;
-        Self::new(&camera, &drawn_edges(entry), old, new).map_err(Uncompared::OtherSize)
+    pub fn from_entry(entry: &SiteCamera, old: &RgbImage, new: &RgbImage) -> Result<Self, ComparisonError> {
+        let camera = entry.camera().ok_or(ComparisonError::NotCalibrated)?;
+        Self::new(&camera, &annotation_edges(entry), old, new).map_err(ComparisonError::SizeMismatch)
     }
 
     /// Returns the changes of yaw, pitch, roll and log focal length, each with its standard deviation.
@@ -202,15 +207,15 @@ impl Comparison {
             let Movement { pan, tilt, roll, zoom } = turn.movement(camera);
             [pan, tilt, roll, zoom]
         };
-        let here = of(&self.turn);
+        let here = of(&self.rotation);
         let slope = |turn: &Turn, i: usize| (of(turn)[i] - here[i]) / ASIDE;
         let beside: [Turn; Turn::SIZE] = std::array::from_fn(|k| {
             let mut step = [0.0; Turn::SIZE];
             step[k] = ASIDE;
-            self.turn.then(&Turn::of(step))
+            self.rotation.then(&Turn::of(step))
         });
-        let [x, y, z] = self.turn.vector;
-        let larger = Turn { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.turn };
+        let [x, y, z] = self.rotation.vector;
+        let larger = Turn { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.rotation };
         std::array::from_fn(|i| {
             let slopes = beside.map(|turn| slope(&turn, i));
             let variance = self.variance(slopes) + (slope(&larger, i) * focal_sigma(camera)).powi(2);
@@ -228,12 +233,12 @@ impl Comparison {
     /// mean over all axes.
     #[must_use]
     pub fn angle(&self, camera: &Camera) -> (f64, f64) {
-        let angle = self.turn.angle();
+        let angle = self.rotation.angle();
         if angle < 1e-9 {
             let mean = (0..3).map(|k| self.covariance[k][k]).sum::<f64>() / 3.0;
             return (angle, mean.sqrt());
         }
-        let [x, y, z] = self.turn.vector.map(|part| part / angle);
+        let [x, y, z] = self.rotation.vector.map(|part| part / angle);
         let of_focal = angle * (x * x + y * y) * focal_sigma(camera);
         (angle, (self.variance([x, y, z, 0.0]) + of_focal.powi(2)).sqrt())
     }
@@ -241,7 +246,7 @@ impl Comparison {
     /// Returns the ratio of the focal lengths, new to old, and its standard deviation.
     #[must_use]
     pub fn zoom(&self) -> (f64, f64) {
-        let ratio = self.turn.zoom.exp();
+        let ratio = self.rotation.zoom.exp();
         (ratio, ratio * self.covariance[3][3].max(0.0).sqrt())
     }
 }
@@ -252,34 +257,37 @@ fn focal_sigma(camera: &Camera) -> f64 {
 }
 
 /// Two images prepared for comparison.
-struct Stills<'a> {
+struct ImagePair<'a> {
     camera: &'a Camera,
     before: Luma,
     after: Luma,
     later: Luma,
-    places: Vec<Place>,
-    corners: OnceCell<Vec<Seen>>,
+    places: Vec<EdgeSample>,
+    corners: OnceCell<Vec<CornerMatch>>,
 }
 
-impl Stills<'_> {
-    fn compared(&self, new: &RgbImage) -> Comparison {
+impl ImagePair<'_> {
+    fn compare(&self, new: &RgbImage) -> Comparison {
         /// Smallest number of samples for a comparison.
-        const LEAST: usize = 60;
+        const MIN_SAMPLES: usize = 60;
         /// Mean brightness below which an image is always too dark, of 255: single grey levels then shift
         /// edges.
-        const BLACK: f64 = 8.0;
-        if self.places.len() < LEAST {
-            return self.without(Became::TooFewEdges, 0.0);
+        const MIN_MEAN_BRIGHTNESS: f64 = 8.0;
+        if self.places.len() < MIN_SAMPLES {
+            return self.unaligned(CameraChange::TooFewEdges, 0.0);
         }
-        if mean(new) < BLACK {
-            return self.without(Became::TooDark, 0.0);
+        if mean(new) < MIN_MEAN_BRIGHTNESS {
+            return self.unaligned(CameraChange::TooDark, 0.0);
         }
-        let Some(found) = self.alignment() else { return self.without(self.blind(new), 0.0) };
-        let chance = by_chance(self.camera, &self.later, &self.places, &found.motion.turn);
+        let Some(found) = self.alignment() else { return self.unaligned(self.unaligned_reason(new), 0.0) };
+        let chance = chance_fraction(self.camera, &self.later, &self.places, &found.motion.turn);
         if !self.is_found(&found, chance) {
-            return Comparison { found: found.share(), ..self.without(self.blind(new), chance) };
+            return Comparison {
+                found_fraction: found.found_fraction(),
+                ..self.unaligned(self.unaligned_reason(new), chance)
+            };
         }
-        self.judged(&found, chance)
+        self.evaluate(&found, chance)
     }
 
     /// Returns the better of two alignments: from the old direction, and from the direction estimated from
@@ -287,107 +295,111 @@ impl Stills<'_> {
     fn alignment(&self) -> Option<Alignment> {
         /// Fraction of samples found again above which no second alignment is tried. In repetitive scenes an
         /// alignment that is off by one period finds about half of the samples.
-        const PLENTY: f64 = 0.8;
+        const SUFFICIENT_FRACTION: f64 = 0.8;
         let from = |turn: Turn, reaches: &[usize]| {
-            let of = Estimated::TurnAndTone;
+            let of = FitParameters::RotationAndTone;
             Alignment::new(self.camera, &self.later, &self.places, turn.into(), of, reaches)
         };
         let still = from(Turn::default(), &[5, 3, 2, 2]);
-        if still.as_ref().is_some_and(|found| found.share() > PLENTY) {
+        if still.as_ref().is_some_and(|found| found.found_fraction() > SUFFICIENT_FRACTION) {
             return still;
         }
-        let turned = coarse(self.camera, self.corners());
+        let turned = coarse_rotation(self.camera, self.corners());
         let turned = turned.and_then(|turn| from(turn, &[10, 5, 3, 2, 2]));
         let both = [still, turned].into_iter().flatten();
-        both.max_by_key(|found| found.voices(&self.places))
+        both.max_by_key(|found| found.coverage(&self.places))
     }
 
     /// Whether more samples are found than by chance, in enough parts of the image.
     fn is_found(&self, found: &Alignment, chance: f64) -> bool {
         /// Smallest number of inliers, limited for each part of the image.
-        const VOICES: usize = 36;
+        const MIN_COVERAGE: usize = 36;
         const TIMES: f64 = 2.0;
         const LEAST: f64 = 0.1;
-        found.share() > (TIMES * chance).max(LEAST) && found.voices(&self.places) >= VOICES
+        found.found_fraction() > (TIMES * chance).max(LEAST) && found.coverage(&self.places) >= MIN_COVERAGE
     }
 
-    fn judged(&self, found: &Alignment, chance: f64) -> Comparison {
+    fn evaluate(&self, found: &Alignment, chance: f64) -> Comparison {
         let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
             .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
-        let clear = self.clear(found);
+        let clear = self.z_score(found);
         let shift = self.shift(&found.motion.turn);
-        let became = match (clear > CLEAR && shift > STILL, self.is_shifted(found, chance)) {
-            (_, true) => Became::Shifted,
-            (true, false) => Became::Moved,
-            (false, false) => Became::Unchanged,
+        let became = match (clear > MIN_Z_SCORE && shift > MIN_SHIFT_PX, self.is_shifted(found, chance)) {
+            (_, true) => CameraChange::Shifted,
+            (true, false) => CameraChange::Moved,
+            (false, false) => CameraChange::Unchanged,
         };
         let seen = self.places.iter().zip(&found.found).map(|(place, found)| (place.at, *found)).collect();
         Comparison {
-            became,
-            turn: found.motion.turn,
+            change: became,
+            rotation: found.motion.turn,
             covariance,
             bound,
-            clear,
+            z_score: clear,
             shift,
-            places: found.found.iter().flatten().count(),
-            found: found.share(),
-            by_chance: chance,
-            seen,
+            visible_samples: found.found.iter().flatten().count(),
+            found_fraction: found.found_fraction(),
+            chance_fraction: chance,
+            samples: seen,
         }
     }
 
     /// Returns the z-score of the rotation and zoom.
-    fn clear(&self, found: &Alignment) -> f64 {
+    fn z_score(&self, found: &Alignment) -> f64 {
         let [x, y, z] = found.motion.turn.vector;
         let mut whole = found.fit.clone();
         whole.estimate.rows_mut(0, Turn::SIZE).copy_from_slice(&[x, y, z, found.motion.turn.zoom]);
-        whole.clear(0, Turn::SIZE)
+        whole.z_score(0, Turn::SIZE)
     }
 
     /// Returns the corners matched between both images; computed on first use.
-    fn corners(&self) -> &[Seen] {
+    fn corners(&self) -> &[CornerMatch] {
         self.corners.get_or_init(|| corners(self.camera, &self.before, &self.after))
     }
 
     /// Whether near and far edges contradict a pure rotation.
     fn is_shifted(&self, found: &Alignment, chance: f64) -> bool {
-        let all = Stepped::all(self.camera, &self.later, &self.places, || self.corners(), found);
-        all.iter().any(|stepped| stepped.is_clear(self.camera, &self.places, found, chance))
+        let all = StepAlignment::candidates(self.camera, &self.later, &self.places, || self.corners(), found);
+        all.iter().any(|stepped| stepped.is_significant(self.camera, &self.places, found, chance))
     }
 
     /// Returns the displacement of the image by the rotation, RMS in pixels.
     fn shift(&self, turn: &Turn) -> f64 {
         let turned = turn.at(self.camera);
-        let moved = |place: &Place| Some(turned.shown(place.sights[0].ray)?.distance(place.at).powi(2));
+        let moved = |place: &EdgeSample| Some(turned.shown(place.sights[0].ray)?.distance(place.at).powi(2));
         let squares: Vec<f64> = self.places.iter().filter_map(moved).collect();
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 
-    fn without(&self, became: Became, by_chance: f64) -> Comparison {
+    fn unaligned(&self, became: CameraChange, by_chance: f64) -> Comparison {
         Comparison {
-            became,
-            turn: Turn::default(),
-            covariance: [[UNKNOWN; 4]; 4],
-            bound: [[UNKNOWN; 4]; 4],
-            clear: 0.0,
+            change: became,
+            rotation: Turn::default(),
+            covariance: [[UNKNOWN_VARIANCE; 4]; 4],
+            bound: [[UNKNOWN_VARIANCE; 4]; 4],
+            z_score: 0.0,
             shift: 0.0,
-            places: self.places.len(),
-            found: 0.0,
-            by_chance,
-            seen: self.places.iter().map(|place| (place.at, Some(false))).collect(),
+            visible_samples: self.places.len(),
+            found_fraction: 0.0,
+            chance_fraction: by_chance,
+            samples: self.places.iter().map(|place| (place.at, Some(false))).collect(),
         }
     }
 
     /// Returns the reason why the old edges are not found.
-    fn blind(&self, new: &RgbImage) -> Became {
+    fn unaligned_reason(&self, new: &RgbImage) -> CameraChange {
         /// Mean brightness below which an image counts as dark, of 255.
         const DARK: f64 = 16.0;
         /// Contrast of the new image, relative to the old one, below which it counts as blind.
-        const LITTLE: f32 = 0.25;
+        const MIN_CONTRAST_RATIO: f32 = 0.25;
         if mean(new) < DARK {
-            return Became::TooDark;
+            return CameraChange::TooDark;
         }
-        if contrast(&self.after) < LITTLE * contrast(&self.before) { Became::Blind } else { Became::Replaced }
+        if contrast(&self.after) < MIN_CONTRAST_RATIO * contrast(&self.before) {
+            CameraChange::Blind
+        } else {
+            CameraChange::DifferentView
+        }
     }
 }
 

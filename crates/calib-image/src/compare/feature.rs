@@ -10,7 +10,7 @@ use calib_core::Pixel;
 use image::RgbImage;
 
 /// Offset added to a brightness of 0 to 255, so that the noise of dark areas does not count as contrast.
-const DARK: f32 = 12.0;
+const BRIGHTNESS_OFFSET: f32 = 12.0;
 
 /// Image of log brightness, one value a pixel.
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ impl Luma {
         let (width, height) = image.dimensions();
         let log = |pixel: &image::Rgb<u8>| {
             let [r, g, b] = pixel.0.map(f32::from);
-            (0.299 * r + 0.587 * g + 0.114 * b + DARK).ln()
+            (0.299 * r + 0.587 * g + 0.114 * b + BRIGHTNESS_OFFSET).ln()
         };
         Self { width: width as usize, height: height as usize, values: image.pixels().map(log).collect() }
     }
@@ -111,23 +111,23 @@ pub(crate) fn cubic(t: f64) -> [f64; 4] {
 }
 
 /// Width of the largest image in which corners are searched, in pixels.
-const WIDTH: f64 = 640.0;
+const MAX_WIDTH_PX: f64 = 640.0;
 /// Number of scales; each is smaller by the square root of two.
-const SIZES: u32 = 4;
+const SCALE_COUNT: u32 = 4;
 /// Side of a cell, in pixels; only the strongest corner of each cell is kept.
-const CELL: usize = 16;
+const CELL_PX: usize = 16;
 /// Half the side of the described patch, in pixels.
-const HALF: i32 = 10;
+const PATCH_HALF_PX: i32 = 10;
 /// Rotation of the additional descriptors in either direction, in radians.
-pub(crate) const LEAN: f64 = 0.3;
-const LENGTH: usize = 128;
+pub(crate) const DESCRIPTOR_ROTATION: f64 = 0.3;
+const DESCRIPTOR_LENGTH: usize = 128;
 
 /// Corner with the descriptor of its surroundings.
 pub(crate) struct Feature {
     pub(crate) at: Pixel,
     /// Pixels of the full image for each pixel of the scale of this corner.
     pub(crate) size: f64,
-    look: [f32; LENGTH],
+    descriptor: [f32; DESCRIPTOR_LENGTH],
 }
 
 /// Corner of the old image and its match in the new image.
@@ -137,7 +137,7 @@ pub(crate) struct Match {
     /// Pixels of the full image for each pixel of the coarser of the two scales.
     pub(crate) size: f64,
     /// Ambiguity: squared descriptor distance relative to the next best candidate; lower is better.
-    pub(crate) doubt: f32,
+    pub(crate) ambiguity: f32,
 }
 
 /// Image of one scale, with its gradients.
@@ -150,13 +150,14 @@ struct Level {
 
 /// Detects the corners of an image; each is described once for every rotation in `leans`.
 pub(crate) fn features(luma: &Luma, leans: &[f64]) -> Vec<Feature> {
-    let first = (luma.width as f64 / WIDTH).max(1.0);
-    let levels = (0..SIZES).map(|i| Level::new(luma, first * 0.5_f64.powf(-0.5 * f64::from(i))));
+    let first = (luma.width as f64 / MAX_WIDTH_PX).max(1.0);
+    let levels = (0..SCALE_COUNT).map(|i| Level::new(luma, first * 0.5_f64.powf(-0.5 * f64::from(i))));
     let mut found = Vec::new();
     for level in levels {
         for [x, y] in level.corners() {
             let at = Pixel::new((x as f64 + 0.5) * level.size, (y as f64 + 0.5) * level.size);
-            let look = |&lean: &f64| Feature { at, size: level.size, look: level.look([x, y], lean) };
+            let look =
+                |&lean: &f64| Feature { at, size: level.size, descriptor: level.descriptor([x, y], lean) };
             found.extend(leans.iter().map(look));
         }
     }
@@ -179,12 +180,12 @@ impl Level {
     fn corners(&self) -> Vec<[usize; 2]> {
         /// Smallest strength of a corner, in squares of log brightness; weaker ones are noise.
         const LEAST: f32 = 0.01;
-        const MARGIN: usize = HALF as usize + 5;
+        const MARGIN: usize = PATCH_HALF_PX as usize + 5;
         let mut best = std::collections::BTreeMap::new();
         for y in MARGIN..self.height.saturating_sub(MARGIN) {
             for x in MARGIN..self.width.saturating_sub(MARGIN) {
                 let strength = self.strength(x, y);
-                let place = best.entry([y / CELL, x / CELL]).or_insert((LEAST, [0, 0]));
+                let place = best.entry([y / CELL_PX, x / CELL_PX]).or_insert((LEAST, [0, 0]));
                 if strength > place.0 {
                     *place = (strength, [x, y]);
                 }
@@ -208,11 +209,11 @@ impl Level {
 
     /// Computes the descriptor: histograms of eight directions in sixteen cells about a pixel, in a frame
     /// rotated by `lean`.
-    fn look(&self, [x, y]: [usize; 2], lean: f64) -> [f32; LENGTH] {
+    fn descriptor(&self, [x, y]: [usize; 2], lean: f64) -> [f32; DESCRIPTOR_LENGTH] {
         let (sin, cos) = (lean.sin() as f32, lean.cos() as f32);
-        let mut look = [0.0; LENGTH];
-        for j in -HALF..HALF {
-            for i in -HALF..HALF {
+        let mut look = [0.0; DESCRIPTOR_LENGTH];
+        for j in -PATCH_HALF_PX..PATCH_HALF_PX {
+            for i in -PATCH_HALF_PX..PATCH_HALF_PX {
                 let (s, t) = (i as f32 + 0.5, j as f32 + 0.5);
                 let column = (x as f32 + cos * s - sin * t + 0.5) as usize;
                 let row = (y as f32 + sin * s + cos * t + 0.5) as usize;
@@ -226,12 +227,12 @@ impl Level {
 }
 
 /// Distributes a gradient over the neighbouring cells and directions.
-fn spread(look: &mut [f32; LENGTH], [s, t]: [f32; 2], [dx, dy]: [f32; 2]) {
+fn spread(look: &mut [f32; DESCRIPTOR_LENGTH], [s, t]: [f32; 2], [dx, dy]: [f32; 2]) {
     let size = dx.hypot(dy);
     if size == 0.0 {
         return;
     }
-    let half = HALF as f32;
+    let half = PATCH_HALF_PX as f32;
     let weight = size * (-(s * s + t * t) / (1.3 * half * half)).exp();
     let turn = (dy.atan2(dx) / std::f32::consts::TAU).rem_euclid(1.0) * 8.0;
     let cell = |at: f32| (at + half) / (0.5 * half) - 0.5;
@@ -256,7 +257,7 @@ fn between(at: f32) -> [(i32, f32); 2] {
 
 /// Normalises to length 1 after limiting every direction to a fifth, so that a single strong edge does not
 /// dominate.
-fn normalised(mut look: [f32; LENGTH]) -> [f32; LENGTH] {
+fn normalised(mut look: [f32; DESCRIPTOR_LENGTH]) -> [f32; DESCRIPTOR_LENGTH] {
     for most in [0.2, 1.0] {
         let length = look.iter().map(|value| value * value).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
         look.iter_mut().for_each(|value| *value = (*value / length).min(most));
@@ -264,7 +265,7 @@ fn normalised(mut look: [f32; LENGTH]) -> [f32; LENGTH] {
     look
 }
 
-fn alike(a: &[f32; LENGTH], b: &[f32; LENGTH]) -> f32 {
+fn similarity(a: &[f32; DESCRIPTOR_LENGTH], b: &[f32; DESCRIPTOR_LENGTH]) -> f32 {
     let mut sums = [0.0_f32; 16];
     for (a, b) in a.as_chunks::<16>().0.iter().zip(b.as_chunks::<16>().0) {
         for k in 0..16 {
@@ -277,13 +278,14 @@ fn alike(a: &[f32; LENGTH], b: &[f32; LENGTH]) -> f32 {
 /// Matches corners that are each other's unambiguous nearest neighbours, the least ambiguous first.
 pub(crate) fn matches(old: &[Feature], new: &[Feature]) -> Vec<Match> {
     /// Largest accepted ratio of the squared distances to the best and the second-best candidate.
-    const MOST: f32 = 0.8;
+    const MAX_AMBIGUITY: f32 = 0.8;
     let mut of_new = vec![(f32::MIN, 0); new.len()];
     let nearest: Vec<(usize, f32)> = old
         .iter()
         .enumerate()
         .map(|(index, feature)| {
-            let likeness: Vec<f32> = new.iter().map(|other| alike(&feature.look, &other.look)).collect();
+            let likeness: Vec<f32> =
+                new.iter().map(|other| similarity(&feature.descriptor, &other.descriptor)).collect();
             for (best, &value) in of_new.iter_mut().zip(&likeness) {
                 if value > best.0 {
                     *best = (value, index);
@@ -295,13 +297,15 @@ pub(crate) fn matches(old: &[Feature], new: &[Feature]) -> Vec<Match> {
     let mut found: Vec<Match> = nearest
         .iter()
         .enumerate()
-        .filter(|(index, (best, doubt))| *doubt < MOST && of_new.get(*best).is_some_and(|to| to.1 == *index))
+        .filter(|(index, (best, doubt))| {
+            *doubt < MAX_AMBIGUITY && of_new.get(*best).is_some_and(|to| to.1 == *index)
+        })
         .map(|(index, &(best, doubt))| {
             let (old, new) = (&old[index], &new[best]);
-            Match { old: old.at, new: new.at, size: old.size.max(new.size), doubt }
+            Match { old: old.at, new: new.at, size: old.size.max(new.size), ambiguity: doubt }
         })
         .collect();
-    found.sort_by(|a, b| a.doubt.total_cmp(&b.doubt));
+    found.sort_by(|a, b| a.ambiguity.total_cmp(&b.ambiguity));
     found
 }
 

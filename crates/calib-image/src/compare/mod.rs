@@ -5,7 +5,7 @@
 //! positions determine it to hundredths of a pixel. The files in data-flow order:
 //!
 //! - `feature`: log brightness, corners and their descriptors and matches;
-//! - `coarse`: the rotation and zoom on which most parts of the image agree;
+//! - `coarse`: the rotation and zoom common to most parts of the image;
 //! - `motion`: the motion of a camera and its derivatives; `place`: samples along the edges of the old image;
 //! - `turn_fit`: one rotation and zoom fitted to all edge offsets; `alignment`: iterated search and fit;
 //! - `stepped`: the test for a moved camera;
@@ -24,6 +24,6 @@ mod comparison;
 mod carry;
 mod recovery;
 
-pub use comparison::{Became, Comparison, OtherSize, Uncompared, drawn_edges};
-pub use recovery::{Refusal, recovered};
-pub use turn_fit::{EdgeOffset, Estimated, STEP, TONE, TurnFit};
+pub use comparison::{CameraChange, Comparison, ComparisonError, SizeMismatchError, annotation_edges};
+pub use recovery::{RecoveryError, recover};
+pub use turn_fit::{EdgeOffset, FitParameters, RotationFit, STEP, TONE_SIZE};

@@ -4,11 +4,11 @@ use calib_core::{Camera, Pixel};
 
 use calib_core::camera::{Turn, Turned, floor_nearness, ray_in_camera};
 
-use crate::{STEP, TurnFit};
+use crate::{RotationFit, STEP};
 
 /// Step of the finite differences: radians for a ray, and metres, for a point at a depth of one metre, for a
 /// step of the camera.
-const ASIDE: f64 = 1e-5;
+const DIFFERENCE_STEP: f64 = 1e-5;
 
 /// Ray and inverse floor depth of a pixel, in the axes of the old camera.
 #[derive(Clone, Copy)]
@@ -28,7 +28,7 @@ pub(crate) struct Motion {
 }
 
 /// Camera after a motion, with cameras rotated slightly from it for finite differences.
-pub(crate) struct Moved {
+pub(crate) struct MovedCamera {
     here: Turned,
     beside: [Turned; Turn::SIZE],
     step: [f64; STEP],
@@ -36,7 +36,7 @@ pub(crate) struct Moved {
 
 /// Derivatives of a pixel.
 #[derive(Default)]
-pub(crate) struct Slopes {
+pub(crate) struct PixelDerivatives {
     pub(crate) turn: [[f64; 2]; Turn::SIZE],
     pub(crate) step: [[f64; 2]; STEP],
 }
@@ -56,38 +56,38 @@ impl From<Turn> for Motion {
 
 impl Motion {
     /// Composes this motion with the remaining motion of a fit.
-    pub(crate) fn then(&self, fit: &TurnFit) -> Self {
+    pub(crate) fn then(&self, fit: &RotationFit) -> Self {
         let step = fit.step();
-        Self { turn: self.turn.then(&fit.turn()), step: std::array::from_fn(|k| self.step[k] + step[k]) }
+        Self { turn: self.turn.then(&fit.rotation()), step: std::array::from_fn(|k| self.step[k] + step[k]) }
     }
 
-    pub(crate) fn at(&self, camera: &Camera) -> Moved {
+    pub(crate) fn at(&self, camera: &Camera) -> MovedCamera {
         let beside = std::array::from_fn(|k| {
             let mut step = [0.0; Turn::SIZE];
-            step[k] = ASIDE;
+            step[k] = DIFFERENCE_STEP;
             self.turn.then(&Turn::of(step)).at(camera)
         });
-        Moved { here: self.turn.at(camera), beside, step: self.step }
+        MovedCamera { here: self.turn.at(camera), beside, step: self.step }
     }
 }
 
-impl Moved {
+impl MovedCamera {
     /// Projects into the new image.
-    pub(crate) fn shown(&self, sight: &Sight) -> Option<Pixel> {
+    pub(crate) fn project(&self, sight: &Sight) -> Option<Pixel> {
         self.here.shown(self.ray(sight))
     }
 
     /// Computes the derivatives of the projection with respect to rotation, zoom and step.
-    pub(crate) fn slopes(&self, sight: &Sight) -> Option<Slopes> {
-        let (ray, at) = (self.ray(sight), self.shown(sight)?);
-        let slope = |to: Pixel| [(to.u - at.u) / ASIDE, (to.v - at.v) / ASIDE];
-        let mut slopes = Slopes::default();
+    pub(crate) fn derivatives(&self, sight: &Sight) -> Option<PixelDerivatives> {
+        let (ray, at) = (self.ray(sight), self.project(sight)?);
+        let slope = |to: Pixel| [(to.u - at.u) / DIFFERENCE_STEP, (to.v - at.v) / DIFFERENCE_STEP];
+        let mut slopes = PixelDerivatives::default();
         for (by, beside) in slopes.turn.iter_mut().zip(&self.beside) {
             *by = slope(beside.shown(ray)?);
         }
         for (k, by) in slopes.step.iter_mut().enumerate() {
             let mut aside = ray;
-            aside[k] -= ASIDE;
+            aside[k] -= DIFFERENCE_STEP;
             *by = slope(self.here.shown(aside)?).map(|c| sight.nearness * c);
         }
         Some(slopes)

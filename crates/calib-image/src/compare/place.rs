@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use calib_core::{Camera, Pixel};
 
-use crate::TONE;
+use crate::TONE_SIZE;
 
 use crate::compare::feature::{Luma, cubic};
 use crate::compare::motion::Sight;
@@ -15,25 +15,25 @@ pub(crate) const HALF: usize = 6;
 /// Number of values in a profile.
 pub(crate) const LENGTH: usize = 2 * HALF + 1;
 /// Positions along the edge, in pixels, over which a profile is averaged.
-const BESIDE: [f64; 5] = [-3.0, -1.5, 0.0, 1.5, 3.0];
+const AVERAGING_OFFSETS_PX: [f64; 5] = [-3.0, -1.5, 0.0, 1.5, 3.0];
 /// Smallest distance of samples along an edge, in pixels.
-const APART: f64 = 8.0;
+const MIN_SPACING_PX: f64 = 8.0;
 /// Largest number of samples on one edge, which limits the weight of long edges.
-const OF_EDGE: f64 = 24.0;
+const MAX_SAMPLES_PER_EDGE: f64 = 24.0;
 /// Largest number of samples in an image, which limits the computing time.
-const MOST: usize = 6000;
+const MAX_SAMPLES: usize = 6000;
 /// Columns and rows of the image blocks, each with a common shift.
 pub(crate) const BLOCKS: [usize; 2] = [8, 6];
 
 /// Sample on an edge.
-pub(crate) struct Place {
+pub(crate) struct EdgeSample {
     pub(crate) at: Pixel,
     /// Rays through the sample, and through the points one pixel along and one pixel across the edge.
     pub(crate) sights: [Sight; 3],
     pub(crate) profile: [f64; LENGTH],
     /// Contrast across the edge, positive if brighter on the positive side, times the powers 0, 1 and 2 of
     /// the level.
-    pub(crate) tone: [f64; TONE],
+    pub(crate) tone: [f64; TONE_SIZE],
     pub(crate) block: usize,
     /// Index of the edge.
     pub(crate) edge: usize,
@@ -60,55 +60,55 @@ impl Frame {
             luma.at(u, v)
         };
         let mut sum = 0.0;
-        for beside in BESIDE {
+        for beside in AVERAGING_OFFSETS_PX {
             sum += value(beside)?;
         }
-        Some(sum / BESIDE.len() as f64)
+        Some(sum / AVERAGING_OFFSETS_PX.len() as f64)
     }
 }
 
 /// Samples the edges of an image. Earlier edges take precedence; samples along an edge that is already
 /// sampled are dropped.
-pub(crate) fn places(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<Place> {
+pub(crate) fn edge_samples(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<EdgeSample> {
     let of_edge = |(edge, &[a, b]): (usize, &Edge)| {
         let length = a.distance(b);
-        let count = (length / APART).clamp(1.0, OF_EDGE) as usize;
+        let count = (length / MIN_SPACING_PX).clamp(1.0, MAX_SAMPLES_PER_EDGE) as usize;
         let along = [(b.u - a.u) / length, (b.v - a.v) / length];
         (0..count).filter_map(move |i| {
             let far = length * (i as f64 + 0.5) / count as f64;
             let at = Pixel::new(a.u + far * along[0], a.v + far * along[1]);
-            Place::new(camera, luma, at, along, edge)
+            EdgeSample::new(camera, luma, at, along, edge)
         })
     };
-    let long = edges.iter().enumerate().filter(|(_, [a, b])| a.distance(*b) >= APART);
-    let mut taken = Taken::default();
-    long.flat_map(of_edge).filter(|place| taken.is_new(place)).take(MOST).collect()
+    let long = edges.iter().enumerate().filter(|(_, [a, b])| a.distance(*b) >= MIN_SPACING_PX);
+    let mut taken = SampleGrid::default();
+    long.flat_map(of_edge).filter(|place| taken.is_new(place)).take(MAX_SAMPLES).collect()
 }
 
 /// Samples taken so far, by cell of the image.
 #[derive(Default)]
-struct Taken(HashMap<[i64; 2], Vec<Along>>);
+struct SampleGrid(HashMap<[i64; 2], Vec<Along>>);
 
 /// Position of a sample, a unit vector along its edge, and the index of the edge.
 type Along = (Pixel, [f64; 2], usize);
 
-impl Taken {
+impl SampleGrid {
     /// Largest distances, along and across an edge, of samples of the same edge, in pixels.
-    const NEAR: [f64; 2] = [0.75 * APART, 2.0];
+    const MAX_DUPLICATE_DISTANCE_PX: [f64; 2] = [0.75 * MIN_SPACING_PX, 2.0];
     /// Sine of the largest angle between samples of the same edge.
-    const ALIKE: f64 = 0.1;
+    const MAX_DUPLICATE_SINE: f64 = 0.1;
 
     /// Whether no other edge has a sample at this position; records the sample if so.
-    fn is_new(&mut self, place: &Place) -> bool {
+    fn is_new(&mut self, place: &EdgeSample) -> bool {
         let along = place.along;
-        let cell = [place.at.u, place.at.v].map(|c| (c / APART).floor() as i64);
+        let cell = [place.at.u, place.at.v].map(|c| (c / MIN_SPACING_PX).floor() as i64);
         let is_same = |&(at, other, edge): &Along| {
             let off = [place.at.u - at.u, place.at.v - at.v];
             let turned = |v: [f64; 2]| (v[0] * other[1] - v[1] * other[0]).abs();
             edge != place.edge
-                && turned(along) < Self::ALIKE
-                && turned(off) < Self::NEAR[1]
-                && (off[0] * other[0] + off[1] * other[1]).abs() < Self::NEAR[0]
+                && turned(along) < Self::MAX_DUPLICATE_SINE
+                && turned(off) < Self::MAX_DUPLICATE_DISTANCE_PX[1]
+                && (off[0] * other[0] + off[1] * other[1]).abs() < Self::MAX_DUPLICATE_DISTANCE_PX[0]
         };
         let around = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [cell[0] + i, cell[1] + j]));
         let is_new = !around.filter_map(|near| self.0.get(&near)).flatten().any(is_same);
@@ -119,10 +119,10 @@ impl Taken {
     }
 }
 
-impl Place {
+impl EdgeSample {
     fn new(camera: &Camera, luma: &Luma, at: Pixel, along: [f64; 2], edge: usize) -> Option<Self> {
         /// Smallest contrast of an edge, as a standard deviation of log brightness.
-        const LEAST: f64 = 0.02;
+        const MIN_CONTRAST: f64 = 0.02;
         let across = [-along[1], along[0]];
         let frame = Frame { at, along, across };
         let mut profile = [0.0; LENGTH];
@@ -136,12 +136,12 @@ impl Place {
         let mean = profile.iter().sum::<f64>() / LENGTH as f64;
         let contrast = profile.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / LENGTH as f64;
         let tone = tone(&profile, mean);
-        (contrast.sqrt() > LEAST).then_some(Self { at, sights, profile, tone, block, edge, along })
+        (contrast.sqrt() > MIN_CONTRAST).then_some(Self { at, sights, profile, tone, block, edge, along })
     }
 }
 
 /// Returns the contrast times the powers of the level, relative to medium brightness.
-fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE] {
+fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE_SIZE] {
     /// Logarithm of medium brightness, and the difference from there to white.
     const MIDDLE: f64 = 4.4;
     const RANGE: f64 = 1.1;
@@ -153,7 +153,7 @@ fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE] {
 
 /// Comparison of two profiles.
 #[derive(Clone, Copy)]
-pub(crate) struct Likeness {
+pub(crate) struct ProfileMatch {
     /// Correlation of the profiles.
     pub(crate) correlation: f64,
     /// Sum of squares of the new profile about its mean.
@@ -161,7 +161,7 @@ pub(crate) struct Likeness {
 }
 
 /// Correlates a profile with the part of a longer one that begins at `start`, interpolated between pixels.
-pub(crate) fn likeness(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> Likeness {
+pub(crate) fn match_profiles(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> ProfileMatch {
     let first = start.floor();
     let weights = cubic(start - first);
     let value = |i: usize| -> f64 {
@@ -182,7 +182,7 @@ pub(crate) fn likeness(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> L
         old += (x - a).powi(2);
         square += (y - b).powi(2);
     }
-    Likeness { correlation: both / (old * square).sqrt().max(f64::MIN_POSITIVE), square }
+    ProfileMatch { correlation: both / (old * square).sqrt().max(f64::MIN_POSITIVE), square }
 }
 
 #[cfg(test)]
@@ -192,7 +192,7 @@ mod tests {
     use image::{Rgb, RgbImage};
 
     #[test]
-    fn an_edge_that_is_found_again_is_taken_once_and_one_across_it_twice() {
+    fn a_duplicate_edge_is_sampled_once_and_a_crossing_edge_in_full() {
         let camera = Camera {
             position: WorldPoint::new(0.0, 0.0, 3.0),
             yaw: 0.0,
@@ -211,7 +211,7 @@ mod tests {
         let found = line([160.6, 10.0], [159.7, 110.0]);
         let across = line([20.0, 120.0], [300.0, 120.0]);
         let counted = |edges: &[Edge]| {
-            let places = places(&camera, &luma, edges);
+            let places = edge_samples(&camera, &luma, edges);
             (0..edges.len()).map(|edge| places.iter().filter(|place| place.edge == edge).count()).collect()
         };
         let alone: Vec<usize> = counted(&[drawn]);
@@ -219,6 +219,6 @@ mod tests {
         assert_eq!(all[0], alone[0]);
         assert!(all[0] >= 8 && all[1] <= 4 && all[2] > 15, "{all:?}");
         let turned: Vec<usize> = counted(&[found, drawn]);
-        assert!(turned[0] > turned[1], "the first is taken: {turned:?}");
+        assert!(turned[0] > turned[1], "the first edge takes precedence: {turned:?}");
     }
 }

@@ -60,7 +60,7 @@ use calib_core::optimize::chi2_score;
 use nalgebra::{DMatrix, DVector, Matrix2, OMatrix, Vector2};
 
 /// Number of parameters of the effect of lighting on edges.
-pub const TONE: usize = 3;
+pub const TONE_SIZE: usize = 3;
 /// Number of parameters of a step (translation) of the camera.
 pub const STEP: usize = 3;
 
@@ -74,12 +74,12 @@ pub struct EdgeOffset {
     /// Standard deviation of the offset, in pixels.
     pub sigma: f64,
     /// Derivatives of the offset with respect to rotation and zoom.
-    pub turn: [f64; Turn::SIZE],
+    pub by_rotation: [f64; Turn::SIZE],
     /// Sensitivity to lighting: contrast towards the positive side, times the powers 0, 1 and 2 of the
     /// brightness level.
-    pub tone: [f64; TONE],
+    pub by_tone: [f64; TONE_SIZE],
     /// Derivatives of the offset with respect to a step of the camera.
-    pub step: [f64; STEP],
+    pub by_step: [f64; STEP],
     /// Index of the image block of this sample.
     pub block: usize,
     /// Index of the edge, if it has several samples; they are consecutive in the list.
@@ -88,32 +88,32 @@ pub struct EdgeOffset {
 
 impl EdgeOffset {
     /// Returns the derivative with respect to parameter `k`: rotation and zoom, then tone, then step.
-    pub(super) fn by(&self, k: usize) -> f64 {
-        const FROM: usize = Turn::SIZE + TONE;
+    pub(super) fn derivative(&self, k: usize) -> f64 {
+        const FROM: usize = Turn::SIZE + TONE_SIZE;
         match k {
-            0..Turn::SIZE => self.turn[k],
-            Turn::SIZE..FROM => self.tone[k - Turn::SIZE],
-            _ => self.step[k - FROM],
+            0..Turn::SIZE => self.by_rotation[k],
+            Turn::SIZE..FROM => self.by_tone[k - Turn::SIZE],
+            _ => self.by_step[k - FROM],
         }
     }
 
     /// Returns the offset predicted by these parameters, in pixels.
     #[must_use]
-    pub fn told(&self, estimate: &DVector<f64>) -> f64 {
-        (0..estimate.len()).map(|k| self.by(k) * estimate[k]).sum()
+    pub fn predicted(&self, estimate: &DVector<f64>) -> f64 {
+        (0..estimate.len()).map(|k| self.derivative(k) * estimate[k]).sum()
     }
 }
 
 /// Prior standard deviation of the shift of an edge by lighting, in pixels for a contrast of 1 in log
 /// brightness.
-const LIGHT: f64 = 0.3;
+const TONE_PRIOR_SIGMA_PX: f64 = 0.3;
 
 /// Derivatives with respect to the parameters, for each component of the shift of a block.
 type ByMotion = OMatrix<f64, nalgebra::Dyn, nalgebra::U2>;
 
 /// Normal equations of the edges of one block.
 #[derive(Clone, Debug)]
-pub(super) struct BlockSum {
+pub(super) struct BlockEquations {
     information: DMatrix<f64>,
     score: DVector<f64>,
     /// `A' P N`, `N' P N` and `N' P d`, with `A` the derivatives and `d` the offsets.
@@ -126,13 +126,13 @@ pub(super) struct BlockSum {
 
 /// Normal equations of all blocks.
 #[derive(Clone, Debug)]
-pub(super) struct Sum {
+pub(super) struct NormalEquations {
     information: DMatrix<f64>,
     score: DVector<f64>,
 }
 
-impl BlockSum {
-    pub(super) fn nothing(unknowns: usize) -> Self {
+impl BlockEquations {
+    pub(super) fn zeros(unknowns: usize) -> Self {
         Self {
             information: DMatrix::zeros(unknowns, unknowns),
             score: DVector::zeros(unknowns),
@@ -149,7 +149,7 @@ impl BlockSum {
         let (mut total, mut offset) = (0.0, 0.0);
         let (mut together, mut way) = (DVector::zeros(self.score.len()), Vector2::zeros());
         for (row, &precision) in edge.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0) {
-            let by = DVector::from_fn(self.score.len(), |k, _| row.by(k));
+            let by = DVector::from_fn(self.score.len(), |k, _| row.derivative(k));
             let across = Vector2::from(row.across);
             self.score.axpy(precision * row.offset, &by, 1.0);
             self.information.ger(precision, &by, &by, 1.0);
@@ -172,7 +172,7 @@ impl BlockSum {
 
     /// Returns the information and score with the shift of the block eliminated; `block` is its standard
     /// deviation along either axis.
-    fn closed(&self, block: f64) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    fn without_shift(&self, block: f64) -> Option<(DMatrix<f64>, DVector<f64>)> {
         if block <= 0.0 {
             return Some((self.information.clone(), self.score.clone()));
         }
@@ -185,13 +185,13 @@ impl BlockSum {
     }
 }
 
-impl Sum {
+impl NormalEquations {
     /// Sums the equations of the blocks, each shifted by a vector of this standard deviation.
-    pub(super) fn of(blocks: &[BlockSum], block: f64) -> Option<Self> {
+    pub(super) fn from_blocks(blocks: &[BlockEquations], block: f64) -> Option<Self> {
         let unknowns = blocks.first()?.score.len();
         let (mut information, mut score) = (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
         for one in blocks {
-            let (own, own_score) = one.closed(block)?;
+            let (own, own_score) = one.without_shift(block)?;
             information += own;
             score += own_score;
         }
@@ -200,7 +200,7 @@ impl Sum {
 
     /// Returns the inverse of the total information.
     pub(super) fn bound(&self) -> Option<DMatrix<f64>> {
-        Some(self.believed().cholesky()?.inverse())
+        Some(self.information_with_prior().cholesky()?.inverse())
     }
 
     /// Computes the cluster-robust covariance from the scatter of the blocks (Bell and `McCaffrey` 2002).
@@ -210,26 +210,27 @@ impl Sum {
     /// the tone prior `P` adds `I^-1 P I^-1`. A direction with nearly all information in one block cannot be
     /// tested against the others. Its squared score then counts as at least its expectation, 1. `slope` is
     /// the mean slope of psi divided by the mean weight.
-    pub(super) fn borne_out(
+    pub(super) fn cluster_covariance(
         &self,
-        blocks: &[BlockSum],
+        blocks: &[BlockEquations],
         block: f64,
         estimate: &DVector<f64>,
         slope: f64,
     ) -> Option<DMatrix<f64>> {
         /// Share of the information above which a single block dominates a direction.
-        const ALL: f64 = 0.95;
-        let root = self.believed().cholesky()?.l().try_inverse()?;
+        const MAX_BLOCK_SHARE: f64 = 0.95;
+        let root = self.information_with_prior().cholesky()?.l().try_inverse()?;
         let bound = root.transpose() * &root;
-        let belief = DMatrix::from_diagonal(&(self.believed().diagonal() - self.information.diagonal()));
+        let belief =
+            DMatrix::from_diagonal(&(self.information_with_prior().diagonal() - self.information.diagonal()));
         let mut covariance = &bound * belief * &bound;
         for one in blocks {
-            let (information, score) = one.closed(block)?;
+            let (information, score) = one.without_shift(block)?;
             let told = &root * (score - &information * estimate);
             let eigen = (&root * information * root.transpose()).symmetric_eigen();
             let mut along = eigen.eigenvectors.transpose() * told;
             for (along, &share) in along.iter_mut().zip(&eigen.eigenvalues) {
-                *along = if share > ALL {
+                *along = if share > MAX_BLOCK_SHARE {
                     along.abs().max(1.0).copysign(*along)
                 } else {
                     *along / ((1.0 - share).sqrt() * slope)
@@ -242,41 +243,41 @@ impl Sum {
     }
 
     /// Returns the information including the tone prior.
-    fn believed(&self) -> DMatrix<f64> {
+    fn information_with_prior(&self) -> DMatrix<f64> {
         let mut believed = self.information.clone();
-        let tone = (Turn::SIZE..Turn::SIZE + TONE).filter(|&i| i < self.score.len());
-        tone.for_each(|i| believed[(i, i)] += LIGHT.powi(-2));
+        let tone = (Turn::SIZE..Turn::SIZE + TONE_SIZE).filter(|&i| i < self.score.len());
+        tone.for_each(|i| believed[(i, i)] += TONE_PRIOR_SIGMA_PX.powi(-2));
         believed
     }
 
-    pub(super) fn solved(&self) -> Option<DVector<f64>> {
-        /// Smallest squared pivot of the scaled information with which a parameter counts as determined.
-        const TOLD: f64 = 1e-9;
+    pub(super) fn solve(&self) -> Option<DVector<f64>> {
+        /// Smallest squared pivot of the scaled information for a parameter to count as determined.
+        const MIN_PIVOT: f64 = 1e-9;
         // Scale every parameter by its marginal information, so that radians and ratios are comparable.
-        let information = self.believed();
+        let information = self.information_with_prior();
         let units = information.diagonal().map(|value| value.max(f64::MIN_POSITIVE).sqrt().recip());
         let scaled =
             DMatrix::from_fn(units.len(), units.len(), |i, j| information[(i, j)] * units[i] * units[j]);
         let cholesky = scaled.cholesky()?;
-        let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > TOLD);
+        let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > MIN_PIVOT);
         is_told.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))
     }
 }
 
 /// Parameters of the fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Estimated {
+pub enum FitParameters {
     /// Rotation and zoom only, for offsets that lighting does not affect.
-    Turn,
+    Rotation,
     /// Rotation, zoom and tone.
-    TurnAndTone,
+    RotationAndTone,
     /// Rotation, zoom, tone and a step of the camera.
-    Step,
+    RotationToneAndStep,
 }
 
 /// Rotation and zoom fitted to the offsets of all edges.
 #[derive(Clone, Debug)]
-pub struct TurnFit {
+pub struct RotationFit {
     /// Estimated parameters: rotation and zoom, then tone, then step.
     pub estimate: DVector<f64>,
     /// Covariance of the estimate: cluster-robust part plus image-wide part.
@@ -303,68 +304,74 @@ pub struct Scatter {
     pub block: f64,
 }
 
-/// Residual, in scales, from which Tukey's weight is zero: 95 % efficiency for normal errors.
-const TUKEY: f64 = 4.685;
+/// Smallest residual, in scales, with a Tukey weight of zero: 95 % efficiency for normal errors.
+const TUKEY_LIMIT: f64 = 4.685;
 /// Ratio of the standard deviation to the median absolute deviation of a normal variable.
-const MEDIAN: f64 = 1.4826;
+const MAD_TO_SIGMA: f64 = 1.4826;
 /// Smallest accepted standard deviation of an offset, in pixels.
-const FINEST: f64 = 0.01;
+const MIN_SIGMA_PX: f64 = 0.01;
 /// Largest standard deviation of the shift of a block, in pixels. Larger shifts come from the depth of the
 /// scene, not from lens, lighting or codec. They indicate a step of the camera, not a rotation.
-const BLOCK: f64 = 0.2;
+const MAX_BLOCK_SIGMA_PX: f64 = 0.2;
 /// Variance of image-wide errors that resemble a rotation, relative to the bound. It is not derived. It was
 /// chosen on half of the images of `tests/compare.rs`, which have a width of 960 pixels and some thousand
 /// samples each.
-const WHOLE: f64 = 0.5;
+const IMAGE_VARIANCE_RATIO: f64 = 0.5;
 /// Number of reweighting iterations.
-const ROUNDS: usize = 12;
+const ITERATIONS: usize = 12;
 
-impl Estimated {
+impl FitParameters {
     const fn unknowns(self) -> usize {
         match self {
-            Self::Turn => Turn::SIZE,
-            Self::TurnAndTone => Turn::SIZE + TONE,
-            Self::Step => Turn::SIZE + TONE + STEP,
+            Self::Rotation => Turn::SIZE,
+            Self::RotationAndTone => Turn::SIZE + TONE_SIZE,
+            Self::RotationToneAndStep => Turn::SIZE + TONE_SIZE + STEP,
         }
     }
 }
 
-impl TurnFit {
+impl RotationFit {
     /// Fits the parameters; returns `None` if the edges do not determine them.
     #[must_use]
-    pub fn new(offsets: &[EdgeOffset], of: Estimated) -> Option<Self> {
+    pub fn new(offsets: &[EdgeOffset], of: FitParameters) -> Option<Self> {
         let rows = Rows { offsets, unknowns: of.unknowns() };
         let mut estimate = rows.least_deviations()?;
         let mut weights = vec![1.0; offsets.len()];
         let (mut blocks, mut scatter) = (Vec::new(), Scatter::default());
-        for _ in 0..ROUNDS {
+        for _ in 0..ITERATIONS {
             let residuals = rows.residuals(&estimate);
             let together = excess(&residuals, offsets);
-            weights = rows.in_scales(&residuals, together).map(tukey).collect();
-            let of_edges = if of == Estimated::Step { None } else { rows.scatter(&residuals, &weights) };
+            weights = rows.standardised(&residuals, together).map(tukey).collect();
+            let of_edges = if of == FitParameters::RotationToneAndStep {
+                None
+            } else {
+                rows.scatter(&residuals, &weights)
+            };
             scatter = of_edges.unwrap_or(Scatter { place: together, ..Scatter::default() });
-            let precision = |i: usize| weights[i] / offsets[i].sigma.hypot(scatter.place).max(FINEST).powi(2);
+            let precision =
+                |i: usize| weights[i] / offsets[i].sigma.hypot(scatter.place).max(MIN_SIGMA_PX).powi(2);
             let precisions: Vec<f64> = (0..offsets.len()).map(precision).collect();
             blocks = rows.blocks(&precisions, scatter.edge);
-            estimate = Sum::of(&blocks, scatter.block)?.solved()?;
+            estimate = NormalEquations::from_blocks(&blocks, scatter.block)?.solve()?;
         }
-        let all = Sum::of(&blocks, scatter.block)?;
+        let all = NormalEquations::from_blocks(&blocks, scatter.block)?;
         let slope = rows.slope(&estimate, &weights);
-        let (bound, borne_out) = (all.bound()?, all.borne_out(&blocks, scatter.block, &estimate, slope)?);
-        let (covariance, blocks) = (WHOLE * &bound + borne_out, blocks.len());
+        let (bound, borne_out) =
+            (all.bound()?, all.cluster_covariance(&blocks, scatter.block, &estimate, slope)?);
+        let (covariance, blocks) = (IMAGE_VARIANCE_RATIO * &bound + borne_out, blocks.len());
         Some(Self { estimate, covariance, bound, scatter, weights, blocks })
     }
 
     /// Returns the fitted rotation and zoom.
     #[must_use]
-    pub fn turn(&self) -> Turn {
+    pub fn rotation(&self) -> Turn {
         Turn::of(std::array::from_fn(|i| self.estimate[i]))
     }
 
     /// Returns the fitted step, in metres; zero if it is not estimated.
     #[must_use]
     pub fn step(&self) -> [f64; STEP] {
-        const FROM: usize = Turn::SIZE + TONE;
+        const FROM: usize = Turn::SIZE + TONE_SIZE;
         std::array::from_fn(|k| self.estimate.get(FROM + k).copied().unwrap_or_default())
     }
 
@@ -374,7 +381,7 @@ impl TurnFit {
     /// Most of the covariance is itself estimated from `m` blocks. Hotelling's (1931) square is therefore
     /// scaled to a chi-square by its expectation, `(m - k - 2) / (m - 1)` for `k` parameters.
     #[must_use]
-    pub fn clear(&self, from: usize, to: usize) -> f64 {
+    pub fn z_score(&self, from: usize, to: usize) -> f64 {
         let (count, blocks) = (to - from, self.blocks as f64);
         let part = self.covariance.view((from, from), (count, count)).into_owned();
         let estimate = self.estimate.rows(from, count).into_owned();
@@ -393,14 +400,14 @@ struct Rows<'a> {
 
 impl Rows<'_> {
     fn residuals(&self, estimate: &DVector<f64>) -> Vec<f64> {
-        self.offsets.iter().map(|row| row.offset - row.told(estimate)).collect()
+        self.offsets.iter().map(|row| row.offset - row.predicted(estimate)).collect()
     }
 
     /// Divides the residuals by their usual size: their own noise combined with the common scatter
     /// `together`.
-    fn in_scales(&self, residuals: &[f64], together: f64) -> impl Iterator<Item = f64> {
+    fn standardised(&self, residuals: &[f64], together: f64) -> impl Iterator<Item = f64> {
         let each = residuals.iter().zip(self.offsets);
-        each.map(move |(residual, row)| residual / row.sigma.hypot(together).max(FINEST))
+        each.map(move |(residual, row)| residual / row.sigma.hypot(together).max(MIN_SIGMA_PX))
     }
 
     /// Estimates least absolute deviations by iteratively reweighted least squares (Schlossmacher 1973).
@@ -408,10 +415,10 @@ impl Rows<'_> {
         /// Residual below which all samples have the same weight, in pixels.
         const NEAR: f64 = 0.05;
         let mut estimate = DVector::zeros(self.unknowns);
-        for _ in 0..ROUNDS {
+        for _ in 0..ITERATIONS {
             let residuals = self.residuals(&estimate);
             let weights: Vec<f64> = residuals.iter().map(|r| r.abs().max(NEAR).recip()).collect();
-            estimate = Sum::of(&self.blocks(&weights, 0.0), 0.0)?.solved()?;
+            estimate = NormalEquations::from_blocks(&self.blocks(&weights, 0.0), 0.0)?.solve()?;
         }
         Some(estimate)
     }
@@ -421,7 +428,7 @@ impl Rows<'_> {
         const LEAST: f64 = 0.5;
         let residuals = self.residuals(estimate);
         let together = excess(&residuals, self.offsets);
-        let slopes: f64 = self.in_scales(&residuals, together).map(psi_slope).sum();
+        let slopes: f64 = self.standardised(&residuals, together).map(psi_slope).sum();
         (slopes / weights.iter().sum::<f64>()).max(LEAST)
     }
 
@@ -456,11 +463,12 @@ impl Rows<'_> {
         if means.len() < EDGES {
             return None;
         }
-        let deviation = |values: Vec<f64>| MEDIAN * median(values.iter().map(|value| value.abs()).collect());
+        let deviation =
+            |values: Vec<f64>| MAD_TO_SIGMA * median(values.iter().map(|value| value.abs()).collect());
         let place = deviation(about);
         let all = deviation(means.iter().map(|(mean, _)| *mean).collect());
         let by_places = place * place / median(of_means);
-        let by_blocks = motion_variance(&means, all).min(BLOCK * BLOCK);
+        let by_blocks = motion_variance(&means, all).min(MAX_BLOCK_SIGMA_PX * MAX_BLOCK_SIGMA_PX);
         Some(Scatter {
             place: (place * place - median(own).powi(2)).max(0.0).sqrt(),
             edge: (all * all - by_places - by_blocks).max(0.0).sqrt(),
@@ -469,9 +477,10 @@ impl Rows<'_> {
     }
 
     /// Builds the normal equations of every block; an edge belongs to the block of its middle sample.
-    fn blocks(&self, precisions: &[f64], edge: f64) -> Vec<BlockSum> {
+    fn blocks(&self, precisions: &[f64], edge: f64) -> Vec<BlockEquations> {
         let count = self.offsets.iter().map(|row| row.block + 1).max().unwrap_or(0);
-        let mut blocks: Vec<BlockSum> = (0..count).map(|_| BlockSum::nothing(self.unknowns)).collect();
+        let mut blocks: Vec<BlockEquations> =
+            (0..count).map(|_| BlockEquations::zeros(self.unknowns)).collect();
         for places in self.edges() {
             let block = self.offsets[places.start + places.len() / 2].block;
             blocks[block].add(&self.offsets[places.clone()], &precisions[places], edge);
@@ -503,13 +512,13 @@ fn motion_variance(edges: &[(f64, &EdgeOffset)], usual: f64) -> f64 {
 
 /// Returns the weight of a standardised residual.
 fn tukey(residual: f64) -> f64 {
-    let share = residual / TUKEY;
+    let share = residual / TUKEY_LIMIT;
     (1.0 - share * share).max(0.0).powi(2)
 }
 
 /// Returns the slope of Tukey's psi, which is a residual times its weight.
 fn psi_slope(residual: f64) -> f64 {
-    let square = (residual / TUKEY).powi(2);
+    let square = (residual / TUKEY_LIMIT).powi(2);
     (1.0 - square).max(0.0) * (1.0 - 5.0 * square)
 }
 
@@ -523,7 +532,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Estimates the scatter of the residuals beyond the noise of their samples, in pixels.
 fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
-    let all = MEDIAN * median(residuals.iter().map(|r| r.abs()).collect());
+    let all = MAD_TO_SIGMA * median(residuals.iter().map(|r| r.abs()).collect());
     let own = median(offsets.iter().map(|row| row.sigma).collect());
     (all * all - own * own).max(0.0).sqrt()
 }
@@ -552,8 +561,8 @@ mod tests {
     }
 
     /// Returns the covariance without the image-wide part, for data without image-wide errors.
-    fn borne_out(fit: &TurnFit) -> DMatrix<f64> {
-        &fit.covariance - WHOLE * &fit.bound
+    fn borne_out(fit: &RotationFit) -> DMatrix<f64> {
+        &fit.covariance - IMAGE_VARIANCE_RATIO * &fit.bound
     }
 
     fn normal(random: &mut ChaCha8Rng) -> f64 {
@@ -584,9 +593,9 @@ mod tests {
             offset: 0.0,
             across: [cos, sin],
             sigma: 0.1,
-            turn: std::array::from_fn(slope),
-            tone: [contrast, 0.0, 0.0],
-            step: [0.0; STEP],
+            by_rotation: std::array::from_fn(slope),
+            by_tone: [contrast, 0.0, 0.0],
+            by_step: [0.0; STEP],
             block,
             edge: None,
         }
@@ -612,7 +621,7 @@ mod tests {
             for far in (0..random.random_range(3..=20)).map(|place| 8.0 * f64::from(place)) {
                 let at = [start[0] - far * angle.sin(), start[1] + far * angle.cos()];
                 let mut place = place(camera, block, at, angle, contrast);
-                let told: f64 = (0..4).map(|k| place.turn[k] * truth[k]).sum();
+                let told: f64 = (0..4).map(|k| place.by_rotation[k] * truth[k]).sum();
                 let of_block: f64 =
                     motion.iter().zip(place.across).map(|(motion, across)| motion * across).sum();
                 place.offset = told + shared + of_block + 0.1 * normal(random);
@@ -632,9 +641,9 @@ mod tests {
             let shared = 0.05 * normal(random);
             for _ in 0..30 {
                 let mut edge = edge(&camera, block, random);
-                let told: f64 = (0..4).map(|k| edge.turn[k] * truth[k]).sum();
+                let told: f64 = (0..4).map(|k| edge.by_rotation[k] * truth[k]).sum();
                 let own = if block < moved { 3.0 } else { 0.0 };
-                edge.offset = told + light * edge.tone[0] + shared + 0.1 * normal(random) + own;
+                edge.offset = told + light * edge.by_tone[0] + shared + 0.1 * normal(random) + own;
                 all.push(edge);
             }
         }
@@ -642,13 +651,14 @@ mod tests {
     }
 
     #[test]
-    fn what_blocks_bear_out_holds_though_they_share_noise_light_changed_and_things_moved() {
+    fn the_covariance_holds_with_common_noise_other_lighting_and_moving_objects() {
         const TRIALS: usize = 150;
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let mut inside = 0;
         for _ in 0..TRIALS {
             let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
-            let fit = TurnFit::new(&edges(&truth, 0.1, 8, &mut random), Estimated::TurnAndTone).unwrap();
+            let fit = RotationFit::new(&edges(&truth, 0.1, 8, &mut random), FitParameters::RotationAndTone)
+                .unwrap();
             let is_inside =
                 |k: usize| (fit.estimate[k] - truth[k]).abs() < 1.96 * borne_out(&fit)[(k, k)].sqrt();
             inside += (0..4).filter(|&k| is_inside(k)).count();
@@ -658,19 +668,21 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_stands_still_is_clearly_moved_in_few_trials() {
+    fn a_fixed_camera_rarely_appears_moved() {
         const TRIALS: usize = 150;
         let mut random = ChaCha8Rng::seed_from_u64(4);
         let clear = |_| {
-            let fit = TurnFit::new(&edges(&[0.0; 4], 0.2, 6, &mut random), Estimated::TurnAndTone).unwrap();
-            fit.clear(0, Turn::SIZE) > 3.0
+            let fit =
+                RotationFit::new(&edges(&[0.0; 4], 0.2, 6, &mut random), FitParameters::RotationAndTone)
+                    .unwrap();
+            fit.z_score(0, Turn::SIZE) > 3.0
         };
         let alarms = (0..TRIALS).map(clear).filter(|alarm| *alarm).count();
         assert!(alarms <= 2, "{alarms} of {TRIALS}");
     }
 
     #[test]
-    fn errors_are_those_of_the_bound_where_edges_and_blocks_are_moved_alike() {
+    fn errors_reach_the_bound_with_common_shifts_of_edges_and_blocks() {
         const TRIALS: usize = 200;
         let (camera, mut random) = (camera(), ChaCha8Rng::seed_from_u64(6));
         for moved in [0.0, 0.03, 0.1] {
@@ -678,7 +690,7 @@ mod tests {
             for _ in 0..TRIALS {
                 let truth: [f64; 4] = std::array::from_fn(|_| 1e-3 * normal(&mut random));
                 let offsets = long_edges(&camera, &truth, moved, &mut random);
-                let fit = TurnFit::new(&offsets, Estimated::TurnAndTone).unwrap();
+                let fit = RotationFit::new(&offsets, FitParameters::RotationAndTone).unwrap();
                 let bound = fit.bound.view((0, 0), (4, 4)).into_owned().cholesky().unwrap();
                 let error = DVector::from_fn(4, |k, _| fit.estimate[k] - truth[k]);
                 squares += error.dot(&bound.solve(&error)) / 4.0;
@@ -696,14 +708,14 @@ mod tests {
     }
 
     #[test]
-    fn one_block_that_tells_nearly_all_makes_nothing_surer_than_the_bound() {
+    fn a_dominant_block_does_not_reduce_the_covariance_below_the_bound() {
         let mut random = ChaCha8Rng::seed_from_u64(8);
         let camera = camera();
         let many = (0..800).map(|_| edge(&camera, 3, &mut random)).collect::<Vec<_>>();
         let few = (0..12).map(|block| edge(&camera, 4 * block, &mut random)).collect::<Vec<_>>();
         let mut all: Vec<EdgeOffset> = many.into_iter().chain(few).collect();
         all.iter_mut().for_each(|edge| edge.offset = 0.1 * normal(&mut random));
-        let fit = TurnFit::new(&all, Estimated::Turn).unwrap();
+        let fit = RotationFit::new(&all, FitParameters::Rotation).unwrap();
         // The block determines pan and tilt, but not the roll about itself.
         for k in 0..2 {
             let of_bound = fit.covariance[(k, k)] / fit.bound[(k, k)];
@@ -712,10 +724,10 @@ mod tests {
     }
 
     #[test]
-    fn what_edges_do_not_tell_is_not_estimated() {
+    fn undetermined_parameters_are_not_estimated() {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let one = edge(&camera(), 3, &mut random);
-        assert!(TurnFit::new(&[one; 40], Estimated::Turn).is_none());
-        assert!(TurnFit::new(&[], Estimated::TurnAndTone).is_none());
+        assert!(RotationFit::new(&[one; 40], FitParameters::Rotation).is_none());
+        assert!(RotationFit::new(&[], FitParameters::RotationAndTone).is_none());
     }
 }

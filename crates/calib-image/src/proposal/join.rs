@@ -33,7 +33,7 @@ use crate::line_segment::LineSegment;
 /// in radians.
 const TURNS: [f64; 2] = [0.004, 0.05];
 /// Fraction of movable objects among the edges of a direction.
-const LOOSE: f64 = 0.3;
+const MOVABLE_FRACTION: f64 = 0.3;
 
 /// Undistorted edge, relative to the principal point.
 #[derive(Clone, Debug)]
@@ -72,7 +72,7 @@ struct Offset {
 
 impl Line {
     /// Undistorts a segment; `None` outside the lens model.
-    pub(super) fn of_segment(segment: &LineSegment, index: usize, lens: &Lens) -> Option<Self> {
+    pub(super) fn from_segment(segment: &LineSegment, index: usize, lens: &Lens) -> Option<Self> {
         let centre = lens.principal_point;
         let end = |pixel: Pixel| {
             let straight = lens.undistort(pixel)?;
@@ -114,7 +114,7 @@ impl Line {
 
     /// Returns the densities of a residual, for buildings and for movable objects.
     fn densities(&self, pixels: f64) -> [f64; 2] {
-        let shares = [1.0 - LOOSE, LOOSE];
+        let shares = [1.0 - MOVABLE_FRACTION, MOVABLE_FRACTION];
         std::array::from_fn(|k| {
             let sigma = self.sigmas[k];
             shares[k] * (-0.5 * (pixels / sigma).powi(2)).exp() / (TAU.sqrt() * sigma)
@@ -160,17 +160,17 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 /// Largest distance of an end from the line, in standard deviations.
-const OFF: f64 = 2.0;
+const MAX_OFFSET_SIGMAS: f64 = 2.0;
 /// Longest gap, as a fraction of the visible length of both pieces.
-const GAP: f64 = 0.7;
+const MAX_GAP: f64 = 0.7;
 /// Largest overlap of two pieces, in pixels.
 const OVERLAP: f64 = 2.0;
 /// Largest number of edges, which limits the computing time; the shortest are dropped.
-const MOST: usize = 1_500;
+const MAX_EDGES: usize = 1_500;
 
 /// Joins broken edges; returns all edges, the longest first.
 #[must_use]
-pub fn joined(segments: &[LineSegment]) -> Vec<LineSegment> {
+pub fn join_edges(segments: &[LineSegment]) -> Vec<LineSegment> {
     let origin = Lens::pinhole(Pixel::new(0.0, 0.0));
     let whole = |line: Line| LineSegment { ends: line.ends.map(Pixel::from), sigma: line.end_sigma };
     lines(segments, &origin).into_iter().map(whole).collect()
@@ -180,9 +180,9 @@ pub fn joined(segments: &[LineSegment]) -> Vec<LineSegment> {
 pub(super) fn lines(segments: &[LineSegment], lens: &Lens) -> Vec<Line> {
     let each = segments.iter().enumerate();
     let mut left: Vec<Line> =
-        each.filter_map(|(index, segment)| Line::of_segment(segment, index, lens)).collect();
+        each.filter_map(|(index, segment)| Line::from_segment(segment, index, lens)).collect();
     left.sort_by(|a, b| b.length.total_cmp(&a.length));
-    left.truncate(MOST);
+    left.truncate(MAX_EDGES);
     let mut is_used = vec![false; left.len()];
     let mut whole: Vec<Line> =
         (0..left.len()).filter_map(|first| grown(first, &left, &mut is_used)).collect();
@@ -197,7 +197,7 @@ fn grown(first: usize, all: &[Line], is_used: &mut [bool]) -> Option<Line> {
     }
     let mut pieces = vec![&all[first]];
     let mut line = all[first].clone();
-    // Nearest piece first; otherwise a piece inside a gap would lie beside the line already joined over it.
+    // Nearest piece first; otherwise a piece inside a gap would be parallel to the line already joined over it.
     let nearest = |line: &Line, is_used: &[bool]| {
         let free = (first + 1..all.len()).filter(|&i| !is_used[i]);
         let gaps = free.filter_map(|i| Some((i, gap(line, &all[i])?)));
@@ -242,12 +242,12 @@ fn gap(line: &Line, piece: &Line) -> Option<f64> {
     let ends = piece.ends.map(|end| axis.to_axis(end));
     let gap = ends.iter().map(|[s, _]| s.abs() - 0.5 * line.length).fold(f64::INFINITY, f64::min);
     // A parallel neighbour is another edge.
-    if gap < -OVERLAP || gap > GAP * (line.length + piece.length) || ends[0][0] * ends[1][0] < 0.0 {
+    if gap < -OVERLAP || gap > MAX_GAP * (line.length + piece.length) || ends[0][0] * ends[1][0] < 0.0 {
         return None;
     }
     let is_on = ends.iter().all(|&[s, t]| {
         let of_line = line.end_sigma * (0.5 + 2.0 * (s / line.length).powi(2)).sqrt();
-        t.abs() < OFF * of_line.hypot(piece.end_sigma)
+        t.abs() < MAX_OFFSET_SIGMAS * of_line.hypot(piece.end_sigma)
     });
     is_on.then_some(gap)
 }
@@ -274,7 +274,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_derivative_is_that_of_differences() {
+    fn derivatives_equal_finite_differences() {
         const STEP: f64 = 1e-5;
         let line = Line::new([[120.0, -40.0], [180.0, 90.0]], 0.5, vec![0]).unwrap();
         for v in [[300.0, 400.0, 1.0], [30.0, 70.0, 0.01], [-500.0, 20.0, 0.3]] {
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_speaks_for_where_it_leads_and_never_for_a_point_on_it() {
+    fn an_edge_supports_its_vanishing_point_and_no_point_on_itself() {
         let line = Line::new([[0.0, 0.0], [100.0, 0.0]], 0.5, vec![0]).unwrap();
         assert!(line.odds([400.0, 0.0, 1.0]) > 20.0, "{}", line.odds([400.0, 0.0, 1.0]));
         assert!(line.odds([400.0, 300.0, 1.0]) < 0.1);
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_of_one_edge_are_one_and_a_parallel_edge_is_another() {
+    fn pieces_of_one_edge_are_joined_and_a_parallel_edge_is_not() {
         let pieces = [
             segment([10.0, 100.2], [90.0, 100.0]),
             segment([250.0, 100.4], [180.0, 99.8]),
@@ -315,15 +315,15 @@ mod tests {
             segment([10.0, 105.0], [90.0, 105.0]),
             segment([320.0, 160.0], [320.0, 200.0]),
         ];
-        let found = joined(&pieces);
+        let found = join_edges(&pieces);
         assert_eq!(found.len(), 3, "{found:?}");
         assert!((found[0].length() - 240.0).abs() < 0.1, "{found:?}");
         assert!((found[0].ends[0].v - 100.0).abs() < 0.5);
     }
 
     #[test]
-    fn what_begins_far_away_is_not_the_same_edge() {
+    fn distant_pieces_are_not_joined() {
         let pieces = [segment([10.0, 100.0], [60.0, 100.0]), segment([300.0, 100.0], [350.0, 100.0])];
-        assert_eq!(joined(&pieces).len(), 2);
+        assert_eq!(join_edges(&pieces).len(), 2);
     }
 }

@@ -12,50 +12,50 @@ use super::mixture::Mixture;
 /// Location of a horizontal edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Lies {
+pub enum EdgeClass {
     /// On the floor.
     Floor,
     /// On a wall, or on an object on the floor.
     Above,
     /// Undetermined; only the direction of the edge is known.
-    Open,
+    Undetermined,
 }
 
 /// Largest distance between an edge and the end of an edge that touches it, in pixels.
-const TOUCH: f64 = 3.0;
+const MAX_TOUCH_DISTANCE_PX: f64 = 3.0;
 /// Smallest probability with which an edge is assigned to a direction.
 const BELONGS: f64 = 0.7;
 /// Smallest number of crossing horizontal edges of other directions in a pattern, and the largest number of
 /// vertical edges that contradict it. Of rendered edges classified as floor, 90 % are on the floor.
-const PATTERN: usize = 5;
-const IN_SPITE_OF: usize = 1;
+const MIN_PATTERN_CROSSINGS: usize = 5;
+const MAX_CONTRADICTIONS: usize = 1;
 /// Largest number of such crossing edges with which a vertical edge can place the edge on a wall.
 const PLAIN: usize = 1;
 
 /// Classifies every line; lines without a horizontal direction are [`Lies::Open`].
-pub(super) fn lies(mixture: &Mixture, lines: &[Line]) -> Vec<Lies> {
+pub(super) fn lies(mixture: &Mixture, lines: &[Line]) -> Vec<EdgeClass> {
     let memberships = mixture.memberships(lines);
     let directions: Vec<Option<usize>> = memberships
         .iter()
         .map(|membership| membership.iter().position(|&probability| probability > BELONGS))
         .collect();
     let of = |index: usize| match directions[index] {
-        Some(own) if own > 0 => lies_of(index, own, mixture, lines, &directions),
-        _ => Lies::Open,
+        Some(own) if own > 0 => classify_edge(index, own, mixture, lines, &directions),
+        _ => EdgeClass::Undetermined,
     };
     (0..lines.len()).map(of).collect()
 }
 
-fn lies_of(
+fn classify_edge(
     index: usize,
     own: usize,
     mixture: &Mixture,
     lines: &[Line],
     directions: &[Option<usize>],
-) -> Lies {
+) -> EdgeClass {
     let line = &lines[index];
     if line.ends.iter().any(|&end| below_horizon(mixture, end) < 0.0) {
-        return Lies::Above;
+        return EdgeClass::Above;
     }
     let (mut crossed, mut feet, mut others) = (0, 0, 0);
     for (other, direction) in lines.iter().zip(directions) {
@@ -72,9 +72,9 @@ fn lies_of(
         }
     }
     match () {
-        () if crossed >= PATTERN && others <= IN_SPITE_OF => Lies::Floor,
-        () if crossed <= PLAIN && others > feet => Lies::Above,
-        () => Lies::Open,
+        () if crossed >= MIN_PATTERN_CROSSINGS && others <= MAX_CONTRADICTIONS => EdgeClass::Floor,
+        () if crossed <= PLAIN && others > feet => EdgeClass::Above,
+        () => EdgeClass::Undetermined,
     }
 }
 
@@ -102,9 +102,9 @@ enum Meeting {
 }
 
 fn meeting(line: &Line, [top, foot]: [[f64; 2]; 2]) -> Meeting {
-    let [top, foot] = [top, foot].map(|end| beside(line, end));
-    let is_along = |along: f64| (-TOUCH..line.length + TOUCH).contains(&along);
-    let is_near = |(along, off): (f64, f64)| off.abs() < TOUCH && is_along(along);
+    let [top, foot] = [top, foot].map(|end| line_coordinates(line, end));
+    let is_along = |along: f64| (-MAX_TOUCH_DISTANCE_PX..line.length + MAX_TOUCH_DISTANCE_PX).contains(&along);
+    let is_near = |(along, off): (f64, f64)| off.abs() < MAX_TOUCH_DISTANCE_PX && is_along(along);
     let share = top.1 / (top.1 - foot.1);
     match [is_near(top), is_near(foot)] {
         [true, false] => Meeting::AtItsTop,
@@ -117,7 +117,7 @@ fn meeting(line: &Line, [top, foot]: [[f64; 2]; 2]) -> Meeting {
 }
 
 /// Returns the coordinates of a point along a line from its first end, and across it, in pixels.
-fn beside(line: &Line, p: [f64; 2]) -> (f64, f64) {
+fn line_coordinates(line: &Line, p: [f64; 2]) -> (f64, f64) {
     let [a, b] = line.ends;
     let [x, y] = [0, 1].map(|k| (b[k] - a[k]) / line.length);
     let [s, t] = [p[0] - a[0], p[1] - a[1]];
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_edge_is_met_at_the_top_at_the_foot_and_between() {
+    fn edges_meet_at_the_top_at_the_foot_and_between() {
         let line = Line::new([[0.0, 0.0], [100.0, 0.0]], 0.5, vec![0]).unwrap();
         let met = |top: f64, foot: f64| meeting(&line, [[50.0, top], [52.0, foot]]);
         assert_eq!(met(-80.0, -1.0), Meeting::AtItsFoot);

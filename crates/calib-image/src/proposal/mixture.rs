@@ -25,13 +25,13 @@ const FOCAL: [f64; 2] = [0.8, 0.35];
 /// Prior of a camera: normal densities of roll and log focal length, and a pitch with equally likely viewing
 /// directions.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Belief {
+pub(super) struct CameraPrior {
     log_focal: f64,
 }
 
-impl Belief {
+impl CameraPrior {
     /// Creates the prior for images of this width, in pixels.
-    pub(super) fn of_width(width: f64) -> Self {
+    pub(super) fn from_width(width: f64) -> Self {
         Self { log_focal: (FOCAL[0] * width).ln() }
     }
 
@@ -57,8 +57,8 @@ impl Belief {
 
 /// Largest number of expectation-maximisation rounds.
 const ROUNDS: usize = 40;
-/// Largest parameter step at which the iteration has converged.
-const STILL: f64 = 1e-7;
+/// Largest parameter step of a converged iteration.
+const CONVERGED_STEP: f64 = 1e-7;
 /// Standard deviation of a right angle in a scene, in radians, as in the core.
 const RIGHT_ANGLE: f64 = 0.016;
 /// Prior probability that two of the floor directions of a scene are at right angles.
@@ -66,10 +66,10 @@ const SQUARE_SCENES: f64 = 0.95;
 /// Average number of edges with the same information. The edges of one door, for example, are not
 /// independent, as a product over all edges assumes. When cameras are compared, their log likelihood is
 /// divided by this number (a composite likelihood: Varin, Reid and Firth 2011). The priors are not divided.
-const ALIKE: f64 = 4.0;
+const EDGE_CORRELATION: f64 = 4.0;
 /// Information of one weak pseudo-observation for every parameter, so that the equations are solvable without
 /// any edge. It corresponds to a standard deviation of about 30 radians.
-const REGULAR: f64 = 1e-3;
+const REGULARISATION: f64 = 1e-3;
 
 /// Camera with its directions and shares, and the resulting evidence of the edges.
 #[derive(Clone, Debug)]
@@ -89,7 +89,7 @@ impl Mixture {
     pub(super) fn fitted(
         lines: &[Line],
         start: (Orientation, Vec<f64>, Vec<[usize; 2]>),
-        belief: &Belief,
+        belief: &CameraPrior,
     ) -> Option<Self> {
         let (camera, azimuths, tied) = start;
         let count = azimuths.len() + 1;
@@ -99,7 +99,7 @@ impl Mixture {
             let (normal, gradient) = found.expected(lines, belief);
             let step = normal.cholesky()?.solve(&gradient);
             found.move_by(&step);
-            if step.amax() < STILL {
+            if step.amax() < CONVERGED_STEP {
                 break;
             }
         }
@@ -126,7 +126,7 @@ impl Mixture {
         (all, each.into_iter().map(|one| one / all).collect())
     }
 
-    /// Computes the derivatives of every vanishing point with respect to the parameters on which it depends.
+    /// Computes the derivatives of every vanishing point with respect to its parameters.
     pub(super) fn point_derivatives(&self) -> Vec<Vec<(usize, Point)>> {
         const STEP: f64 = 1e-6;
         let difference = |k: usize, j: usize| {
@@ -148,7 +148,7 @@ impl Mixture {
     }
 
     /// Builds the normal equations, with every edge weighted by its probabilities, and updates the shares.
-    fn expected(&mut self, lines: &[Line], belief: &Belief) -> (DMatrix<f64>, DVector<f64>) {
+    fn expected(&mut self, lines: &[Line], belief: &CameraPrior) -> (DMatrix<f64>, DVector<f64>) {
         let (points, derivatives) = (self.points(), self.point_derivatives());
         let mut equations = Equations::new(3 + self.azimuths.len());
         let mut totals = vec![0.0; points.len()];
@@ -172,7 +172,7 @@ impl Mixture {
         (equations.normal, equations.gradient)
     }
 
-    fn add_beliefs(&self, equations: &mut Equations, belief: &Belief) {
+    fn add_beliefs(&self, equations: &mut Equations, belief: &CameraPrior) {
         for ((residual, slope), unknown) in belief.residuals(&self.camera).into_iter().zip([0, 2]) {
             equations.add(&[(unknown, slope)], residual, 1.0);
         }
@@ -199,15 +199,15 @@ impl Mixture {
 
     /// Computes the log evidence: the posterior density integrated over the parameters to first order
     /// (Laplace).
-    fn concluded(mut self, lines: &[Line], belief: &Belief) -> Option<Self> {
+    fn concluded(mut self, lines: &[Line], belief: &CameraPrior) -> Option<Self> {
         let points = self.points();
         let log_likelihood: f64 = lines.iter().map(|line| self.membership(line, &points).0.ln()).sum();
         let log_density =
-            log_likelihood / ALIKE + self.log_density_of_azimuths() + belief.log_density(&self.camera);
+            log_likelihood / EDGE_CORRELATION + self.log_density_of_azimuths() + belief.log_density(&self.camera);
         let (normal, _) = self.clone().expected(lines, belief);
         let unknowns = normal.nrows() as f64;
         self.log_evidence =
-            log_density + 0.5 * (unknowns * (TAU * ALIKE).ln() - normal.cholesky()?.ln_determinant());
+            log_density + 0.5 * (unknowns * (TAU * EDGE_CORRELATION).ln() - normal.cholesky()?.ln_determinant());
         self.log_evidence.is_finite().then_some(self)
     }
 
@@ -230,7 +230,7 @@ struct Equations {
 
 impl Equations {
     fn new(unknowns: usize) -> Self {
-        Self { normal: DMatrix::identity(unknowns, unknowns) * REGULAR, gradient: DVector::zeros(unknowns) }
+        Self { normal: DMatrix::identity(unknowns, unknowns) * REGULARISATION, gradient: DVector::zeros(unknowns) }
     }
 
     /// Adds a residual with its derivatives.

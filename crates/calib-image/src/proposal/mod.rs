@@ -22,7 +22,7 @@ mod strokes;
 mod straight;
 mod still;
 
-pub use join::joined;
-pub use lies::Lies;
-pub use still::{Alternative, Proposal, Reason, Still, Verdict};
+pub use join::join_edges;
+pub use lies::EdgeClass;
+pub use still::{Alternative, Proposal, Reason, EdgeImage, Verdict};
 pub use strokes::Group;

@@ -26,17 +26,17 @@ use calib_core::{BrownConrady, Distortion, Lens, Orientation, Pixel};
 
 use super::frame::{Point, azimuth, level, nadir, with_nadir};
 use super::join::Line;
-use super::mixture::Belief;
+use super::mixture::CameraPrior;
 
 /// Number of longest edges that are used.
 const ASKED: usize = 250;
-/// Number of longest edges from which vanishing points, and floor directions, are generated.
+/// Numbers of longest edges that generate vanishing points, and floor directions.
 const PROPOSERS: [usize; 2] = [70, 50];
 /// Largest number of vanishing points.
 const POINTS: usize = 8;
 /// Prior fraction of the edges that lead to one point.
 const SHARE: f64 = 0.1;
-/// Smallest score of a point; chance reaches less among so many candidates.
+/// Smallest score of a point; chance reaches less, even with thousands of candidates.
 const LEAST_SCORE: f64 = 6.0;
 /// Smallest and largest horizontal field of view, in degrees, and the number of focal lengths between them.
 const FIELDS: [f64; 2] = [18.0, 125.0];
@@ -88,7 +88,7 @@ fn remainder(odds: f64) -> f64 {
 
 /// Returns cameras that explain many edges, the best first. `lines` must be sorted by length, the longest
 /// first.
-pub(super) fn hypotheses(lines: &[Line], width: f64, belief: &Belief) -> Vec<Hypothesis> {
+pub(super) fn hypotheses(lines: &[Line], width: f64, belief: &CameraPrior) -> Vec<Hypothesis> {
     let lines = &lines[..lines.len().min(ASKED)];
     let points: Vec<Point> = vanishing_points(lines).into_iter().map(|(point, _)| point).collect();
     let cameras = cameras(&points, width);
@@ -180,7 +180,7 @@ fn stands(camera: &Orientation) -> bool {
 }
 
 /// Finds the floor directions under a camera that explain the most edges.
-fn with_directions(lines: &[Line], camera: Orientation, belief: &Belief) -> Hypothesis {
+fn with_directions(lines: &[Line], camera: Orientation, belief: &CameraPrior) -> Hypothesis {
     let down = nadir(&camera);
     let vertical = Candidate::new(lines.iter().map(|line| line.odds(down)));
     let mut left = vec![1.0; lines.len()];
@@ -212,7 +212,7 @@ fn with_directions(lines: &[Line], camera: Orientation, belief: &Belief) -> Hypo
 const K1: f64 = 0.2;
 /// Coarse candidates for k1; zero (no distortion) comes first.
 pub(super) const COARSE: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
-/// Smallest rise of the log evidence with which distortion is accepted.
+/// Smallest rise of the log evidence for distortion to be accepted.
 pub(super) const LEAST_GAIN: f64 = 6.0;
 /// Number of times the step is halved.
 const HALVINGS: usize = 3;

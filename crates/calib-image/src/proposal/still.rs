@@ -13,10 +13,10 @@ use calib_site::{SiteCamera, Solution};
 
 use super::join::Line;
 use super::lies::lies;
-use super::mixture::{Belief, Mixture};
+use super::mixture::{CameraPrior, Mixture};
 use super::search::{Hypothesis, hypotheses};
-use super::straight::straight;
-use super::strokes::{Group, entry, groups, solved, stroke, strokes};
+use super::straight::curved_edges;
+use super::strokes::{Group, entry, groups, solve_entry, stroke, select_strokes};
 use super::{join, search};
 use crate::line_segment::LineSegment;
 
@@ -89,67 +89,67 @@ impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::FewEdges { found } => {
-                write!(f, "only {found} straight edges were found; draw what is straight by hand")
+                write!(f, "only {found} straight edges were found; draw more lines by hand")
             }
             Self::RoundImage => f.write_str(
-                "the image is round, as a fisheye's is; draw long straight edges by hand, which tell its lens, and propose again",
+                "the image is round (fisheye), and its lens is unknown; draw long straight edges by hand, then propose again",
             ),
             Self::NoDirections => {
-                f.write_str("the edges lead to no common directions; draw verticals and floor lines by hand")
+                f.write_str("the edges have no common directions; draw verticals and floor lines by hand")
             }
-            Self::NoVerticals => f.write_str("no edges are plumb; draw verticals by hand"),
+            Self::NoVerticals => f.write_str("no vertical edges were found; draw verticals by hand"),
             Self::OneDirection { sigma } => write!(
                 f,
-                "there is one floor direction only, and the focal is open (\u{b1} {:.0} %); draw floor lines of another direction",
+                "the edges have only one floor direction, and the focal length is uncertain (\u{b1} {:.0} %); draw floor lines in another direction",
                 100.0 * sigma
             ),
             Self::FocalOpen { sigma } => write!(
                 f,
-                "the directions leave the focal open (\u{b1} {:.0} %); draw floor lines that run away from the camera",
+                "the focal length is uncertain (\u{b1} {:.0} %); draw floor lines that run away from the camera",
                 100.0 * sigma
             ),
             Self::TwoHypotheses { focals: [one, other] } => write!(
                 f,
-                "a focal of {one:.0} px and one of {other:.0} px explain the edges alike; look which lines belong together"
+                "focal lengths of {one:.0} px and {other:.0} px fit the edges equally well; check which lines belong together"
             ),
             Self::Unusual { focal } => write!(
                 f,
-                "a camera of such a roll, or with a focal of {focal:.0} px, is unusual; look whether the verticals are plumb"
+                "the roll, or the focal length of {focal:.0} px, is unusual; check that the verticals are vertical"
             ),
             Self::Misfit { chi2_per_dof } => write!(
                 f,
-                "the lines contradict each other (chi-square {chi2_per_dof:.1} per degree of freedom); look which do not belong"
+                "the lines contradict each other (chi-square {chi2_per_dof:.1} per degree of freedom); remove the wrong ones"
             ),
         }
     }
 }
 
 /// Largest number of edges used, the longest first.
-const MOST_LINES: usize = 400;
+const MAX_LINES: usize = 400;
 /// Smallest number of edges for a calibration.
 const LEAST_LINES: usize = 8;
 /// Largest number of strokes shown.
-const STROKES: usize = 20;
+const MAX_STROKES: usize = 20;
 /// Smallest log evidence relative to edges without directions: at least equally likely.
 const LEAST_EVIDENCE: f64 = 0.0;
 /// Largest deviation of two floor directions from a right angle, in radians, with which a right angle is
 /// tried.
-const NEARLY_SQUARE: f64 = 0.4;
+const MAX_RIGHT_ANGLE_DEVIATION: f64 = 0.4;
 /// Largest relative standard deviation of the focal length with the confidence `sure`, and with `check`.
-const SURE: f64 = 0.06;
+const MAX_SURE_FOCAL_SIGMA: f64 = 0.06;
 const CHECK: f64 = 0.10;
 /// Relative standard deviation of an unknown focal length.
-const OPEN: f64 = 10.0;
+const UNKNOWN_FOCAL_SIGMA: f64 = 10.0;
 /// Prior z-scores above which a calibration needs review, or is rejected.
 const UNUSUAL: f64 = 2.0;
-const UNBELIEVED: f64 = 3.0;
+const MAX_CHECK_PRIOR_Z_SCORE: f64 = 3.0;
 /// Factor by which the solver underestimates the standard deviation: the strokes of one edge share their
 /// errors.
 const WIDENING: f64 = 1.6;
 
 /// Input of an automatic calibration: the edges of an image, its size, and the lens if known.
 #[derive(Clone, Debug)]
-pub struct Still {
+pub struct EdgeImage {
     /// Straight edges, in raw pixels.
     pub segments: Vec<LineSegment>,
     /// Width and height, in pixels.
@@ -166,7 +166,7 @@ pub struct Still {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Proposal {
     /// Confidence of the result.
-    pub verdict: Verdict,
+    pub confidence: Verdict,
     /// Reasons for a reduced confidence.
     pub reasons: Vec<Reason>,
     /// Strokes, by direction; empty if no directions were found.
@@ -205,7 +205,7 @@ impl Grouping {
     /// Returns the strokes of a mixture.
     fn drawn(&self, mixture: &Mixture) -> Vec<Group> {
         let draw = |line: usize| stroke(&self.lines[line], &self.lens);
-        groups(mixture, &strokes(mixture, &self.lines, STROKES), &draw, &lies(mixture, &self.lines))
+        groups(mixture, &select_strokes(mixture, &self.lines, MAX_STROKES), &draw, &lies(mixture, &self.lines))
     }
 
     /// Returns all cameras except the likeliest, each with its log evidence relative to the likeliest.
@@ -222,7 +222,7 @@ impl Grouping {
 impl Proposal {
     /// Calibrates an image from its edges.
     #[must_use]
-    pub fn new(still: &Still) -> Self {
+    pub fn new(still: &EdgeImage) -> Self {
         if still.segments.len() < LEAST_LINES {
             return Self::none(vec![Reason::FewEdges { found: still.segments.len() }]);
         }
@@ -234,10 +234,10 @@ impl Proposal {
         };
         match grouping.mixtures.first() {
             Some(best) if best.log_evidence > LEAST_EVIDENCE => {
-                let straight = straight(&grouping.lines, &still.segments, &grouping.lens);
+                let straight = curved_edges(&grouping.lines, &still.segments, &grouping.lens);
                 // No straight edges are needed for a known lens.
                 let straight = if still.lens.is_some() { Vec::new() } else { straight };
-                Self { straight, ..Self::of(&grouping, best, still.size) }
+                Self { straight, ..Self::from_grouping(&grouping, best, still.size) }
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
@@ -245,7 +245,7 @@ impl Proposal {
 
     fn none(reasons: Vec<Reason>) -> Self {
         Self {
-            verdict: Verdict::None,
+            confidence: Verdict::None,
             reasons,
             groups: Vec::new(),
             straight: Vec::new(),
@@ -257,11 +257,11 @@ impl Proposal {
     }
 
     /// Creates the result for the likeliest mixture.
-    fn of(grouping: &Grouping, best: &Mixture, size: [u32; 2]) -> Self {
+    fn from_grouping(grouping: &Grouping, best: &Mixture, size: [u32; 2]) -> Self {
         let groups = grouping.drawn(best);
         let camera = entry(size, &grouping.lens, &groups);
         let mut proposal = Self { groups, ..Self::none(Vec::new()) };
-        let Some(solution) = solved(&camera) else {
+        let Some(solution) = solve_entry(&camera) else {
             proposal.reasons = vec![Reason::NoVerticals];
             proposal.camera = Some(camera);
             return proposal;
@@ -274,9 +274,9 @@ impl Proposal {
         }
         let scatter = Scatter::new(best, &grouping.others());
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
-        let own = (WIDENING * own / solution.focal_px).min(OPEN);
+        let own = (WIDENING * own / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA);
         let sigma = own.hypot(scatter.sigma);
-        let unusual = Belief::of_width(f64::from(size[0])).sigmas(&best.camera);
+        let unusual = CameraPrior::from_width(f64::from(size[0])).sigmas(&best.camera);
         let alternative = proposal.judge([sigma, own, unusual], &scatter, &solution);
         proposal.alternative =
             alternative.map(|other| Alternative { orientation: other.camera, groups: grouping.drawn(other) });
@@ -296,10 +296,10 @@ impl Proposal {
         let missing = self.missing(own);
         let is_complete = missing.is_none();
         self.reasons.extend(missing);
-        if is_complete && own > SURE {
+        if is_complete && own > MAX_SURE_FOCAL_SIGMA {
             self.reasons.push(Reason::FocalOpen { sigma: own });
         }
-        let rival = scatter.rival.filter(|_| sigma > SURE && scatter.sigma > 0.5 * own);
+        let rival = scatter.rival.filter(|_| sigma > MAX_SURE_FOCAL_SIGMA && scatter.sigma > 0.5 * own);
         if let Some(rival) = rival {
             self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.camera.focal] });
         }
@@ -310,11 +310,11 @@ impl Proposal {
             let chi2_per_dof = solution.chi2.unwrap_or(0.0) / solution.dof.unwrap_or(1).max(1) as f64;
             self.reasons.push(Reason::Misfit { chi2_per_dof });
         }
-        if self.reasons.is_empty() && sigma >= SURE {
+        if self.reasons.is_empty() && sigma >= MAX_SURE_FOCAL_SIGMA {
             self.reasons.push(Reason::FocalOpen { sigma });
         }
-        let is_believed = is_complete && unusual < UNBELIEVED && sigma < CHECK;
-        self.verdict = match self.reasons.is_empty() {
+        let is_believed = is_complete && unusual < MAX_CHECK_PRIOR_Z_SCORE && sigma < CHECK;
+        self.confidence = match self.reasons.is_empty() {
             true => Verdict::Sure,
             false if is_believed => Verdict::Check,
             false => Verdict::None,
@@ -355,7 +355,7 @@ impl<'a> Scatter<'a> {
     }
 }
 
-impl Still {
+impl EdgeImage {
     /// Creates the input from edges alone.
     #[must_use]
     pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
@@ -377,7 +377,7 @@ impl Still {
 
     /// Returns the likeliest grouping.
     fn grouping(&self) -> Option<Grouping> {
-        let straight = self.grouped(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
+        let straight = self.group_edges(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
         let bent = if self.lens.is_none() { self.bent_grouping() } else { None };
         let gain = |bent: &Grouping| Some(bent.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
         let chosen = match bent {
@@ -396,8 +396,8 @@ impl Still {
         };
         let scores = search::COARSE.map(|k1| (k1, concurrence(k1)));
         let (k1, _) = scores.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(k1, _)| *k1 != 0.0)?;
-        let coarse = self.bent(k1);
-        let refined = self.refined(&coarse);
+        let coarse = self.distorted(k1);
+        let refined = self.refine_distortion(&coarse);
         Some(if refined.log_evidence() > coarse.log_evidence() { refined } else { coarse })
     }
 
@@ -410,14 +410,14 @@ impl Still {
         self.principal_point.unwrap_or(Pixel::new(0.5 * w, 0.5 * h))
     }
 
-    fn bent(&self, k1: f64) -> Grouping {
-        self.grouped(search::lens(k1, self.centre(), self.sides()), k1)
+    fn distorted(&self, k1: f64) -> Grouping {
+        self.group_edges(search::lens(k1, self.centre(), self.sides()), k1)
     }
 
     /// Joins and groups the edges under a lens.
-    fn grouped(&self, lens: Lens, k1: f64) -> Grouping {
+    fn group_edges(&self, lens: Lens, k1: f64) -> Grouping {
         let lines = self.lines(&lens);
-        let belief = Belief::of_width(f64::from(self.size[0]));
+        let belief = CameraPrior::from_width(f64::from(self.size[0]));
         let found = hypotheses(&lines, f64::from(self.size[0]), &belief);
         let mut mixtures: Vec<Mixture> =
             found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &belief)).collect();
@@ -427,13 +427,13 @@ impl Still {
 
     fn lines(&self, lens: &Lens) -> Vec<Line> {
         let mut lines = join::lines(&self.segments, lens);
-        lines.truncate(MOST_LINES);
+        lines.truncate(MAX_LINES);
         lines
     }
 
     /// Refines the distortion of a grouping.
-    fn refined(&self, coarse: &Grouping) -> Grouping {
-        let belief = Belief::of_width(f64::from(self.size[0]));
+    fn refine_distortion(&self, coarse: &Grouping) -> Grouping {
+        let belief = CameraPrior::from_width(f64::from(self.size[0]));
         let score = |k1: f64| {
             let lines = self.lines(&search::lens(k1, self.centre(), self.sides()));
             let best = coarse.mixtures.first()?;
@@ -457,19 +457,19 @@ impl Still {
 /// pitch; for example upside down.
 fn is_other(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
     /// Largest accepted difference, in radians.
-    const TURNED: f64 = 0.5;
+    const MAX_ANGLE_DIFFERENCE: f64 = 0.5;
     let turned =
-        |found: Option<f64>, own: f64| found.is_some_and(|found| (found.to_radians() - own).abs() > TURNED);
+        |found: Option<f64>, own: f64| found.is_some_and(|found| (found.to_radians() - own).abs() > MAX_ANGLE_DIFFERENCE);
     turned(found_deg[0], camera.roll) || turned(found_deg[1], camera.pitch)
 }
 
 /// Returns the mixtures of a hypothesis: without a right angle, and with each possible one.
-fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &Belief) -> Vec<Mixture> {
+fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &CameraPrior) -> Vec<Mixture> {
     use std::f64::consts::{FRAC_PI_2, PI};
     let azimuths = &hypothesis.azimuths;
     let pairs = (0..azimuths.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
     let is_square =
-        |&[a, b]: &[usize; 2]| ((azimuths[b] - azimuths[a]).rem_euclid(PI) - FRAC_PI_2).abs() < NEARLY_SQUARE;
+        |&[a, b]: &[usize; 2]| ((azimuths[b] - azimuths[a]).rem_euclid(PI) - FRAC_PI_2).abs() < MAX_RIGHT_ANGLE_DEVIATION;
     let ties = std::iter::once(Vec::new()).chain(pairs.filter(is_square).map(|pair| vec![pair]));
     ties.filter_map(|tied| Mixture::fitted(lines, (hypothesis.camera, azimuths.clone(), tied), belief))
         .collect()
@@ -480,10 +480,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_solve_that_stands_the_camera_on_its_head_is_of_another_camera() {
+    fn an_upside_down_solution_is_another_camera() {
         let camera = Orientation { roll: -0.03, pitch: 0.4, focal: 1000.0 };
-        assert!(!is_other([Some(1.5), Some(25.0)], &camera), "that is noise");
-        assert!(is_other([Some(169.0), Some(20.0)], &camera), "it stands on its head");
-        assert!(is_other([Some(-2.0), Some(70.0)], &camera), "it looks at its feet");
+        assert!(!is_other([Some(1.5), Some(25.0)], &camera), "a difference within noise");
+        assert!(is_other([Some(169.0), Some(20.0)], &camera), "upside down");
+        assert!(is_other([Some(-2.0), Some(70.0)], &camera), "looking down");
     }
 }

@@ -1,8 +1,9 @@
-//! Edges that the lens bends, as an operator would trace them.
+//! Edges curved by distortion, traced as an operator would trace them.
 //!
-//! On the image such an edge is an arc, found in pieces that are straight. The line of least squares through an arc
-//! `v = c u^2` of length L is `v = c L^2 / 12`: it crosses the arc at `L / (2 sqrt 3)` to either side of its middle,
-//! whatever its curvature. These two points of a piece are points of the edge; its ends lie beside it.
+//! In the image, such an edge is an arc that is detected as several straight pieces. The least-squares line
+//! through an arc `v = c u^2` of length L is `v = c L^2 / 12`. It crosses the arc at `L / (2 sqrt 3)` on
+//! either side of its middle, for any curvature. These two points of each piece are on the edge; its ends are
+//! not.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -12,28 +13,29 @@ use crate::line_segment::LineSegment;
 
 use super::join::Line;
 
-/// Edges that are shown at most.
-const MOST: usize = 8;
-/// So many sigmas of its points an arc rises above its chord at least.
-const LEAST_RISE: f64 = 4.0;
-/// Edges whose middles are nearer than this share of the diagonal say the same.
+/// Largest number of edges returned.
+const MAX_EDGES: usize = 8;
+/// Smallest rise of an arc above its chord, in standard deviations of its points.
+const MIN_RISE_SIGMAS: f64 = 4.0;
+/// Smallest distance between the middles of two edges, as a fraction of the diagonal; closer edges are
+/// redundant.
 const APART: f64 = 0.06;
 
-/// An edge that is bent, and by how much in sigmas.
+/// Curved edge, with its rise in standard deviations.
 struct Arc {
     points: Vec<Pixel>,
     rise: f64,
 }
 
-/// The edges that tell most of a lens, the most bent first.
-pub(super) fn straight(lines: &[Line], segments: &[LineSegment], lens: &Lens) -> Vec<Vec<Pixel>> {
+/// Returns the edges that constrain the distortion most, the most curved first.
+pub(super) fn curved_edges(lines: &[Line], segments: &[LineSegment], lens: &Lens) -> Vec<Vec<Pixel>> {
     let mut arcs: Vec<Arc> = lines.iter().filter_map(|line| arc(line, segments, lens)).collect();
     arcs.sort_by(|a, b| b.rise.total_cmp(&a.rise));
     let diagonal = 2.0 * lens.principal_point.distance(Pixel::new(0.0, 0.0));
     let mut shown: Vec<Vec<Pixel>> = Vec::new();
     for Arc { points, .. } in arcs {
         let is_apart = |other: &Vec<Pixel>| middle(other).distance(middle(&points)) > APART * diagonal;
-        if shown.len() < MOST && shown.iter().all(is_apart) {
+        if shown.len() < MAX_EDGES && shown.iter().all(is_apart) {
             shown.push(points);
         }
     }
@@ -46,7 +48,7 @@ fn middle(points: &[Pixel]) -> Pixel {
     Pixel::new(sum(|p| p.u), sum(|p| p.v))
 }
 
-/// The arc of an edge that was found in several pieces; none where it is hardly bent.
+/// Traces an edge detected in several pieces; `None` if its curvature is not significant.
 fn arc(line: &Line, segments: &[LineSegment], lens: &Lens) -> Option<Arc> {
     let pieces: Vec<&LineSegment> = line.pieces.iter().filter_map(|&index| segments.get(index)).collect();
     if pieces.len() < 2 {
@@ -57,12 +59,12 @@ fn arc(line: &Line, segments: &[LineSegment], lens: &Lens) -> Option<Arc> {
     let along = |p: &Pixel| p.u * (b[0] - a[0]) + p.v * (b[1] - a[1]);
     let mut points: Vec<Pixel> = pieces.into_iter().flat_map(on_arc).collect();
     points.sort_by(|p, q| along(p).total_cmp(&along(q)));
-    (rise > LEAST_RISE).then_some(Arc { points, rise })
+    (rise > MIN_RISE_SIGMAS).then_some(Arc { points, rise })
 }
 
-/// The points of a piece that are on the edge, however that is bent.
+/// Returns the two points of a piece that are on the edge for any curvature.
 fn on_arc(piece: &LineSegment) -> [Pixel; 2] {
-    /// From the middle, as a share of half the length.
+    /// Distance from the middle, as a fraction of half the length.
     const SHARE: f64 = 0.577_350_269_189_625_8;
     let [a, b] = piece.ends;
     let at = |t: f64| {
@@ -71,7 +73,7 @@ fn on_arc(piece: &LineSegment) -> [Pixel; 2] {
     [at(-SHARE), at(SHARE)]
 }
 
-/// How far the lens lifts the middle of an edge above the chord of its ends, in pixels.
+/// Returns the rise of the middle of an edge above its chord, caused by distortion, in pixels.
 fn rise(line: &Line, lens: &Lens) -> Option<f64> {
     let centre = lens.principal_point;
     let shown = |p: [f64; 2]| lens.distort(UndistortedPixel { u: p[0] + centre.u, v: p[1] + centre.v });
@@ -88,7 +90,7 @@ mod tests {
     use super::*;
     use crate::proposal::{join, search};
 
-    /// A level edge at this height, as a lens with this k1 shows it, in pieces as a detector finds them.
+    /// Horizontal edge at height `v`, distorted with this k1, in pieces like those of a detector.
     fn pieces(k1: f64, v: f64) -> Vec<LineSegment> {
         let lens = lens(k1);
         let at = |u: f64| lens.distort(UndistortedPixel { u, v }).unwrap();
@@ -109,21 +111,21 @@ mod tests {
     }
 
     #[test]
-    fn an_arc_that_was_found_in_straight_pieces_is_traced_on_the_edge() {
+    fn an_arc_detected_in_straight_pieces_is_traced_on_the_edge() {
         let (k1, v) = (-0.2, 60.0);
         let segments = pieces(k1, v);
         let lines = join::lines(&segments, &lens(k1));
-        let found = straight(&lines, &segments, &lens(k1));
+        let found = curved_edges(&lines, &segments, &lens(k1));
         assert!(found.len() == 1 && found[0].len() >= 8, "{found:?}");
         let off = |p: &Pixel| (lens(k1).undistort(*p).unwrap().v - v).abs();
         let traced = found[0].iter().map(off).fold(0.0, f64::max);
         let ends = segments.iter().flat_map(|s| s.ends).map(|p| off(&p)).fold(0.0, f64::max);
-        assert!(traced < 0.1 && ends > 3.0 * traced, "{traced} px beside the edge, the ends {ends} px");
+        assert!(traced < 0.1 && ends > 3.0 * traced, "{traced} px off the edge, the ends {ends} px");
     }
 
     #[test]
-    fn what_the_lens_leaves_straight_says_nothing_of_it() {
+    fn undistorted_edges_are_not_returned() {
         let segments = pieces(0.0, 60.0);
-        assert!(straight(&join::lines(&segments, &lens(0.0)), &segments, &lens(0.0)).is_empty());
+        assert!(curved_edges(&join::lines(&segments, &lens(0.0)), &segments, &lens(0.0)).is_empty());
     }
 }

@@ -12,11 +12,11 @@ use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution
 use nalgebra::DMatrix;
 
 use super::join::Line;
-use super::lies::Lies;
+use super::lies::EdgeClass;
 use super::mixture::Mixture;
 
 /// Smallest probability of a selected edge.
-const LEAST: f64 = 0.7;
+const MIN_PROBABILITY: f64 = 0.7;
 
 /// Smallest number of strokes of every direction, if available.
 const LEAST_EACH: usize = 2;
@@ -33,7 +33,7 @@ pub(super) struct Stroke {
 }
 
 /// Selects at most `most` edges.
-pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Stroke> {
+pub(super) fn select_strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Stroke> {
     let mut left = candidates(mixture, lines);
     let unknowns = 3 + mixture.azimuths.len();
     // Prior information of the camera, so that the determinant is positive before the first edge.
@@ -46,7 +46,7 @@ pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Str
                 .map(|i| (0..unknowns).map(|j| row[i] * inverse[(i, j)] * row[j]).sum::<f64>())
                 .sum::<f64>()
         };
-        let first = wanting(&chosen, &left);
+        let first = underrepresented_direction(&chosen, &left);
         let may = |i: &usize| first.is_none_or(|direction| left[*i].0.direction == direction);
         let best = (0..left.len()).filter(may).max_by(|&a, &b| gain(&left[a]).total_cmp(&gain(&left[b])));
         let Some(best) = best else { break };
@@ -62,7 +62,7 @@ pub(super) fn strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Str
 }
 
 /// Returns a direction with too few strokes to check that they are consistent.
-fn wanting(chosen: &[Stroke], left: &[(Stroke, Vec<f64>)]) -> Option<usize> {
+fn underrepresented_direction(chosen: &[Stroke], left: &[(Stroke, Vec<f64>)]) -> Option<usize> {
     let drawn = |direction: usize| chosen.iter().filter(|stroke| stroke.direction == direction).count();
     let most = left.iter().map(|(stroke, _)| stroke.direction).max()?;
     (0..=most).find(|&k| drawn(k) < LEAST_EACH && left.iter().any(|(stroke, _)| stroke.direction == k))
@@ -74,7 +74,7 @@ fn candidates(mixture: &Mixture, lines: &[Line]) -> Vec<(Stroke, Vec<f64>)> {
     let memberships = mixture.memberships(lines);
     let of = |(index, (line, membership)): (usize, (&Line, &Vec<f64>))| {
         let (direction, &probability) =
-            membership.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).filter(|(_, p)| **p > LEAST)?;
+            membership.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).filter(|(_, p)| **p > MIN_PROBABILITY)?;
         let evidence = line.evidence(points[direction])?;
         let mut row = vec![0.0; 3 + mixture.azimuths.len()];
         for (j, by) in &derivatives[direction] {
@@ -93,7 +93,7 @@ pub struct Group {
     /// Probability of each segment to belong to the direction, in the order of the segments.
     pub probabilities: Vec<f64>,
     /// Location class of each segment, in the order of the segments.
-    pub lies: Vec<Lies>,
+    pub lies: Vec<EdgeClass>,
 }
 
 impl Group {
@@ -109,7 +109,7 @@ pub(super) fn groups(
     mixture: &Mixture,
     strokes: &[Stroke],
     draw: &dyn Fn(usize) -> Vec<Pixel>,
-    lies: &[Lies],
+    lies: &[EdgeClass],
 ) -> Vec<Group> {
     let name = |direction: usize| format!("floor {direction}");
     let of = |direction: usize| strokes.iter().filter(move |stroke| stroke.direction == direction);
@@ -117,7 +117,7 @@ pub(super) fn groups(
     let group = |direction: usize| {
         let segments = of(direction).map(|stroke| draw(stroke.line)).collect();
         let kind = if direction == 0 { Kind::Vertical } else { Kind::Parallel };
-        let mut annotation = Annotation::of_segments(kind, segments);
+        let mut annotation = Annotation::from_segments(kind, segments);
         if direction > 0 {
             annotation.id = Some(name(direction));
             let tie = mixture.tied.iter().find(|[_, b]| b + 1 == direction).map(|[a, _]| a + 1);
@@ -153,7 +153,7 @@ pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera
 }
 
 /// Solves the camera; `None` if the solver fails.
-pub(super) fn solved(entry: &SiteCamera) -> Option<Solution> {
+pub(super) fn solve_entry(entry: &SiteCamera) -> Option<Solution> {
     let site = Site { cameras: vec![entry.clone()], ..Site::new() };
     let mut report = site.calibrate(&Options::default());
     report.cameras.pop()?.1.ok()

@@ -2,7 +2,7 @@
 //!
 //! A new finding needs an arm in `message` and one in `advice`.
 
-use calib_core::outcome::{Drawing, Failure, Finding, Parameter, Suggestion, WhyUnused};
+use calib_core::outcome::{Failure, Finding, Parameter, SuggestedAnnotation, Suggestion, UnusedReason};
 
 use crate::document::Site;
 use crate::english::phrase::suggestion_text;
@@ -39,23 +39,23 @@ impl SentenceContext<'_> {
             F::Unchecked { dof, rejected, .. } => unchecked(*dof, *rejected),
             F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
             F::UncertaintyUnknown => "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.".into(),
-            F::OutOfDate { what, stored, now } => self.out_of_date(*what, *stored, *now),
+            F::OutOfDate { subject: what, stored, now } => self.out_of_date(*what, *stored, *now),
             F::PointsOutside { .. } => self.points_outside(finding),
             F::BelowFloor { height } => format!("The camera is {:.2} m below the floor.", -height),
             F::NoFloor => "No floor is visible in the field of view of the camera.".into(),
             F::LineOutlier { line, px } => self.line_outlier(*line, *px),
             F::Misfit { chi2, dof, worst } => self.misfit(*chi2, *dof, *worst),
-            F::HeightsApart { lowest, highest } => self.heights_apart(*lowest, *highest),
+            F::ContradictoryUprights { lowest, highest } => self.heights_apart(*lowest, *highest),
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
-            F::BentEdges { px, px_without_lens } => curved(*px, *px_without_lens),
-            F::BentOneWay { px } => curved_one_way(*px),
-            F::UninformativeEdges { edges, drawn, bend_px } => self.uninformative(edges, *drawn, *bend_px),
+            F::CurvedEdges { px, px_without_lens } => curved(*px, *px_without_lens),
+            F::CurvedInOneDirection { px } => curved_one_way(*px),
+            F::UninformativeEdges { edges, total: drawn, sagitta_px: bend_px } => self.uninformative(edges, *drawn, *bend_px),
             F::UncertainCorners { px, is_round, .. } => corners(*px, *is_round),
             F::UnusedEdges { first, count, is_undistorted, px } => {
                 self.unused_edges(*first, *count, *is_undistorted, *px)
             }
             F::UnusedKind { annotation, by } => format!("{} {}.", estimator(*by), self.label(*annotation)),
-            F::TooFewSegments { annotation, by, drawn, least } => {
+            F::TooFewSegments { annotation, by, count: drawn, required: least } => {
                 self.too_few(*annotation, *by, [*drawn, *least])
             }
             F::UnusedPrior { parameter } => unused_prior(field(*parameter)),
@@ -79,11 +79,11 @@ impl SentenceContext<'_> {
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
             F::DistanceOutlier { distance } => self.distance_outlier(*distance),
-            F::NotConnected { cameras, why } => self.not_connected(cameras, *why),
-            F::Sliding { camera } => format!("The links of {} do not determine its position.", self.id(*camera)),
+            F::NotConnected { cameras, reason: why } => self.not_connected(cameras, *why),
+            F::UndeterminedPosition { camera } => format!("The links of {} do not determine its position.", self.id(*camera)),
             F::ScaleUnknown { cameras, root } => self.scale_unknown(cameras, *root),
             F::TooManyCameras { count, first } => self.too_many(*count, *first),
-            F::Unused { what, why } => self.unused(what, *why),
+            F::Unused { subjects: what, reason: why } => self.unused(what, *why),
             F::UnusedEvidence { evidence: shared, count } => {
                 format!("{} not used, because each camera is solved separately.", evidence(*shared, *count))
             }
@@ -105,13 +105,13 @@ fn advice(finding: &Finding) -> String {
         ),
         F::TwoSolutions { .. } => format!("Draw one more line to decide between them. {}", next()),
         F::Weak { scale_rel: Some(scale), next, .. } | F::Unusable { scale_rel: Some(scale), next, .. }
-            if next.is_none_or(|next| next.drawing == Drawing::KnownSize) =>
+            if next.is_none_or(|next| next.annotation == SuggestedAnnotation::KnownSize) =>
         {
             measure_one(*scale)
         }
         F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
-        F::HeightsApart { .. } => CHECK_HEIGHTS.into(),
-        F::Unused { why, .. } => advice_on_unused(*why).into(),
+        F::ContradictoryUprights { .. } => CHECK_HEIGHTS.into(),
+        F::Unused { reason: why, .. } => advice_on_unused(*why).into(),
         F::PointsOutside { fits_exchanged, is_other_image, .. } => {
             advice_on_points(*fits_exchanged, *is_other_image).into()
         }
@@ -173,10 +173,10 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Check the lines with the largest residuals: a line may be misplaced, not parallel, or curved by distortion."
         }
         F::JointMisfit { .. } => "Check the links, marks and control points with the largest residuals.",
-        F::BentEdges { .. } => {
+        F::CurvedEdges { .. } => {
             "Look for a point that is not on its edge, then for an edge that is not straight in reality."
         }
-        F::BentOneWay { .. } => ANOTHER_EDGE,
+        F::CurvedInOneDirection { .. } => ANOTHER_EDGE,
         F::UninformativeEdges { .. } => {
             "Draw long edges far from the image centre that do not point towards it."
         }
@@ -209,7 +209,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
         F::NotConnected { .. } => "Link two points with a connected camera, or add control points.",
-        F::Sliding { .. } => "Link another point, far from the others, or fix its placement.",
+        F::UndeterminedPosition { .. } => "Link another point, far from the others, or fix its placement.",
         F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => ENTER_A_SCALE,
         F::PlacedByHand => CONNECT_OR_FIX,
         F::TooManyCameras { .. } => "Use fewer cameras for each link and mark.",
@@ -219,7 +219,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         | F::Weak { .. }
         | F::Unusable { .. }
         | F::Unchecked { .. }
-        | F::HeightsApart { .. }
+        | F::ContradictoryUprights { .. }
         | F::PointsOutside { .. }
         | F::Unused { .. } => "",
     }
@@ -238,16 +238,18 @@ const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'stati
     }
 }
 
-const fn advice_on_unused(why: WhyUnused) -> &'static str {
+const fn advice_on_unused(why: UnusedReason) -> &'static str {
     match why {
-        WhyUnused::OutOfSight => {
+        UnusedReason::NotVisible => {
             "Check that it is below the horizon, inside the field of view of the lens, and on the same object in every image."
         }
-        WhyUnused::SeenOnce => "Mark it in a second camera, or enter its distance to another link or mark.",
-        WhyUnused::Unmeasured => {
+        UnusedReason::SingleView => {
+            "Mark it in a second camera, or enter its distance to another link or mark."
+        }
+        UnusedReason::UnknownLengthOrEnd => {
             "Use links or marks that cameras show, and enter \"sigma\" or \"fixed\" for the length."
         }
-        WhyUnused::Unfitted => "Switch off links and marks one at a time, the farthest first.",
+        UnusedReason::NoPoses => "Switch off links and marks one at a time, the farthest first.",
     }
 }
 
@@ -283,11 +285,11 @@ fn failure_text(failure: &Failure) -> [String; 2] {
             "The verticals coincide, so they do not intersect in a single point.".into(),
             ANOTHER_VERTICAL.into(),
         ],
-        Failure::NothingOnTheFloor => [
+        Failure::NoFloorAnnotations => [
             "The annotations on the floor do not determine pitch and focal length.".into(),
             "Draw two parallel floor lines, a right angle, or segments of equal length. Or enter the focal length.".into(),
         ],
-        Failure::NothingDrawn => [
+        Failure::NoAnnotations => [
             "No lines are drawn that determine the orientation of the camera.".into(),
             "Draw two verticals and two parallel floor lines that run away from the camera.".into(),
         ],
@@ -301,7 +303,7 @@ fn failure_text(failure: &Failure) -> [String; 2] {
             format!("The lines do not determine the {} of the camera.", weakest.map_or("orientation", parameter)),
             "Draw two verticals, one on each side of the image, and two parallel floor lines that run away from the camera.".into(),
         ],
-        Failure::NoLens { camera, because } => [
+        Failure::SharedLensFailed { camera, reason: because } => [
             format!("This camera uses the lens of camera \"{camera}\", which has no result: {}", failure_text(because)[0]),
             format!("Complete camera \"{camera}\" first, or enter a separate lens for this camera."),
         ],

@@ -2,8 +2,8 @@
 //! suggestions.
 
 use calib_core::outcome::{
-    Drawing, Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject, Suggestion,
-    WhyNotConnected, WhyUnused,
+    DisconnectionReason, Estimator, Finding, OtherMinimum, Parameter, SharedEvidence, Source, Subject,
+    SuggestedAnnotation, Suggestion, UnusedReason,
 };
 use calib_core::single::{Annotation, line_name};
 
@@ -17,15 +17,23 @@ pub fn counted(count: usize, one: &str, many: &str) -> String {
 
 /// Describes a suggested annotation and its effect on the uncertainty of floor lengths.
 pub(crate) fn suggestion_text(suggestion: &Suggestion) -> String {
-    let what = match suggestion.drawing {
-        Drawing::VerticalOnTheLeft => "A vertical near the left edge of the image",
-        Drawing::VerticalOnTheRight => "A vertical near the right edge of the image",
-        Drawing::ParallelsAway => "Two parallel floor lines that run away from the camera, left and right",
-        Drawing::ParallelsAcross => "Two parallel floor lines across the view, near and far",
-        Drawing::RightAngle => "A right angle near the middle of the floor, at about 45\u{b0} to the view,",
-        Drawing::EqualLengths => "Three floor segments of equal length, near, far and across,",
-        Drawing::SharedPoints => "Links of four floor points to another camera that also shows them",
-        Drawing::KnownSize => "One object of known length on the floor (a tile, a lane, a parking bay)",
+    let what = match suggestion.annotation {
+        SuggestedAnnotation::VerticalOnTheLeft => "A vertical near the left edge of the image",
+        SuggestedAnnotation::VerticalOnTheRight => "A vertical near the right edge of the image",
+        SuggestedAnnotation::ParallelsAway => {
+            "Two parallel floor lines that run away from the camera, left and right"
+        }
+        SuggestedAnnotation::ParallelsAcross => "Two parallel floor lines across the view, near and far",
+        SuggestedAnnotation::RightAngle => {
+            "A right angle near the middle of the floor, at about 45\u{b0} to the view,"
+        }
+        SuggestedAnnotation::EqualLengths => "Three floor segments of equal length, near, far and across,",
+        SuggestedAnnotation::SharedPoints => {
+            "Links of four floor points to another camera that also shows them"
+        }
+        SuggestedAnnotation::KnownSize => {
+            "One object of known length on the floor (a tile, a lane, a parking bay)"
+        }
     };
     let gain = match suggestion.ratio {
         r if r < 0.28 => "reduce the floor uncertainty to a fraction".into(),
@@ -35,7 +43,8 @@ pub(crate) fn suggestion_text(suggestion: &Suggestion) -> String {
     };
     // If the scale is unknown, `floor_length_rel` covers only the shape of the floor. Only a known size also
     // improves the scale.
-    let scale = if suggestion.drawing == Drawing::KnownSize { ", including the scale" } else { "" };
+    let scale =
+        if suggestion.annotation == SuggestedAnnotation::KnownSize { ", including the scale" } else { "" };
     format!("{what} would {gain} (to \u{b1} {:.1} %{scale}).", 100.0 * suggestion.floor_length_rel)
 }
 
@@ -152,8 +161,14 @@ impl SentenceContext<'_> {
 
     /// Describes annotated points that are outside the image.
     pub(super) fn points_outside(&self, finding: &Finding) -> String {
-        let Finding::PointsOutside { outside, drawn, size: [width, height], fits_exchanged, first, .. } =
-            finding
+        let Finding::PointsOutside {
+            outside,
+            total: drawn,
+            size: [width, height],
+            fits_exchanged,
+            first,
+            ..
+        } = finding
         else {
             return String::new();
         };
@@ -249,16 +264,16 @@ impl SentenceContext<'_> {
         format!("The {} contradicts the other measurements and was rejected.", self.distance(distance))
     }
 
-    pub(super) fn not_connected(&self, cameras: &[usize], why: WhyNotConnected) -> String {
+    pub(super) fn not_connected(&self, cameras: &[usize], why: DisconnectionReason) -> String {
         let ids = self.ids(cameras);
         match why {
-            WhyNotConnected::TooLittle => {
+            DisconnectionReason::TooFewLandmarks => {
                 format!("There are too few links with other cameras to place {ids}.")
             }
-            WhyNotConnected::Placed => {
+            DisconnectionReason::PlacedByOperator => {
                 format!("Nothing connects {ids} to the rest of the site. The placement by hand is kept.")
             }
-            WhyNotConnected::Alone => format!("Nothing connects {ids} to the rest of the site."),
+            DisconnectionReason::NoLandmarks => format!("Nothing connects {ids} to the rest of the site."),
         }
     }
 
@@ -276,15 +291,19 @@ impl SentenceContext<'_> {
         )
     }
 
-    pub(super) fn unused(&self, what: &[Subject], why: WhyUnused) -> String {
+    pub(super) fn unused(&self, what: &[Subject], why: UnusedReason) -> String {
         let names: Vec<String> = what.iter().map(|&subject| self.shared(subject)).collect();
         let why = match why {
-            WhyUnused::OutOfSight => "the position from the other views is not visible in one of the cameras",
-            WhyUnused::SeenOnce => "only one camera shows it",
-            WhyUnused::Unmeasured => {
+            UnusedReason::NotVisible => {
+                "the position from the other views is not visible in one of the cameras"
+            }
+            UnusedReason::SingleView => "only one camera shows it",
+            UnusedReason::UnknownLengthOrEnd => {
                 "an end has no position, or the length has neither \"sigma\" nor \"fixed\""
             }
-            WhyUnused::Unfitted => "no camera position was found from which all links and marks are visible",
+            UnusedReason::NoPoses => {
+                "no camera position was found from which all links and marks are visible"
+            }
         };
         format!("Not used: {}; {why}.", enumerated(&names))
     }

@@ -8,8 +8,8 @@ use crate::options::Options;
 use crate::solution::{FailureEntry, Warning};
 use calib_core::camera::Pixel;
 use calib_core::outcome::{
-    Code, Drawing, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Severity,
-    SharedEvidence, Source, Subject, Suggestion, WhyNotConnected, WhyUnused,
+    Code, DisconnectionReason, Estimator, Failure, FailureCode, Finding, OtherMinimum, Parameter, Severity,
+    SharedEvidence, Source, Subject, SuggestedAnnotation, Suggestion, UnusedReason,
 };
 use calib_core::single::{Annotation, Kind};
 
@@ -29,7 +29,7 @@ fn number(finding: &Finding) -> usize {
         F::LineOutlier { .. } => 6,
         F::Misfit { .. } => 7,
         F::JointMisfit { .. } => 8,
-        F::BentEdges { .. } => 9,
+        F::CurvedEdges { .. } => 9,
         F::UninformativeEdges { .. } => 10,
         F::UncertainCorners { .. } => 11,
         F::UnusedEdges { .. } => 12,
@@ -48,7 +48,7 @@ fn number(finding: &Finding) -> usize {
         F::ElementOutlier { .. } => 31,
         F::DistanceOutlier { .. } => 32,
         F::NotConnected { .. } => 33,
-        F::Sliding { .. } => 34,
+        F::UndeterminedPosition { .. } => 34,
         F::ScaleUnknown { .. } => 35,
         F::TooManyCameras { .. } => 36,
         F::Unused { .. } => 37,
@@ -61,16 +61,17 @@ fn number(finding: &Finding) -> usize {
         F::ScaleAssumed { .. } => 29,
         F::PointsOutside { is_other_image: false, .. } => 39,
         F::PointsOutside { is_other_image: true, .. } => 40,
-        F::HeightsApart { .. } => 41,
+        F::ContradictoryUprights { .. } => 41,
         F::PlacedByHand => 42,
-        F::BentOneWay { .. } => 43,
+        F::CurvedInOneDirection { .. } => 43,
     }
 }
 
 /// Returns one finding of every kind about a camera, each with its expected subject.
 fn camera_findings() -> Vec<(Finding, Subject)> {
     use Finding as F;
-    let next = Some(Suggestion { drawing: Drawing::RightAngle, ratio: 0.5, floor_length_rel: 0.02 });
+    let next =
+        Some(Suggestion { annotation: SuggestedAnnotation::RightAngle, ratio: 0.5, floor_length_rel: 0.02 });
     let (annotation, by) = (0, Estimator::Paper);
     vec![
         (
@@ -88,13 +89,13 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::LineOutlier { line: LINE, px: Some(12.0) }, Subject::Line(LINE)),
         (F::Misfit { chi2: 90.0, dof: 4, worst: Some((LINE, 9.0)) }, Subject::Line(LINE)),
         (F::JointMisfit { chi2: 90.0, dof: 4 }, Subject::Site),
-        (F::BentEdges { px: 4.0, px_without_lens: 5.0 }, Subject::Lens),
-        (F::UninformativeEdges { edges: vec![LINE], drawn: 3, bend_px: 0.2 }, Subject::Line(LINE)),
-        (F::BentOneWay { px: 5.0 }, Subject::Lens),
+        (F::CurvedEdges { px: 4.0, px_without_lens: 5.0 }, Subject::Lens),
+        (F::UninformativeEdges { edges: vec![LINE], total: 3, sagitta_px: 0.2 }, Subject::Line(LINE)),
+        (F::CurvedInOneDirection { px: 5.0 }, Subject::Lens),
         (F::UncertainCorners { px: f64::INFINITY, is_round: false, is_reached: false }, Subject::Lens),
         (F::UnusedEdges { first: 0, count: 1, is_undistorted: true, px: 0.4 }, Subject::Annotation(0)),
         (F::UnusedKind { annotation, by }, Subject::Annotation(0)),
-        (F::TooFewSegments { annotation, by, drawn: 1, least: 2 }, Subject::Annotation(0)),
+        (F::TooFewSegments { annotation, by, count: 1, required: 2 }, Subject::Annotation(0)),
         (F::UnusedPrior { parameter: Parameter::Height }, Subject::Parameter(Parameter::Height)),
         (F::OutsideLens { line: LINE }, Subject::Line(LINE)),
         (F::NoLength { line: LINE }, Subject::Line(LINE)),
@@ -111,13 +112,16 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::BelowFloor { height: -2.0 }, Subject::Parameter(Parameter::Height)),
         (F::ScaleAssumed { height: 3.0 }, Subject::Parameter(Parameter::Height)),
         (F::PlacedByHand, Subject::Placement),
-        (F::OutOfDate { what: Subject::Line(LINE), stored: Some(0.5), now: Some(90.0) }, Subject::Line(LINE)),
+        (
+            F::OutOfDate { subject: Subject::Line(LINE), stored: Some(0.5), now: Some(90.0) },
+            Subject::Line(LINE),
+        ),
     ]
 }
 
 fn points_outside(is_other_image: bool) -> Finding {
     let (size, first) = ([1920, 1080], Subject::Efov);
-    Finding::PointsOutside { outside: 2, drawn: 9, size, fits_exchanged: false, is_other_image, first }
+    Finding::PointsOutside { outside: 2, total: 9, size, fits_exchanged: false, is_other_image, first }
 }
 
 /// Returns one finding of every kind about the site, each with its expected subject.
@@ -127,15 +131,18 @@ fn site_findings() -> Vec<(Finding, Subject)> {
     vec![
         (F::ElementOutlier { element: Subject::Link(0), worst: Some((0, 30.0)) }, Subject::Link(0)),
         (F::DistanceOutlier { distance: 0 }, distance),
-        (F::NotConnected { cameras: vec![0], why: WhyNotConnected::Placed }, Subject::Camera(0)),
-        (F::Sliding { camera: 0 }, Subject::Camera(0)),
+        (
+            F::NotConnected { cameras: vec![0], reason: DisconnectionReason::PlacedByOperator },
+            Subject::Camera(0),
+        ),
+        (F::UndeterminedPosition { camera: 0 }, Subject::Camera(0)),
         (F::ScaleUnknown { cameras: vec![0], root: 0 }, Subject::Camera(0)),
         (F::TooManyCameras { count: 900, first: 0 }, Subject::Camera(0)),
-        (F::Unused { what: vec![distance], why: WhyUnused::Unmeasured }, distance),
+        (F::Unused { subjects: vec![distance], reason: UnusedReason::UnknownLengthOrEnd }, distance),
         (F::UnusedEvidence { evidence: SharedEvidence::Marks, count: 3 }, Subject::Site),
         (points_outside(false), Subject::Efov),
         (points_outside(true), Subject::Efov),
-        (F::HeightsApart { lowest: (LINE, 2.9), highest: (LINE, 3.6) }, Subject::Line(LINE)),
+        (F::ContradictoryUprights { lowest: (LINE, 2.9), highest: (LINE, 3.6) }, Subject::Line(LINE)),
     ]
 }
 
@@ -148,12 +155,12 @@ fn failures() -> Vec<Failure> {
     vec![
         Failure::TooFewVerticals { count: 1 },
         Failure::CoincidentVerticals,
-        Failure::NothingOnTheFloor,
-        Failure::NothingDrawn,
+        Failure::NoFloorAnnotations,
+        Failure::NoAnnotations,
         Failure::NoPitchAndFocal,
         Failure::NoOrientation,
         Failure::Underdetermined { weakest: Some(Parameter::Roll) },
-        Failure::NoLens { camera: "door".into(), because: Box::new(Failure::NothingDrawn) },
+        Failure::SharedLensFailed { camera: "door".into(), reason: Box::new(Failure::NoAnnotations) },
         Failure::TooExtreme,
     ]
 }
@@ -161,7 +168,7 @@ fn failures() -> Vec<Failure> {
 /// Builds a site with one camera (two verticals and a control point), two links, and a distance.
 fn site() -> Site {
     let segment = |x: f64| vec![Pixel::new(x, 900.0), Pixel::new(x + 20.0, 300.0)];
-    let verticals = Annotation::of_segments(Kind::Vertical, vec![segment(300.0), segment(1500.0)]);
+    let verticals = Annotation::from_segments(Kind::Vertical, vec![segment(300.0), segment(1500.0)]);
     let text = r#"{"format": "calib-site", "version": 1, "cameras": [{"id": "door", "size_px": [1920, 1080],
         "control_points": [{"id": "p", "px": [900, 700], "world_m": [1, 2, 0]}]}],
         "links": [{"id": "a", "kind": "point", "seen": []}, {"id": "b", "kind": "point", "seen": []}],

@@ -154,7 +154,7 @@ fn drawn_shelter(id: &str, camera: &Value) -> anyhow::Result<SiteCamera> {
     };
     let lines = |kind, key: &str| -> anyhow::Result<Annotation> {
         let segments: Vec<Vec<Pixel>> = serde_json::from_value(camera["lines"][key].clone())?;
-        Ok(Annotation::of_segments(kind, segments))
+        Ok(Annotation::from_segments(kind, segments))
     };
     let along = Annotation { id: Some("along".into()), ..lines(Kind::Parallel, "floor_parallel")? };
     let across =

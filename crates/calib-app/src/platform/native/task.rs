@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use calib_editor::{Edge, Source, decode, edges, refined};
-use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
+use calib_image::{Comparison, LineSegment, Proposal, EdgeImage, line_segments};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -152,7 +152,7 @@ pub(super) fn propose(
     camera: SiteCamera,
     edges: Vec<LineSegment>,
 ) -> Task<Result<Proposal, String>> {
-    Task::spawn_apart(ctx, move || Ok(Proposal::new(&Still::of_camera(&camera, edges))))
+    Task::spawn_apart(ctx, move || Ok(Proposal::new(&EdgeImage::of_camera(&camera, edges))))
 }
 
 pub(super) fn compare(
@@ -161,7 +161,7 @@ pub(super) fn compare(
     [old, new]: Stills,
 ) -> Task<Result<Comparison, String>> {
     Task::spawn_apart(ctx, move || {
-        Comparison::of_entry(&camera, &old, &new).map_err(|error| error.to_string())
+        Comparison::from_entry(&camera, &old, &new).map_err(|error| error.to_string())
     })
 }
 
