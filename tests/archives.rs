@@ -1,4 +1,5 @@
-//! Tables of any size: every format, every column, by camera and time, whole or not at all.
+//! Tables of any size: all formats and column types, selection by camera and time, and complete output or
+//! none.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -34,7 +35,7 @@ fn camera(index: usize) -> Camera {
     Camera { position, yaw: 0.3 * index as f64, ..camera }
 }
 
-/// Cameras a, b and c, one of every kind of lens.
+/// Returns cameras a, b and c, with one lens of each kind.
 fn site() -> Site {
     let cameras = ["a", "b", "c"].iter().enumerate().map(|(i, id)| entry(id, &camera(i))).collect();
     Site { cameras, ..Site::new() }
@@ -79,7 +80,7 @@ fn project<'a>(more: &[&'a str]) -> Vec<&'a str> {
 }
 
 #[test]
-fn every_format_carries_the_same_rows() {
+fn every_format_contains_the_same_rows() {
     let scratch = scratch(&site());
     let pixels = pixels(20_000);
     scratch.write("in.csv", csv_of(&pixels));
@@ -114,8 +115,8 @@ fn every_format_carries_the_same_rows() {
     }
 }
 
-/// A table with a column of every kind.
-fn motley(rows: usize) -> RecordBatch {
+/// Returns a table with a column of every type.
+fn mixed_table(rows: usize) -> RecordBatch {
     let pixels = pixels(rows);
     let whole = |i: usize| i64::try_from(i).unwrap();
     let list = ListArray::from_iter_primitive::<Int32Type, _, _>(
@@ -146,9 +147,9 @@ fn motley(rows: usize) -> RecordBatch {
 }
 
 #[test]
-fn other_columns_pass_through_with_their_types_and_every_row_has_its_camera() {
+fn other_columns_keep_their_types_and_every_row_uses_its_camera() {
     let scratch = scratch(&site());
-    let batch = motley(30_000);
+    let batch = mixed_table(30_000);
     write_parquet(&scratch.path("in.parquet"), &batch);
     let mut writer =
         FileWriter::try_new(File::create(scratch.path("in.arrow")).unwrap(), &batch.schema()).unwrap();
@@ -183,12 +184,12 @@ fn other_columns_pass_through_with_their_types_and_every_row_has_its_camera() {
             assert_eq!(out.schema().field(index).data_type(), field.data_type(), "{output}");
             assert_eq!(out.column(index), batch.column(index), "{output}: {}", field.name());
         }
-        is_described(&scratch, &about);
-        is_mapped(&batch, &out, 1e-9);
+        assert_metadata(&scratch, &about);
+        assert_mapped(&batch, &out, 1e-9);
     }
 }
 
-fn is_described(scratch: &Scratch, about: &HashMap<String, String>) {
+fn assert_metadata(scratch: &Scratch, about: &HashMap<String, String>) {
     let output = Command::new("sha256sum").arg(scratch.path("site.json")).output().unwrap();
     let sum = String::from_utf8(output.stdout).unwrap();
     assert_eq!(about["calib.site_sha256"], sum[..64]);
@@ -196,7 +197,7 @@ fn is_described(scratch: &Scratch, about: &HashMap<String, String>) {
     assert_eq!(list[1], json!({"camera": "b", "valid_from": null, "valid_to": null}));
 }
 
-fn is_mapped(batch: &RecordBatch, out: &RecordBatch, slack: f64) {
+fn assert_mapped(batch: &RecordBatch, out: &RecordBatch, slack: f64) {
     let number = |name: &str, row: usize| {
         let column = out.column_by_name(name).unwrap().as_primitive::<Float64Type>();
         column.is_valid(row).then(|| column.value(row))
@@ -228,7 +229,7 @@ fn is_mapped(batch: &RecordBatch, out: &RecordBatch, slack: f64) {
 }
 
 #[test]
-fn a_box_stands_on_the_middle_of_its_lower_edge_and_pixels_have_an_origin() {
+fn foot_is_the_middle_of_the_lower_edge_and_the_pixel_origin_is_respected() {
     let scratch = scratch(&site());
     let table = "x,y,w,h\n900,500,40,120\n100,700,60.5,200\n";
     scratch.write("boxes.csv", table);
@@ -245,7 +246,7 @@ fn a_box_stands_on_the_middle_of_its_lower_edge_and_pixels_have_an_origin() {
     assert_eq!(floor(&["-i", "boxes.csv", "--columns", "boxes"]), points);
     assert_eq!(floor(&["-i", "centres.csv", "--pixel-origin", "centre"]), points);
     scratch.calib(&project(&["--camera", "b", "-i", "boxes.csv", "--columns", "points"])).expect_code(3);
-    // Where both are there, `auto` takes the points.
+    // If both are present, `auto` selects the points.
     scratch.write("both.csv", "x,y,w,h,u,v\n0,0,1,1,920,620\n0,0,1,1,130.25,900\n");
     assert_eq!(floor(&["-i", "both.csv"]), points);
     assert_ne!(floor(&["-i", "both.csv", "--columns", "boxes"]), points);
@@ -259,8 +260,8 @@ fn a_box_stands_on_the_middle_of_its_lower_edge_and_pixels_have_an_origin() {
     scratch.calib(&[&to_pixel[..], &["--columns", "boxes"]].concat()).expect_code(2);
 }
 
-/// Camera b before and after somebody bumped it on the first of June, and nothing after July.
-fn bumped() -> Site {
+/// Returns a site in which camera b was moved on 1 June and has no calibration after June.
+fn site_with_periods() -> Site {
     let mut site = site();
     site.cameras.push(entry("b", &Camera { yaw: 0.7, ..camera(1) }));
     site.cameras[1].valid_to = Some("2026-06-01T00:00:00Z".into());
@@ -270,8 +271,8 @@ fn bumped() -> Site {
 }
 
 #[test]
-fn a_bumped_camera_is_mapped_by_the_calibration_of_the_time() {
-    let scratch = scratch(&bumped());
+fn rows_use_the_calibration_valid_at_their_time() {
+    let scratch = scratch(&site_with_periods());
     let times = [
         "2026-05-31T23:59:59.999Z",
         "2026-06-01T01:59:59+02:00",
@@ -324,7 +325,7 @@ fn a_bumped_camera_is_mapped_by_the_calibration_of_the_time() {
 }
 
 #[test]
-fn what_is_not_mapped_in_ndjson_stays_as_it_was_written() {
+fn other_ndjson_fields_are_unchanged() {
     let scratch = scratch(&site());
     let input = "{\"id\": 18446744073709551615, \"u\":9.60e2,\"v\":900, \"tags\":[1, {\"a\":null}]}\n\n\
                  {\"v\":900,\"u\":960,\"new\":null,\"mixed\":\"\\u00e9\"}\n{\"u\":960,\"v\":900,\"mixed\":1.50}\n{\"u\":null,\"v\":1}\n";
@@ -340,7 +341,7 @@ fn what_is_not_mapped_in_ndjson_stays_as_it_was_written() {
     assert!(lines[1].contains("\"new\":null,\"mixed\":\"\\u00e9\",\"x_m\":"), "{}", lines[1]);
     assert!(lines[2].contains("\"mixed\":1.50,") && !lines[2].contains("new"), "{}", lines[2]);
     assert_eq!(lines[3], "{\"u\":null,\"v\":1,\"status\":\"missing\"}");
-    // A typed format wants one type: text of JSON, where there is none.
+    // A typed format needs one type per column: mixed values become JSON text.
     scratch.write("in.ndjson", input);
     scratch.calib(&project(&["--camera", "b", "-i", "in.ndjson", "-o", "out.parquet"])).expect_code(0);
     let (_, out) = read_parquet(&scratch.path("out.parquet"));
@@ -358,9 +359,9 @@ fn what_is_not_mapped_in_ndjson_stays_as_it_was_written() {
 }
 
 #[test]
-fn pipes_carry_every_format() {
+fn every_format_works_in_pipes() {
     let scratch = scratch(&site());
-    let batch = motley(20_000);
+    let batch = mixed_table(20_000);
     write_parquet(&scratch.path("in.parquet"), &batch);
     for format in ["csv", "ndjson", "arrow", "arrow-file", "parquet"] {
         let shell = format!(
@@ -371,15 +372,15 @@ fn pipes_carry_every_format() {
         assert!(ended.status.success(), "{format}: {}", String::from_utf8_lossy(&ended.stderr));
         let (_, out) = read_parquet(&scratch.path(&format!("{format}.parquet")));
         assert_eq!(out.num_rows(), 20_000, "{format}");
-        // Text has the digits of a single-precision number, and reads as a double.
-        is_mapped(&batch, &out, if matches!(format, "csv" | "ndjson") { 1e-4 } else { 1e-9 });
+        // Single-precision numbers are written with their own digits and read as doubles.
+        assert_mapped(&batch, &out, if matches!(format, "csv" | "ndjson") { 1e-4 } else { 1e-9 });
     }
 }
 
 #[test]
-fn a_broken_table_is_refused_and_leaves_nothing() {
+fn broken_tables_are_refused_without_output() {
     let scratch = scratch(&site());
-    let batch = motley(3000);
+    let batch = mixed_table(3000);
     write_parquet(&scratch.path("whole.parquet"), &batch);
     let mut random = ChaCha8Rng::seed_from_u64(8);
     for name in ["arrow", "arrows", "ndjson", "csv"] {
@@ -411,7 +412,7 @@ fn a_broken_table_is_refused_and_leaves_nothing() {
                 "out.parquet",
                 "--force",
             ]));
-            // What is broken in a value is still a table.
+            // A changed value can still be a valid table.
             assert!(run.code == 0 || run.code == 3, "{broken}, round {round}: {run:?}");
             if run.code == 3 {
                 assert!(run.stderr.contains(&broken), "{}", run.stderr);
@@ -420,7 +421,7 @@ fn a_broken_table_is_refused_and_leaves_nothing() {
                 std::fs::remove_file(scratch.path("out.parquet")).unwrap();
             }
         }
-        // Cut in its last byte, a format with an end of its own is not whole.
+        // A format with an end marker is incomplete without its last byte.
         if ["parquet", "arrow"].contains(&name) {
             scratch.write(&broken, &whole[..whole.len() - 1]);
             scratch.calib(&project(&["--camera", "a", "-i", &broken])).expect_code(3);
@@ -431,9 +432,9 @@ fn a_broken_table_is_refused_and_leaves_nothing() {
 }
 
 #[test]
-fn a_length_that_promises_too_much_takes_no_memory() {
+fn wrong_unpacked_sizes_take_no_memory() {
     let scratch = scratch(&site());
-    let batch = motley(3000);
+    let batch = mixed_table(3000);
     for (name, packing) in [("zstd", CompressionType::ZSTD), ("lz4", CompressionType::LZ4_FRAME)] {
         let options = IpcWriteOptions::default().try_with_compression(Some(packing)).unwrap();
         let mut whole = Vec::new();
@@ -453,7 +454,7 @@ fn a_length_that_promises_too_much_takes_no_memory() {
             ]))
         };
         run(&whole).expect_code(0);
-        // Columns of 3000 numbers of eight bytes say so before what they were packed into.
+        // Columns of 3000 numbers of eight bytes store this unpacked size before the packed data.
         let promise = 24_000_i64.to_le_bytes();
         let places: Vec<usize> =
             (0..whole.len() - 8).step_by(8).filter(|&at| whole[at..at + 8] == promise).collect();
@@ -470,7 +471,7 @@ fn a_length_that_promises_too_much_takes_no_memory() {
 }
 
 #[test]
-fn a_killed_run_leaves_no_file() {
+fn killed_runs_leave_no_file() {
     let scratch = scratch(&site());
     let mut child = Command::new(program())
         .args(project(&["--camera", "a", "--from", "csv", "-o", "out.parquet"]))
@@ -488,7 +489,7 @@ fn a_killed_run_leaves_no_file() {
 }
 
 #[test]
-fn the_command_line_says_what_it_misses() {
+fn missing_and_conflicting_arguments_are_refused() {
     let scratch = scratch(&site());
     scratch.write("in.csv", "u,v\n1,2\n");
     scratch.calib(&project(&["-i", "in.csv"])).expect_code(2);

@@ -14,7 +14,7 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
-/// A site of two cameras that can be solved and a grey image for the first.
+/// Returns a site with two solvable cameras and a grey image for the first.
 fn site() -> (Scratch, Site) {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let cameras = ["door", "yard"].map(|id| {
@@ -89,7 +89,7 @@ fn an_existing_file_is_kept_unless_forced() {
 }
 
 #[test]
-fn what_is_asked_wrongly_is_exit_2() {
+fn wrong_arguments_exit_with_2() {
     let (scratch, _) = site();
     scratch.calib(&["solve"]).expect_code(2);
     scratch.calib(&["solve", "site.json", "--method", "guess"]).expect_code(2);
@@ -99,7 +99,7 @@ fn what_is_asked_wrongly_is_exit_2() {
 }
 
 #[test]
-fn invalid_input_is_exit_3_and_names_file_and_pointer() {
+fn invalid_input_exits_with_3_and_names_file_and_pointer() {
     let (scratch, site) = site();
     rewrite(&scratch, &site, |document| document["cameras"][1]["colour"] = json!("red"));
     let run = scratch.calib(&["solve", "site.json"]).expect_code(3);
@@ -113,7 +113,7 @@ fn invalid_input_is_exit_3_and_names_file_and_pointer() {
 }
 
 #[test]
-fn a_size_that_is_not_the_images_names_both() {
+fn wrong_image_size_is_refused_with_both_sizes() {
     let (scratch, site) = site();
     rewrite(&scratch, &site, |document| document["cameras"][0]["size_px"] = json!([1280, 720]));
     let run = scratch.calib(&["render", "site.json", "--camera", "door", "-o", "x.png"]).expect_code(3);
@@ -123,7 +123,7 @@ fn a_size_that_is_not_the_images_names_both() {
 }
 
 #[test]
-fn a_missing_image_is_told_and_does_not_keep_the_lines_from_being_solved() {
+fn missing_image_is_reported_and_lines_are_solved() {
     let (scratch, _) = site();
     std::fs::remove_file(scratch.path("door.png")).unwrap();
     let run = scratch.calib(&["solve", "site.json"]).expect_code(0);
@@ -133,7 +133,7 @@ fn a_missing_image_is_told_and_does_not_keep_the_lines_from_being_solved() {
 }
 
 #[test]
-fn straight_edges_alone_give_the_lens() {
+fn straight_edges_alone_determine_the_lens() {
     let (scratch, mut site) = site();
     let bent = Lens {
         principal_point: Pixel::new(960.0, 540.0),
@@ -167,11 +167,15 @@ fn straight_edges_alone_give_the_lens() {
     assert_eq!(json["door"]["stage"], "lens");
     assert!((json["door"]["distortion"]["lambda"].as_f64().unwrap() + 0.2).abs() < 1e-6, "{}", json["door"]);
     scratch.calib(&["undistort", "site.json", "--camera", "door", "-o", "x.jpg"]).expect_code(0);
-    assert_eq!(std::fs::read(scratch.path("x.jpg")).unwrap()[..2], [0xff, 0xd8], "the name asks for JPEG");
+    assert_eq!(
+        std::fs::read(scratch.path("x.jpg")).unwrap()[..2],
+        [0xff, 0xd8],
+        "the extension selects JPEG"
+    );
     scratch.calib(&["render", "site.json", "--camera", "door", "-o", "a.png"]).expect_code(0);
     scratch.calib(&["render", "site.json", "--camera", "door", "--lens-grid", "-o", "b.png"]).expect_code(0);
     let [plain, asked] = ["a.png", "b.png"].map(|name| std::fs::read(scratch.path(name)).unwrap());
-    assert_eq!(plain, asked, "a lens that was fitted is shown unasked");
+    assert_eq!(plain, asked, "the grid of a fitted lens is always shown");
 }
 
 #[test]
@@ -190,10 +194,10 @@ fn the_grid_of_a_lens_is_straight_once_undistorted() {
         move |x: f64, y: f64| picture.get_pixel(x as u32, y as u32).0 != [90, 90, 90]
     };
     let plain = drawn(&[]);
-    assert!((200..900).all(|y| !plain(960.5, f64::from(y))), "a lens that was given is shown when asked");
+    assert!((200..900).all(|y| !plain(960.5, f64::from(y))), "the grid of a given lens is shown on request");
     let bent = drawn(&["--lens-grid"]);
     assert!((200..900).all(|y| bent(960.5, f64::from(y))), "the column through the principal point");
-    // The first column from the left that the middle of the image shows, followed up and down.
+    // The first grid line to the right of x = 200 at mid-height, followed up and down.
     let x = (200..900).map(f64::from).find(|&x| bent(x, 580.0)).unwrap();
     let column = lens.undistort(Pixel::new(x + 1.0, 580.5)).unwrap();
     let followed: Vec<Pixel> = (-16..=16)
@@ -201,7 +205,7 @@ fn the_grid_of_a_lens_is_straight_once_undistorted() {
         .filter(|p| p.v > 60.0 && p.v < 1000.0)
         .collect();
     assert!(followed.iter().all(|p| bent(p.u, p.v)), "{followed:?}");
-    assert!(followed.iter().any(|p| p.u > x + 8.0), "the column is bent: {followed:?}");
+    assert!(followed.iter().any(|p| p.u > x + 8.0), "the column is curved: {followed:?}");
 }
 
 #[test]
@@ -215,7 +219,7 @@ fn broken_images_are_invalid_input() {
 }
 
 #[test]
-fn a_camera_that_cannot_be_solved_does_not_keep_the_others() {
+fn unsolvable_camera_does_not_prevent_the_others() {
     let (scratch, mut site) = site();
     site.cameras[0].annotations.truncate(0);
     scratch.write("site.json", site.to_json());
@@ -228,16 +232,16 @@ fn a_camera_that_cannot_be_solved_does_not_keep_the_others() {
 }
 
 #[test]
-fn the_papers_method_is_there_to_compare() {
+fn paper_method_is_available() {
     let (scratch, _) = site();
     let json =
         scratch.calib(&["solve", "site.json", "--method", "paper", "--format", "json"]).expect_code(0).json();
     assert_eq!(json["door"]["method"], "paper");
-    assert!(json["door"].get("sigma").is_none(), "the paper's method knows no sigmas");
+    assert!(json["door"].get("sigma").is_none(), "the paper's method has no sigmas");
 }
 
 #[test]
-fn the_gate_is_exit_4() {
+fn failed_gate_exits_with_4() {
     let (scratch, _) = site();
     scratch.calib(&["check", "site.json", "--max-floor-error", "0.5"]).expect_code(0);
     let run = scratch
@@ -250,7 +254,7 @@ fn the_gate_is_exit_4() {
 }
 
 #[test]
-fn pictures_are_written_whole() {
+fn images_have_the_full_size() {
     let (scratch, _) = site();
     for args in [
         vec!["render", "site.json", "--camera", "door", "-o", "a.png"],
@@ -267,7 +271,7 @@ fn pictures_are_written_whole() {
 }
 
 #[test]
-fn a_data_uri_makes_a_site_one_file() {
+fn data_uri_images_are_read() {
     use std::fmt::Write as _;
     let (scratch, mut site) = site();
     let mut tiny = std::io::Cursor::new(Vec::new());
@@ -310,8 +314,8 @@ fn the_schema_and_completions_are_printed() {
     }
 }
 
-/// A site of cameras whose solution is given, half of them with all five Brown-Conrady coefficients.
-fn given(count: usize) -> (Vec<Camera>, Site) {
+/// Returns a site of cameras with given solutions. Half of them have all five Brown-Conrady coefficients.
+fn site_with_solutions(count: usize) -> (Vec<Camera>, Site) {
     let mut random = ChaCha8Rng::seed_from_u64(9);
     let mut cameras = Vec::new();
     let mut site = Site::new();
@@ -349,8 +353,8 @@ fn rows(csv: &str) -> Vec<Vec<String>> {
 }
 
 #[test]
-fn four_hundred_cameras_project_there_and_back() {
-    let (cameras, site) = given(400);
+fn four_hundred_cameras_round_trip() {
+    let (cameras, site) = site_with_solutions(400);
     let scratch = Scratch::new();
     scratch.write("site.json", site.to_json());
     let mut random = ChaCha8Rng::seed_from_u64(10);
@@ -383,8 +387,8 @@ fn four_hundred_cameras_project_there_and_back() {
 }
 
 #[test]
-fn every_status_says_what_is_so() {
-    let (_, mut site) = given(2);
+fn every_status_is_reported() {
+    let (_, mut site) = site_with_solutions(2);
     let camera = &mut site.cameras[1];
     camera.solution.as_mut().unwrap().pitch_deg = Some(20.0);
     camera.solution.as_mut().unwrap().roll_deg = Some(0.0);
@@ -417,8 +421,8 @@ fn every_status_says_what_is_so() {
 }
 
 #[test]
-fn a_table_that_is_none_is_refused_with_its_line() {
-    let (_, site) = given(1);
+fn invalid_tables_are_refused_with_their_line() {
+    let (_, site) = site_with_solutions(1);
     let scratch = Scratch::new();
     scratch.write("site.json", site.to_json());
     let args = ["project", "site.json", "--camera", "c0", "--to", "floor"];
@@ -433,7 +437,7 @@ fn a_table_that_is_none_is_refused_with_its_line() {
 
 #[test]
 fn calibrations_are_chosen_by_time() {
-    let (_, mut site) = given(2);
+    let (_, mut site) = site_with_solutions(2);
     site.cameras[1].id = "c0".into();
     site.cameras[0].valid_to = Some("2026-06-01T00:00:00Z".into());
     site.cameras[1].valid_from = Some("2026-06-01T00:00:00Z".into());
@@ -450,10 +454,10 @@ fn calibrations_are_chosen_by_time() {
 }
 
 #[test]
-fn a_straight_segment_annotation_without_points_is_no_crash() {
+fn degenerate_annotations_do_not_crash() {
     let (scratch, mut site) = site();
     site.cameras[0].annotations.push(Annotation::from_segments(Kind::EqualLength, vec![]));
-    // Everything at one point: lines without a direction.
+    // Degenerate segments: all points coincide.
     let dot = vec![Pixel::new(5.0, 5.0); 2];
     site.cameras[0]
         .annotations
@@ -465,7 +469,7 @@ fn a_straight_segment_annotation_without_points_is_no_crash() {
     assert!(run.json()["door"].is_object());
 }
 
-/// Three solved-together cameras with twelve shared points, one of them wrong in the second camera.
+/// Returns three jointly solved cameras with twelve shared points. One point is wrong in the second camera.
 fn shared_site() -> (Scratch, Site) {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let mut layout = Layout::ring(&mut random, 3, 12, 1.0);
@@ -490,12 +494,12 @@ fn shared_site() -> (Scratch, Site) {
 }
 
 #[test]
-fn solving_tells_how_the_cameras_agree() {
+fn solving_reports_the_agreement_of_cameras() {
     let (scratch, _) = shared_site();
     let run = scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
     let (_, of_site) = run.stdout.split_once("\nsite\n").unwrap();
     assert!(of_site.contains("3 cameras are connected; scale known"), "{of_site}");
-    // Every pair with what the solved site says of it.
+    // Every pair of cameras is listed with the value in the solved site.
     let solved = scratch.read_json("solved.json");
     for pair in solved["solution"]["overlaps"].as_array().unwrap() {
         let [a, b] = [0, 1].map(|i| pair["cameras"][i].as_str().unwrap());
@@ -504,9 +508,9 @@ fn solving_tells_how_the_cameras_agree() {
         assert!(row.contains(&centimetres), "{row}: {centimetres}");
     }
     let worst = &of_site[of_site.find("worst links").unwrap()..of_site.find("more views").unwrap()];
-    assert!(!worst.contains("link p4 "), "what was set aside is no error of the site: {worst}");
+    assert!(!worst.contains("link p4 "), "rejected links are not listed: {worst}");
     assert!(of_site.contains("outlier: Link \"p4\""), "{of_site}");
-    // The solutions by id, and nothing else: an id may be any name.
+    // Only the solutions by id: an id may be any name.
     let json = scratch.calib(&["solve", "site.json", "--format", "json"]).expect_code(0).json();
     assert_eq!(json.as_object().unwrap().keys().collect::<Vec<_>>(), ["c0", "c1", "c2"]);
 }
@@ -531,13 +535,13 @@ fn the_report_of_many_cameras_stays_short() {
 }
 
 #[test]
-fn the_gate_is_on_the_site_too() {
+fn gate_on_the_overlap_of_the_site() {
     let (scratch, mut site) = shared_site();
     scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
     let check = |gate: &[&str], code: i32| {
         scratch.calib(&[&["check", "solved.json", "--format", "json"], gate].concat()).expect_code(code)
     };
-    assert!(check(&[], 0).json().get("site").is_none(), "unasked, the site is not judged");
+    assert!(check(&[], 0).json().get("site").is_none(), "the site is judged only on request");
     let overlaps = scratch.read_json("solved.json")["solution"]["overlaps"].clone();
     let apart = overlaps.as_array().unwrap().iter().map(|pair| pair["floor_rms_m"].as_f64().unwrap());
     let worst = apart.fold(0.0, f64::max);
@@ -546,7 +550,7 @@ fn the_gate_is_on_the_site_too() {
     let failed = check(&["--max-overlap-m", &(0.99 * worst).to_string()], 4);
     assert!(failed.json()["ok"] == json!(false) && failed.stderr.contains("the site"), "{failed:?}");
     check(&["--max-overlap-m", "0"], 2);
-    // Metres that are none cannot be judged, nor what nothing ties to the rest.
+    // A site without scale or connections cannot pass a gate in metres.
     site.distances.clear();
     scratch.write("solved.json", site.to_json());
     let unscaled = check(&["--max-overlap-m", "1"], 4).json();
@@ -563,14 +567,14 @@ fn the_gate_is_on_the_site_too() {
 }
 
 #[test]
-fn a_site_without_a_plan_is_drawn_with_its_errors() {
+fn site_without_plan_is_rendered_with_its_outliers() {
     let (scratch, site) = shared_site();
     scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
     scratch.calib(&["render", "solved.json", "--plan", "-o", "plan.png"]).expect_code(0);
     let drawn = image::open(scratch.path("plan.png")).unwrap().into_rgb8();
     let is_drawn = |colour: [u8; 3]| drawn.pixels().any(|pixel| pixel.0 == colour);
-    assert!(is_drawn([0xC4, 0x12, 0x3A]), "what was set aside has the colour of outliers");
-    // The same site without anything shared has no legend, and nothing set aside.
+    assert!(is_drawn([0xC4, 0x12, 0x3A]), "rejected links have the colour of outliers");
+    // The same site without links has no legend and no outliers.
     let bare = Site { links: Vec::new(), distances: Vec::new(), ..site };
     scratch.write("bare.json", bare.to_json());
     scratch.calib(&["render", "bare.json", "--plan", "-o", "bare.png"]).expect_code(0);
@@ -579,7 +583,7 @@ fn a_site_without_a_plan_is_drawn_with_its_errors() {
 }
 
 #[test]
-fn a_report_has_the_site_and_an_overlay_its_links() {
+fn report_contains_the_site_and_overlays_contain_links() {
     let (scratch, site) = shared_site();
     scratch.calib(&["solve", "site.json", "-o", "solved.json"]).expect_code(0);
     scratch.calib(&["report", "solved.json", "-o", "page.html"]).expect_code(0);
@@ -592,7 +596,7 @@ fn a_report_has_the_site_and_an_overlay_its_links() {
     }
     assert_eq!(section.matches("rejected<").count(), 1);
     assert_eq!(section.matches("<tr>").count(), 2 + 3 + 3 * site.links.len(), "heads, pairs, every view");
-    // A ring where it was drawn, in the colour of outliers where it was set aside.
+    // Every observation has a ring, and outliers have their own colour.
     scratch.calib(&["render", "solved.json", "--camera", "c1", "-o", "c1-links.png"]).expect_code(0);
     let picture = image::open(scratch.path("c1-links.png")).unwrap().into_rgb8();
     let around = |index: usize| {

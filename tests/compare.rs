@@ -1,8 +1,9 @@
-//! What became of a camera between two stills, beside what truly became of it.
+//! Comparison of two images of one camera: the reported camera change against the true one.
 //!
-//! Stills are turned and zoomed by known amounts, then shown in other light, with noise, packed as JPEG, with shadows and
-//! with parts of other pictures before them. Constants of the method were chosen on one half of the stills ([`CHOSEN`]);
-//! what is asserted is measured on the other. `cargo xtask accuracy --compare` prints the table.
+//! Images are rotated and zoomed by known amounts. Then they get other light, noise, JPEG compression,
+//! shadows, and parts of other images as occlusions. The constants of the method were chosen on one half of
+//! the images ([`CHOSEN`]); the assertions use the other half. `cargo xtask accuracy --compare` prints the
+//! table.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -22,29 +23,31 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-/// Cameras whose stills constants were chosen on.
+/// Cameras whose images were used to choose the constants.
 const CHOSEN: [&str; 3] = ["G505", "C1", "shop-1"];
-/// Width of the stills, in pixels.
+/// Width of the images, in pixels.
 const WIDTH: u32 = 960;
 
-/// A camera with stills of it, between which it stood still.
+/// Images of one camera that did not move between them.
 struct Stills {
     id: String,
     camera: Camera,
     moments: Vec<RgbImage>,
-    /// The pictures that the stills are reduced from: a still after a turn is, too, so that it is as sharp.
+    /// Larger images, from which the images are reduced. Rotated images are reduced from them, too, so that
+    /// both are equally sharp.
     larger: Vec<RgbImage>,
 }
 
 impl Stills {
-    /// Of a camera whose numbers are of larger pictures.
+    /// Creates the images of a camera whose parameters belong to the larger images.
     fn new(id: &str, camera: Camera, larger: Vec<RgbImage>, width: u32) -> Self {
         let factor = f64::from(width) / f64::from(larger[0].width());
         let moments = larger.iter().map(|picture| reduced(picture, width)).collect();
         Self { id: id.into(), camera: scaled(&camera, factor), moments, larger }
     }
 
-    /// The still that the camera would take after a turn; what the old one does not show is of another picture.
+    /// Renders the image of the camera after a rotation and zoom. Pixels outside the old image come from
+    /// `other`.
     fn turned(&self, moment: usize, turn: &Turn, other: &RgbImage) -> RgbImage {
         let (still, larger) = (&self.moments[moment], &self.larger[moment]);
         let factor = f64::from(larger.width()) / f64::from(still.width());
@@ -54,13 +57,13 @@ impl Stills {
             let Pixel { u, v } = back.pixel(at)?;
             sample(larger, Pixel::new(factor * u, factor * v))
         };
-        taken([still.width(), still.height()], colour, |x, y| {
+        supersampled([still.width(), still.height()], colour, |x, y| {
             *other.get_pixel(x % other.width(), y % other.height())
         })
     }
 }
 
-/// The camera of a picture of another size.
+/// Returns the camera for an image scaled by `factor`.
 fn scaled(camera: &Camera, factor: f64) -> Camera {
     let Pixel { u, v } = camera.lens.principal_point;
     let lens = Lens {
@@ -71,7 +74,7 @@ fn scaled(camera: &Camera, factor: f64) -> Camera {
     Camera { focal: camera.focal * factor, lens, ..*camera }
 }
 
-/// A smaller picture of the same.
+/// Returns the image reduced to `width`.
 fn reduced(picture: &RgbImage, width: u32) -> RgbImage {
     let factor = f64::from(picture.width()) / f64::from(width);
     let height = (f64::from(picture.height()) / factor).round() as u32;
@@ -79,11 +82,11 @@ fn reduced(picture: &RgbImage, width: u32) -> RgbImage {
         let [u, v] = [x, y].map(|at| (factor * (f64::from(at) + 0.5)) as u32);
         *picture.get_pixel(u.min(picture.width() - 1), v.min(picture.height() - 1))
     };
-    taken([width, height], |at| sample(picture, Pixel::new(factor * at.u, factor * at.v)), nearest)
+    supersampled([width, height], |at| sample(picture, Pixel::new(factor * at.u, factor * at.v)), nearest)
 }
 
-/// A still whose pixels are means of what is at nine points of each; of another picture where there is nothing.
-fn taken(
+/// Renders an image; each pixel is the mean of 3 x 3 samples. Samples without a colour come from `elsewhere`.
+fn supersampled(
     [w, h]: [u32; 2],
     colour: impl Fn(Pixel) -> Option<[f64; 3]>,
     elsewhere: impl Fn(u32, u32) -> Rgb<u8>,
@@ -109,7 +112,8 @@ fn read(path: &Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// The stills of a street and of a bus shelter, and of the rendered shop; none where shared data is absent.
+/// Returns the images of the street, the bus shelter and the rendered shop. Images of missing shared data are
+/// left out.
 fn stills(width: u32) -> Vec<Stills> {
     let mut all = Vec::new();
     if let Some(path) = shared("real/town/town.json") {
@@ -158,7 +162,7 @@ fn stills(width: u32) -> Vec<Stills> {
     all
 }
 
-/// A still of the demonstration, rendered at twice its width, or as large as its camera has it.
+/// Renders an image of the demonstration at twice `width`, but not larger than the size of its camera.
 fn rendered(id: &str, camera: &Camera, size: [u32; 2], width: u32) -> Stills {
     let [w, h] = [2 * width, 2 * width * size[1] / size[0]];
     let [w, h] = [w.min(size[0]), h.min(size[1])];
@@ -166,7 +170,7 @@ fn rendered(id: &str, camera: &Camera, size: [u32; 2], width: u32) -> Stills {
     Stills::new(id, larger, vec![calib_demo::render(&larger, [w, h])], width)
 }
 
-/// Brightness between pixels, and whether there is any.
+/// Returns the bicubic colour at a position, or `None` outside the image.
 fn sample(image: &RgbImage, at: Pixel) -> Option<[f64; 3]> {
     let (x, y) = (at.u - 0.5, at.v - 0.5);
     let inside =
@@ -192,7 +196,7 @@ fn sample(image: &RgbImage, at: Pixel) -> Option<[f64; 3]> {
     Some(sum)
 }
 
-/// What stands between two stills besides the camera.
+/// Differences between two images that are not a camera change.
 #[derive(Debug)]
 struct Day {
     gamma: f64,
@@ -200,7 +204,7 @@ struct Day {
     noise: f64,
     quality: u8,
     shadows: usize,
-    /// Share of the image that other things stand before.
+    /// Fraction of the image covered by occlusions.
     covered: f64,
 }
 
@@ -233,7 +237,7 @@ impl Day {
     }
 }
 
-/// Darkens one side of a line within a stripe.
+/// Darkens a stripe across the image.
 fn shadow(image: &mut RgbImage, random: &mut ChaCha8Rng) {
     let [w, h] = [image.width(), image.height()].map(f64::from);
     let (angle, at) =
@@ -248,7 +252,7 @@ fn shadow(image: &mut RgbImage, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Puts ellipses of another picture before a share of an image.
+/// Covers a fraction of the image with ellipses of another image.
 fn paste(image: &mut RgbImage, other: &RgbImage, share: f64, random: &mut ChaCha8Rng) {
     let [w, h] = [image.width(), image.height()];
     let mut covered = vec![false; (w * h) as usize];
@@ -264,19 +268,20 @@ fn paste(image: &mut RgbImage, other: &RgbImage, share: f64, random: &mut ChaCha
             let inside = ((f64::from(x) - u) / wide).powi(2) + ((f64::from(y) - v) / tall).powi(2) < 1.0;
             if inside {
                 image.put_pixel(x, y, *other.get_pixel((x + dx) % other.width(), (y + dy) % other.height()));
-                let taken = &mut covered[(y * w + x) as usize];
-                count += usize::from(!*taken);
-                *taken = true;
+                let is_covered = &mut covered[(y * w + x) as usize];
+                count += usize::from(!*is_covered);
+                *is_covered = true;
             }
         }
     }
 }
 
-/// A turn of a size between two, in degrees, about any axis, and a zoom between two shares.
-fn any_turn(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> Turn {
+/// Returns a random rotation and zoom. The angle, in degrees, and the relative change of the focal length are
+/// within the given ranges.
+fn random_rotation(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> Turn {
     let log =
         |random: &mut ChaCha8Rng, [low, high]: [f64; 2]| random.random_range(low.ln()..=high.ln()).exp();
-    // Cameras are turned and tilted more than they are rolled.
+    // Pan and tilt are more frequent than roll.
     let axis = [1.0, 1.0, 0.4].map(|most: f64| random.random_range(-most..most));
     let length = axis.iter().map(|c| c * c).sum::<f64>().sqrt();
     let angle = log(random, degrees).to_radians();
@@ -285,17 +290,17 @@ fn any_turn(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> Turn 
     Turn { vector: axis.map(|c| c / length * angle), zoom }
 }
 
-/// One comparison beside the truth.
+/// One comparison and its errors.
 #[derive(Debug)]
 struct Trial {
-    became: CameraChange,
-    /// Errors over sigmas: turn about three axes, zoom.
+    change: CameraChange,
+    /// Errors divided by their standard deviations: rotation about three axes, zoom.
     errors: [f64; 4],
-    /// In degrees, and as a share.
+    /// Rotation error in degrees, and relative zoom error.
     off: [f64; 2],
-    /// The turn and zoom as sigmas.
+    /// True rotation and zoom in standard deviations: the largest component.
     size: f64,
-    /// The square of the error over what the edges found allow, a parameter.
+    /// Squared error divided by the Cramér-Rao bound of the matched edges, mean over the parameters.
     of_bound: f64,
 }
 
@@ -308,7 +313,7 @@ fn trial(stills: &Stills, new: &RgbImage, truth: &Turn) -> Trial {
     let size =
         truth.vector.iter().chain([&truth.zoom]).enumerate().map(|(k, value)| (value / sigma(k)).abs());
     Trial {
-        became: found.change,
+        change: found.change,
         errors,
         off: [left.angle().to_degrees(), left.zoom.abs()],
         size: size.fold(0.0, f64::max),
@@ -316,22 +321,23 @@ fn trial(stills: &Stills, new: &RgbImage, truth: &Turn) -> Trial {
     }
 }
 
-/// The square of an error in units of the bound of the edges found, the mean of its parameters.
+/// Returns the squared error in units of the bound of the matched edges, mean over the parameters.
 fn of_bound(found: &Comparison, error: [f64; 4]) -> f64 {
     let error = Vector4::from(error);
     let bound = Matrix4::from_fn(|i, j| found.bound[i][j]);
     bound.cholesky().map_or(f64::NAN, |bound| error.dot(&bound.solve(&error)) / 4.0)
 }
 
-/// A row of the table.
+/// One row of the table.
 #[derive(Default)]
 struct Row {
     trials: usize,
     right: usize,
-    /// Said to have stepped aside besides.
+    /// Number of trials reported as shifted.
     shifted: usize,
     refused: usize,
-    /// Said to be moved, or unchanged, when it is not; of what is over three sigmas.
+    /// Number of false reports: a change for an unchanged camera, or no change although the true change
+    /// exceeds three standard deviations.
     wrong: usize,
     inside: [usize; 4],
     aligned: usize,
@@ -343,14 +349,14 @@ struct Row {
 impl Row {
     fn add(&mut self, trial: &Trial, moved: bool) {
         self.trials += 1;
-        if !trial.became.is_aligned() {
+        if !trial.change.is_aligned() {
             self.refused += 1;
             return;
         }
-        let said = trial.became != CameraChange::Unchanged;
-        self.right += usize::from(said == moved);
-        self.shifted += usize::from(trial.became == CameraChange::Shifted);
-        self.wrong += usize::from(said != moved && (!moved || trial.size > 3.0));
+        let is_reported = trial.change != CameraChange::Unchanged;
+        self.right += usize::from(is_reported == moved);
+        self.shifted += usize::from(trial.change == CameraChange::Shifted);
+        self.wrong += usize::from(is_reported != moved && (!moved || trial.size > 3.0));
         self.aligned += 1;
         for (inside, error) in self.inside.iter_mut().zip(trial.errors) {
             *inside += usize::from(error.abs() < 1.96);
@@ -364,7 +370,7 @@ impl Row {
         self.inside.iter().sum::<usize>() as f64 / (4 * self.aligned).max(1) as f64
     }
 
-    /// Root mean square of the errors over the bound, of the best share of the trials.
+    /// Returns the root mean square of the errors relative to the bound, over the best `share` of the trials.
     fn over_bound(&self, share: f64) -> f64 {
         let mut squares = self.of_bound.clone();
         squares.sort_by(f64::total_cmp);
@@ -400,9 +406,9 @@ impl Row {
     }
 }
 
-const HEAD: &str = "| camera | trials | right | shifted | wrong | refused | turn off deg, median / 90th | zoom off %, median / 90th | 95 % holds (axes, zoom) | worst sigmas | rmse over the bound, all / best 90 % |\n|---|---|---|---|---|---|---|---|---|---|---|";
+const HEAD: &str = "| camera | trials | correct | shifted | wrong | refused | rotation error deg, median / 90th | zoom error %, median / 90th | coverage of 95 % (axes, zoom) | worst error in sigmas | rmse over the bound, all / best 90 % |\n|---|---|---|---|---|---|---|---|---|---|---|";
 
-/// Sizes of what a camera does: name, degrees, shares of the focal.
+/// Ranges of simulated changes: name, angle in degrees, relative change of the focal length.
 const SIZES: [(&str, [f64; 2], [f64; 2]); 4] = [
     ("0.02 to 0.2 deg", [0.02, 0.2], [1e-6, 1e-3]),
     ("0.2 to 2 deg", [0.2, 2.0], [5e-3, 0.03]),
@@ -410,24 +416,25 @@ const SIZES: [(&str, [f64; 2], [f64; 2]); 4] = [
     ("8 to 20 deg", [8.0, 20.0], [0.05, 0.5]),
 ];
 
-/// Trials of stills, each so many of every size and of none, as rows by their size.
+/// Runs `trials` comparisons per camera for every range of changes and for no change. Returns one row per
+/// range.
 fn measured(
     all: &[Stills],
-    is_asked: &dyn Fn(&str) -> bool,
+    is_selected: &dyn Fn(&str) -> bool,
     trials: usize,
     covered: f64,
 ) -> BTreeMap<String, Row> {
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
     let verbose = std::env::var_os("CALIB_COMPARE_VERBOSE").is_some();
-    for (index, stills) in all.iter().enumerate().filter(|(_, stills)| is_asked(&stills.id)) {
+    for (index, stills) in all.iter().enumerate().filter(|(_, stills)| is_selected(&stills.id)) {
         let mut random = ChaCha8Rng::seed_from_u64(index as u64);
         let other = &all[(index + 3) % all.len()].moments[0];
         let cover = &all[(index + 1) % all.len()].moments[0];
-        // A camera that moved by each size, and one that did not.
+        // One camera change of each range, and no change.
         let sizes = SIZES.map(|(name, degrees, zoom)| (name, Some((degrees, zoom))));
         for (size, (name, moved)) in sizes.into_iter().chain([("unchanged", None)]).enumerate() {
             for number in 0..trials {
-                let truth = moved.map(|(degrees, zoom)| any_turn(&mut random, degrees, zoom));
+                let truth = moved.map(|(degrees, zoom)| random_rotation(&mut random, degrees, zoom));
                 let moment = number % stills.moments.len();
                 let still = match &truth {
                     Some(truth) => stills.turned(moment, truth, other),
@@ -446,16 +453,16 @@ fn measured(
     rows
 }
 
-/// A number that the environment may say.
-fn asked(name: &str, usual: usize) -> usize {
-    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+/// Returns the number in an environment variable, or `default`.
+fn number_from_env(name: &str, default: usize) -> usize {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
-fn the_table_of_turns_and_zooms() {
-    let all = stills(asked("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
-    let trials = asked("CALIB_COMPARE_TRIALS", 20);
+fn table_of_rotations_and_zooms() {
+    let all = stills(number_from_env("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
+    let trials = number_from_env("CALIB_COMPARE_TRIALS", 20);
     let chosen = std::env::var_os("CALIB_COMPARE_CHOSEN").is_some();
     println!("{HEAD}");
     for covered in [0.0, 0.6] {
@@ -466,11 +473,11 @@ fn the_table_of_turns_and_zooms() {
     }
 }
 
-/// What errors beyond the bound come from: neighbours that one cause moves alike, cause by cause.
+/// Prints which disturbances cause errors beyond the bound, because they move neighbouring edge points alike.
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
-fn the_table_of_what_moves_neighbours_alike() {
-    let all = stills(asked("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
+fn table_of_correlated_disturbances() {
+    let all = stills(number_from_env("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
     let same = Day { gamma: 1.0, gain: 1.0, noise: 0.0, quality: 100, shadows: 0, covered: 0.0 };
     let days = [
         ("nothing", Day { ..same }),
@@ -487,8 +494,8 @@ fn the_table_of_what_moves_neighbours_alike() {
         for (index, stills) in all.iter().enumerate().filter(|(_, stills)| !is_held_back(&stills.id)) {
             let mut random = ChaCha8Rng::seed_from_u64(4000 + index as u64);
             let other = &all[(index + 3) % all.len()].moments[0];
-            for _ in 0..asked("CALIB_COMPARE_TRIALS", 20) {
-                let truth = moves.then(|| any_turn(&mut random, [0.2, 2.0], [5e-3, 0.03]));
+            for _ in 0..number_from_env("CALIB_COMPARE_TRIALS", 20) {
+                let truth = moves.then(|| random_rotation(&mut random, [0.2, 2.0], [5e-3, 0.03]));
                 let still =
                     truth.map_or_else(|| stills.moments[0].clone(), |truth| stills.turned(0, &truth, other));
                 let new = day.shown(still, other, &mut random);
@@ -498,21 +505,22 @@ fn the_table_of_what_moves_neighbours_alike() {
         println!("{}", row.text(&format!("{name}, {}", if moves { "turned" } else { "still" })));
     }
     for (name, day) in &days {
-        for (how, row) in ["resampled", "rendered anew"].into_iter().zip(shop_turned(&all, day)) {
+        for (how, row) in ["resampled", "rendered"].into_iter().zip(rotated_shop(&all, day)) {
             println!("{}", row.text(&format!("{name}, one shop turned, {how}")));
         }
     }
 }
 
-/// The rendered shop turned, its still resampled as those of streets are, and rendered as its camera takes it.
-fn shop_turned(all: &[Stills], day: &Day) -> [Row; 2] {
+/// Compares the rotated shop in two ways: its image resampled, as for the street images, and its image
+/// rendered.
+fn rotated_shop(all: &[Stills], day: &Day) -> [Row; 2] {
     let shop = all.iter().find(|stills| stills.id == "shop-1").unwrap();
     let (other, larger) = (&all[0].moments[0], &shop.larger[0]);
     let (width, size) = (shop.moments[0].width(), [larger.width(), larger.height()]);
     let mut random = ChaCha8Rng::seed_from_u64(4100);
     let mut rows = [Row::default(), Row::default()];
-    for _ in 0..asked("CALIB_COMPARE_TRIALS", 20) {
-        let truth = any_turn(&mut random, [0.2, 2.0], [5e-3, 0.03]);
+    for _ in 0..number_from_env("CALIB_COMPARE_TRIALS", 20) {
+        let truth = random_rotation(&mut random, [0.2, 2.0], [5e-3, 0.03]);
         let new = scaled(&truth.applied(&shop.camera), f64::from(size[0]) / f64::from(width));
         let stills = [shop.turned(0, &truth, other), reduced(&calib_demo::render(&new, size), width)];
         for (row, still) in rows.iter_mut().zip(stills) {
@@ -522,12 +530,12 @@ fn shop_turned(all: &[Stills], day: &Day) -> [Row; 2] {
     rows
 }
 
-/// Unchanged cameras, called so in how many of many trials: other people, other light, up to 60 % covered.
+/// Counts the reports for unchanged cameras: other people, other light, up to 60 % covered.
 #[test]
 #[ignore = "takes an hour: `cargo xtask accuracy --compare`"]
-fn the_table_of_cameras_that_stand_still() {
-    let all = stills(asked("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
-    let trials = asked("CALIB_COMPARE_STILL", 2000);
+fn table_of_unchanged_cameras() {
+    let all = stills(number_from_env("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
+    let trials = number_from_env("CALIB_COMPARE_STILL", 2000);
     println!("| camera | trials | unchanged | moved | shifted | refused |\n|---|---|---|---|---|---|");
     let mut together: BTreeMap<&str, usize> = BTreeMap::new();
     let held_back: Vec<usize> = (0..all.len()).filter(|&index| is_held_back(&all[index].id)).collect();
@@ -535,27 +543,27 @@ fn the_table_of_cameras_that_stand_still() {
         let (stills, mut counts) = (&all[index], BTreeMap::new());
         let mut random = ChaCha8Rng::seed_from_u64(1000 + index as u64);
         let cover = &all[(index + 1) % all.len()].moments[0];
-        // As many of each as come to the number asked for.
+        // The trials are distributed evenly over the cameras.
         let own = trials / held_back.len() + usize::from(place < trials % held_back.len());
         for number in 0..own {
             let still = stills.moments[number % stills.moments.len()].clone();
             let day = Day::any(&mut random, 0.6);
             let new = day.shown(still, cover, &mut random);
-            let found = became(stills, &new);
+            let found = compare(stills, &new);
             if found.change != CameraChange::Unchanged {
-                tell(&format!("{} {number}: {day:?}", stills.id), &found);
+                print_if_verbose(&format!("{} {number}: {day:?}", stills.id), &found);
             }
-            *counts.entry(said(found.change)).or_default() += 1;
+            *counts.entry(change_name(found.change)).or_default() += 1;
         }
-        println!("{}", counted(&stills.id, &counts));
-        counts.into_iter().for_each(|(said, count)| *together.entry(said).or_default() += count);
+        println!("{}", counts_row(&stills.id, &counts));
+        counts.into_iter().for_each(|(name, count)| *together.entry(name).or_default() += count);
     }
-    println!("{}", counted("all", &together));
+    println!("{}", counts_row("all", &together));
 }
 
-/// What is said of a camera, with all refusals in one.
-fn said(became: CameraChange) -> &'static str {
-    match became {
+/// Returns the name of the report; all refusals share one name.
+fn change_name(change: CameraChange) -> &'static str {
+    match change {
         CameraChange::Unchanged => "unchanged",
         CameraChange::Moved => "moved",
         CameraChange::Shifted => "shifted",
@@ -563,26 +571,27 @@ fn said(became: CameraChange) -> &'static str {
     }
 }
 
-fn counted(name: &str, counts: &BTreeMap<&'static str, usize>) -> String {
-    let of = |said: &str| counts.get(said).copied().unwrap_or_default();
+fn counts_row(name: &str, counts: &BTreeMap<&'static str, usize>) -> String {
+    let of = |name: &str| counts.get(name).copied().unwrap_or_default();
     let [unchanged, moved, shifted, refused] = ["unchanged", "moved", "shifted", "refused"].map(of);
     let all = unchanged + moved + shifted + refused;
     format!("| {name} | {all} | {unchanged} | {moved} | {shifted} | {refused} |")
 }
 
-/// A scene of known depth: a floor with walls about a camera, each at its own distance, and a pillar before them.
+/// Scene of known depth: a floor, walls around the camera at different distances, and two pillars.
 struct Room {
-    /// Where the camera stood.
+    /// Position of the camera.
     centre: WorldPoint,
-    /// Walls: the direction that they stand in, as a unit vector of the floor, how far, and half their width in metres.
+    /// Walls: direction as a unit vector on the floor, distance, and half width, in metres.
     walls: Vec<([f64; 2], f64, f64)>,
 }
 
 impl Room {
-    /// As a camera sees it: what is ahead is far, what is beside it near, and two pillars stand out.
+    /// Builds the scene around a camera: distant straight ahead, near at the sides, with two pillars in
+    /// front.
     fn about(camera: &Camera) -> Self {
         let ahead = ahead(camera);
-        // Radians to the left of where the camera looks, metres, metres to either side.
+        // Angle to the left of the viewing direction in radians, distance in metres, half width in metres.
         let walls = [
             (0.1, 22.0, 100.0),
             (1.5, 9.0, 100.0),
@@ -597,7 +606,7 @@ impl Room {
         Self { centre: camera.position, walls: walls.to_vec() }
     }
 
-    /// Where a ray of a camera first meets it.
+    /// Returns the first intersection of a pixel's ray with the scene.
     fn met(&self, camera: &Camera, pixel: Pixel) -> Option<WorldPoint> {
         let WorldPoint { x, y, z } = camera.position;
         let [dx, dy, dz] = ray(camera, pixel)?;
@@ -612,10 +621,10 @@ impl Room {
         first.is_finite().then(|| WorldPoint::new(x + first * dx, y + first * dy, z + first * dz))
     }
 
-    /// The still that a camera would take of it, by that of another which stood in its centre; what that one does not
-    /// show is of another picture.
+    /// Renders the image of the camera `new` from the image `still` of `camera`. Points hidden from `camera`
+    /// come from `other`.
     fn still(&self, still: &RgbImage, camera: &Camera, new: &Camera, other: &RgbImage) -> RgbImage {
-        /// Farther than this before a point, in metres, something hides it.
+        /// Depth difference above which a point counts as hidden, in metres.
         const BEFORE: f64 = 0.05;
         let seen = |at: Pixel| {
             let point = self.met(new, at)?;
@@ -631,32 +640,32 @@ impl Room {
     }
 }
 
-/// The direction of a pixel in the world.
+/// Returns the direction of a pixel's ray in the world.
 fn ray(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
     let (seen, rows) = (ray_in_camera(camera, pixel)?, camera.rotation());
     Some(std::array::from_fn(|axis| (0..3).map(|row| rows[row][axis] * seen[row]).sum()))
 }
 
-/// The direction on the floor that a camera looks in, in radians.
+/// Returns the azimuth of the viewing direction on the floor, in radians.
 fn ahead(camera: &Camera) -> f64 {
     let [x, y, _] = camera.rotation()[2];
     y.atan2(x)
 }
 
-/// The camera so many metres beside its place, in a direction of the floor so far from where it looks at most, turned a
-/// little with it.
-fn beside(camera: &Camera, metres: f64, aside: f64, random: &mut ChaCha8Rng) -> Camera {
+/// Moves a camera horizontally by `metres`, at most `aside` radians from its viewing direction, and rotates
+/// it a little.
+fn stepped_aside(camera: &Camera, metres: f64, aside: f64, random: &mut ChaCha8Rng) -> Camera {
     let direction = ahead(camera) + random.random_range(-aside..aside);
     let WorldPoint { x, y, z } = camera.position;
     let position = WorldPoint::new(x + metres * direction.cos(), y + metres * direction.sin(), z);
-    let turn = any_turn(random, [0.2, 2.0], [1e-4, 1e-3]);
+    let turn = random_rotation(random, [0.2, 2.0], [1e-4, 1e-3]);
     turn.applied(&Camera { position, ..*camera })
 }
 
-/// Metres that cameras step aside by.
+/// Distances of simulated sideways steps, in metres.
 const STEPS: [f64; 3] = [0.1, 0.3, 1.0];
 
-/// Steps within the rendered demonstration, whose things hide each other: said to be what.
+/// Counts the reports for sideways steps within the rendered demonstration, where objects occlude each other.
 fn rendered_steps(chosen: bool, trials: usize) -> BTreeMap<String, BTreeMap<&'static str, usize>> {
     let mut rows: BTreeMap<String, BTreeMap<&'static str, usize>> = BTreeMap::new();
     let demo = calib_demo::demo_site();
@@ -667,28 +676,28 @@ fn rendered_steps(chosen: bool, trials: usize) -> BTreeMap<String, BTreeMap<&'st
         let stills = rendered(id, camera, demo.site.cameras[index].size_px, WIDTH);
         let size = [stills.moments[0].width(), stills.moments[0].height()];
         for (metres, _) in STEPS.iter().flat_map(|metres| (0..trials).map(move |number| (metres, number))) {
-            // Cameras hang in corners: not back through the wall.
-            let camera = beside(&stills.camera, *metres, 0.8, &mut random);
+            // Cameras are mounted in corners: do not step back through the wall.
+            let camera = stepped_aside(&stills.camera, *metres, 0.8, &mut random);
             let still = calib_demo::render(&camera, size);
             let cover = &stills.moments[0];
             let new = Day { covered: 0.2, ..Day::any(&mut random, 0.0) }.shown(still, cover, &mut random);
-            let found = became(&stills, &new);
-            tell(&format!("{id} stepped by {metres:.1} m"), &found);
+            let found = compare(&stills, &new);
+            print_if_verbose(&format!("{id} stepped by {metres:.1} m"), &found);
             *rows
                 .entry(format!("1 rendered, stepped aside by {metres:.1} m"))
                 .or_default()
-                .entry(said(found.change))
+                .entry(change_name(found.change))
                 .or_default() += 1;
         }
     }
     rows
 }
 
-/// What was found, where one looks closer.
-fn tell(what: &str, found: &Comparison) {
+/// Prints the comparison if `CALIB_COMPARE_VERBOSE` is set.
+fn print_if_verbose(what: &str, found: &Comparison) {
     if std::env::var_os("CALIB_COMPARE_VERBOSE").is_some() {
         let Comparison {
-            change: became,
+            change,
             z_score: clear,
             shift,
             visible_samples: places,
@@ -698,13 +707,17 @@ fn tell(what: &str, found: &Comparison) {
             ..
         } = found;
         println!(
-            "{what}: {became:?}, {turn:.4?}, {clear:.1} clear, {shift:.2} px, {places} places, {found:.2} found, {by_chance:.2} by chance"
+            "{what}: {change:?}, {turn:.4?}, z-score {clear:.1}, shift {shift:.2} px, {places} samples, {found:.2} found, {by_chance:.2} by chance"
         );
     }
 }
 
-/// What is no turn, on stills that constants were not chosen on: said to be what, in how many of so many trials.
-fn no_turns(all: &[Stills], chosen: bool, trials: usize) -> BTreeMap<String, BTreeMap<&'static str, usize>> {
+/// Counts the reports for changes that are not rotations, on the selected half of the images.
+fn other_changes(
+    all: &[Stills],
+    chosen: bool,
+    trials: usize,
+) -> BTreeMap<String, BTreeMap<&'static str, usize>> {
     let mut rows = rendered_steps(chosen, trials);
     for (index, stills) in all.iter().enumerate().filter(|(_, stills)| is_held_back(&stills.id) != chosen) {
         let mut random = ChaCha8Rng::seed_from_u64(2000 + index as u64);
@@ -716,12 +729,12 @@ fn no_turns(all: &[Stills], chosen: bool, trials: usize) -> BTreeMap<String, BTr
             let mut shows = |name: String, new: RgbImage, covered: f64, random: &mut ChaCha8Rng| {
                 let day = Day { covered, ..Day::any(random, 0.0) };
                 let new = day.shown(new, cover, random);
-                let found = became(stills, &new);
-                tell(&format!("{} {name}", stills.id), &found);
-                *rows.entry(name).or_default().entry(said(found.change)).or_default() += 1;
+                let found = compare(stills, &new);
+                print_if_verbose(&format!("{} {name}", stills.id), &found);
+                *rows.entry(name).or_default().entry(change_name(found.change)).or_default() += 1;
             };
             for metres in STEPS {
-                let camera = beside(&stills.camera, metres, std::f64::consts::PI, &mut random);
+                let camera = stepped_aside(&stills.camera, metres, std::f64::consts::PI, &mut random);
                 let new = Room::about(&stills.camera).still(still, &stills.camera, &camera, other);
                 shows(format!("1 stepped aside by {metres:.1} m"), new, 0.2, &mut random);
             }
@@ -737,22 +750,22 @@ fn no_turns(all: &[Stills], chosen: bool, trials: usize) -> BTreeMap<String, BTr
 
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
-fn the_table_of_what_is_no_turn() {
-    let all = stills(asked("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
-    println!("| what | trials | unchanged | moved | shifted | refused |\n|---|---|---|---|---|---|");
+fn table_of_changes_other_than_rotations() {
+    let all = stills(number_from_env("CALIB_COMPARE_WIDTH", WIDTH as usize) as u32);
+    println!("| change | trials | unchanged | moved | shifted | refused |\n|---|---|---|---|---|---|");
     let chosen = std::env::var_os("CALIB_COMPARE_CHOSEN").is_some();
-    for (name, counts) in no_turns(&all, chosen, asked("CALIB_COMPARE_TRIALS", 20)) {
-        println!("{}", counted(&name[2..], &counts));
+    for (name, counts) in other_changes(&all, chosen, number_from_env("CALIB_COMPARE_TRIALS", 20)) {
+        println!("{}", counts_row(&name[2..], &counts));
     }
 }
 
-/// Of stills that constants were not chosen on.
+/// Whether the images of this camera were not used to choose the constants.
 fn is_held_back(id: &str) -> bool {
     !CHOSEN.contains(&id)
 }
 
 #[test]
-fn turns_and_zooms_are_found_within_their_sigmas_and_still_cameras_are_still() {
+fn rotations_and_zooms_are_within_their_sigmas_and_unchanged_cameras_are_unchanged() {
     let all = stills(640);
     let rows = measured(&all, &is_held_back, 1, 0.4);
     let mut together = Row::default();
@@ -766,54 +779,54 @@ fn turns_and_zooms_are_found_within_their_sigmas_and_still_cameras_are_still() {
         together.aligned += row.aligned;
         (0..4).for_each(|k| together.inside[k] += row.inside[k]);
     }
-    assert_eq!(together.wrong, 0, "moved cameras are told from those that stand still");
-    assert_eq!(together.shifted, 0, "cameras that turned are told from those that stand elsewhere");
+    assert_eq!(together.wrong, 0, "moved and unchanged cameras are distinguished");
+    assert_eq!(together.shifted, 0, "rotated and shifted cameras are distinguished");
     assert!(together.refused * 10 <= together.trials, "{} of {} refused", together.refused, together.trials);
     assert!(together.coverage() > 0.8, "{:.2} inside 95 %", together.coverage());
 }
 
-/// A camera of the demonstration with a small still of it.
+/// Returns a camera of the demonstration with a small image.
 fn shop() -> Stills {
     let demo = calib_demo::demo_site();
     let (id, camera) = &demo.truth[2];
     rendered(id, camera, demo.site.cameras[2].size_px, 960)
 }
 
-fn became(of: &Stills, new: &RgbImage) -> Comparison {
+fn compare(of: &Stills, new: &RgbImage) -> Comparison {
     Comparison::new(&of.camera, &[], &of.moments[0], new).unwrap()
 }
 
 #[test]
-fn what_is_no_turn_is_not_taken_for_one() {
+fn other_changes_are_not_reported_as_rotations() {
     let shop = shop();
     let (old, camera) = (&shop.moments[0], shop.camera);
     let size = [old.width(), old.height()];
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let mut night = |x, y| old.get_pixel(x, y).0.map(|value| value / 100 + random.random_range(0..5_u8));
     let dark = RgbImage::from_fn(size[0], size[1], |x, y| Rgb(night(x, y)));
-    assert_eq!(became(&shop, &dark).change, CameraChange::TooDark);
+    assert_eq!(compare(&shop, &dark).change, CameraChange::TooDark);
     let fog = image::imageops::blur(old, 25.0);
-    assert_eq!(became(&shop, &fog).change, CameraChange::Blind);
+    assert_eq!(compare(&shop, &fog).change, CameraChange::Blind);
     let barn = calib_demo::demo_site().truth[4].1;
     let other = rendered("barn", &barn, [1920, 1080], size[0]).moments.remove(0);
-    assert_eq!(became(&shop, &other).change, CameraChange::DifferentView);
+    assert_eq!(compare(&shop, &other).change, CameraChange::DifferentView);
     for metres in STEPS {
         let WorldPoint { x, y, z } = camera.position;
         let position = WorldPoint::new(x - 0.83 * metres, y + 0.55 * metres, z);
         let beside = Camera { position, yaw: camera.yaw + 0.02, ..camera };
         let new = calib_demo::render(&beside, size);
-        assert_eq!(became(&shop, &new).change, CameraChange::Shifted, "{metres} m aside");
+        assert_eq!(compare(&shop, &new).change, CameraChange::Shifted, "{metres} m aside");
     }
     let turned = Turn { vector: [0.01, 0.02, -0.005], zoom: 0.01 }.applied(&camera);
-    assert_eq!(became(&shop, &calib_demo::render(&turned, size)).change, CameraChange::Moved);
+    assert_eq!(compare(&shop, &calib_demo::render(&turned, size)).change, CameraChange::Moved);
     let flat = RgbImage::from_pixel(size[0], size[1], Rgb([90; 3]));
     let nothing = Comparison::new(&camera, &[], &flat, old).unwrap();
     assert_eq!(nothing.change, CameraChange::TooFewEdges);
 }
 
-/// A fence before more than half of what a camera sees: its posts are found again one post beside.
+/// Periodic texture: a fence covers more than half of the image, and its posts match their neighbours.
 #[test]
-fn what_repeats_does_not_mislead() {
+fn periodic_textures_do_not_mislead() {
     const APART: f64 = 24.0;
     let Stills { camera, larger, .. } = shop();
     let mut picture = larger[0].clone();
@@ -830,8 +843,8 @@ fn what_repeats_does_not_mislead() {
         let shift = posts * 0.5 * APART;
         let truth = Turn { vector: [0.0, shift / fence.camera.focal, 0.0], zoom: 0.0 };
         let new = fence.turned(0, &truth, &RgbImage::from_pixel(960, 540, Rgb([90; 3])));
-        let found = became(&fence, &new);
-        tell(&format!("{posts} posts"), &found);
+        let found = compare(&fence, &new);
+        print_if_verbose(&format!("{posts} posts"), &found);
         let left = Turn::between(&found.rotation.applied(&fence.camera), &truth.applied(&fence.camera));
         let off = left.angle() * fence.camera.focal;
         assert!(
@@ -843,7 +856,7 @@ fn what_repeats_does_not_mislead() {
 }
 
 #[test]
-fn a_still_of_another_size_is_refused_with_what_to_do() {
+fn image_of_another_size_is_refused_with_advice() {
     let (still, camera) = (RgbImage::new(64, 48), calib_demo::demo_site().truth[0].1);
     let error = Comparison::new(&camera, &[], &still, &RgbImage::new(48, 64)).unwrap_err();
     assert!(error.to_string().contains("48 x 64") && error.to_string().contains("take a still"), "{error}");
@@ -851,7 +864,7 @@ fn a_still_of_another_size_is_refused_with_what_to_do() {
 
 #[test]
 #[ignore = "renders all of the demonstration twice: `cargo xtask accuracy --compare`"]
-fn the_table_is_borne_out_by_the_demonstration_a_month_later_with_two_cameras_that_moved() {
+fn table_of_the_demonstration_a_month_later() {
     let scratch = Scratch::new();
     scratch.calib(&["demo", "--moved", "d"]).expect_code(0);
     let args = ["compare", "d/solved.json", "--still", "d/later", "--format", "json"];
@@ -878,7 +891,7 @@ fn the_table_is_borne_out_by_the_demonstration_a_month_later_with_two_cameras_th
 }
 
 #[test]
-fn the_command_finds_the_zoom_of_one_camera_and_solves_it_again() {
+fn command_finds_a_zoom_and_recovers_the_camera() {
     let scratch = Scratch::new();
     std::fs::create_dir_all(scratch.path("d/later")).unwrap();
     let demo = calib_demo::demo_site();
@@ -902,7 +915,8 @@ fn the_command_finds_the_zoom_of_one_camera_and_solves_it_again() {
     recovered(&scratch, &["store"]);
 }
 
-/// They are solved again from their lines, to within their sigmas, and the old periods end where the new ones begin.
+/// Checks the recovered cameras: errors are within 3.5 standard deviations, and old periods end where new
+/// ones begin.
 fn recovered(scratch: &Scratch, ids: &[&str]) {
     let args = ["compare", "d/solved.json", "--still", "d/later", "--recover", "-o", "d/new.json"];
     let run = scratch.calib(&args).expect_code(4);
@@ -933,11 +947,12 @@ fn recovered(scratch: &Scratch, ids: &[&str]) {
     }
     let again = scratch.calib(&["compare", "d/new.json", "--still", "d/later"]);
     again.expect_code(0);
-    elsewhere(scratch, ids);
+    recovered_into_another_folder(scratch, ids);
 }
 
-/// Solved again, into another folder, the old periods are what they were, and images are found from there.
-fn elsewhere(scratch: &Scratch, ids: &[&str]) {
+/// Checks recovery into another folder: the old periods are unchanged, and image paths are relative to the
+/// new folder.
+fn recovered_into_another_folder(scratch: &Scratch, ids: &[&str]) {
     std::fs::create_dir_all(scratch.path("else")).unwrap();
     let read = |name: &str| Site::from_json(&std::fs::read_to_string(scratch.path(name)).unwrap()).unwrap();
     let args = ["compare", "d/solved.json", "--still", "d/later", "--recover", "-o", "else/new.json"];

@@ -1,4 +1,4 @@
-//! The demonstration site: written, solved, rendered, and right.
+//! The demonstration site: its files, solution, images and errors.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -8,7 +8,7 @@ use calib_site::{Options, Site, Stage};
 use calib_tests::Scratch;
 
 #[test]
-fn the_demonstration_finds_its_cameras_within_their_sigmas() {
+fn demonstration_cameras_are_within_their_sigmas() {
     let demo = calib_demo::demo_site();
     demo.site.check().unwrap();
     let solved = demo.site.calibrate(&Options::default()).write_into(&demo.site);
@@ -23,19 +23,20 @@ fn the_demonstration_finds_its_cameras_within_their_sigmas() {
             let sigma = found.covariance.sigma(index).unwrap();
             assert!(error.abs() < 3.5 * sigma, "{id}, unknown {index}: {error} with a sigma of {sigma}");
         }
-        // The store is placed by a hand that is 5 cm off; the others by control points and links.
+        // The position of the store is set by hand, 5 cm off. Control points and links determine the others.
         assert!(found.position.distance(truth.position) < 0.15, "{id}");
         if camera.solution.as_ref().unwrap().stage == Stage::Refined {
-            within_three_sigmas(id, &found, truth);
+            assert_within_three_sigmas(id, &found, truth);
         }
         let outliers =
             camera.solution.iter().flat_map(|s| &s.residuals).filter(|residual| residual.outlier).count();
-        assert_eq!(outliers, 0, "{id}: nothing wrong was drawn");
+        assert_eq!(outliers, 0, "{id}: there are no wrong annotations");
     }
 }
 
-/// The place of a refined camera, axis by axis; a sigma is missing where the camera holds the base system.
-fn within_three_sigmas(id: &str, found: &Camera, truth: &Camera) {
+/// Asserts that the position of a refined camera is within three standard deviations per axis. A camera that
+/// fixes the frame has none.
+fn assert_within_three_sigmas(id: &str, found: &Camera, truth: &Camera) {
     let (a, b) = (found.position, truth.position);
     for (error, index) in [(a.x - b.x, Covariance::X), (a.y - b.y, Covariance::Y), (a.z - b.z, Covariance::Z)]
     {
@@ -45,7 +46,7 @@ fn within_three_sigmas(id: &str, found: &Camera, truth: &Camera) {
 }
 
 #[test]
-fn without_a_plan_links_and_marks_find_the_shop() {
+fn shop_without_plan_is_solved_from_links_and_marks() {
     let demo = calib_demo::demo_site_without_plan();
     demo.site.check().unwrap();
     let report = demo.site.calibrate(&Options::default());
@@ -54,7 +55,7 @@ fn without_a_plan_links_and_marks_find_the_shop() {
         let in_shop = id.starts_with("shop") || id == "checkouts";
         assert_eq!(solution.stage, if in_shop { Stage::Refined } else { Stage::Partial }, "{index}");
         if in_shop {
-            within_three_sigmas(id, &solution.camera().unwrap(), truth);
+            assert_within_three_sigmas(id, &solution.camera().unwrap(), truth);
         }
     }
     for (mark, found) in demo.site.marks.iter().zip(&report.marks) {
@@ -70,11 +71,11 @@ fn without_a_plan_links_and_marks_find_the_shop() {
             .contains(&["shop-1", "shop-2", "shop-3", "checkouts"].map(String::from).to_vec())
     );
     let apart = report.site.warnings.iter().filter(|warning| warning.code == Code::NotConnected).count();
-    assert_eq!(apart, 2, "the store and the barn are said to be by themselves: {:?}", report.site.warnings);
+    assert_eq!(apart, 2, "the store and the barn are reported as not connected: {:?}", report.site.warnings);
 }
 
 #[test]
-fn the_first_command_of_the_readme_writes_what_it_says() {
+fn first_command_of_the_readme_writes_the_demonstration() {
     let scratch = Scratch::new();
     let run = scratch.calib(&["demo"]).expect_code(0);
     assert!(
@@ -100,7 +101,7 @@ fn the_first_command_of_the_readme_writes_what_it_says() {
     let solved = scratch.read_json("calib-demo/solved.json");
     assert_eq!(solved["cameras"][0]["solution"], again["shop-1"]);
     scratch.calib(&["report", "calib-demo/solved.json", "-o", "report.html"]).expect_code(0);
-    // A folder that the command wrote is written again; one that somebody else wrote is not.
+    // The command overwrites its own folder, but no other.
     std::fs::create_dir(scratch.path("mine")).unwrap();
     scratch.write("mine/keep.txt", "mine");
     scratch.calib(&["demo", "mine"]).expect_code(1);

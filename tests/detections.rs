@@ -1,4 +1,4 @@
-//! A table of detections: nothing of it is lost or changed in silence, and every point says how sure it is.
+//! Tables of detections: no column is lost or changed silently, and every floor point has an uncertainty.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -34,7 +34,7 @@ fn to_floor<'a>(more: &[&'a str]) -> Vec<&'a str> {
     TO_FLOOR.iter().chain(more).copied().collect()
 }
 
-/// The cells of a table by the names of its columns.
+/// Returns the cells of a table by column name.
 fn rows(csv: &str) -> Vec<HashMap<&str, &str>> {
     let mut lines = csv.lines();
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -53,7 +53,7 @@ fn read_parquet(scratch: &Scratch, name: &str) -> RecordBatch {
 }
 
 #[test]
-fn a_column_that_is_there_is_written_anew_only_when_that_is_wanted() {
+fn existing_column_is_replaced_only_on_request() {
     let scratch = scratch();
     scratch.write("in.csv", "u,v,status\n900,700,mine\n");
     let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(3);
@@ -67,7 +67,7 @@ fn a_column_that_is_there_is_written_anew_only_when_that_is_wanted() {
 }
 
 #[test]
-fn what_a_parquet_says_of_itself_is_kept() {
+fn parquet_metadata_is_kept() {
     let scratch = scratch();
     scratch.write("in.csv", "u,v\n900,700\n");
     scratch.calib(&to_floor(&["-i", "in.csv", "-o", "first.parquet"])).expect_code(0);
@@ -86,7 +86,7 @@ fn what_a_parquet_says_of_itself_is_kept() {
 }
 
 #[test]
-fn columns_of_csv_get_their_types() {
+fn csv_columns_get_types() {
     let scratch = scratch();
     let table: String =
         (0..70_000).map(|i| format!("{i},{}.5,700,00{i},{},walks\n", i % 1900, i % 2 == 0)).collect();
@@ -97,10 +97,10 @@ fn columns_of_csv_get_their_types() {
     use DataType::{Boolean, Float64, Int64, Utf8};
     assert_eq!(kinds, [Int64, Float64, Int64, Utf8, Boolean, Utf8, Float64, Float64, Utf8]);
     assert_eq!((out.num_rows(), out.column(3).as_string::<i32>().value(69_999)), (70_000, "0069999"));
-    // In CSV every cell stays as it is.
+    // In CSV, every cell is unchanged.
     let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(0);
     assert!(run.stdout.contains("\n1,1.5,700,001,false,walks,"), "{}", &run.stdout[..200]);
-    // What comes too late to tell the type is named with its way out.
+    // A cell that contradicts the detected type stops the run; the message names the option that helps.
     scratch.write("late.csv", format!("frame,u,v,id,moves,note\n{table}x,1,2,3,true,late\n"));
     let run = scratch.calib(&to_floor(&["-i", "late.csv", "-o", "late.parquet"])).expect_code(3);
     assert!(run.stderr.contains("late.csv: line 70002, column frame: found \"x\""), "{run:?}");
@@ -112,7 +112,7 @@ fn columns_of_csv_get_their_types() {
 }
 
 #[test]
-fn a_bad_cell_ends_the_run_or_is_a_status() {
+fn bad_cell_stops_the_run_or_gets_a_status() {
     let scratch = scratch();
     scratch.write("in.csv", "id,u,v\n1,900,700\n2,n/a,700\n3,,700\n4,901,700\n");
     let run = scratch.calib(&to_floor(&["-i", "in.csv"])).expect_code(3);
@@ -125,13 +125,13 @@ fn a_bad_cell_ends_the_run_or_is_a_status() {
         if format == "csv" {
             let status: Vec<&str> = rows(&run.stdout).iter().map(|row| row["status"]).collect();
             assert_eq!(status, ["ok", "missing", "missing", "ok"]);
-            assert!(run.stdout.contains("\n2,n/a,700,,,missing\n"), "the cell stays: {run:?}");
+            assert!(run.stdout.contains("\n2,n/a,700,,,missing\n"), "the cell is kept: {run:?}");
         }
     }
 }
 
 #[test]
-fn rows_that_are_not_whole_end_the_run_or_say_so() {
+fn incomplete_rows_stop_the_run_or_get_a_status() {
     let scratch = scratch();
     let mut table = b"id,u,v,note\n1,900,700,a\n2,900\n3,900,700,b,c\n4,900,700,\xff\n5,901,700,d\n".to_vec();
     scratch.write("in.csv", &table);
@@ -142,8 +142,8 @@ fn rows_that_are_not_whole_end_the_run_or_say_so() {
     assert!(run.stderr.contains("3 rows are incomplete"), "{run:?}");
     let status: Vec<&str> = rows(&run.stdout).iter().map(|row| row["status"]).collect();
     assert_eq!(status, ["ok", "missing", "missing", "missing", "ok"]);
-    assert!(run.stdout.contains("\n2,900,,,,,missing\n"), "what is there stays: {run:?}");
-    // Where columns have types, what is in a broken row may be of another column.
+    assert!(run.stdout.contains("\n2,900,,,,,missing\n"), "existing cells are kept: {run:?}");
+    // With typed columns, the cells of a broken row may belong to other columns.
     scratch.calib(&[&args[..], &["-o", "out.parquet"]].concat()).expect_code(0);
     let back =
         scratch.calib(&to_floor(&["-i", "out.parquet", "--format", "csv", "--replace"])).expect_code(0);
@@ -162,7 +162,7 @@ fn rows_that_are_not_whole_end_the_run_or_say_so() {
 }
 
 #[test]
-fn numbers_that_count_from_1970_choose_the_calibration() {
+fn unix_times_select_the_calibration() {
     let scratch = Scratch::new();
     let mut site = Site {
         cameras: vec![entry("a", &camera()), entry("a", &Camera { yaw: 0.7, ..camera() })],
@@ -183,7 +183,7 @@ fn numbers_that_count_from_1970_choose_the_calibration() {
     let seconds = "1780271999,900,700\n1780272000,900,700\n";
     let run = mapped(&format!("t,u,v\n{seconds}"), &["--at-column", "t", "--at-unit", "s"]);
     assert_eq!(x(&run.expect_code(0).stdout), expected);
-    // The unit is in the name, as it is in all of ours.
+    // The column name contains the unit.
     let run = mapped(&format!("t_s,u,v\n{seconds}"), &["--at-column", "t_s"]);
     assert_eq!(x(&run.expect_code(0).stdout), expected);
     let milliseconds = "1780271999999.5,900,700\n1780272000000,900,700\n";
@@ -191,7 +191,7 @@ fn numbers_that_count_from_1970_choose_the_calibration() {
     assert_eq!(x(&run.expect_code(0).stdout), expected);
     let run = mapped(&format!("t,u,v\n{seconds}"), &["--at-column", "t"]).expect_code(3);
     assert!(run.stderr.contains("--at-unit"), "{run:?}");
-    // Typed, too.
+    // The same with a typed column.
     scratch.write("in.csv", format!("t_s,u,v\n{seconds}"));
     let args = ["-i", "in.csv", "-o", "out.parquet", "--at-column", "t_s"];
     scratch.calib(&to_floor(&args)).expect_code(0);
@@ -202,7 +202,7 @@ fn numbers_that_count_from_1970_choose_the_calibration() {
 }
 
 #[test]
-fn pixels_of_a_stream_of_another_size_are_those_of_the_still() {
+fn stream_pixels_are_scaled_to_the_image() {
     let scratch = scratch();
     let run = |table: String, more: &[&str]| {
         scratch.write("in.csv", table);
@@ -211,27 +211,27 @@ fn pixels_of_a_stream_of_another_size_are_those_of_the_still() {
     let (u, v) = (1203.0, 771.0);
     let still = run(format!("u,v\n{u},{v}\n"), &[]).expect_code(0);
     let still = ["x_m", "y_m"].map(|name| number(&rows(&still.stdout)[0], name));
-    let same = |run: calib_tests::Ended| {
+    let same = |run: calib_tests::ProgramOutput| {
         let run = run.expect_code(0);
         let found = ["x_m", "y_m"].map(|name| number(&rows(&run.stdout)[0], name));
         let off = (found[0] - still[0]).hypot(found[1] - still[1]);
         assert!(off < 1e-9, "{off} m");
     };
     same(run(format!("u,v\n{},{}\n", u / 3.0, v / 3.0), &["--stream-size", "640x360"]));
-    // From the centre of the first pixel of the stream.
+    // Pixel coordinates with the origin at the centre of the first pixel of the stream.
     same(run(
         format!("u,v\n{},{}\n", u / 3.0 - 0.5, v / 3.0 - 0.5),
         &["--stream-size", "640x360", "--pixel-origin", "centre"],
     ));
     let letterbox = ["--stream-size", "640x640", "--stream-fit", "letterbox"];
     same(run(format!("u,v\n{},{}\n", u / 3.0, v / 3.0 + 140.0), &letterbox));
-    // A box of which only the foot counts.
+    // Boxes, with the middle of the lower edge as foot.
     same(run(format!("x,y,w,h\n{},{},10,20\n", u / 3.0 - 5.0, v / 3.0 + 120.0), &letterbox));
     let stretch = ["--stream-size", "640x640", "--stream-fit", "stretch"];
     same(run(format!("u,v\n{},{}\n", u / 3.0, v * 640.0 / 1080.0), &stretch));
     let refused = run(format!("u,v\n{u},{v}\n"), &["--stream-size", "640x640"]).expect_code(2);
     assert!(refused.stderr.contains("letterbox") && refused.stderr.contains("\"a\""), "{refused:?}");
-    // And back.
+    // The inverse mapping.
     scratch.write("floor.csv", format!("x_m,y_m\n{},{}\n", still[0], still[1]));
     let back = ["project", "site.json", "--camera", "a", "--to", "pixel", "-i", "floor.csv"];
     let back = scratch.calib(&[&back[..], &letterbox].concat()).expect_code(0);
@@ -241,7 +241,7 @@ fn pixels_of_a_stream_of_another_size_are_those_of_the_still() {
 }
 
 #[test]
-fn every_point_says_how_sure_it_is() {
+fn every_point_has_an_uncertainty() {
     let scratch = Scratch::new();
     let demo = calib_demo::demo_site();
     let solved = demo.site.calibrate(&calib_site::Options::default()).write_into(&demo.site);
@@ -277,7 +277,7 @@ fn every_point_says_how_sure_it_is() {
         }
         assert_eq!((rows[1]["status"], rows[1]["sigma_x_m"]), ("above-horizon", ""));
     }
-    // A pixel of a stream of half the size is two of the still.
+    // One pixel of a stream of half the size is two pixels of the image.
     scratch.write("half.csv", format!("u,v\n{},{}\n", 0.5 * u, 0.5 * v));
     let half = format!("{}x{}", w / 2.0, h / 2.0);
     let args = to_floor(&["-i", "half.csv", "--sigma-px", "1", "--stream-size", &half]);
@@ -288,7 +288,7 @@ fn every_point_says_how_sure_it_is() {
 }
 
 #[test]
-fn what_nobody_knows_of_a_calibration_is_empty() {
+fn unknown_calibration_uncertainty_is_empty() {
     let scratch = scratch();
     scratch.write("in.csv", "u,v\n900,700\n");
     let run = scratch.calib(&to_floor(&["-i", "in.csv", "--sigma-px", "1"])).expect_code(0);
@@ -302,14 +302,14 @@ fn what_nobody_knows_of_a_calibration_is_empty() {
 }
 
 #[test]
-fn the_detections_of_the_demonstration_work_as_they_are() {
+fn detections_of_the_demonstration_are_mapped() {
     let scratch = Scratch::new();
     scratch.calib(&["demo"]).expect_code(0);
     let project = ["project", "calib-demo/solved.json", "--to", "floor", "-i", "calib-demo/detections.csv"];
     for more in [&["--camera-column", "camera"][..], &["--camera-column", "camera", "--at-column", "at_s"]] {
         let run = scratch.calib(&[&project[..], more, &["--sigma-px", "1"]].concat()).expect_code(0);
         let rows = rows(&run.stdout);
-        // The noise of a detection carries one beyond the edge.
+        // Because of noise, a detection may be outside the image.
         let is_mapped = |status: &str| matches!(status, "ok" | "outside-efov" | "outside-image");
         let mapped = rows.iter().filter(|row| is_mapped(row["status"])).count();
         assert!(rows.len() > 100 && mapped == rows.len(), "{mapped} of {}: {}", rows.len(), run.stderr);
@@ -319,7 +319,7 @@ fn the_detections_of_the_demonstration_work_as_they_are() {
 
 #[cfg(unix)]
 #[test]
-fn a_reader_that_has_enough_ends_the_run_quietly() {
+fn closed_pipe_ends_the_run_quietly() {
     let scratch = scratch();
     let table: String = (0..200_000).map(|i| format!("{},700\n", i % 1900)).collect();
     scratch.write("in.csv", format!("u,v\n{table}"));
@@ -334,7 +334,7 @@ fn a_reader_that_has_enough_ends_the_run_quietly() {
     }
 }
 
-/// The site with a platform 1 m high, a pit and a ramp whose height is known to 2 cm.
+/// Returns a site with a platform 1 m high, a pit, and a ramp with a height known to 2 cm.
 fn with_planes() -> (Site, Scratch) {
     let planes = serde_json::json!([
         {"id": "platform", "height_m": 1, "region": [[0, 4], [3, 4], [3, 7], [0, 7]]},
@@ -345,7 +345,7 @@ fn with_planes() -> (Site, Scratch) {
     ]);
     let scratch = scratch();
     let planes = serde_json::from_value(planes).unwrap();
-    // A camera that is known as well as exactly.
+    // A camera with a negligible but known uncertainty.
     let mut known = camera();
     known.covariance.0[Covariance::X][Covariance::X] = 1e-24;
     let mut entry = entry("a", &known);
@@ -358,7 +358,7 @@ fn with_planes() -> (Site, Scratch) {
 const TO_PLANES: [&str; 6] = ["project", "planes.json", "--camera", "a", "--to", "floor"];
 
 #[test]
-fn a_pixel_is_mapped_to_the_plane_that_it_shows_first() {
+fn pixel_is_mapped_to_the_first_plane_on_its_ray() {
     let (site, scratch) = with_planes();
     let surfaces = site.surfaces();
     let mut table = String::from("u,v\n");
@@ -386,7 +386,7 @@ fn a_pixel_is_mapped_to_the_plane_that_it_shows_first() {
         let found = WorldPoint::new(number(row, "x_m"), number(row, "y_m"), number(row, "z_m"));
         let range = shown.at.distance(camera().position);
         assert!(range > 1e3 || found.distance(shown.at) < 1e-6, "{row:?}");
-        // An exact camera: only planes are not, the ramp by its height, the others as far as floors are level.
+        // The camera is exact, but planes are uncertain: the ramp in height, the others in tilt.
         let sigma = number(row, "calibration_sigma_x_m").hypot(number(row, "calibration_sigma_y_m"));
         assert_eq!(sigma > 1e-9, known_badly.contains(&plane), "{row:?}");
     }
@@ -394,7 +394,7 @@ fn a_pixel_is_mapped_to_the_plane_that_it_shows_first() {
 }
 
 #[test]
-fn columns_of_planes_are_there_only_when_a_plane_covers_something() {
+fn plane_columns_exist_only_if_a_plane_has_a_region() {
     let (mut bare, scratch) = with_planes();
     bare.planes.iter_mut().for_each(|plane| plane.region.clear());
     scratch.write("bare.json", bare.to_json());
@@ -405,7 +405,7 @@ fn columns_of_planes_are_there_only_when_a_plane_covers_something() {
     };
     assert_eq!(mapped("bare.json"), mapped("site.json"), "as without planes, to the byte");
     assert!(mapped("planes.json").lines().next().unwrap().ends_with("status,z_m,plane"));
-    // The same of Parquet, where the columns have types, and of a column of cameras.
+    // The same with typed columns in Parquet, and with a camera column.
     scratch.write("cameras.csv", "camera_id,u,v\na,960,800\nb,960,800\n");
     let args =
         ["project", "planes.json", "--camera-column", "camera_id", "--to", "floor", "-i", "cameras.csv"];
@@ -415,5 +415,5 @@ fn columns_of_planes_are_there_only_when_a_plane_covers_something() {
     assert_eq!(schema.field_with_name("z_m").unwrap().data_type(), &DataType::Float64);
     assert_eq!(schema.field_with_name("plane").unwrap().data_type(), &DataType::Utf8);
     let heights = batch.column_by_name("z_m").unwrap();
-    assert!(heights.is_valid(0) && heights.is_null(1), "nothing is known of camera b");
+    assert!(heights.is_valid(0) && heights.is_null(1), "camera b is unknown");
 }

@@ -1,4 +1,4 @@
-//! `DuckDB` maps an archive like `calib project`, with the SQL view.
+//! The SQL view in `DuckDB` maps an archive like `calib project`.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -15,13 +15,13 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-/// Camera a with five coefficients, b without distortion, c with the division model.
+/// Returns camera a with five coefficients, b without distortion, c with the division model.
 fn site() -> Site {
     let cameras = ["a", "b", "c"].iter().zip(LENSES).map(|(id, distortion)| entry(id, &camera(distortion)));
     Site { cameras: cameras.collect(), ..Site::new() }
 }
 
-/// Detections of all cameras, in row groups small enough that several tasks share them.
+/// Writes detections of all cameras in small row groups, which several threads share.
 fn write_detections(scratch: &Scratch, groups: usize, rows: usize) {
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let mut writer: Option<ArrowWriter<File>> = None;
@@ -61,8 +61,9 @@ fn write_detections(scratch: &Scratch, groups: usize, rows: usize) {
     writer.unwrap().close().unwrap();
 }
 
-/// The site, its SQL view, detections, and what the program makes of them.
-fn prepared(site: &Site, more: &[&str], groups: usize, rows: usize) -> (Scratch, String) {
+/// Writes the site, its SQL view and detections, and maps them with the program. Returns the messages of the
+/// export.
+fn prepare(site: &Site, more: &[&str], groups: usize, rows: usize) -> (Scratch, String) {
     let scratch = Scratch::new();
     scratch.write("site.json", site.to_json());
     let run =
@@ -97,16 +98,16 @@ fn python(script: &str, arguments: &[&str]) -> Option<Value> {
     )
 }
 
-/// The two numbers that an export says of a lens that is fitted: pixels, and metres in the EFOV.
-fn told_error(stderr: &str) -> [f64; 2] {
+/// Returns the two stated errors of a fitted lens: in pixels, and in metres within the EFOV.
+fn stated_error(stderr: &str) -> [f64; 2] {
     let line = stderr.lines().find(|line| line.contains("px off")).unwrap();
     let last = |text: &str| text.rsplit(' ').next().unwrap().parse().unwrap();
     [last(line.split(" px off").next().unwrap()), last(line.trim_end().strip_suffix(" m").unwrap())]
 }
 
 #[test]
-fn the_view_in_duckdb_is_exact_or_as_far_off_as_it_says() {
-    let (scratch, told) = prepared(&site(), &[], 2, 100_000);
+fn view_in_duckdb_is_exact_or_within_its_stated_error() {
+    let (scratch, messages) = prepare(&site(), &[], 2, 100_000);
     let Some(found) = python("engines_duckdb.py", &[&scratch.path("").to_string_lossy()]) else { return };
     for camera in ["b", "c"] {
         let row = &found[camera];
@@ -114,30 +115,30 @@ fn the_view_in_duckdb_is_exact_or_as_far_off_as_it_says() {
         assert!(row["mapped"].as_u64().unwrap() > 50_000, "{row}");
         assert!(row["relative"].as_f64().unwrap() < 1e-9, "{row}");
     }
-    // Between the points of the grid on which the error was looked for it may be a little more.
-    let ([pixels, metres], row) = (told_error(&told), &found["a"]);
-    assert!(pixels > 1.0 && pixels < 20.0 && metres < 0.5, "{told}");
+    // Between the sample points of the export, the error may be slightly larger.
+    let ([pixels, metres], row) = (stated_error(&messages), &found["a"]);
+    assert!(pixels > 1.0 && pixels < 20.0 && metres < 0.5, "{messages}");
     let off = row["in_efov_m"].as_f64().unwrap();
-    assert!(off < 1.2 * metres && off > 0.2 * metres, "{off} m, and {metres} m was said");
+    assert!(off < 1.2 * metres && off > 0.2 * metres, "{off} m, stated {metres} m");
 }
 
 #[test]
-fn the_view_takes_the_calibration_of_the_time() {
+fn view_uses_the_calibration_valid_at_the_time() {
     let mut site = site();
     let mut after = site.cameras[1].clone();
     after.solution.as_mut().unwrap().yaw_deg = Some(70.0);
     site.cameras[1].valid_to = Some("2026-05-28T21:30:00+01:00".into());
     after.valid_from.clone_from(&site.cameras[1].valid_to);
     site.cameras.push(after);
-    // 3000 seconds, from 20:26:40 on.
-    let (scratch, _) = prepared(&site, &["--at-column", "seen_at"], 1, 75_000);
+    // 3000 seconds, starting at 20:26:40.
+    let (scratch, _) = prepare(&site, &["--at-column", "seen_at"], 1, 75_000);
     let Some(found) = python("engines_duckdb.py", &[&scratch.path("").to_string_lossy()]) else { return };
     assert_eq!(found["b"]["rows"], 25_000);
     assert!(found["b"]["relative"].as_f64().unwrap() < 1e-9, "{found}");
 }
 
 #[test]
-fn duckdb_reads_the_table_that_is_written_as_parquet() {
+fn duckdb_reads_the_exported_parquet_table() {
     let scratch = Scratch::new();
     scratch.write("site.json", site().to_json());
     for name in ["cameras.json", "cameras.parquet"] {
@@ -146,7 +147,7 @@ fn duckdb_reads_the_table_that_is_written_as_parquet() {
     let path = scratch.path("cameras.parquet");
     let Some(found) = python("engines_table.py", &[&path.to_string_lossy()]) else { return };
     let text = std::fs::read_to_string(scratch.path("cameras.json")).unwrap();
-    let told: Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(found, told["cameras"]);
+    let exported: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(found, exported["cameras"]);
     assert_eq!(found[0]["floor_from_undistorted_px"].as_array().unwrap().len(), 9);
 }

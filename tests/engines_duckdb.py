@@ -1,4 +1,4 @@
-"""Runs the SQL view in DuckDB beside the rows that calib mapped. Prints how far they are apart, by camera.
+"""Compares the SQL view in DuckDB with the rows mapped by calib. Prints the differences per camera.
 
     engines_duckdb.py FOLDER
 

@@ -1,4 +1,4 @@
-"""Prints the rows of a Parquet file as DuckDB reads them, as JSON.
+"""Prints the rows of a Parquet file, read by DuckDB, as JSON.
 
     engines_table.py FILE
 """

@@ -1,4 +1,5 @@
-//! The estimators on random rooms: exact scenes, the Cramér-Rao bound, wrong lines, degenerate set-ups.
+//! The estimators on random rooms: exact scenes, the Cramér-Rao bound, wrong lines, degenerate
+//! configurations.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -41,7 +42,7 @@ fn fit(annotations: &[Annotation], scene: &RandomScene, sigma: Option<f64>) -> F
 }
 
 #[test]
-fn the_papers_method_finds_exact_scenes() {
+fn paper_method_finds_exact_scenes() {
     for drawn in [AnnotationSet::Directions, AnnotationSet::Lengths] {
         for scene in scenes(drawn, 40, 21) {
             let evidence = Constraints::new(&scene.annotations, &lens(), SceneErrors::EXACT);
@@ -58,7 +59,7 @@ fn the_papers_method_finds_exact_scenes() {
 }
 
 #[test]
-fn the_fit_finds_exact_scenes() {
+fn fit_finds_exact_scenes() {
     for drawn in [AnnotationSet::Directions, AnnotationSet::Lengths] {
         for scene in scenes(drawn, 100, 22) {
             let fit = fit(&scene.annotations, &scene, Some(1.0));
@@ -72,7 +73,7 @@ fn the_fit_finds_exact_scenes() {
 }
 
 #[test]
-fn the_fit_reaches_the_cramer_rao_bound_and_its_sigmas_are_true() {
+fn fit_reaches_the_cramer_rao_bound_and_its_sigmas_are_correct() {
     const DRAWS: usize = 12;
     for (drawn, noise) in [
         (AnnotationSet::Directions, 0.5),
@@ -116,14 +117,14 @@ fn the_fit_reaches_the_cramer_rao_bound_and_its_sigmas_are_true() {
                 100.0 * share
             );
             assert!(median < 1.05, "{median} times the bound");
-            // 720 trials: one standard deviation of the share is 0.8 %.
+            // With 720 trials, the standard deviation of the fraction is 0.8 %.
             assert!(share > 0.925 && share < 0.975, "{share} covered");
         }
     }
 }
 
 #[test]
-fn one_wrong_line_is_named_and_good_ones_are_not() {
+fn one_wrong_line_is_rejected_and_correct_ones_are_not() {
     let mut random = ChaCha8Rng::seed_from_u64(31);
     let (mut trials, mut named, mut wild, mut accused, mut good) = (0, 0, 0, 0, 0);
     for scene in scenes(AnnotationSet::Directions, 120, 32) {
@@ -132,7 +133,7 @@ fn one_wrong_line_is_named_and_good_ones_are_not() {
             continue;
         }
         let mut annotations = scene.noisy(&mut random, 1.0);
-        // One end of one line is 30 to 60 px off, across the line.
+        // One end point of one line is moved 30 to 60 px across the line.
         let lines: Vec<(usize, usize)> = annotations
             .iter()
             .enumerate()
@@ -154,7 +155,7 @@ fn one_wrong_line_is_named_and_good_ones_are_not() {
         wild += usize::from((found.camera.focal / scene.camera.focal).ln().abs() > 0.2);
     }
     println!(
-        "{named} of {trials} named, {accused} of {good} good lines accused, {wild} results over 20 % off"
+        "{named} of {trials} wrong lines rejected, {accused} of {good} correct lines rejected, {wild} results over 20 % off"
     );
     assert!(trials > 60);
     assert!(named as f64 >= 0.98 * trials as f64, "{named} of {trials}");
@@ -162,7 +163,7 @@ fn one_wrong_line_is_named_and_good_ones_are_not() {
     assert_eq!(wild, 0);
 }
 
-/// A camera over a floor whose lines are drawn one by one.
+/// Camera over a floor, for which the tests draw single lines.
 struct Studio {
     camera: Camera,
     random: ChaCha8Rng,
@@ -189,7 +190,8 @@ impl Studio {
         Pixel { u: shown.u + noise * normal(random), v: shown.v + noise * normal(random) }
     }
 
-    /// A floor segment about a point, in metres from below the camera, at an azimuth from image right.
+    /// Draws a floor segment centred at (x, y) in metres, relative to the foot of the camera, with an azimuth
+    /// from the image's right.
     fn floor(&mut self, x: f64, y: f64, azimuth: f64, length: f64) -> Vec<Pixel> {
         let (sin, cos) = azimuth.to_radians().sin_cos();
         let end = |s: f64| WorldPoint::new(x + 0.5 * s * length * cos, y + 0.5 * s * length * sin, 0.0);
@@ -205,7 +207,7 @@ impl Studio {
         Annotation::from_segments(Kind::Vertical, lines.to_vec())
     }
 
-    /// Floor lines of one direction, side by side.
+    /// Draws four parallel floor lines.
     fn parallels(&mut self, azimuth: f64) -> Annotation {
         let lines =
             [(-2.0, 6.5), (-0.5, 6.0), (0.8, 7.0), (2.2, 6.5)].map(|(x, y)| self.floor(x, y, azimuth, 3.0));
@@ -220,7 +222,7 @@ impl Studio {
     fn site(&self, annotations: Vec<Annotation>) -> SiteCamera {
         SiteCamera {
             sigma_px: Some(self.noise),
-            // What a studio shows is built exactly.
+            // The studio has no scene errors.
             scene: Some(SceneEntry::EXACT),
             annotations,
             ..SiteCamera::new("A", [1920, 1080])
@@ -243,7 +245,7 @@ fn codes(solution: &Solution) -> Vec<Code> {
 }
 
 #[track_caller]
-fn assert_named(solution: &Solution, code: Code) {
+fn assert_warns(solution: &Solution, code: Code) {
     assert!(codes(solution).contains(&code), "{code} is not among {:#?}", solution.warnings);
     let warning = solution.warnings.iter().find(|warning| warning.code == code).unwrap();
     assert!(!warning.message.is_empty() && !warning.advice.is_empty());
@@ -251,54 +253,49 @@ fn assert_named(solution: &Solution, code: Code) {
 
 #[track_caller]
 fn assert_healthy(solution: &Solution, studio: &Studio) {
-    assert_eq!(
-        codes(solution),
-        [Code::ScaleAssumed],
-        "of a studio nobody knows the scale: {:#?}",
-        solution.warnings
-    );
+    assert_eq!(codes(solution), [Code::ScaleAssumed], "only the scale is unknown: {:#?}", solution.warnings);
     let sigma = solution.sigma.as_ref().unwrap();
     let off = (solution.focal_px - studio.camera.focal).abs();
     assert!(off < 4.0 * sigma.focal_px.unwrap(), "focal {} of {}", solution.focal_px, studio.camera.focal);
 }
 
 #[test]
-fn verticals_alone_do_not_tell_the_focal() {
+fn verticals_alone_do_not_determine_the_focal() {
     let mut studio = Studio::new(30.0, 75.0);
     let verticals = studio.verticals();
     let solution = solve(studio.site(vec![verticals.clone()]));
-    assert_named(&solution, Code::FocalUnobservable);
-    assert_named(&solution, Code::PriorDominates);
+    assert_warns(&solution, Code::FocalUnobservable);
+    assert_warns(&solution, Code::PriorDominates);
     let advice = &solution.warnings.iter().find(|w| w.code == Code::FocalUnobservable).unwrap().advice;
     assert!(advice.contains("run away from the camera"), "{advice}");
-    // Beside it: two lines more.
+    // For comparison: with one group of floor lines more.
     let floor = studio.parallels(80.0);
     assert_healthy(&solve(studio.site(vec![verticals, floor])), &studio);
 }
 
 #[test]
-fn floor_lines_parallel_to_the_image_do_not_tell_the_focal() {
+fn floor_lines_parallel_to_the_image_do_not_determine_the_focal() {
     let mut studio = Studio::new(30.0, 75.0);
     studio.camera.roll = 0.0;
     let (verticals, across) = (studio.verticals(), studio.parallels(0.0));
     let solution = solve(studio.site(vec![verticals.clone(), across.clone()]));
-    assert_named(&solution, Code::FocalUnobservable);
+    assert_warns(&solution, Code::FocalUnobservable);
     let angle = studio.right_angle(45.0);
     assert_healthy(&solve(studio.site(vec![verticals, across, angle])), &studio);
 }
 
 #[test]
-fn a_right_angle_aligned_with_the_view_does_not_tell_the_focal() {
+fn right_angle_aligned_with_the_view_does_not_determine_the_focal() {
     let mut studio = Studio::new(30.0, 75.0);
     studio.camera.roll = 0.0;
     let verticals = studio.verticals();
     let lines = [studio.floor(0.0, 6.0, 0.0, 2.5), studio.floor(0.0, 6.5, 90.0, 2.5)];
     let aligned = Annotation::from_segments(Kind::Perpendicular, lines.to_vec());
-    assert_named(&solve(studio.site(vec![verticals, aligned])), Code::FocalUnobservable);
+    assert_warns(&solve(studio.site(vec![verticals, aligned])), Code::FocalUnobservable);
 }
 
 #[test]
-fn one_right_angle_alone_has_two_solutions_and_both_are_shown() {
+fn one_right_angle_has_two_solutions_and_both_are_reported() {
     let mut found = 0;
     for azimuth in [20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0] {
         let mut studio = Studio::new(35.0, 70.0);
@@ -308,7 +305,7 @@ fn one_right_angle_alone_has_two_solutions_and_both_are_shown() {
         let answers = solution.alternatives.iter().map(|other| other.focal_px).chain([solution.focal_px]);
         let nearest =
             answers.map(|focal| (focal / studio.camera.focal).ln().abs()).fold(f64::INFINITY, f64::min);
-        assert!(nearest < 0.25, "{azimuth}: the truth is among neither, {nearest}");
+        assert!(nearest < 0.25, "{azimuth}: no solution is near the truth, {nearest}");
         if codes(&solution).contains(&Code::TwoSolutions) {
             found += 1;
             assert!(!solution.alternatives.is_empty());
@@ -318,7 +315,7 @@ fn one_right_angle_alone_has_two_solutions_and_both_are_shown() {
 }
 
 #[test]
-fn the_belief_hides_no_camera_that_the_lines_allow() {
+fn prior_hides_no_minimum_of_the_lines() {
     let mut two = 0;
     for (index, azimuth) in (0..2000).map(|index| (index, 15.0 + f64::from(index % 13) * 5.0)) {
         let mut studio = Studio::new(20.0 + f64::from(index % 7) * 5.0, 40.0 + f64::from(index % 8) * 10.0);
@@ -332,7 +329,7 @@ fn the_belief_hides_no_camera_that_the_lines_allow() {
             solution.alternatives.iter().map(|other| other.focal_px).chain([solution.focal_px]).collect()
         };
         let sigma = lines.sigma.as_ref().and_then(|sigma| sigma.focal_px).map(|sigma| sigma / lines.focal_px);
-        // Where the belief enters, and the lines tell the focal all the same.
+        // Cases in which the prior is used although the lines determine the focal length.
         if !sigma.is_some_and(|sigma| (0.1..0.2).contains(&sigma)) || lines.alternatives.is_empty() {
             continue;
         }
@@ -343,17 +340,17 @@ fn the_belief_hides_no_camera_that_the_lines_allow() {
         }
         assert!(codes(&solution).contains(&Code::TwoSolutions), "{azimuth}: {:?}", codes(&solution));
     }
-    assert!(two >= 5, "two solutions of lines that tell the focal: {two}");
+    assert!(two >= 5, "two solutions with a determined focal length: {two}");
 }
 
 #[test]
-fn equal_segments_at_one_depth_and_direction_do_not_tell_the_focal() {
+fn equal_segments_at_one_depth_and_direction_do_not_determine_the_focal() {
     let mut studio = Studio::new(30.0, 75.0);
     studio.camera.roll = 0.0;
     let verticals = studio.verticals();
     let side_by_side = [-2.0, -0.7, 0.7, 2.0].map(|x| studio.floor(x, 6.0, 0.0, 1.0)).to_vec();
     let equal = Annotation::from_segments(Kind::EqualLength, side_by_side.clone());
-    assert_named(&solve(studio.site(vec![verticals.clone(), equal])), Code::FocalUnobservable);
+    assert_warns(&solve(studio.site(vec![verticals.clone(), equal])), Code::FocalUnobservable);
     let mut segments = side_by_side;
     segments.extend(
         [(-1.0, 4.5), (1.0, 8.0), (0.0, 5.0), (0.5, 7.0)].map(|(x, y)| studio.floor(x, y, 80.0, 1.0)),
@@ -363,13 +360,13 @@ fn equal_segments_at_one_depth_and_direction_do_not_tell_the_focal() {
 }
 
 #[test]
-fn a_level_camera_with_one_parallel_group_is_weak_and_a_right_angle_mends_it() {
+fn level_camera_with_one_parallel_group_needs_a_right_angle() {
     let mut studio = Studio::new(0.5, 75.0);
     let lines =
         [(-2.0, 9.0), (-0.7, 9.0), (0.8, 9.0), (2.2, 9.0)].map(|(x, y)| studio.floor(x, y, 85.0, 4.0));
     let verticals = studio.verticals();
     let group = Annotation::from_segments(Kind::Parallel, lines.to_vec());
-    assert_named(&solve(studio.site(vec![verticals.clone(), group.clone()])), Code::FocalUnobservable);
+    assert_warns(&solve(studio.site(vec![verticals.clone(), group.clone()])), Code::FocalUnobservable);
     let angles = [studio.floor(0.5, 7.5, 40.0, 3.0), studio.floor(-0.5, 8.0, 130.0, 3.0)];
     let angle = Annotation::from_segments(Kind::Perpendicular, angles.to_vec());
     let solution = solve(studio.site(vec![verticals, group, angle]));
@@ -377,7 +374,7 @@ fn a_level_camera_with_one_parallel_group_is_weak_and_a_right_angle_mends_it() {
 }
 
 #[test]
-fn looking_straight_down_the_floor_is_fine_and_the_focal_is_not() {
+fn looking_straight_down_determines_the_floor_but_not_the_focal() {
     let mut studio = Studio::new(89.9, 75.0);
     let floor = |studio: &mut Studio, azimuth: f64| {
         let lines = [(-1.5, -0.8), (0.0, 0.9), (1.4, 0.3)].map(|(x, y)| studio.floor(x, y, azimuth, 1.6));
@@ -388,12 +385,12 @@ fn looking_straight_down_the_floor_is_fine_and_the_focal_is_not() {
     let along = Annotation { id: Some("a".into()), ..floor(&mut studio, 20.0) };
     let across = Annotation { at_right_angles_to: Some("a".into()), ..floor(&mut studio, 110.0) };
     let solution = solve(studio.site(vec![verticals, along, across]));
-    assert_named(&solution, Code::FocalUnobservable);
+    assert_warns(&solution, Code::FocalUnobservable);
     let rel = solution.sigma.as_ref().unwrap().floor_length_rel.unwrap();
     assert!(rel < 0.01, "floor {rel}");
     let truth = &studio.camera;
     let found = solution.camera().unwrap();
-    // Lengths on the floor, up to the scale that nothing gives.
+    // Ratio of floor lengths: the scale is unknown.
     let length = |camera: &Camera, a: [f64; 2], b: [f64; 2]| {
         let at = |p: [f64; 2]| camera.pixel_to_floor(p.into(), 0.0).unwrap();
         at(a).distance(at(b))
@@ -404,14 +401,14 @@ fn looking_straight_down_the_floor_is_fine_and_the_focal_is_not() {
 }
 
 impl Studio {
-    /// A short vertical near the floor, as seen from straight above.
+    /// Draws a short vertical near the floor, seen from above.
     fn vertical_low(&mut self, x: f64, y: f64) -> Vec<Pixel> {
         vec![self.pixel(WorldPoint::new(x, y, 0.0)), self.pixel(WorldPoint::new(x, y, 0.8))]
     }
 }
 
 #[test]
-fn no_vertical_is_needed_where_the_floor_says_enough() {
+fn verticals_are_optional_if_floor_lines_suffice() {
     let mut studio = Studio::new(35.0, 75.0);
     let along = Annotation { id: Some("a".into()), ..studio.parallels(60.0) };
     let across = Annotation { at_right_angles_to: Some("a".into()), ..studio.parallels(150.0) };
@@ -421,7 +418,7 @@ fn no_vertical_is_needed_where_the_floor_says_enough() {
 }
 
 #[test]
-fn too_little_is_refused_with_what_to_draw() {
+fn too_few_lines_are_refused_with_advice() {
     let mut studio = Studio::new(35.0, 75.0);
     let group = studio.parallels(60.0);
     for annotations in [vec![], vec![group]] {
@@ -431,7 +428,7 @@ fn too_little_is_refused_with_what_to_draw() {
 }
 
 #[test]
-fn the_weak_belief_does_not_move_what_the_lines_tell() {
+fn weak_prior_does_not_change_a_determined_focal() {
     let mut studio = Studio::new(30.0, 75.0);
     let annotations = vec![studio.verticals(), studio.parallels(70.0), studio.right_angle(40.0)];
     let with = solve(studio.site(annotations.clone()));
@@ -442,7 +439,7 @@ fn the_weak_belief_does_not_move_what_the_lines_tell() {
 }
 
 #[test]
-fn a_known_length_an_upright_and_a_height_give_the_scale() {
+fn known_length_upright_and_height_determine_the_scale() {
     let mut studio = Studio::new(30.0, 75.0);
     let base = vec![studio.verticals(), studio.parallels(70.0), studio.right_angle(40.0)];
     let truth = studio.camera.position.z;
@@ -476,7 +473,7 @@ fn a_known_length_an_upright_and_a_height_give_the_scale() {
 }
 
 #[test]
-fn a_known_size_is_asked_for_where_the_scale_is_the_limit_and_brings_what_was_said() {
+fn known_size_is_suggested_if_the_scale_is_the_limit_with_the_correct_gain() {
     let mut studio = Studio::new(30.0, 75.0);
     let base =
         vec![studio.verticals(), studio.parallels(70.0), studio.right_angle(40.0), studio.parallels(10.0)];
@@ -499,11 +496,11 @@ fn a_known_size_is_asked_for_where_the_scale_is_the_limit_and_brings_what_was_sa
     let measured = studio.site(base.iter().cloned().chain([length]).collect());
     let then = solve(measured.clone()).sigma.unwrap().floor_length_rel.unwrap();
     assert!((0.7..1.4).contains(&(then / guessed.floor_length_rel)), "{then} {}", guessed.floor_length_rel);
-    assert!(asked(measured).is_none(), "and is not asked for again");
+    assert!(asked(measured).is_none(), "the suggestion is not repeated");
 }
 
 #[test]
-fn where_a_size_is_the_limit_the_advice_is_to_measure_one() {
+fn advice_is_to_measure_a_size_if_the_scale_is_the_limit() {
     let mut studio = Studio::new(30.0, 75.0);
     let base =
         vec![studio.verticals(), studio.parallels(70.0), studio.right_angle(40.0), studio.parallels(10.0)];
@@ -519,13 +516,13 @@ fn where_a_size_is_the_limit_the_advice_is_to_measure_one() {
     assert_eq!(advice(0.02, &base), None);
     let limited = advice(0.2, &base).expect("six per cent are too much");
     assert!(limited.contains("Measure one") && limited.contains("\u{b1} 5."), "{limited}");
-    // A camera whose shape is open, too, is to be drawn on.
+    // If the camera's shape is undetermined, too, the advice is to draw lines.
     let open = advice(0.1, &few);
     assert!(open.as_ref().is_some_and(|advice| !advice.contains("Measure one")), "{open:?}");
 }
 
 #[test]
-fn a_held_focal_leaves_pitch_and_roll_at_their_own_bound() {
+fn fixed_focal_leaves_pitch_and_roll_at_their_bound() {
     let (mut square, mut bound, mut trials) = ([0.0; 2], [0.0; 2], 0.0);
     for seed in 0..200 {
         let mut studio = Studio::new(30.0, 75.0);
@@ -538,7 +535,7 @@ fn a_held_focal_leaves_pitch_and_roll_at_their_own_bound() {
         let solution = solve(camera);
         assert_eq!(solution.focal_px, focal);
         let sigma = solution.sigma.as_ref().unwrap();
-        assert_eq!(sigma.focal_px, None, "what is held is not estimated");
+        assert_eq!(sigma.focal_px, None, "a fixed focal length has no sigma");
         let error = [solution.roll_deg.unwrap() - 0.02_f64.to_degrees(), solution.pitch_deg.unwrap() - 30.0];
         for (i, sigma) in [sigma.roll_deg.unwrap(), sigma.pitch_deg.unwrap()].into_iter().enumerate() {
             square[i] += error[i] * error[i];
@@ -554,7 +551,7 @@ fn a_held_focal_leaves_pitch_and_roll_at_their_own_bound() {
 }
 
 #[test]
-fn the_operators_move_turn_and_scale_place_the_camera() {
+fn placement_moves_rotates_and_scales_the_camera() {
     let mut studio = Studio::new(30.0, 75.0);
     let annotations = vec![studio.verticals(), studio.parallels(70.0)];
     let mut camera = studio.site(annotations);
@@ -571,7 +568,7 @@ fn the_operators_move_turn_and_scale_place_the_camera() {
 }
 
 #[test]
-fn what_a_method_does_not_use_is_named() {
+fn unused_annotations_are_reported() {
     let mut studio = Studio::new(30.0, 75.0);
     let points = (0..4).map(|i| studio.pixel(WorldPoint::new(-2.0, 5.0 + f64::from(i), 0.0))).collect();
     let straight = Annotation { points: Some(points), ..Annotation::new(Kind::Straight) };
@@ -584,7 +581,7 @@ fn what_a_method_does_not_use_is_named() {
     let annotations: Vec<Annotation> = base.into_iter().chain([straight, lonely, known]).collect();
     let count =
         |solution: &Solution| codes(solution).iter().filter(|&&code| code == Code::UnusedAnnotation).count();
-    // A straight edge is used: for the lens.
+    // The default method uses the straight edge for the lens.
     assert_eq!(count(&solve(studio.site(annotations.clone()))), 1, "the lonely line");
     let paper = Options { method: Method::Paper, ..Options::default() };
     assert_eq!(count(&solve_with(studio.site(annotations), &paper).unwrap()), 2, "and the known length");

@@ -1,4 +1,4 @@
-//! Files that cannot hurt: what is refused takes little memory and time, and what is there is kept.
+//! Hostile and damaged files: refusals take little memory and time, and existing files are kept.
 
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
@@ -15,20 +15,20 @@ use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
 use arrow_schema::{DataType, Field, Schema};
 use calib_core::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_site::{Method, Plan, Site, SiteCamera, Solution, Stage};
-use calib_tests::{Ended, Scratch, program};
+use calib_tests::{ProgramOutput, Scratch, program};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaDataBuilder, ParquetMetaDataWriter};
 use parquet::file::properties::WriterProperties;
 
-/// Memory that a run may take which ends in a refusal, in KiB, all that is mapped included.
+/// Largest address space of a refused run, in KiB, including mapped files.
 const MEMORY_KIB: u32 = 512 << 10;
-/// Time that it may take.
+/// Largest duration of a refused run, in seconds.
 const SECONDS: u64 = 5;
 
-/// Runs `calib` with little memory; no run takes long.
-fn within_limits(scratch: &Scratch, args: &[&str]) -> Ended {
+/// Runs `calib` with limited memory and checks its duration.
+fn within_limits(scratch: &Scratch, args: &[&str]) -> ProgramOutput {
     let program = program();
     let started = Instant::now();
     let output = Command::new("sh")
@@ -41,12 +41,12 @@ fn within_limits(scratch: &Scratch, args: &[&str]) -> Ended {
         .unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
     let code = output.status.code().unwrap_or(-1);
-    let ended = Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) };
+    let ended = ProgramOutput { code, stdout: text(output.stdout), stderr: text(output.stderr) };
     assert!(started.elapsed() < Duration::from_secs(SECONDS), "{args:?}: {:?}, {ended:?}", started.elapsed());
     ended
 }
 
-/// A calibrated camera whose image has a name and a size.
+/// Returns a calibrated camera with an image name and size.
 fn entry(id: &str, image: &str, size: [u32; 2]) -> SiteCamera {
     let camera = Camera {
         position: WorldPoint { x: 1.2, y: -0.4, z: 4.5 },
@@ -65,7 +65,7 @@ fn write_site(scratch: &Scratch, cameras: Vec<SiteCamera>) {
     scratch.write("site.json", Site { cameras, ..Site::new() }.to_json());
 }
 
-/// A JPEG of a grey wall whose header may promise another size.
+/// Returns a JPEG of a grey wall whose header declares a size.
 fn jpeg(size: [u16; 2]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let image = image::RgbImage::from_pixel(16, 16, image::Rgb([90, 90, 90]));
@@ -76,7 +76,7 @@ fn jpeg(size: [u16; 2]) -> Vec<u8> {
     bytes
 }
 
-/// A PNG whose header promises a size.
+/// Returns a PNG whose header declares a size.
 fn png(side: u32) -> Vec<u8> {
     let chunk = |kind: &[u8; 4], data: &[u8]| {
         let mut crc = u32::MAX;
@@ -99,7 +99,7 @@ const DRAWING: [&[&str]; 4] = [
 ];
 
 #[test]
-fn a_picture_that_promises_more_than_it_holds_takes_no_memory() {
+fn truncated_images_with_large_sizes_take_no_memory() {
     for (name, bytes, side) in
         [("a.jpg", jpeg([65_500; 2]), 65_500), ("a.png", png(65_535), 65_535), ("b.png", png(16_000), 16_000)]
     {
@@ -108,7 +108,7 @@ fn a_picture_that_promises_more_than_it_holds_takes_no_memory() {
         write_site(&scratch, vec![entry("a", name, [side; 2])]);
         for args in DRAWING {
             let run = within_limits(&scratch, args);
-            // A page without one picture is better than no page.
+            // A report omits an unreadable image and is written.
             assert_eq!(run.code, if args[0] == "report" { 0 } else { 3 }, "{name} {args:?} {run:?}");
             assert!(run.stderr.contains("truncated") && run.stderr.contains(name), "{args:?} {run:?}");
         }
@@ -128,7 +128,7 @@ fn a_picture_that_promises_more_than_it_holds_takes_no_memory() {
 }
 
 #[test]
-fn a_size_is_compared_before_pixels_are_decoded() {
+fn image_size_is_checked_before_decoding() {
     let scratch = Scratch::new();
     let mut bytes = std::io::Cursor::new(Vec::new());
     image::GrayImage::new(16_000, 12_000).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
@@ -141,7 +141,7 @@ fn a_size_is_compared_before_pixels_are_decoded() {
 }
 
 #[test]
-fn a_picture_that_memory_does_not_hold_is_an_error() {
+fn image_larger_than_memory_is_an_error() {
     let scratch = Scratch::new();
     let mut bytes = std::io::Cursor::new(Vec::new());
     image::GrayImage::new(14_000, 12_000).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
@@ -152,7 +152,7 @@ fn a_picture_that_memory_does_not_hold_is_an_error() {
 }
 
 #[test]
-fn a_jpeg_that_was_cut_is_said_to_be_truncated() {
+fn truncated_jpeg_is_reported() {
     let scratch = Scratch::new();
     let mut bytes = Vec::new();
     let image = image::RgbImage::from_fn(640, 480, |x, y| image::Rgb([x as u8, y as u8, (x ^ y) as u8]));
@@ -168,7 +168,7 @@ fn a_jpeg_that_was_cut_is_said_to_be_truncated() {
 }
 
 #[test]
-fn pipes_and_devices_are_no_sites_and_no_pictures() {
+fn pipes_and_devices_are_refused() {
     let scratch = Scratch::new();
     assert!(Command::new("mkfifo").arg(scratch.path("pipe")).status().unwrap().success());
     for path in ["pipe", "/dev/zero"] {
@@ -189,7 +189,7 @@ fn pipes_and_devices_are_no_sites_and_no_pictures() {
 }
 
 #[test]
-fn pictures_outside_the_folder_are_read_when_that_is_wanted() {
+fn images_outside_the_folder_are_read_on_request() {
     let scratch = Scratch::new();
     std::fs::create_dir(scratch.path("site")).unwrap();
     image::RgbImage::new(640, 480).save(scratch.path("private.png")).unwrap();
@@ -209,14 +209,14 @@ fn pictures_outside_the_folder_are_read_when_that_is_wanted() {
         scratch.calib(&[&render[..], &["--allow-outside"]].concat()).expect_code(0);
         scratch.calib(&[&report[..], &["--allow-outside"]].concat()).expect_code(0);
         assert!(size(&scratch) > without);
-        // Lines are solved without the picture, as without one that is not there.
+        // Solving ignores an unreadable image, like a missing one.
         let run = scratch.calib(&["solve", "site/site.json", "--format", "json"]).expect_code(0);
         assert!(run.stderr.contains("--allow-outside"), "{run:?}");
     }
 }
 
 #[test]
-fn a_site_with_lists_without_end_takes_little_memory() {
+fn site_with_endless_lists_takes_little_memory() {
     let scratch = Scratch::new();
     let site = |inner: &str| format!("{{\"format\":\"calib-site\",\"version\":1,{inner}}}");
     let list = |item: &str, count: usize| vec![item; count].join(",");
@@ -251,7 +251,7 @@ fn a_site_with_lists_without_end_takes_little_memory() {
 }
 
 #[test]
-fn more_lines_than_anybody_draws_are_refused() {
+fn too_many_annotations_are_refused() {
     let scratch = Scratch::new();
     let segments = vec!["[[10,20],[10,300]]"; 200_000].join(",");
     scratch.write(
@@ -266,7 +266,7 @@ fn more_lines_than_anybody_draws_are_refused() {
 }
 
 #[test]
-fn more_lines_than_a_site_has_are_refused() {
+fn too_many_lines_in_a_site_are_refused() {
     let scratch = Scratch::new();
     let segments = vec!["[[10,20],[10,300]]"; 20_000].join(",");
     let camera = |index: usize| {
@@ -304,8 +304,11 @@ fn parquet(codec: Compression) -> Vec<u8> {
 
 const TABLE: [&str; 6] = ["project", "site.json", "--camera", "a", "--to", "floor"];
 
-/// The file with the metadata of its first column changed.
-fn forged(bytes: &[u8], change: impl Fn(ColumnChunkMetaData) -> ColumnChunkMetaData) -> Vec<u8> {
+/// Returns the Parquet file with changed metadata of its first column.
+fn with_changed_metadata(
+    bytes: &[u8],
+    change: impl Fn(ColumnChunkMetaData) -> ColumnChunkMetaData,
+) -> Vec<u8> {
     let whole = bytes::Bytes::copy_from_slice(bytes);
     let about =
         ArrowReaderMetadata::load(&whole, ArrowReaderOptions::new()).unwrap().metadata().as_ref().clone();
@@ -320,7 +323,8 @@ fn forged(bytes: &[u8], change: impl Fn(ColumnChunkMetaData) -> ColumnChunkMetaD
     out
 }
 
-/// Seven bits a byte, twice the number: as Thrift writes one, and a run of equal levels its length.
+/// Encodes a number as a Thrift zigzag varint. A run of equal Parquet levels encodes its length in the same
+/// way.
 fn varint(number: usize) -> Vec<u8> {
     let mut number = number << 1;
     let mut bytes = Vec::new();
@@ -332,23 +336,25 @@ fn varint(number: usize) -> Vec<u8> {
     bytes
 }
 
-/// The file with a page of its first column that promises to unpack to so many bytes, and has so many values.
+/// Returns the Parquet file with a new page of its first column. The page declares an unpacked size and a
+/// number of values.
 fn with_page(whole: &[u8], promised: usize, values: usize, packed: &[u8]) -> Vec<u8> {
-    // A data page, its unpacked and its packed size, then its values and encodings (plain, RLE, RLE).
+    // A data page: its unpacked and its packed size, then its number of values and encodings (plain, RLE,
+    // RLE).
     let sizes = [&[0x15, 0x00, 0x15][..], &varint(promised), &[0x15], &varint(packed.len())].concat();
     let values =
         [&[0x2C, 0x15][..], &varint(values), &[0x15, 0x00, 0x15, 0x06, 0x15, 0x06, 0x00, 0x00]].concat();
     let page = [&sizes, &values, packed].concat();
     let length = u32::from_le_bytes(*whole[..whole.len() - 4].last_chunk().unwrap()) as usize;
     let (pages, end) = whole.split_at(whole.len() - 8 - length);
-    forged(&[pages, &page[..], end].concat(), |column| {
+    with_changed_metadata(&[pages, &page[..], end].concat(), |column| {
         let builder = column.into_builder().set_data_page_offset(pages.len() as i64);
         builder.set_total_compressed_size(page.len() as i64).build().unwrap()
     })
 }
 
 #[test]
-fn a_page_that_promises_too_much_takes_no_memory() {
+fn page_with_a_large_declared_size_takes_no_memory() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
     for codec in [
@@ -366,16 +372,16 @@ fn a_page_that_promises_too_much_takes_no_memory() {
         let refused = run(&with_page(&whole, i32::MAX as usize, 3000, &[7; 100])).expect_code(3);
         let told = refused.stderr.contains("a page decompresses to 2147483647 bytes");
         assert!(told && refused.stderr.contains("in.parquet"), "{codec}: {refused:?}");
-        // What is no page at all is refused by the library.
+        // An invalid page is refused by the library.
         run(&with_page(&whole, 24_000, 3000, &[7; 100])).expect_code(3);
     }
 }
 
 #[test]
-fn a_page_that_unpacks_to_more_than_it_promises_takes_no_memory() {
+fn page_larger_than_its_declared_size_takes_no_memory() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
-    // Blocks of 128 KiB of zeros, in four bytes each.
+    // Blocks of 128 KiB of zeros, four bytes each.
     let block = |last: u32| [&(last | 1 << 1 | (128 << 10) << 3).to_le_bytes()[..3], &[0]].concat();
     let mut bomb = vec![0x28, 0xB5, 0x2F, 0xFD, 0, 0x58];
     (0..20_000).for_each(|_| bomb.extend(block(0)));
@@ -387,7 +393,7 @@ fn a_page_that_unpacks_to_more_than_it_promises_takes_no_memory() {
 }
 
 #[test]
-fn a_row_whose_list_has_millions_of_nothing_takes_no_memory() {
+fn list_of_millions_of_nulls_takes_no_memory() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
     let mut lists = ListBuilder::new(Int32Builder::new());
@@ -406,7 +412,8 @@ fn a_row_whose_list_has_millions_of_nothing_takes_no_memory() {
     for (values, said) in
         [(3000, None), (50_000_000, Some("a column of lists")), (400_000_000, Some("67108864"))]
     {
-        // One that begins the row and others that continue it; then that every one is nothing, in a list.
+        // Repetition levels: one value starts the row, the others continue it. Definition levels: every value
+        // is null, in a list.
         let begins = [&[2, 0][..], &varint(values - 1), &[1]].concat();
         let are = [&varint(values)[..], &[1]].concat();
         let page: Vec<u8> = [begins, are]
@@ -423,10 +430,10 @@ fn a_row_whose_list_has_millions_of_nothing_takes_no_memory() {
 }
 
 #[test]
-fn brotli_is_named() {
+fn brotli_is_refused_by_name() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
-    let bytes = forged(&parquet(Compression::UNCOMPRESSED), |column| {
+    let bytes = with_changed_metadata(&parquet(Compression::UNCOMPRESSED), |column| {
         column.into_builder().set_compression(Compression::BROTLI(Default::default())).build().unwrap()
     });
     scratch.write("in.parquet", bytes);
@@ -435,7 +442,7 @@ fn brotli_is_named() {
 }
 
 #[test]
-fn packed_text_is_read_and_written() {
+fn compressed_text_is_read_and_written() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
     let table: String = (0..20_000).map(|i| format!("{},{}\n", i % 1900, 600 + i % 400)).collect();
@@ -446,7 +453,7 @@ fn packed_text_is_read_and_written() {
         let length = std::fs::metadata(scratch.path(name)).unwrap().len();
         assert!(length < plain.stdout.len() as u64 / 2, "{name}: {length}");
         let mapped = ["project", "site.json", "--camera", "a", "--to", "floor", "--replace", "-i", name];
-        // Known by the name, and in a pipe by the first bytes.
+        // The compression is detected from the name, or from the first bytes.
         let again = scratch.calib(&[&mapped[..], &["--format", "csv"]].concat()).expect_code(0);
         assert_eq!(again.stdout, plain.stdout, "{name}");
         std::fs::rename(scratch.path(name), scratch.path("unnamed")).unwrap();
@@ -457,14 +464,14 @@ fn packed_text_is_read_and_written() {
     }
     let run = scratch.calib(&[&TABLE[..], &["-i", "in.csv", "-o", "out.parquet.gz"]].concat()).expect_code(2);
     assert!(run.stderr.contains("out.parquet"), "{}", run.stderr);
-    // Cut in the middle, it is no whole table.
+    // A truncated file is refused.
     let whole = std::fs::read(scratch.path("unnamed")).unwrap();
     scratch.write("unnamed", &whole[..whole.len() / 2]);
     scratch.calib(&[&TABLE[..], &["-i", "unnamed"]].concat()).expect_code(3);
 }
 
 #[test]
-fn of_several_runs_that_write_one_file_one_does() {
+fn only_one_of_several_runs_writes_the_file() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
     scratch.write("in.csv", "u,v\n900,700\n");
@@ -481,7 +488,7 @@ fn of_several_runs_that_write_one_file_one_does() {
     for run in &mut runs {
         run.stdin.as_mut().unwrap().write_all(b"u,v\n900,700\n").unwrap();
     }
-    // All have found the place free before one takes it.
+    // All runs check that the file does not exist before one of them creates it.
     std::thread::sleep(Duration::from_millis(300));
     runs.iter_mut().for_each(|run| drop(run.stdin.take()));
     let ended: Vec<_> = runs.into_iter().map(|run| run.wait_with_output().unwrap()).collect();
@@ -493,7 +500,7 @@ fn of_several_runs_that_write_one_file_one_does() {
 }
 
 #[test]
-fn what_is_replaced_keeps_its_mode_and_links_stay_links() {
+fn replaced_files_keep_their_mode_and_symbolic_links() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
     let write = |name: &str, more: &[&str]| {
@@ -517,7 +524,7 @@ fn what_is_replaced_keeps_its_mode_and_links_stay_links() {
 }
 
 #[test]
-fn names_do_nothing_to_the_terminal_the_page_and_the_spreadsheet() {
+fn names_are_escaped_in_terminal_page_and_spreadsheet() {
     let scratch = Scratch::new();
     let mut camera = entry("a", "a.png", [640, 480]);
     camera.name = Some("a\u{1b}[2J<script>\u{202e}".into());
@@ -548,7 +555,7 @@ fn names_do_nothing_to_the_terminal_the_page_and_the_spreadsheet() {
 }
 
 #[test]
-fn a_log_gets_a_line_every_ten_seconds() {
+fn progress_in_a_log_is_one_line_every_ten_seconds() {
     let scratch = Scratch::new();
     write_site(&scratch, vec![entry("a", "a.png", [1920, 1080])]);
     let mut run = Command::new(program())
@@ -571,7 +578,7 @@ fn a_log_gets_a_line_every_ten_seconds() {
 }
 
 #[test]
-fn a_full_disk_names_the_file() {
+fn full_disk_error_names_the_file() {
     let full = Path::new("/dev/full");
     if !full.exists() {
         return;

@@ -1,4 +1,5 @@
-//! Fisheyes that look beside and behind themselves: what drawn lines tell of them, against what was simulated.
+//! Fisheye lenses with up to 190° field of view: poses and lenses from simulated annotations, against the
+//! truth.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -23,7 +24,7 @@ use rand_chacha::ChaCha8Rng;
 /// Width and height of the image, in pixels.
 const SIZE: [f64; 2] = [1920.0, 1920.0];
 
-/// A camera of this field of view, in degrees across its image circle, in this height and pitch.
+/// Returns a random camera with a field of view in degrees across the image circle, and a pitch in radians.
 fn fisheye(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Camera {
     let k = [0.01 + 0.01 * normal(random), -0.002 + 0.001 * normal(random), 0.0, 0.0];
     fisheye_with(random, field, pitch, k)
@@ -50,7 +51,7 @@ fn fisheye_with(random: &mut ChaCha8Rng, field: f64, pitch: f64, k: [f64; 4]) ->
     }
 }
 
-/// Where a camera shows a point inside its image circle, as a hand draws it: to 1 px.
+/// Returns the pixel of a point inside the image circle, with 1 px of noise.
 fn drawn(random: &mut ChaCha8Rng, camera: &Camera, point: WorldPoint, field: f64) -> Option<Pixel> {
     let toward = [point.x - camera.position.x, point.y - camera.position.y, point.z - camera.position.z];
     let [x, y, z] = camera.rotation().map(|row| row[0] * toward[0] + row[1] * toward[1] + row[2] * toward[2]);
@@ -59,8 +60,8 @@ fn drawn(random: &mut ChaCha8Rng, camera: &Camera, point: WorldPoint, field: f64
     is_within.then(|| Pixel::new(shown.u + normal(random), shown.v + normal(random)))
 }
 
-/// Verticals, and floor lines of two directions at right angles, anywhere that the camera sees them, each followed with so
-/// many points.
+/// Draws verticals and floor lines of two perpendicular directions anywhere in view, each with `points`
+/// points.
 fn room(random: &mut ChaCha8Rng, camera: &Camera, field: f64, points: usize) -> [Annotation; 3] {
     let turn: f64 = random.random_range(0.0..1.5);
     let mut segments = |direction: Option<f64>, count: usize| {
@@ -99,7 +100,7 @@ fn room(random: &mut ChaCha8Rng, camera: &Camera, field: f64, points: usize) -> 
     ]
 }
 
-/// Errors of pitch, of roll as it turns the verticals, and of the focal, in sigmas.
+/// Returns the errors of pitch, roll and focal length, in standard deviations.
 fn errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64; 3]> {
     let camera = fisheye(random, field, pitch);
     let annotations = room(random, &camera, field, 2);
@@ -118,7 +119,7 @@ fn errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64; 3]> {
 }
 
 #[test]
-fn lines_beside_and_behind_a_fisheye_tell_its_pose_as_surely_as_they_say() {
+fn pose_errors_of_a_fisheye_match_their_sigmas() {
     const TRIALS: usize = 1000;
     for (field, pitch) in [(100.0, 0.5), (140.0, 0.7), (180.0, 0.3), (180.0, 1.2), (190.0, 0.9), (190.0, 1.5)]
     {
@@ -126,32 +127,32 @@ fn lines_beside_and_behind_a_fisheye_tell_its_pose_as_surely_as_they_say() {
         let all: Vec<[f64; 3]> = (0..TRIALS).filter_map(|_| errors(&mut random, field, pitch)).collect();
         let rms =
             [0, 1, 2].map(|k| (all.iter().map(|of| of[k] * of[k]).sum::<f64>() / all.len() as f64).sqrt());
-        let held =
+        let coverage =
             [0, 1, 2].map(|k| all.iter().filter(|of| of[k].abs() < 1.96).count() as f64 / all.len() as f64);
         println!(
-            "{field} degrees, pitch {pitch}: {} of {TRIALS}, rms {rms:.2?}, 95 % hold {held:.3?}",
+            "{field} degrees, pitch {pitch}: {} of {TRIALS}, rms {rms:.2?}, coverage of 95 % {coverage:.3?}",
             all.len()
         );
         assert_eq!(all.len(), TRIALS);
-        // Of so many trials a share has a standard deviation of 0.7 %, a root mean square one of 2.2 %.
+        // With 1000 trials, the standard deviation is 0.7 % for a fraction and 2.2 % for a root mean square.
         assert!(rms.iter().all(|rms| (0.93..1.07).contains(rms)), "{rms:?}");
-        assert!(held.iter().all(|held| (0.925..0.975).contains(held)), "{held:?}");
+        assert!(coverage.iter().all(|coverage| (0.925..0.975).contains(coverage)), "{coverage:?}");
     }
 }
 
-/// Where the vertical leads in the image of a camera: across and down, of a unit vector.
+/// Returns the vertical in the camera frame: its components to the right and down, as part of a unit vector.
 fn vertical(camera: &Camera) -> [f64; 2] {
     let [right, down, _] = camera.rotation();
     [right[2], down[2]]
 }
 
 #[test]
-fn straight_down_the_vertical_is_known_as_surely_as_said_though_roll_and_yaw_trade_places() {
+fn covariance_of_the_vertical_is_correct_looking_straight_down() {
     const TRIALS: usize = 1000;
     const STEP: f64 = 1e-6;
     for off in [0.0, 0.0005, 0.002, 0.01] {
         let mut random = ChaCha8Rng::seed_from_u64(23);
-        // The square of the distance of the two components from the truth, in sigmas, by the covariance of pitch and roll.
+        // Squared Mahalanobis distance of the two components, by the covariance of pitch and roll.
         let mut distances: Vec<f64> = (0..TRIALS)
             .map(|_| {
                 let camera = fisheye(&mut random, 185.0, std::f64::consts::FRAC_PI_2 - off);
@@ -159,7 +160,7 @@ fn straight_down_the_vertical_is_known_as_surely_as_said_though_roll_and_yaw_tra
                 let constraints = Constraints::new(&annotations, &camera.lens, SceneErrors::EXACT);
                 let options = FitOptions { sigma: Some(1.0), ..FitOptions::new(camera.lens, SIZE) };
                 let found = Fit::new(&constraints, &options).unwrap().camera;
-                assert!(found.pitch > 0.0, "it looks down, however it is turned: {}", found.pitch);
+                assert!(found.pitch > 0.0, "the camera must look down: {}", found.pitch);
                 let [was, is] = [camera, found].map(|camera| vertical(&camera));
                 let by = |at: Camera| {
                     let moved = vertical(&at);
@@ -181,21 +182,19 @@ fn straight_down_the_vertical_is_known_as_surely_as_said_though_roll_and_yaw_tra
             .collect();
         distances.sort_by(f64::total_cmp);
         let mean = distances.iter().sum::<f64>() / TRIALS as f64;
-        // Chi-squares of two degrees of freedom: their mean is 2, and 95 % are below 5.99.
-        let held = distances.iter().filter(|square| **square < 5.99).count() as f64 / TRIALS as f64;
+        // Chi-square distribution with two degrees of freedom: the mean is 2, and 95 % are below 5.99.
+        let coverage = distances.iter().filter(|square| **square < 5.99).count() as f64 / TRIALS as f64;
         println!(
-            "{off} from straight down: mean {mean:.2}, 95 % hold {held:.3}, most {:.1}",
+            "{off} from straight down: mean {mean:.2}, coverage of 95 % {coverage:.3}, most {:.1}",
             distances[TRIALS - 1]
         );
-        assert!((1.8..2.2).contains(&mean) && (0.925..0.975).contains(&held), "{mean}, {held}");
+        assert!((1.8..2.2).contains(&mean) && (0.925..0.975).contains(&coverage), "{mean}, {coverage}");
     }
 }
 
-/// A fisheye of which nothing is known but that it is one, with its drawing: the middle of its sensor is some pixels
-/// beside its lens.
+/// Returns an unknown fisheye with annotations. Its principal point is some pixels off the image centre.
 fn drawn_room(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> (Camera, Site) {
-    /// What is believed of such lenses: of k1 and k2, of the log of the slope at the rim, and of the principal point in
-    /// pixels of this image.
+    /// Standard deviations of the prior: k1, k2, log of the slope at the rim, and principal point in pixels.
     const BELIEF: [f64; 4] = [0.07, 0.03, 0.6, 54.3];
     let half = 0.5 * field.to_radians();
     let slope = |k: [f64; 2], theta: f64| 1.0 + theta * theta * (3.0 * k[0] + theta * theta * 5.0 * k[1]);
@@ -220,7 +219,7 @@ fn drawn_room(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> (Camera, Site)
     (camera, Site { cameras: vec![entry], ..Site::default() })
 }
 
-/// What is estimated of such a camera, in the order of its errors.
+/// Estimated parameters, in the order of the errors.
 const ESTIMATED: [usize; 7] = [
     Covariance::PITCH,
     Covariance::ROLL,
@@ -231,14 +230,15 @@ const ESTIMATED: [usize; 7] = [
     Covariance::CENTRE + 1,
 ];
 
-/// Errors of all of it, in sigmas; `None` where nothing is claimed.
+/// Returns the errors of all estimated parameters in standard deviations, or `None` if the uncertainty is
+/// unknown.
 fn joint_errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64; ESTIMATED.len()]> {
     let (camera, site) = drawn_room(random, field, pitch);
     let report = site.calibrate(&Options::default());
     let solution = report.cameras[0].1.as_ref().unwrap();
     let found = solution.camera().unwrap();
     if !found.covariance.is_known() {
-        println!("nothing is claimed: {:?}", solution.warnings);
+        println!("unknown uncertainty: {:?}", solution.warnings);
         return None;
     }
     assert_eq!(found.focal, found.lens.focal, "{:?}", solution.warnings);
@@ -258,27 +258,27 @@ fn joint_errors(random: &mut ChaCha8Rng, field: f64, pitch: f64) -> Option<[f64;
 }
 
 #[test]
-fn a_fisheye_of_which_nothing_is_known_is_found_with_its_lens_as_surely_as_it_says() {
+fn joint_errors_of_an_unknown_fisheye_match_their_sigmas() {
     const TRIALS: usize = 100;
     for (field, pitch) in [(120.0, 0.5), (180.0, 0.4), (180.0, 1.2), (190.0, 1.5)] {
         let mut random = ChaCha8Rng::seed_from_u64(11);
         let all: Vec<[f64; 7]> =
             (0..TRIALS).filter_map(|_| joint_errors(&mut random, field, pitch)).collect();
-        assert!(all.len() > TRIALS - 2, "{} of {TRIALS} claim anything", all.len());
+        assert!(all.len() > TRIALS - 2, "{} of {TRIALS} have an uncertainty", all.len());
         let share = |of: f64| of / all.len() as f64;
         let rms: [f64; 7] =
             std::array::from_fn(|k| share(all.iter().map(|of| of[k] * of[k]).sum::<f64>()).sqrt());
-        let held: [f64; 7] =
+        let coverage: [f64; 7] =
             std::array::from_fn(|k| share(all.iter().filter(|of| of[k].abs() < 1.96).count() as f64));
-        println!("{field} degrees, pitch {pitch}: rms {rms:.2?}, 95 % hold {held:.3?}");
-        // Of so many trials a root mean square has a standard deviation of 7 %, a share one of 2.2 %.
+        println!("{field} degrees, pitch {pitch}: rms {rms:.2?}, coverage of 95 % {coverage:.3?}");
+        // With 100 trials, the standard deviation is 7 % for a root mean square and 2.2 % for a fraction.
         assert!(rms.iter().all(|rms| (0.78..1.22).contains(rms)), "{rms:?}");
-        assert!(held.iter().all(|held| *held >= 0.87), "{held:?}");
+        assert!(coverage.iter().all(|coverage| *coverage >= 0.87), "{coverage:?}");
     }
 }
 
 #[test]
-fn cameras_of_one_lens_share_its_edges_though_their_image_circles_lie_apart() {
+fn cameras_with_a_common_lens_share_edges_despite_different_image_circles() {
     const SHIFT: [f64; 2] = [14.0, -9.0];
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let (_, mut site) = drawn_room(&mut random, 180.0, 0.6);
@@ -301,36 +301,36 @@ fn cameras_of_one_lens_share_its_edges_though_their_image_circles_lie_apart() {
     site.cameras.push(other);
     let (lens, together) = lens_of(&site, 0);
     let (its, _) = lens_of(&site, 1);
-    assert!(together < 0.85 * alone, "k1 is known to {together}, alone to {alone}");
+    assert!(together < 0.85 * alone, "sigma of k1: {together} jointly, {alone} alone");
     let [a, b] = [lens, its].map(|lens| <[f64; 2]>::from(lens.principal_point));
     assert!((0..2).all(|k| (b[k] - a[k] - SHIFT[k]).abs() < 1e-6), "{a:?} {b:?}");
 }
 
 #[test]
-fn a_fisheye_is_told_by_its_edges_and_no_other_lens_is_taken_for_one() {
+fn fisheye_model_is_selected_from_edges() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let model = |site: &Site| {
         let report = site.calibrate(&Options::default());
         let solution = report.cameras[0].1.as_ref().unwrap();
         solution.distortion.as_ref().map(|distortion| distortion.model)
     };
-    let mut told = 0;
+    let mut recognised = 0;
     for _ in 0..20 {
         let (_, mut site) = drawn_room(&mut random, 180.0, 0.6);
         site.cameras[0].lens = None;
         site.cameras[0].annotations[0].kind = Kind::Vertical;
         let edges = site.cameras[0].annotations.clone();
-        // Only where straight edges are drawn is a lens fitted that nobody asked for.
+        // Without a lens in the file, distortion is fitted only if straight edges are drawn.
         site.cameras[0].annotations.extend(edges.iter().map(|drawn| {
             Annotation::from_segments(Kind::Straight, drawn.segments.clone().unwrap_or_default())
         }));
-        told += usize::from(model(&site) == Some(DistortionModel::KannalaBrandt));
+        recognised += usize::from(model(&site) == Some(DistortionModel::KannalaBrandt));
     }
-    assert!(told >= 19, "{told} of 20 fisheyes are told");
+    assert!(recognised >= 19, "{recognised} of 20 lenses are recognised as fisheye");
 }
 
 #[test]
-fn a_pixel_outside_the_image_circle_has_no_answer() {
+fn pixel_outside_the_image_circle_has_no_ray() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let (truth, mut site) = drawn_room(&mut random, 185.0, 1.4);
     let centre = truth.lens.principal_point;
@@ -340,7 +340,7 @@ fn a_pixel_outside_the_image_circle_has_no_answer() {
     let report = site.calibrate(&Options::default());
     let solved = report.write_into(&site);
     let camera = solved.cameras[0].solution.as_ref().unwrap().camera().unwrap();
-    // Files are read to twelve digits.
+    // Files are read with twelve digits.
     assert!(camera.lens.image_circle.is_some_and(|own| (own.radius - circle.radius).abs() < 1e-9));
     let along = |share: f64, angle: f64| {
         let radius = share * circle.radius;
@@ -352,12 +352,13 @@ fn a_pixel_outside_the_image_circle_has_no_answer() {
         assert!(camera.pixel_to_ray(inside).is_some() && camera.pixel_to_ray(outside).is_none());
         assert!(camera.pixel_to_floor(outside, 0.0).is_none());
     }
-    // What the circle says of the principal point is within a hundredth of its radius.
+    // The image circle determines the principal point to about one percent of its radius.
     assert!(camera.lens.principal_point.distance(centre) < 15.0);
 }
 
-/// Root mean square distance in the image between where two lenses show the rays of the pixels of a disc.
-fn apart(one: &Lens, other: &Lens, disc: ImageCircle) -> f64 {
+/// Returns the root mean square distance in the image between two lenses, over the rays of the pixels of a
+/// disc.
+fn rms_distance(one: &Lens, other: &Lens, disc: ImageCircle) -> f64 {
     let across = |i: u32| disc.radius * (f64::from(i) / 40.0 - 1.0);
     let pixels = (0..=80).flat_map(|i| (0..=80).map(move |j| (across(i), across(j))));
     let in_disc = pixels.map(|(u, v)| Pixel::new(disc.u + u, disc.v + v)).filter(|&pixel| disc.holds(pixel));
@@ -371,7 +372,7 @@ fn apart(one: &Lens, other: &Lens, disc: ImageCircle) -> f64 {
 }
 
 #[test]
-fn a_real_fisheye_is_found_from_straight_edges_as_well_as_from_its_boards() {
+fn real_fisheye_from_straight_edges_agrees_with_its_board_calibration() {
     let (Some(folder), Some(python)) = (shared("real/fisheye"), peers_python()) else { return };
     let script = root().join("tests/fisheye_boards.py");
     let output = Command::new(python).arg(script).arg(&folder).output().unwrap();
@@ -380,7 +381,7 @@ fn a_real_fisheye_is_found_from_straight_edges_as_well_as_from_its_boards() {
     let size: [f64; 2] = serde_json::from_value(found["size"].clone()).unwrap();
     let lines: Vec<Vec<Pixel>> = serde_json::from_value(found["edges"].clone()).unwrap();
     let [fx, fy, cu, cv, k @ ..]: [f64; 8] = serde_json::from_value(found["board"].clone()).unwrap();
-    // In every picture the scene ends at the same circle, whatever is in it; light that glares beyond it hides two.
+    // All images have the same image circle. Glare outside the circle prevents its detection in two of them.
     let stills = std::fs::read_dir(&folder).unwrap().map(|entry| image::open(entry.unwrap().path()).unwrap());
     let circles: Vec<ImageCircle> = stills.filter_map(|still| image_circle(&still.to_rgb8())).collect();
     let centre = Pixel::new(cu, cv);
@@ -395,7 +396,7 @@ fn a_real_fisheye_is_found_from_straight_edges_as_well_as_from_its_boards() {
         circles.iter().all(|circle| circle.centre().distance(centre) < 0.02 * circle.radius),
         "{circles:.1?}"
     );
-    // Its pixels are square to a thousandth, so that of one focal the mean is meant.
+    // The pixels are square to 0.2 %, so the mean of both focal lengths is used.
     assert!((fx / fy - 1.0).abs() < 2e-3);
     let board = Lens {
         principal_point: Pixel::new(cu, cv),
@@ -409,7 +410,7 @@ fn a_real_fisheye_is_found_from_straight_edges_as_well_as_from_its_boards() {
     };
     let edges: Vec<Edge> = lines.into_iter().enumerate().map(edge).collect();
     let disc = ImageCircle { radius: 455.0, ..circles[0] };
-    // With four coefficients straightness alone leaves the focal open, which stage 1 tells.
+    // With four coefficients, straightness alone does not determine the focal length; stage 1 does.
     for circle in [None, Some(circles[0])] {
         let options = LensOptions {
             principal_point: Pixel::new(0.5 * size[0], 0.5 * size[1]),
@@ -421,7 +422,7 @@ fn a_real_fisheye_is_found_from_straight_edges_as_well_as_from_its_boards() {
             sigma: 0.15,
         };
         let fit = LensFit::new(&edges, &options).unwrap();
-        let off = apart(&fit.lens, &board, disc);
+        let off = rms_distance(&fit.lens, &board, disc);
         println!(
             "{circle:?}: {off:.2} px rms over the disc, straight to {:.3?} px, {:?}; board {board:?}",
             fit.straightness, fit.lens

@@ -1,8 +1,7 @@
-"""The chessboards of a fisheye: their corners, as OpenCV finds them, and the lens that the boards tell.
+"""Detects the chessboards in fisheye images with OpenCV, and calibrates the lens from them.
 
-Prints JSON: "size"; "edges", the rows and columns of every board as polylines of pixels with the corner of the image as
-origin; "board", what cv2.fisheye.calibrate finds with the boards as patterns: fx, fy, cx, cy, k1 to k4; its "rms", in
-pixels.
+Prints JSON: "size"; "edges", the rows and columns of every board as polylines of pixels, with the corner of the image as
+origin; "board", the result of cv2.fisheye.calibrate: fx, fy, cx, cy, k1 to k4; and its "rms", in pixels.
 """
 
 import glob
@@ -13,12 +12,12 @@ import cv2
 import numpy as np
 
 PATTERNS = [(8, 6), (6, 5)]
-# The centre of the first pixel is OpenCV's origin.
+# OpenCV's origin is the centre of the first pixel.
 CENTRE = 0.5
 
 
 def corners(path):
-    """Rows of columns of corners, with the origin of OpenCV."""
+    """Returns the corners by row and column, with OpenCV's origin."""
     image = cv2.imread(path, cv2.IMREAD_GRAYSCALE)
     for size in PATTERNS:
         flags = cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE

@@ -1,4 +1,4 @@
-//! Formats of other programs: what an export says is what the camera does, and an import gives it back.
+//! Formats of other programs: an exported camera projects like ours, and an import returns it.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -32,14 +32,14 @@ fn any_distortion() -> impl Strategy<Value = Distortion> {
     prop_oneof![Just(Distortion::None), brown, fisheye]
 }
 
-/// A solved site of one camera.
+/// Returns a solved site with one camera.
 fn site(camera: &Camera) -> Site {
     let solution = Solution::from_camera(camera, Method::Given, Stage::Placed);
     let entry = SiteCamera { solution: Some(solution), ..SiteCamera::new("yard", SIZE) };
     Site { cameras: vec![entry], ..Site::new() }
 }
 
-fn bent() -> Camera {
+fn distorted() -> Camera {
     let brown = BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 };
     Camera {
         position: WorldPoint::new(3.0, -4.0, 5.0),
@@ -57,8 +57,8 @@ fn bent() -> Camera {
     }
 }
 
-fn straight() -> Camera {
-    let camera = bent();
+fn pinhole() -> Camera {
+    let camera = distorted();
     Camera { lens: Lens::pinhole(camera.lens.principal_point), ..camera }
 }
 
@@ -75,7 +75,8 @@ fn text_of<'a>(export: &'a Export, name: &str) -> &'a str {
     std::str::from_utf8(&export.files.iter().find(|file| file.name == name).unwrap().bytes).unwrap()
 }
 
-/// Largest difference between the numbers of two lenses; of the coefficients, of their map.
+/// Returns the largest difference between the parameters of two lenses: coefficients, focal length, principal
+/// point.
 fn lens_difference(a: &Lens, a_focal: f64, b: &Lens, b_focal: f64) -> f64 {
     let coefficients = a.distortion.coefficients().into_iter().zip(b.distortion.coefficients());
     let most = coefficients.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -94,7 +95,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn importing_an_export_gives_the_camera_back(camera in any_camera()) {
+    fn import_of_an_export_returns_the_camera(camera in any_camera()) {
         let site = site(&camera);
         for (name, extension) in
             [("opencv", "json"), ("opencv", "yml"), ("opencv", "xml"), ("colmap", "txt"), ("ros", "yaml"),
@@ -124,19 +125,19 @@ proptest! {
     }
 
     #[test]
-    fn a_projection_of_either_sign_is_the_same_camera(camera in any_camera(), sign in any::<bool>()) {
+    fn projection_matrix_sign_does_not_matter(camera in any_camera(), sign in any::<bool>()) {
         let camera = Camera { lens: Lens::pinhole(camera.lens.principal_point), ..camera };
         let sign = if sign { 1.0 } else { -2.5 };
         let rows: String =
             camera.projection_matrix().concat().iter().map(|v| format!("- {}\n", v * sign)).collect();
         let file = File { name: "yard.yml".into(), bytes: format!("projectionMatrix_3x4_w2p:\n{rows}").into() };
         let back = import(format("nvidia").unwrap(), &[file]).unwrap().site.cameras[0].camera().unwrap();
-        // Numbers of the size of the position times the focal lose that many digits.
+        // The fourth column is position times focal length: rounding loses as many digits.
         prop_assert!(camera_difference(&back, &camera) < 1e-8);
     }
 
     #[test]
-    fn a_lens_in_other_terms_says_how_far_it_is_off(camera in any_camera(), lambda in -0.25..0.02_f64) {
+    fn lossless_lens_conversion_is_accurate(camera in any_camera(), lambda in -0.25..0.02_f64) {
         let lens = Lens { distortion: Distortion::Division { lambda }, ..camera.lens };
         let site = site(&Camera { lens, ..camera });
         let export = exported("opencv", &site, "json");
@@ -152,12 +153,12 @@ proptest! {
     }
 }
 
-/// `x_camera = R X + t`, from the rows of `[R | t]`.
+/// Computes `x_camera = R X + t` from the rows of `[R | t]`.
 fn in_camera(rt: &[[f64; 4]; 3], [x, y, z]: [f64; 3]) -> [f64; 3] {
     rt.map(|row| row[0] * x + row[1] * y + row[2] * z + row[3])
 }
 
-/// What `cv2.projectPoints` documents.
+/// Distorts a point as documented for `cv2.projectPoints`.
 fn opencv_distorted([x, y]: [f64; 2], d: &[f64]) -> [f64; 2] {
     let r2 = x * x + y * y;
     let radial = 1.0 + d[0] * r2 + d[1] * r2 * r2 + d[4] * r2 * r2 * r2;
@@ -174,7 +175,7 @@ fn numbers(value: &Value) -> Vec<f64> {
     }
 }
 
-/// Points that the test cameras show.
+/// Returns points that the test cameras see.
 fn scene(camera: &Camera) -> Vec<WorldPoint> {
     let pixels = [(300.0, 500.0), (960.0, 540.0), (1700.0, 900.0), (100.0, 1000.0), (1200.0, 700.0)];
     pixels
@@ -192,7 +193,7 @@ fn assert_near(found: [f64; 2], camera: &Camera, point: WorldPoint, shift: f64, 
     assert!(off < 1e-6, "{who}: {off} px off at {point:?}");
 }
 
-/// Rodrigues' formula.
+/// Computes a rotation matrix by Rodrigues' formula.
 fn rotation_of(v: &[f64]) -> [[f64; 3]; 3] {
     let angle = v.iter().map(|c| c * c).sum::<f64>().sqrt();
     let [x, y, z] = [v[0] / angle, v[1] / angle, v[2] / angle];
@@ -205,8 +206,8 @@ fn rotation_of(v: &[f64]) -> [[f64; 3]; 3] {
 }
 
 #[test]
-fn opencv_numbers_project_as_the_camera_does_half_a_pixel_off() {
-    for camera in [bent(), straight()] {
+fn opencv_projection_agrees_with_half_a_pixel_offset() {
+    for camera in [distorted(), pinhole()] {
         let file = json_of(&exported("opencv", &site(&camera), "json"), "yard.json");
         let k = numbers(&file["camera_matrix"]["data"]);
         let d = numbers(&file["distortion_coefficients"]["data"]);
@@ -222,8 +223,8 @@ fn opencv_numbers_project_as_the_camera_does_half_a_pixel_off() {
 }
 
 #[test]
-fn colmap_numbers_project_as_the_camera_does() {
-    let camera = bent();
+fn colmap_projection_agrees() {
+    let camera = distorted();
     let export = exported("colmap", &site(&camera), "txt");
     let words = |name: &str| -> Vec<String> {
         let line = text_of(&export, name).lines().find(|line| !line.starts_with('#')).unwrap();
@@ -251,8 +252,8 @@ fn colmap_numbers_project_as_the_camera_does() {
 }
 
 #[test]
-fn nerfstudio_and_blender_have_the_axes_of_opengl() {
-    let camera = bent();
+fn nerfstudio_and_blender_use_opengl_axes() {
+    let camera = distorted();
     let frame = &json_of(&exported("nerfstudio", &site(&camera), "json"), "transforms.json")["frames"][0];
     let m = numbers(&frame["transform_matrix"]);
     let d: Vec<f64> = ["k1", "k2", "p1", "p2", "k3"].iter().map(|key| frame[key].as_f64().unwrap()).collect();
@@ -261,7 +262,7 @@ fn nerfstudio_and_blender_have_the_axes_of_opengl() {
         let from = [point.x - m[3], point.y - m[7], point.z - m[11]];
         let along = |j: usize| (0..3).map(|i| m[4 * i + j] * from[i]).sum::<f64>();
         let (right, up, back) = (along(0), along(1), along(2));
-        assert!(back < 0.0, "what is seen is ahead");
+        assert!(back < 0.0, "visible points are in front");
         let [x, y] = opencv_distorted([right / -back, -up / -back], &d);
         assert_near(
             [at("fl_x") * x + at("cx"), at("fl_y") * y + at("cy")],
@@ -271,13 +272,13 @@ fn nerfstudio_and_blender_have_the_axes_of_opengl() {
             "nerfstudio",
         );
     }
-    let script = exported("blender", &site(&straight()), "py");
+    let script = exported("blender", &site(&pinhole()), "py");
     assert!(text_of(&script, "cameras.py").contains("matrix_world"));
 }
 
 #[test]
-fn scenescape_has_camera_to_world_and_w_last() {
-    let camera = bent();
+fn scenescape_uses_camera_to_world_and_w_last() {
+    let camera = distorted();
     let file = json_of(&exported("scenescape", &site(&camera), "json"), "cameras.json");
     let (q, c) = (numbers(&file[0]["rotation"]), numbers(&file[0]["translation"]));
     let (k, d) = (&file[0]["intrinsics"], &file[0]["distortion"]);
@@ -298,8 +299,8 @@ fn scenescape_has_camera_to_world_and_w_last() {
 }
 
 #[test]
-fn tables_and_bundles_of_matrices_say_what_the_camera_does() {
-    let camera = straight();
+fn exported_matrices_agree_with_the_camera() {
+    let camera = pinhole();
     let bundle = json_of(&exported("nvidia", &site(&camera), "json"), "calibration.json");
     let row = json_of(&exported("table", &site(&camera), "json"), "cameras.json");
     let sensor = &bundle["sensors"][0];
@@ -328,7 +329,7 @@ fn tables_and_bundles_of_matrices_say_what_the_camera_does() {
     assert!(attributes.iter().any(|a| a["value"].as_str().unwrap().starts_with("POLYGON((")));
 }
 
-/// Prints the pixels of the points on its command line, as every file that follows has the camera.
+/// Python script that prints the projected pixels of its points, one line per camera file.
 const CV2: &str = "
 import sys, json, cv2, numpy
 points = numpy.array(json.loads(sys.argv[1]))
@@ -339,9 +340,9 @@ for name in sys.argv[2:]:
 ";
 
 #[test]
-fn cv2_reads_every_file_storage_and_projects_as_the_camera_does() {
+fn cv2_reads_every_file_storage_and_projects_equally() {
     let Some(python) = peers_python() else { return };
-    let (scratch, camera) = (Scratch::new(), bent());
+    let (scratch, camera) = (Scratch::new(), distorted());
     scratch.write("site.json", site(&camera).to_json());
     let names = ["yard.json", "yard.yml", "yard.xml"];
     for name in names {
@@ -362,7 +363,7 @@ fn cv2_reads_every_file_storage_and_projects_as_the_camera_does() {
     }
 }
 
-/// Published with NVIDIA's calibration tool: a camera, and what it sees.
+/// Camera published with NVIDIA's calibration tool: intrinsics, extrinsics and projection matrix.
 const GOLDEN_K: [[f64; 3]; 3] =
     [[1_269.005_115_844_92, 0.0, 960.0], [0.0, 1_269.005_115_844_919_4, 540.0], [0.0, 0.0, 1.0]];
 const GOLDEN_RT: [[f64; 4]; 3] = [
@@ -394,7 +395,7 @@ fn golden() -> File {
 }
 
 #[test]
-fn the_golden_camera_is_read_and_written_as_published() {
+fn published_nvidia_camera_is_read_and_written() {
     let site = import(format("nvidia").unwrap(), &[golden()]).unwrap().site;
     let camera = site.cameras[0].camera().unwrap();
     assert!(camera.position.distance(WorldPoint::new(-7.5, -10.0, 5.0)) < 1e-4, "{:?}", camera.position);
@@ -408,14 +409,14 @@ fn the_golden_camera_is_read_and_written_as_published() {
     let p: Vec<f64> =
         text.lines().skip(1).take(12).map(|l| l.trim_start_matches("- ").parse().unwrap()).collect();
     for (found, published) in p.iter().zip(GOLDEN_P) {
-        // The published rotation is one of single precision: made orthogonal, it moves by as much.
+        // The published rotation has single precision. Making it orthogonal changes it by as much.
         assert!((found - published).abs() < 1e-6 * (1.0 + published.abs()), "{found} {published}");
     }
     assert!(text.contains("modelInfo:\n  - classID: 0\n"));
 }
 
 #[test]
-fn a_sample_of_ros_is_read() {
+fn ros_sample_is_read() {
     let text = "image_width: 640\nimage_height: 480\ncamera_name: front\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [516.385667640757, 0, 339.167079537312, 0, 516.385667640757, 227.37993524141, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.331416226762003, 0.143584747015566, 0.00314558656668844, -0.00393597842852019, 0]\n";
     let file = File { name: "front.yaml".into(), bytes: text.into() };
     let site = import(format("ros").unwrap(), &[file]).unwrap().site;
@@ -432,7 +433,7 @@ fn a_sample_of_ros_is_read() {
 }
 
 #[test]
-fn headers_and_tags_of_every_opencv_are_read() {
+fn headers_and_tags_of_all_opencv_versions_are_read() {
     let body = "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1100., 0., 960., 0., 1100., 540., 0., 0., 1. ]\ndist_coeffs: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ -0.31, 0.11, 4.0e-04, -2.0e-04, 0. ]\n";
     for head in ["%YAML:1.0\n---\n", "%YAML 1.2\n---\n", "%YAML:1.0\n", "---\n", ""] {
         for body in [body.to_owned(), body.replace(" !!opencv-matrix", "")] {
@@ -447,7 +448,7 @@ fn headers_and_tags_of_every_opencv_are_read() {
 }
 
 #[test]
-fn lenses_of_kalibr_and_caliscope_are_read() {
+fn kalibr_and_caliscope_lenses_are_read() {
     let kalibr = "cam0:\n  camera_model: pinhole\n  intrinsics: [461.6, 461.6, 362.7, 248.1]\n  distortion_model: radtan\n  distortion_coeffs: [-0.28, 0.07, 0.0001, 1.7e-05]\n  resolution: [752, 480]\n  rostopic: /cam0/image_raw\n";
     let caliscope = "[cam_0]\nname = \"left\"\nsize = [1280, 720]\nmatrix = [[900.0, 0.0, 640.0], [0.0, 900.0, 360.0], [0.0, 0.0, 1.0]]\ndistortions = [-0.2, 0.05, 0.0, 0.0, 0.0]\nrotation = [0.1, 0.0, 0.0]\ntranslation = [0.0, 0.0, 0.0]\nfisheye = false\n\n[metadata]\nadjusted = false\nerror = 0.0\n";
     for (name, file, text, id) in
@@ -461,8 +462,8 @@ fn lenses_of_kalibr_and_caliscope_are_read() {
 }
 
 #[test]
-fn an_fspy_project_gives_its_camera_back() {
-    let camera = Camera { lens: Lens::pinhole(Pixel::new(940.0, 560.0)), ..straight() };
+fn fspy_project_is_read() {
+    let camera = Camera { lens: Lens::pinhole(Pixel::new(940.0, 560.0)), ..pinhole() };
     let [right, down, forward] = camera.rotation();
     let centre = <[f64; 3]>::from(camera.position);
     let row = |i: usize| [right[i], -down[i], -forward[i], centre[i]];
@@ -482,7 +483,7 @@ fn an_fspy_project_gives_its_camera_back() {
     let site = import(format("fspy").unwrap(), &[file]).unwrap().site;
     let expected = Camera { lens: Lens { focal: camera.focal, ..camera.lens }, ..camera };
     assert!(camera_difference(&site.cameras[0].camera().unwrap(), &expected) < 1e-9);
-    // The camera parameters as it exports them, and the state itself.
+    // The camera parameters as fSpy exports them, and its whole state.
     let whole: Value = serde_json::from_str(&state).unwrap();
     for (name, json) in [("parameters.json", &whole["cameraParameters"]), ("state.json", &whole)] {
         let file = File { name: name.into(), bytes: json.to_string().into_bytes() };
@@ -492,8 +493,8 @@ fn an_fspy_project_gives_its_camera_back() {
 }
 
 #[test]
-fn a_stream_of_another_size_has_its_own_numbers() {
-    let camera = straight();
+fn rescaled_export_has_scaled_intrinsics() {
+    let camera = pinhole();
     let options = ExportOptions { rescale: Some([960, 360]), ..ExportOptions::default() };
     let export = export(format("opencv").unwrap(), &site(&camera), &options).unwrap();
     let k = numbers(&json_of(&export, "yard.json")["camera_matrix"]["data"]);
@@ -503,8 +504,8 @@ fn a_stream_of_another_size_has_its_own_numbers() {
 }
 
 #[test]
-fn the_rectified_camera_comes_with_the_map_that_makes_its_image() {
-    let camera = bent();
+fn rectified_export_contains_the_remap_table() {
+    let camera = distorted();
     let options = ExportOptions { rectified: true, rescale: Some([480, 270]), ..ExportOptions::default() };
     let export = export(format("nvidia").unwrap(), &site(&camera), &options).unwrap();
     assert_eq!(export.losses, []);
@@ -515,7 +516,7 @@ fn the_rectified_camera_comes_with_the_map_that_makes_its_image() {
     for point in scene(&camera) {
         let row =
             |i: usize| p[4 * i] * point.x + p[4 * i + 1] * point.y + p[4 * i + 2] * point.z + p[4 * i + 3];
-        // The nearest pixel of the new image, and where the map sends it.
+        // The nearest pixel of the rectified image, and the raw pixel in the map.
         let [x, y] = [row(0) / row(2), row(1) / row(2)].map(f64::floor);
         if !(0.0..480.0).contains(&x) || !(0.0..270.0).contains(&y) {
             continue;
@@ -529,21 +530,21 @@ fn the_rectified_camera_comes_with_the_map_that_makes_its_image() {
 }
 
 #[test]
-fn every_export_is_refused_or_written_as_its_losses_say() {
+fn lossy_exports_are_refused_unless_allowed() {
     let scratch = Scratch::new();
-    scratch.write("bent.json", site(&bent()).to_json());
+    scratch.write("distorted.json", site(&distorted()).to_json());
     for format in FORMATS.iter().filter(|format| format.can_export()) {
-        let export = exported(format.name, &site(&bent()), format.extensions[0]);
+        let export = exported(format.name, &site(&distorted()), format.extensions[0]);
         let folder = format!("out-{}", format.name);
-        let ended = scratch.calib(&["export", format.name, "bent.json", "-o", &folder]);
+        let ended = scratch.calib(&["export", format.name, "distorted.json", "-o", &folder]);
         if export.losses.is_empty() {
             ended.expect_code(0);
         } else {
             let ended = ended.expect_code(5);
             assert!(ended.stderr.contains("distortion") && ended.stderr.contains("yard"), "{}", ended.stderr);
-            assert!(!scratch.path(&folder).exists(), "{}: refused is not written", format.name);
+            assert!(!scratch.path(&folder).exists(), "{}: a refused export writes no file", format.name);
             scratch
-                .calib(&["export", format.name, "bent.json", "-o", &folder, "--allow-lossy"])
+                .calib(&["export", format.name, "distorted.json", "-o", &folder, "--allow-lossy"])
                 .expect_code(0);
         }
         for file in &export.files {
@@ -551,25 +552,25 @@ fn every_export_is_refused_or_written_as_its_losses_say() {
         }
         let flat = format!("flat-{}", format.name);
         let rectified =
-            ["export", format.name, "bent.json", "-o", &flat, "--rectified", "--rescale", "480x270"];
+            ["export", format.name, "distorted.json", "-o", &flat, "--rectified", "--rescale", "480x270"];
         scratch.calib(&rectified).expect_code(0);
         assert!(scratch.path(&flat).join("yard.remap.npy").exists());
         scratch.calib(&rectified).expect_code(1);
     }
     for name in ["nvidia", "wildtrack", "sql", "blender"] {
-        let export = exported(name, &site(&bent()), format(name).unwrap().extensions[0]);
-        assert!(!export.losses.is_empty(), "{name} holds no distortion");
+        let export = exported(name, &site(&distorted()), format(name).unwrap().extensions[0]);
+        assert!(!export.losses.is_empty(), "{name} does not support distortion");
     }
 }
 
-/// A site file of one straight camera in a folder of its own.
+/// Writes a site file into a new scratch folder.
 fn scratch_of(site: &Site) -> Scratch {
     let scratch = Scratch::new();
     scratch.write("site.json", site.to_json());
     scratch
 }
 
-/// The registry as a table for reading.
+/// Formats the registry as a Markdown table.
 fn table() -> String {
     let mut text = String::from(
         "| format | export | import | pixel origin | units | axes | contains | does not contain | ignored by import |\n\
@@ -594,21 +595,21 @@ fn table() -> String {
 }
 
 #[test]
-fn the_table_of_formats_is_the_registry() {
+fn readme_table_matches_the_registry() {
     let readme = std::fs::read_to_string(calib_tests::root().join("crates/calib-formats/README.md")).unwrap();
     assert!(readme.contains(&table()), "the table should be\n{}", table());
 }
 
 #[test]
-fn a_stretched_stream_is_agreed_to() {
-    let scratch = scratch_of(&site(&straight()));
+fn stretched_export_needs_permission() {
+    let scratch = scratch_of(&site(&pinhole()));
     for format in FORMATS.iter().filter(|format| format.can_export()) {
         let folder = format!("out-{}", format.name);
         let args = ["export", format.name, "site.json", "-o", &folder, "--rescale", "640x640"];
         let run = scratch.calib(&args).expect_code(5);
         assert!(run.stderr.contains("1920 x 1080") && run.stderr.contains("640 x 640"), "{}", run.stderr);
         scratch.calib(&[&args[..], &["--allow-lossy"]].concat()).expect_code(0);
-        // Rounded to whole pixels, the proportion is the same.
+        // After rounding to whole pixels, the aspect ratio counts as equal.
         let same = format!("same-{}", format.name);
         scratch
             .calib(&["export", format.name, "site.json", "-o", &same, "--rescale", "1000x562"])
@@ -617,22 +618,22 @@ fn a_stretched_stream_is_agreed_to() {
 }
 
 #[test]
-fn what_sql_says_of_its_error_is_not_less_than_it_is() {
-    let scratch = scratch_of(&site(&bent()));
-    let export = exported("sql", &site(&bent()), "sql");
+fn sql_file_and_refusal_state_the_same_error() {
+    let scratch = scratch_of(&site(&distorted()));
+    let export = exported("sql", &site(&distorted()), "sql");
     let text = text_of(&export, "floor.sql");
     let said = text.lines().find_map(|line| line.split_once("at most ")).unwrap().1;
     let pixels: f64 = said.split(' ').next().unwrap().parse().unwrap();
     assert!(pixels > 0.0, "{said}");
-    // The comment in the file and the refusal say the same number.
+    // The comment in the file and the refusal contain the same number.
     let run = scratch.calib(&["export", "sql", "site.json", "-o", "out"]);
     assert!(run.stderr.contains(&format!("at most {pixels:.3} px")), "{}", run.stderr);
 }
 
-/// Coefficients of `floor.sql`, evaluated as an SQL engine does.
+/// Coefficients of `floor.sql`, evaluated like an SQL engine.
 struct SqlView {
     numbers: Vec<f64>,
-    /// Largest errors that the file states, in pixels, and in metres within the EFOV.
+    /// Largest errors stated in the file: in pixels, and in metres within the EFOV.
     stated: [f64; 2],
 }
 
@@ -649,7 +650,7 @@ impl SqlView {
         Self { numbers, stated }
     }
 
-    /// Where it puts the pixel on an image without distortion, and on the floor.
+    /// Maps a pixel to the undistorted image and to the floor.
     fn map(&self, pixel: Pixel) -> Option<([f64; 2], [f64; 2])> {
         let [cx, cy, fx, fy, d1, d2, d3] = self.numbers[..7].try_into().unwrap();
         let (a, b) = ((pixel.u - cx) / fx, (pixel.v - cy) / fy);
@@ -664,10 +665,10 @@ impl SqlView {
     }
 }
 
-/// Pixels all over an image, none of which an export has looked at.
-fn strewn() -> impl Iterator<Item = Pixel> {
+/// Returns quasi-random pixels over the image, different from the sample points of the export.
+fn quasi_random_pixels() -> impl Iterator<Item = Pixel> {
     const COUNT: u32 = 20_000;
-    // Every other one on the border, where a fit ends.
+    // Every second pixel is on the border, where a fit is worst.
     (0..COUNT).map(|i| {
         let [s, t] =
             [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (0.31 + step * f64::from(i)).fract());
@@ -686,13 +687,13 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn no_pixel_is_farther_off_than_the_file_of_sql_states(camera in any_camera()) {
+    fn sql_error_is_within_the_stated_maximum(camera in any_camera()) {
         let site = site(&camera);
         let efov = site.efov_on_floor(&site.cameras[0]);
         let extent = Extent { size: SIZE.map(f64::from), efov: &efov };
         let view = SqlView::of(text_of(&exported("sql", &site, "sql"), "floor.sql"));
         let (mut most, mut within) = ([0.0_f64; 2], 0);
-        for pixel in strewn() {
+        for pixel in quasi_random_pixels() {
             let Some(straight) = camera.undistort(pixel) else { continue };
             let Some((undistorted, floor)) = view.map(pixel) else { continue };
             let pixels = (undistorted[0] - straight.u).hypot(undistorted[1] - straight.v);
@@ -702,15 +703,15 @@ proptest! {
             within += 1;
         }
         prop_assert!(within > 0 || efov.is_empty(), "no pixel is within the EFOV");
-        // Doubles add and multiply, and no more.
+        // The view only adds, multiplies and divides doubles.
         let stated = view.stated.map(|stated| stated + 1e-9);
         prop_assert!(most[0] <= stated[0] && most[1] <= stated[1], "{:?}, stated {:?}", most, view.stated);
     }
 }
 
 #[test]
-fn nvidia_finds_a_camera_by_its_id_or_there_is_no_export() {
-    let mut site = site(&straight());
+fn nvidia_export_refuses_ids_that_are_not_file_names() {
+    let mut site = site(&pinhole());
     site.cameras[0].id = "hall/2".into();
     let scratch = scratch_of(&site);
     let run = scratch.calib(&["export", "nvidia", "site.json", "-o", "out"]).expect_code(2);
@@ -722,8 +723,8 @@ fn nvidia_finds_a_camera_by_its_id_or_there_is_no_export() {
 }
 
 #[test]
-fn a_drawing_is_one_file_if_that_is_what_is_named() {
-    let mut site = site(&straight());
+fn svg_export_to_a_file_embeds_the_plan() {
+    let mut site = site(&pinhole());
     site.plan = Some(calib_site::Plan {
         image: Some("plan.png".into()),
         metres_per_px: 0.1,
@@ -743,8 +744,8 @@ fn a_drawing_is_one_file_if_that_is_what_is_named() {
 }
 
 #[test]
-fn geojson_says_what_its_numbers_are() {
-    let mut site = site(&straight());
+fn geojson_describes_its_fields() {
+    let mut site = site(&pinhole());
     let document = json_of(&exported("geojson", &site, "geojson"), "site.local.geojson");
     let said = document["fields"]["heading_deg"].as_str().unwrap();
     assert!(said.contains("counter-clockwise from +x"), "{said}");
@@ -755,8 +756,8 @@ fn geojson_says_what_its_numbers_are() {
 }
 
 #[test]
-fn an_import_says_what_it_leaves_and_merges_into_a_site() {
-    let scratch = scratch_of(&site(&straight()));
+fn import_reports_ignored_keys_and_merges_into_a_site() {
+    let scratch = scratch_of(&site(&pinhole()));
     scratch.calib(&["export", "nvidia", "site.json", "-o", "out"]).expect_code(0);
     let path = scratch.path("out/calibration.json");
     let mut document: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
@@ -770,11 +771,11 @@ fn an_import_says_what_it_leaves_and_merges_into_a_site() {
     );
     assert!(
         !said.contains("intrinsicMatrix") && !said.contains("rois"),
-        "what was taken, and what is empty: {said}"
+        "imported and empty keys are not listed: {said}"
     );
     assert!(run.stderr.contains("--into"), "{}", run.stderr);
-    // A site that has lines for this camera, and another one.
-    let mut drawn = site(&straight());
+    // A site with annotations for this camera, and another camera.
+    let mut drawn = site(&pinhole());
     drawn.cameras[0].solution = None;
     drawn.cameras[0].annotations =
         serde_json::from_value(json!([{"kind": "vertical", "segments": [[[1, 2], [1, 90]]]}])).unwrap();
@@ -791,9 +792,9 @@ fn an_import_says_what_it_leaves_and_merges_into_a_site() {
     let merged = Site::from_json(&run.stdout).unwrap();
     let ids: Vec<&str> = merged.cameras.iter().map(|camera| camera.id.as_str()).collect();
     assert_eq!(ids, ["yard", "gate"]);
-    assert_eq!(merged.cameras[0].annotations.len(), 1, "what is drawn stays");
-    assert!(camera_difference(&merged.cameras[0].camera().unwrap(), &straight()) < 1e-6);
-    // Into a site without it, it is added; on a still of another size lines would not fit.
+    assert_eq!(merged.cameras[0].annotations.len(), 1, "annotations are kept");
+    assert!(camera_difference(&merged.cameras[0].camera().unwrap(), &pinhole()) < 1e-6);
+    // A new camera is added. An image of another size is refused, because the annotations would not fit.
     let gate = Site { cameras: vec![drawn.cameras[1].clone()], ..Site::new() };
     scratch.write("drawn.json", gate.to_json());
     let run = scratch.calib(&merge).expect_code(0);
@@ -803,7 +804,7 @@ fn an_import_says_what_it_leaves_and_merges_into_a_site() {
     scratch.write("drawn.json", drawn.to_json());
     let run = scratch.calib(&[&merge[..], &["--replace"]].concat()).expect_code(3);
     assert!(run.stderr.contains("640 x 480"), "{}", run.stderr);
-    // A plan, too.
+    // A floor plan is merged, too.
     scratch.write("hall.pgw", "0.05\n0\n0\n-0.05\n0\n0\n");
     let run = scratch.calib(&["import", "worldfile", "hall.pgw", "--into", "site.json"]).expect_code(0);
     let merged = Site::from_json(&run.stdout).unwrap();
@@ -811,16 +812,16 @@ fn an_import_says_what_it_leaves_and_merges_into_a_site() {
 }
 
 #[test]
-fn the_command_line_reads_what_it_wrote() {
+fn command_line_round_trip() {
     let scratch = Scratch::new();
-    scratch.write("site.json", site(&bent()).to_json());
+    scratch.write("site.json", site(&distorted()).to_json());
     scratch.calib(&["export", "opencv", "site.json", "-o", "yard.yml"]).expect_code(0);
     let back = scratch.calib(&["import", "opencv", "yard.yml"]).expect_code(0).json();
     assert_eq!(back["cameras"][0]["solution"]["method"], "given");
     scratch.calib(&["export", "colmap", "site.json", "-o", "model"]).expect_code(0);
     scratch.calib(&["import", "colmap", "model", "-o", "back.json"]).expect_code(0);
     let back = Site::from_json(&scratch.read_json("back.json").to_string()).unwrap();
-    assert!(camera_difference(&back.cameras[0].camera().unwrap(), &bent()) < 1e-9);
+    assert!(camera_difference(&back.cameras[0].camera().unwrap(), &distorted()) < 1e-9);
     let pixel = scratch
         .calib_with(&["project", "back.json", "--camera", "yard", "--to", "pixel"], "x_m,y_m,z_m\n1,2,0\n")
         .expect_code(0);
@@ -833,8 +834,8 @@ fn the_command_line_reads_what_it_wrote() {
 }
 
 #[test]
-fn zones_carry_the_lengths_of_their_sides() {
-    let mut site = site(&straight());
+fn zones_contain_the_lengths_of_their_sides() {
+    let mut site = site(&pinhole());
     let corners = [[300.0, 1000.0], [1700.0, 1000.0], [1400.0, 600.0], [500.0, 600.0]].map(Pixel::from);
     site.cameras[0].efov_px = Some(corners.to_vec());
     let text = exported("frigate", &site, "yml");
@@ -843,7 +844,7 @@ fn zones_carry_the_lengths_of_their_sides() {
         let line = text.lines().find(|line| line.trim_start().starts_with(key)).unwrap();
         line.split_once(": ").unwrap().1.split(',').map(|n| n.parse().unwrap()).collect()
     };
-    let floor = corners.map(|corner| straight().pixel_to_floor(corner, 0.0).unwrap());
+    let floor = corners.map(|corner| pinhole().pixel_to_floor(corner, 0.0).unwrap());
     for (i, side) in list("distances").iter().enumerate() {
         assert!((side - floor[i].distance(floor[(i + 1) % 4])).abs() < 0.006);
     }
@@ -854,11 +855,11 @@ fn zones_carry_the_lengths_of_their_sides() {
 }
 
 #[test]
-fn on_the_earth_a_metre_north_is_a_metre_north() {
-    let mut site = site(&straight());
+fn georeferenced_coordinates_are_correct() {
+    let mut site = site(&pinhole());
     let name = |site: &Site| exported("geojson", site, "geojson").files[0].name.clone();
     assert_eq!(name(&site), "site.local.geojson");
-    // World +x to the east: the camera is 3 m east and 4 m south of the origin.
+    // World +x points east: the camera is 3 m east and 4 m south of the origin.
     site.georeference = Some(
         serde_json::from_value(json!({"lat_deg": 52.0, "lon_deg": 5.0, "x_axis_azimuth_deg": 90.0})).unwrap(),
     );
@@ -866,7 +867,7 @@ fn on_the_earth_a_metre_north_is_a_metre_north() {
     let camera =
         document["features"].as_array().unwrap().iter().find(|f| f["properties"]["kind"] == "camera");
     let at = numbers(&camera.unwrap()["geometry"]["coordinates"]);
-    // At 52 degrees a degree of latitude is 111.267 km and one of longitude 68.678 km.
+    // At a latitude of 52 degrees, one degree of latitude is 111.267 km and one of longitude 68.678 km.
     assert!(((at[0] - 5.0) * 68_678.0 - 3.0).abs() < 1e-3, "{at:?}");
     assert!(((at[1] - 52.0) * 111_267.0 + 4.0).abs() < 1e-3, "{at:?}");
 }
@@ -875,8 +876,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn a_mangled_file_is_an_error_that_says_where(cut in 0.0..1.0_f64, byte in any::<u8>(), at in 0.0..1.0_f64) {
-        let site = site(&bent());
+    fn corrupt_file_is_an_error_with_its_place(cut in 0.0..1.0_f64, byte in any::<u8>(), at in 0.0..1.0_f64) {
+        let site = site(&distorted());
         for format in FORMATS.iter().filter(|format| format.can_export() && format.can_import()) {
             for extension in format.extensions {
                 let files = exported(format.name, &site, extension).files;
@@ -945,8 +946,8 @@ fn hostile_files_are_errors() {
 }
 
 #[test]
-fn a_camera_that_nobody_placed_is_exported_with_a_word_and_a_period_is_chosen() {
-    let placed = site(&straight()).cameras.remove(0);
+fn unplaced_camera_is_reported_and_periods_are_separate() {
+    let placed = site(&pinhole()).cameras.remove(0);
     let mut loose = SiteCamera { id: "loose".into(), ..placed.clone() };
     loose.solution.as_mut().unwrap().stage = Stage::Partial;
     let both = Site { cameras: vec![placed.clone(), loose.clone()], ..Site::new() };
@@ -961,15 +962,15 @@ fn a_camera_that_nobody_placed_is_exported_with_a_word_and_a_period_is_chosen() 
     let before = SiteCamera { valid_to: Some("2026-05-01T00:00:00Z".into()), ..placed.clone() };
     let after = SiteCamera { valid_from: Some("2026-05-01T00:00:00Z".into()), ..placed };
     let periods = Site { cameras: vec![before, after], ..Site::new() };
-    let told = export(format("frigate").unwrap(), &periods, &ExportOptions::default()).unwrap_err();
-    assert!(told.to_string().contains("several periods"), "{told}");
+    let error = export(format("frigate").unwrap(), &periods, &ExportOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("several periods"), "{error}");
     let rows = json_of(&exported("table", &periods, "json"), "cameras.json");
     assert_eq!(rows["cameras"].as_array().unwrap().len(), 2);
 }
 
 #[test]
-fn regions_have_the_numbers_of_their_streams() {
-    let placed = site(&straight()).cameras.remove(0);
+fn regions_are_numbered_by_stream() {
+    let placed = site(&pinhole()).cameras.remove(0);
     let dark = SiteCamera { id: "dark".into(), solution: None, ..placed.clone() };
     let both = Site { cameras: vec![dark, placed], ..Site::new() };
     let text = exported("nvdsanalytics", &both, "txt");
@@ -977,13 +978,13 @@ fn regions_have_the_numbers_of_their_streams() {
 }
 
 #[test]
-fn pycolmap_and_pyyaml_read_what_is_for_them() {
+fn pycolmap_and_pyyaml_read_exports() {
     let Some(python) = peers_python() else { return };
     let scratch = Scratch::new();
-    let (bent, straight) = (bent(), straight());
+    let (distorted, straight) = (distorted(), pinhole());
     for (name, camera, extension) in [
-        ("colmap", &bent, "txt"),
-        ("ros", &bent, "yaml"),
+        ("colmap", &distorted, "txt"),
+        ("ros", &distorted, "yaml"),
         ("nvidia", &straight, "json"),
         ("frigate", &straight, "yml"),
     ] {
@@ -993,64 +994,67 @@ fn pycolmap_and_pyyaml_read_what_is_for_them() {
             std::fs::write(path, file.bytes).unwrap();
         }
     }
-    let points = scene(&bent);
+    let points = scene(&distorted);
     let script = calib_tests::root().join("tests/formats_readers.py");
     let mut command = std::process::Command::new(python);
     command.arg(script).arg(scratch.path("")).arg(json!(points).to_string());
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-    for (point, pixel) in points.iter().zip(told["colmap"].as_array().unwrap()) {
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for (point, pixel) in points.iter().zip(found["colmap"].as_array().unwrap()) {
         let pixel: [f64; 2] = serde_json::from_value(pixel.clone()).unwrap();
-        assert_near(pixel, &bent, *point, 0.0, "pycolmap");
+        assert_near(pixel, &distorted, *point, 0.0, "pycolmap");
     }
-    let k = numbers(&told["ros"]["camera_matrix"]["data"]);
-    assert_eq!([k[0], k[2] + 0.5], [bent.focal, bent.lens.principal_point.u]);
-    // k1, k2, p1, p2, k3, as `bent` has them.
+    let k = numbers(&found["ros"]["camera_matrix"]["data"]);
+    assert_eq!([k[0], k[2] + 0.5], [distorted.focal, distorted.lens.principal_point.u]);
+    // k1, k2, p1, p2, k3 of `distorted`.
     assert_eq!(
-        numbers(&told["ros"]["distortion_coefficients"]["data"]),
+        numbers(&found["ros"]["distortion_coefficients"]["data"]),
         [-0.25, 0.06, 0.001, -0.0007, -0.004]
     );
-    let p = numbers(&told["nvidia"]["projectionMatrix_3x4_w2p"]);
+    let p = numbers(&found["nvidia"]["projectionMatrix_3x4_w2p"]);
     for point in scene(&straight) {
         let w: Vec<f64> = (0..3)
             .map(|i| p[4 * i] * point.x + p[4 * i + 1] * point.y + p[4 * i + 2] * point.z + p[4 * i + 3])
             .collect();
         assert_near([w[0] / w[2], w[1] / w[2]], &straight, point, 0.0, "nvidia");
     }
-    let corners = told["frigate"]["cameras"]["yard"]["zones"]["floor"]["coordinates"].as_str().unwrap();
+    let corners = found["frigate"]["cameras"]["yard"]["zones"]["floor"]["coordinates"].as_str().unwrap();
     let corners: Vec<f64> = corners.split(',').map(|number| number.parse().unwrap()).collect();
     assert!(corners.len() >= 6 && corners.iter().all(|share| (0.0..=1.0).contains(share)), "{corners:?}");
 }
 
-/// A straight camera over a ramp with a region, and a plane without one.
+/// Returns a site with a pinhole camera, a ramp with a region, and a plane without a region.
 fn with_planes() -> Site {
     let planes = json!([
         {"id": "ramp", "height_m": 0.5, "tilt": {"toward_deg": 30, "fall_deg": 4},
             "region": [[0, 2], [4, 2], [4, 6], [0, 6]]},
         {"id": "shelf", "height_m": 2}
     ]);
-    Site { planes: serde_json::from_value(planes).unwrap(), ..site(&straight()) }
+    Site { planes: serde_json::from_value(planes).unwrap(), ..site(&pinhole()) }
 }
 
 #[test]
-fn a_format_holds_planes_or_says_that_it_does_not() {
+fn planes_are_exported_or_reported_as_lost() {
     let planes = with_planes();
     for format in FORMATS.iter().filter(|format| format.can_export()) {
         let export = exported(format.name, &planes, format.extensions[0]);
         let losses: Vec<String> = export.losses.iter().map(ToString::to_string).collect();
-        let told = losses.iter().chain(&export.notes).filter(|what| what.contains("\"ramp\"")).count();
+        let reported = losses.iter().chain(&export.notes).filter(|what| what.contains("\"ramp\"")).count();
         let is_written = export.files.iter().any(|file| file.bytes.windows(4).any(|bytes| bytes == b"ramp"));
-        assert_eq!(told == 0, is_written, "{}: {losses:?} {:?}", format.name, export.notes);
+        assert_eq!(reported == 0, is_written, "{}: {losses:?} {:?}", format.name, export.notes);
         assert_eq!(is_written, format.planes == PlaneTreatment::Written, "{}", format.name);
         let misleads = losses.iter().any(|what| what.contains("\"ramp\""));
         assert_eq!(misleads, format.planes == PlaneTreatment::Misleading, "{}", format.name);
-        assert!(!losses.iter().chain(&export.notes).any(|what| what.contains("shelf")), "it covers nothing");
+        assert!(
+            !losses.iter().chain(&export.notes).any(|what| what.contains("shelf")),
+            "planes without a region are not reported"
+        );
     }
 }
 
 #[test]
-fn geojson_has_the_regions_with_height_and_fall() {
+fn geojson_contains_plane_regions_with_height_and_fall() {
     let mut site = with_planes();
     let document = json_of(&exported("geojson", &site, "geojson"), "site.local.geojson");
     let region = |document: &Value| {
@@ -1065,7 +1069,7 @@ fn geojson_has_the_regions_with_height_and_fall() {
     );
     assert_eq!(found["geometry"]["coordinates"][0].as_array().unwrap().len(), 5, "the ring is closed");
     assert!(document["fields"]["toward_deg"].as_str().unwrap().contains("counter-clockwise"));
-    // +x to the east: 30 degrees counter-clockwise from it is at an azimuth of 60.
+    // World +x points east: 30 degrees counter-clockwise from it is an azimuth of 60 degrees.
     site.georeference =
         Some(calib_site::Georeference { lat_deg: 50.0, lon_deg: 8.0, x_axis_azimuth_deg: 90.0 });
     let document = json_of(&exported("geojson", &site, "geojson"), "site.geojson");
@@ -1073,8 +1077,8 @@ fn geojson_has_the_regions_with_height_and_fall() {
 }
 
 #[test]
-fn a_row_of_the_table_maps_pixels_to_its_plane() {
-    let (site, camera) = (with_planes(), straight());
+fn table_row_maps_pixels_to_its_plane() {
+    let (site, camera) = (with_planes(), pinhole());
     let document = json_of(&exported("table", &site, "json"), "cameras.json");
     let row = &document["planes"][0];
     let numbers = |key: &str| -> Vec<f64> {
@@ -1092,14 +1096,14 @@ fn a_row_of_the_table_maps_pixels_to_its_plane() {
         ["cameras.csv", "planes.csv"]
     );
     assert!(
-        json_of(&exported("table", &self::site(&straight()), "json"), "cameras.json").get("planes").is_none()
+        json_of(&exported("table", &self::site(&pinhole()), "json"), "cameras.json").get("planes").is_none()
     );
 }
 
 #[test]
-fn planes_stay_when_cameras_are_merged_into_a_site() {
+fn planes_are_kept_when_cameras_are_merged() {
     let scratch = scratch_of(&with_planes());
-    scratch.write("bare.json", site(&straight()).to_json());
+    scratch.write("bare.json", site(&pinhole()).to_json());
     scratch.calib(&["export", "opencv", "bare.json", "-o", "out"]).expect_code(0);
     let run = scratch.calib(&["import", "opencv", "out", "--into", "site.json", "--replace"]).expect_code(0);
     assert_eq!(Site::from_json(&run.stdout).unwrap().planes, with_planes().planes);

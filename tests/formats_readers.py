@@ -1,8 +1,8 @@
-"""Reads exports with the programs that they are for, and prints as JSON what those make of them.
+"""Reads exports with the libraries of their target programs, and prints the results as JSON.
 
     formats_readers.py FOLDER POINTS
 
-FOLDER has a folder for every format; POINTS is a JSON list of points of the world.
+FOLDER has a folder for every format; POINTS is a JSON list of world points.
 """
 
 import json

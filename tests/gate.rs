@@ -1,4 +1,4 @@
-//! The quality gate: what is no drawing of a scene does not pass it, and what is unknown is not taken for exact.
+//! The quality gate: random lines do not pass it, and unknown uncertainties are not treated as zero.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -23,7 +23,7 @@ fn any_segments(random: &mut ChaCha8Rng, count: usize) -> Vec<Vec<Pixel>> {
     (0..count).map(|_| vec![any_pixel(random), any_pixel(random)]).collect()
 }
 
-/// A camera on whose image lines are drawn wherever chance would have them, of every kind.
+/// Returns a camera with random lines of every kind.
 fn scribbled(random: &mut ChaCha8Rng, index: usize) -> SiteCamera {
     let mut camera = SiteCamera::new(format!("c{index}"), SIZE);
     let mut draw = |kind: Kind, groups: usize, least: usize, most: usize| {
@@ -49,7 +49,7 @@ fn scribbled(random: &mut ChaCha8Rng, index: usize) -> SiteCamera {
 }
 
 #[test]
-fn lines_at_random_do_not_pass() {
+fn random_lines_do_not_pass() {
     let count: usize =
         std::env::var("CALIB_SCRIBBLES").ok().and_then(|count| count.parse().ok()).unwrap_or(2000);
     let mut random = ChaCha8Rng::seed_from_u64(7);
@@ -76,12 +76,16 @@ fn lines_at_random_do_not_pass() {
             );
         }
     }
-    println!("of {count} {solutions} have a solution, {passed} pass, {exact} of them under 1 %");
-    assert!(solutions > count / 4, "most of them are solved: the gate is what keeps them out");
-    assert!(passed * 100 <= count && exact == 0, "{passed} of {count} pass, {exact} of them under 1 %");
+    println!("{solutions} of {count} cameras are solved, {passed} pass, {exact} of them with less than 1 %");
+    assert!(solutions > count / 4, "too few cameras are solved for this test");
+    assert!(
+        passed * 100 <= count && exact == 0,
+        "{passed} of {count} pass, {exact} of them with less than 1 %"
+    );
 }
 
-/// A scene whose camera is turned by `roll` degrees about its axis, on an image large enough for all of it.
+/// Returns the annotations of a scene with the camera rotated by `roll` degrees about its axis, in a
+/// sufficiently large image.
 fn rolled(scene: &RandomScene, roll: f64, random: &mut ChaCha8Rng) -> SiteCamera {
     const SIDE: u32 = 2400;
     let (sin, cos) = (-roll.to_radians()).sin_cos();
@@ -109,7 +113,7 @@ fn has(solution: &Solution, code: Code) -> bool {
 }
 
 #[test]
-fn a_camera_beyond_its_side_is_not_taken_for_one_that_looks_up() {
+fn camera_rolled_beyond_90_degrees_is_found_or_ambiguous() {
     const ROLL: f64 = -120.0;
     let mut random = ChaCha8Rng::seed_from_u64(3);
     for _ in 0..10 {
@@ -118,16 +122,16 @@ fn a_camera_beyond_its_side_is_not_taken_for_one_that_looks_up() {
         let near = |of_roll: f64, pitch: f64| (of_roll - roll).abs() < 4.0 && (pitch - 30.0).abs() < 4.0;
         let is_true = |solution: &Solution| near(solution.roll_deg.unwrap(), solution.pitch_deg.unwrap());
         let with_floor = rolled(&scene, ROLL, &mut random);
-        // The field of view lies on the floor.
+        // The field of view is on the floor, therefore the solution is unique.
         let solution = solved(with_floor.clone());
         assert!(is_true(&solution), "{:?} {:?}", solution.roll_deg, solution.pitch_deg);
-        // Without it, lines alone cannot tell: both are shown.
+        // Without it, the lines have two solutions, and both are reported.
         let bare = SiteCamera { efov_px: None, ..with_floor };
         let solution = solved(bare.clone());
         let others = &solution.alternatives;
         assert!(is_true(&solution) || others.iter().any(|other| near(other.roll_deg, other.pitch_deg)));
         assert!(has(&solution, Code::TwoSolutions), "{:?}", solution.warnings);
-        // A belief decides.
+        // A prior on the pitch selects one.
         let mut believed = bare;
         believed.lens.get_or_insert_default().pitch_deg = Some(Known::prior(30.0, 10.0));
         let solution = solved(believed);
@@ -137,7 +141,7 @@ fn a_camera_beyond_its_side_is_not_taken_for_one_that_looks_up() {
 }
 
 #[test]
-fn a_line_drawn_again_says_nothing_more() {
+fn repeated_line_adds_no_information() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     for _ in 0..10 {
         let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, None);
@@ -153,20 +157,18 @@ fn a_line_drawn_again_says_nothing_more() {
         assert!((sigma(&often) / sigma(&once) - 1.0).abs() < 1e-6, "{} {}", sigma(&often), sigma(&once));
         assert_eq!(often.dof, once.dof);
         let px = |solution: &Solution| solution.residuals[0].px;
-        assert!(
-            (px(&often) - px(&once)).abs() < 1e-6,
-            "a residual is that of the drawing, not a share of it"
-        );
+        assert!((px(&often) - px(&once)).abs() < 1e-6, "a repeated line keeps its residual");
     }
 }
 
-/// Whether a standard deviation is no smaller than it was. It may be larger: what is drawn again is one more unknown,
-/// and its copies share what it says, to a fifteenth.
-fn says_nothing_more(often: f64, once: f64) -> bool {
+/// Whether repeating an annotation did not reduce a standard deviation noticeably. A repeated annotation adds
+/// an unknown, and its copies share their information to about a fifteenth.
+fn adds_no_information(often: f64, once: f64) -> bool {
     often > 0.93 * once
 }
 
-/// A drawing again, so many times in all; nothing can be tied to the copies.
+/// Returns the camera with an annotation repeated `times` times. The copies have no id, so nothing refers to
+/// them.
 fn redrawn(camera: &SiteCamera, index: usize, times: usize) -> SiteCamera {
     let mut often = camera.clone();
     let copy = Annotation { id: None, ..camera.annotations[index].clone() };
@@ -174,7 +176,7 @@ fn redrawn(camera: &SiteCamera, index: usize, times: usize) -> SiteCamera {
     often
 }
 
-/// All standard deviations of a solution that there are.
+/// Returns all standard deviations in a solution.
 fn sigmas(solution: &Solution) -> Vec<f64> {
     let sigma = solution.sigma.as_ref().unwrap();
     let all = [
@@ -191,7 +193,7 @@ fn sigmas(solution: &Solution) -> Vec<f64> {
 }
 
 #[test]
-fn a_drawing_of_any_kind_made_again_says_nothing_more() {
+fn repeated_annotation_of_any_kind_adds_no_information() {
     let alone = |mut camera: SiteCamera| {
         camera.control_points.clear();
         camera.placement = None;
@@ -205,9 +207,9 @@ fn a_drawing_of_any_kind_made_again_says_nothing_more() {
             let often = solved(redrawn(&camera, index, 31));
             let what = format!("{} {index} {:?}", camera.id, drawn.kind);
             for (often, once) in sigmas(&often).into_iter().zip(sigmas(&once)) {
-                assert!(says_nothing_more(often, once), "{what}: {often} of {once}");
+                assert!(adds_no_information(often, once), "{what}: {often} of {once}");
             }
-            // Of edges for the lens another number of coefficients may be fitted.
+            // With more straight edges, the fit may select another number of coefficients.
             let is_lens = drawn.kind == Kind::Straight;
             assert!(often.dof <= once.dof || is_lens, "{what}: {:?} of {:?}", often.dof, once.dof);
             assert_eq!(has(&often, Code::Unchecked), has(&once, Code::Unchecked), "{what}");
@@ -218,7 +220,7 @@ fn a_drawing_of_any_kind_made_again_says_nothing_more() {
 }
 
 #[test]
-fn one_known_length_drawn_often_does_not_pass() {
+fn repeated_known_length_does_not_pass() {
     let has_length =
         |camera: &SiteCamera| camera.annotations.iter().any(|drawn| drawn.kind == Kind::KnownLength);
     let mut camera = calib_demo::demo_site().site.cameras.into_iter().find(has_length).unwrap();
@@ -236,7 +238,7 @@ fn one_known_length_drawn_often_does_not_pass() {
 }
 
 #[test]
-fn what_cameras_share_said_again_says_nothing_more() {
+fn repeated_shared_landmarks_add_no_information() {
     const TIMES: usize = 20;
     fn again<T: Clone>(list: &mut Vec<T>, unnamed: impl Fn(&mut T)) {
         let copies: Vec<T> = list.iter().flat_map(|item| vec![item.clone(); TIMES - 1]).collect();
@@ -256,7 +258,7 @@ fn what_cameras_share_said_again_says_nothing_more() {
                 often.dof
             );
             for (often, once) in sigmas(&often).into_iter().zip(sigmas(&once)) {
-                assert!(says_nothing_more(often, once), "{what} of camera {index}: {often} of {once}");
+                assert!(adds_no_information(often, once), "{what} of camera {index}: {often} of {once}");
             }
             assert!(often.dof <= once.dof, "{what} of camera {index}: {:?} of {:?}", often.dof, once.dof);
         }
@@ -280,7 +282,7 @@ fn what_cameras_share_said_again_says_nothing_more() {
 }
 
 #[test]
-fn lines_switched_off_leave_no_certain_camera_on_its_side() {
+fn disabled_lines_leave_no_certain_tilted_camera() {
     let kinds = [Kind::Vertical, Kind::Parallel, Kind::Perpendicular, Kind::EqualLength, Kind::Upright];
     let site = calib_demo::demo_site().site;
     let mut tilted = 0;
@@ -307,11 +309,11 @@ fn lines_switched_off_leave_no_certain_camera_on_its_side() {
             assert!(roll.abs() < 10.0 || fails, "{id} without {which:b}: roll {roll} {sigma:?}");
         }
     }
-    println!("{tilted} are tilted, and say so");
+    println!("{tilted} cameras are tilted and fail the check");
 }
 
 #[test]
-fn what_six_or_seven_lines_say_by_chance_is_not_certain() {
+fn six_or_seven_random_lines_are_reported_as_unchecked() {
     let mut random = ChaCha8Rng::seed_from_u64(17);
     let (mut certain, mut solutions) = (0, 0);
     for _ in 0..400 {
@@ -346,7 +348,7 @@ fn what_six_or_seven_lines_say_by_chance_is_not_certain() {
 }
 
 #[test]
-fn residuals_that_no_noise_explains_leave_the_errors_unknown() {
+fn misfit_leaves_the_uncertainty_unknown() {
     let mut random = ChaCha8Rng::seed_from_u64(19);
     let (mut beyond, mut within) = (0, 0);
     for round in 0..60 {
@@ -357,7 +359,7 @@ fn residuals_that_no_noise_explains_leave_the_errors_unknown() {
         let site = Site { cameras: vec![camera], ..Site::new() };
         let Ok(solution) = site.calibrate(&Options::default()).cameras.remove(0).1 else { continue };
         let (chi2, dof) = (solution.chi2.unwrap(), solution.dof.unwrap_or(0) as f64);
-        // Over five times the noise that was assumed.
+        // Residuals more than five times the assumed noise.
         if dof >= 1.0 && chi2 > 25.0 * dof {
             beyond += 1;
             assert!(solution.sigma.is_none() && solution.covariance.is_none(), "chi2 {chi2} of {dof}");
@@ -367,13 +369,13 @@ fn residuals_that_no_noise_explains_leave_the_errors_unknown() {
             assert!(solution.sigma.is_some(), "chi2 {chi2} of {dof}");
         }
     }
-    println!("{beyond} beyond any noise, {within} within");
+    println!("{beyond} misfits, {within} others");
     assert!(beyond >= 10 && within >= 10);
 }
 
 #[test]
-fn few_residuals_widen_what_they_tell_by_students_factor() {
-    // Of Student's distribution at 0.975, over the normal one (any table).
+fn few_residuals_widen_intervals_by_students_factor() {
+    // 97.5 % quantiles of Student's t distribution for 1 to 7 degrees of freedom (any table).
     const QUANTILES: [f64; 7] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365];
     let mut random = ChaCha8Rng::seed_from_u64(23);
     let mut compared = 0;
@@ -392,7 +394,7 @@ fn few_residuals_widen_what_they_tell_by_students_factor() {
         }
         let given = solved(SiteCamera { sigma_px: estimated.sigma_px, ..camera });
         let focal = |solution: &Solution| solution.focal_px;
-        // Another minimum, or the prior, says something else.
+        // Skip other minima and cases in which the prior contributes.
         if !of_lines_alone(&given) || (focal(&given) / focal(&estimated) - 1.0).abs() > 1e-4 {
             continue;
         }
@@ -407,7 +409,7 @@ fn few_residuals_widen_what_they_tell_by_students_factor() {
 }
 
 #[test]
-fn a_solution_of_other_lines_does_not_pass() {
+fn solution_of_other_lines_does_not_pass() {
     let scratch = Scratch::new();
     let site = calib_demo::demo_site().site;
     let solved = site.calibrate(&Options::default()).write_into(&site);
@@ -420,7 +422,7 @@ fn a_solution_of_other_lines_does_not_pass() {
         codes.filter_map(|fault| fault["code"].as_str().map(Into::into)).collect()
     };
     assert!(codes("solved.json", 0).is_empty());
-    // Numbers that another program rounded.
+    // Numbers rounded by another program.
     let mut rounded = scratch.read_json("solved.json");
     round(&mut rounded);
     scratch.write("rounded.json", rounded.to_string());
@@ -443,8 +445,8 @@ fn a_solution_of_other_lines_does_not_pass() {
     scratch.calib(&["check", "other.json", "--allow", "out-of-date"]).expect_code(0);
 }
 
-/// Every number to three digits after the point, as programs write that hold no more; of a lens these would move the
-/// corners, and of errors leave none.
+/// Rounds every number to three decimals, as other programs write them. Distortion and uncertainties are
+/// kept: rounding would move the corners of the image, or make errors zero.
 fn round(value: &mut Value) {
     match value {
         Value::Number(number) if number.is_f64() => {
@@ -462,7 +464,7 @@ fn round(value: &mut Value) {
 }
 
 #[test]
-fn one_line_moved_added_or_taken_away_makes_a_solution_out_of_date() {
+fn changed_line_makes_a_solution_out_of_date() {
     let site = calib_demo::demo_site().site;
     let solved = site.calibrate(&Options::default()).write_into(&site);
     let of = |changed: &Site| -> Vec<usize> {
@@ -484,7 +486,7 @@ fn one_line_moved_added_or_taken_away_makes_a_solution_out_of_date() {
             [camera],
             "added"
         );
-        assert_eq!(changed(&|lines| drop(lines.pop())), [camera], "taken away");
+        assert_eq!(changed(&|lines| drop(lines.pop())), [camera], "removed");
     }
     let mut moved = solved.clone();
     let camera = moved.cameras.iter().position(|camera| !camera.control_points.is_empty()).unwrap();
@@ -496,7 +498,7 @@ fn one_line_moved_added_or_taken_away_makes_a_solution_out_of_date() {
     moved.links[link].seen[0].px.as_mut().unwrap().v += 20.0;
     let shown_by = solved.cameras.iter().position(|camera| camera.id == solved.links[link].seen[0].camera);
     assert_eq!(of(&moved), [shown_by.unwrap()]);
-    // What another program wrote without residuals is nothing that could differ.
+    // A solution from another program has no residuals, so it cannot be checked for being out of date.
     let mut bare = solved;
     for camera in &mut bare.cameras {
         camera.solution.as_mut().unwrap().residuals.clear();
@@ -506,7 +508,7 @@ fn one_line_moved_added_or_taken_away_makes_a_solution_out_of_date() {
 }
 
 #[test]
-fn a_camera_without_errors_in_its_file_has_unknown_ones() {
+fn camera_without_sigmas_has_unknown_uncertainty() {
     let scratch = Scratch::new();
     let site = |sigma: &str| {
         format!(
@@ -531,7 +533,7 @@ fn a_camera_without_errors_in_its_file_has_unknown_ones() {
     assert!(known.worst_sigma().is_some_and(|sigma| sigma > 0.01));
     scratch.write("known.json", site(r#", "sigma": {"z_m": 0.03, "pitch_deg": 0.2}"#));
     scratch.calib(&["check", "known.json"]).expect_code(0);
-    // Below the floor, and toward the sky.
+    // A camera below the floor, and a camera that looks at the sky.
     scratch.write("below.json", site("").replace("[0, 0, 3]", "[0, 0, -3]"));
     scratch.write("sky.json", site("").replace(r#""pitch_deg": 30"#, r#""pitch_deg": -50"#));
     for (file, expected) in [("below.json", "below-floor"), ("sky.json", "no-floor")] {
@@ -541,7 +543,7 @@ fn a_camera_without_errors_in_its_file_has_unknown_ones() {
 }
 
 #[test]
-fn cameras_that_were_solved_together_err_together() {
+fn jointly_solved_cameras_have_correlated_errors() {
     let demo = calib_demo::demo_site_without_plan();
     let site = demo.site.calibrate(&Options::default()).write_into(&demo.site);
     let site = Site::from_json(&site.to_json()).unwrap();
@@ -571,15 +573,15 @@ fn cameras_that_were_solved_together_err_together() {
     assert!(count > 5 && apart < 0.8 * alone, "{count} points: {apart} and {alone}");
     let groups = &site.solution.as_ref().unwrap().components;
     let tied: usize = groups.iter().map(|group| group.len() * (group.len() - 1) / 2).sum();
-    assert!(pairs.len() >= tied, "{} of {tied} pairs of cameras that are tied in any way", pairs.len());
+    assert!(pairs.len() >= tied, "{} of {tied} connected pairs", pairs.len());
     let id = pairs[0].cameras[0].as_str();
     let pixel = Pixel::new(960.0, 900.0);
     let itself = site.floor_covariance_between([(id, pixel), (id, pixel)]).unwrap();
-    assert!((itself[0][0] - own(id, pixel)[0][0]).abs() < 1e-12, "of one camera it is its own covariance");
+    assert!((itself[0][0] - own(id, pixel)[0][0]).abs() < 1e-12, "for one camera it is its own covariance");
 }
 
 #[test]
-fn of_a_place_that_a_hand_gave_nothing_is_claimed_until_its_numbers_are_held() {
+fn placement_by_hand_has_no_uncertainty_until_fixed() {
     let mut site = calib_demo::demo_site().site;
     (site.links, site.marks) = (Vec::new(), Vec::new());
     let solved = site.calibrate(&Options::default()).write_into(&site);

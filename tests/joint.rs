@@ -1,4 +1,4 @@
-//! The site as one problem, on random layouts.
+//! Joint refinement of random sites, compared with the truth.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -63,7 +63,7 @@ fn exact_layouts_are_found() {
 }
 
 #[test]
-fn three_cameras_without_a_plan() {
+fn three_cameras_without_a_plan_are_accurate() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
     let [mut position, mut height, mut yaw, mut gaps]: [Vec<f64>; 4] = Default::default();
     let (mut covered, mut trials) = (0, 0);
@@ -85,7 +85,7 @@ fn three_cameras_without_a_plan() {
                 covered += usize::from(off.abs() < 1.96 * found.covariance.sigma(index).unwrap());
             }
         }
-        // Points of the floor that were not drawn, as every camera would put them.
+        // Floor points without annotations, mapped by every camera.
         for _ in 0..20 {
             let at = FloorPoint { x: random.random_range(-3.0..3.0), y: random.random_range(-3.0..3.0) };
             let put: Vec<_> = found
@@ -113,7 +113,7 @@ fn three_cameras_without_a_plan() {
 }
 
 #[test]
-fn a_wrong_link_is_named_and_the_site_stays_right() {
+fn wrong_link_is_rejected_and_site_stays_correct() {
     const TRIALS: usize = 100;
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let (mut named, mut accused, mut far) = (0, 0, 0);
@@ -140,14 +140,14 @@ fn a_wrong_link_is_named_and_the_site_stays_right() {
         far += usize::from(worst > 0.5);
     }
     println!(
-        "{named} of {TRIALS} wrong links named, {accused} of {} good ones accused, {far} sites off",
+        "{named} of {TRIALS} wrong links rejected, {accused} of {} correct links rejected, {far} sites inaccurate",
         19 * TRIALS
     );
     assert!(named >= 95 && accused <= TRIALS / 10 && far <= 2);
 }
 
 #[test]
-fn a_chain_drifts_and_a_loop_closes_it() {
+fn chain_drifts_and_a_loop_corrects_it() {
     let mut random = ChaCha8Rng::seed_from_u64(4);
     let mut drift = |closed: bool| {
         let (mut worst, mut covered, mut closures) = (Vec::new(), (0, 0), Vec::new());
@@ -179,8 +179,8 @@ fn a_chain_drifts_and_a_loop_closes_it() {
     }
 }
 
-/// A scene whose lens bends, drawn with noise of one pixel, with edges that are straight in space.
-fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera) {
+/// Returns an annotated scene with lens distortion and straight edges, without noise.
+fn distorted_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera) {
     let hfov = random.random_range(60.0..95.0);
     let scene = RandomScene::new(random, AnnotationSet::Directions, Some(hfov), None);
     let [w, h] = SIZE;
@@ -188,8 +188,8 @@ fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera)
     let corners = [[-beside, -above], [w + beside, -above], [w + beside, h + above], [-beside, h + above]];
     let corners = corners.map(Pixel::from);
     let focal = 0.5 * w.hypot(h);
-    // A real lens shows the scene up to the corners of its image, and here a little beyond: a fit that
-    // ends where the lens folds back within the image is cut off there, and no bound is for that.
+    // A real lens is valid up to the corners of its image, and this one a little beyond. A fit whose lens
+    // folds inside the image is clipped there, so the bound would not apply.
     let lens = loop {
         let k1 = random.random_range(-0.3..-0.05);
         let k2 = random.random_range(0.0..0.05) - 0.3 * k1 * k1;
@@ -209,7 +209,7 @@ fn bent_scene(random: &mut ChaCha8Rng, tangential: bool) -> (SiteCamera, Camera)
     for pixel in entry.annotations.iter_mut().flat_map(|a| a.segments.iter_mut().flatten().flatten()) {
         *pixel = bend(*pixel).unwrap();
     }
-    // Long edges anywhere in the image, of nine points.
+    // Long edges of nine points anywhere in the image.
     while entry.annotations.iter().filter(|a| a.kind == Kind::Straight).count() < 8 {
         let mut end = || Pixel::new(random.random_range(0.0..SIZE[0]), random.random_range(0.0..SIZE[1]));
         let (a, b) = (end(), end());
@@ -248,13 +248,13 @@ fn draw(entry: &SiteCamera, random: &mut ChaCha8Rng) -> SiteCamera {
 }
 
 #[test]
-fn a_lens_fitted_together_with_stage_1_reaches_the_bound_and_its_sigmas_are_true() {
+fn lens_fitted_with_stage_1_reaches_the_bound_and_its_sigmas_are_correct() {
     for tangential in [false, true] {
         let mut random = ChaCha8Rng::seed_from_u64(6);
         let names = ["roll", "pitch", "focal", "k1", "k2", "p1", "p2"];
         let (mut squares, mut covered, mut trials) = ([0.0; 7], [0; 7], 0);
         for _ in 0..100 {
-            let (entry, truth) = bent_scene(&mut random, tangential);
+            let (entry, truth) = distorted_scene(&mut random, tangential);
             for _ in 0..8 {
                 let mut site = Site::new();
                 site.cameras.push(draw(&entry, &mut random));
@@ -274,7 +274,7 @@ fn a_lens_fitted_together_with_stage_1_reaches_the_bound_and_its_sigmas_are_true
                     (off(fit.p1, given.p1), sigma.p1),
                     (off(fit.p2, given.p2), sigma.p2),
                 ];
-                // Where the focal is all but open its own share of noise decides, not the bound.
+                // If the focal length is almost undetermined, the linear bound does not apply.
                 if sigma.focal_px.unwrap() > 0.1 * truth.focal {
                     continue;
                 }
@@ -297,7 +297,7 @@ fn a_lens_fitted_together_with_stage_1_reaches_the_bound_and_its_sigmas_are_true
     }
 }
 
-/// Where a camera of a layout shows a point.
+/// Returns the pixel of a point in a camera of the layout.
 fn shown(layout: &Layout, camera: usize, at: [f64; 3]) -> Pixel {
     layout.truth[camera].world_to_pixel(at.into()).unwrap()
 }
@@ -306,7 +306,7 @@ fn seen(layout: &Layout, camera: usize) -> LinkObservation {
     LinkObservation::new(&layout.site.cameras[camera].id)
 }
 
-/// Cameras stand where they stand, to a hair.
+/// Asserts that the cameras are found exactly.
 fn assert_found(layout: &Layout, what: &str) {
     let report = solve(layout);
     for (found, truth) in cameras(&report).iter().zip(&layout.truth) {
@@ -316,7 +316,7 @@ fn assert_found(layout: &Layout, what: &str) {
     }
 }
 
-/// Three cameras that share nothing yet, the first where it stands.
+/// Returns three cameras without shared landmarks. The first has its true placement.
 fn bare_ring(random: &mut ChaCha8Rng) -> Layout {
     let mut layout = Layout::ring(random, 3, 0, 0.0);
     layout.place_first();
@@ -324,7 +324,7 @@ fn bare_ring(random: &mut ChaCha8Rng) -> Layout {
 }
 
 #[test]
-fn posts_tie_cameras() {
+fn posts_determine_cameras() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..5 {
         let layout = bare_ring(&mut random);
@@ -344,8 +344,9 @@ fn posts_tie_cameras() {
 }
 
 #[test]
-fn links_clicked_in_haste_count_for_what_they_are() {
-    /// Coordinates of the second and third camera whose intervals hold the truth, of how many.
+fn inaccurate_links_are_weighted_by_their_sigma() {
+    /// Counts the coordinates of the second and third camera within their 95 % intervals, and all
+    /// coordinates.
     fn inside(random: &mut ChaCha8Rng, says_so: bool) -> [usize; 2] {
         const HASTE: f64 = 3.0;
         let mut held = [0, 0];
@@ -374,15 +375,15 @@ fn links_clicked_in_haste_count_for_what_they_are() {
     let [held, of] = inside(&mut random, true);
     assert!((0.91..0.99).contains(&(held as f64 / of as f64)), "{held} of {of}");
     let [held, of] = inside(&mut random, false);
-    assert!((held as f64) < 0.88 * of as f64, "said to be as good as all else, they mislead: {held} of {of}");
+    assert!((held as f64) < 0.88 * of as f64, "without their sigma, coverage is too low: {held} of {of}");
 }
 
 #[test]
-fn marks_tie_cameras_and_give_the_scale() {
+fn marks_determine_cameras_and_the_scale() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..5 {
         let layout = bare_ring(&mut random);
-        // A box of known size gives the scale, too: the first camera's own is taken away.
+        // A box of known size determines the scale, too. The placement of the first camera has a wrong scale.
         let mut marks = layout.clone();
         let (at, turned) = (WorldPoint::new(0.3, -0.2, 0.0), 0.7_f64);
         let shape = MarkShape { kind: MarkKind::Box, at, turn: turned, size: vec![1.2, 0.8, 0.9] };
@@ -417,12 +418,12 @@ fn marks_tie_cameras_and_give_the_scale() {
 }
 
 #[test]
-fn pieces_of_floor_lines_tie_cameras() {
+fn segments_of_floor_lines_determine_cameras() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..5 {
         let layout = bare_ring(&mut random);
-        // Two floor lines, of which every camera shows another piece; heights are known, and a hand has
-        // put the cameras about where they stand.
+        // Two floor lines, of which every camera sees another segment. The heights are fixed, and the
+        // placements are approximate.
         let mut lines = layout.clone();
         for (camera, truth) in lines.site.cameras.iter_mut().zip(&lines.truth) {
             camera.height_m = Some(Known::fixed(truth.position.z));
@@ -452,16 +453,16 @@ fn pieces_of_floor_lines_tie_cameras() {
 }
 
 #[test]
-fn nothing_that_is_not_known_is_invented() {
+fn unknown_scale_and_missing_links_are_reported() {
     let mut random = ChaCha8Rng::seed_from_u64(8);
-    // Links alone: the shape of the site is right, its scale is that of the first camera.
+    // Without a known length, the shape of the site is correct and its scale is that of the first camera.
     let layout = Layout::ring(&mut random, 3, 8, 1.0);
     let report = solve(&layout);
     assert_eq!(report.site.scale, Some(Scale::Unknown));
     assert!(report.site.warnings.iter().any(|warning| warning.code == Code::ScaleUnknown));
     let first = cameras(&report)[0];
     assert_eq!((first.position, first.yaw), (WorldPoint::new(0.0, 0.0, 3.0), 0.0));
-    // A distance gives it.
+    // A distance determines the scale.
     let mut taped = layout.clone();
     let apart = |report: &Report, a: usize, b: usize| {
         report.links[a].as_ref().unwrap().at_m.distance(report.links[b].as_ref().unwrap().at_m)
@@ -479,7 +480,7 @@ fn nothing_that_is_not_known_is_invented() {
     assert!((apart(&scaled, 0, 1) - 2.0).abs() < 0.01);
     let ratio = cameras(&scaled)[1].position.z / cameras(&report)[1].position.z;
     assert!((ratio / (2.0 / apart(&report, 0, 1)) - 1.0).abs() < 0.05, "{ratio}");
-    // A camera that shares nothing says so.
+    // A camera without links is reported.
     let mut alone = layout.clone();
     alone.site.links.iter_mut().for_each(|link| link.seen.retain(|seen| seen.camera != "c2"));
     let report = solve(&alone);
@@ -490,7 +491,7 @@ fn nothing_that_is_not_known_is_invented() {
 }
 
 #[test]
-fn a_fixed_placement_stays_and_others_gather_around_it() {
+fn fixed_placement_is_kept_and_others_are_relative_to_it() {
     let mut random = ChaCha8Rng::seed_from_u64(9);
     let mut layout = Layout::ring(&mut random, 3, 8, 1.0);
     layout.place_first();

@@ -1,4 +1,4 @@
-//! The law of the layout.
+//! The structure of the source: order of modules, sizes of files and functions, and forbidden dependencies.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use calib_tests::root;
 
-/// The modules that a `lib.rs` or `mod.rs` declares, in its order.
+/// Returns the modules declared in a `lib.rs` or `mod.rs`, in order.
 fn modules(table: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(table).unwrap();
     let name = |line: &str| {
@@ -19,7 +19,7 @@ fn modules(table: &Path) -> Vec<String> {
     text.lines().filter_map(name).collect()
 }
 
-/// The code of a file without its comments and its tests.
+/// Returns the code of a file without comments and tests.
 fn code(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap();
     let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
@@ -40,7 +40,7 @@ fn names(code: &str, parent: &str, module: &str) -> bool {
     })
 }
 
-/// The items of a list after its brace, those in inner braces with what is before them.
+/// Splits a list after its opening brace into items. Inner braces stay part of their item.
 fn items(list: &str) -> Vec<&str> {
     let (mut items, mut depth, mut start) = (Vec::new(), 0, 0);
     for (at, next) in list.char_indices() {
@@ -72,7 +72,7 @@ fn packages() -> Vec<String> {
 fn modules_of_every_crate_use_only_modules_above_them() {
     let packages = packages();
     assert!(packages.len() > 15, "{packages:?}");
-    packages.iter().for_each(|package| uses_only_what_is_above(package));
+    packages.iter().for_each(|package| assert_module_order(package));
 }
 
 /// Returns the file that declares the modules of a crate.
@@ -80,7 +80,7 @@ fn crate_root(source: &Path) -> PathBuf {
     ["lib.rs", "main.rs"].map(|name| source.join(name)).into_iter().find(|path| path.exists()).unwrap()
 }
 
-fn uses_only_what_is_above(package: &str) {
+fn assert_module_order(package: &str) {
     let source = root().join("crates").join(package).join("src");
     let order = modules(&crate_root(&source));
     assert!(!order.is_empty(), "the list is read");
@@ -107,10 +107,10 @@ fn uses_only_what_is_above(package: &str) {
 
 #[test]
 fn files_of_every_folder_use_only_files_above_them() {
-    packages().iter().for_each(|package| in_folders_uses_only_what_is_above(package));
+    packages().iter().for_each(|package| assert_file_order(package));
 }
 
-fn in_folders_uses_only_what_is_above(package: &str) {
+fn assert_file_order(package: &str) {
     let source = root().join("crates").join(package).join("src");
     let mut wrong = Vec::new();
     for folder in modules(&crate_root(&source)).iter().filter(|name| source.join(name).is_dir()) {
@@ -144,13 +144,13 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The texts between quotes on a line of code.
+/// Returns the string literals in a line of code.
 fn literals(line: &str) -> impl Iterator<Item = &str> {
     line.split('"').skip(1).step_by(2)
 }
 
 #[test]
-fn the_core_makes_sentences_in_one_place() {
+fn sentences_of_the_core_are_in_one_folder() {
     let source = root().join("crates/calib-site/src");
     let mut found = Vec::new();
     files(&root().join("crates/calib-core/src"), &mut found);
@@ -167,7 +167,7 @@ fn the_core_makes_sentences_in_one_place() {
 }
 
 #[test]
-fn the_editor_knows_no_screen_no_files_and_no_threads() {
+fn editor_uses_no_screen_files_or_threads() {
     let manifest = std::fs::read_to_string(root().join("crates/calib-editor/Cargo.toml")).unwrap();
     let mut found = Vec::new();
     files(&root().join("crates/calib-editor/src"), &mut found);
@@ -182,7 +182,7 @@ fn the_editor_knows_no_screen_no_files_and_no_threads() {
 }
 
 #[test]
-fn what_reads_pixels_knows_no_files_clocks_and_threads() {
+fn image_crate_uses_no_files_clocks_or_threads() {
     let mut found = Vec::new();
     files(&root().join("crates/calib-image/src"), &mut found);
     for path in found {
@@ -193,7 +193,7 @@ fn what_reads_pixels_knows_no_files_clocks_and_threads() {
 }
 
 #[test]
-fn panels_ask_and_only_the_platform_knows_the_system() {
+fn panels_return_actions_and_only_the_platform_depends_on_the_target() {
     let source = root().join("crates/calib-app/src");
     let mut found = Vec::new();
     files(&source, &mut found);
@@ -202,7 +202,7 @@ fn panels_ask_and_only_the_platform_knows_the_system() {
         let is_panel = name.starts_with("panels") || name == Path::new("context.rs");
         let asks = !is_panel || !(code.contains(".act(") || code.contains(".apply("));
         assert!(asks, "{} changes the document in the middle of a frame", name.display());
-        // Where the program begins it is one of the two, and one module is the page's alone.
+        // Only `main.rs`, the platform modules and one line of `lib.rs` may depend on the target.
         let lists = name == Path::new("lib.rs") && code.matches("target_arch").count() == 1;
         let may = name.starts_with("platform") || name == Path::new("main.rs") || lists;
         assert!(may || !code.contains("target_arch"), "{} asks where it runs", name.display());
@@ -210,7 +210,7 @@ fn panels_ask_and_only_the_platform_knows_the_system() {
 }
 
 #[test]
-fn the_top_level_is_the_one_that_was_agreed() {
+fn top_level_contains_only_the_listed_entries() {
     let allowed = [
         "crates",
         "docs",
@@ -230,7 +230,7 @@ fn the_top_level_is_the_one_that_was_agreed() {
 }
 
 #[test]
-fn the_core_knows_no_files_clocks_threads_or_output() {
+fn core_uses_no_files_clocks_threads_or_output() {
     let banned = ["std::fs", "std::thread", "std::time", "println!", "eprintln!", "std::io", "std::env"];
     let mut found = Vec::new();
     for package in ["calib-core", "calib-site", "calib-health"] {
@@ -244,7 +244,7 @@ fn the_core_knows_no_files_clocks_threads_or_output() {
     }
 }
 
-/// Lines of the body of every function of a file but of its tests.
+/// Line counts of all functions of a file, without its tests.
 struct Lengths {
     path: String,
     found: Vec<(usize, String)>,
@@ -283,7 +283,7 @@ impl<'ast> syn::visit::Visit<'ast> for Lengths {
     }
 }
 
-/// The sources of the crates: what is built into them, without their tests, benchmarks and examples.
+/// Returns the source files of all crates, without integration tests, benchmarks and examples.
 fn sources() -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(root().join("crates")).unwrap() {
@@ -297,7 +297,7 @@ fn sources() -> Vec<PathBuf> {
 }
 
 #[test]
-fn functions_are_one_thought() {
+fn functions_are_short() {
     let mut lengths = Vec::new();
     for path in sources() {
         let text = std::fs::read_to_string(&path).unwrap();
@@ -312,12 +312,12 @@ fn functions_are_one_thought() {
 }
 
 #[test]
-fn no_source_file_has_grown_beyond_one_thought() {
+fn source_files_are_short() {
     let long: Vec<String> = sources()
         .iter()
         .filter_map(|path| {
             let text = std::fs::read_to_string(path).unwrap();
-            // The code of a file ends where its tests begin.
+            // Unit tests are at the end of a file and do not count.
             let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default().lines().count();
             (code > 800).then(|| format!("{}: {code} lines", path.display()))
         })

@@ -1,4 +1,4 @@
-//! Distortion from polylines: a real lens photographed with chessboards, and synthetic edges.
+//! Distortion from polylines: a real lens with chessboard images, and synthetic edges.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -23,7 +23,7 @@ fn edge(points: Vec<Pixel>, annotation: usize) -> Edge {
     Edge { points, source: Source { annotation, segment: 0 } }
 }
 
-/// Four to nine edges that are straight in space, anywhere in the image, their points drawn to 0.3 px.
+/// Draws four to nine straight edges anywhere in the image, with 0.3 px of noise.
 fn drawn(random: &mut ChaCha8Rng, lens: &Lens, size: [f64; 2]) -> Vec<Edge> {
     let count = random.random_range(4..10);
     let mut edges = Vec::new();
@@ -47,7 +47,7 @@ fn drawn(random: &mut ChaCha8Rng, lens: &Lens, size: [f64; 2]) -> Vec<Edge> {
 }
 
 #[test]
-fn synthetic_edges_give_the_lens_back() {
+fn lens_is_recovered_from_synthetic_edges() {
     let mut random = ChaCha8Rng::seed_from_u64(41);
     let size = [1920.0, 1080.0];
     let half_diagonal = 0.5 * f64::hypot(size[0], size[1]);
@@ -55,7 +55,8 @@ fn synthetic_edges_give_the_lens_back() {
     for scene in 0..30 {
         // Corner displacement from 7 to 570 px.
         let displacement = 7.0 * (570.0_f64 / 7.0).powf(f64::from(scene) / 29.0);
-        // In units of half the diagonal the corner at 1 shows what a pinhole shows at r; k2 keeps the map growing.
+        // In units of half the diagonal, the distorted corner is at 1 and its undistorted point at r. k2
+        // keeps the map increasing.
         let r = 1.0 + displacement / half_diagonal;
         let bend = if scene % 2 == 0 { 0.15 * (r - 1.0) / 0.5 } else { 0.15 * ((r - 1.3) / 0.2).max(0.0) };
         let brown = BrownConrady {
@@ -98,7 +99,7 @@ fn synthetic_edges_give_the_lens_back() {
     assert!(errors.iter().all(|(error, predicted)| *error <= 10.0 || *predicted > 10.0), "{errors:?}");
 }
 
-/// The families of wide lenses, every one with a horizontal field of view of its own.
+/// Families of wide lenses, tested at several horizontal fields of view.
 #[derive(Clone, Copy, Debug)]
 enum Family {
     Brown2,
@@ -107,12 +108,12 @@ enum Family {
     Fisheye,
 }
 
-/// A random wide lens of a family that shows the whole image, corners included.
+/// Returns a random wide lens of a family, valid in the whole image including the corners.
 fn wide(random: &mut ChaCha8Rng, family: Family, hfov_deg: f64, [w, h]: [f64; 2]) -> Lens {
     let half: f64 = 0.5 * hfov_deg.to_radians();
     let edge = half.tan();
     loop {
-        // What the side of the image shows is at `edge`; coefficients are thought in units of it.
+        // The side of the image is at `edge` in the undistorted plane. The coefficients are scaled by it.
         let a = random.random_range(0.15..0.6);
         let k1 = -a / edge.powi(2);
         let k2 = a * a * random.random_range(0.3..0.7) / edge.powi(4);
@@ -121,7 +122,7 @@ fn wide(random: &mut ChaCha8Rng, family: Family, hfov_deg: f64, [w, h]: [f64; 2]
         let distortion = match family {
             Family::Brown2 => Distortion::BrownConrady(brown),
             Family::Brown3 => Distortion::BrownConrady(BrownConrady { k3, ..brown }),
-            // x_distorted = s x at the side, so that lambda = (s - 1) / (s edge)^2.
+            // x_distorted = s x at the side, therefore lambda = (s - 1) / (s edge)^2.
             Family::Division => Distortion::Division { lambda: -a / ((1.0 - a) * edge).powi(2) },
             Family::Fisheye => Distortion::KannalaBrandt {
                 k: [0.03, 0.01, 0.005, 0.001].map(|most| random.random_range(-most..most)),
@@ -141,11 +142,11 @@ fn wide(random: &mut ChaCha8Rng, family: Family, hfov_deg: f64, [w, h]: [f64; 2]
 }
 
 #[test]
-fn wide_lenses_come_back_from_synthetic_edges() {
+fn wide_lenses_are_recovered_from_synthetic_edges() {
     const SCENES: usize = 50;
     let size = [1920.0, 1080.0];
-    // The most that the median and the 90th percentile may be, in pixels of the undistorted image: at
-    // 130 degrees it is several times larger towards the corners than the raw one.
+    // Largest accepted median and 90th percentile, in pixels of the undistorted image. At 130 degrees its
+    // scale towards the corners is several times that of the raw image.
     for (family, [median, high]) in [
         (Family::Brown2, [1.2, 6.0]),
         (Family::Brown3, [2.0, 9.0]),
@@ -178,7 +179,7 @@ fn wide_lenses_come_back_from_synthetic_edges() {
         let at = |share: usize| errors[(SCENES - 1) * share / 100].0;
         let told = errors.iter().filter(|(_, predicted)| *predicted > 10.0).count();
         let found = format!(
-            "{family:?}: median {:.2}, 90th percentile {:.2}, worst {:.2}; {told} of {SCENES} carry a warning",
+            "{family:?}: median {:.2}, 90th percentile {:.2}, worst {:.2}; {told} of {SCENES} have a warning",
             at(50),
             at(90),
             at(100)
@@ -190,7 +191,7 @@ fn wide_lenses_come_back_from_synthetic_edges() {
     }
 }
 
-/// Eight short edges in the middle of the image and one along its upper rim, bent down at its ends.
+/// Draws eight short edges in the middle of the image and a long one along the upper border with a sagitta.
 fn rim(lens: &Lens, sagitta: f64) -> Vec<Edge> {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let mut between = |a: [f64; 2], b: [f64; 2], sagitta: f64| {
@@ -213,7 +214,7 @@ fn rim(lens: &Lens, sagitta: f64) -> Vec<Edge> {
     lines.into_iter().enumerate().map(|(i, points)| edge(points, i)).collect()
 }
 
-/// Points of a straight edge in space as a lens shows it, with noise.
+/// Draws a straight edge in the undistorted plane through a lens, with noise.
 fn seen(lens: &Lens, [a, b]: [[f64; 2]; 2], count: usize, noise: f64, random: &mut ChaCha8Rng) -> Vec<Pixel> {
     let (a, b) = (lens.undistort(a.into()).unwrap(), lens.undistort(b.into()).unwrap());
     let point = |i: usize| {
@@ -228,7 +229,7 @@ fn seen(lens: &Lens, [a, b]: [[f64; 2]; 2], count: usize, noise: f64, random: &m
 }
 
 #[test]
-fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
+fn one_long_edge_determines_the_lens() {
     let size = [1920.0, 1072.0];
     let brown = BrownConrady { k1: -0.37, k2: 0.14, ..BrownConrady::default() };
     let principal_point = Pixel::new(960.0, 536.0);
@@ -248,7 +249,7 @@ fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
         focal: None,
         sigma: 1.0,
     };
-    // A hand that is as sure as said, and one that is less.
+    // Noise as assumed, and larger noise.
     for noise in [1.0, 2.5].repeat(20) {
         let mut lines = vec![seen(&lens, [[150.0, 160.0], [1600.0, 220.0]], 8, noise, &mut random)];
         for u in [930.0, 960.0, 1000.0] {
@@ -266,12 +267,12 @@ fn one_long_edge_tells_the_lens_that_poles_say_nothing_of() {
 }
 
 #[test]
-fn coefficients_that_edges_say_nothing_of_are_those_of_lenses() {
+fn undetermined_coefficients_follow_the_prior() {
     let size = [1920.0, 1080.0];
     let principal_point = Pixel::new(960.0, 540.0);
     let lens = Lens { principal_point, focal: 1200.0, distortion: Distortion::None, image_circle: None };
     let mut random = ChaCha8Rng::seed_from_u64(9);
-    // Short edges in the middle, and a hand that trembles.
+    // Short edges in the middle of the image, with large noise.
     let fitted = Some(FittedCoefficients::first(DistortionModel::BrownConrady, 2));
     let options = LensOptions {
         principal_point,
@@ -292,7 +293,7 @@ fn coefficients_that_edges_say_nothing_of_are_those_of_lenses() {
         let edges: Vec<Edge> = lines.into_iter().enumerate().map(|(i, points)| edge(points, i)).collect();
         let fit = LensFit::new(&edges, &options).unwrap();
         let Distortion::BrownConrady(found) = fit.lens.distortion else { panic!("{:?}", fit.lens) };
-        // Of half the diagonal: three sigmas of what lenses have.
+        // In units of half the diagonal: three standard deviations of the prior on lenses.
         assert!(found.k1.abs() < 0.6 && found.k2.abs() < 0.6, "{found:?}");
         let corner = lens
             .undistort(Pixel::from(size))
@@ -303,7 +304,7 @@ fn coefficients_that_edges_say_nothing_of_are_those_of_lenses() {
 }
 
 #[test]
-fn an_edge_that_alone_reaches_the_corners_is_believed_when_the_others_agree() {
+fn only_edge_near_the_corners_is_used_if_the_others_agree() {
     let size = [1920.0, 1080.0];
     let brown = BrownConrady { k1: -0.35, k2: 0.12, ..BrownConrady::default() };
     let lens = Lens {
@@ -324,20 +325,21 @@ fn an_edge_that_alone_reaches_the_corners_is_believed_when_the_others_agree() {
     let fit = LensFit::new(&rim(&lens, 0.0), &options).unwrap();
     let apart = map_distance(&fit.lens, &lens, size);
     assert!(apart < 2.0, "{:?}: {apart} px", fit.fitted);
-    // The same bend without a lens: a sagging gutter, which the others contradict.
+    // The same curvature without distortion: a sagging gutter, which contradicts the other edges.
     let fit = LensFit::new(&rim(&Lens::pinhole(lens.principal_point), 25.0), &options).unwrap();
     assert_eq!(fit.fitted, None, "{:?}", fit.lens);
-    assert!(fit.map_error[2] > 10.0, "a doubt remains: {:?}", fit.map_error);
+    assert!(fit.map_error[2] > 10.0, "the map error stays large: {:?}", fit.map_error);
 }
 
-/// The radius up to which a model grows, found by walking along it: independent of the code under test.
+/// Returns the radius up to which a model increases, found by stepping along it. This is independent of the
+/// tested code.
 fn growing_until(model: impl Fn(f64) -> f64, most: f64) -> f64 {
     const STEPS: u32 = 2_000_000;
     let at = |i: u32| most * f64::from(i) / f64::from(STEPS);
     (1..=STEPS).find(|&i| model(at(i)) <= model(at(i - 1))).map_or(f64::INFINITY, |i| at(i - 1))
 }
 
-/// Distorted radius, divided by the focal, beyond which a lens shows nothing that a pinhole could.
+/// Returns the largest valid distorted radius, divided by the focal length.
 fn last_radius(distortion: &Distortion) -> f64 {
     match *distortion {
         Distortion::None => f64::INFINITY,
@@ -367,7 +369,7 @@ fn last_radius(distortion: &Distortion) -> f64 {
 }
 
 #[test]
-fn raw_to_undistorted_to_raw_is_exact_wherever_there_is_an_answer() {
+fn round_trip_is_exact_within_the_valid_radius() {
     let size = [1920.0, 1080.0];
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let mut lenses = Vec::new();
@@ -384,7 +386,7 @@ fn raw_to_undistorted_to_raw_is_exact_wherever_there_is_an_answer() {
     };
     let brown = |k1, k2, k3| BrownConrady { k1, k2, k3, ..BrownConrady::default() };
     lenses.extend([
-        // Folds inside the image; pincushion; a dip that the third coefficient makes.
+        // A fold inside the image; pincushion; a fold caused by the third coefficient.
         at(800.0, Distortion::BrownConrady(brown(-0.35, 0.0, 0.0))),
         at(1100.0, Distortion::BrownConrady(brown(0.3, 0.1, 0.0))),
         at(900.0, Distortion::BrownConrady(brown(-0.2, 0.1, -0.05))),
@@ -392,7 +394,7 @@ fn raw_to_undistorted_to_raw_is_exact_wherever_there_is_an_answer() {
         at(600.0, Distortion::Unified { xi: 1.1 }),
         at(500.0, Distortion::DoubleSphere { xi: -0.2, alpha: 0.6 }),
         at(700.0, Distortion::Division { lambda: -0.6 }),
-        // 160 and 200 degrees across, and one that turns before the right angle.
+        // 160 and 200 degrees across, and one that folds before 90 degrees from the axis.
         at(960.0 / 80_f64.to_radians(), Distortion::KannalaBrandt { k: [-0.01, 0.005, -0.002, 0.0003] }),
         at(960.0 / 100_f64.to_radians(), Distortion::KannalaBrandt { k: [0.0; 4] }),
         at(700.0, Distortion::KannalaBrandt { k: [-0.25, 0.0, 0.0, 0.0] }),
@@ -409,7 +411,7 @@ fn raw_to_undistorted_to_raw_is_exact_wherever_there_is_an_answer() {
                     assert!(radius < last + 1e-3, "{lens:?}: {raw:?} is {radius} px out, beyond {last}");
                     let back = lens.distort(straight);
                     let back = back.unwrap_or_else(|| panic!("{lens:?}: {raw:?} -> {straight:?} -> None"));
-                    // Where a pincushion folds, the undistorted point stands still: half of the digits go.
+                    // Near a fold of the map, half of the digits are lost.
                     let exact = if radius < last - 1.0 { 1e-9 } else { 1e-7 };
                     worst = worst.max(back.distance(raw) / exact);
                 }
@@ -425,7 +427,7 @@ fn raw_to_undistorted_to_raw_is_exact_wherever_there_is_an_answer() {
 }
 
 #[test]
-fn tangential_lenses_round_trip_too() {
+fn tangential_lenses_round_trip() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
     let size = [1920.0, 1080.0];
     for hfov_deg in [60.0, 90.0, 110.0, 130.0] {
@@ -453,7 +455,7 @@ fn tangential_lenses_round_trip_too() {
 }
 
 #[test]
-fn a_real_lens_is_straightened_as_well_as_by_a_calibration() {
+fn real_lens_agrees_with_its_board_calibration() {
     let Some(file) = shared("real/chessboard/left.json") else { return };
     let data: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
     let edges: Vec<Edge> =
@@ -489,12 +491,12 @@ fn a_real_lens_is_straightened_as_well_as_by_a_calibration() {
             sigma: 0.1,
         };
         let fit = LensFit::new(&edges, &options).unwrap();
-        // The reference's figure is the mean over the polylines.
+        // The reference reports the mean over the polylines.
         let mean = fit.residuals.iter().map(|(_, px)| px).sum::<f64>() / fit.residuals.len() as f64;
         let apart = map_distance(&fit.lens, &reference, size);
         println!("{:?}: straightness {mean:.4} px, {apart:.3} px rms from the reference map", fit.fitted);
         assert!(mean <= most, "{mean}");
-        // Another family of lenses differs in the corners, which no board has reached.
+        // Another lens model differs in the corners, where the images have no chessboard.
         assert!(
             apart
                 <= if fit.fitted == Some(FittedCoefficients::first(DistortionModel::Division, 1)) {
@@ -518,7 +520,7 @@ fn polylines(data: &Value) -> Vec<Vec<Pixel>> {
 }
 
 #[test]
-fn what_is_known_of_lenses_changes_no_result_and_is_made_anew_where_an_edge_moved() {
+fn lens_cache_changes_no_result_and_is_updated_after_an_edit() {
     let mut site = demo_site_with(KnownLens::Fitted).site;
     let everyone: Vec<usize> = (0..site.cameras.len()).collect();
     let whole = |site: &Site| {
@@ -530,7 +532,7 @@ fn what_is_known_of_lenses_changes_no_result_and_is_made_anew_where_an_edge_move
         ((report.cameras, report.findings), lenses)
     };
     let (found, lenses) = family(&site, &LensCache::default());
-    assert_eq!(found, whole(&site), "a family is calibrated as the site is");
+    assert_eq!(found, whole(&site), "a family gives the same result as the site");
     let (again, _) = family(&site, &lenses);
     assert_eq!(again, found);
     let mut drawn = site.cameras.iter_mut().flat_map(|camera| &mut camera.annotations);
@@ -538,11 +540,11 @@ fn what_is_known_of_lenses_changes_no_result_and_is_made_anew_where_an_edge_move
     edge.points.as_mut().unwrap()[1].u += 2.0;
     let (moved, _) = family(&site, &lenses);
     assert_ne!(moved, found);
-    assert_eq!(moved, whole(&site), "the old lens is not that of these edges");
+    assert_eq!(moved, whole(&site), "the lens is fitted again");
 }
 
 #[test]
-fn an_edge_that_says_nothing_of_the_lens_is_named() {
+fn uninformative_edge_is_reported() {
     let mut site = demo_site_with(KnownLens::Fitted).site;
     site.cameras.truncate(1);
     (site.links, site.distances, site.marks) = (Vec::new(), Vec::new(), Vec::new());
@@ -556,7 +558,7 @@ fn an_edge_that_says_nothing_of_the_lens_is_named() {
     assert!(warnings.iter().any(|warning| warning.code == Code::UninformativePolyline), "{warnings:?}");
 }
 
-/// Edges of a lens that bends the corner by 60 px, drawn to 0.3 px.
+/// Returns edges of a lens that displaces the corner by 60 px, drawn with 0.3 px of noise.
 fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
     let size = [1920.0, 1080.0];
     let brown = BrownConrady { k1: -0.06, ..BrownConrady::default() };
@@ -579,7 +581,7 @@ fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
 }
 
 #[test]
-fn an_edge_drawn_again_is_no_more_evidence() {
+fn repeated_edge_adds_no_information() {
     let mut random = ChaCha8Rng::seed_from_u64(43);
     for _ in 0..10 {
         let (edges, options) = edges_of_a_lens(&mut random);
@@ -597,7 +599,7 @@ fn an_edge_drawn_again_is_no_more_evidence() {
 }
 
 #[test]
-fn one_bent_edge_drawn_sixty_times_does_not_make_a_lens() {
+fn repeated_curved_edge_does_not_cause_distortion() {
     let mut random = ChaCha8Rng::seed_from_u64(44);
     let size = [1920.0, 1080.0];
     let plain = Lens::pinhole(Pixel::new(960.0, 540.0));
@@ -624,10 +626,11 @@ fn one_bent_edge_drawn_sixty_times_does_not_make_a_lens() {
         sigma: 0.3,
     };
     let fit = LensFit::new(&edges, &options).unwrap();
-    assert_eq!(fit.fitted, None, "a bent rail is no lens: {:?}", fit.lens);
+    assert_eq!(fit.fitted, None, "a curved rail causes no distortion: {:?}", fit.lens);
 }
 
-/// Parallels and verticals of twelve points each under a lens, drawn to 0.7 px; no edge is drawn for the lens alone.
+/// Returns a site with parallels and verticals of twelve points each, seen through a lens, with 0.7 px of
+/// noise. It has no straight edges.
 fn room(lens: Lens, random: &mut ChaCha8Rng) -> (Site, Camera) {
     let size = [1920, 1080];
     let camera = Camera {
@@ -671,7 +674,7 @@ fn room(lens: Lens, random: &mut ChaCha8Rng) -> (Site, Camera) {
 }
 
 #[test]
-fn lines_that_a_lens_bends_tell_it_though_none_is_drawn_for_it_alone() {
+fn distorted_lines_determine_the_lens_without_straight_edges() {
     let mut random = ChaCha8Rng::seed_from_u64(77);
     let centre = Pixel::new(960.0, 540.0);
     let brown = BrownConrady { k1: -0.3, k2: 0.08, ..BrownConrady::default() };
@@ -694,7 +697,7 @@ fn lines_that_a_lens_bends_tell_it_though_none_is_drawn_for_it_alone() {
         let of_lens = [Code::UninformativePolyline, Code::UnusedAnnotation];
         assert!(
             solution.distortion.is_none() && !solution.warnings.iter().any(|w| of_lens.contains(&w.code)),
-            "straight lines say nothing of a lens: {:?} {:?}",
+            "straight lines determine no distortion: {:?} {:?}",
             solution.distortion,
             solution.warnings
         );
@@ -702,7 +705,7 @@ fn lines_that_a_lens_bends_tell_it_though_none_is_drawn_for_it_alone() {
 }
 
 #[test]
-fn a_road_that_curves_is_no_lens_and_is_told() {
+fn curved_road_is_reported_and_causes_no_distortion() {
     let (mut site, _) = room(Lens::pinhole(Pixel::new(960.0, 540.0)), &mut ChaCha8Rng::seed_from_u64(78));
     for annotation in &mut site.cameras[0].annotations {
         let is_road = annotation.id.is_some();

@@ -1,4 +1,4 @@
-//! Everything that is linked into the programs is named in the notices that they carry.
+//! The notices of the programs name all linked crates.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -7,7 +7,7 @@ use std::process::Command;
 
 use calib_tests::{Scratch, root};
 
-/// Name and version of the crates of others that a program is linked from, on any system.
+/// Returns name and version of the third-party crates linked into a program, on any system.
 fn linked(package: &str) -> BTreeSet<String> {
     let output = Command::new(env!("CARGO"))
         .args(["tree", "--locked", "--package", package, "--target", "all"])
@@ -17,7 +17,7 @@ fn linked(package: &str) -> BTreeSet<String> {
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let text = String::from_utf8(output.stdout).unwrap();
-    // Crates of this workspace are shown with their folder.
+    // Crates of this workspace have a folder in the output.
     let others = text.lines().filter(|line| !line.is_empty() && !line.contains("(/"));
     others.map(|line| line.replacen(" v", " ", 1).trim_end_matches(" (*)").to_owned()).collect()
 }
@@ -30,7 +30,7 @@ fn missing(package: &str, notices: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_programs_carry_the_notices_of_all_that_they_are_linked_from() {
+fn notices_name_all_linked_crates() {
     for (package, path) in [
         ("calib-cli", "crates/calib-cli/THIRD-PARTY.txt"),
         ("calib-app", "crates/calib-app/assets/THIRD-PARTY.txt"),
@@ -46,13 +46,13 @@ fn the_programs_carry_the_notices_of_all_that_they_are_linked_from() {
 }
 
 #[test]
-fn calib_licenses_prints_them() {
+fn licenses_command_prints_the_notices() {
     let told = Scratch::new().calib(&["licenses"]).expect_code(0).stdout;
     assert!(told.contains("MIT or Apache-2.0") && told.contains("\n  resvg "), "{}", &told[..200]);
 }
 
 #[test]
-fn the_wheel_carries_the_licences_of_the_project() {
+fn wheel_contains_the_licences_of_the_project() {
     for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
         let [own, wheels] = ["", "crates/calib-py/"]
             .map(|folder| std::fs::read_to_string(root().join(folder).join(licence)).unwrap());

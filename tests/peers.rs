@@ -1,4 +1,4 @@
-//! Agreement with the same job done elsewhere: the reference camera model, and the paper's criterion in SciPy.
+//! Agreement with other implementations: the reference camera model, and the paper's criterion in SciPy.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -17,7 +17,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
-/// Runs a script of this folder with the peers on its path.
+/// Runs a script of this folder with the folder of the peers as its argument.
 fn python(script: &str, input: &Value) -> Option<Value> {
     let (peers, python) = (shared("peers")?, peers_python()?);
     let mut child = Command::new(python)
@@ -60,7 +60,7 @@ fn camera(case: &Value) -> Camera {
 }
 
 #[test]
-fn the_camera_is_the_reference_model() {
+fn camera_agrees_with_the_reference_model() {
     let Some(cases) = python("peers_model.py", &Value::Null) else { return };
     let mut compared = 0;
     for case in cases.as_array().unwrap() {
@@ -77,7 +77,7 @@ fn the_camera_is_the_reference_model() {
             let ours = camera.pixel_to_floor(Pixel::new(pixel[0], pixel[1]), 0.0);
             let range = (floor[0] - camera.position.x).hypot(floor[1] - camera.position.y);
             match ours {
-                // Near the horizon a rounding of the pixel is metres of floor.
+                // Near the horizon, a rounding error of the pixel is metres on the floor.
                 Some(ours) if range < 1e3 => {
                     let off = (ours.x - floor[0]).hypot(ours.y - floor[1]);
                     assert!(off < 1e-9 * (1.0 + range * range), "{off} m at {range} m");
@@ -102,14 +102,14 @@ fn segments(annotations: &[Annotation], kind: Kind) -> Vec<Vec<[f64; 4]>> {
         .collect()
 }
 
-/// Median of the absolute relative errors.
+/// Returns the median.
 fn median(mut errors: Vec<f64>) -> f64 {
     errors.sort_by(f64::total_cmp);
     errors[errors.len() / 2]
 }
 
 #[test]
-fn the_papers_method_is_as_good_as_in_scipy() {
+fn paper_method_is_as_accurate_as_in_scipy() {
     for (drawn, seed) in [(AnnotationSet::Directions, 11), (AnnotationSet::Lengths, 12)] {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let scenes: Vec<(RandomScene, Vec<Annotation>)> = (0..200)

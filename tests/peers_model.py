@@ -1,4 +1,4 @@
-"""Random cameras and points mapped by the reference model, as JSON on stdout."""
+"""Maps random points with random cameras of the reference model. Prints JSON."""
 import json
 import sys
 

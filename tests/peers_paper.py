@@ -1,4 +1,4 @@
-"""The paper's criterion in SciPy on scenes given as JSON on stdin: focals as JSON on stdout."""
+"""Minimises the paper's criterion in SciPy for scenes on stdin (JSON). Prints the focal lengths as JSON."""
 import json
 import sys
 

@@ -1,4 +1,4 @@
-//! Planes besides the floor: what is drawn on them, stands on them, and is shared on them.
+//! Planes other than the floor: annotations on them, links on them, and their estimated height and tilt.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -28,7 +28,7 @@ fn camera(position: [f64; 3], yaw: f64) -> Camera {
     }
 }
 
-/// A hand that draws what a camera shows, with noise.
+/// Draws annotations as a camera sees them, with noise.
 struct Hand<'a> {
     camera: &'a Camera,
     random: ChaCha8Rng,
@@ -49,7 +49,7 @@ impl<'a> Hand<'a> {
         vec![self.pixel(a), self.pixel(b)]
     }
 
-    /// A segment on a plane, as seen from above.
+    /// Draws a segment on a plane, given by floor coordinates.
     fn on(&mut self, plane: &Plane, [x, y]: [f64; 2], [dx, dy]: [f64; 2]) -> Vec<Pixel> {
         self.line(lifted(plane, x, y), lifted(plane, x + dx, y + dy))
     }
@@ -60,7 +60,7 @@ impl<'a> Hand<'a> {
         Annotation::from_segments(Kind::Vertical, posts.to_vec())
     }
 
-    /// Two directions of the floor at right angles.
+    /// Draws floor lines in two perpendicular directions.
     fn floor(&mut self) -> Vec<Annotation> {
         let along = [[-1.0, 4.5], [0.5, 5.0], [1.5, 6.0]].map(|at| self.on(&Plane::FLOOR, at, [0.7, 2.4]));
         let across = [[-1.0, 5.0], [0.0, 7.0]].map(|at| self.on(&Plane::FLOOR, at, [1.2, -0.35]));
@@ -101,7 +101,7 @@ fn solved(site: &Site) -> Site {
     site.calibrate(&Options { refine: true, ..Options::default() }).write_into(site)
 }
 
-/// The camera of a site, drawn with noise or without, with further drawings.
+/// Returns an annotated camera with verticals, floor lines and more annotations.
 fn entry(id: &str, hand: &mut Hand, more: Vec<Annotation>) -> SiteCamera {
     let mut annotations = vec![hand.verticals()];
     annotations.extend(hand.floor());
@@ -110,7 +110,7 @@ fn entry(id: &str, hand: &mut Hand, more: Vec<Annotation>) -> SiteCamera {
 }
 
 #[test]
-fn a_length_on_a_platform_gives_the_height_above_the_floor() {
+fn length_on_a_platform_determines_its_height() {
     let truth = camera([0.0, 0.0, 4.0], 0.0);
     let stage = Plane::level(0.6);
     let mut hand = Hand::exact(&truth);
@@ -142,7 +142,8 @@ fn placed(entry: SiteCamera, camera: &Camera, fixed: bool) -> SiteCamera {
     SiteCamera { placement: Some(placement), ..entry }
 }
 
-/// Two cameras, the first placed, that share points of a plane and of the floor; what they draw on the plane.
+/// Returns two cameras, the first placed, with shared points on the floor and on a plane, and lines on the
+/// plane.
 fn pair(plane: &Plane, noise: f64, seed: u64) -> Site {
     let cameras = [camera([0.0, 0.0, 4.0], 0.0), camera([3.0, 1.0, 3.5], 0.5)];
     let mut hands: Vec<Hand> = (0..2)
@@ -173,7 +174,7 @@ fn pair(plane: &Plane, noise: f64, seed: u64) -> Site {
 }
 
 #[test]
-fn points_that_two_cameras_share_tell_the_height_of_a_platform() {
+fn shared_points_determine_the_height_of_a_platform() {
     let site = pair(&Plane { anchor: FloorPoint { x: 0.0, y: 6.0 }, ..Plane::level(0.6) }, 0.0, 0);
     let plane = PlaneEntry { tilt: Some(level()), ..site.planes[0].clone() };
     let solved = solved(&Site { planes: vec![plane], ..site });
@@ -185,7 +186,7 @@ fn points_that_two_cameras_share_tell_the_height_of_a_platform() {
 }
 
 #[test]
-fn a_ramp_of_which_little_is_known_is_found() {
+fn ramp_with_weak_priors_is_found() {
     let truth = Plane::falling(0.5, 0.3, 5.0_f64.to_radians(), FloorPoint { x: 0.0, y: 6.0 });
     let site = pair(&truth, 0.0, 0);
     let about = |value, sigma| Some(PlaneNumber::Known(Known::prior(value, sigma)));
@@ -200,7 +201,7 @@ fn a_ramp_of_which_little_is_known_is_found() {
         let residuals = &link.solution.as_ref().unwrap().residuals;
         assert!(residuals.iter().all(|seen| seen.px < 0.2), "{residuals:?}");
     }
-    // Where solving found it, pixels are mapped to it.
+    // Pixels are mapped to the estimated plane.
     let [surface] = &solved.surfaces()[..] else { panic!("one surface") };
     let at = lifted(&truth, 0.2, 6.3);
     let first = solved.cameras[0].solution.as_ref().unwrap().camera().unwrap();
@@ -210,9 +211,9 @@ fn a_ramp_of_which_little_is_known_is_found() {
     assert!(shown.at.distance(at) < 0.01, "{shown:?}");
 }
 
-/// The error of the height in sigmas over many draws of the noise: as often inside as is said.
+/// Checks the error of the height, in standard deviations, over many draws of the noise.
 #[test]
-fn the_sigma_of_a_height_holds() {
+fn height_errors_match_their_sigma() {
     const DRAWS: u64 = 150;
     let truth = Plane { anchor: FloorPoint { x: 0.0, y: 6.0 }, ..Plane::level(0.6) };
     let errors: Vec<f64> = (1..=DRAWS)
@@ -231,7 +232,7 @@ fn the_sigma_of_a_height_holds() {
 }
 
 #[test]
-fn what_is_wrong_with_a_plane_is_said() {
+fn invalid_planes_are_refused() {
     let says = |planes: &str, camera: &str, part: &str| {
         let text = format!(
             r#"{{"format":"calib-site","version":1,"planes":{planes},"cameras":[{{"id":"door","size_px":[640,480]{camera}}}]}}"#

@@ -1,7 +1,7 @@
-//! What stills propose by themselves, beside what is known of their cameras.
+//! Automatic calibrations of images, compared with the known cameras.
 //!
-//! Constants of the method were chosen on rooms of even index; what is asserted is measured on those of odd index.
-//! `cargo xtask accuracy --proposals` prints the table.
+//! The constants of the method were chosen on the rooms of even index; the assertions use the rooms of odd
+//! index. `cargo xtask accuracy --proposals` prints the table.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -13,7 +13,9 @@ use calib_core::{Camera, Distortion, Lens, Orientation, Pixel, WorldPoint};
 use calib_core::single::Known;
 
 use calib_demo::random::normal;
-use calib_image::{EdgeClass, LineSegment, Proposal, Reason, EdgeImage, Verdict, line_segments};
+use calib_image::{
+    AutomaticCalibration, Confidence, EdgeClass, EdgeImage, LineSegment, Reason, line_segments,
+};
 use calib_site::{Options, Site, Solution};
 use calib_tests::{Scratch, shared};
 use image::{Rgb, RgbImage};
@@ -21,24 +23,24 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-/// How far one proposal is from the truth.
-struct Off {
-    verdict: Verdict,
+/// Error of one automatic calibration.
+struct CalibrationError {
+    confidence: Confidence,
     log_focal: f64,
-    /// Predicted, relative.
+    /// Predicted relative standard deviation of the focal length.
     sigma: f64,
-    /// In degrees; none where it is not known.
+    /// Error in degrees, if the truth is known.
     pitch: Option<f64>,
     roll: Option<f64>,
-    /// Largest distance of the horizon from the true one within the image, in image heights.
+    /// Largest distance between the estimated and the true horizon within the image, in image heights.
     horizon: Option<f64>,
 }
 
-/// All proposals of one set of stills.
+/// Automatic calibrations of one set of images.
 struct Measured {
     name: &'static str,
     offered: usize,
-    each: Vec<Off>,
+    each: Vec<CalibrationError>,
 }
 
 fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
@@ -47,35 +49,36 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.get((share * last).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// Area under the share of horizons that are nearer than a distance, up to a quarter of the image height.
+/// Returns the area under the cumulative distribution of the horizon error, up to a quarter of the image
+/// height.
 fn horizon_auc(errors: impl Iterator<Item = f64>, of: usize) -> f64 {
     const MOST: f64 = 0.25;
     errors.map(|error| (1.0 - error / MOST).max(0.0)).sum::<f64>() / of.max(1) as f64
 }
 
 impl Measured {
-    fn answered(&self) -> Vec<&Off> {
-        self.each.iter().filter(|off| off.verdict != Verdict::None).collect()
+    fn answered(&self) -> Vec<&CalibrationError> {
+        self.each.iter().filter(|off| off.confidence != Confidence::None).collect()
     }
 
-    fn sure(&self) -> Vec<&Off> {
-        self.each.iter().filter(|off| off.verdict == Verdict::Sure).collect()
+    fn sure(&self) -> Vec<&CalibrationError> {
+        self.each.iter().filter(|off| off.confidence == Confidence::Sure).collect()
     }
 
-    fn focal(offs: &[&Off], share: f64) -> f64 {
+    fn focal(offs: &[&CalibrationError], share: f64) -> f64 {
         quantile(offs.iter().map(|off| off.log_focal.abs()).collect(), share)
     }
 
-    fn gross(offs: &[&Off]) -> usize {
+    fn gross(offs: &[&CalibrationError]) -> usize {
         offs.iter().filter(|off| off.log_focal.abs() > 0.2).count()
     }
 
-    fn inside(offs: &[&Off]) -> f64 {
+    fn inside(offs: &[&CalibrationError]) -> f64 {
         let held = offs.iter().filter(|off| off.log_focal.abs() < 1.96 * off.sigma).count();
         held as f64 / offs.len().max(1) as f64
     }
 
-    fn angle(offs: &[&Off], of: fn(&Off) -> Option<f64>) -> f64 {
+    fn angle(offs: &[&CalibrationError], of: fn(&CalibrationError) -> Option<f64>) -> f64 {
         quantile(offs.iter().filter_map(|off| of(off)).map(f64::abs).collect(), 0.5)
     }
 
@@ -102,14 +105,14 @@ impl Measured {
     }
 }
 
-const HEAD: &str = "| stills | offered | answered | focal median | 90th | pitch deg | roll deg | gross among sure | gross among answered | 95 % holds | horizon AUC |\n|---|---|---|---|---|---|---|---|---|---|---|";
+const HEAD: &str = "| images | count | answered | focal error median | 90th | pitch deg | roll deg | gross errors among sure | gross errors among answered | coverage of 95 % | horizon AUC |\n|---|---|---|---|---|---|---|---|---|---|---|";
 
-/// The row of the image where the horizon of a camera crosses a column, both relative to the principal point.
+/// Returns the v coordinate of the horizon at a u coordinate, both relative to the principal point.
 fn horizon_at(at: &Orientation, x: f64) -> f64 {
     (-at.focal * at.pitch.tan() - x * at.roll.sin()) / at.roll.cos()
 }
 
-/// The largest distance of two horizons between the left and the right side, in image heights.
+/// Returns the largest distance between two horizons over the image width, in image heights.
 fn horizon_error(found: &Orientation, truth: &Orientation, centre: Pixel, size: [f64; 2]) -> f64 {
     let apart = |x: f64| (horizon_at(found, x) - horizon_at(truth, x)).abs();
     apart(-centre.u).max(apart(size[0] - centre.u)) / size[1]
@@ -123,13 +126,13 @@ fn orientation(solution: &Solution) -> Orientation {
     }
 }
 
-/// One room: what a detector found, and the camera that people's lines give with its focal known.
+/// Detected line segments of one room, and its camera from hand-drawn lines with the known focal length.
 struct Room {
     segments: Vec<LineSegment>,
     truth: Option<Orientation>,
 }
 
-/// The rooms with their focal and principal point.
+/// Returns the rooms with their focal length and principal point.
 fn rooms() -> Option<(Vec<Room>, f64, Pixel)> {
     let mut text = String::new();
     let file = std::fs::File::open(shared("real/rooms/segments.json.gz")?).unwrap();
@@ -139,7 +142,7 @@ fn rooms() -> Option<(Vec<Room>, f64, Pixel)> {
     let truths = truths(focal)?;
     let segment = |ends: &Value| {
         let [x1, y1, x2, y2]: [f64; 4] = serde_json::from_value(ends.clone()).unwrap();
-        LineSegment { ends: [Pixel::new(x1, y1), Pixel::new(x2, y2)], sigma: LineSegment::DETECTED }
+        LineSegment { ends: [Pixel::new(x1, y1), Pixel::new(x2, y2)], sigma: LineSegment::DETECTOR_SIGMA_PX }
     };
     let room = |(id, image): (&String, &Value)| Room {
         segments: image["segments"].as_array().unwrap().iter().map(segment).collect(),
@@ -149,7 +152,7 @@ fn rooms() -> Option<(Vec<Room>, f64, Pixel)> {
     Some((rooms, focal, serde_json::from_value(data["principal_point_px"].clone()).unwrap()))
 }
 
-/// The cameras of the rooms by the lines that people drew, with the true focal held.
+/// Calibrates the rooms from hand-drawn lines, with the true focal length fixed.
 fn truths(focal: f64) -> Option<BTreeMap<String, Orientation>> {
     let text = std::fs::read_to_string(shared("real/rooms/rooms.json")?).unwrap();
     let mut site = Site::from_json(&text).unwrap();
@@ -168,8 +171,8 @@ const ROOM: [f64; 2] = [640.0, 480.0];
 fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured)> {
     let (rooms, focal, centre) = rooms()?;
     let rooms: Vec<&Room> = rooms.iter().skip(half).step_by(2).collect();
-    let off = |verdict, found: Orientation, sigma: f64, truth: Option<Orientation>| Off {
-        verdict,
+    let off = |confidence, found: Orientation, sigma: f64, truth: Option<Orientation>| CalibrationError {
+        confidence,
         log_focal: (found.focal / focal).ln(),
         sigma,
         pitch: truth.map(|truth| (found.pitch - truth.pitch).to_degrees()),
@@ -177,21 +180,24 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
         horizon: truth.map(|truth| horizon_error(&found, &truth, centre, ROOM)),
     };
     let proposed = rooms.iter().filter_map(|room| {
-        let still = EdgeImage { principal_point: Some(centre), ..EdgeImage::new(room.segments.clone(), [640, 480]) };
-        let proposal = Proposal::new(&EdgeImage { lens: Some(Lens::pinhole(centre)), ..still });
+        let still =
+            EdgeImage { principal_point: Some(centre), ..EdgeImage::new(room.segments.clone(), [640, 480]) };
+        let proposal = AutomaticCalibration::new(&EdgeImage { lens: Some(Lens::pinhole(centre)), ..still });
         let solution = proposal.solution.as_ref()?;
         Some(off(proposal.confidence, orientation(solution), proposal.focal_sigma_rel?, room.truth))
     });
     let each = proposed.collect();
-    let baseline = rooms
-        .iter()
-        .filter_map(|room| Some(off(Verdict::Check, ransac(&room.segments, centre)?, f64::NAN, room.truth)));
+    let baseline = rooms.iter().filter_map(|room| {
+        Some(off(Confidence::Check, ransac(&room.segments, centre)?, f64::NAN, room.truth))
+    });
     let baseline = Measured { name: "the same, RANSAC", offered: rooms.len(), each: baseline.collect() };
     Some((Measured { name, offered: rooms.len(), each }, baseline))
 }
 
-/// The usual baseline: of random pairs of edges the point that most edges pass within 2 degrees of, thrice, each time
-/// without the edges explained; the uprightmost is the verticals', and the focal puts the best other at right angles.
+/// Estimates the orientation with the usual baseline, RANSAC. Of 500 intersections of random pairs of edges,
+/// it takes the one with most edges within 2 degrees, and removes those edges. It repeats this three times.
+/// The most vertical point is the zenith. The first other point that gives a real focal length as a
+/// horizontal direction determines it.
 fn ransac(segments: &[LineSegment], centre: Pixel) -> Option<Orientation> {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let relative = |p: Pixel| [p.u - centre.u, p.v - centre.v];
@@ -235,8 +241,8 @@ fn passes([a, b]: &[[f64; 2]; 2], point: [f64; 3]) -> bool {
 }
 
 #[test]
-fn rooms_propose_their_cameras_or_abstain() {
-    let Some((measured, baseline)) = measured_rooms("rooms, held back", 1) else { return };
+fn rooms_are_calibrated_or_abstain() {
+    let Some((measured, baseline)) = measured_rooms("rooms, validation half", 1) else { return };
     let (answered, sure) = (measured.answered(), measured.sure());
     println!("{HEAD}\n{}\n{}", measured.row(), baseline.row());
     assert!(answered.len() * 5 > measured.offered * 2, "{}", measured.row());
@@ -252,19 +258,19 @@ fn rooms_propose_their_cameras_or_abstain() {
     assert!(Measured::focal(&answered, 0.5) < 0.5 * Measured::focal(&baseline.answered(), 0.5));
 }
 
-fn proposal_of(image: &RgbImage) -> Proposal {
-    Proposal::new(&EdgeImage::new(line_segments(image), [image.width(), image.height()]))
+fn proposal_of(image: &RgbImage) -> AutomaticCalibration {
+    AutomaticCalibration::new(&EdgeImage::new(line_segments(image), [image.width(), image.height()]))
 }
 
-/// The proposal of a still, beside its true camera.
-fn of_image(image: &RgbImage, truth: &Orientation) -> Option<Off> {
+/// Returns the error of the automatic calibration of an image.
+fn of_image(image: &RgbImage, truth: &Orientation) -> Option<CalibrationError> {
     off(&proposal_of(image), truth)
 }
 
-fn off(proposal: &Proposal, truth: &Orientation) -> Option<Off> {
+fn off(proposal: &AutomaticCalibration, truth: &Orientation) -> Option<CalibrationError> {
     let found = orientation(proposal.solution.as_ref()?);
-    Some(Off {
-        verdict: proposal.confidence,
+    Some(CalibrationError {
+        confidence: proposal.confidence,
         log_focal: (found.focal / truth.focal).ln(),
         sigma: proposal.focal_sigma_rel?,
         pitch: Some((found.pitch - truth.pitch).to_degrees()),
@@ -273,38 +279,38 @@ fn off(proposal: &Proposal, truth: &Orientation) -> Option<Off> {
     })
 }
 
-/// Prints stills one by one, and says how many gross errors are among the sure.
-fn gross_among_sure(name: &str, offs: &[(String, Option<Off>)]) -> usize {
+/// Prints the errors per image and returns the number of gross errors with confidence "sure".
+fn gross_among_sure(name: &str, offs: &[(String, Option<CalibrationError>)]) -> usize {
     for (id, off) in offs {
         match off {
             Some(off) => println!(
                 "{name} {id}: {}, focal {:+.1} % +- {:.1} %, pitch {:+.2}, roll {:+.2} degrees",
-                off.verdict.name(),
+                off.confidence.name(),
                 100.0 * off.log_focal,
                 100.0 * off.sigma,
                 off.pitch.unwrap_or(f64::NAN),
                 off.roll.unwrap_or(f64::NAN),
             ),
-            None => println!("{name} {id}: no proposal"),
+            None => println!("{name} {id}: no result"),
         }
     }
-    let is_gross = |off: &Off| off.verdict == Verdict::Sure && off.log_focal.abs() > 0.2;
+    let is_gross = |off: &CalibrationError| off.confidence == Confidence::Sure && off.log_focal.abs() > 0.2;
     offs.iter().filter(|(_, off)| off.as_ref().is_some_and(is_gross)).count()
 }
 
 #[test]
-fn the_demonstration_is_not_told_wrong() {
+fn demonstration_has_no_gross_errors() {
     let demo = calib_demo::demo_site();
     let of = |(camera, (id, truth)): (&calib_site::SiteCamera, &(String, Camera))| {
         let at = Orientation { roll: truth.roll, pitch: truth.pitch, focal: truth.focal };
         (id.clone(), of_image(&calib_demo::render(truth, camera.size_px), &at))
     };
-    let offs: Vec<(String, Option<Off>)> = demo.site.cameras.iter().zip(&demo.truth).map(of).collect();
+    let offs: Vec<(String, Option<CalibrationError>)> = demo.site.cameras.iter().zip(&demo.truth).map(of).collect();
     assert_eq!(gross_among_sure("demonstration", &offs), 0);
 }
 
 #[test]
-fn a_round_image_proposes_nothing_before_its_lens_is_known() {
+fn round_image_needs_a_known_lens() {
     let demo = calib_demo::demo_site();
     let (id, camera) = demo.truth.last().unwrap();
     let entry = demo.site.cameras.last().unwrap();
@@ -313,12 +319,12 @@ fn a_round_image_proposes_nothing_before_its_lens_is_known() {
     let circle = calib_image::image_circle(&image);
     assert!(circle.is_some());
     let still = EdgeImage { image_circle: circle, ..EdgeImage::new(line_segments(&image), entry.size_px) };
-    let proposal = Proposal::new(&still);
-    assert_eq!((proposal.confidence, &proposal.reasons[..]), (Verdict::None, &[Reason::RoundImage][..]));
+    let proposal = AutomaticCalibration::new(&still);
+    assert_eq!((proposal.confidence, &proposal.reasons[..]), (Confidence::None, &[Reason::RoundImage][..]));
     assert!(proposal.groups.is_empty() && proposal.reasons[0].to_string().contains("straight edges"));
 }
 
-/// A still as a camera sends it: another exposure, noise, compression.
+/// Returns an image as sent by a camera: with another exposure, noise and compression.
 fn sent(image: RgbImage, random: &mut ChaCha8Rng) -> RgbImage {
     let (gamma, noise) = (random.random_range(0.7..1.4_f64), random.random_range(0.0..4.0));
     let quality = random.random_range(40..=95);
@@ -333,8 +339,8 @@ fn sent(image: RgbImage, random: &mut ChaCha8Rng) -> RgbImage {
     image::load_from_memory(&bytes).unwrap().into_rgb8()
 }
 
-/// A camera that somebody else might have hung where one of the demonstration hangs.
-fn hung_otherwise(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
+/// Returns a camera at the same place with another height, orientation and focal length.
+fn with_another_mounting(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
     let mut off = |sigma: f64| sigma * normal(random);
     let position = WorldPoint { z: camera.position.z + off(0.2), ..camera.position };
     let (yaw, pitch, roll) = (camera.yaw + off(0.15), camera.pitch + off(0.07), off(0.03));
@@ -344,15 +350,20 @@ fn hung_otherwise(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
     Camera { position, yaw, pitch, roll, focal, lens, ..*camera }
 }
 
-/// Of the edges that are said to lie on the floor, and of those above it, how many do, do in part, and do not: by what a
-/// camera sees on either side of them.
-fn count_floor(proposal: &Proposal, camera: &Camera, size: [u32; 2], told: &mut [[usize; 3]; 2]) {
+/// Counts the edges classified as on or above the floor. For each class: truly on the floor, partly, and not.
+/// The truth is the visible surface on either side of the edge.
+fn count_floor(
+    proposal: &AutomaticCalibration,
+    camera: &Camera,
+    size: [u32; 2],
+    counts: &mut [[usize; 3]; 2],
+) {
     let is_floor = |pixel: Pixel| {
         let at = camera.pixel_to_floor(pixel, 0.0).map(|floor| floor.at_height(0.0));
         at.is_some_and(|at| calib_demo::visible(camera, size, at, 0.05))
     };
     for group in &proposal.groups {
-        for (line, lies) in group.annotation.polylines().zip(&group.lies) {
+        for (line, class) in group.annotation.polylines().zip(&group.classes) {
             let (a, b) = (line[0], line[line.len() - 1]);
             let (du, dv) = ((b.u - a.u) / a.distance(b), (b.v - a.v) / a.distance(b));
             let on_floor = |beside: f64| {
@@ -370,9 +381,9 @@ fn count_floor(proposal: &Proposal, camera: &Camera, size: [u32; 2], told: &mut 
             } else {
                 2
             };
-            match lies {
-                EdgeClass::Floor => told[0][which] += 1,
-                EdgeClass::Above => told[1][which] += 1,
+            match class {
+                EdgeClass::Floor => counts[0][which] += 1,
+                EdgeClass::Above => counts[1][which] += 1,
                 EdgeClass::Undetermined => {}
             }
         }
@@ -380,25 +391,25 @@ fn count_floor(proposal: &Proposal, camera: &Camera, size: [u32; 2], told: &mut 
 }
 
 #[test]
-fn rendered_rooms_propose_their_cameras_or_abstain() {
+fn rendered_rooms_are_calibrated_or_abstain() {
     const STILLS: usize = 20;
     let demo = calib_demo::demo_site();
     let flat: Vec<_> =
         demo.site.cameras.iter().zip(&demo.truth).filter(|(_, (id, _))| id != "checkouts").collect();
     let mut random = ChaCha8Rng::seed_from_u64(6);
-    let (mut each, mut told) = (Vec::new(), [[0; 3]; 2]);
+    let (mut each, mut counts) = (Vec::new(), [[0; 3]; 2]);
     for still in 0..STILLS {
         let (entry, (_, base)) = flat[still % flat.len()];
-        let camera = hung_otherwise(base, &mut random);
+        let camera = with_another_mounting(base, &mut random);
         let render = if still % 2 == 0 { calib_demo::render } else { calib_demo::render_later };
         let image = sent(render(&camera, entry.size_px), &mut random);
         let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
         let proposal = proposal_of(&image);
-        count_floor(&proposal, &camera, entry.size_px, &mut told);
+        count_floor(&proposal, &camera, entry.size_px, &mut counts);
         each.extend(off(&proposal, &at));
     }
-    let [floor, above] = told;
-    println!("said to lie on the floor: {floor:?} do, do in part, do not; above it: {above:?}");
+    let [floor, above] = counts;
+    println!("edges classified as floor (on it, partly, not): {floor:?}; as above the floor: {above:?}");
     assert!(floor[2] * 10 <= floor.iter().sum::<usize>(), "{floor:?}");
     assert!(above[0] * 4 <= above.iter().sum::<usize>(), "{above:?}");
     let measured = Measured { name: "rooms, rendered", offered: STILLS, each };
@@ -417,7 +428,7 @@ fn rendered_rooms_propose_their_cameras_or_abstain() {
 }
 
 #[test]
-fn streets_are_not_told_wrong() {
+fn streets_have_no_gross_errors() {
     let Some(town) = shared("real/town/town.json") else { return };
     let data: Value = serde_json::from_str(&std::fs::read_to_string(&town).unwrap()).unwrap();
     let of = |id: &&str| {
@@ -425,7 +436,7 @@ fn streets_are_not_told_wrong() {
         let pitch = data[*id]["pitch_deg"].as_f64().unwrap().to_radians();
         ((*id).to_owned(), of_image(&image, &Orientation { roll: 0.0, pitch, focal: 900.0 }))
     };
-    let offs: Vec<(String, Option<Off>)> = ["C1", "C2", "C3"].iter().map(of).collect();
+    let offs: Vec<(String, Option<CalibrationError>)> = ["C1", "C2", "C3"].iter().map(of).collect();
     assert_eq!(gross_among_sure("town", &offs), 0);
     let Some(meva) = shared("real/meva/meva.json") else { return };
     let data: Value = serde_json::from_str(&std::fs::read_to_string(&meva).unwrap()).unwrap();
@@ -434,12 +445,12 @@ fn streets_are_not_told_wrong() {
         let focal = data["cameras"][*id]["truth"]["focal_px"].as_f64().unwrap();
         ((*id).to_owned(), of_image(&image, &Orientation { roll: 0.0, pitch: 0.0, focal }))
     };
-    let offs: Vec<(String, Option<Off>)> = ["G341", "G505", "G506"].iter().map(of).collect();
+    let offs: Vec<(String, Option<CalibrationError>)> = ["G341", "G505", "G506"].iter().map(of).collect();
     assert_eq!(gross_among_sure("meva", &offs), 0);
 }
 
-/// Pictures of nothing that a camera could be told from.
-fn nonsense() -> Vec<(&'static str, RgbImage)> {
+/// Returns images without a recognisable structure of verticals and floor directions.
+fn images_without_structure() -> Vec<(&'static str, RgbImage)> {
     let mut random = ChaCha8Rng::seed_from_u64(4);
     let mut grey = |_, _| Rgb([random.random_range(0..=255_u8); 3]);
     let noise = RgbImage::from_fn(640, 480, &mut grey);
@@ -451,7 +462,7 @@ fn nonsense() -> Vec<(&'static str, RgbImage)> {
     let board =
         RgbImage::from_fn(640, 480, |x, y| Rgb([if (x / 40 + y / 40) % 2 == 0 { 40 } else { 210 }; 3]));
     let dot = RgbImage::from_pixel(1, 1, Rgb([7; 3]));
-    // Trunks lean as they grew; the ground has no edge.
+    // Tree trunks lean in random directions, and the ground has no edges.
     let trunks: Vec<[f64; 4]> = (0..40)
         .map(|_| {
             let mut of = |from: f64, to: f64| random.random_range(from..to);
@@ -492,31 +503,37 @@ fn nonsense() -> Vec<(&'static str, RgbImage)> {
 }
 
 #[test]
-fn nonsense_proposes_nothing() {
-    for (name, image) in nonsense() {
+fn images_without_structure_abstain() {
+    for (name, image) in images_without_structure() {
         let proposal = proposal_of(&image);
-        assert_eq!(proposal.confidence, Verdict::None, "{name}: {:?}", proposal.solution);
+        assert_eq!(proposal.confidence, Confidence::None, "{name}: {:?}", proposal.solution);
         assert!(!proposal.reasons.is_empty(), "{name} has no reason");
     }
 }
 
 #[test]
-fn any_number_of_edges_anywhere_is_taken() {
+fn any_set_of_edges_is_accepted() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     for count in [0, 1, 7, 8, 60, 3000] {
         let mut pixel = || Pixel::new(random.random_range(-50.0..700.0), random.random_range(-50.0..500.0));
         let segments = (0..count).map(|_| LineSegment { ends: [pixel(), pixel()], sigma: 0.5 }).collect();
-        let proposal = Proposal::new(&EdgeImage::new(segments, [640, 480]));
-        assert_eq!(proposal.confidence, Verdict::None, "{count}: {:?}", proposal.solution);
+        let proposal = AutomaticCalibration::new(&EdgeImage::new(segments, [640, 480]));
+        assert_eq!(proposal.confidence, Confidence::None, "{count}: {:?}", proposal.solution);
     }
     let same = LineSegment { ends: [Pixel::new(10.0, 20.0), Pixel::new(300.0, 40.0)], sigma: 0.5 };
-    assert_eq!(Proposal::new(&EdgeImage::new(vec![same; 50], [640, 480])).confidence, Verdict::None);
+    assert_eq!(
+        AutomaticCalibration::new(&EdgeImage::new(vec![same; 50], [640, 480])).confidence,
+        Confidence::None
+    );
     let point = LineSegment { ends: [Pixel::new(f64::NAN, 0.0); 2], sigma: 0.0 };
-    assert_eq!(Proposal::new(&EdgeImage::new(vec![point; 50], [640, 480])).confidence, Verdict::None);
+    assert_eq!(
+        AutomaticCalibration::new(&EdgeImage::new(vec![point; 50], [640, 480])).confidence,
+        Confidence::None
+    );
 }
 
 #[test]
-fn the_command_proposes_edges_that_tell_the_lens() {
+fn command_accepts_edges_that_determine_the_lens() {
     let scratch = Scratch::new();
     let demo = calib_demo::demo_site();
     let bent = demo.truth.iter().position(|(_, camera)| camera.lens.distortion != Distortion::None).unwrap();
@@ -529,7 +546,7 @@ fn the_command_proposes_edges_that_tell_the_lens() {
     let focal = site.cameras[0].solution.as_ref().unwrap().focal_px;
     let edges = site.cameras[0].annotations.iter().filter(|drawn| drawn.is_straight_edge()).count();
     assert!((1..=8).contains(&edges), "{edges} edges");
-    // Without the lens that was found with the lines they tell it.
+    // Without the lens and solution in the file, the straight edges determine the lens.
     site.cameras[0].lens = None;
     site.cameras[0].solution = None;
     std::fs::write(scratch.path("edges.json"), site.to_json()).unwrap();
@@ -543,14 +560,14 @@ fn the_command_proposes_edges_that_tell_the_lens() {
 }
 
 #[test]
-fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
+fn command_writes_accepted_groups_and_abstains_with_exit_4() {
     let scratch = Scratch::new();
     let folder = scratch.path("stills");
     std::fs::create_dir(&folder).unwrap();
     let demo = calib_demo::demo_site();
     let (id, truth) = &demo.truth[0];
     calib_demo::render(truth, demo.site.cameras[0].size_px).save(folder.join("shop.png")).unwrap();
-    nonsense()[0].1.save(folder.join("noise.png")).unwrap();
+    images_without_structure()[0].1.save(folder.join("noise.png")).unwrap();
     let args =
         ["propose", "stills", "-o", "site.json", "--accept", "all", "--format", "json", "--render", "seen"];
     let run = scratch.calib(&args).expect_code(4);
@@ -576,6 +593,6 @@ fn the_command_writes_what_it_accepts_and_abstains_with_exit_4() {
     scratch.calib(&["propose", "stills/noise.png", "--accept", "sure"]).expect_code(4);
     std::fs::create_dir(scratch.path("elsewhere")).unwrap();
     let run = scratch.calib(&["propose", "stills/noise.png", "-o", "elsewhere/site.json"]).expect_code(4);
-    let told = "1 of 1 images are outside the folder of elsewhere/site.json";
-    assert!(run.stderr.contains(told) && run.stderr.contains("--allow-outside"), "{}", run.stderr);
+    let expected = "1 of 1 images are outside the folder of elsewhere/site.json";
+    assert!(run.stderr.contains(expected) && run.stderr.contains("--allow-outside"), "{}", run.stderr);
 }

@@ -218,7 +218,7 @@ fn strings_for_users_are_plain_english() {
 }
 
 #[test]
-fn the_counter_finds_riddles_and_passes_plain_sentences() {
+fn counter_finds_riddles_and_accepts_plain_sentences() {
     let counter = Counter::new();
     let doc = |text: &str| Text { line: 1, is_doc: true, text: text.to_owned() };
     for riddle in [

@@ -22,7 +22,8 @@ use serde_json::Value;
 
 type Segments = Vec<Vec<Pixel>>;
 
-/// Lines of G341, drawn for these tests on its frame: edges of the building and its canopy, posts and kerbs.
+/// Lines of G341, annotated on its frame for these tests: edges of the building and its canopy, posts and
+/// kerbs.
 const G341_VERTICAL: [[[f64; 2]; 2]; 9] = [
     [[89.84, 6.00], [101.89, 285.00]],
     [[416.84, 456.00], [418.39, 520.00]],
@@ -60,7 +61,7 @@ fn read(lines: &Value) -> Segments {
     serde_json::from_value(lines.clone()).unwrap()
 }
 
-/// What the frames' own calibration says.
+/// Reference calibration of a frame.
 struct Truth {
     focal: f64,
     pitch: f64,
@@ -79,8 +80,8 @@ fn truth(camera: &Value) -> Truth {
     }
 }
 
-/// The site of the shelter, intrinsics held: all of them, or all but the focal.
-fn shelter(data: &Value, frames: &std::path::Path, hold_focal: bool) -> Site {
+/// Returns the site of the shelter with fixed intrinsics. The focal length is fixed if `fix_focal` is set.
+fn shelter(data: &Value, frames: &std::path::Path, fix_focal: bool) -> Site {
     let cameras = data["cameras"].as_object().unwrap().iter().map(|(id, camera)| {
         let truth = &camera["truth"];
         let number = |key: &str| truth[key].as_f64().unwrap();
@@ -91,7 +92,7 @@ fn shelter(data: &Value, frames: &std::path::Path, hold_focal: bool) -> Site {
             ..DistortionEntry::new(DistortionModel::BrownConrady)
         };
         let lens = LensEntry {
-            focal_px: hold_focal.then(|| Known::fixed(number("focal_px"))),
+            focal_px: fix_focal.then(|| Known::fixed(number("focal_px"))),
             principal_point_px: Some(serde_json::from_value(truth["principal_point"].clone()).unwrap()),
             distortion: (number("k1") != 0.0).then_some(bent),
             ..LensEntry::default()
@@ -144,15 +145,15 @@ fn data() -> Option<(Value, std::path::PathBuf)> {
     Some((data, file.parent().unwrap().to_owned()))
 }
 
-/// Every camera by itself: stage 1, then placed.
-fn by_itself() -> Options {
+/// Returns options for stage 1 and placement of each camera, without joint refinement.
+fn without_refinement() -> Options {
     Options { refine: false, ..Options::default() }
 }
 
-/// Solves, and hands every camera with its truth to `check`.
-fn solve(hold_focal: bool, options: &Options, check: impl Fn(&str, &SiteCamera, &Camera, &Truth)) {
+/// Solves the site and passes every camera with its reference to `check`.
+fn solve(fix_focal: bool, options: &Options, check: impl Fn(&str, &SiteCamera, &Camera, &Truth)) {
     let Some((data, frames)) = data() else { return };
-    let site = shelter(&data, &frames, hold_focal);
+    let site = shelter(&data, &frames, fix_focal);
     let solved = site.calibrate(options).write_into(&site);
     for camera in &solved.cameras {
         let found = camera.camera().unwrap_or_else(|| panic!("{}: {:?}", camera.id, camera.error));
@@ -161,8 +162,8 @@ fn solve(hold_focal: bool, options: &Options, check: impl Fn(&str, &SiteCamera, 
 }
 
 #[test]
-fn with_the_focal_free_the_drawn_lines_find_the_cameras() {
-    solve(false, &by_itself(), |id, entry, found, truth| {
+fn lines_determine_the_cameras_with_unknown_focal() {
+    solve(false, &without_refinement(), |id, entry, found, truth| {
         let focal = found.focal / truth.focal - 1.0;
         let pitch = found.pitch.to_degrees() - truth.pitch;
         let roll = found.roll.to_degrees() - truth.roll;
@@ -180,11 +181,12 @@ fn with_the_focal_free_the_drawn_lines_find_the_cameras() {
         let (focal_limit, pitch_limit, roll_limit) = match id {
             "G506" => (0.06, 1.0, 0.6),
             "G505" => (0.04, 1.2, 0.6),
-            // Its lines are ours and its gravity is good to 0.8 degrees.
+            // Our own lines; the reference pitch and roll are accurate to 0.8 degrees.
             _ => (0.06, 1.2, 0.6),
         };
         assert!(focal.abs() < focal_limit && pitch.abs() < pitch_limit && roll.abs() < roll_limit, "{id}");
-        // The reference's own gravity is good to 0.8 degrees; beyond that our sigmas must cover.
+        // The reference pitch and roll are accurate to 0.8 degrees. The remaining error is within three
+        // standard deviations.
         assert!(focal.abs() * found.focal < 3.0 * sigma.focal_px.unwrap(), "{id}: focal");
         assert!(pitch.abs() < (3.0 * sigma.pitch_deg.unwrap()).hypot(0.8), "{id}: pitch");
         assert!(roll.abs() < (3.0 * sigma.roll_deg.unwrap()).hypot(0.8), "{id}: roll");
@@ -192,8 +194,8 @@ fn with_the_focal_free_the_drawn_lines_find_the_cameras() {
 }
 
 #[test]
-fn with_all_intrinsics_held_pitch_and_roll_are_found() {
-    solve(true, &by_itself(), |id, _, found, truth| {
+fn lines_determine_pitch_and_roll_with_fixed_intrinsics() {
+    solve(true, &without_refinement(), |id, _, found, truth| {
         let pitch = found.pitch.to_degrees() - truth.pitch;
         let roll = found.roll.to_degrees() - truth.roll;
         println!("{id}: pitch {pitch:+.2}, roll {roll:+.2}");
@@ -203,7 +205,7 @@ fn with_all_intrinsics_held_pitch_and_roll_are_found() {
 }
 
 #[test]
-fn the_papers_method_finds_the_cameras_too() {
+fn paper_method_finds_the_cameras() {
     let options = Options { method: calib_site::Method::Paper, ..Options::default() };
     solve(false, &options, |id, _, found, truth| {
         let focal = found.focal / truth.focal - 1.0;
@@ -214,11 +216,11 @@ fn the_papers_method_finds_the_cameras_too() {
 }
 
 #[test]
-fn control_points_place_the_cameras_where_they_hang() {
-    // Pitch is known to half a degree: at 10 m that is a tenth of a metre, at 60 m more than half. Refined,
-    // the points tell the pitch, too.
+fn control_points_place_the_cameras() {
+    // Pitch is known to half a degree. That is 0.1 m at 10 m, and more than 0.5 m at 60 m. With refinement,
+    // the control points determine the pitch, too.
     for (options, stage, [near, far]) in
-        [(by_itself(), Stage::Placed, [0.8, 2.5]), (Options::default(), Stage::Refined, [0.15, 1.0])]
+        [(without_refinement(), Stage::Placed, [0.8, 2.5]), (Options::default(), Stage::Refined, [0.15, 1.0])]
     {
         solve(true, &options, |id, entry, found, truth| {
             let solution = entry.solution.as_ref().unwrap();
@@ -231,10 +233,10 @@ fn control_points_place_the_cameras_where_they_hang() {
     }
 }
 
-/// The cameras that show a control point with their pixels, and where it is.
+/// Pixels of a control point by camera, and its world position.
 type Shown = (Vec<(String, Pixel)>, WorldPoint);
 
-/// Control points by their ids.
+/// Control points by id.
 type Points = BTreeMap<u64, Shown>;
 
 fn points(data: &Value) -> Points {
@@ -249,7 +251,7 @@ fn points(data: &Value) -> Points {
     points
 }
 
-/// Takes the found frame to the true one: turn and move that suit the cameras best.
+/// Returns the rigid transformation of the floor plane that fits the pairs best.
 fn rigid(pairs: &[(WorldPoint, WorldPoint)]) -> impl Fn(WorldPoint) -> WorldPoint + use<> {
     let count = pairs.len() as f64;
     let mean =
@@ -270,12 +272,12 @@ fn rigid(pairs: &[(WorldPoint, WorldPoint)]) -> impl Fn(WorldPoint) -> WorldPoin
 }
 
 #[test]
-fn links_and_one_distance_recover_the_shelter_in_one_frame() {
+fn links_and_one_distance_recover_the_shelter() {
     let Some((data, frames)) = data() else { return };
     let mut site = shelter(&data, &frames, true);
     site.cameras.iter_mut().for_each(|camera| camera.control_points.clear());
     let all = points(&data);
-    // Every third point that cameras share is held back.
+    // Every third shared point is kept for validation.
     let shared: Vec<(&u64, &Shown)> = all.iter().filter(|(_, (seen, _))| seen.len() > 1).collect();
     let (held, used): (Vec<_>, Vec<_>) = shared.iter().enumerate().partition(|(i, _)| i % 3 == 2);
     site.links = used.iter().map(|(_, (id, (seen, at)))| link(**id, seen, at.z)).collect();
@@ -301,9 +303,9 @@ fn links_and_one_distance_recover_the_shelter_in_one_frame() {
     let [near, other] = ["G505", "G506"];
     let apart = cameras[near].position.distance(cameras[other].position);
     let truly = truths[near].centre.distance(truths[other].centre);
-    println!("G505 to G506: {apart:.2} m, in truth {truly:.2} m; left out {:?}", report.site.warnings);
+    println!("G505 to G506: {apart:.2} m, in truth {truly:.2} m; warnings {:?}", report.site.warnings);
     assert!((apart - truly).abs() < 0.25, "{apart} not {truly}");
-    // The frame is free: it is laid on the true one by the links.
+    // The frame of the solution is arbitrary: the links align it with the true frame.
     let laid: Vec<(WorldPoint, WorldPoint)> = site
         .links
         .iter()
@@ -326,7 +328,7 @@ fn links_and_one_distance_recover_the_shelter_in_one_frame() {
         }
     }
     let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
-    println!("{} points held back: {rms:.1} px rms", errors.len());
+    println!("{} validation points: {rms:.1} px rms", errors.len());
     assert!(rms < 8.0, "{rms} px");
 }
 
@@ -338,7 +340,7 @@ fn link(id: u64, seen: &[(String, Pixel)], height: f64) -> Link {
 }
 
 #[test]
-fn half_of_the_control_points_foretell_the_other_half() {
+fn half_of_the_control_points_predict_the_other_half() {
     let Some((data, frames)) = data() else { return };
     let mut site = shelter(&data, &frames, true);
     for camera in &mut site.cameras {
@@ -356,14 +358,16 @@ fn half_of_the_control_points_foretell_the_other_half() {
             .collect();
         errors.sort_by(f64::total_cmp);
         let (median, worst) = (errors[errors.len() / 2], errors[errors.len() - 1]);
-        println!("{}: held-back points {median:.1} px in the median, {worst:.1} px at worst", entry.id);
+        println!("{}: validation points: median {median:.1} px, worst {worst:.1} px", entry.id);
         assert!(median < 4.0, "{}: {median} px", entry.id);
     }
 }
 
-/// Edges of the frames that are straight in space, drawn for these tests: the rim of the canopy, sides of
-/// columns, the slab and its joints, courses of the wall. Each was clicked roughly; a script then moved
-/// every point across its edge to where the brightness changes most (in a joint: is least).
+/// Straight edges of the frames, annotated for these tests: the rim of the canopy, sides of columns, the slab
+/// and its joints, courses of the wall.
+///
+/// Each was clicked roughly. A script then moved every point across its edge to the largest brightness
+/// change, or to the smallest brightness in a joint.
 const EDGES: &str = include_str!("shelter_edges.json");
 
 fn edges(camera: &str) -> Vec<Edge> {
@@ -378,10 +382,10 @@ fn edges(camera: &str) -> Vec<Edge> {
 }
 
 #[test]
-fn edges_of_the_scene_find_the_lenses() {
+fn edges_of_the_scene_determine_the_lenses() {
     let Some((data, _)) = data() else { return };
-    // Most that the map may be off the given one, root mean square over the image, in pixels. The lens of
-    // G341 is given without distortion, and its edges, nearly all in the middle, do not ask for any.
+    // Largest root mean square distance from the reference map over the image, in pixels. The reference lens
+    // of G341 has no distortion, and nearly all its edges are in the middle.
     for (id, most) in [("G505", 0.6), ("G506", 2.5), ("G341", 1.0)] {
         let camera = &data["cameras"][id];
         let number = |key: &str| camera["truth"][key].as_f64().unwrap();
@@ -425,7 +429,7 @@ fn edges_of_the_scene_find_the_lenses() {
 }
 
 #[test]
-fn the_command_line_solves_renders_and_checks_the_shelter() {
+fn command_line_solves_renders_and_checks_the_shelter() {
     let Some((data, frames)) = data() else { return };
     let scratch = Scratch::new();
     scratch.write("site.json", shelter(&data, &frames.canonicalize().unwrap(), false).to_json());
@@ -434,7 +438,7 @@ fn the_command_line_solves_renders_and_checks_the_shelter() {
         let picture = format!("{id}.png");
         let render = ["render", "solved.json", "--camera", id, "-o", &picture];
         let run = scratch.calib(&render).expect_code(3);
-        assert!(run.stderr.contains("--allow-outside"), "the stills stand elsewhere: {}", run.stderr);
+        assert!(run.stderr.contains("--allow-outside"), "the images are outside the folder: {}", run.stderr);
         scratch.calib(&[&render[..], &["--allow-outside"]].concat()).expect_code(0);
         let drawn = image::open(scratch.path(&format!("{id}.png"))).unwrap().into_rgb8();
         let solved = scratch.read_json("solved.json");

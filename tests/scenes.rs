@@ -1,5 +1,5 @@
-//! Scenes with errors of their own: floors that fall, corners off square, directions off level. The intervals
-//! hold, and errors are as large as the bound says.
+//! Scenes with errors: sloping floors, corners that are not square, directions that are not level. The
+//! intervals cover the truth, and the errors reach the bound.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -16,23 +16,23 @@ use rand_chacha::ChaCha8Rng;
 
 const SIZE: [f64; 2] = [1920.0, 1080.0];
 
-/// A camera over a floor whose verticals lean, with two directions that are not quite level or square.
+/// Camera over a floor with leaning verticals and two directions that are not exactly level or perpendicular.
 struct Scene {
     camera: Camera,
     lean: [f64; 2],
     /// Azimuth and slope of both directions.
     directions: [(f64, f64); 2],
-    /// Lengths of marks along the first.
+    /// Lengths of marks along the first direction.
     marks: Vec<f64>,
 }
 
 impl Scene {
-    /// Ground without marks.
+    /// Returns a scene without marks.
     fn random(random: &mut ChaCha8Rng, errors: SceneErrors) -> Self {
         Self::with_marks(random, errors, 0)
     }
 
-    /// Ground with so many marks of equal length, to whose side it falls.
+    /// Returns a scene with marks of equal length, on a floor that slopes across the marks.
     fn with_marks(random: &mut ChaCha8Rng, errors: SceneErrors, marks: usize) -> Self {
         let hfov = random.random_range(50.0..100.0_f64).to_radians();
         let azimuth = random.random_range(0.0..1.5);
@@ -58,7 +58,7 @@ impl Scene {
         Self { camera, lean, directions, marks }
     }
 
-    /// A drawn segment from a floor point, if the image shows it long enough.
+    /// Draws a noisy segment from a random floor point, if it is long enough in the image.
     fn segment(&self, random: &mut ChaCha8Rng, way: [f64; 3]) -> Option<Vec<Pixel>> {
         let at = Pixel::new(random.random_range(0.0..SIZE[0]), random.random_range(0.0..SIZE[1]));
         let foot = self.camera.pixel_to_floor(at, 0.0).filter(|foot| foot.y < 25.0)?;
@@ -88,7 +88,7 @@ impl Scene {
         None
     }
 
-    /// Five verticals, three segments of each direction, and the marks.
+    /// Draws five verticals, three segments of each direction, and the marks.
     fn draw(&self, random: &mut ChaCha8Rng) -> Option<Vec<Annotation>> {
         let up = |length: f64| [self.lean[0] * length, self.lean[1] * length, length];
         let along = |(azimuth, slope): (f64, f64)| {
@@ -111,7 +111,8 @@ impl Scene {
     }
 }
 
-/// Root mean square of error over sigma, and share inside 95 %, of roll, pitch and log focal.
+/// Returns the root mean square of error over standard deviation, and the coverage of 95 % intervals. The
+/// rows are roll, pitch and log focal length.
 fn measure(truth: SceneErrors, assumed: SceneErrors, marks: usize, scenes: usize) -> [(f64, f64); 3] {
     let mut random = ChaCha8Rng::seed_from_u64(16);
     let (mut squares, mut covered, mut trials) = ([0.0; 3], [0; 3], 0);
@@ -121,7 +122,7 @@ fn measure(truth: SceneErrors, assumed: SceneErrors, marks: usize, scenes: usize
         let constraints = Constraints::new(&annotations, &scene.camera.lens, assumed);
         let options = FitOptions { sigma: Some(1.0), ..FitOptions::new(scene.camera.lens, SIZE) };
         let Ok(fit) = Fit::new(&constraints, &options) else { continue };
-        // A camera that contradicts itself promises nothing.
+        // A misfit has no uncertainty.
         if fit.camera.covariance.sigma(Covariance::ROLL).is_none() {
             continue;
         }
@@ -142,7 +143,7 @@ fn measure(truth: SceneErrors, assumed: SceneErrors, marks: usize, scenes: usize
 }
 
 #[test]
-fn intervals_hold_in_scenes_with_the_errors_that_are_assumed() {
+fn intervals_are_correct_with_the_assumed_scene_errors() {
     let usual = SceneErrors::default();
     let outdoors = SceneErrors { floor_tilt: 2.0_f64.to_radians(), ..usual };
     for (name, errors, marks) in [
@@ -160,7 +161,7 @@ fn intervals_hold_in_scenes_with_the_errors_that_are_assumed() {
 }
 
 #[test]
-fn a_scene_taken_for_exact_promises_too_much() {
+fn assuming_an_exact_scene_is_overconfident() {
     let usual = SceneErrors::default();
     for (_, coverage) in measure(usual, SceneErrors::EXACT, 0, 300) {
         assert!(coverage < 70.0, "{coverage} %");
@@ -168,7 +169,7 @@ fn a_scene_taken_for_exact_promises_too_much() {
 }
 
 #[test]
-fn marked_ground_taken_for_level_promises_too_much() {
+fn assuming_level_marks_is_overconfident() {
     let usual = SceneErrors::default();
     let level = SceneErrors { crossfall: 0.0, ..usual };
     let [(_, roll), ..] = measure(usual, level, 4, 300);
@@ -176,13 +177,13 @@ fn marked_ground_taken_for_level_promises_too_much() {
 }
 
 #[test]
-fn an_exact_scene_is_found_exactly_whatever_errors_it_may_have() {
+fn exact_scene_is_found_exactly_with_any_assumed_errors() {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let mut checked = 0;
     while checked < 50 {
         let scene = Scene::random(&mut random, SceneErrors::EXACT);
         let Some(mut annotations) = scene.draw(&mut random) else { continue };
-        // Without noise: every segment where the camera shows it.
+        // Without noise: every segment exactly as projected.
         let straight = |annotation: &mut Annotation| -> Option<()> {
             for segment in annotation.segments.as_mut()? {
                 let foot = scene.camera.pixel_to_floor(segment[0], 0.0)?.at_height(0.0);
@@ -215,7 +216,7 @@ fn an_exact_scene_is_found_exactly_whatever_errors_it_may_have() {
 }
 
 #[test]
-fn who_knows_better_says_so_in_the_file() {
+fn scene_errors_are_read_from_the_file() {
     let site = |scene: &str, annotation: &str| {
         format!(
             r#"{{"format":"calib-site","version":1,"scene":{scene},"cameras":[{{"id":"a","size_px":[1920,1080],
@@ -247,7 +248,7 @@ fn who_knows_better_says_so_in_the_file() {
 }
 
 #[test]
-fn a_thing_of_a_usual_size_gives_the_scale_with_its_spread() {
+fn object_of_usual_size_determines_the_scale_with_its_spread() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let scene = Scene::random(&mut random, SceneErrors::EXACT);
     let mut annotations = scene.draw(&mut random).unwrap();
@@ -267,5 +268,8 @@ fn a_thing_of_a_usual_size_gives_the_scale_with_its_spread() {
     let height = fit.camera.position.z;
     let relative = fit.camera.covariance.sigma(Covariance::Z).unwrap() / height;
     assert!((height / scene.camera.position.z - 1.0).abs() < 4.0 * relative, "{height} m");
-    assert!(relative > sigma.unwrap() / value, "no better known than the door: {relative}");
+    assert!(
+        relative > sigma.unwrap() / value,
+        "the scale must not be more certain than the door: {relative}"
+    );
 }

@@ -1,12 +1,12 @@
-//! The JSON Schema and the reader say the same about site files.
+//! The JSON Schema and the reader accept the same site files.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
 use calib_site::Site;
 use serde_json::{Value, json};
 
-/// A site with every part that the format has.
-fn whole() -> Value {
+/// Returns a site with every part of the format.
+fn complete_site() -> Value {
     let known = |value: f64, sigma: f64| json!({"value": value, "sigma": sigma});
     json!({
         "format": "calib-site", "version": 1, "name": "Shelter",
@@ -50,9 +50,9 @@ fn validator() -> jsonschema::Validator {
     jsonschema::validator_for(&Site::json_schema()).unwrap()
 }
 
-/// The document with the value at a pointer replaced; an object at the pointer takes a new field.
+/// Returns the document with the value at a pointer replaced, or added as a new field.
 fn with(pointer: &str, value: Value) -> Value {
-    let mut document = whole();
+    let mut document = complete_site();
     if let Some(place) = document.pointer_mut(pointer) {
         *place = value;
         return document;
@@ -63,15 +63,15 @@ fn with(pointer: &str, value: Value) -> Value {
 }
 
 #[test]
-fn a_site_with_every_part_is_read_kept_and_written_back() {
-    let site = Site::from_json(&whole().to_string()).unwrap();
+fn complete_site_is_read_and_written() {
+    let site = Site::from_json(&complete_site().to_string()).unwrap();
     let errors: Vec<String> =
-        validator().iter_errors(&whole()).map(|e| format!("{}: {e}", e.instance_path())).collect();
+        validator().iter_errors(&complete_site()).map(|e| format!("{}: {e}", e.instance_path())).collect();
     assert!(errors.is_empty(), "{errors:?}");
     let written: Value = serde_json::from_str(&site.to_json()).unwrap();
-    assert!(validator().is_valid(&written), "what is written obeys the schema");
+    assert!(validator().is_valid(&written), "the written file matches the schema");
     assert_eq!(Site::from_json(&site.to_json()).unwrap(), site);
-    // Everything that was there is there: defaults may be left out or spelt out.
+    // Given values are kept; default values may be omitted or written.
     for pointer in [
         "/cameras/0/annotations/3/off",
         "/cameras/0/annotations/7/height_m/sigma",
@@ -81,13 +81,13 @@ fn a_site_with_every_part_is_read_kept_and_written_back() {
         "/distances/0/between/1",
         "/plan/georeference/lat_deg",
     ] {
-        assert_eq!(written.pointer(pointer), whole().pointer(pointer), "{pointer}");
+        assert_eq!(written.pointer(pointer), complete_site().pointer(pointer), "{pointer}");
     }
 }
 
 #[test]
-fn solving_writes_what_the_schema_allows() {
-    let site = Site::from_json(&whole().to_string()).unwrap();
+fn solved_site_matches_the_schema() {
+    let site = Site::from_json(&complete_site().to_string()).unwrap();
     let solved = site.calibrate(&calib_site::Options::default()).write_into(&site);
     let written: Value = serde_json::from_str(&solved.to_json()).unwrap();
     let errors: Vec<String> =
@@ -96,7 +96,7 @@ fn solving_writes_what_the_schema_allows() {
     assert_eq!(Site::from_json(&solved.to_json()).unwrap(), solved);
 }
 
-/// Where something is put, what, which pointer the message must have, and what it must say.
+/// Pointer and value of a change, then the pointer and text that the message must contain.
 type Wrong = (&'static str, Value, &'static str, &'static str);
 
 #[expect(clippy::too_many_lines, reason = "it is a list")]
@@ -180,25 +180,25 @@ fn wrong() -> Vec<Wrong> {
 }
 
 #[test]
-fn what_is_wrong_is_named_with_its_pointer() {
+fn errors_have_the_correct_pointer() {
     for (pointer, value, expected, says) in wrong() {
         let error = Site::from_json(&with(pointer, value).to_string()).expect_err(pointer);
         assert_eq!(error.pointer, expected, "{error}");
         assert!(!expected.starts_with("/cameras") || error.message().contains("camera \""), "{error}");
-        assert!(error.message().contains(says), "\"{error}\" does not say \"{says}\"");
+        assert!(error.message().contains(says), "\"{error}\" does not contain \"{says}\"");
     }
 }
 
 #[test]
-fn numbers_that_are_none_are_refused() {
-    let text = whole().to_string().replace("683.6", "1e999");
+fn infinite_and_nan_numbers_are_refused() {
+    let text = complete_site().to_string().replace("683.6", "1e999");
     assert!(Site::from_json(&text).is_err());
-    let text = whole().to_string().replace("683.6", "NaN");
+    let text = complete_site().to_string().replace("683.6", "NaN");
     assert!(Site::from_json(&text).is_err());
 }
 
 #[test]
-fn a_hostile_file_is_refused_before_it_fills_memory() {
+fn hostile_file_is_refused_before_it_fills_memory() {
     let lists =
         format!("{{\"format\":\"calib-site\",\"version\":1,\"cameras\":[{}]}}", "[],".repeat(5_000_000));
     let error = Site::from_json(&lists).unwrap_err();
@@ -208,25 +208,25 @@ fn a_hostile_file_is_refused_before_it_fills_memory() {
 }
 
 #[test]
-fn the_schema_refuses_unknown_fields_too() {
+fn schema_refuses_unknown_fields() {
     assert!(!validator().is_valid(&with("/cameras/0/lenses", json!({}))));
     assert!(!validator().is_valid(&with("/cameras/0/annotations/0/kind", json!("slanted"))));
     assert!(!validator().is_valid(&with("/cameras/0/annotations/0/segments/0/1", json!([1.0]))));
 }
 
 #[test]
-fn the_site_of_the_readme_is_read_and_solved() {
+fn site_of_the_readme_is_solved() {
     let readme = std::fs::read_to_string(calib_tests::root().join("README.md")).unwrap();
     let text = readme.split("```json\n").nth(1).unwrap().split("```").next().unwrap();
     let site = Site::from_json(text).unwrap_or_else(|error| panic!("{error}"));
     let report = site.calibrate(&calib_site::Options::default());
     let (_, result) = &report.cameras[0];
     let solution = result.as_ref().unwrap();
-    assert_eq!(solution.warnings, [], "an example is without fault");
+    assert_eq!(solution.warnings, [], "the example has no warnings");
 }
 
 #[test]
-fn things_of_usual_sizes_are_listed_with_spread_and_source() {
+fn usual_sizes_are_listed_with_spread_and_source() {
     let schema = Site::json_schema();
     let rows = schema.pointer("/$defs/Annotation/properties/like/oneOf").unwrap().as_array().unwrap();
     assert_eq!(rows.len(), calib_core::single::USUAL_SIZES.len());

@@ -1,7 +1,7 @@
-//! What the whole-program tests share: the built program, a scratch folder, how far two lenses are apart,
-//! honest skips.
+//! Helpers of the whole-program tests: the built program, scratch folders, lens distances, and reported
+//! skips.
 
-/// The front page; its example is compiled.
+/// The README, whose example is compiled.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 #[derive(Debug)]
@@ -18,38 +18,38 @@ use calib_site::{Method, SiteCamera, Solution, Stage};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// How a run of the program ended.
+/// Result of a run of the program.
 #[derive(Debug)]
-pub struct Ended {
+pub struct ProgramOutput {
     /// Exit code.
     pub code: i32,
-    /// What it printed as data.
+    /// Standard output: the data.
     pub stdout: String,
-    /// What it told the operator.
+    /// Standard error: the messages.
     pub stderr: String,
 }
 
-impl Ended {
-    /// stdout as JSON.
+impl ProgramOutput {
+    /// Parses stdout as JSON.
     ///
     /// # Panics
-    /// When it is not.
+    /// If stdout is not valid JSON.
     #[must_use]
     pub fn json(&self) -> Value {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error} in {}", self.stdout))
     }
 
-    /// This, if the run ended with `code`.
+    /// Returns the result after checking the exit code.
     ///
     /// # Panics
-    /// When it did not.
+    /// If the exit code differs.
     pub fn expect_code(self, code: i32) -> Self {
         assert_eq!(self.code, code, "stdout: {}\nstderr: {}", self.stdout, self.stderr);
         self
     }
 }
 
-/// A folder of its own for one test, and the program to run in it.
+/// Temporary folder of one test, in which it runs the program.
 #[derive(Debug)]
 pub struct Scratch(TempDir);
 
@@ -60,16 +60,16 @@ impl Default for Scratch {
 }
 
 impl Scratch {
-    /// An empty folder.
+    /// Creates an empty folder.
     ///
     /// # Panics
-    /// When the system has no room for one.
+    /// If the folder cannot be created.
     #[must_use]
     pub fn new() -> Self {
         Self(tempfile::tempdir().unwrap_or_else(|error| panic!("{error}")))
     }
 
-    /// A path in the folder.
+    /// Returns a path in the folder.
     #[must_use]
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
@@ -78,7 +78,7 @@ impl Scratch {
     /// Writes a file.
     ///
     /// # Panics
-    /// When it cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
         std::fs::write(self.path(name), contents).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
@@ -86,7 +86,7 @@ impl Scratch {
     /// Reads a JSON file.
     ///
     /// # Panics
-    /// When there is none.
+    /// If the file is missing or not valid JSON.
     #[must_use]
     pub fn read_json(&self, name: &str) -> Value {
         let text = std::fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -95,16 +95,16 @@ impl Scratch {
 
     /// Runs `calib` in the folder.
     #[must_use]
-    pub fn calib(&self, args: &[&str]) -> Ended {
+    pub fn calib(&self, args: &[&str]) -> ProgramOutput {
         self.calib_with(args, "")
     }
 
-    /// Runs `calib` in the folder with something on stdin.
+    /// Runs `calib` in the folder with text on stdin.
     ///
     /// # Panics
-    /// When the program cannot be started.
+    /// If the program cannot be started.
     #[must_use]
-    pub fn calib_with(&self, args: &[&str], stdin: &str) -> Ended {
+    pub fn calib_with(&self, args: &[&str], stdin: &str) -> ProgramOutput {
         let mut child = Command::new(program())
             .args(args)
             .current_dir(self.0.path())
@@ -116,12 +116,12 @@ impl Scratch {
         let mut input = child.stdin.take();
         let text = stdin.to_owned();
         let feeder = std::thread::spawn(move || {
-            // A program that does not want its input closes the pipe: no failure of the test.
+            // A program that does not read its input closes the pipe. That is not a failure.
             let _ = input.as_mut().map(|input| input.write_all(text.as_bytes()));
         });
         let output = child.wait_with_output().unwrap_or_else(|error| panic!("calib: {error}"));
         let _ = feeder.join();
-        Ended {
+        ProgramOutput {
             code: output.status.code().unwrap_or(-1),
             stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
             stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
@@ -129,10 +129,10 @@ impl Scratch {
     }
 }
 
-/// The program, built once in the profile of the tests.
+/// Returns the path of the program, which is built once in the profile of the tests.
 ///
 /// # Panics
-/// When it does not build.
+/// If the build fails.
 #[must_use]
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
@@ -140,7 +140,7 @@ pub fn program() -> &'static Path {
         if std::env::var_os("CALIB_IS_BUILT").is_none() {
             build();
         }
-        // target/<profile>/deps/<test> lies beside target/<profile>/calib.
+        // The test is target/<profile>/deps/<test>, the program target/<profile>/calib.
         let mut path = std::env::current_exe().unwrap_or_else(|error| panic!("{error}"));
         path.pop();
         if path.ends_with("deps") {
@@ -160,10 +160,10 @@ fn build() {
     assert!(built.is_ok_and(|status| status.success()), "calib does not build");
 }
 
-/// The workspace.
+/// Returns the folder of the workspace.
 ///
 /// # Panics
-/// Never: this crate is a folder of it.
+/// Never: this crate is a folder of the workspace.
 #[must_use]
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or_else(|| panic!("no workspace"))
@@ -172,7 +172,7 @@ pub fn root() -> &'static Path {
 /// Width and height of the images of [`camera`], in pixels.
 pub const SIZE: [u32; 2] = [1920, 1080];
 
-/// A camera 5 m high that looks down on the floor, with this distortion.
+/// Returns a camera 5 m high that looks down on the floor, with the given distortion.
 #[must_use]
 pub const fn camera(distortion: Distortion) -> Camera {
     Camera {
@@ -191,22 +191,22 @@ pub const fn camera(distortion: Distortion) -> Camera {
     }
 }
 
-/// One of every kind of lens: five coefficients, none, the division model.
+/// One distortion of every kind: five coefficients, none, the division model.
 pub const LENSES: [Distortion; 3] = [
     Distortion::BrownConrady(BrownConrady { k1: -0.25, k2: 0.06, k3: -0.004, p1: 0.001, p2: -0.0007 }),
     Distortion::None,
     Distortion::Division { lambda: -0.12 },
 ];
 
-/// A camera of a site that is given with its place.
+/// Returns a placed camera of a site with a given solution.
 #[must_use]
 pub fn entry(id: &str, camera: &Camera) -> SiteCamera {
     let solution = Solution::from_camera(camera, Method::Given, Stage::Placed);
     SiteCamera { solution: Some(solution), ..SiteCamera::new(id, SIZE) }
 }
 
-/// A file of real data that is not part of the project, in the folder that `CALIB_SHARED` names, or else in
-/// `shared` beside the workspace; says so and gives `None` when it is absent.
+/// Returns the path of a file of real data outside the project, or `None` after reporting a skip if it is
+/// missing. The folder is `CALIB_SHARED`, by default `shared` next to the workspace.
 #[must_use]
 pub fn shared(path: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("CALIB_SHARED").map_or_else(|| root().join("../shared"), PathBuf::from);
@@ -218,7 +218,7 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     None
 }
 
-/// The Python that has the peers' packages; says so and gives `None` when there is none.
+/// Returns the Python with the peers' packages, or `None` after reporting that it is missing.
 #[must_use]
 pub fn peers_python() -> Option<PathBuf> {
     let python = root().join("target/peers-venv/bin/python");
@@ -229,7 +229,7 @@ pub fn peers_python() -> Option<PathBuf> {
     None
 }
 
-/// The Python that has the engines (`DuckDB`); says so and gives `None` when there is none.
+/// Returns the Python with the engines (`DuckDB`), or `None` after reporting that it is missing.
 #[must_use]
 pub fn engines_python() -> Option<PathBuf> {
     let python = root().join("target/engines-venv/bin/python");
@@ -240,11 +240,11 @@ pub fn engines_python() -> Option<PathBuf> {
     None
 }
 
-/// Root mean square distance over the image between two maps, once a similarity makes them as near
-/// as they can be: a scale and a turn of the undistorted plane are not distortion.
+/// Returns the root mean square distance over the image between two maps, after the best similarity between
+/// them. A scale and a rotation of the undistorted plane are not distortion.
 ///
 /// # Panics
-/// When more than a sixth of the image is outside one of them.
+/// If more than a sixth of the image is outside one of the lenses.
 #[must_use]
 pub fn map_distance(a: &Lens, b: &Lens, [w, h]: [f64; 2]) -> f64 {
     let grid = (0..20 * 12)
@@ -271,7 +271,7 @@ pub fn map_distance(a: &Lens, b: &Lens, [w, h]: [f64; 2]) -> f64 {
     (off.sum::<f64>() / count).sqrt()
 }
 
-/// Says that a test was skipped, on the screen and in the list that `cargo xtask test` prints.
+/// Reports a skipped test on stderr and in the list that `cargo xtask test` prints.
 fn skip(why: &str, allowed: bool) {
     let test = std::thread::current().name().unwrap_or("a test").to_owned();
     let line = format!("{} {test}: {why}\n", if allowed { "SKIPPED" } else { "MISSING" });

@@ -1,4 +1,4 @@
-//! The tracker of the examples on people who walk through the demonstration site.
+//! The tracker of the examples, tested with people walking through the demonstration site.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -21,7 +21,7 @@ use nalgebra::{Matrix2, SMatrix, Vector2};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-/// The cameras of the shop, calibrated from what was drawn, and their images' sizes.
+/// Returns the shop's cameras, calibrated from their annotations, and their image sizes.
 fn shop() -> (Vec<(String, Camera)>, Vec<[u32; 2]>) {
     let demo = demo_site();
     let solved = demo.site.calibrate(&Options::default()).write_into(&demo.site);
@@ -29,27 +29,27 @@ fn shop() -> (Vec<(String, Camera)>, Vec<[u32; 2]>) {
     shop.map(|entry| ((entry.id.clone(), entry.camera().unwrap()), entry.size_px)).unzip()
 }
 
-/// How the tracks compare with the people.
+/// Comparison of the tracks with the people.
 #[derive(Default)]
 struct Followed {
     squares: f64,
     nees: f64,
     count: usize,
-    /// Tracks of every person, in order of time; the cameras that saw each.
+    /// Tracks of every person in order of time, with the cameras that saw the person.
     tracks: BTreeMap<usize, Vec<(u32, BTreeSet<usize>)>>,
-    /// Tracks that were never anybody's.
+    /// Tracks that were never assigned to a person.
     strangers: BTreeSet<u32>,
 }
 
-/// Nearer than this a track may be a person's, in metres.
+/// Largest distance between a person and an assigned track, in metres.
 const NEAR: f64 = 1.0;
 
-/// Tracks people before cameras as they are believed to be; they are seen by cameras as they are.
+/// Tracks people with the estimated cameras, from detections of the true cameras.
 ///
-/// A person has the track that was theirs before as long as it is near, else the nearest that is
-/// nobody's (CLEAR MOT, Bernardin and Stiefelhagen 2008).
-fn follow(believed: &[(String, Camera)], walk: &Walk) -> Followed {
-    let mut tracker = Tracker::new(believed.to_vec());
+/// A person keeps the track of the moment before as long as it is near. Otherwise it gets the nearest free
+/// track (CLEAR MOT, Bernardin and Stiefelhagen 2008).
+fn follow(calibrated: &[(String, Camera)], walk: &Walk) -> Followed {
+    let mut tracker = Tracker::new(calibrated.to_vec());
     let mut followed = Followed::default();
     let mut before: BTreeMap<usize, u32> = BTreeMap::new();
     for (moment, people) in walk.truth.iter().enumerate() {
@@ -57,7 +57,7 @@ fn follow(believed: &[(String, Camera)], walk: &Walk) -> Followed {
         let seen: Vec<_> = walk.detections.iter().filter(|seen| seen.moment == moment).collect();
         let detections: Vec<Detection> = seen
             .iter()
-            .map(|s| Detection { at_s, camera: believed[s.camera].0.clone(), pixel: s.pixel })
+            .map(|s| Detection { at_s, camera: calibrated[s.camera].0.clone(), pixel: s.pixel })
             .collect();
         tracker.step(at_s, &detections).unwrap();
         let mut pairs: Vec<(bool, f64, usize, &Track)> = Vec::new();
@@ -79,7 +79,7 @@ fn follow(believed: &[(String, Camera)], walk: &Walk) -> Followed {
             met.insert(person);
             used.insert(track.id);
             before.insert(person, track.id);
-            // Where a camera sees the person now the filter is judged, not its patience.
+            // Errors count only while a camera sees the person: not while the track is extrapolated.
             let sees = |s: &&&FootDetection| s.person == Some(person);
             let cameras: BTreeSet<usize> = seen.iter().filter(sees).map(|s| s.camera).collect();
             let Some(truth) = people[person].filter(|_| !cameras.is_empty()) else { continue };
@@ -102,19 +102,19 @@ fn follow(believed: &[(String, Camera)], walk: &Walk) -> Followed {
     followed
 }
 
-/// The shop's cameras as they are, each with the size of its image.
+/// Returns the true cameras of the shop with their image sizes.
 fn true_shop(demo: &DemoSite, sizes: Vec<[u32; 2]>) -> Vec<(Camera, [u32; 2])> {
     let shop = demo.truth.iter().filter(|(id, _)| id.starts_with("shop"));
     shop.map(|(_, camera)| *camera).zip(sizes).collect()
 }
 
 #[test]
-fn people_keep_their_identity_from_camera_to_camera() {
-    let (believed, sizes) = shop();
+fn people_keep_their_track_from_camera_to_camera() {
+    let (calibrated, sizes) = shop();
     let truth = true_shop(&demo_site(), sizes);
     for seed in 0..5 {
         let walk = walk(&truth, seed);
-        let followed = follow(&believed, &walk);
+        let followed = follow(&calibrated, &walk);
         let rmse = (followed.squares / followed.count as f64).sqrt();
         println!(
             "seed {seed}: {:.3} m rms, NEES {:.2}, {} points, {} strangers, tracks {:?}",
@@ -134,8 +134,8 @@ fn people_keep_their_identity_from_camera_to_camera() {
     }
 }
 
-/// A camera as it may as well be, by its own covariance.
-fn as_well(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
+/// Draws a camera from the distribution given by its covariance.
+fn drawn_from_covariance(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
     let covariance = SMatrix::<f64, { Covariance::SIZE }, { Covariance::SIZE }>::from(camera.covariance.0);
     let eigen = covariance.symmetric_eigen();
     let draws = eigen.eigenvalues.map(|value| value.max(0.0).sqrt() * normal(random));
@@ -156,29 +156,29 @@ fn as_well(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
 }
 
 #[test]
-fn the_covariance_of_a_track_is_that_of_its_error() {
-    let (believed, sizes) = shop();
+fn track_covariance_matches_its_error() {
+    let (calibrated, sizes) = shop();
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let (mut nees, mut rmse) = (Vec::new(), Vec::new());
     for seed in 0..40 {
-        let truth: Vec<(Camera, [u32; 2])> = believed
+        let truth: Vec<(Camera, [u32; 2])> = calibrated
             .iter()
             .zip(&sizes)
-            .map(|((_, camera), size)| (as_well(camera, &mut random), *size))
+            .map(|((_, camera), size)| (drawn_from_covariance(camera, &mut random), *size))
             .collect();
-        let followed = follow(&believed, &walk(&truth, 100 + seed));
+        let followed = follow(&calibrated, &walk(&truth, 100 + seed));
         nees.push(followed.nees / followed.count as f64);
         rmse.push((followed.squares / followed.count as f64).sqrt());
     }
-    // Moments of one run share one calibration: only the mean over many runs can be 2. People do not
-    // wander as the filter's model has it, so it is not 2 to the last digit.
+    // All moments of a run share one calibration, so only the mean over many runs approaches 2. People do not
+    // move exactly like the filter's model, hence the tolerance.
     let mean = nees.iter().sum::<f64>() / nees.len() as f64;
     println!("NEES {mean:.2} of 2, {:.3} m rms", rmse.iter().sum::<f64>() / rmse.len() as f64);
     assert!((1.7..2.3).contains(&mean), "{mean}");
 }
 
 #[test]
-fn the_program_reads_detections_and_writes_tracks() {
+fn program_reads_detections_and_writes_tracks() {
     let (_, sizes) = shop();
     let demo = demo_site();
     let walk = walk(&true_shop(&demo, sizes), 0);

@@ -1,4 +1,5 @@
-//! `calib walk`: cameras that do not keep what they claim are named by a walker whom others see, too.
+//! `calib walk`: a walker seen by several cameras reveals cameras with errors beyond their claimed
+//! uncertainty.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -17,20 +18,20 @@ use rand_chacha::ChaCha8Rng;
 
 type Sized = (Camera, [u32; 2]);
 
-/// The cameras of the shop, who claim to be known as an installer's are.
-fn believed() -> Vec<Sized> {
+/// Returns the cameras of the shop with the uncertainties of a typical installation.
+fn calibrated_cameras() -> Vec<Sized> {
     let demo = demo_site();
     let degree = 1.0_f64.to_radians();
     let sigmas = [0.05, 0.05, 0.03, 0.2 * degree, 0.3 * degree, 0.1 * degree, 15.0];
-    let mut believed = Vec::new();
+    let mut calibrated = Vec::new();
     for ((id, camera), entry) in demo.truth.iter().zip(&demo.site.cameras) {
         if id.starts_with("shop") {
             let mut camera = *camera;
             sigmas.iter().enumerate().for_each(|(i, sigma)| camera.covariance.0[i][i] = sigma * sigma);
-            believed.push((camera, entry.size_px));
+            calibrated.push((camera, entry.size_px));
         }
     }
-    believed
+    calibrated
 }
 
 fn normal(random: &mut ChaCha8Rng) -> f64 {
@@ -54,14 +55,14 @@ fn claimed(camera: &Camera) -> DMatrix<f64> {
     DMatrix::from_fn(7, 7, |i, j| camera.covariance.0[i][j])
 }
 
-/// A camera as it may be by what its calibration claims.
+/// Draws a true camera from the distribution claimed by its calibration.
 fn as_claimed(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
     let eigen = claimed(camera).symmetric_eigen();
     let along = DVector::from_fn(7, |i, _| eigen.eigenvalues[i].max(0.0).sqrt() * normal(random));
     shifted(camera, &(eigen.eigenvectors * along))
 }
 
-/// One walker of the demonstration, before cameras as they truly are.
+/// Returns the detections of one walker of the demonstration, seen by the true cameras.
 fn walked(truth: &[Sized], seed: u64) -> Vec<Sighting> {
     let walk = walk(truth, seed);
     let of_one = walk.detections.iter().filter(|seen| seen.person == Some(0));
@@ -76,46 +77,47 @@ fn walked(truth: &[Sized], seed: u64) -> Vec<Sighting> {
     seen.collect()
 }
 
-fn result(believed: &[Sized], seen: &[Sighting]) -> WalkResult {
+fn result(calibrated: &[Sized], seen: &[Sighting]) -> WalkResult {
     let cameras: Vec<(Camera, [f64; 2])> =
-        believed.iter().map(|(c, size)| (*c, size.map(f64::from))).collect();
+        calibrated.iter().map(|(c, size)| (*c, size.map(f64::from))).collect();
     let mut walk = Walk::new(&cameras);
     seen.iter().for_each(|one| walk.add_sighting(one));
     walk.result()
 }
 
-/// Which cameras are named, worst first, where one may have an error of one parameter beside what all claim.
-fn named(believed: &[Sized], fault: Option<(usize, usize, f64)>, seed: u64) -> Vec<usize> {
+/// Returns the accused cameras, worst first. One camera may have an extra error of one parameter.
+fn named(calibrated: &[Sized], fault: Option<(usize, usize, f64)>, seed: u64) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut truth: Vec<Sized> =
-        believed.iter().map(|(c, size)| (as_claimed(c, &mut random), *size)).collect();
+        calibrated.iter().map(|(c, size)| (as_claimed(c, &mut random), *size)).collect();
     if let Some((of, parameter, size)) = fault {
         let sign = if random.random_bool(0.5) { 1.0 } else { -1.0 };
         let by = DVector::from_fn(7, |i, _| if i == parameter { sign * size } else { 0.0 });
         truth[of].0 = shifted(&truth[of].0, &by);
     }
-    result(believed, &walked(&truth, seed)).disagreements.iter().map(|one| one.camera).collect()
+    result(calibrated, &walked(&truth, seed)).disagreements.iter().map(|one| one.camera).collect()
 }
 
 #[test]
-fn who_keeps_what_they_claim_is_not_accused() {
-    let believed = believed();
-    let accused = (0..100).filter(|&seed| !named(&believed, None, seed).is_empty()).count();
+fn cameras_within_their_claims_are_not_accused() {
+    let calibrated = calibrated_cameras();
+    let accused = (0..100).filter(|&seed| !named(&calibrated, None, seed).is_empty()).count();
     println!("false accusations: {accused} of 100");
     assert!(accused <= 9, "{accused} of 100: more than 5 % by two standard deviations");
 }
 
-/// Of a fault at the limit one in two is named: 1.6 times that is 4.6 standard deviations of what the walk tells.
+/// At the smallest detectable fault, half of the faults are named. At 1.6 times that, the fault is 4.6
+/// standard deviations.
 #[test]
-fn a_fault_that_the_walk_can_tell_is_named() {
-    let believed = believed();
-    let smallest = result(&believed, &walked(&believed, 1)).smallest_detectable;
+fn detectable_faults_are_named() {
+    let calibrated = calibrated_cameras();
+    let smallest = result(&calibrated, &walked(&calibrated, 1)).smallest_detectable;
     let (mut right, mut count) = (0, 0);
     for parameter in [Covariance::Z, Covariance::YAW, Covariance::PITCH, Covariance::FOCAL] {
-        for of in 0..believed.len() {
+        for of in 0..calibrated.len() {
             let size = 1.6 * smallest[of][parameter];
             let is_named =
-                |seed: &u64| named(&believed, Some((of, parameter, size)), *seed).first() == Some(&of);
+                |seed: &u64| named(&calibrated, Some((of, parameter, size)), *seed).first() == Some(&of);
             let found = (100..106).filter(is_named).count();
             let shown = if Covariance::NAMES[parameter].ends_with("deg") { size.to_degrees() } else { size };
             println!("{} of camera {of}, {shown:.3}: {found} of 6", Covariance::NAMES[parameter]);
@@ -127,12 +129,14 @@ fn a_fault_that_the_walk_can_tell_is_named() {
     assert!(right * 100 >= 90 * count, "{right} of {count}");
 }
 
-/// The error of one parameter that moves a walker whom others see, too, by so many times the standard deviation of where the
-/// camera puts them, by the noise of feet and what it claims of itself, root mean square: `times` the root of
-/// `sum (xx + yy) / sum |dp / de|^2`.
-fn of_the_floor(believed: &[Sized], seen: &[Sighting], (of, parameter): (usize, usize), times: f64) -> f64 {
+/// Returns the error of one parameter that displaces the walker by `times` standard deviations of the floor
+/// position, root mean square.
+///
+/// The standard deviation includes the noise of the feet and the claimed calibration. The result is `times`
+/// the root of `sum (xx + yy) / sum |dp / de|^2`, over the points that other cameras see, too.
+fn floor_fault(calibrated: &[Sized], seen: &[Sighting], (of, parameter): (usize, usize), times: f64) -> f64 {
     const ASIDE: f64 = 1e-6;
-    let camera = &believed[of].0;
+    let camera = &calibrated[of].0;
     let aside = shifted(camera, &DVector::from_fn(7, |i, _| if i == parameter { ASIDE } else { 0.0 }));
     let (mut moved, mut claimed) = (0.0, 0.0);
     let is_seen_with = |one: &&Sighting| seen.iter().any(|with| with.at == one.at && with.camera != of);
@@ -142,38 +146,40 @@ fn of_the_floor(believed: &[Sized], seen: &[Sighting], (of, parameter): (usize, 
         moved += (at[0].distance(at[1]) / ASIDE).powi(2);
         claimed += (0..2).map(|i| claim.pixel[i][i] + claim.calibration.unwrap()[i][i]).sum::<f64>();
     }
-    assert!(moved > 0.0, "others see whom camera {of} sees");
+    assert!(moved > 0.0, "camera {of} has no common views");
     times * (claimed / moved).sqrt()
 }
 
-/// Faults of three of the sigmas that cameras claim of a parameter, and of the floor; and of so many of what the walk tells:
-/// the culprit named first, in how many of so many walks; and who keeps what they claim. A camera a metre aside stands behind
-/// a wall of the shop in half of them, and sees nobody.
+/// Prints the fraction of faults named first, by parameter and size, and the number of false accusations.
+///
+/// The sizes are three claimed standard deviations of the parameter, three standard deviations of the floor
+/// position, and multiples of the smallest detectable fault. A camera moved by a metre is behind a wall of
+/// the shop in half of the cases, and sees nobody.
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --watch`"]
-fn the_table_of_walks() {
-    let believed = believed();
-    let first = walked(&believed, 1);
-    let smallest = result(&believed, &first).smallest_detectable;
+fn table_of_walks() {
+    let calibrated = calibrated_cameras();
+    let first = walked(&calibrated, 1);
+    let smallest = result(&calibrated, &first).smallest_detectable;
     let trials: u64 =
         std::env::var("CALIB_WALK_TRIALS").ok().and_then(|text| text.parse().ok()).unwrap_or(12);
     println!(
-        "| fault | three sigmas of the claim | of them named | three sigmas of the floor | of them named | the walk tells | at 1, 1.3, 1.6 |"
+        "| fault | three claimed sigmas | named | three sigmas on the floor | named | smallest detectable | named at 1, 1.3, 1.6 times |"
     );
     println!("|---|---|---|---|---|---|---|");
     let mut all = [0.0; 5];
     for parameter in 0..Covariance::LENS {
         let share = |size: &dyn Fn(usize) -> f64| {
-            let all = (0..believed.len()).flat_map(|of| (0..trials).map(move |seed| (of, 100 + seed)));
+            let all = (0..calibrated.len()).flat_map(|of| (0..trials).map(move |seed| (of, 100 + seed)));
             let is_named = |&(of, seed): &(usize, u64)| {
-                named(&believed, Some((of, parameter, size(of))), seed).first() == Some(&of)
+                named(&calibrated, Some((of, parameter, size(of))), seed).first() == Some(&of)
             };
-            100.0 * all.filter(is_named).count() as f64 / (believed.len() as u64 * trials) as f64
+            100.0 * all.filter(is_named).count() as f64 / (calibrated.len() as u64 * trials) as f64
         };
-        let worst = |size: &dyn Fn(usize) -> f64| (0..believed.len()).map(size).fold(0.0, f64::max);
-        let claimed = 3.0 * believed[0].0.covariance.0[parameter][parameter].sqrt();
+        let worst = |size: &dyn Fn(usize) -> f64| (0..calibrated.len()).map(size).fold(0.0, f64::max);
+        let claimed = 3.0 * calibrated[0].0.covariance.0[parameter][parameter].sqrt();
         let by_floor: Vec<f64> =
-            (0..believed.len()).map(|of| of_the_floor(&believed, &first, (of, parameter), 3.0)).collect();
+            (0..calibrated.len()).map(|of| floor_fault(&calibrated, &first, (of, parameter), 3.0)).collect();
         let told = |of: usize| smallest[of][parameter];
         let shares = [
             share(&|_| claimed),
@@ -194,12 +200,12 @@ fn the_table_of_walks() {
     let [of_claim, of_floor, at_1, at_13, at_16] = all;
     println!("| all | | {of_claim:.1} % | | {of_floor:.1} % | | {at_1:.0}, {at_13:.0}, {at_16:.0} % |");
     let quiet = 20 * trials;
-    let accused = (0..quiet).filter(|&seed| !named(&believed, None, seed).is_empty()).count();
+    let accused = (0..quiet).filter(|&seed| !named(&calibrated, None, seed).is_empty()).count();
     println!("false accusations: {accused} of {quiet} walks");
 }
 
 #[test]
-fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
+fn program_passes_a_correct_site_and_names_the_wrong_camera() {
     let demo = demo_site();
     let site = demo.site.calibrate(&Options::default()).write_into(&demo.site);
     let cameras: Vec<Sized> =
@@ -220,7 +226,7 @@ fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
     };
     let passed = scratch.calib(&asked("right.csv")).expect_code(0).json();
     assert_eq!(passed["ok"], true, "{passed}");
-    assert!(!passed["not_walked"].as_array().unwrap().is_empty(), "nobody went into the barn");
+    assert!(!passed["not_walked"].as_array().unwrap().is_empty(), "the walk does not cover the barn");
     let store = passed["cameras"].as_array().unwrap().iter().find(|camera| camera["id"] == "store").unwrap();
     assert_eq!(store["verdict"], "not-tested");
     let zones = passed["zones"].as_array().unwrap();
@@ -261,11 +267,11 @@ fn the_program_passes_a_right_site_and_names_the_wrong_camera() {
 }
 
 #[test]
-fn a_report_without_a_walk_does_not_take_what_is_said_of_one() {
+fn walk_options_need_a_walk() {
     let scratch = Scratch::new();
     for alone in [["--max-error-m", "1"], ["--camera-column", "camera"]] {
         let args = [&["report", "site.json", "-o", "report.html"], &alone[..]].concat();
         let run = scratch.calib(&args).expect_code(2);
-        assert!(run.stderr.contains("--walk"), "{alone:?} says nothing without a walk: {}", run.stderr);
+        assert!(run.stderr.contains("--walk"), "{alone:?} needs a walk: {}", run.stderr);
     }
 }

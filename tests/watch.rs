@@ -1,4 +1,4 @@
-//! `calib watch`: cameras that moved are found by the people that they see, and no others.
+//! `calib watch`: detects cameras that moved from the people in view, without false alarms for the others.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -18,7 +18,7 @@ const DAY: i64 = 86_400 * SECOND;
 /// 2026-05-01T00:00:00Z.
 const MAY: i64 = 1_777_593_600 * SECOND;
 
-/// The true cameras of the demonstration: three of them see the shop, two are alone.
+/// Returns the true cameras of the demonstration: three share the view of the shop, two are alone.
 fn cameras() -> Vec<(Camera, [u32; 2])> {
     let demo = demo_site();
     demo.truth.iter().zip(&demo.site.cameras).map(|((_, camera), entry)| (*camera, entry.size_px)).collect()
@@ -41,7 +41,8 @@ fn zoomed() -> Movement {
     Movement { zoom: 1.03_f64.ln(), ..Movement::default() }
 }
 
-/// Two weeks, of which a camera stands otherwise in the last days: `after` people come before each camera then.
+/// Returns two weeks of detections in which one camera moves in the last quarter. About `after` people pass
+/// each camera after that time.
 fn archive(camera: usize, by: Movement, after: usize) -> (Crowd, i64) {
     let span = [MAY, MAY + 14 * DAY];
     let share = 0.25;
@@ -55,7 +56,7 @@ fn clearest(health: &CameraHealth) -> f64 {
 }
 
 #[test]
-fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
+fn rotation_of_one_degree_and_zoom_of_three_percent_are_dated() {
     let cameras = cameras();
     let cases = [
         (0, degrees(0.0, 1.0, 0.0)),
@@ -63,7 +64,8 @@ fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
         (0, degrees(0.0, 0.0, 1.0)),
         (1, degrees(0.0, 0.0, -1.0)),
         (2, zoomed()),
-        // Nobody tells where those are truly whom one camera alone sees: it takes twice as much there.
+        // For a camera without overlap, no other camera locates the people: the detectable change is twice as
+        // large.
         (3, degrees(0.0, 2.0, 0.0)),
         (4, degrees(0.0, -2.0, 0.0)),
     ];
@@ -92,12 +94,13 @@ fn a_turn_of_a_degree_and_a_zoom_of_three_percent_are_found_and_dated() {
     assert!(missed.is_empty(), "{missed:?}");
 }
 
-/// A number that the environment may say.
-fn asked(name: &str, usual: u64) -> u64 {
-    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
+/// Returns the number in an environment variable, or `default`.
+fn number_from_env(name: &str, default: u64) -> u64 {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// Cameras that moved so, each in as many archives: found, dated to a tenth of the window, and others accused with them.
+/// Counts over the archives of one kind of movement: found, dated to a tenth of the window, and other cameras
+/// accused.
 #[derive(Default)]
 struct Found {
     trials: usize,
@@ -130,8 +133,8 @@ impl Found {
 
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --watch`"]
-fn the_table_of_cameras_that_moved() {
-    let (cameras, trials) = (cameras(), asked("CALIB_WATCH_TRIALS", 4));
+fn table_of_moved_cameras() {
+    let (cameras, trials) = (cameras(), number_from_env("CALIB_WATCH_TRIALS", 4));
     let zoomed = |share: f64| Movement { zoom: (1.0 + share).ln(), ..Movement::default() };
     let moved = [
         ("pan 1 deg", degrees(1.0, 0.0, 0.0), degrees(-1.0, 0.0, 0.0)),
@@ -139,10 +142,12 @@ fn the_table_of_cameras_that_moved() {
         ("roll 1 deg", degrees(0.0, 0.0, 1.0), degrees(0.0, 0.0, -1.0)),
         ("zoom 3 %", zoomed(0.03), zoomed(-0.03)),
     ];
-    println!("| moved, 300 tracks after | trials | found | dated to a tenth | median off | others accused |");
+    println!(
+        "| change, 300 tracks after | trials | found | dated to a tenth | median time error | others accused |"
+    );
     println!("|---|---|---|---|---|---|");
     for (name, one, other) in moved {
-        // Who stands alone has nobody who tells where people truly are.
+        // A camera alone has no reference for the positions of the people.
         for (which, range) in [("seen by others", 0..3), ("alone", 3..5)] {
             let mut row = Found::default();
             for (camera, seed) in range.flat_map(|camera| (0..trials).map(move |seed| (camera, seed))) {
@@ -153,7 +158,7 @@ fn the_table_of_cameras_that_moved() {
                 if std::env::var_os("CALIB_WATCH_VERBOSE").is_some() {
                     let of = &health[camera];
                     println!(
-                        "{camera} {name}: {:.1} clear, at least {:.4?}",
+                        "{camera} {name}: z-score {:.1}, smallest detectable {:.4?}",
                         clearest(of),
                         of.smallest_detectable
                     );
@@ -167,7 +172,7 @@ fn the_table_of_cameras_that_moved() {
 
 #[test]
 #[ignore = "measures time: `cargo xtask accuracy --watch`"]
-fn the_table_of_rows_a_second() {
+fn table_of_rows_per_second() {
     let cameras = cameras();
     let crowd = Crowd { has_scene: false, ..Crowd::new(6000, [MAY, MAY + DAY]) };
     let seen = crowd.sightings(&cameras, 9);
@@ -179,11 +184,11 @@ fn the_table_of_rows_a_second() {
     let rate = seen.len() as f64 / start.elapsed().as_secs_f64();
     let start = std::time::Instant::now();
     let health = watch.health();
-    println!("| rows | cameras | rows a second on one thread | seconds to judge |\n|---|---|---|---|");
+    println!("| rows | cameras | rows per second on one thread | seconds of evaluation |\n|---|---|---|---|");
     println!("| {} | {} | {rate:.0} | {:.2} |", seen.len(), health.len(), start.elapsed().as_secs_f64());
 }
 
-/// The clearest change of every camera of so many days on which nothing happened, the clearest first.
+/// Returns the largest change statistic of every camera and day without a movement, largest first.
 fn quiet_days(seeds: std::ops::Range<u64>) -> Vec<(f64, usize)> {
     let cameras = cameras();
     let mut all = Vec::new();
@@ -198,28 +203,28 @@ fn quiet_days(seeds: std::ops::Range<u64>) -> Vec<(f64, usize)> {
 }
 
 #[test]
-fn cameras_that_stand_still_are_left_in_peace() {
+fn unchanged_cameras_cause_no_alarm() {
     let days = quiet_days(0..40);
     assert!(days[0].0 < Watch::ALARM, "{:?}", days[0]);
 }
 
 #[test]
 #[ignore = "takes minutes: 6,000 days of cameras"]
-fn false_alarms_are_one_in_a_thousand_days_of_cameras_at_most() {
-    let days = quiet_days(0..asked("CALIB_WATCH_DAYS", 1000));
+fn false_alarms_are_at_most_one_in_a_thousand_camera_days() {
+    let days = quiet_days(0..number_from_env("CALIB_WATCH_DAYS", 1000));
     let alarms = days.iter().filter(|(clear, _)| *clear > Watch::ALARM).count();
     assert!(alarms * 1000 <= days.len(), "{alarms} of {}", days.len());
 }
 
 #[test]
-fn too_few_people_are_no_verdict() {
+fn too_few_people_give_no_status() {
     let cameras = cameras();
     let crowd = Crowd::new(60, [MAY, MAY + DAY]);
     let health = watched(&cameras, &crowd.sightings(&cameras, 3));
     assert!(health.iter().all(|of| of.status == DriftStatus::CannotTell), "{health:?}");
 }
 
-/// The demonstration with its true cameras.
+/// Returns the demonstration with its true cameras.
 fn site() -> Site {
     let demo = demo_site();
     let mut site = demo.site;
@@ -240,7 +245,7 @@ fn csv(site: &Site, seen: &[Sighting]) -> String {
 }
 
 #[test]
-fn the_program_says_since_when_and_goes_on_where_it_was() {
+fn program_dates_the_change_and_continues_from_its_state() {
     let (site, cameras) = (site(), cameras());
     let (crowd, at) = archive(0, degrees(0.0, 1.0, 0.0), 150);
     let seen = crowd.sightings(&cameras, 7);
@@ -263,7 +268,7 @@ fn the_program_says_since_when_and_goes_on_where_it_was() {
     let page = std::fs::read_to_string(scratch.path("watch.html")).unwrap();
     assert!(page.contains("shop-1") && page.contains("moved at") && !page.contains("<script"));
 
-    // In pieces, with a state between them, and a piece that is read twice.
+    // Read in two parts with a state between them; the first part is read twice.
     let middle = seen.len() / 2;
     scratch.write("part.csv", csv(&site, &seen[..middle]));
     let in_part = ["watch", "site.json", "-i", "part.csv", "--format", "json", "--state", "state.json"];
@@ -276,7 +281,7 @@ fn the_program_says_since_when_and_goes_on_where_it_was() {
     );
     // The file has grown.
     scratch.write("part.csv", csv(&site, &seen));
-    assert_eq!(scratch.calib(&in_part).expect_code(4).json(), whole.json(), "as if it had never ended");
+    assert_eq!(scratch.calib(&in_part).expect_code(4).json(), whole.json(), "the same result as in one run");
 
     let before: Vec<Sighting> = seen.iter().filter(|one| one.at < at).copied().collect();
     scratch.write("before.csv", csv(&site, &before));
@@ -294,7 +299,7 @@ fn the_program_says_since_when_and_goes_on_where_it_was() {
 }
 
 #[test]
-fn a_table_without_times_or_cameras_is_refused_with_what_to_do() {
+fn table_without_times_or_cameras_is_refused_with_advice() {
     let scratch = Scratch::new();
     scratch.write("site.json", site().to_json());
     scratch.write("no_time.csv", "camera,x,y,w,h\nshop-1,1,2,3,4\n");

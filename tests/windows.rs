@@ -1,4 +1,4 @@
-//! Windows onto what a fisheye shows: images that a tracker takes for those of a pinhole camera.
+//! Views from a fisheye image: images that a tracker can use like those of a pinhole camera.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -8,7 +8,7 @@ use calib_site::{Options, Site};
 use calib_tests::Scratch;
 use serde_json::Value;
 
-/// The demonstration's fisheye, solved, with a grey image in place of its picture.
+/// Returns the demonstration's solved fisheye with a grey image.
 fn ceiling() -> (Scratch, Camera) {
     let demo = calib_demo::demo_site();
     let mut site = Site { cameras: vec![demo.site.cameras.last().unwrap().clone()], ..Site::new() };
@@ -30,14 +30,14 @@ fn numbers(of: &Value) -> Vec<f64> {
     of.as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect()
 }
 
-/// Where a 3 x 4 matrix has a point, if it is ahead.
+/// Projects a point with a 3 x 4 matrix, if it is in front of the camera.
 fn shown(matrix: &[f64], point: WorldPoint) -> Option<Pixel> {
     let at = [point.x, point.y, point.z, 1.0];
     let [u, v, w] = [0, 1, 2].map(|row| (0..4).map(|i| matrix[4 * row + i] * at[i]).sum::<f64>());
     (w > 0.0).then(|| Pixel::new(u / w, v / w))
 }
 
-/// The raw pixel that the map of a window has at a pixel of it.
+/// Returns the raw pixel at a pixel of the remap table.
 fn mapped(npy: &[u8], width: usize, pixel: Pixel) -> Option<Pixel> {
     let start = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
     let at = start + 8 * (pixel.v as usize * width + pixel.u as usize);
@@ -46,7 +46,7 @@ fn mapped(npy: &[u8], width: usize, pixel: Pixel) -> Option<Pixel> {
 }
 
 #[test]
-fn the_numbers_beside_a_window_are_those_of_its_pixels() {
+fn view_parameters_match_its_pixels() {
     let (scratch, camera) = ceiling();
     let args = ["--quadrants", "--look=50,20,80", "--size", "640x400", "--remap", "-o", "w.png"];
     scratch.calib(&[&UNDISTORT[..], &args[..]].concat()).expect_code(0);
@@ -84,25 +84,25 @@ fn the_numbers_beside_a_window_are_those_of_its_pixels() {
 }
 
 #[test]
-fn a_panorama_is_one_image_with_what_it_is_beside_it() {
+fn panorama_is_one_image_with_its_parameters() {
     let (scratch, _) = ceiling();
     scratch.calib(&[&UNDISTORT[..], &["--panorama", "-o", "round.jpg"]].concat()).expect_code(0);
     let picture = image::open(scratch.path("round.jpg")).unwrap().into_rgb8();
     assert_eq!(picture.dimensions(), (2400, 800));
     assert!(
         (0..2400).step_by(50).all(|u| picture.get_pixel(u, 700).0[0] > 60),
-        "all round, nothing is blank"
+        "the panorama has no blank columns"
     );
     assert_eq!(scratch.read_json("round.json")["kind"], "cylinder");
 }
 
 #[test]
-fn windows_that_cannot_be_are_refused_before_anything_is_written() {
+fn impossible_views_are_refused_before_writing() {
     let (scratch, _) = ceiling();
     let run = |args: &[&str]| scratch.calib(&[&UNDISTORT[..], args].concat());
     let nothing = run(&["--look=30,0,60", "--look=0,170,40", "-o", "a.png"]).expect_code(2);
     assert!(nothing.stderr.contains("does not see this direction"), "{}", nothing.stderr);
-    assert!(!scratch.path("a-look-1.png").exists(), "all of them or none");
+    assert!(!scratch.path("a-look-1.png").exists(), "no view is written if one is impossible");
     for wrong in ["--look=1,2", "--look=0,0,180", "--look=a,b,c", "--look=nan,0,90"] {
         run(&[wrong, "-o", "a.png"]).expect_code(2);
     }
@@ -117,6 +117,6 @@ fn windows_that_cannot_be_are_refused_before_anything_is_written() {
     run(&["--quadrants", "-o", "-"]).expect_code(2);
     scratch.write("b.json", "mine");
     run(&["--look=30,0,60", "-o", "b.png"]).expect_code(1);
-    assert!(!scratch.path("b.png").exists(), "what stands beside it would be overwritten");
+    assert!(!scratch.path("b.png").exists(), "a parameter file would be overwritten");
     run(&["--look=30,0,60", "-o", "b.png", "--force"]).expect_code(0);
 }

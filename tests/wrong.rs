@@ -1,5 +1,5 @@
-//! Wrong evidence in large sites and drawings: links that are no links, lines that are not what they are said to
-//! be. They are found however many they are, and cost little more than the rest.
+//! Outliers in large sites: wrong links and wrong lines. They are found for any number, and with little extra
+//! time.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -19,7 +19,7 @@ fn moved(pixel: Pixel, random: &mut ChaCha8Rng) -> Pixel {
     Pixel::new(pixel.u + by * f64::cos(angle), pixel.v + by * f64::sin(angle))
 }
 
-/// Makes one of `every` so many links wrong; which they are.
+/// Moves one observation in about one of `every` links, and returns the indices of these links.
 fn spoil(layout: &mut Layout, random: &mut ChaCha8Rng, every: usize) -> BTreeSet<usize> {
     let wrong: BTreeSet<usize> =
         (0..layout.site.links.len()).filter(|_| random.random_range(0..every) == 0).collect();
@@ -31,14 +31,14 @@ fn spoil(layout: &mut Layout, random: &mut ChaCha8Rng, every: usize) -> BTreeSet
     wrong
 }
 
-fn links_set_aside(report: &Report) -> BTreeSet<usize> {
+fn rejected_links(report: &Report) -> BTreeSet<usize> {
     let is_aside = |&index: &usize| {
         report.links[index].as_ref().is_some_and(|link| link.residuals.iter().any(|seen| seen.outlier))
     };
     (0..report.links.len()).filter(is_aside).collect()
 }
 
-/// The report of a site, and the least time of some runs.
+/// Returns the report of a site and the shortest duration of several runs.
 fn timed(site: &Site, runs: usize) -> (Report, Duration) {
     let run = |_| {
         let before = Instant::now();
@@ -56,8 +56,8 @@ fn farthest_off(report: &Report, layout: &Layout) -> f64 {
     off.fold(0.0, f64::max)
 }
 
-/// A hall of twenty cameras and two thousand links, of which one in `every` is wrong, against the same without
-/// wrong ones.
+/// Compares a hall of twenty cameras and two thousand links with and without outliers. About one of `every`
+/// links is wrong.
 fn hall(every: usize, noise_is_known: bool) {
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let mut layout = Layout::grid(&mut random, [5, 4], 65, 1.0);
@@ -68,27 +68,27 @@ fn hall(every: usize, noise_is_known: bool) {
     let (clean, clean_took) = timed(&layout.site, 3);
     let wrong = spoil(&mut layout, &mut random, every);
     let (report, took) = timed(&layout.site, 3);
-    let aside = links_set_aside(&report);
+    let aside = rejected_links(&report);
     let (accused, missed) = (aside.difference(&wrong).count(), wrong.difference(&aside).count());
     let off = [farthest_off(&clean, &layout), farthest_off(&report, &layout)];
     println!(
-        "{} links, {} wrong: {missed} missed, {accused} accused, cameras off {off:?} m, {clean_took:?} clean, {took:?}",
+        "{} links, {} wrong: {missed} missed, {accused} correct links rejected, position errors {off:?} m, {clean_took:?} clean, {took:?}",
         layout.site.links.len(),
         wrong.len()
     );
-    // One moved along the ray of the other camera's floor error, or hardly, may look right.
+    // A small move, or a move along the other camera's ray, cannot be detected.
     assert!(missed * 50 <= wrong.len() && accused * 200 <= layout.site.links.len());
     assert!(off[1] < 2.0 * off[0] + 0.01, "{off:?}");
     assert!(took < 12 * clean_took, "{took:?} instead of {clean_took:?}");
 }
 
 #[test]
-fn many_wrong_links_are_found_at_once() {
+fn many_wrong_links_are_found() {
     hall(20, true);
 }
 
 #[test]
-fn they_are_found_by_the_scatter_of_the_rest_where_the_noise_is_not_known() {
+fn many_wrong_links_are_found_with_unknown_noise() {
     hall(20, false);
 }
 
@@ -98,7 +98,7 @@ fn few_wrong_links_of_many_are_found() {
 }
 
 #[test]
-fn where_most_links_are_wrong_the_search_ends() {
+fn search_ends_if_most_links_are_wrong() {
     let mut random = ChaCha8Rng::seed_from_u64(12);
     let mut layout = Layout::grid(&mut random, [5, 4], 65, 1.0);
     layout.place_first();
@@ -108,19 +108,19 @@ fn where_most_links_are_wrong_the_search_ends() {
         spoil(&mut wrong, &mut random, every);
         let (report, took) = timed(&wrong.site, 1);
         println!(
-            "one of {every} wrong: {took:?} instead of {clean_took:?}, {} aside",
-            links_set_aside(&report).len()
+            "one of {every} wrong: {took:?} instead of {clean_took:?}, {} rejected",
+            rejected_links(&report).len()
         );
         assert!(took < 15 * clean_took, "one of {every} wrong: {took:?} instead of {clean_took:?}");
         let is_misfit = |warnings: &[Warning]| warnings.iter().any(|warning| warning.code == Code::Misfit);
         let misfits =
             report.cameras.iter().flat_map(|(_, found)| found).filter(|found| is_misfit(&found.warnings));
-        assert!(misfits.count() > 0 || !report.site.warnings.is_empty(), "what is wrong is told");
+        assert!(misfits.count() > 0 || !report.site.warnings.is_empty(), "a warning is reported");
     }
 }
 
 #[test]
-fn thousands_of_lines_cost_as_many_times_what_one_does() {
+fn time_is_linear_in_the_number_of_lines() {
     let mut random = ChaCha8Rng::seed_from_u64(22);
     let took = |annotations: &[Annotation]| timed(&site_of(annotations.to_vec()), 1).1;
     let (_, few) = drawn(&mut random, 500);
@@ -144,7 +144,7 @@ fn thousands_of_lines_cost_as_many_times_what_one_does() {
     assert!(equal < 3 * clean, "{equal:?} instead of {clean:?}");
 }
 
-/// A camera 4 m high on whose image so many lines are drawn: verticals, and floor lines along x and y.
+/// Returns a camera 4 m high with `count` annotated lines: verticals, and floor lines of two directions.
 fn drawn(random: &mut ChaCha8Rng, count: usize) -> (Camera, Vec<Annotation>) {
     let camera = Camera {
         position: WorldPoint::new(0.0, 0.0, 4.0),
@@ -159,7 +159,7 @@ fn drawn(random: &mut ChaCha8Rng, count: usize) -> (Camera, Vec<Annotation>) {
     while segments.iter().map(Vec::len).sum::<usize>() < count {
         let kind = segments.iter().map(Vec::len).sum::<usize>() % 3;
         let (x, y) = (random.random_range(-5.0..5.0), random.random_range(4.0..12.0));
-        // Floor lines of a room that stands askew.
+        // Floor lines of a rotated room.
         let along = [[0.0, 0.0, 2.0], [1.2, 0.9, 0.0], [-0.9, 1.2, 0.0]][kind];
         let ends = [0.0, 1.0].map(|s| WorldPoint::new(x + s * along[0], y + s * along[1], s * along[2]));
         let shown = ends.map(|end| camera.world_to_pixel(end));
@@ -182,7 +182,7 @@ fn site_of(annotations: Vec<Annotation>) -> Site {
 }
 
 #[test]
-fn wrong_lines_of_many_are_found_soon() {
+fn wrong_lines_are_found_quickly() {
     let mut random = ChaCha8Rng::seed_from_u64(21);
     for (lines, wrong) in [(30, 2), (60, 3), (90, 4)] {
         let (camera, mut annotations) = drawn(&mut random, lines);

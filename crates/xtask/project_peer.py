@@ -1,8 +1,8 @@
-"""The same archive mapped by `calib project` and by DuckDB with the SQL view, on one thread each.
+"""Maps the same archive with `calib project` and with DuckDB and the SQL view, on one thread each.
 
     project_peer.py CALIB FOLDER ROWS
 
-FOLDER holds site.json and floor.sql. Prints medians of seconds, and of seconds of processor time of calib.
+FOLDER contains site.json and floor.sql. Prints medians of the elapsed time and of the processor time, in seconds.
 """
 
 import json
@@ -54,7 +54,7 @@ def measure(work, clock):
     return clock() - start
 
 
-# One after the other, so that what else the machine does falls on both.
+# The two alternate, so that other work on the machine slows both equally.
 took = {"duckdb_s": [], "duckdb_cpu_s": [], "calib_s": [], "calib_cpu_s": []}
 for run in range(RUNS + 1):
     own = time.process_time()
@@ -72,5 +72,5 @@ off = base.execute(
     FROM '{folder}/duckdb.parquet' AS a JOIN '{folder}/calib.parquet' AS b ON a.id = b.id"""
 ).fetchone()
 if off[1] != rows or off[2] != off[3] or off[0] > 1e-9:
-    sys.exit(f"the two do not agree: {off}")
+    sys.exit(f"calib and DuckDB disagree (largest error, rows, mapped rows of each): {off}")
 print(json.dumps({key: statistics.median(values) for key, values in took.items()}))

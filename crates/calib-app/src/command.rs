@@ -1,4 +1,4 @@
-//! Commands: those on the document are sent to the editor, those on the view are carried out here.
+//! Commands. Document commands are sent to the editor, view commands are carried out here.
 
 use calib_editor::command::{
     Files, Gesture, Group, Newer, Nudge, Proposing, Selection, Solving, Switch, View,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use calib_editor::{Edge, Period};
-use calib_image::{LineSegment, Proposal};
+use calib_image::{AutomaticCalibration, LineSegment};
 use calib_site::{Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -107,7 +107,7 @@ enum Step {
     /// The image is being read.
     Reading,
     Measuring(Task<Result<Vec<LineSegment>, String>>),
-    Grouping(Task<Result<Proposal, String>>),
+    Grouping(Task<Result<AutomaticCalibration, String>>),
 }
 
 /// Automatic calibration that is running.
@@ -158,7 +158,7 @@ impl Proposing {
         &mut self,
         ctx: &Context,
         picture: Option<&Arc<RgbImage>>,
-    ) -> Option<Result<Proposal, String>> {
+    ) -> Option<Result<AutomaticCalibration, String>> {
         match &self.step {
             Step::Reading => self.step = Step::Measuring(Here::measure_edges(ctx, picture?)),
             Step::Measuring(task) => match ended(task)? {

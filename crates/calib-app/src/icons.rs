@@ -167,7 +167,7 @@ pub struct Look {
     pub chosen: bool,
     /// Whether it is enabled.
     pub enabled: bool,
-    /// Colour of the icon; by default that of the text.
+    /// Colour of the icon; by default the text colour.
     pub colour: Option<Color32>,
 }
 

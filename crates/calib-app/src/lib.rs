@@ -1,12 +1,13 @@
-//! The app: annotate stills, see the site solved as you draw, place the polygons, check in every view.
+//! The app: annotate images, see the site solved while drawing, place cameras, and check them in every view.
 //!
-//! The document is `calib_editor`'s; this is the window about it. Low stands what views read, the [`state`]; then
-//! what comes in and goes out, commands, canvases and panels; highest the frame, which calls them. In its order:
-//! finished work arrives ([`App::logic`]), keys become commands ([`command`]), the pointer goes to the tool in
-//! hand through a canvas ([`pane`]), everything is painted, what panels asked for is done, and a finished gesture
-//! is kept ([`autosave`]).
+//! The document and its tools are in `calib_editor`; this crate is the window. A module uses only modules above it in
+//! the list below: the platform and storage first, then the [`state`], then features (annotate, plan, files, compare,
+//! propose, export), then canvases ([`pane`]) and the window ([`shell`]).
+//!
+//! Sequence of a frame ([`App::logic`], [`App::show_ui`]): finished work is collected, keys become commands
+//! ([`command`]), pointer events go through a canvas to the current tool, everything is painted, requests of panels are
+//! carried out, and a finished gesture is autosaved ([`storage::autosave`]).
 
-// A file uses only those above it; a test holds it.
 pub mod choice;
 mod drawing;
 pub mod platform;

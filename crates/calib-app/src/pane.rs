@@ -140,7 +140,7 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
     if let Pane::Image(camera) = pane {
         let name = app.editor.session().site.cameras.get(camera).and_then(|entry| entry.image.as_ref());
         still = name.and_then(|name| app.pictures.ready(name)).map(|picture| Arc::clone(&picture.image));
-        offer = app.offer(ui.ctx(), camera, at_px.into(), snap::RADIUS);
+        offer = app.offer(ui.ctx(), camera, at_px.into(), snap::SNAP_RADIUS_PX);
     }
     let pointer = Pointer {
         pane,
@@ -247,7 +247,7 @@ fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &M
     if !app.editor.tool().is_idle() {
         return;
     }
-    let Some(edge) = app.offer(ui.ctx(), camera, at.into(), snap::RADIUS) else { return };
+    let Some(edge) = app.offer(ui.ctx(), camera, at.into(), snap::SNAP_RADIUS_PX) else { return };
     let colour = app.editor.tool_kind().map_or(on_image::WHITE, theme::kind);
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let lens = hit::shown_lens(entry, app.editor.session().solved.pose(camera));

@@ -16,7 +16,7 @@ const IS_SMALL: bool = cfg!(target_pointer_width = "32");
 const TILE: u32 = 2048;
 /// Longer side of the small copy, in pixels.
 const OVERVIEW: u32 = 1024;
-/// Budget for decoded images, in bytes. Those that were not shown for the longest time are dropped first.
+/// Budget for decoded images, in bytes. Images that were not shown for the longest time are dropped first.
 const BUDGET: usize = if IS_SMALL { 1 << 28 } else { 1 << 30 };
 
 /// Decoded image, cut into tiles that are not uploaded yet.
@@ -273,7 +273,7 @@ impl Piece {
 }
 
 impl Pictures {
-    /// Collects finished images, and drops those that were not shown for long.
+    /// Collects finished images, and drops images that were not shown for long.
     pub fn begin_frame(&mut self, ctx: &Context) {
         self.frame += 1;
         for (name, slot) in &mut self.slots {

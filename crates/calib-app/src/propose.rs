@@ -3,7 +3,7 @@
 
 use calib_core::Kind;
 use calib_editor::{Action, CalibrationDecision, Hypothesis, PendingCalibration, PendingGroup, TOOLS};
-use calib_image::{EdgeClass, Verdict};
+use calib_image::{Confidence, EdgeClass};
 use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
 use crate::command::Command;
@@ -54,14 +54,14 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &PendingCalibration) {
         format!("focal {:.0}{sure} px", solution.focal_px)
     });
     let (fill, colour, icon, words) = match proposed.confidence {
-        Verdict::Sure => (palette.raised, palette.ok, Icon::Check, "Sure"),
-        Verdict::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely; check it"),
-        Verdict::None if proposed.alternative.is_some() => {
+        Confidence::Sure => (palette.raised, palette.ok, Icon::Check, "Sure"),
+        Confidence::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely; check it"),
+        Confidence::None if proposed.alternative.is_some() => {
             (palette.warn_bg, palette.warn, Icon::Warn, "One of two cameras")
         }
-        Verdict::None => (palette.bad_bg, palette.bad, Icon::Warn, "The camera could not be calibrated"),
+        Confidence::None => (palette.bad_bg, palette.bad, Icon::Warn, "The camera could not be calibrated"),
     };
-    let words = match focal.filter(|_| proposed.confidence != Verdict::None) {
+    let words = match focal.filter(|_| proposed.confidence != Confidence::None) {
         Some(focal) => format!("{words}: {focal}"),
         None => words.to_owned(),
     };
@@ -184,7 +184,7 @@ impl Row<'_> {
         button(ui, "Accept", "Draw these lines", CalibrationDecision::Accept(self.index));
         match self.group.kind {
             Kind::Vertical => {
-                button(ui, "Flip", "Make them floor lines", CalibrationDecision::Flip(self.index))
+                button(ui, "Flip", "Make them floor lines", CalibrationDecision::Flip(self.index));
             }
             Kind::Parallel => {
                 button(ui, "Flip", "Make them verticals", CalibrationDecision::Flip(self.index));
@@ -222,7 +222,7 @@ fn capital(words: &str) -> String {
 /// Shows the buttons that accept or discard everything.
 fn whole(app: &mut App, ui: &mut Ui, proposed: &PendingCalibration) {
     ui.horizontal_wrapped(|ui| {
-        let is_offered = proposed.confidence != Verdict::None && !proposed.groups.is_empty();
+        let is_offered = proposed.confidence != Confidence::None && !proposed.groups.is_empty();
         if is_offered && ui.button("Accept all   Enter").clicked() {
             app.tell(Command::AcceptProposed);
         }

@@ -114,9 +114,9 @@ pub mod on_image {
     /// Control points, marks, links, grid, horizon.
     pub const WHITE: Color32 = colour(Rgb::WHITE);
     /// Link that needs another view, and its epipolar line.
-    pub const WAITING: Color32 = colour(Rgb::WAITING);
+    pub const WAITING: Color32 = colour(Rgb::INCOMPLETE);
     /// Uncertain value.
-    pub const DOUBT: Color32 = colour(Rgb::DOUBT);
+    pub const DOUBT: Color32 = colour(Rgb::UNKNOWN);
     /// Suspicious line.
     pub const BAD: Color32 = colour(Rgb::BAD);
     /// Dragged or focused handle.

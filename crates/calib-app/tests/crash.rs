@@ -1,4 +1,4 @@
-//! What a kill takes: nothing older than the last finished gesture, whenever it comes.
+//! A killed program: no work older than the last finished gesture is lost.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -17,14 +17,14 @@ use egui::{Context, Key, Modifiers};
 
 const FOLDER: &str = "CALIB_CRASH_FOLDER";
 
-/// How far the first point of the first line is to the right of where it was, in steps.
+/// Returns the horizontal displacement of the first point of the first line, in steps.
 fn progress(site: &calib_site::Site) -> f64 {
     let start = desk::demo().cameras[0].annotations[0].polylines().next().unwrap()[0];
     let now: Pixel = site.cameras[0].annotations[0].polylines().next().unwrap()[0];
     now.u - start.u
 }
 
-/// The program that is killed: nudges and saves for ever, and says what it finished.
+/// Runs the killed program: nudges and saves in a loop, and prints each finished step.
 fn work(folder: &Path) {
     let mut app = App::new(&Context::default(), Some(folder.to_path_buf()));
     app.open_site(desk::demo(), Images::default(), Some(folder.join("site.json")));
@@ -47,7 +47,7 @@ fn work(folder: &Path) {
 }
 
 #[test]
-fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
+fn kill_loses_nothing_older_than_the_last_finished_gesture() {
     if let Some(folder) = std::env::var_os(FOLDER) {
         work(Path::new(&folder));
         return;
@@ -56,7 +56,7 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
     for kill in 0..kills {
         let folder = tempfile::tempdir().unwrap();
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "a_kill_takes_nothing_older_than_the_last_finished_gesture", "--nocapture"])
+            .args(["--exact", "kill_loses_nothing_older_than_the_last_finished_gesture", "--nocapture"])
             .env(FOLDER, folder.path())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -67,7 +67,7 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
         let reader = std::thread::spawn(move || {
             let done = |line: String| line.strip_prefix("done ").and_then(|n| n.parse::<f64>().ok());
             let steps = BufReader::new(out).lines().map_while(Result::ok).filter_map(done);
-            // After the kill nobody listens.
+            // After the kill, nobody receives the steps.
             steps.inspect(|_| begun.send(()).unwrap_or_default()).last()
         });
         is_at_work.recv().unwrap();
@@ -80,13 +80,13 @@ fn a_kill_takes_nothing_older_than_the_last_finished_gesture() {
         let again = App::new(&Context::default(), Some(folder.path().to_path_buf()));
         let kept = again.storage.found.first().map(|(_, found)| found.site.clone());
         let found = saved.iter().chain(&kept).map(progress).fold(0.0, f64::max);
-        assert!(found + 1e-6 >= last, "kill {kill}: {found} of {last} gestures are left");
-        assert!(kill > 0 || last > 0.0, "the program finished nothing");
+        assert!(found + 1e-6 >= last, "kill {kill}: {found} of {last} gestures are kept");
+        assert!(kill > 0 || last > 0.0, "the program finished no gesture");
     }
 }
 
 #[test]
-fn two_windows_at_once_keep_their_work_apart() {
+fn two_windows_keep_their_work_separate() {
     let folder = tempfile::tempdir().unwrap();
     let open = || {
         let mut app = App::new(&Context::default(), Some(folder.path().to_path_buf()));
@@ -111,7 +111,7 @@ fn two_windows_at_once_keep_their_work_apart() {
 }
 
 #[test]
-fn unsaved_work_is_offered_until_it_is_decided_about() {
+fn unsaved_work_is_offered_until_a_decision() {
     let folder = tempfile::tempdir().unwrap();
     let start = || App::new(&Context::default(), Some(folder.path().to_path_buf()));
     let edit = |mut app: App, name: &str| {
@@ -123,7 +123,7 @@ fn unsaved_work_is_offered_until_it_is_decided_about() {
         harness.run_steps(2);
     };
     edit(start(), "first");
-    // Opened something else without deciding, and that crashed too.
+    // A window opened another site without a decision about the first, and then crashed, too.
     edit(start(), "second");
     let mut app = start();
     let names: Vec<_> = app.storage.found.iter().map(|(_, found)| found.site.name.clone().unwrap()).collect();
@@ -132,5 +132,5 @@ fn unsaved_work_is_offered_until_it_is_decided_about() {
     assert_eq!(app.editor.session().site.name.as_deref(), Some("first"));
     app.discard_found(0);
     drop(app);
-    assert_eq!(start().storage.found.len(), 1, "what is gone on with is kept until it is saved");
+    assert_eq!(start().storage.found.len(), 1, "continued work is kept until it is saved");
 }

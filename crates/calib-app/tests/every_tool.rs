@@ -1,4 +1,4 @@
-//! Every tool of the list draws, edits, deletes, undoes and redoes; every command of the list runs.
+//! Every tool draws, edits, deletes, undoes and redoes; every command runs.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -15,7 +15,7 @@ use desk::{Desk, demo};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 
-/// Draws something with a tool, as an operator would.
+/// Draws with a tool as an operator would.
 fn draw(desk: &mut Desk, tool: usize) {
     let row = &TOOLS[tool];
     let image = Pane::Image(0);
@@ -83,7 +83,7 @@ fn every_tool_draws_undoes_and_redoes() {
 }
 
 #[test]
-fn what_a_tool_drew_is_edited_and_deleted() {
+fn annotations_are_edited_and_deleted() {
     for (tool, row) in TOOLS
         .iter()
         .enumerate()
@@ -148,7 +148,7 @@ fn a_drawn_pixel_is_the_pixel_under_the_cursor() {
 }
 
 #[test]
-fn escape_puts_back_what_is_held() {
+fn escape_cancels_a_drag() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
     desk.take("Vertical");
@@ -156,13 +156,13 @@ fn escape_puts_back_what_is_held() {
     let over = desk.screen(Pane::Image(0), [620.0, 500.0]);
     desk.harness.hover_at(over);
     desk.harness.run_steps(2);
-    assert!(*desk.site() != before, "the line in the hand is solved with");
+    assert!(*desk.site() != before, "the solution includes the dragged line");
     desk.key(Key::Escape);
     assert!(*desk.site() == before, "the site differs");
 }
 
 #[test]
-fn every_command_runs_and_what_it_does_is_undone() {
+fn every_command_runs_and_is_undone() {
     for row in command::all().filter(|row| !matches!(row.command, Command::Demo | Command::Tour)) {
         let mut desk = Desk::new(demo());
         let before = desk.site().clone();
@@ -182,7 +182,7 @@ fn every_command_runs_and_what_it_does_is_undone() {
 }
 
 #[test]
-fn every_key_gives_its_command_and_no_two_share_one() {
+fn every_key_runs_its_own_command() {
     let rows: Vec<_> = command::all().filter(|row| row.keys.is_some()).collect();
     for (i, row) in rows.iter().enumerate() {
         for other in &rows[..i] {
@@ -199,7 +199,7 @@ fn every_key_gives_its_command_and_no_two_share_one() {
 }
 
 #[test]
-fn the_palette_finds_and_runs_a_command() {
+fn palette_finds_and_runs_a_command() {
     let mut desk = Desk::new(demo());
     desk.keys(Modifiers::COMMAND, Key::K);
     desk.harness.event(egui::Event::Text("view plan".into()));
@@ -216,7 +216,7 @@ fn handles_have_names_for_screen_readers() {
         "corner 1 of the field of view",
         "Vertical tool",
         "Camera shop-1",
-        "Hold the focal",
+        "Fix the focal",
         "Line V1",
     ] {
         assert!(desk.harness.query_by_label(name).is_some(), "{name}");

@@ -1,4 +1,4 @@
-//! Whole pieces of work by pointer and keys: calibrating, placing, marks, and 1,000 gestures at random.
+//! Complete tasks by pointer and keys: calibration, placement, marks, and 1,000 random gestures.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -16,7 +16,7 @@ use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2};
 use egui_kittest::kittest::Queryable as _;
 
-/// The demonstration site before anything was drawn.
+/// Returns the demonstration site without annotations.
 fn blank() -> Site {
     let mut site = demo();
     for camera in &mut site.cameras {
@@ -32,7 +32,7 @@ fn title(kind: Kind) -> &'static str {
     kind.row().title
 }
 
-/// Draws on one camera everything that the model drew there.
+/// Draws all annotations of a model's camera.
 fn draw_camera(desk: &mut Desk, camera: usize, model: &Site) {
     let image = Pane::Image(camera);
     for annotation in &model.cameras[camera].annotations {
@@ -58,7 +58,7 @@ fn draw_camera(desk: &mut Desk, camera: usize, model: &Site) {
     desk.key(Key::Enter);
 }
 
-/// The panel shows this focal, to the last digit that it prints.
+/// Asserts that the panel shows a focal length, to the last printed digit.
 fn assert_shown(desk: &mut Desk, id: &str, focal: f64) {
     let words = desk.words();
     let is_focal = |text: &&String| text.starts_with("Focal ") && text.ends_with(" px");
@@ -69,7 +69,7 @@ fn assert_shown(desk: &mut Desk, id: &str, focal: f64) {
 }
 
 #[test]
-fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_file() {
+fn calibration_by_pointer_gives_the_solution_of_the_file() {
     let model = demo();
     let mut desk = Desk::new(blank());
     for camera in 0..model.cameras.len() {
@@ -82,7 +82,7 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
     let stage =
         |desk: &mut Desk, camera| desk.app().editor.session().solved.solution(camera).map(|s| s.stage);
     assert_eq!(stage(&mut desk, 0), Some(Stage::Placed), "{:?}", desk.site().cameras[0].control_points.len());
-    // The others by dragging their feet on the plan.
+    // The other cameras are placed by dragging their feet on the plan.
     desk.take("Select");
     for camera in 1..model.cameras.len() {
         desk.key(Key::CloseBracket);
@@ -105,7 +105,7 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
         let id = camera["id"].as_str().unwrap();
         assert_eq!(camera["solution"], told[id], "{id}: the file and `calib solve` differ");
         assert!(!camera["solution"].is_null(), "{id}");
-        // And the panel shows it.
+        // The panel shows it, too.
         if index > 0 {
             desk.key(Key::CloseBracket);
         }
@@ -114,7 +114,7 @@ fn the_demonstration_is_calibrated_by_pointer_and_ends_in_the_numbers_of_its_fil
     }
 }
 
-/// Places shop-1 by control points, on the image and then on the plan.
+/// Places shop-1 with control points, clicked on the image and then on the plan.
 fn place_first(desk: &mut Desk, model: &Site) {
     to_first(desk, model);
     desk.key(Key::Num2);
@@ -136,7 +136,7 @@ fn place_first(desk: &mut Desk, model: &Site) {
     }
 }
 
-/// Goes on until the first camera is in hand.
+/// Selects the next camera until the first one is selected.
 fn to_first(desk: &mut Desk, model: &Site) {
     for _ in 0..model.cameras.len() {
         if desk.app().editor.session().camera == 0 {
@@ -147,7 +147,7 @@ fn to_first(desk: &mut Desk, model: &Site) {
 }
 
 #[test]
-fn a_polygon_stays_where_it_lies_when_stage_1_changes() {
+fn floor_area_keeps_its_position_when_stage_1_changes() {
     let mut site = demo();
     for camera in &mut site.cameras {
         camera.control_points.clear();
@@ -174,7 +174,7 @@ fn a_polygon_stays_where_it_lies_when_stage_1_changes() {
 }
 
 #[test]
-fn a_mark_pinned_twice_brings_a_misplaced_camera_back() {
+fn two_pinned_marks_correct_a_misplaced_camera() {
     let mut site = demo();
     let truth = calib_demo::demo_site().truth;
     for camera in &mut site.cameras {
@@ -186,7 +186,8 @@ fn a_mark_pinned_twice_brings_a_misplaced_camera_back() {
     let mut desk = Desk::new(site);
     desk.key(Key::CloseBracket);
     desk.take("Select");
-    // Two points of marks, dragged with Alt from where the camera shows them to where the image does.
+    // Two points of marks are pinned: dragged with Alt from their projections to their positions in the
+    // image.
     for (mark, point) in [(2, "b0"), (3, "b0")] {
         let there = desk.site().marks[mark].shape().point(point).unwrap();
         let shown = desk.app().editor.session().solved.pose(1).unwrap().world_to_pixel(there);
@@ -202,7 +203,8 @@ fn a_mark_pinned_twice_brings_a_misplaced_camera_back() {
     assert_eq!(desk.site().marks[2].seen.len() + desk.site().marks[3].seen.len(), 2);
 }
 
-/// The shop without its plan, in the frame of its first camera, the others put roughly by hand.
+/// Returns the shop without its plan, in the frame of its first camera. The others are placed roughly by
+/// hand.
 fn without_plan() -> (Site, Vec<calib_site::Link>) {
     let mut site = demo();
     let truth = calib_demo::demo_site().truth;
@@ -226,7 +228,7 @@ fn without_plan() -> (Site, Vec<calib_site::Link>) {
     (site, links)
 }
 
-/// A true camera in the frame in which the first one stands over (0, 0) and looks along y.
+/// Returns a true camera in the frame of the first one, which is above (0, 0) and looks along y.
 fn in_first(truth: &[(String, calib_core::Camera)], index: usize) -> calib_core::Camera {
     let (first, mut camera) = (truth[0].1, truth[index].1);
     let (sin, cos) = (-first.yaw).sin_cos();
@@ -237,7 +239,7 @@ fn in_first(truth: &[(String, calib_core::Camera)], index: usize) -> calib_core:
 }
 
 #[test]
-fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
+fn pinned_marks_solve_cameras_without_a_plan() {
     let (site, links) = without_plan();
     let truth = calib_demo::demo_site().truth;
     let mut desk = Desk::new(site);
@@ -283,7 +285,7 @@ fn without_a_plan_marks_pinned_in_every_view_bring_the_cameras_together() {
 }
 
 #[test]
-fn a_mark_dragged_in_one_view_moves_in_all() {
+fn mark_dragged_in_one_view_moves_in_all() {
     let mut desk = Desk::new(demo());
     desk.key(Key::Num3);
     desk.take("Select");
@@ -299,7 +301,8 @@ fn a_mark_dragged_in_one_view_moves_in_all() {
     assert!(desk.app().view.panes.rects.contains_key(&(Place::Tile, Pane::Image(1))));
 }
 
-/// All views of the demonstration without links, the tool of links in hand, and a place that views share.
+/// Opens all views of the demonstration without links, with the link tool. Returns a floor point seen by
+/// several cameras.
 fn linking() -> (Desk, WorldPoint) {
     let mut site = demo();
     site.links.clear();
@@ -312,7 +315,7 @@ fn linking() -> (Desk, WorldPoint) {
 }
 
 #[test]
-fn what_was_undone_comes_back_by_either_key() {
+fn both_redo_keys_work() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
     desk.app().act(Action::Name("Yard".into()));
@@ -327,7 +330,7 @@ fn what_was_undone_comes_back_by_either_key() {
 }
 
 #[test]
-fn links_go_from_view_to_view() {
+fn links_are_continued_in_other_views() {
     let (mut desk, there) = linking();
     for camera in [0, 2] {
         let at = desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(there).unwrap();
@@ -336,7 +339,7 @@ fn links_go_from_view_to_view() {
     let links = &desk.site().links;
     assert_eq!(links.len(), 1);
     assert_eq!(links[0].seen.len(), 2, "{links:?}");
-    // Another thing, one view at a time, the other camera chosen by key.
+    // A second link, one view at a time; the other camera is selected by key.
     let there = WorldPoint { x: there.x + 0.8, ..there };
     desk.key(Key::Enter);
     desk.app().act(Action::SelectCamera(0));
@@ -356,7 +359,7 @@ fn links_go_from_view_to_view() {
 }
 
 #[test]
-fn posts_and_floor_lines_go_from_view_to_view_too() {
+fn posts_and_floor_lines_are_continued_in_other_views() {
     let (mut desk, there) = linking();
     let top = WorldPoint { z: there.z + 0.6, ..there };
     let shown = |desk: &mut Desk, camera: usize, at| {
@@ -367,7 +370,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
         desk.line(camera, foot, head);
         desk.harness.run_steps(30);
         if camera == 0 {
-            // A drag is a floor line until the operator says that it stands.
+            // A drag draws a floor line until the operator changes it to a post.
             assert_eq!(desk.site().links[0].kind, calib_site::LinkKind::Line);
             desk.app().act(Action::Select(Part::Link { link: 0, seen: 0, point: 0 }));
             desk.harness.run_steps(2);
@@ -386,7 +389,7 @@ fn posts_and_floor_lines_go_from_view_to_view_too() {
 }
 
 #[test]
-fn a_link_that_is_selected_goes_on_whichever_waits() {
+fn selected_link_is_continued_first() {
     let (mut desk, there) = linking();
     let at = |desk: &mut Desk, camera: usize| {
         desk.app().editor.session().solved.pose(camera).unwrap().world_to_pixel(there).unwrap()
@@ -400,7 +403,7 @@ fn a_link_that_is_selected_goes_on_whichever_waits() {
     desk.click(Pane::Image(2), second.into());
     let views = |desk: &Desk| desk.site().links.iter().map(|link| link.seen.len()).collect::<Vec<_>>();
     assert_eq!(views(&desk), [2, 1]);
-    // One that is gone waits no longer.
+    // After undo, a removed link is no longer continued.
     desk.undo();
     desk.undo();
     desk.undo();
@@ -408,7 +411,7 @@ fn a_link_that_is_selected_goes_on_whichever_waits() {
     assert_eq!(views(&desk), [1]);
 }
 
-/// Small, fast, and the same on every machine (Marsaglia 2003).
+/// Xorshift generator: small, fast, and equal on every machine (Marsaglia 2003).
 struct Random(u64);
 
 impl Random {
@@ -481,7 +484,7 @@ fn random_gesture(desk: &mut Desk, random: &mut Random) {
 }
 
 #[test]
-fn a_thousand_random_gestures_are_undone_bit_for_bit() {
+fn thousand_random_gestures_are_undone_exactly() {
     let runs = std::env::var("CALIB_GESTURE_RUNS").ok().and_then(|runs| runs.parse().ok()).unwrap_or(1_u64);
     for run in 0..runs {
         let mut desk = Desk::new(demo());

@@ -1,4 +1,5 @@
-//! What must not be lost: the gesture in the hand, the site that is put aside, results while solving is paused.
+//! Nothing is lost: a gesture in progress, a replaced site with unsaved work, and results while solving is
+//! paused.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -12,7 +13,7 @@ use egui::{Event, Key, Modifiers, PointerButton};
 use egui_kittest::kittest::Queryable as _;
 
 #[test]
-fn what_comes_in_waits_until_the_hand_is_empty() {
+fn new_sites_wait_until_the_gesture_ends() {
     let scratch = Scratch::new();
     still(&scratch, "new.png", [64, 48]);
     let mut desk = Desk::new(demo());
@@ -40,18 +41,18 @@ fn what_comes_in_waits_until_the_hand_is_empty() {
 }
 
 #[test]
-fn a_site_that_no_file_can_hold_is_put_back() {
+fn invalid_edit_is_reverted() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
     let known = Some(calib_core::single::Known::fixed(0.0));
-    desk.app().act(Action::Height { known, name: "hold a height of nothing".into() });
+    desk.app().act(Action::Height { known, name: "fix a height of zero".into() });
     assert_eq!(*desk.site(), before);
     assert!(desk.harness.state().editor.session().note.as_ref().unwrap().starts_with("Change reverted"));
     assert_eq!(desk.harness.state().editor.session().history.depth(), 0);
 }
 
 #[test]
-fn unsaved_work_is_put_aside_when_another_site_is_opened() {
+fn unsaved_work_is_kept_when_another_site_is_opened() {
     let folder = tempfile::tempdir().unwrap();
     let mut app = calib_app::App::new(&egui::Context::default(), Some(folder.path().to_path_buf()));
     app.open_site(demo(), calib_app::storage::files::Images::default(), None);
@@ -80,7 +81,7 @@ fn unsaved_work_is_put_aside_when_another_site_is_opened() {
 }
 
 #[test]
-fn while_solving_is_paused_results_stay_with_their_cameras() {
+fn results_stay_with_their_cameras_while_solving_is_paused() {
     let mut desk = Desk::new(demo());
     let poses: Vec<_> = (0..3).map(|i| desk.app().editor.session().solved.pose(i).copied()).collect();
     desk.tell(Command::Pause);
@@ -92,7 +93,7 @@ fn while_solving_is_paused_results_stay_with_their_cameras() {
 }
 
 #[test]
-fn escape_in_a_field_leaves_the_field_and_nothing_else() {
+fn escape_in_a_field_only_leaves_the_field() {
     let mut desk = Desk::new(demo());
     desk.take("Select");
     desk.app().act(Action::SelectOn(0, calib_editor::Part::Line { annotation: 0, segment: 0 }));
@@ -103,14 +104,14 @@ fn escape_in_a_field_leaves_the_field_and_nothing_else() {
     desk.harness.event(Event::Text("x".into()));
     desk.harness.run_steps(2);
     desk.key(Key::Escape);
-    assert_eq!(desk.site().cameras[0].id, id, "what was typed is dropped");
+    assert_eq!(desk.site().cameras[0].id, id, "the typed text is discarded");
     assert!(!desk.app().editor.session().selection.is_empty(), "the selection is not the field's");
     desk.key(Key::Escape);
     assert!(desk.app().editor.session().selection.is_empty());
 }
 
 #[test]
-fn a_camera_is_turned_and_scaled_on_the_plan_by_keys() {
+fn camera_is_rotated_and_scaled_on_the_plan_by_keys() {
     let mut desk = Desk::new(demo());
     let free = desk.site().cameras.iter().position(|camera| camera.control_points.is_empty()).unwrap();
     desk.app().act(Action::SelectCamera(free));
@@ -129,7 +130,7 @@ fn a_camera_is_turned_and_scaled_on_the_plan_by_keys() {
 }
 
 #[test]
-fn a_right_click_offers_what_can_be_done_to_what_is_under_it() {
+fn right_click_offers_the_commands_of_the_item() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
     let line = &before.cameras[0].annotations[0].segments.as_ref().unwrap()[0];

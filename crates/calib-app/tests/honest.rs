@@ -1,4 +1,4 @@
-//! The ± stays honest: nothing enters the solve that was not put on pixels, and no length that was not measured.
+//! Uncertainties are correct: only drawn annotations and measured lengths enter the solution.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -12,7 +12,7 @@ use desk::{Desk, demo};
 use egui::{Event, Key, Role};
 use egui_kittest::kittest::Queryable as _;
 
-/// The first camera of the demonstration with its verticals alone, so that floor lines would help.
+/// Returns the first camera of the demonstration with only its verticals, so that floor lines would help.
 fn verticals_alone() -> Site {
     let mut site = demo();
     site.cameras.truncate(1);
@@ -28,18 +28,18 @@ fn focal_sigma(desk: &Desk) -> Option<f64> {
 }
 
 #[test]
-fn asking_what_helps_takes_its_tool_and_draws_nothing() {
+fn suggestion_selects_its_tool_and_draws_nothing() {
     let mut desk = Desk::new(verticals_alone());
     let (before, sigma) = (desk.site().clone(), focal_sigma(&desk));
     let kind = desk.app().proposal().expect("something would help").kind;
     desk.key(Key::N);
-    assert!(*desk.site() == before, "nothing is drawn");
-    assert_eq!(focal_sigma(&desk), sigma, "and nothing is surer than it was");
-    assert_eq!(desk.app().editor.tool_kind(), kind, "the tool is in the hand");
+    assert!(*desk.site() == before, "no annotation is added");
+    assert_eq!(focal_sigma(&desk), sigma, "the uncertainty does not change");
+    assert_eq!(desk.app().editor.tool_kind(), kind, "the tool is selected");
 }
 
 #[test]
-fn what_is_refused_is_not_suggested_again() {
+fn declined_suggestion_is_not_repeated() {
     let mut desk = Desk::new(verticals_alone());
     let ranked = desk.app().proposal().unwrap().clone();
     assert!(!ranked.otherwise.is_empty(), "{ranked:?}");
@@ -56,12 +56,12 @@ fn what_is_refused_is_not_suggested_again() {
 }
 
 #[test]
-fn an_edge_of_the_image_is_suggested_and_a_click_takes_that_edge() {
+fn suggested_edge_is_drawn_by_a_click() {
     let mut site = verticals_alone();
     let plain = Desk::new(site.clone());
     let next = plain.harness.state().proposal().unwrap().clone();
     assert_ne!(next.kind, Some(Kind::EqualLength));
-    // A picture with bars a little beside where the proposal lies, and one without any.
+    // One image with bars slightly off the suggested lines, and one without bars.
     let bars: Vec<_> = next.segments_px.iter().map(|[a, b]| [[a.u + 25.0, a.v], [b.u + 25.0, b.v]]).collect();
     for has_bars in [false, true] {
         let picture = image::RgbImage::from_fn(1920, 1080, |x, y| {
@@ -89,7 +89,7 @@ fn an_edge_of_the_image_is_suggested_and_a_click_takes_that_edge() {
     }
 }
 
-/// Whether a point lies on a bar 12 px wide.
+/// Whether a point is on a bar 12 px wide.
 fn is_on(bar: &[[f64; 2]; 2], at: [f64; 2]) -> bool {
     let [a, b] = bar;
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
@@ -100,7 +100,7 @@ fn is_on(bar: &[[f64; 2]; 2], at: [f64; 2]) -> bool {
 }
 
 #[test]
-fn a_distance_is_empty_until_it_was_measured_and_its_plus_minus_is_typed() {
+fn distance_is_empty_until_value_and_sigma_are_typed() {
     let mut site = demo();
     site.distances.clear();
     let mut desk = Desk::new(site);
@@ -108,13 +108,13 @@ fn a_distance_is_empty_until_it_was_measured_and_its_plus_minus_is_typed() {
     let ids: Vec<String> = desk.site().links.iter().filter_map(|link| link.id.clone()).take(2).collect();
     desk.app().pair = [ids[0].clone(), ids[1].clone()];
     desk.harness.run_steps(3);
-    assert!(desk.site().distances.is_empty(), "choosing two things measures nothing");
+    assert!(desk.site().distances.is_empty(), "selecting two points adds no distance");
     let label = "measured";
     let field = "the empty field";
     desk.harness.get_all_by_label(label).last().expect(field).focus();
     desk.harness.run_steps(2);
     desk.key(Key::Enter);
-    assert!(desk.site().distances.is_empty(), "an empty field enters nothing");
+    assert!(desk.site().distances.is_empty(), "an empty field adds no distance");
     desk.harness.get_all_by_label(label).last().expect(field).focus();
     desk.harness.run_steps(2);
     desk.harness.event(Event::Text("4.25".into()));
@@ -131,7 +131,7 @@ fn a_distance_is_empty_until_it_was_measured_and_its_plus_minus_is_typed() {
 }
 
 #[test]
-fn a_known_length_says_nothing_before_it_is_entered() {
+fn known_length_has_no_effect_until_entered() {
     let mut desk = Desk::new(demo());
     let height =
         |desk: &Desk| desk.harness.state().editor.session().solution().unwrap().position_m.map(|at| at.z);
@@ -145,7 +145,7 @@ fn a_known_length_says_nothing_before_it_is_entered() {
 }
 
 #[test]
-fn a_drawing_says_how_sure_it_is_and_a_camera_what_its_place_is_like() {
+fn sigma_and_scene_can_be_set_per_annotation_and_camera() {
     let mut desk = Desk::new(demo());
     let index = desk.site().cameras[0].annotations.iter().position(|a| a.kind == Kind::Parallel).unwrap();
     let name = calib_core::single::line_name(&desk.site().cameras[0].annotations, index, 0);

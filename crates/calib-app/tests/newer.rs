@@ -1,4 +1,4 @@
-//! A newer still of a camera: compared, looked at, and the camera recovered from it by one key.
+//! A newer image of a camera: compared, inspected, and used to recover the camera with one key.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -18,14 +18,14 @@ use desk::Desk;
 use egui::{Context, Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 
-/// One camera of the demonstration as it was drawn, with the camera that it truly is.
+/// Returns an annotated camera of the demonstration and its true parameters.
 fn store() -> (SiteCamera, Camera) {
     let demo = calib_demo::demo_site();
     let index = demo.site.cameras.iter().position(|camera| camera.id == "store").unwrap();
     (demo.site.cameras[index].clone(), demo.truth[index].1)
 }
 
-/// A window on that camera alone.
+/// Opens a window with only that camera.
 fn desk(scratch: &Scratch, old: &str) -> Desk {
     let entry = SiteCamera { image: Some(path(scratch, old)), ..store().0 };
     Desk::new(Site { cameras: vec![entry], ..Site::new() })
@@ -35,7 +35,7 @@ fn path(scratch: &Scratch, name: &str) -> String {
     scratch.path(name).to_string_lossy().into_owned()
 }
 
-/// A newer still is asked for, chosen and compared.
+/// Requests a newer image, chooses it and waits for the comparison.
 fn compare(desk: &mut Desk, file: PathBuf) {
     desk.answer(Some(file));
     desk.keys(Modifiers::SHIFT, Key::C);
@@ -44,7 +44,7 @@ fn compare(desk: &mut Desk, file: PathBuf) {
     desk.harness.run_steps(2);
 }
 
-fn became(desk: &Desk) -> Option<CameraChange> {
+fn change(desk: &Desk) -> Option<CameraChange> {
     Some(desk.harness.state().editor.selected_newer()?.comparison.change)
 }
 
@@ -53,7 +53,7 @@ fn since(desk: &mut Desk, time: &str) {
 }
 
 #[test]
-fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
+fn zoomed_camera_is_recovered_by_one_key_and_undone_by_another() {
     let scratch = Scratch::new();
     let (entry, truth) = store();
     let turn = calib_demo::changed_cameras()[1].1;
@@ -62,7 +62,7 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
     later.save(scratch.path("today.png")).unwrap();
     let mut desk = desk(&scratch, "store.png");
     compare(&mut desk, scratch.path("today.png"));
-    assert_eq!(became(&desk), Some(CameraChange::Moved));
+    assert_eq!(change(&desk), Some(CameraChange::Moved));
     assert!(desk.harness.query_by_label("Moved").is_some(), "{:?}", desk.words());
     assert!(desk.words().iter().any(|word| word.starts_with("zoom 1.03")), "{:?}", desk.words());
     for (_, word) in Showing::ALL {
@@ -70,16 +70,16 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
         desk.harness.run_steps(2);
     }
     let before = desk.site().clone();
-    wiped(&mut desk);
+    assert_wipe_follows(&mut desk);
     assert_eq!(*desk.site(), before);
     desk.keys(Modifiers::SHIFT, Key::R);
-    assert_eq!(*desk.site(), before, "its name says no time: since when it stands so is asked for");
+    assert_eq!(*desk.site(), before, "without a time in the file name, the time of the change is requested");
     assert!(!desk.app().is_comparing());
     since(&mut desk, "2026-06-01T09:00:00Z");
     desk.keys(Modifiers::SHIFT, Key::R);
     assert!(desk.app().is_comparing());
     desk.tell(Command::DismissNewer);
-    assert_eq!(became(&desk), Some(CameraChange::Moved), "what it is recovered from stays meanwhile");
+    assert_eq!(change(&desk), Some(CameraChange::Moved), "the comparison is kept during recovery");
     desk.wait(|app| !app.is_comparing());
     desk.harness.run_steps(3);
     let [new, old] = &desk.site().cameras[..] else { panic!("two periods: {:?}", desk.app().editor.error()) };
@@ -97,19 +97,19 @@ fn a_zoomed_camera_is_found_and_recovered_by_one_key_and_undone_by_another() {
         assert!(off.abs() < 3.5 * sigma, "{off} off, sigma {sigma}");
     }
     assert!((now.focal / then.focal - 1.03).abs() < 0.01, "{} and {}", now.focal, then.focal);
-    assert_eq!(became(&desk), None, "what it showed is the camera's own still now");
+    assert_eq!(change(&desk), None, "the newer image is the camera's image now");
     desk.app().act(Action::SelectCamera(1));
-    assert_eq!(became(&desk), None, "the old period has ended when it was taken");
+    assert_eq!(change(&desk), None, "the old period ended when the newer image was taken");
     let after = desk.site().clone();
     desk.undo();
-    assert_eq!((desk.site(), became(&desk)), (&before, Some(CameraChange::Moved)));
+    assert_eq!((desk.site(), change(&desk)), (&before, Some(CameraChange::Moved)));
     desk.redo();
     assert_eq!(*desk.site(), after);
-    kept_until_it_is_drawn_on_again(&mut desk);
+    assert_kept_until_edited(&mut desk);
 }
 
-/// The line between the stills goes where it is dragged.
-fn wiped(desk: &mut Desk) {
+/// Asserts that the wipe line between the images follows the drag.
+fn assert_wipe_follows(desk: &mut Desk) {
     desk.harness.get_by_label("Wipe").click();
     desk.harness.run_steps(2);
     let [w, h] = desk.site().cameras[0].size();
@@ -119,8 +119,8 @@ fn wiped(desk: &mut Desk) {
     assert!((desk.app().view.glance.share - 0.25).abs() < 0.01, "{:?}", desk.app().view.glance);
 }
 
-/// The old period keeps its solution whatever is done to the other, and is solved again once it is drawn on.
-fn kept_until_it_is_drawn_on_again(desk: &mut Desk) {
+/// Asserts that the old period keeps its solution until its annotations change.
+fn assert_kept_until_edited(desk: &mut Desk) {
     let session = desk.harness.state().editor.session();
     let saved = session.solved.write_into(&session.site);
     let again = saved.calibrate(&Options::default()).write_into(&saved);
@@ -130,13 +130,13 @@ fn kept_until_it_is_drawn_on_again(desk: &mut Desk) {
     assert!(desk.site().cameras[1].solution.is_none(), "it is no longer kept");
 }
 
-/// Stills of one colour, which tell nothing, and are read and compared at once.
+/// Writes an image of one colour, which has no edges and is compared at once.
 fn grey(scratch: &Scratch, name: &str, [w, h]: [u32; 2]) {
     image::RgbImage::from_pixel(w, h, image::Rgb([90; 3])).save(scratch.path(name)).unwrap();
 }
 
 #[test]
-fn what_is_dropped_under_the_name_of_a_camera_and_a_time_is_its_newer_still() {
+fn dropped_file_named_by_camera_and_time_is_its_newer_image() {
     let scratch = Scratch::new();
     let size = store().0.size_px;
     for name in ["store.png", "store_20260601_0900.png", "door.png"] {
@@ -162,7 +162,7 @@ fn what_is_dropped_under_the_name_of_a_camera_and_a_time_is_its_newer_still() {
 }
 
 #[test]
-fn what_is_compared_while_the_site_is_first_saved_is_of_its_camera_still() {
+fn comparison_survives_the_first_save_of_the_site() {
     let scratch = Scratch::new();
     let (entry, truth) = store();
     for name in ["store.png", "store_20260601_0900.png"] {
@@ -171,7 +171,7 @@ fn what_is_compared_while_the_site_is_first_saved_is_of_its_camera_still() {
     let mut desk = desk(&scratch, "store.png");
     let ctx: Context = desk.harness.ctx.clone();
     desk.app().take_path(&ctx, scratch.path("store_20260601_0900.png"));
-    // Both stills are read, and their edges are being looked for.
+    // Both images are read, and the search for edges runs.
     for _ in 0..20 {
         desk.harness.run_steps(1);
         std::thread::sleep(std::time::Duration::from_millis(20));
@@ -188,7 +188,7 @@ fn what_is_compared_while_the_site_is_first_saved_is_of_its_camera_still() {
 }
 
 #[test]
-fn a_still_of_another_size_is_refused_and_work_can_be_cancelled() {
+fn image_of_another_size_is_refused_and_work_can_be_cancelled() {
     let scratch = Scratch::new();
     let size = store().0.size_px;
     grey(&scratch, "store.png", size);
@@ -201,11 +201,11 @@ fn a_still_of_another_size_is_refused_and_work_can_be_cancelled() {
     desk.answer(Some(scratch.path("store.png")));
     desk.tell(Command::CompareStill);
     desk.tell(Command::StopWork);
-    assert!(!desk.app().is_comparing() && became(&desk).is_none());
+    assert!(!desk.app().is_comparing() && change(&desk).is_none());
 }
 
 #[test]
-fn cameras_are_listed_with_the_age_of_their_calibration_and_their_newest_still() {
+fn cameras_are_listed_with_the_age_of_calibration_and_newest_image() {
     let scratch = Scratch::new();
     let mut site = desk::demo();
     grey(&scratch, "old_20260501_0900.png", site.cameras[0].size_px);
@@ -213,7 +213,7 @@ fn cameras_are_listed_with_the_age_of_their_calibration_and_their_newest_still()
     site.cameras[0].image = Some(path(&scratch, "old_20260501_0900.png"));
     site.cameras[1].valid_from = Some("2026-05-29T09:00:00Z".into());
     let mut desk = Desk::with(site, Images::default());
-    // The first of June of 2026, at nine.
+    // 1 June 2026, 09:00.
     desk.app().clock = || 1_780_304_400;
     compare(&mut desk, scratch.path("new.png"));
     desk.key(Key::Num3);

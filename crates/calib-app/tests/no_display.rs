@@ -1,10 +1,10 @@
-//! The program without a window: it says what it is for, and what it needs.
+//! The program without a window: its help, and the message that a display is required.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::process::{Command, Output};
 
-/// The program in a session without a display.
+/// Runs the program in a session without a display.
 fn without_display(args: &[&str]) -> Output {
     let folder = tempfile::tempdir().unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_calib-app"));
@@ -30,10 +30,10 @@ fn help_and_version_need_no_display() {
     assert!(text(&ended.stdout).contains("--nonsense: no such option"), "{ended:?}");
 }
 
-/// Elsewhere a window needs no variable.
+/// On other systems, a window needs no variable.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_window_without_a_display_is_refused_in_words() {
+fn window_without_a_display_is_refused_with_a_message() {
     let ended = without_display(&[]);
     let said = text(&ended.stderr);
     assert_eq!(ended.status.code(), Some(1), "{ended:?}");

@@ -1,4 +1,4 @@
-//! Images that a site names outside its folder are read when the operator says so, and not before.
+//! Images outside the site's folder are read only after the operator allows it.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -20,7 +20,8 @@ use egui_kittest::kittest::Queryable as _;
 const SIZE: [u32; 2] = [320, 180];
 const OUTSIDE: [&str; 3] = ["private.png", "linked.png", "plan.png"];
 
-/// A site in a folder: one still within, and outside of it one by a path, one by a link, and the plan.
+/// Writes a site with one image in its folder. Outside of the folder are one image by path, one by link, and
+/// the plan.
 fn site(scratch: &Scratch) -> std::path::PathBuf {
     std::fs::create_dir_all(scratch.path("site")).unwrap();
     for name in OUTSIDE.into_iter().chain(["site/own.png"]) {
@@ -38,7 +39,7 @@ fn site(scratch: &Scratch) -> std::path::PathBuf {
     scratch.path("site/site.json")
 }
 
-/// A window in which a file was opened, once all that may be read is read.
+/// Opens a file in a window and waits until all permitted images are read.
 fn opened(path: &std::path::Path) -> Desk {
     let mut desk = Desk::new(Site::new());
     desk.app().open_path(path);
@@ -46,7 +47,7 @@ fn opened(path: &std::path::Path) -> Desk {
     desk
 }
 
-/// Has every image and the plan asked for, and waits until they are read or not.
+/// Requests all images and the plan, and waits until each is read or refused.
 fn read(desk: &mut Desk) {
     for view in [Key::Num2, Key::Num3] {
         desk.key(view);
@@ -59,7 +60,7 @@ fn is_read(desk: &mut Desk, name: &str) -> bool {
     desk.app().pictures.ready(name).is_some()
 }
 
-/// The names of the site's images, those elsewhere last.
+/// Returns the names of the site's images, outside images last.
 fn names(desk: &Desk) -> Vec<String> {
     calib_editor::image_names(desk.site())
 }
@@ -77,12 +78,12 @@ fn press(desk: &mut Desk, label: &str) {
 }
 
 #[test]
-fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving_it_out() {
+fn outside_images_are_read_only_with_permission_and_skipping_loses_nothing() {
     let scratch = Scratch::new();
     let path = site(&scratch);
     let mut desk = opened(&path);
     let words = desk.words().join("\n");
-    assert!(words.contains("names 3 images outside its folder"), "{words}");
+    assert!(words.contains("refers to 3 images outside its folder"), "{words}");
     for name in OUTSIDE {
         let file = scratch.path(name).canonicalize().unwrap().display().to_string();
         assert!(words.contains(&file), "{file}: {words}");
@@ -101,7 +102,7 @@ fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving
         }
     }
     assert!(desk.harness.state().dialogs.outside.asked.is_empty());
-    // A finished gesture asks nothing again, and the file keeps every name.
+    // A finished gesture does not ask again, and the file keeps every name.
     desk.key(Key::Num1);
     desk.take("Vertical");
     desk.line(0, Pixel::new(100.0, 30.0), Pixel::new(101.0, 150.0));
@@ -114,7 +115,7 @@ fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving
     };
     let saved = calib_editor::image_names(&files::open(&path).unwrap().0);
     assert_eq!(files_of(saved), files_of(all.clone()));
-    // What was left out can be had later.
+    // Skipped images can be read later.
     desk.tell(Command::ReadAgain);
     press(&mut desk, "Read them now");
     read(&mut desk);
@@ -122,12 +123,12 @@ fn nothing_elsewhere_is_read_before_it_is_allowed_and_nothing_is_lost_by_leaving
         assert!(is_read(&mut desk, name), "{name}: {:?}", desk.app().pictures.error(name));
     }
     assert_eq!(report(&mut desk, &scratch), 3, "of every camera");
-    // Once, for this site: who opens it again is asked again.
+    // The permission is valid once: opening the site again asks again.
     assert_eq!(opened(&path).harness.state().dialogs.outside.asked.len(), 3);
 }
 
 #[test]
-fn escape_leaves_out() {
+fn escape_skips_outside_images() {
     let scratch = Scratch::new();
     let mut desk = opened(&site(&scratch));
     desk.key(Key::Escape);
@@ -137,7 +138,7 @@ fn escape_leaves_out() {
 }
 
 #[test]
-fn what_the_operator_chooses_is_read_without_asking_wherever_the_site_is_saved() {
+fn chosen_files_are_read_without_asking() {
     let scratch = Scratch::new();
     let path = site(&scratch);
     let mut desk = opened(&path);
@@ -162,7 +163,7 @@ fn what_the_operator_chooses_is_read_without_asking_wherever_the_site_is_saved()
     }
 }
 
-/// A window that keeps in a folder, with nothing open.
+/// Opens a window without a site that keeps its work in a folder.
 fn window_of(folder: &std::path::Path) -> Desk {
     let app = App::new(&Context::default(), Some(folder.to_path_buf()));
     let harness = Harness::builder()
@@ -173,7 +174,7 @@ fn window_of(folder: &std::path::Path) -> Desk {
 }
 
 #[test]
-fn the_start_page_shows_no_still_from_elsewhere() {
+fn start_page_shows_no_outside_image() {
     let scratch = Scratch::new();
     let (path, folder) = (site(&scratch), scratch.path("kept"));
     let mut first = files::open(&path).unwrap().0;
@@ -193,7 +194,7 @@ fn the_start_page_shows_no_still_from_elsewhere() {
 }
 
 #[test]
-fn work_of_a_crashed_window_is_gone_on_with_as_it_was_decided() {
+fn crashed_window_continues_with_the_same_permission() {
     let scratch = Scratch::new();
     let (path, folder) = (site(&scratch), scratch.path("kept"));
     let window = || window_of(&folder);

@@ -1,4 +1,4 @@
-//! What is painted for the eye alone: tags, rings of the focus, the numbers beside views.
+//! Painted text and shapes without accessibility nodes: tags, focus rings, numbers next to views.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -14,7 +14,7 @@ use desk::{Desk, demo};
 use egui::{Key, Modifiers, Pos2, Rect, Shape, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
-/// Every text on the screen, with where it is.
+/// Returns every text on the screen with its position.
 fn texts(desk: &Desk) -> Vec<(String, Pos2)> {
     let mut found = Vec::new();
     for clipped in &desk.harness.output().shapes {
@@ -29,7 +29,7 @@ fn texts(desk: &Desk) -> Vec<(String, Pos2)> {
     found
 }
 
-/// Every outline of a rectangle in a colour.
+/// Returns every rectangle outline of a colour.
 fn outlines(desk: &Desk, colour: egui::Color32) -> Vec<Rect> {
     let mut found = Vec::new();
     for clipped in &desk.harness.output().shapes {
@@ -52,7 +52,7 @@ fn visit(shape: &Shape, take: &mut dyn FnMut(&Shape)) {
     }
 }
 
-/// The demonstration without control points, so that cameras are placed by hand.
+/// Returns the demonstration without control points, so that cameras are placed by hand.
 fn by_hand() -> Site {
     let mut site = demo();
     site.cameras.iter_mut().for_each(|camera| camera.control_points.clear());
@@ -64,7 +64,7 @@ fn words(desk: &Desk) -> String {
 }
 
 #[test]
-fn links_and_marks_say_their_names_in_every_view_that_shows_them() {
+fn links_and_marks_are_labelled_in_every_view() {
     let mut site = demo();
     let named =
         |(i, mark): (usize, &Mark)| Mark { id: Some(format!("M{}", i + 1)), name: None, ..mark.clone() };
@@ -93,11 +93,11 @@ fn links_and_marks_say_their_names_in_every_view_that_shows_them() {
     };
     assert_eq!(within(&desk, "L1"), [0, 1]);
     let in_two = (1..=marks).find(|i| within(&desk, &format!("M{i}")).len() > 1);
-    assert!(in_two.is_some(), "no mark says its name in two views: {:?}", texts(&desk));
+    assert!(in_two.is_some(), "no mark is labelled in two views: {:?}", texts(&desk));
 }
 
 #[test]
-fn the_view_that_has_the_focus_has_a_ring() {
+fn focused_view_has_a_ring() {
     let mut desk = Desk::new(demo());
     let accent = theme::palette(&desk.harness.ctx).accent;
     for view in ["View Image", "View Plan", "View All cameras", "View Scene"] {
@@ -113,7 +113,7 @@ fn the_view_that_has_the_focus_has_a_ring() {
 }
 
 #[test]
-fn enter_ends_a_line_while_alt_is_held() {
+fn enter_ends_a_line_while_alt_is_pressed() {
     let mut desk = Desk::new(demo());
     let straight = |desk: &Desk| {
         let all = desk.site().cameras[0].annotations.iter().filter(|a| a.kind == Kind::Straight);
@@ -131,7 +131,7 @@ fn enter_ends_a_line_while_alt_is_held() {
 }
 
 #[test]
-fn a_straight_edge_in_the_hand_says_which_of_its_points_is_off() {
+fn selected_straight_edge_shows_the_residual_of_each_point() {
     let mut site = demo();
     let camera = site.cameras[0].clone();
     let line = |v: f64| (0..7).map(|i| Pixel::new(300.0 + 200.0 * f64::from(i), v)).collect::<Vec<_>>();
@@ -151,7 +151,7 @@ fn a_straight_edge_in_the_hand_says_which_of_its_points_is_off() {
         all.truncate(7);
         all
     };
-    assert!(said(&desk).is_empty(), "nothing is in the hand");
+    assert!(said(&desk).is_empty(), "no line is selected");
     desk.app().act(calib_editor::Action::Select(calib_editor::Part::Line { annotation, segment: 0 }));
     desk.harness.run_steps(2);
     let off = said(&desk);
@@ -159,7 +159,7 @@ fn a_straight_edge_in_the_hand_says_which_of_its_points_is_off() {
     assert_eq!((off.len(), worst), (7, Some(4)), "{off:?}");
 }
 
-/// The percentage beside the name of the camera in hand, and what its pane shows it at.
+/// Returns the zoom shown next to the name of the selected camera, and the true zoom of its pane.
 fn zoom(desk: &Desk, place: Place) -> (String, f64) {
     let id = &desk.site().cameras[0].id;
     let said = desk.words().into_iter().find(|word| word.starts_with(&format!("{id} at "))).unwrap();
@@ -169,7 +169,7 @@ fn zoom(desk: &Desk, place: Place) -> (String, f64) {
 }
 
 #[test]
-fn a_hundred_percent_is_a_pixel_of_the_image_on_one_of_the_screen() {
+fn hundred_percent_is_one_image_pixel_per_screen_pixel() {
     for (pixels_per_point, key, place) in
         [(1.0, Key::Num1, Place::Main), (2.0, Key::Num1, Place::Main), (1.0, Key::Num2, Place::Half)]
     {
@@ -187,13 +187,13 @@ fn a_hundred_percent_is_a_pixel_of_the_image_on_one_of_the_screen() {
     }
 }
 
-/// What the Plan says of another camera, by its id.
+/// Returns the plan's text about another camera.
 fn agreement(desk: &Desk, id: &str) -> Option<String> {
     desk.words().into_iter().find(|word| word.starts_with(&format!("{id} overlap ")))
 }
 
 #[test]
-fn the_plan_says_of_every_pair_what_it_shares_and_how_it_was_before() {
+fn plan_shows_the_agreement_of_every_pair_before_and_after() {
     let mut desk = Desk::new(by_hand());
     desk.key(Key::Num2);
     desk.harness.run_steps(2);
@@ -202,8 +202,8 @@ fn the_plan_says_of_every_pair_what_it_shares_and_how_it_was_before() {
     assert!(!told.is_empty(), "{}", words(&desk));
     let linked =
         told.iter().find(|id| !agreement(&desk, id).unwrap().contains("no link")).unwrap().to_string();
-    assert!(!agreement(&desk, &linked).unwrap().contains('\u{2192}'), "nothing was moved");
-    // The foot in the hand: before and after stand beside each other, and the tag says how far.
+    assert!(!agreement(&desk, &linked).unwrap().contains('\u{2192}'), "no camera was moved");
+    // While a foot is dragged, both error values are shown, and the tag shows the distance.
     desk.take("Select");
     let (_, foot) = plan_handles(desk.app().editor.session(), 0)
         .into_iter()
@@ -217,10 +217,10 @@ fn the_plan_says_of_every_pair_what_it_shares_and_how_it_was_before() {
     let during = agreement(&desk, &linked).unwrap();
     assert!(during.contains(" \u{2192} "), "{during}");
     assert!(texts(&desk).iter().any(|(text, _)| text.starts_with("moved ")));
-    assert!(words(&desk).contains(" apart\n"), "a camera that far off is warned of: {}", words(&desk));
+    assert!(words(&desk).contains(" apart\n"), "the wrong position causes a warning: {}", words(&desk));
     desk.release(from + Vec2::new(60.0, 40.0), Modifiers::NONE);
     desk.harness.run_steps(2);
-    // One click shows the link that is worst, in every view.
+    // One click selects the worst link in every view.
     let says = |text: &str| text.contains(" is ") && text.ends_with(" apart");
     let nodes = desk.harness.get_all_by(|node| node.value().or(node.label()).is_some_and(|text| says(&text)));
     let apart = nodes.last().unwrap().rect().center().y;
@@ -234,7 +234,7 @@ fn the_plan_says_of_every_pair_what_it_shares_and_how_it_was_before() {
 }
 
 #[test]
-fn a_handle_that_turns_says_by_how_much_and_what_it_was() {
+fn rotation_handle_shows_the_change_and_the_old_value() {
     let mut desk = Desk::new(by_hand());
     desk.key(Key::Num2);
     desk.take("Select");
@@ -253,18 +253,18 @@ fn a_handle_that_turns_says_by_how_much_and_what_it_was() {
 }
 
 #[test]
-fn every_number_of_a_placed_camera_has_its_sigma_and_its_lock() {
+fn every_number_of_a_placed_camera_has_a_sigma_and_a_lock() {
     let mut desk = Desk::new(by_hand());
     desk.key(Key::Num2);
     desk.harness.run_steps(2);
     for number in ["x", "y", "turn", "height", "pitch", "roll", "focal"] {
         assert!(
-            desk.harness.query_by_label(&format!("Hold the {number}")).is_some(),
+            desk.harness.query_by_label(&format!("Fix the {number}")).is_some(),
             "{number}: {}",
             words(&desk)
         );
     }
-    // Nobody knows how sure a hand was, and that is said.
+    // A placement by hand has an unknown uncertainty, and the panel shows it.
     assert_eq!(desk.words().iter().filter(|word| *word == "\u{b1} ?").count() / 2, 3, "x, y and turn");
     let press = |desk: &mut Desk, label: &str| {
         desk.harness.get_by_label(label).click();
@@ -274,33 +274,33 @@ fn every_number_of_a_placed_camera_has_its_sigma_and_its_lock() {
     let held = desk.site().cameras[0].height_m.unwrap();
     let z = desk.app().editor.session().solution().unwrap().position_m.unwrap().z;
     assert!(held.fixed && (held.value - z).abs() < 0.01, "{held:?}, {z}");
-    press(&mut desk, "Hold the focal");
+    press(&mut desk, "Fix the focal");
     assert!(desk.site().cameras[0].lens.as_ref().unwrap().focal_px.unwrap().fixed);
     let held = |desk: &Desk| {
         let placement = desk.site().cameras[0].placement.clone().unwrap();
         (placement.fixed, [placement.held.x, placement.held.y, placement.held.turn])
     };
-    press(&mut desk, "Hold the turn");
+    press(&mut desk, "Fix the turn");
     assert_eq!(held(&desk), (false, [false, false, true]));
-    press(&mut desk, "Hold the x");
+    press(&mut desk, "Fix the x");
     assert_eq!(held(&desk), (false, [true, false, true]));
-    assert_eq!(desk.words().iter().filter(|word| *word == "\u{b1} ?").count() / 2, 1, "y alone is not known");
-    press(&mut desk, "Release the turn");
+    assert_eq!(desk.words().iter().filter(|word| *word == "\u{b1} ?").count() / 2, 1, "only y is unknown");
+    press(&mut desk, "Unfix the turn");
     assert_eq!(held(&desk), (false, [true, false, false]));
     desk.undo();
     assert_eq!(held(&desk), (false, [true, false, true]), "undone");
-    press(&mut desk, "Release the height");
+    press(&mut desk, "Unfix the height");
     assert_eq!(desk.site().cameras[0].height_m, None);
-    // Of a place that is held as a whole each number is released by itself.
+    // In a fully fixed placement, each number can be released separately.
     press(&mut desk, "Fix here");
     assert!(held(&desk).0);
-    press(&mut desk, "Release the y");
+    press(&mut desk, "Unfix the y");
     assert_eq!(held(&desk), (false, [true, false, true]));
     assert!(desk.site().cameras[0].height_m.is_some_and(|height| height.fixed));
 }
 
 #[test]
-fn a_warning_of_the_site_shows_what_it_is_about() {
+fn site_warning_selects_its_subject() {
     let mut site = demo();
     let wrong = site.links.iter().rposition(|link| link.seen.len() > 2 && link.seen[0].px.is_some()).unwrap();
     site.links[wrong].seen[0].px.as_mut().unwrap().u += 150.0;
@@ -309,8 +309,8 @@ fn a_warning_of_the_site_shows_what_it_is_about() {
     desk.key(Key::Num3);
     desk.harness.run_steps(3);
     let report = desk.app().editor.session().solved.joint_report().unwrap().clone();
-    assert!(!report.site.warnings.is_empty(), "the link is set aside, and that is said");
-    // It may lie below what the panel shows.
+    assert!(!report.site.warnings.is_empty(), "the link is rejected and reported");
+    // The button may be below the visible part of the panel.
     desk.harness.get_all_by_label("Show").last().unwrap().click_accesskit();
     desk.harness.run_steps(3);
     let selected: Vec<usize> = desk
@@ -328,7 +328,7 @@ fn a_warning_of_the_site_shows_what_it_is_about() {
 }
 
 #[test]
-fn one_is_said_as_one() {
+fn singular_is_used_for_one() {
     let mut site = demo();
     site.cameras.truncate(1);
     (site.links, site.marks, site.distances) = (Vec::new(), Vec::new(), Vec::new());
@@ -353,7 +353,7 @@ fn one_is_said_as_one() {
     }
 }
 
-/// The start page of an app whose shelf keeps one site with a still.
+/// The start page of an app whose shelf keeps one site with an image.
 mod start {
     use super::*;
     use calib_app::storage::autosave::{Entry, News, Shelf, Work};
@@ -361,7 +361,7 @@ mod start {
     use std::cell::RefCell;
     use std::rc::Rc;
 
-    /// What it keeps, and the thumbnails of what it was told to keep.
+    /// Kept sites, and the thumbnails that were requested to be kept.
     #[derive(Debug)]
     struct Kept(Vec<Entry>, Rc<RefCell<Vec<Option<String>>>>);
 
@@ -384,7 +384,7 @@ mod start {
     }
 
     #[test]
-    fn a_site_is_kept_with_its_first_still_once_that_is_there() {
+    fn site_is_kept_with_its_first_image() {
         let mut png = std::io::Cursor::new(Vec::new());
         image::RgbImage::new(1920, 1080).write_to(&mut png, image::ImageFormat::Png).unwrap();
         let (mut site, mut images) = (demo(), calib_editor::Images::default());
@@ -402,7 +402,7 @@ mod start {
     }
 
     #[test]
-    fn a_kept_site_has_its_still_its_time_and_its_count() {
+    fn kept_site_shows_image_time_and_camera_count() {
         let mut png = std::io::Cursor::new(Vec::new());
         image::RgbImage::from_pixel(168, 104, image::Rgb([200, 30, 30]))
             .write_to(&mut png, image::ImageFormat::Png)
@@ -431,7 +431,7 @@ mod start {
             }
         }
         harness.run_steps(2);
-        assert!(harness.state().pictures.ready("a 250000").is_some(), "its still is decoded");
+        assert!(harness.state().pictures.ready("a 250000").is_some(), "its image is decoded");
         let desk = Desk { harness };
         let said = words(&desk);
         assert!(said.contains("1 site, 0.2 MB") || said.contains("1 site, 0.3 MB"), "{said}");

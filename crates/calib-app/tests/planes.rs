@@ -1,4 +1,4 @@
-//! Planes besides the floor at the desk: added, named, known, drawn, and laid under lines.
+//! Planes other than the floor in the app: add, rename, set the height, draw a region, assign lines.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -13,13 +13,13 @@ use desk::{Desk, demo};
 use egui::Key;
 use egui_kittest::kittest::Queryable as _;
 
-/// What lies below the foot of the window is clicked as a screen reader does.
+/// Clicks a label through accessibility, because it may be below the visible part of the window.
 fn click(desk: &mut Desk, label: &str) {
     desk.harness.get_by_label(label).click_accesskit();
     desk.harness.run_steps(3);
 }
 
-/// Opens the choice beside a label.
+/// Opens the combo box of a label.
 fn open(desk: &mut Desk, label: &str) {
     desk.harness.get_all_by_label(label).last().unwrap().scroll_to_me();
     desk.harness.run_steps(3);
@@ -27,7 +27,7 @@ fn open(desk: &mut Desk, label: &str) {
     desk.harness.run_steps(3);
 }
 
-/// A line that lies on the floor, selected in the image of the first camera.
+/// Selects a floor line in the image of the first camera.
 fn select_parallel(desk: &mut Desk) -> usize {
     let annotations = &desk.site().cameras[0].annotations;
     let index = annotations.iter().position(|drawn| drawn.kind == Kind::Parallel).unwrap();
@@ -37,7 +37,7 @@ fn select_parallel(desk: &mut Desk) -> usize {
 }
 
 #[test]
-fn a_plane_is_added_and_a_line_laid_on_it_and_undo_takes_both_back() {
+fn adding_a_plane_and_assigning_a_line_are_undone() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
     desk.key(Key::Num2);
@@ -58,7 +58,7 @@ fn a_plane_is_added_and_a_line_laid_on_it_and_undo_takes_both_back() {
 }
 
 #[test]
-fn removing_a_plane_lays_what_was_on_it_on_the_floor_in_one_step() {
+fn removing_a_plane_moves_its_lines_to_the_floor() {
     let mut desk = Desk::new(demo());
     desk.key(Key::Num2);
     click(&mut desk, "Add a plane");
@@ -72,11 +72,11 @@ fn removing_a_plane_lays_what_was_on_it_on_the_floor_in_one_step() {
     assert!(desk.site().planes.is_empty());
     assert_eq!(desk.site().cameras[0].annotations[line].plane, None);
     desk.undo();
-    assert!(*desk.site() == laid, "one step brings back the plane and what lay on it");
+    assert!(*desk.site() == laid, "one undo restores the plane and its lines");
 }
 
 #[test]
-fn a_region_is_drawn_on_the_plan_and_a_height_entered() {
+fn region_is_drawn_and_height_is_entered() {
     let mut desk = Desk::new(demo());
     desk.key(Key::Num2);
     click(&mut desk, "Add a plane");
@@ -86,11 +86,11 @@ fn a_region_is_drawn_on_the_plan_and_a_height_entered() {
     }
     desk.key(Key::Enter);
     let region = &desk.site().planes[0].region;
-    assert_eq!((region.len(), desk.site().planes.len()), (3, 1), "of the plane in hand");
+    assert_eq!((region.len(), desk.site().planes.len()), (3, 1), "the region of the selected plane");
     assert!(region[1].distance([14.0, 5.0].into()) < 0.05);
     let id = desk.site().planes[0].id.clone();
     assert!(desk.words().iter().any(|word| word.contains("Region of 3 corners")));
-    // Its height comes to be known: the choice beside its label.
+    // Its height is set to known, in the combo box of its label.
     open(&mut desk, "Height above the floor");
     click(&mut desk, "known");
     assert_eq!(desk.site().planes[0].height_m, Some(PlaneNumber::Exact(0.0)));

@@ -1,4 +1,5 @@
-//! One key has a still propose its lines, one more accepts them: strokes and clicks counted on the demonstration.
+//! Automatic calibration: one key detects the lines of an image, another accepts them. Strokes and clicks are
+//! counted on the demonstration.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -7,13 +8,13 @@ mod desk;
 use calib_app::storage::demo;
 use calib_core::{Annotation, Camera, Kind, Orientation};
 use calib_editor::{Action, Hypothesis, Images, Pane, Period};
-use calib_image::{EdgeClass, LineSegment, Proposal, EdgeImage, Verdict};
+use calib_image::{AutomaticCalibration, Confidence, EdgeClass, EdgeImage, LineSegment};
 use calib_site::{Options, Site, SiteCamera, Solution};
 use desk::Desk;
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 
-/// The demonstration with its images and nothing drawn, nothing known.
+/// Returns the demonstration with its images, without annotations and known values.
 fn blank() -> (Site, Images) {
     let (mut site, images) = demo::open();
     (site.links, site.marks, site.distances) = Default::default();
@@ -25,7 +26,7 @@ fn blank() -> (Site, Images) {
     (site, images)
 }
 
-/// How far a camera is from the truth: log focal, pitch and roll in degrees.
+/// Returns the errors of a camera: log focal length, pitch and roll in degrees.
 fn off(solution: &Solution, truth: &Camera) -> [f64; 3] {
     [
         (solution.focal_px / truth.focal).ln().abs(),
@@ -38,7 +39,7 @@ fn strokes(camera: &SiteCamera) -> usize {
     camera.annotations.iter().map(|drawn| drawn.polylines().count()).sum()
 }
 
-/// What an operator's strokes alone make of a camera, and how many they are.
+/// Returns the errors of a camera from hand-drawn lines only, and the number of strokes.
 fn by_hand(camera: &SiteCamera, truth: &Camera) -> ([f64; 3], usize) {
     let alone = SiteCamera { control_points: Vec::new(), placement: None, solution: None, ..camera.clone() };
     let site = Site { cameras: vec![alone], ..Site::new() };
@@ -47,7 +48,7 @@ fn by_hand(camera: &SiteCamera, truth: &Camera) -> ([f64; 3], usize) {
 }
 
 #[test]
-fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed() {
+fn two_keys_calibrate_the_demonstration_or_abstain() {
     let demonstration = calib_demo::demo_site();
     let (site, images) = blank();
     let mut desk = Desk::with(site, images);
@@ -64,8 +65,9 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
         let before = desk.app().editor.session().history.depth() - 1;
         let mut gestures = 2;
         let rival = proposed.alternative.as_ref().map(|rival| rival.orientation);
-        if let (Some(own), Some(rival), Verdict::None) = (proposed.orientation, rival, proposed.confidence) {
-            // Two cameras explain the edges alike; whoever looks sees which of them it is.
+        if let (Some(own), Some(rival), Confidence::None) = (proposed.orientation, rival, proposed.confidence)
+        {
+            // Two cameras explain the edges equally well; the operator selects the correct one.
             let near = |at: &Orientation| (at.focal / truth.focal).ln().abs();
             let seen = if near(&own) < near(&rival) { own } else { rival };
             desk.key(Key::Enter);
@@ -85,16 +87,16 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
         let session = desk.harness.state().editor.session();
         let (hand, by_hand) = by_hand(&demonstration.site.cameras[camera], truth);
         let drawn = strokes(&session.site.cameras[camera]);
-        if verdict == Verdict::None {
-            assert_eq!(drawn, 0, "{id}: what is not believed is not drawn by one key");
+        if verdict == Confidence::None {
+            assert_eq!(drawn, 0, "{id}: a result without confidence is not accepted by one key");
             println!("{id}: abstains; by hand {by_hand} strokes, off {hand:.3?}");
             continue;
         }
         let own = off(session.solution().unwrap(), truth);
         println!(
-            "{id}: {gestures} gestures, proposed in {seconds:.1} s, {drawn} strokes, off {own:.3?}; by hand {by_hand} strokes, off {hand:.3?}"
+            "{id}: {gestures} gestures, calibrated in {seconds:.1} s, {drawn} strokes, off {own:.3?}; by hand {by_hand} strokes, off {hand:.3?}"
         );
-        // Or so near to the truth that nobody would tell.
+        // Or so close to the truth that the difference does not matter.
         let limits = [0.005, 0.1, 0.15];
         assert!((0..3).all(|i| own[i] <= hand[i].max(limits[i])), "{id}: {own:?}, by hand {hand:?}");
         assert!(gestures <= 3, "{id}");
@@ -104,7 +106,8 @@ fn cameras_of_the_demonstration_are_calibrated_by_two_keys_or_nothing_is_claimed
     assert!(as_good >= 5, "{as_good} of five flat cameras are as good as by hand");
 }
 
-/// A window on a still with bars, and what its two groups of edges propose: verticals and one floor direction.
+/// Opens a window with an image of bars and detects its two groups of edges: verticals and one floor
+/// direction.
 fn proposed() -> Desk {
     let mut camera = SiteCamera::new("a", [1920, 1080]);
     camera.image = None;
@@ -114,12 +117,13 @@ fn proposed() -> Desk {
     let group = |annotation: Annotation| {
         let probabilities = vec![0.9; annotation.polylines().count()];
         let lies = vec![EdgeClass::Undetermined; probabilities.len()];
-        calib_image::Group { annotation, probabilities, lies }
+        calib_image::Group { annotation, probabilities, classes: lies }
     };
     let groups =
         drawn.filter(|drawn| matches!(drawn.kind, Kind::Vertical | Kind::Parallel)).map(group).collect();
-    let nothing = Proposal::new(&EdgeImage::new(Vec::new(), [1920, 1080]));
-    let proposal = Proposal { confidence: Verdict::Check, reasons: Vec::new(), groups, ..nothing };
+    let nothing = AutomaticCalibration::new(&EdgeImage::new(Vec::new(), [1920, 1080]));
+    let proposal =
+        AutomaticCalibration { confidence: Confidence::Check, reasons: Vec::new(), groups, ..nothing };
     desk.app()
         .act(Action::SetAutomaticCalibration(Period { camera: "a".into(), from: None }, Box::new(proposal)));
     desk.harness.run_steps(3);
@@ -131,7 +135,7 @@ fn left(desk: &Desk) -> usize {
 }
 
 #[test]
-fn every_group_has_its_row_whose_buttons_do_what_they_say() {
+fn every_group_has_a_row_with_working_buttons() {
     let mut desk = proposed();
     let groups = left(&desk);
     assert!(groups >= 2, "{:?}", desk.app().editor.session().proposed());
@@ -154,7 +158,7 @@ fn every_group_has_its_row_whose_buttons_do_what_they_say() {
 }
 
 #[test]
-fn escape_puts_it_aside_and_undo_brings_it_back_and_a_click_chooses_a_line() {
+fn escape_dismisses_and_undo_restores_and_click_selects_a_line() {
     let mut desk = proposed();
     let groups = left(&desk);
     desk.key(Key::Escape);
@@ -174,7 +178,7 @@ fn escape_puts_it_aside_and_undo_brings_it_back_and_a_click_chooses_a_line() {
 }
 
 #[test]
-fn a_camera_without_an_image_says_so_and_work_can_be_cancelled() {
+fn camera_without_an_image_is_reported_and_work_can_be_cancelled() {
     let mut desk = proposed();
     desk.key(Key::Escape);
     desk.keys(Modifiers::SHIFT, Key::P);
@@ -190,7 +194,7 @@ fn a_camera_without_an_image_says_so_and_work_can_be_cancelled() {
 }
 
 #[test]
-fn a_proposal_survives_the_way_out_of_a_worker() {
+fn automatic_calibration_survives_serialisation_to_a_worker() {
     let drawn = calib_demo::demo_site().site.cameras.swap_remove(0);
     let lines = drawn.annotations.iter().flat_map(|drawn| drawn.polylines().collect::<Vec<_>>());
     let segment =
@@ -201,8 +205,8 @@ fn a_proposal_survives_the_way_out_of_a_worker() {
     assert!(camera == drawn && received == edges);
     let few = edges.iter().take(3).copied().collect();
     for edges in [edges, few, Vec::new()] {
-        let proposal = Proposal::new(&EdgeImage::new(edges, drawn.size_px));
+        let proposal = AutomaticCalibration::new(&EdgeImage::new(edges, drawn.size_px));
         let text = serde_json::to_vec(&proposal).unwrap();
-        assert_eq!(serde_json::from_slice::<Proposal>(&text).unwrap(), proposal);
+        assert_eq!(serde_json::from_slice::<AutomaticCalibration>(&text).unwrap(), proposal);
     }
 }

@@ -1,4 +1,4 @@
-//! Nobody's work is lost: a file that somebody else wrote is not overwritten without asking.
+//! Saving: a file changed by another program is not overwritten without asking.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -15,7 +15,7 @@ use desk::{Desk, demo};
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
 
-/// A window with the site of a file open.
+/// Opens a window with the site of a file.
 fn window(scratch: &Scratch) -> Desk {
     let mut desk = Desk::new(Site::new());
     let path = scratch.path("site.json");
@@ -40,7 +40,7 @@ fn saved(scratch: &Scratch) -> Site {
 }
 
 #[test]
-fn of_two_windows_the_second_to_save_is_asked_and_told_what_the_first_did() {
+fn second_window_to_save_is_asked_with_the_changes_of_the_first() {
     let scratch = Scratch::new();
     scratch.write("site.json", demo().to_json());
     let before = lines(&demo());
@@ -48,7 +48,7 @@ fn of_two_windows_the_second_to_save_is_asked_and_told_what_the_first_did() {
     draw_and_save(&mut first, 600.0);
     assert_eq!(lines(&saved(&scratch)), before + 1);
     draw_and_save(&mut second, 900.0);
-    assert_eq!(lines(&saved(&scratch)), before + 1, "nothing is written before that is decided");
+    assert_eq!(lines(&saved(&scratch)), before + 1, "the file is not written before the decision");
     let words = second.words().join("\n");
     let told = format!("shop-1: lines: {}, were {before}", before + 1);
     assert!(words.contains(&told), "{words}");
@@ -56,10 +56,10 @@ fn of_two_windows_the_second_to_save_is_asked_and_told_what_the_first_did() {
     second.harness.run_steps(3);
     let left = saved(&scratch).cameras[0].annotations.clone();
     assert!(left == second.site().cameras[0].annotations, "the operator has decided");
-    // And from then on it is the second window's.
+    // From now on, the file has the state of the second window.
     draw_and_save(&mut second, 950.0);
     assert_eq!(second.harness.state().dialogs.conflict, None);
-    // The first one reloads, and its own work waits.
+    // The first window reloads, and its own work is kept for later.
     draw_and_save(&mut first, 620.0);
     first.harness.get_by_label("Reload").click();
     first.harness.run_steps(3);
@@ -68,7 +68,7 @@ fn of_two_windows_the_second_to_save_is_asked_and_told_what_the_first_did() {
 }
 
 #[test]
-fn a_read_only_file_asks() {
+fn read_only_file_asks_for_another_path() {
     let scratch = Scratch::new();
     scratch.write("site.json", demo().to_json());
     let path = scratch.path("site.json");
@@ -84,10 +84,10 @@ fn a_read_only_file_asks() {
 }
 
 #[test]
-fn without_a_file_chooser_a_path_is_typed() {
+fn path_is_typed_without_a_file_chooser() {
     let scratch = Scratch::new();
     let mut desk = Desk::new(demo());
-    // A chooser that closes at once was never there.
+    // No file chooser is available if it is refused at once.
     desk.app().dialogs.chooser = |purpose| Dialog::refused(purpose);
     desk.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
     desk.harness.run_steps(3);

@@ -1,4 +1,4 @@
-//! What was solved together, and one verdict a camera, as the window tells of them.
+//! Joint refinement and the status of each camera in the window.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -18,11 +18,11 @@ fn stage(desk: &Desk, camera: usize) -> Stage {
 }
 
 #[test]
-fn what_is_out_of_date_says_so_everywhere_and_one_button_mends_it() {
+fn out_of_date_solution_is_shown_and_updated_by_one_button() {
     let mut desk = Desk::new(demo());
     desk.refine();
     assert_eq!(stage(&desk, 0), Stage::Refined);
-    // No time to solve it on the way.
+    // A time limit below zero prevents joint refinement meanwhile.
     desk.app().act(Action::SetMaxJointSolveMs(-1.0));
     desk.take("Vertical");
     let plumb = desk.site().cameras[0].annotations[0].polylines().next().unwrap();
@@ -31,7 +31,7 @@ fn what_is_out_of_date_says_so_everywhere_and_one_button_mends_it() {
     for key in [Key::Num1, Key::Num2, Key::Num3] {
         desk.key(key);
         let words = desk.words().join("\n");
-        assert!(words.contains("Refined together, out of date"), "{words}");
+        assert!(words.contains("Changed since the last Refine"), "{words}");
     }
     desk.key(Key::Num1);
     desk.harness.get_by_label("Refine again").click();
@@ -43,7 +43,7 @@ fn what_is_out_of_date_says_so_everywhere_and_one_button_mends_it() {
 }
 
 #[test]
-fn a_joint_solution_outlives_the_program() {
+fn joint_solution_survives_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let mut app = App::new(&Context::default(), Some(folder.path().to_path_buf()));
     let before = demo();
@@ -63,7 +63,7 @@ fn a_joint_solution_outlives_the_program() {
     assert_eq!((pose(&app), pose(&app).focal), (kept, focal));
 }
 
-/// The first camera with verticals that contradict each other and some that the solve sets aside.
+/// Returns the demonstration with contradictory verticals in the first camera, some of which become outliers.
 fn contradictory() -> Site {
     let mut site = demo();
     site.cameras.truncate(1);
@@ -81,7 +81,7 @@ fn contradictory() -> Site {
 }
 
 #[test]
-fn a_camera_that_does_not_fit_is_wrong_in_the_list_and_its_gravest_warning_is_open() {
+fn misfit_camera_is_marked_and_its_worst_warning_is_open() {
     let mut desk = Desk::new(contradictory());
     desk.harness.run_steps(2);
     let warnings = desk.app().editor.session().solution().unwrap().warnings.clone();
@@ -94,14 +94,14 @@ fn a_camera_that_does_not_fit_is_wrong_in_the_list_and_its_gravest_warning_is_op
     assert_eq!(advice(&desk), 1, "one is open");
     desk.harness.get_by_label(&more).click();
     desk.harness.run_steps(3);
-    assert_eq!(advice(&desk), warnings.len(), "and none is cut");
+    assert_eq!(advice(&desk), warnings.len(), "no line is truncated");
     assert_eq!(desk.harness.query_all_by_label("Show").count(), warnings.len(), "each can be shown");
     let told = calib_editor::camera_status(desk.app().editor.session(), 0);
     assert_eq!(told.level, calib_editor::StatusLevel::Contradictory, "{told:?}");
 }
 
 #[test]
-fn a_hand_moves_a_camera_on_the_plan_whatever_tool_it_holds() {
+fn camera_is_moved_on_the_plan_with_any_tool() {
     for tool in TOOLS.iter().filter(|tool| !tool.acts_on_plan()) {
         let mut site = demo();
         site.cameras.iter_mut().for_each(|camera| camera.control_points.clear());
@@ -125,7 +125,7 @@ fn a_hand_moves_a_camera_on_the_plan_whatever_tool_it_holds() {
 }
 
 #[test]
-fn many_strokes_that_come_in_one_frame_are_all_drawn() {
+fn many_strokes_in_one_frame_are_all_drawn() {
     const STROKES: u16 = 60;
     let mut desk = Desk::new(demo());
     desk.take("Vertical");
@@ -142,7 +142,7 @@ fn many_strokes_that_come_in_one_frame_are_all_drawn() {
         pressed,
         modifiers: Modifiers::NONE,
     };
-    // All of them between two frames, as a window that was busy finds them.
+    // All strokes arrive between two frames, as in a window that was busy.
     let input = desk.harness.input_mut();
     for [from, to] in ends {
         let middle = from.lerp(to, 0.5);

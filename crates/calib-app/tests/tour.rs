@@ -1,4 +1,4 @@
-//! The tour, by a newcomer with a pointer and no knowledge: what the strip says is pressed, what it names is done.
+//! The tour, followed with the pointer only: press the named buttons and draw the named lines.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -11,7 +11,7 @@ use desk::Desk;
 use egui::{Modifiers, Pos2};
 use egui_kittest::kittest::Queryable as _;
 
-/// A newcomer, who sees the image of the first camera: where its edges and tiles are is on it.
+/// A new user, who sees edges and tiles only in the image of the first camera.
 struct Newcomer {
     desk: Desk,
     eye: Camera,
@@ -24,7 +24,7 @@ impl Newcomer {
         Self { desk, eye: calib_demo::demo_site().truth[0].1 }
     }
 
-    /// The pointer presses what says this.
+    /// Clicks the first element that contains a label.
     fn press(&mut self, label: &str) {
         let at = self.desk.harness.get_all_by_label_contains(label).next().unwrap().rect().center();
         self.desk.drag_screen(&[at], Modifiers::NONE);
@@ -44,7 +44,7 @@ impl Newcomer {
         self.desk.harness.run_steps(3);
     }
 
-    /// The upright edges and the joints of the tiles that are drawn in the demonstration are there to be seen.
+    /// Returns the annotated edges and tile joints of the demonstration. They are visible in its image.
     fn visible(&self, kind: Kind) -> Vec<Vec<Vec<Pixel>>> {
         let demo = calib_demo::demo_site().site;
         let of_kind = demo.cameras[0].annotations.iter().filter(|drawn| drawn.kind == kind).cloned();
@@ -62,7 +62,7 @@ impl Newcomer {
 }
 
 #[test]
-fn the_tour_is_done_by_what_it_says_and_by_nothing_less() {
+fn tour_is_completed_only_by_its_instructions() {
     let mut newcomer = Newcomer::begin();
     plumb_lines(&mut newcomer);
     floor_lines(&mut newcomer);
@@ -79,9 +79,9 @@ fn plumb_lines(newcomer: &mut Newcomer) {
     let plumb: Vec<Vec<Pixel>> = newcomer.visible(Kind::Vertical).into_iter().flatten().collect();
     newcomer.press("Vertical tool (V)");
     newcomer.line(plumb[0][0], plumb[0][1]);
-    // A line that leans is none.
+    // A slanted line does not count.
     newcomer.line(Pixel::new(300.0, 900.0), Pixel::new(700.0, 500.0));
-    assert!(newcomer.says("Step 1 of 5") && newcomer.says("does not stand upright"));
+    assert!(newcomer.says("Step 1 of 5") && newcomer.says("is not vertical"));
     newcomer.press("Undo add");
     let far =
         plumb[1..].iter().max_by(|a, b| a[0].distance(plumb[0][0]).total_cmp(&b[0].distance(plumb[0][0])));
@@ -92,7 +92,7 @@ fn plumb_lines(newcomer: &mut Newcomer) {
 fn floor_lines(newcomer: &mut Newcomer) {
     assert!(newcomer.says("Step 2 of 5"), "{:?}", newcomer.desk.words());
     newcomer.press("Parallel tool (P)");
-    // Joints of the tiles, wherever the floor is free.
+    // Joints of the tiles on the free floor.
     let (along, across) = joints(newcomer);
     for line in &along {
         newcomer.line(line[0], line[1]);
@@ -103,7 +103,7 @@ fn floor_lines(newcomer: &mut Newcomer) {
     }
 }
 
-/// Two lines of the floor that run one way, and two that cross them, as far apart as the image shows.
+/// Returns two floor lines of one direction and two that cross them, as far apart as possible.
 fn joints(newcomer: &Newcomer) -> ([[Pixel; 2]; 2], [[Pixel; 2]; 2]) {
     let [a, b, c, d] = [[250.0, 800.0], [1300.0, 950.0], [1500.0, 500.0], [600.0, 450.0]]
         .map(|at| newcomer.eye.pixel_to_floor(at.into(), 0.0).unwrap());
@@ -124,13 +124,13 @@ fn field_of_view(newcomer: &mut Newcomer) {
         newcomer.desk.click(Pane::Image(0), at);
     }
     newcomer.desk.harness.run_steps(3);
-    assert_eq!(newcomer.desk.app().editor.tool_row(), 0, "the hand is free again");
+    assert_eq!(newcomer.desk.app().editor.tool_row(), 0, "the tool is released");
 }
 
 fn place(newcomer: &mut Newcomer) {
     assert!(newcomer.says("Step 4 of 5"), "{:?}", newcomer.desk.words());
     newcomer.press("Plan (2)");
-    // Nobody lays a hand on a plan before it is there; it is looked at as a whole once it is.
+    // The plan is loaded and fitted before the user acts.
     let plan = newcomer.desk.site().plan.as_ref().and_then(|plan| plan.image.clone()).unwrap();
     newcomer.desk.wait(|app| app.pictures.ready(&plan).is_some());
     newcomer.desk.harness.run_steps(3);
@@ -163,7 +163,7 @@ fn check(newcomer: &mut Newcomer) {
 }
 
 #[test]
-fn the_strip_covers_neither_image_nor_button() {
+fn tour_strip_covers_neither_image_nor_button() {
     let mut newcomer = Newcomer::begin();
     let strip = newcomer.desk.harness.get_by_label("End the tour").rect();
     let image = newcomer.desk.app().view.panes.rects.values().copied().next().unwrap();

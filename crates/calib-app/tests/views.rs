@@ -1,4 +1,4 @@
-//! What is shown, in which units, and what comes in and goes out as files.
+//! Views, units, and the import and export of files.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -15,13 +15,13 @@ use desk::{Desk, demo, still};
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
-/// Everything that is on screen.
+/// Returns all text on screen.
 fn words(desk: &Desk) -> String {
     desk.words().join("\n")
 }
 
 #[test]
-fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
+fn lengths_are_shown_in_metres_or_feet_and_stored_in_metres() {
     let mut desk = Desk::new(demo());
     let before = desk.site().clone();
     let shown = |desk: &mut Desk| {
@@ -51,7 +51,7 @@ fn lengths_are_metres_or_feet_everywhere_and_the_site_keeps_metres() {
 }
 
 #[test]
-fn a_height_typed_in_feet_is_metres_in_the_site() {
+fn height_typed_in_feet_is_stored_in_metres() {
     let mut desk = Desk::new(demo());
     desk.tell(Command::Feet);
     desk::change(desk.app(), "no control points", |site| {
@@ -70,13 +70,13 @@ fn a_height_typed_in_feet_is_metres_in_the_site() {
 }
 
 #[test]
-fn a_line_drawn_on_a_straightened_image_lies_on_the_pixels_under_the_cursor() {
+fn line_drawn_on_an_undistorted_image_follows_the_cursor() {
     let site = demo();
     let bent = |camera: &calib_site::SiteCamera| {
         camera.lens.as_ref().is_some_and(|lens| lens.distortion.is_some())
             || camera.annotations.iter().any(|a| a.kind == Kind::Straight)
     };
-    let camera = site.cameras.iter().position(bent).expect("a camera with a bent lens");
+    let camera = site.cameras.iter().position(bent).expect("a camera with distortion");
     let mut desk = Desk::new(site);
     for _ in 0..camera {
         desk.key(Key::CloseBracket);
@@ -94,7 +94,7 @@ fn a_line_drawn_on_a_straightened_image_lies_on_the_pixels_under_the_cursor() {
 }
 
 #[test]
-fn the_whole_image_lies_small_over_a_part_of_it_and_moves_the_view() {
+fn overview_map_moves_the_view() {
     let mut desk = Desk::new(demo());
     let label = "Whole image: drag to move the view";
     let key = (Place::Main, Pane::Image(0));
@@ -111,12 +111,12 @@ fn the_whole_image_lies_small_over_a_part_of_it_and_moves_the_view() {
     desk.harness.run_steps(2);
     let after = centre(&mut desk);
     assert!((after[0] - 480.0).abs() < 20.0 && (after[1] - 270.0).abs() < 20.0, "{before:?} to {after:?}");
-    assert_eq!(desk.site(), &demo(), "nothing is drawn there");
+    assert_eq!(desk.site(), &demo(), "no annotation is added there");
     assert_eq!(desk.app().editor.session().history.depth(), 0);
 }
 
 #[test]
-fn what_is_dragged_snaps_only_when_that_is_asked_for() {
+fn dragged_points_snap_only_on_request() {
     for snaps in [false, true] {
         let mut site = demo();
         for camera in &mut site.cameras {
@@ -139,7 +139,7 @@ fn what_is_dragged_snaps_only_when_that_is_asked_for() {
 }
 
 #[test]
-fn a_line_that_is_dragged_with_alt_is_pulled_onto_the_edge() {
+fn line_dragged_with_alt_snaps_to_the_edge() {
     let edge = |v: f64| 800.3 + 0.1 * v;
     let picture = image::RgbImage::from_fn(1920, 1080, |x, y| {
         let off = f64::from(x) + 0.5 - edge(f64::from(y) + 0.5);
@@ -167,7 +167,7 @@ fn a_line_that_is_dragged_with_alt_is_pulled_onto_the_edge() {
 }
 
 #[test]
-fn warnings_name_lines_as_the_list_does() {
+fn warnings_and_list_use_the_same_names() {
     let mut desk = Desk::new(demo());
     desk.take("Vertical");
     desk.line(0, Pixel::new(300.0, 900.0), Pixel::new(900.0, 300.0));
@@ -182,7 +182,7 @@ fn warnings_name_lines_as_the_list_does() {
 }
 
 #[test]
-fn the_scene_turns_pans_zooms_and_gives_a_camera() {
+fn scene_rotates_pans_zooms_and_selects_a_camera() {
     let mut desk = Desk::new(demo());
     desk.key(Key::Num4);
     let start = desk.app().view.orbit.unwrap();
@@ -220,7 +220,7 @@ fn the_scene_turns_pans_zooms_and_gives_a_camera() {
 }
 
 #[test]
-fn the_report_is_one_page_with_every_camera_and_its_picture() {
+fn report_is_one_page_with_every_camera_and_its_image() {
     let (mut site, mut images) = (demo(), Images::default());
     let jpeg: &[u8] = &[0xff, 0xd8, 0xff, 0xe0];
     site.cameras[0].image = Some(images.store(jpeg.into(), "image/jpeg", Some("first.jpg")));
@@ -239,14 +239,14 @@ fn the_report_is_one_page_with_every_camera_and_its_picture() {
         let section = &section[..section.find("</section>").unwrap()];
         assert!(section.contains("Residual, px"), "{}", camera.id);
         assert_eq!(section.contains("data:image/jpeg;base64,/9j/4A=="), index == 0, "{}", camera.id);
-        assert_eq!(section.contains("note bad"), index == 1, "what is not there is said: {}", camera.id);
+        assert_eq!(section.contains("note bad"), index == 1, "missing images are reported: {}", camera.id);
         assert_eq!(section.contains("<figure>"), index == 0, "{}", camera.id);
     }
     assert!(html.contains("From above"));
 }
 
 #[test]
-fn a_picture_of_the_view_is_saved_where_one_wants_it() {
+fn image_of_the_view_is_saved_to_a_chosen_file() {
     let mut desk = Desk::new(demo());
     let scratch = Scratch::new();
     let path = scratch.path("view.png");
@@ -270,17 +270,17 @@ fn a_picture_of_the_view_is_saved_where_one_wants_it() {
 }
 
 #[test]
-fn an_export_that_loses_is_written_only_when_that_is_agreed_to() {
+fn lossy_export_needs_confirmation() {
     let mut desk = Desk::new(demo());
     let scratch = Scratch::new();
     desk.keys(Modifiers::COMMAND, Key::E);
-    // WILDTRACK has no place for distortion.
+    // WILDTRACK does not support distortion.
     desk.app().dialogs.export.choose("wildtrack");
     desk.harness.run_steps(2);
     let patience = std::time::Instant::now();
     while desk.harness.query_by_label_contains("files\u{2026}").is_none() {
         desk.harness.step();
-        assert!(patience.elapsed().as_secs() < 60, "nothing is made");
+        assert!(patience.elapsed().as_secs() < 60, "no file is created");
     }
     assert!(words(&desk).contains("distortion"), "{}", words(&desk));
     desk.answer(Some(scratch.path("")));
@@ -291,17 +291,17 @@ fn an_export_that_loses_is_written_only_when_that_is_agreed_to() {
     };
     press(&mut desk, "files\u{2026}");
     let count = || std::fs::read_dir(scratch.path("")).unwrap().count();
-    assert_eq!(count(), 0, "nothing is written before the losses are agreed to");
-    press(&mut desk, "Write it all the same");
+    assert_eq!(count(), 0, "no file is written before the losses are confirmed");
+    press(&mut desk, "Export anyway");
     press(&mut desk, "files\u{2026}");
     assert!(count() > 0, "{:?}", desk.app().editor.error());
 }
 
 #[test]
-fn a_lens_of_another_program_goes_to_the_camera_in_hand() {
+fn imported_lens_is_set_on_the_selected_camera() {
     let mut desk = Desk::new(demo());
     let scratch = Scratch::new();
-    // Of stills half as large: the lens is for this one's size.
+    // For images of half the size: the lens is scaled to this camera's size.
     let [w, h] = desk.site().cameras[0].size_px.map(|side| side / 2);
     let k = format!("700.0, 0.0, {}.0, 0.0, 700.0, {}.0, 0.0, 0.0, 1.0", w / 2, h / 2);
     scratch.write(
@@ -334,7 +334,7 @@ fn annotations_are_copied_to_another_camera_at_its_size() {
 }
 
 #[test]
-fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
+fn replaced_image_keeps_annotations_and_overlays_the_old_image() {
     let scratch = Scratch::new();
     let mut site = demo();
     let size = site.cameras[0].size_px;
@@ -354,10 +354,10 @@ fn a_replaced_still_keeps_the_annotations_and_shows_the_old_one_over_it() {
     desk.answer(Some(scratch.path("new.png")));
     desk.tell(Command::ReplaceStill);
     desk.wait(|app| app.editor.replaced_image().is_some());
-    assert_eq!(drawn(&desk), before, "nothing is rescaled that nobody asked for");
+    assert_eq!(drawn(&desk), before, "annotations are not rescaled");
     desk.harness.run_steps(3);
     assert!(desk.harness.query_by_label("Old image").is_some(), "old and new are blended");
-    desk.harness.get_by_label_contains("Rescale what is drawn").click();
+    desk.harness.get_by_label_contains("Rescale the annotations").click();
     desk.harness.run_steps(3);
     for (now, before) in drawn(&desk).iter().zip(before) {
         assert!(now.distance(Pixel::new(0.5 * before.u, 0.5 * before.v)) < 1e-9, "{now:?}");
@@ -387,7 +387,7 @@ fn a_saved_version_is_compared_camera_by_camera() {
 }
 
 #[test]
-fn reading_is_cancelled_and_gone_on_with() {
+fn reading_can_be_cancelled_and_resumed() {
     let scratch = Scratch::new();
     let mut site = demo();
     for (index, camera) in site.cameras.iter_mut().enumerate() {
@@ -398,7 +398,7 @@ fn reading_is_cancelled_and_gone_on_with() {
     let mut desk = Desk::new(site);
     assert!(desk.app().is_working());
     desk.tell(Command::StopWork);
-    assert!(!desk.app().is_working(), "nothing is waited for");
+    assert!(!desk.app().is_working(), "no image is pending");
     desk.tell(Command::ReadAgain);
     desk.wait(|app| app.pictures.loading() == 0);
     let name = desk.site().cameras[0].image.clone().unwrap();
@@ -406,7 +406,7 @@ fn reading_is_cancelled_and_gone_on_with() {
 }
 
 #[test]
-fn a_drawing_becomes_a_plan_that_every_program_shows() {
+fn svg_plan_is_converted_to_png() {
     let scratch = Scratch::new();
     scratch.write("plan.svg", r#"<svg xmlns="http://www.w3.org/2000/svg" width="60" height="40"><rect width="30" height="40"/></svg>"#);
     let mut desk = Desk::new(demo());
@@ -421,7 +421,7 @@ fn a_drawing_becomes_a_plan_that_every_program_shows() {
 }
 
 #[test]
-fn a_world_file_lays_the_plan_that_comes_with_it_and_the_one_that_is_there() {
+fn world_file_aligns_its_plan_or_the_existing_one() {
     let loose =
         |name: &str, bytes: &[u8]| Chosen { name: name.into(), path: None, bytes: Some(bytes.into()) };
     let mut png = std::io::Cursor::new(Vec::new());
@@ -431,7 +431,7 @@ fn a_world_file_lays_the_plan_that_comes_with_it_and_the_one_that_is_there() {
     let world = loose("hall.pgw", b"0.05\n0\n0\n-0.05\n2\n9\n");
     desk.app().take_together(&ctx, vec![world, loose("hall.png", png.get_ref())]);
     desk.wait(|app| app.waiting() == 0);
-    assert_eq!(desk.site().cameras.len(), before.cameras.len(), "it is no still");
+    assert_eq!(desk.site().cameras.len(), before.cameras.len(), "it is not an image of a camera");
     let first = |desk: &Desk| {
         let plan = desk.site().plan.as_ref().unwrap();
         (plan.metres_per_px, plan.scale().floor_from_plan(calib_core::PlanPixel::new(0.5, 0.5)))
@@ -452,12 +452,12 @@ fn a_world_file_lays_the_plan_that_comes_with_it_and_the_one_that_is_there() {
     desk.app().load_plan(&ctx, two);
     desk.wait(|app| app.waiting() == 0);
     let told = desk.harness.state().editor.error().map(str::to_owned).unwrap();
-    assert!(told.contains("yard.png") && told.contains("c.wld"), "what was not taken is named: {told}");
+    assert!(told.contains("yard.png") && told.contains("c.wld"), "ignored parts are reported: {told}");
     assert_eq!(desk.site().plan.as_ref().unwrap().metres_per_px, before.plan.unwrap().metres_per_px);
 }
 
 #[test]
-fn what_fits_as_well_is_offered_and_the_image_stays_where_it_is() {
+fn alternative_solution_is_offered_and_the_view_is_kept() {
     let mut site = demo();
     let camera = &mut site.cameras[0];
     camera.annotations.retain(|annotation| annotation.kind == Kind::Vertical);
@@ -466,10 +466,10 @@ fn what_fits_as_well_is_offered_and_the_image_stays_where_it_is() {
     desk.harness.run_steps(3);
     let rect = desk.app().view.panes.rects[&(Place::Main, Pane::Image(0))];
     let at = desk.harness.get_by_label("Compare them").rect().center();
-    assert!(rect.contains(at), "it lies over the image");
+    assert!(rect.contains(at), "it is over the image");
     desk.drag_screen(&[at], Modifiers::NONE);
     desk.harness.run_steps(3);
-    assert!(desk.harness.query_by_label("Horizontal view 2").is_some(), "a family has sliders");
+    assert!(desk.harness.query_by_label("Horizontal field of view 2").is_some(), "a family has sliders");
     let (camera, family) =
         desk.app().editor.family().map(|(camera, family)| (camera, family.clone())).unwrap();
     let view = family.shown[1].view;
@@ -482,7 +482,7 @@ fn what_fits_as_well_is_offered_and_the_image_stays_where_it_is() {
 }
 
 #[test]
-fn a_chooser_that_is_closed_changes_nothing() {
+fn closed_chooser_changes_nothing() {
     for purpose in [
         Purpose::OpenSite,
         Purpose::SaveSite,
@@ -505,7 +505,7 @@ fn a_chooser_that_is_closed_changes_nothing() {
 }
 
 #[test]
-fn a_still_whose_rim_is_a_circle_brings_it_and_it_is_removed_and_found_again() {
+fn image_circle_is_detected_removed_and_detected_again() {
     let scratch = Scratch::new();
     let [w, h] = [480_u32, 400];
     let (u, v, radius) = (243.0, 198.0, 180.0);
@@ -521,7 +521,7 @@ fn a_still_whose_rim_is_a_circle_brings_it_and_it_is_removed_and_found_again() {
     desk.tell(Command::AddImages);
     desk.wait(|app| !app.editor.site().cameras.is_empty() && !app.is_working());
     let circle = |desk: &Desk| desk.site().cameras[0].image_circle();
-    let found = circle(&desk).expect("the circle comes with the still");
+    let found = circle(&desk).expect("the circle is detected when the image is loaded");
     assert!(found.centre().distance(Pixel::new(u, v)) < 0.6 && (found.radius - radius).abs() < 0.8);
     desk.harness.run_steps(3);
     desk.harness.get_by_label("Remove").click();
@@ -530,7 +530,7 @@ fn a_still_whose_rim_is_a_circle_brings_it_and_it_is_removed_and_found_again() {
     desk.undo();
     assert_eq!(circle(&desk), Some(found));
     desk.redo();
-    // It is a fisheye all the same, and of a fisheye the circle is sought at once.
+    // The lens is set to fisheye by hand; the image circle is detected at once.
     desk.harness.get_by_role_and_label(egui::Role::ComboBox, "Lens").click();
     desk.harness.run_steps(3);
     desk.harness.get_by_label("fisheye").click();

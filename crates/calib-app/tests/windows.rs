@@ -1,4 +1,5 @@
-//! Windows of every size: the image keeps its room, what the next click does is always said, the focus is seen.
+//! Windows of every size: the image keeps its space, the next click is always described, and the focus is
+//! visible.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -11,7 +12,7 @@ use egui::{Key, Vec2};
 use egui_kittest::kittest::Queryable as _;
 
 #[test]
-fn panels_fold_by_the_width_that_the_window_has_now() {
+fn panels_collapse_by_the_current_window_width() {
     let mut desk = Desk::new(demo());
     for (size, least) in [
         ([1440.0, 900.0], 850.0),
@@ -29,7 +30,7 @@ fn panels_fold_by_the_width_that_the_window_has_now() {
 }
 
 #[test]
-fn a_note_gives_way_to_what_the_next_click_does() {
+fn note_is_replaced_by_the_description_of_the_next_click() {
     let mut desk = Desk::new(demo());
     desk.app().act(calib_editor::Action::Note("Something happened.".into()));
     desk.harness.run_steps(2);
@@ -40,7 +41,7 @@ fn a_note_gives_way_to_what_the_next_click_does() {
 }
 
 #[test]
-fn sections_are_headings_and_undo_is_said_once() {
+fn sections_are_headings_and_undo_is_shown_once() {
     let mut desk = Desk::new(demo());
     desk.take("Vertical");
     desk.line(0, [600.0, 300.0].into(), [600.0, 500.0].into());

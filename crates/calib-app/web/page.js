@@ -1,12 +1,12 @@
-// The page about the app: loads it with progress, queues what is asked before it is there, and speaks for it
-// when it cannot: no WebAssembly or WebGL, a panic, a lost graphics context, storage that fails.
+// Page around the app: loads it with progress, queues requests until it runs, and shows messages when it cannot:
+// missing WebAssembly or WebGL, a panic, a lost graphics context, or failed storage.
 "use strict";
 
 (() => {
   const at = (id) => document.getElementById(id);
   const canvas = () => at("canvas");
 
-  /** A plain page in place of the app, with ways out. */
+  /** Shows a message instead of the app, with buttons. */
   const trouble = (title, text, ways = [], detail = "") => {
     at("trouble-title").textContent = title;
     at("trouble-text").textContent = text;
@@ -26,7 +26,7 @@
     at("trouble").querySelector("button")?.focus();
   };
 
-  /** What the browser keeps, each site to be downloaded without the app. */
+  /** Lists the sites stored in the browser, with a download button each. */
   const listKept = async () => {
     const records = await calib.store.list().catch(() => []);
     at("kept").replaceChildren(...records.map((record) => {
@@ -43,7 +43,7 @@
     }));
   };
 
-  const reload = ["Load the page again", () => location.reload()];
+  const reload = ["Reload the page", () => location.reload()];
   const rescue = () => {
     const { record, images } = calib.store.boat;
     return record ? [["Download the site", () => calib.store.rescue(record, images)]] : [];
@@ -51,40 +51,40 @@
 
   const cannot = (what) => {
     const text = `This browser ${what}. Calib needs a current Firefox, Chrome, Edge or Safari with WebAssembly and WebGL 2.`;
-    trouble("Calib cannot run in this browser", `${text} What was kept here can be downloaded, and the command line tool calib solves it.`);
+    trouble("Calib cannot run in this browser", `${text} You can download the stored sites and solve them with the command line tool calib.`);
     listKept();
   };
 
-  // What the app calls.
+  // Functions called by the app.
   calib.panicked = (message) => {
     if (calib.broken) return;
     calib.broken = true;
-    // The last finished gesture is in the lifeboat, whatever the app's own memory looks like.
+    // The last finished gesture is in the lifeboat, independent of the app's memory.
     setTimeout(() => {
-      trouble("Calib stopped", "A fault in the program stopped it. Your site is as it was after the last finished step.",
+      trouble("Calib stopped", "The program failed. Your site is saved up to the last finished step.",
         [...rescue(), reload], message);
       listKept();
     });
   };
-  calib.contextLost = () => trouble("The graphics card took the picture away",
-    "This happens when a laptop sleeps or a driver restarts. Nothing is lost.",
-    [["Show it again", () => calib.restart()], ...rescue()]);
+  calib.contextLost = () => trouble("The graphics context was lost",
+    "This happens when a laptop sleeps or a driver restarts. Your work is kept.",
+    [["Restore the display", () => calib.restart()], ...rescue()]);
   calib.contextBack = () => { at("trouble").hidden = true; canvas().focus(); };
   calib.shown = () => {
     canvas().classList.add("shown");
     at("start").hidden = true;
-    // Keys work from the first moment on; what is hidden could not take the focus.
+    // Focus the canvas so that keys work at once. Hidden elements cannot have the focus.
     if (at("trouble").hidden) canvas().focus({ preventScroll: true });
     performance.mark("calib-shown");
     document.documentElement.dataset.shown = Math.round(performance.now());
   };
-  /** A canvas without a lost context. */
+  /** Replaces the canvas by one with a working context. */
   calib.freshCanvas = () => {
     const fresh = canvas().cloneNode();
     canvas().replaceWith(fresh);
     return fresh;
   };
-  /** Asks for files; resolves with none when the operator changes his mind. */
+  /** Opens a file chooser; resolves with an empty list if it is cancelled. */
   calib.pick = async (accept, multiple) => {
     const files = await new Promise((resolve) => {
       const input = Object.assign(document.createElement("input"), { type: "file", accept, multiple });
@@ -94,12 +94,12 @@
     });
     return files.length && !await calib.reads() ? [] : files;
   };
-  /** A drawing as PNG on white, its longer side so many pixels. As an image it loads and runs nothing. */
+  /** Converts an SVG to a PNG on white; `side` is the longer side in pixels. As an image, an SVG loads no files and runs no scripts. */
   calib.draw = async (bytes, side) => {
     const PER_UNIT = { px: 1, "": 1, pt: 96 / 72, pc: 16, in: 96, cm: 96 / 2.54, mm: 96 / 25.4 };
     const text = new TextDecoder().decode(bytes);
     const [tag] = /<svg\b(?:[^>"']|"[^"]*"|'[^']*')*>/.exec(text) ?? [];
-    if (!tag) throw new Error("The plan is no whole SVG drawing: save it again, or as PNG.");
+    if (!tag) throw new Error("The plan is not a complete SVG drawing. Save it again, or as PNG.");
     const own = (name) => new RegExp(`\\s${name}\\s*=\\s*(?:"([^"]*)"|'([^']*)')`).exec(tag)?.slice(1).find((value) => value != null);
     const box = (own("viewBox") ?? "").trim().split(/[\s,]+/).map(Number);
     const length = (name) => {
@@ -107,7 +107,7 @@
       return number * PER_UNIT[unit];
     };
     const [w, h] = [length("width") || box[2], length("height") || box[3]];
-    if (!(w > 0 && h > 0 && w < 1e9 && h < 1e9)) throw new Error("The drawing has no size: give it a viewBox, or save it as PNG.");
+    if (!(w > 0 && h > 0 && w < 1e9 && h < 1e9)) throw new Error("The drawing has no size. Add a viewBox, or save it as PNG.");
     const zoom = side / Math.max(w, h);
     const picture = document.createElement("canvas");
     [picture.width, picture.height] = [w, h].map((length) => Math.max(1, Math.round(length * zoom)));
@@ -118,7 +118,7 @@
       const image = new Image();
       await new Promise((resolve, reject) => {
         image.onload = resolve;
-        image.onerror = () => reject(new Error("The plan is no whole SVG drawing: save it again, or as PNG."));
+        image.onerror = () => reject(new Error("The plan is not a complete SVG drawing. Save it again, or as PNG."));
         image.src = url;
       });
       const paint = picture.getContext("2d");
@@ -129,7 +129,7 @@
       return new Uint8Array(await png.arrayBuffer());
     } finally { URL.revokeObjectURL(url); }
   };
-  /** A picture of the demonstration as it comes with the page; none where it does not. */
+  /** Returns an image of the demonstration that is delivered with the page, or null. */
   calib.picture = async (name) => {
     const inline = document.querySelector(`script[data-picture="${CSS.escape(name)}"]`);
     if (inline) return Uint8Array.from(atob(inline.textContent), (c) => c.charCodeAt(0));
@@ -141,7 +141,7 @@
   Object.defineProperty(calib, "still", { get: () => matchMedia("(prefers-reduced-motion: reduce)").matches });
   const want = (wish) => { calib.queue.push(wish); calib.wake(); };
 
-  // Every word the app would say, to those who do not see it.
+  // Accessibility tree of the app, mirrored as HTML for screen readers.
   const ROLES = { Button: "button", CheckBox: "checkbox", RadioButton: "radio", Slider: "slider", TextInput: "textbox", MultilineTextInput: "textbox", SpinButton: "spinbutton", Link: "link", Image: "img", ComboBox: "combobox", MenuItem: "menuitem", Heading: "heading" };
   const nodes = new Map();
   calib.mirror = (text) => {
@@ -171,17 +171,17 @@
     if (tree.spoken && at("spoken").textContent !== tree.spoken) at("spoken").textContent = tree.spoken;
   };
 
-  // Keys that mean something here, and that the browser would take for its own.
+  // Key combinations of the app that the browser would handle itself.
   addEventListener("keydown", (event) => {
     if ((event.ctrlKey || event.metaKey) && (/^[adeikosz]$/i.test(event.key) || (event.shiftKey && /^[cpv]$/i.test(event.key)) || (event.altKey && event.key === "n")) && at("trouble").hidden) event.preventDefault();
   });
   addEventListener("contextmenu", (event) => { if (event.target === canvas()) event.preventDefault(); });
   addEventListener("beforeunload", (event) => { if (calib.unkept && !calib.broken) event.preventDefault(); });
-  // A file dropped before the app is there must not replace the page.
+  // A file dropped before the app runs must not replace the page.
   addEventListener("dragover", (event) => event.preventDefault());
   addEventListener("drop", (event) => {
     event.preventDefault();
-    // The app takes it, once it is shown and can read.
+    // The app handles the drop once it is shown and can read files.
     if (at("start").hidden && (!address() || calibRest.here)) return;
     event.stopImmediatePropagation();
     read([...event.dataTransfer.files]);
@@ -198,14 +198,14 @@
 
   const progress = (share) => { at("progress").value = share; };
 
-  /** A program, whatever the host says that it is. */
+  /** Returns a response with the WebAssembly type, because some hosts send another type. */
   const program = (bytes) => new Response(bytes, { headers: { "Content-Type": "application/wasm" } });
   const body = async (url) => {
     const response = await fetch(url);
     if (!response.ok) throw new Error(`${url}: ${response.status}`);
     return response.body;
   };
-  /** The app's bytes as a response that counts itself. */
+  /** Returns the app's bytes as a response that updates the progress bar. */
   const counted = (bytes, size) => {
     let seen = 0;
     const counter = new TransformStream({ transform(chunk, out) { seen += chunk.byteLength; progress(seen / size); out.enqueue(chunk); } });
@@ -222,14 +222,14 @@
     return counted(await body(wasm), size);
   };
 
-  /** Where the rest of the program is; none where the program is in one part. */
+  /** Returns the address of the second part of the program, or nothing if the program is in one part. */
   const address = () => {
     const { rest } = document.documentElement.dataset;
     return rest && new URL(rest, location.href).href;
   };
   let begin, rest = null;
   const begun = new Promise((resolve) => { begin = resolve; });
-  /** The rest of the program, joined to its first part; what could not be fetched is asked for again. */
+  /** Loads the second part of the program and joins it to the first. A failed download is repeated at the next call. */
   calib.rest = () => rest ??= (async () => {
     if (!address()) return null;
     await begun;
@@ -238,16 +238,16 @@
     return module;
   })().catch((error) => {
     rest = null;
-    throw new Error(`the rest of the program did not arrive: ${error}`);
+    throw new Error(`part of the program could not be downloaded: ${error}`);
   });
-  /** Whether files can be read; where they cannot, it is said. */
+  /** Returns whether files can be read, and shows a message if not. */
   calib.reads = async () => {
     try {
       await calib.rest();
       return true;
     } catch (error) {
-      trouble("Files cannot be read yet", "The part of the program that reads them did not arrive. Nothing is lost: go on, and choose them again when the network is back.",
-        [["Go on", goOn], ...rescue()], String(error));
+      trouble("Files cannot be read yet", "Part of the program could not be downloaded. Continue, and choose the files again when the network is back.",
+        [["Continue", goOn], ...rescue()], String(error));
       return false;
     }
   };
@@ -258,8 +258,8 @@
     if (at("start").hidden) canvas().focus();
   };
 
-  /** Work that would hold up frames, one piece after the other in a worker of the same program; what takes
-   * long has a worker of its own, so that images need not wait for it and it can be stopped. */
+  /** Runs long work in workers of the same program, one task after another per worker. Each slow kind of task has its
+   * own worker, so that images need not wait and the task can be cancelled. */
   const OWN = ["refine", "propose", "compare", "recover"];
   const workers = new Map();
   const hire = (lane) => {
@@ -286,7 +286,7 @@
     const url = URL.createObjectURL(new Blob([source, listen], { type: "text/javascript" }));
     const hired = new Worker(url);
     const told = calib.rest().then((rest) => hired.postMessage({ module: calib.module, rest }));
-    // A worker that broke is replaced with the next piece of work; what waited for it is told.
+    // A failed worker is replaced at the next task; its waiting tasks are rejected.
     const dismiss = (why) => {
       hired.terminate();
       URL.revokeObjectURL(url);
@@ -315,7 +315,7 @@
     if (!workers.has(lane)) workers.set(lane, hire(lane));
     return workers.get(lane).act(kind, name, width, bytes);
   };
-  calib.dismiss = (kind) => workers.get(kind)?.dismiss("it was stopped");
+  calib.dismiss = (kind) => workers.get(kind)?.dismiss("it was cancelled");
 
   const offline = async () => {
     if (!("serviceWorker" in navigator) || !location.protocol.startsWith("http")) return;
@@ -324,9 +324,9 @@
 
   const start = async () => {
     if (typeof WebAssembly !== "object") return cannot("has no WebAssembly");
-    // A function that returns a vector.
+    // A module whose function returns a SIMD vector.
     const vectors = Uint8Array.of(0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 8, 1, 6, 0, 65, 0, 253, 15, 11);
-    if (!WebAssembly.validate(vectors)) return cannot("has no vectors in its WebAssembly");
+    if (!WebAssembly.validate(vectors)) return cannot("has no WebAssembly SIMD");
     if (!document.createElement("canvas").getContext("webgl2")) return cannot("has no WebGL 2");
     try {
       if (address()) calibRest.address = address();
@@ -337,10 +337,10 @@
       await calib.rest().catch(() => {});
     } catch (error) {
       if (calib.broken) return;
-      trouble("Calib could not be loaded", "The program did not arrive whole.", [reload], String(error?.stack ?? error));
+      trouble("Calib could not be loaded", "The program could not be downloaded completely. Check the network and reload the page.", [reload], String(error?.stack ?? error));
       listKept();
     }
   };
-  // What is kept for a visit without a network is fetched when what is wanted now is there.
+  // Files for offline use are fetched after the app runs.
   start().then(offline);
 })();

@@ -1,21 +1,21 @@
-// The rest of the program: what its first picture, drawing and solving do without. Its functions stand in the table of the
-// first part; until they are there, what is called in their place fetches them.
+// Second part of the program: code that is not needed for the first frame, drawing and solving. Its functions are in the
+// function table of the first part. Until they are loaded, placeholders load them when called.
 "use strict";
 
 globalThis.calibRest = {
-  /** Where the rest is fetched. */
+  /** Address of the second part. */
   address: null,
-  /** What the first part exports, from its beginning on. */
+  /** Exports of the first part. */
   first: null,
   here: false,
 
-  /** Joins the rest to the first part. */
+  /** Joins the second part to the first. */
   async join(module) {
     await WebAssembly.instantiate(module, { first: this.first });
     this.here = true;
   },
 
-  /** Fetches and joins it at once, for who called something of it before it came. */
+  /** Loads and joins it synchronously, for a call before it was loaded. */
   joinNow() {
     const request = new XMLHttpRequest();
     request.open("GET", this.address, false);
@@ -28,12 +28,12 @@ globalThis.calibRest = {
   },
 };
 
-/** What the first part imports: by the slot of the table that a function of the rest will stand in. */
+/** Imports of the first part: placeholders by table slot, for functions of the second part. */
 calibRest.placeholders = new Proxy({}, { get: (_, slot) => (...values) => {
   try {
     if (!calibRest.here) calibRest.joinNow();
   } catch (error) {
-    globalThis.calib?.panicked?.(`The rest of the program did not arrive. ${error}`);
+    globalThis.calib?.panicked?.(`Part of the program could not be downloaded. ${error}`);
     throw error;
   }
   return calibRest.first.table.get(Number(slot))(...values);

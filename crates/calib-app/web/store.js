@@ -1,5 +1,5 @@
-// Sites and their images in the browser's database, and the lifeboat: the newest site, held here in case
-// the database or the app fails. Plain JavaScript, because it must work where the app does not.
+// Sites and their images in the browser's database, and the lifeboat: the newest site, kept here in case the database or
+// the app fails. Plain JavaScript, because it must work when the app does not.
 "use strict";
 
 const calib = globalThis.calib = { queue: [], unkept: false };
@@ -7,7 +7,7 @@ const calib = globalThis.calib = { queue: [], unkept: false };
 calib.store = (() => {
   const SITES = "sites", IMAGES = "images";
   let opened = null;
-  // What the app handed over last: its record, and the bytes of its images by id.
+  // Last site passed by the app: its record, and the bytes of its images by id.
   const boat = { record: null, images: new Map() };
 
   const done = (request) => new Promise((resolve, reject) => {
@@ -35,14 +35,14 @@ calib.store = (() => {
   });
   const range = (id) => IDBKeyRange.bound([id], [id, []]);
 
-  /** Every kept site, newest first, without its images. */
+  /** Returns all stored sites without their images, newest first. */
   const list = async () => {
     const base = await database();
     const records = await done(base.transaction(SITES).objectStore(SITES).getAll());
     return records.sort((a, b) => b.kept - a.kept);
   };
 
-  /** Keeps a site and those of its images that are new; the revision tells two tabs apart. */
+  /** Stores a site and its new images. The revision detects changes by another tab. */
   const write = async (record, images) => {
     const base = await database();
     const transaction = base.transaction([SITES, IMAGES], "readwrite");
@@ -62,7 +62,7 @@ calib.store = (() => {
     return record.revision + 1;
   };
 
-  /** Takes the site into the lifeboat, then writes it. Images: [id, type, name, bytes] of those not sent before. */
+  /** Copies the site to the lifeboat, then stores it. `images`: [id, type, name, bytes] of new images. */
   const keep = async (text, images) => {
     const record = JSON.parse(text);
     if (boat.record?.id !== record.id) boat.images.clear();
@@ -71,7 +71,7 @@ calib.store = (() => {
     return write(record, images.map(([id, , , bytes]) => [id, bytes]));
   };
 
-  /** A kept site with its images: [record, [[id, bytes]]]. */
+  /** Returns a stored site with its images: [record, [[id, bytes]]]. */
   const load = async (id) => {
     const base = await database();
     const transaction = base.transaction([SITES, IMAGES]);
@@ -80,17 +80,17 @@ calib.store = (() => {
       done(transaction.objectStore(IMAGES).getAllKeys(range(id))),
       done(transaction.objectStore(IMAGES).getAll(range(id))),
     ]);
-    if (!record) throw new DOMException("the site is gone", "NotFoundError");
+    if (!record) throw new DOMException("the site was removed", "NotFoundError");
     return [record, keys.map((key, i) => [key[1], values[i]])];
   };
 
-  /** The bytes of images with their types, by id. */
+  /** Returns images with their types, by id. */
   const typed = (record, entries) => {
     const types = new Map((record.images ?? []).map((image) => [image.id, image.mime]));
     return new Map(entries.map(([id, bytes]) => [id, { type: types.get(id) ?? "", bytes }]));
   };
 
-  /** As `load`, the record as text; from now on the site is the one in the lifeboat. */
+  /** Loads a site, with the record as text, and copies it to the lifeboat. */
   const open = async (id) => {
     const [record, entries] = await load(id);
     await calib.rest();
@@ -125,7 +125,7 @@ calib.store = (() => {
     download(`${record.name || "site"}.json`, "application/json", JSON.stringify(site, null, 2));
   };
 
-  /** Downloads a kept site. */
+  /** Downloads a stored site. */
   const rescueKept = async (id) => {
     const [record, entries] = await load(id);
     return rescue(record, typed(record, entries));
@@ -139,7 +139,7 @@ calib.store = (() => {
     document.body.append(link);
     link.click();
     link.remove();
-    // The browser has begun to read it by then.
+    // The browser has started the download by then.
     setTimeout(() => URL.revokeObjectURL(url), 60_000);
   };
 

@@ -1,5 +1,5 @@
-// Serves this version of the page without a network. A newer version is installed beside it and takes over
-// when no page of this one is open any more: what is open never sees files of another version.
+// Serves this version of the page offline. A newer version is installed in parallel and takes over when no page of this
+// version is open, so an open page never gets files of another version.
 "use strict";
 
 const CACHE = "calib-VERSION";

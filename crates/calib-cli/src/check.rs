@@ -10,7 +10,7 @@ use crate::site_file::SiteFile;
 use crate::solve::Format;
 use crate::stop::CommandError;
 use crate::stop::escape_control_characters;
-use calib_report::{centimetres, few, planes_text, together, worst_first};
+use calib_report::{centimetres, connectivity_text, planes_text, shortened_list, worst_first};
 
 /// Arguments of `calib check`.
 #[derive(Debug, clap::Args)]
@@ -206,7 +206,7 @@ fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
         .map(|(pair, apart)| format!("{} {} cm", pair.cameras.join(" \u{2013} "), centimetres(apart)))
         .collect();
     if !far.is_empty() {
-        let pairs = few(far.iter().map(String::as_str));
+        let pairs = shortened_list(far.iter().map(String::as_str));
         faults.push(format!("distances on the floor {pairs}, allowed {} cm", centimetres(most)));
     }
     let is_measured = overlaps.iter().any(|pair| pair.floor_rms_m.is_some());
@@ -226,7 +226,7 @@ fn checked_site_numbers(solution: &SiteSolution) -> String {
     let worst = worst_first(&solution.overlaps)
         .into_iter()
         .find_map(|pair| Some(format!("at most {} cm apart on the floor", centimetres(pair.floor_rms_m?))));
-    let parts: Vec<String> = together(solution).into_iter().chain(worst).collect();
+    let parts: Vec<String> = connectivity_text(solution).into_iter().chain(worst).collect();
     if parts.is_empty() { String::new() } else { format!(" ({})", parts.join("; ")) }
 }
 

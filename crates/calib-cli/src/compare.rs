@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use calib_core::{Camera, Pixel};
 use calib_image::{CameraChange, Comparison, SizeMismatchError, annotation_edges, recover};
-use calib_report::{decimals, few};
+use calib_report::{decimals, shortened_list};
 use calib_site::{NewImage, Site, SiteCamera};
 use image::{Rgb, RgbImage};
 use jiff::Timestamp;
@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if changed.is_empty() {
         return Ok(());
     }
-    Err(CommandError::Unsolved(format!("changed, or could not be checked: {}", few(changed))))
+    Err(CommandError::Unsolved(format!("changed, or could not be checked: {}", shortened_list(changed))))
 }
 
 fn has_changed(of: &CameraComparison) -> bool {
@@ -152,7 +152,7 @@ fn camera_id_of_image(file: &SiteFile, path: &Path) -> Result<String, CommandErr
         let what = format!(
             "{}: unknown camera. Give --camera, or start the file name with one of {}",
             path.display(),
-            few(file.site.cameras.iter().map(|camera| camera.id.as_str()))
+            shortened_list(file.site.cameras.iter().map(|camera| camera.id.as_str()))
         );
         CommandError::Usage(what)
     })
@@ -417,7 +417,7 @@ fn recover_camera(
     drop(pulse);
     Ok(found.map_err(|refusal| refusal.to_string()).map(|found| {
         if !found.left_out.is_empty() {
-            let names = few(found.left_out.iter().map(String::as_str));
+            let names = shortened_list(found.left_out.iter().map(String::as_str));
             print_message(format_args!(
                 "calib: camera \"{}\": not found in the newer image, left out: {names}",
                 of.id

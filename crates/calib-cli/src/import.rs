@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use calib_formats::{File, Format, MAX_BYTES, MAX_FILES};
-use calib_report::few;
+use calib_report::shortened_list;
 use calib_site::{Plan, Site, SiteCamera};
 
 use crate::export::{format_named, formats};
@@ -51,7 +51,7 @@ pub(crate) fn merge(file: SiteFile, imported: Site, replaces: bool) -> Result<Si
 }
 
 fn list(names: &[String]) -> String {
-    few(names.iter().map(String::as_str))
+    shortened_list(names.iter().map(String::as_str))
 }
 
 fn report_merge(path: &str, added: &[String], replaced: &[String]) {

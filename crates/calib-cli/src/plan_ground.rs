@@ -1,14 +1,14 @@
 //! Pixels of the plan view of a site.
 
-use calib_report::{GROUND, Ground, PLAN_SHARE, Svg};
+use calib_report::{BACKGROUND, PLAN_OPACITY, PlanBackground, Svg};
 use calib_site::Site;
 use image::{Rgb, RgbImage, imageops};
 
 /// Returns the background of the plan view, with the plan's image if it exists, and the overlay of the site.
 pub(crate) fn plan_view(site: &Site, picture: Option<RgbImage>) -> (RgbImage, Svg) {
-    let (Ground { size: [w, h], has_picture }, svg) =
+    let (PlanBackground { size: [w, h], has_image: has_picture }, svg) =
         calib_report::plan_view(site, picture.as_ref().map(|picture| picture.dimensions().into()));
-    let mut ground = RgbImage::from_pixel(w, h, Rgb(GROUND));
+    let mut ground = RgbImage::from_pixel(w, h, Rgb(BACKGROUND));
     if let Some(picture) = picture.filter(|_| has_picture) {
         imageops::replace(&mut ground, &lighten(picture), 0, 0);
     }
@@ -17,7 +17,7 @@ pub(crate) fn plan_view(site: &Site, picture: Option<RgbImage>) -> (RgbImage, Sv
 
 fn lighten(mut image: RgbImage) -> RgbImage {
     for pixel in image.pixels_mut() {
-        let mix = |value: u8| f64::from(value) * PLAN_SHARE + 255.0 * (1.0 - PLAN_SHARE);
+        let mix = |value: u8| f64::from(value) * PLAN_OPACITY + 255.0 * (1.0 - PLAN_OPACITY);
         pixel.0 = pixel.0.map(|value| mix(value).round() as u8);
     }
     image

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use calib_core::{Annotation, ImageCircle};
-use calib_image::{Group, Proposal, EdgeImage, Verdict, image_circle, line_segments};
-use calib_report::{few, is_fitted, overlay, straight_down};
+use calib_image::{AutomaticCalibration, Confidence, EdgeImage, Group, image_circle, line_segments};
+use calib_report::{is_lens_estimated, overlay, shortened_list, straight_down_text};
 use calib_site::{Options, Site, SiteCamera};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -35,10 +35,10 @@ enum Accept {
 }
 
 impl Accept {
-    fn accepts(self, proposal: &Proposal) -> bool {
+    fn accepts(self, proposal: &AutomaticCalibration) -> bool {
         match self {
-            Self::Sure => proposal.confidence == Verdict::Sure,
-            Self::Check => proposal.confidence != Verdict::None,
+            Self::Sure => proposal.confidence == Confidence::Sure,
+            Self::Check => proposal.confidence != Confidence::None,
             Self::All => proposal.solution.is_some(),
         }
     }
@@ -75,7 +75,7 @@ struct ImageCalibration {
     size: [u32; 2],
     /// Image circle of a fisheye lens, in raw pixels.
     image_circle: Option<ImageCircle>,
-    calibration: Proposal,
+    calibration: AutomaticCalibration,
     is_accepted: bool,
 }
 
@@ -128,7 +128,7 @@ fn calibrate_image(path: PathBuf, accept: Accept) -> Result<ImageCalibration, Co
     let image_circle = image_circle(&image);
     let principal_point = image_circle.map(ImageCircle::centre);
     let still = EdgeImage::new(line_segments(&image), size);
-    let proposal = Proposal::new(&EdgeImage { principal_point, image_circle, ..still });
+    let proposal = AutomaticCalibration::new(&EdgeImage { principal_point, image_circle, ..still });
     let is_accepted = accept.accepts(&proposal);
     Ok(ImageCalibration { path, size, image_circle, calibration: proposal, is_accepted })
 }
@@ -155,7 +155,9 @@ fn camera(result: &ImageCalibration, id: String, output: &str) -> SiteCamera {
     if result.is_accepted {
         // The straight edges determine the distortion if it is later estimated; they have no effect while the
         // lens is fixed.
-        camera.annotations.extend(result.calibration.straight.iter().cloned().map(Annotation::from_points));
+        camera
+            .annotations
+            .extend(result.calibration.curved_edges.iter().cloned().map(Annotation::from_points));
     }
     if result.image_circle.is_some() {
         let lens = camera.lens.get_or_insert_default();
@@ -187,7 +189,8 @@ fn draw(site: &Site, results: &[ImageCalibration], folder: &Path, force: bool) -
         };
         let alone = Site { cameras: vec![shown], ..Site::new() };
         let shown = &alone.cameras[0];
-        let picture = draw_on(&overlay(&alone, shown, is_fitted(shown)), &site_file::read_image(path)?)?;
+        let picture =
+            draw_on(&overlay(&alone, shown, is_lens_estimated(shown)), &site_file::read_image(path)?)?;
         let name = folder.join(format!("{}.png", camera.id)).to_string_lossy().into_owned();
         files::write(&name, &picture::encode(&picture, &name)?, force)?;
     }
@@ -207,7 +210,7 @@ fn report(args: &Args, site: &Site, results: &[ImageCalibration]) -> Result<(), 
 }
 
 /// Returns the reasons why an automatic calibration is not sure; empty if it is.
-fn reason(proposal: &Proposal) -> String {
+fn reason(proposal: &AutomaticCalibration) -> String {
     proposal.reasons.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
@@ -225,7 +228,7 @@ fn text(site: &Site, results: &[ImageCalibration]) -> String {
         if let (Some(solution), Some(sigma)) = (&proposal.solution, proposal.focal_sigma_rel) {
             let angle = |angle: Option<f64>| angle.map_or_else(|| "-".into(), |angle| format!("{angle:.2}"));
             // Roll belongs to the heading of the image's top edge if the camera looks straight down.
-            let roll = solution.roll_deg.filter(|_| straight_down(solution).is_none());
+            let roll = solution.roll_deg.filter(|_| straight_down_text(solution).is_none());
             let (roll, pitch) = (angle(roll), angle(solution.pitch_deg));
             let _ =
                 write!(out, " {roll:>9} {pitch:>10} {:>14.1} {:>6.1} %", solution.focal_px, 100.0 * sigma);
@@ -245,7 +248,7 @@ fn json(site: &Site, results: &[ImageCalibration]) -> Result<String, CommandErro
             "kind": group.annotation.kind.row().name,
             "probability": group.probability(),
             "segments": group.probabilities,
-            "lies": group.lies,
+            "lies": group.classes,
         })
     };
     let of = |(camera, ImageCalibration { calibration: proposal, is_accepted, .. }): (
@@ -286,7 +289,7 @@ fn check_all_accepted(site: &Site, results: &[ImageCalibration]) -> Result<(), C
         "{} of {} images have no accepted calibration: {}. Annotate them, or review the results of --accept all",
         unaccepted.len(),
         results.len(),
-        few(unaccepted.iter().copied())
+        shortened_list(unaccepted.iter().copied())
     )))
 }
 

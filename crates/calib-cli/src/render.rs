@@ -1,6 +1,6 @@
 //! `calib render`: draws overlays on an image, or all cameras on the plan.
 
-use calib_report::{Svg, is_fitted, overlay};
+use calib_report::{Svg, is_lens_estimated, overlay};
 use calib_site::SiteCamera;
 use image::RgbImage;
 
@@ -64,7 +64,7 @@ pub(crate) fn camera_view(
 ) -> Result<(RgbImage, Svg), CommandError> {
     let mut image = file.camera_image(entry)?;
     // A second grid would hide the colours of the error.
-    let mut svg = overlay(&file.site, entry, lens_grid || (!sigma && is_fitted(entry)));
+    let mut svg = overlay(&file.site, entry, lens_grid || (!sigma && is_lens_estimated(entry)));
     if sigma {
         let not_calibrated = || CommandError::Unsolved(format!("camera \"{}\" is not calibrated", entry.id));
         let camera = entry.camera().ok_or_else(not_calibrated)?;

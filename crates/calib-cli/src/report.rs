@@ -1,7 +1,7 @@
 //! `calib report`: writes one self-contained HTML page for handover.
 
 use base64::Engine as _;
-use calib_report::{Picture, Shown, WalkPage};
+use calib_report::{EmbeddedImage, ImageRequest, WalkPage};
 use calib_site::SiteCamera;
 use image::RgbImage;
 
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
 /// Builds the page. An unreadable image is reported, and the page shows the reason instead.
 fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, CommandError> {
     let mut failure = None;
-    let mut pictures = |shown: Shown<'_>| match read_picture(file, shown) {
+    let mut pictures = |shown: ImageRequest<'_>| match read_picture(file, shown) {
         Ok(picture) => Ok(picture),
         Err(CommandError::Invalid(message)) => {
             print_message(format_args!("calib: {message}"));
@@ -67,10 +67,10 @@ fn page(file: &SiteFile, walk: Option<&WalkPage<'_>>) -> Result<String, CommandE
     failure.map_or(Ok(page), Err)
 }
 
-fn read_picture(file: &SiteFile, shown: Shown<'_>) -> Result<Picture, CommandError> {
+fn read_picture(file: &SiteFile, shown: ImageRequest<'_>) -> Result<EmbeddedImage, CommandError> {
     match shown {
-        Shown::Camera(camera) => embed(&file.camera_image(camera)?),
-        Shown::Plan => {
+        ImageRequest::Camera(camera) => embed(&file.camera_image(camera)?),
+        ImageRequest::Plan => {
             let plan = file.plan_image()?;
             embed(&plan.ok_or_else(|| CommandError::Invalid("the plan has no image".into()))?)
         }
@@ -78,7 +78,7 @@ fn read_picture(file: &SiteFile, shown: Shown<'_>) -> Result<Picture, CommandErr
 }
 
 /// Encodes an image for the page.
-fn embed(image: &RgbImage) -> Result<Picture, CommandError> {
+fn embed(image: &RgbImage) -> Result<EmbeddedImage, CommandError> {
     let data = base64::engine::general_purpose::STANDARD.encode(picture::jpeg(image)?);
-    Ok(Picture { href: format!("data:image/jpeg;base64,{data}"), size: image.dimensions().into() })
+    Ok(EmbeddedImage { href: format!("data:image/jpeg;base64,{data}"), size: image.dimensions().into() })
 }

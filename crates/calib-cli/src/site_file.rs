@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use base64::Engine as _;
 use calib_core::Code;
 use calib_input::{FileError, decode, image_size};
-use calib_report::few;
+use calib_report::shortened_list;
 use calib_site::{MAX_BYTES, Names, Options, Site, SiteCamera, Warning};
 use image::RgbImage;
 use jiff::Timestamp;
@@ -91,7 +91,7 @@ impl SiteFile {
         if self.site.cameras.iter().any(|camera| camera.id == id) {
             return Ok(());
         }
-        let ids = few(self.site.cameras.iter().map(|camera| camera.id.as_str()));
+        let ids = shortened_list(self.site.cameras.iter().map(|camera| camera.id.as_str()));
         let has = if ids.is_empty() { "no cameras".into() } else { format!("the cameras {ids}") };
         Err(CommandError::Usage(format!("--camera {id}: unknown camera; {} has {has}", self.path)))
     }

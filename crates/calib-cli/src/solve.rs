@@ -4,7 +4,10 @@ use std::fmt::Write as _;
 
 use calib_core::{Finding, Residual, ResidualOf};
 use calib_draw::{Element, View, elements};
-use calib_report::{centimetres, few, kinds, planes_text, straight_down, together, worst_first};
+use calib_report::{
+    centimetres, connectivity_text, group_warnings, planes_text, shortened_list, straight_down_text,
+    worst_first,
+};
 use calib_site::{FailureEntry, Method, Options, Overlap, Site, SiteCamera, Solution, Stage, Warning};
 use clap::ValueEnum;
 
@@ -23,7 +26,7 @@ pub(crate) fn site_summary(site: &Site) -> String {
     let mut out = String::new();
     let Some(solution) = &site.solution else { return out };
     out.push_str("\nsite\n");
-    if let Some(line) = together(solution) {
+    if let Some(line) = connectivity_text(solution) {
         let _ = writeln!(out, "  {line}");
     }
     overlaps(&mut out, &solution.overlaps);
@@ -78,7 +81,7 @@ fn errors(out: &mut String, elements: &[Element]) {
     let shown = &views[..views.len().min(MAX_ROWS)];
     let names: Vec<String> = shown
         .iter()
-        .map(|(element, view)| format!("{} {} in {}", element.what, element.id, view.entry.id))
+        .map(|(element, view)| format!("{} {} in {}", element.kind, element.id, view.entry.id))
         .collect();
     let width = names.iter().map(|name| name.chars().count()).chain([30]).max().unwrap_or(0);
     let _ = writeln!(out, "\n  {:width$} {:>9} {:>10}", "worst links and marks", "px", "cm");
@@ -90,7 +93,7 @@ fn errors(out: &mut String, elements: &[Element]) {
 }
 
 fn warnings(out: &mut String, warnings: &[Warning]) {
-    for (index, kind) in kinds(warnings).iter().enumerate() {
+    for (index, kind) in group_warnings(warnings).iter().enumerate() {
         if index == 0 && !out.ends_with("site\n") {
             out.push('\n');
         }
@@ -217,7 +220,7 @@ pub(crate) fn check_all_solved(cameras: &[&SiteCamera]) -> Result<(), CommandErr
         "{} of {} cameras could not be solved: {}",
         failed.len(),
         cameras.len(),
-        few(failed.iter().copied())
+        shortened_list(failed.iter().copied())
     )))
 }
 
@@ -268,7 +271,7 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
         let _ = writeln!(out, "{ASSUMED_MARK} assumed height; the \u{b1} of the floor excludes the scale.");
     }
     for CameraReport { camera, .. } in reports {
-        if let Some(down) = camera.solution.as_ref().and_then(straight_down) {
+        if let Some(down) = camera.solution.as_ref().and_then(straight_down_text) {
             let _ = writeln!(out, "{:width$}  {down}", camera.id);
         }
     }
@@ -302,7 +305,7 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution,
     let placed = solution.stage >= Stage::Placed;
     let assumed = if scale_is_known { "" } else { ASSUMED_MARK };
     // Roll and yaw are one rotation for a camera that looks straight down.
-    let is_down = straight_down(solution).is_some();
+    let is_down = straight_down_text(solution).is_some();
     let own_turn = |angle: Option<f64>| angle.filter(|_| !is_down);
     let _ = writeln!(
         out,

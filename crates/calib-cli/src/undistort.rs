@@ -10,7 +10,7 @@ use crate::args::{OutputArgs, SiteArgs};
 use crate::files;
 use crate::stop::CommandError;
 use crate::windows::{self, WindowArgs};
-use calib_report::lens_of;
+use calib_report::camera_lens;
 
 /// Part of the undistorted plane in the image.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     }
     let file = args.site.read()?;
     let entry = file.camera(&args.camera)?;
-    let lens = lens_of(entry);
+    let lens = camera_lens(entry);
     if let (None, Distortion::None, Some(error)) = (&entry.solution, lens.distortion, &entry.error) {
         let what = format!("camera \"{}\": its lens is unknown: {}", entry.id, error.message);
         return Err(CommandError::Unsolved(what));

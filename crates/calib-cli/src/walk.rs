@@ -3,7 +3,7 @@
 use calib_core::FloorPoint;
 
 use calib_health::{Disagreement, Walk, WalkResult, Zones};
-use calib_report::{WalkPage, direction, zone_name};
+use calib_report::{WalkPage, disagreement_text, zone_name};
 
 use crate::args::SiteArgs;
 use crate::detections::{DetectionArgs, Detections, TableArgs};
@@ -176,14 +176,14 @@ fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones)
         ));
     }
     let accused = result.disagreements.iter();
-    faults.extend(accused.map(|one| format!("{} {}", names[one.camera], direction(one))));
+    faults.extend(accused.map(|one| format!("{} {}", names[one.camera], disagreement_text(one))));
     let is_wrong = |error: Option<f64>, sigma: Option<f64>| {
         error.zip(sigma).is_some_and(|(error, sigma)| error - 2.0 * sigma > limits.max_error_m)
     };
     let wrong = zones.list.iter().filter(|zone| is_wrong(zone.error, zone.error_sigma));
     let wrong: Vec<String> = wrong.map(zone_name).collect();
     if !wrong.is_empty() {
-        let list = calib_report::few(wrong.iter().map(String::as_str));
+        let list = calib_report::shortened_list(wrong.iter().map(String::as_str));
         faults.push(format!("floor error over {} m in the zones {list}", limits.max_error_m));
     }
     let walked = zones.list.iter().filter(|zone| zone.moments > 0).count() as f64;
@@ -237,7 +237,7 @@ fn fault_json(one: &Disagreement) -> serde_json::Value {
     let [x, y, z, yaw, pitch, roll, focal] = one.errors;
     serde_json::json!({
         "sigmas_clear": one.significance, "shift_m": one.shift, "shift_sigma_m": one.shift_sigma,
-        "says": direction(one),
+        "says": disagreement_text(one),
         "likeliest": {
             "x_m": x, "y_m": y, "z_m": z, "yaw_deg": yaw.to_degrees(), "pitch_deg": pitch.to_degrees(),
             "roll_deg": roll.to_degrees(), "focal_px": focal,

@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if moved.is_empty() {
         return Ok(());
     }
-    Err(CommandError::Unsolved(format!("moved: {}", calib_report::few(moved))))
+    Err(CommandError::Unsolved(format!("moved: {}", calib_report::shortened_list(moved))))
 }
 
 /// Drift detection with its saved state.

@@ -8,7 +8,7 @@ use calib_core::{Camera, Distortion, Lens, Pixel, Plane, Window};
 use calib_core::floor::{Look, Mount, lens_reach};
 
 use calib_formats::remap_npy;
-use calib_report::lens_of;
+use calib_report::camera_lens;
 use calib_site::{SiteCamera, Stage};
 use clap::ValueEnum;
 use image::RgbImage;
@@ -115,7 +115,7 @@ impl WindowArgs {
 
 /// Returns the lens and the focal length of a camera, in pixels.
 fn lens_and_focal(entry: &SiteCamera) -> Result<(Lens, f64), CommandError> {
-    let lens = lens_of(entry);
+    let lens = camera_lens(entry);
     let own = (lens.distortion != Distortion::None).then_some(lens.focal);
     let focal = entry.solution.as_ref().map(|solution| solution.focal_px).or(own);
     let unknown =

@@ -1,43 +1,57 @@
-//! Two-stage calibration of the cameras of a site from scene geometry, one still image each.
+//! Camera calibration from scene geometry: one still image per camera, without patterns.
 //!
-//! The method is that of A. Abramov, "Two-Stage Camera Calibration Method for Multi-Camera Systems
-//! Using Scene Geometry":
+//! The method is A. Abramov's "Two-Stage Camera Calibration Method for Multi-Camera Systems Using Scene
+//! Geometry":
 //!
-//! 1. [`Lens`]: distortion, before all else.
-//! 2. Stage 1, one camera: lines the operator draws ([`Annotation`]) give roll, pitch and focal;
-//!    the polygon of the effective field of view is projected on the floor ([`efov_on_floor`]),
-//!    right in shape, with the camera 3 m above (0, 0).
-//! 3. Stage 2, the site: moving, turning and scaling that polygon ([`Placement`]), or control
-//!    points, give x0, y0, yaw and z0; points, posts, lines and virtual elements that cameras see in
-//!    common, and known distances, refine all cameras together ([`BundleAdjustment::solve`]).
-//! 4. The result: a [`Camera`] maps pixels to the floor and points of space to pixels.
+//! 1. Lens distortion is fitted to straight edges ([`LensFit`]) or given ([`Lens`]).
+//! 2. Stage 1 estimates one camera. Lines of the operator ([`Annotation`]) determine roll, pitch and focal
+//!    ([`Fit`]). The effective field of view (EFOV) is projected to the floor ([`efov_on_floor`]), with the
+//!    camera 3 m above (0, 0).
+//! 3. Stage 2 estimates all cameras in one coordinate system. The placement of the EFOV on a plan
+//!    ([`Placement`]) or control points determine x0, y0, z0 and yaw. Points, posts and lines that several
+//!    cameras observe, and known distances, refine all cameras jointly ([`BundleAdjustment::solve`]).
+//! 4. A [`Camera`] maps pixels to the floor, and points in space to pixels.
 //!
-//! The folders of the source, in the order of the method; each states its law in its `mod.rs`:
+//! This crate takes values and returns values. The site file, its checks and its messages are in
+//! `calib-site`.
 //!
-//! - `camera`: points by space, distortion models, the pinhole, reprojection with Jacobians, covariances;
-//! - `optimize`: Levenberg-Marquardt, Nelder-Mead, normal equations, Schur complement, sparse Cholesky;
-//! - `floor`: what one calibrated camera shows of the floor: projection, EFOV, resection, undistorted images;
-//! - `outcome`: how a solve ended, as values: findings, failures, residuals, suggestions;
-//! - `single`: stage 1, one camera from annotations: the lens by the plumb-line method, then the
-//!   maximum-likelihood fit or the paper's criterion, outliers, covariance;
-//! - `bundle`: stage 2, several cameras: landmarks, view graph, triangulation, bundle adjustment;
+//! # Modules, in data-flow order
 //!
-//! Where to look: the residual of a vertical line, like that of every drawn constraint, is derived in
-//! `single/residual.rs` and evaluated in `single/likelihood.rs`; reprojection errors are in
-//! `bundle/landmark.rs`. The predicted error of floor lengths is computed in `single/accuracy.rs`, the
-//! covariance of a floor point in `camera/floor_covariance.rs` ([`Camera::floor_covariance`]).
+//! - by space, distortion models, the pinhole, reprojection with Jacobians, covariances;
+//!
+//! [`camera`]: points
+//! - -Marquardt, Nelder-Mead, normal equations, Schur complement, sparse Cholesky, statistics;
+//!
+//! [`optimize`]: Levenberg
+//! - floor seen by a calibrated camera: projection, EFOV, resection, undistorted images;
+//!
+//! [`floor`]: the
+//! - as values: findings, failures, residuals, suggestions;
+//!
+//! [`outcome`]: results
+//! - 1: plumb-line lens fit, maximum-likelihood fit, the paper's criterion, outliers, accuracy;
+//!
+//! [`single`]: stage
+//! - 2: landmarks, view graph, triangulation, bundle adjustment.
+//!
+//! [`bundle`]: stage
+//!
+//! A module uses only modules above it. The residual of every annotation is derived in `single/residual.rs`
+//! and evaluated in `single/likelihood.rs`. Reprojection errors are in `bundle/landmark.rs`. The predicted
+//! error of floor lengths is in `single/accuracy.rs`, the covariance of a floor point in
+//! `camera/floor_covariance.rs` ([`Camera::floor_covariance`]).
 //!
 //! # Conventions
 //!
-//! - Base system: right-handed, metres, z up, floor at z = 0; the camera is at (x0, y0, z0).
-//! - With yaw = pitch = roll = 0 the optical axis looks along +y, image right is +x, image down is -z.
-//! - yaw turns about world z, counter-clockwise seen from above; pitch is positive looking down; roll
-//!   is about the optical axis, positive when the camera is turned clockwise seen from behind; applied
-//!   in the order yaw, pitch, roll. Radians in code, degrees in files and on screen (`_deg`).
-//! - Pixels: x right, y down, the image spans `[0, width] x [0, height]`, so the centre of the first
-//!   pixel is (0.5, 0.5). OpenCV's pixel is ours minus 0.5.
-//! - Square pixels, one focal in pixels; the principal point defaults to the image centre.
-//! - Distortion in OpenCV's terms, on focal-normalised coordinates.
+//! - World: right-handed, metres, z up, floor at z = 0. The camera is at (x0, y0, z0).
+//! - With yaw = pitch = roll = 0 the optical axis points along +y, image right is +x, image down is -z.
+//! - Yaw is about world z, counter-clockwise seen from above. Pitch is positive looking down. Roll is about
+//!   the optical axis, positive if the camera is rotated clockwise seen from behind. They apply in the order
+//!   yaw, pitch, roll. Angles are in radians; names that end in `_deg` are in degrees.
+//! - Pixels: x right, y down. The image spans `[0, width] x [0, height]`, so the centre of the first pixel is
+//!   (0.5, 0.5). OpenCV's pixel coordinates are smaller by 0.5.
+//! - Square pixels, one focal length in pixels. The principal point defaults to the image centre.
+//! - Distortion coefficients follow OpenCV, on coordinates divided by the focal length.
 //!
 //! # Example
 //!
@@ -62,7 +76,6 @@
 //!
 //! `mint`, `nalgebra`, `cam-geom`: conversions to and from those libraries.
 
-// A folder uses only those above it, and in a folder a file only those above it; a test checks both.
 pub mod camera;
 pub mod optimize;
 pub mod floor;

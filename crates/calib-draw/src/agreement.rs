@@ -12,13 +12,13 @@ use calib_site::{ElementSolution, Link, LinkKind, Mark, Site, SiteCamera};
 #[derive(Clone, Debug)]
 pub struct Element<'a> {
     /// "link" or "mark".
-    pub what: &'static str,
+    pub kind: &'static str,
     /// Id, as in residuals and warnings.
     pub id: String,
     /// Solution.
-    pub found: &'a ElementSolution,
+    pub solution: &'a ElementSolution,
     /// Whether it contradicts other observations and is not used.
-    pub is_aside: bool,
+    pub is_rejected: bool,
     /// Whether the operator switched it off.
     pub is_off: bool,
     /// Whether it is a post or a line, whose points in a view are ends of one element.
@@ -42,26 +42,26 @@ pub struct View<'a> {
 #[derive(Clone, Debug)]
 pub struct Sighting {
     /// Annotated pixel.
-    pub drawn: Pixel,
+    pub annotated: Pixel,
     /// Reprojection of the solved point.
-    pub shown: Pixel,
+    pub reprojected: Pixel,
     /// Solved point, seen from above.
-    pub at: FloorPoint,
+    pub solved_floor: FloorPoint,
     /// Floor position of the pixel according to the camera, at the height of the solved point.
-    pub put: Option<FloorPoint>,
+    pub floor: Option<FloorPoint>,
 }
 
 impl View<'_> {
     /// Returns the RMS distance in the image, in pixels.
     #[must_use]
     pub fn px(&self) -> f64 {
-        rms(self.sightings.iter().map(|seen| seen.drawn.distance(seen.shown))).unwrap_or(0.0)
+        rms(self.sightings.iter().map(|seen| seen.annotated.distance(seen.reprojected))).unwrap_or(0.0)
     }
 
     /// Returns the RMS distance on the floor, in metres.
     #[must_use]
     pub fn floor_m(&self) -> Option<f64> {
-        rms(self.sightings.iter().filter_map(|seen| Some(seen.put?.distance(seen.at))))
+        rms(self.sightings.iter().filter_map(|seen| Some(seen.floor?.distance(seen.solved_floor))))
     }
 }
 
@@ -69,7 +69,7 @@ impl Element<'_> {
     /// Whether it contributes to the solution of the site.
     #[must_use]
     pub fn is_used(&self) -> bool {
-        !self.is_aside && !self.is_off
+        !self.is_rejected && !self.is_off
     }
 
     /// Returns the largest RMS error of a camera, in pixels.
@@ -105,10 +105,10 @@ pub fn elements(site: &Site) -> Vec<Element<'_>> {
         let views = views(site, &cameras, cameras_of, &seen);
         let id = link.id.clone().unwrap_or_else(|| index.to_string());
         Some(Element {
-            what: "link",
+            kind: "link",
             id,
-            found,
-            is_aside: is_aside(found),
+            solution: found,
+            is_rejected: is_aside(found),
             is_off: link.off,
             is_long: link.kind != LinkKind::Point,
             views,
@@ -121,10 +121,10 @@ pub fn elements(site: &Site) -> Vec<Element<'_>> {
         let views = views(site, &cameras, cameras_of, &seen);
         let id = mark.id.clone().unwrap_or_else(|| index.to_string());
         Some(Element {
-            what: "mark",
+            kind: "mark",
             id,
-            found,
-            is_aside: is_aside(found),
+            solution: found,
+            is_rejected: is_aside(found),
             is_off: mark.off,
             is_long: false,
             views,
@@ -188,21 +188,21 @@ fn points_of_mark(mark: &Mark, camera_id: &str, camera: &Camera) -> Vec<Sighting
 
 /// Compares a pixel with its solved point. The pixel is intersected with a plane through the point, parallel
 /// to the point's own plane.
-fn sighting(camera: &Camera, drawn: Pixel, at: WorldPoint, plane: &Plane) -> Option<Sighting> {
-    let shown = camera.world_to_pixel(at)?;
+fn sighting(camera: &Camera, annotated: Pixel, at: WorldPoint, plane: &Plane) -> Option<Sighting> {
+    let reprojected = camera.world_to_pixel(at)?;
     let through = Plane { height: at.z, anchor: at.on_floor(), ..*plane };
-    let put = camera.pixel_to_plane(drawn, &through).map(WorldPoint::on_floor);
-    Some(Sighting { drawn, shown, at: at.on_floor(), put })
+    let floor = camera.pixel_to_plane(annotated, &through).map(WorldPoint::on_floor);
+    Some(Sighting { annotated, reprojected, solved_floor: at.on_floor(), floor })
 }
 
 /// Compares a pixel with a solved line: with the closest point on the line in the image.
 fn sighting_of_line(
     camera: &Camera,
-    drawn: Pixel,
+    annotated: Pixel,
     (through, turn): (FloorPoint, f64),
     plane: &Plane,
 ) -> Option<Sighting> {
-    let put = camera.pixel_to_plane(drawn, plane)?.on_floor();
-    let (at, shown) = FloorLine { through, turn }.nearest(camera, drawn, plane)?;
-    Some(Sighting { drawn, shown, at, put: Some(put) })
+    let floor = camera.pixel_to_plane(annotated, plane)?.on_floor();
+    let (solved_floor, reprojected) = FloorLine { through, turn }.nearest(camera, annotated, plane)?;
+    Some(Sighting { annotated, reprojected, solved_floor, floor: Some(floor) })
 }

@@ -17,9 +17,9 @@ impl Rgb {
     /// Colour of control points, marks, links, grid and horizon.
     pub const WHITE: Self = Self::hex(0xFFFFFF);
     /// Colour of a link that needs another view, and of its epipolar line.
-    pub const WAITING: Self = Self::hex(0xF2DF4A);
+    pub const INCOMPLETE: Self = Self::hex(0xF2DF4A);
     /// Colour of unknown values.
-    pub const DOUBT: Self = Self::hex(0xFFB020);
+    pub const UNKNOWN: Self = Self::hex(0xFFB020);
     /// Colour of suspected outliers and gross errors.
     pub const BAD: Self = Self::hex(0xFF5470);
     /// Darker variant of [`Self::BAD`] for a light plan.
@@ -87,7 +87,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_colour_is_written_as_it_is_read() {
+    fn a_colour_survives_formatting() {
         assert_eq!(Rgb::hex(0x0B76B8).to_string(), "#0B76B8");
     }
 

@@ -7,7 +7,7 @@ use crate::kind::Sign;
 
 /// Annotated line on an image, with its residual.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct AnnotatedLine {
     /// Kind of annotation.
     pub kind: Kind,
     /// Index of the annotation in its camera.
@@ -26,11 +26,11 @@ pub struct Line {
 
 /// Solved link or mark, in the view of one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sighted {
+pub struct ElementStatus {
     /// Index of the camera; `None` for the element itself, common to all cameras.
     pub camera: Option<usize>,
     /// Whether it contradicts other observations and is not used.
-    pub is_aside: bool,
+    pub is_rejected: bool,
     /// Whether the operator switched it off.
     pub is_off: bool,
 }
@@ -46,7 +46,7 @@ pub enum Meaning {
     Horizon,
     /// Effective field of view (EFOV) of a camera.
     Efov(usize),
-    /// EFOV of another camera than the one of the image.
+    /// EFOV of a camera other than the camera of the image.
     OtherEfov(usize),
     /// Prism over the EFOV of a camera.
     Prism(usize),
@@ -57,7 +57,7 @@ pub enum Meaning {
     /// Virtual element.
     Mark(usize),
     /// Annotated line.
-    Annotation(Line),
+    Annotation(AnnotatedLine),
     /// Extension of an annotated line beyond its ends, towards its vanishing point.
     Extension(Kind),
     /// Suggested next line.
@@ -72,7 +72,7 @@ pub enum Meaning {
         is_off: bool,
     },
     /// Observed corner of a mark.
-    MarkSeen(usize),
+    MarkObservation(usize),
     /// Residual: from the annotated point to its reprojection.
     Residual {
         /// Whether the point is not used.
@@ -83,10 +83,10 @@ pub enum Meaning {
         /// Index of the link.
         index: usize,
         /// Whether it needs an observation in another view.
-        waits: bool,
+        is_incomplete: bool,
     },
     /// Position of a link according to one view.
-    LinkPut {
+    LinkPosition {
         /// Index of the link.
         index: usize,
         /// Index of the camera; `None` for the line between two positions.
@@ -95,9 +95,9 @@ pub enum Meaning {
     /// Epipolar line: possible positions of a point of another view.
     Epipolar,
     /// Observation of a link or mark in a view.
-    Seen(Sighted),
+    Observed(ElementStatus),
     /// Solved position of a link or mark.
-    Solved(Sighted),
+    Solved(ElementStatus),
     /// Uncertainty ellipse of a camera's position.
     PositionEllipse(usize),
     /// Camera on the plan.

@@ -9,7 +9,7 @@ use crate::colour::Rgb;
 
 /// Shape of a part of a sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Form {
+pub enum SignShape {
     /// Line through these points.
     Stroke(&'static [[f64; 2]]),
     /// Convex area.
@@ -22,7 +22,7 @@ pub enum Form {
 
 /// Position of a part of a sign on its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stand {
+pub enum SignPosition {
     /// First point.
     First,
     /// Middle.
@@ -34,32 +34,34 @@ pub enum Stand {
 }
 
 /// Sign: its parts, in screen points along the line and across it, to the right of its direction.
-pub type Sign = &'static [(Stand, Form)];
+pub type Sign = &'static [(SignPosition, SignShape)];
 
 pub(crate) const NONE: Sign = &[];
-pub(crate) const ARROW: Sign = &[(Stand::MiddleDown, Form::Fill(&[[4.0, 0.0], [-4.0, 4.0], [-4.0, -4.0]]))];
+pub(crate) const ARROW: Sign =
+    &[(SignPosition::MiddleDown, SignShape::Fill(&[[4.0, 0.0], [-4.0, 4.0], [-4.0, -4.0]]))];
 pub(crate) const CHEVRONS: Sign = &[
-    (Stand::Middle, Form::Stroke(&[[-7.0, 4.0], [-3.0, 0.0], [-7.0, -4.0]])),
-    (Stand::Middle, Form::Stroke(&[[-2.0, 4.0], [2.0, 0.0], [-2.0, -4.0]])),
+    (SignPosition::Middle, SignShape::Stroke(&[[-7.0, 4.0], [-3.0, 0.0], [-7.0, -4.0]])),
+    (SignPosition::Middle, SignShape::Stroke(&[[-2.0, 4.0], [2.0, 0.0], [-2.0, -4.0]])),
 ];
 pub(crate) const SQUARE: Sign =
-    &[(Stand::Middle, Form::Stroke(&[[0.0, 0.0], [0.0, -10.0], [10.0, -10.0], [10.0, 0.0]]))];
+    &[(SignPosition::Middle, SignShape::Stroke(&[[0.0, 0.0], [0.0, -10.0], [10.0, -10.0], [10.0, 0.0]]))];
 /// Square next to the chevrons of a direction at right angles to another one.
-pub(crate) const SQUARE_BESIDE: Sign =
-    &[(Stand::Middle, Form::Stroke(&[[6.0, 0.0], [6.0, -8.0], [14.0, -8.0], [14.0, 0.0]]))];
+pub(crate) const SQUARE_OFFSET: Sign =
+    &[(SignPosition::Middle, SignShape::Stroke(&[[6.0, 0.0], [6.0, -8.0], [14.0, -8.0], [14.0, 0.0]]))];
 pub(crate) const TICKS: Sign = &[
-    (Stand::Middle, Form::Stroke(&[[-2.0, 5.0], [-2.0, -5.0]])),
-    (Stand::Middle, Form::Stroke(&[[2.0, 5.0], [2.0, -5.0]])),
+    (SignPosition::Middle, SignShape::Stroke(&[[-2.0, 5.0], [-2.0, -5.0]])),
+    (SignPosition::Middle, SignShape::Stroke(&[[2.0, 5.0], [2.0, -5.0]])),
 ];
 pub(crate) const ENDS: Sign = &[
-    (Stand::First, Form::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
-    (Stand::Last, Form::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
+    (SignPosition::First, SignShape::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
+    (SignPosition::Last, SignShape::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
 ];
-pub(crate) const FOOT_AND_HEAD: Sign = &[(Stand::First, Form::Ring(7.0)), (Stand::Last, Form::Disc(5.0))];
+pub(crate) const FOOT_AND_HEAD: Sign =
+    &[(SignPosition::First, SignShape::Ring(7.0)), (SignPosition::Last, SignShape::Disc(5.0))];
 
 /// Part of a sign placed on a line, in the units of the canvas.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Laid {
+pub enum PlacedShape {
     /// Line.
     Stroke(Vec<[f64; 2]>),
     /// Convex area.
@@ -72,29 +74,35 @@ pub enum Laid {
 
 /// Places a sign on the line from `a` to `b`; `scale` is the length of a screen point on the canvas.
 #[must_use]
-pub fn lay(sign: Sign, [a, b]: [[f64; 2]; 2], scale: f64) -> Vec<Laid> {
+pub fn place_sign(sign: Sign, [a, b]: [[f64; 2]; 2], scale: f64) -> Vec<PlacedShape> {
     let by = [b[0] - a[0], b[1] - a[1]];
     let size = scale / by[0].hypot(by[1]).max(1.0);
     sign.iter().map(|&(stand, form)| lay_part(stand, form, [a, b], size, scale)).collect()
 }
 
-fn lay_part(stand: Stand, form: Form, [a, b]: [[f64; 2]; 2], size: f64, scale: f64) -> Laid {
+fn lay_part(
+    stand: SignPosition,
+    form: SignShape,
+    [a, b]: [[f64; 2]; 2],
+    size: f64,
+    scale: f64,
+) -> PlacedShape {
     let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-    let turn = if stand == Stand::MiddleDown && dy < 0.0 { -1.0 } else { 1.0 };
+    let turn = if stand == SignPosition::MiddleDown && dy < 0.0 { -1.0 } else { 1.0 };
     let about = match stand {
-        Stand::First => a,
-        Stand::Middle | Stand::MiddleDown => [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])],
-        Stand::Last => b,
+        SignPosition::First => a,
+        SignPosition::Middle | SignPosition::MiddleDown => [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])],
+        SignPosition::Last => b,
     };
     let at = |[along, across]: [f64; 2]| {
         let (along, across) = (turn * along, turn * across);
         [about[0] + size * (along * dx - across * dy), about[1] + size * (along * dy + across * dx)]
     };
     match form {
-        Form::Stroke(points) => Laid::Stroke(points.iter().map(|&point| at(point)).collect()),
-        Form::Fill(points) => Laid::Fill(points.iter().map(|&point| at(point)).collect()),
-        Form::Ring(radius) => Laid::Ring(about, scale * radius),
-        Form::Disc(radius) => Laid::Disc(about, scale * radius),
+        SignShape::Stroke(points) => PlacedShape::Stroke(points.iter().map(|&point| at(point)).collect()),
+        SignShape::Fill(points) => PlacedShape::Fill(points.iter().map(|&point| at(point)).collect()),
+        SignShape::Ring(radius) => PlacedShape::Ring(about, scale * radius),
+        SignShape::Disc(radius) => PlacedShape::Disc(about, scale * radius),
     }
 }
 
@@ -142,12 +150,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sign_stays_by_its_line_and_grows_with_the_drawing() {
+    fn a_sign_stays_near_its_line_and_scales_with_the_canvas() {
         let (a, b) = ([100.0, 50.0], [160.0, 130.0]);
         for look in &KIND_LOOKS {
             for scale in [1.0, 3.0] {
-                for part in lay(look.sign, [a, b], scale) {
-                    let (Laid::Stroke(points) | Laid::Fill(points)) = part else { continue };
+                for part in place_sign(look.sign, [a, b], scale) {
+                    let (PlacedShape::Stroke(points) | PlacedShape::Fill(points)) = part else { continue };
                     for [x, y] in points {
                         let beside = [a, b, [130.0, 90.0]].map(|[u, v]| (x - u).hypot(y - v));
                         assert!(beside.iter().any(|&far| far < 15.0 * scale), "{:?}", look.kind);
@@ -158,17 +166,17 @@ mod tests {
     }
 
     #[test]
-    fn the_arrow_of_a_vertical_points_down_however_it_was_drawn() {
+    fn the_arrow_of_a_vertical_points_down_for_both_orders_of_its_ends() {
         let ends = [[10.0, 90.0], [12.0, 10.0]];
         for [a, b] in [ends, [ends[1], ends[0]]] {
-            let [Laid::Fill(points)] = &lay(ARROW, [a, b], 1.0)[..] else { panic!("one area") };
+            let [PlacedShape::Fill(points)] = &place_sign(ARROW, [a, b], 1.0)[..] else { panic!("one area") };
             let tip = points[0];
             assert!(points.iter().all(|point| point[1] <= tip[1]));
         }
     }
 
     #[test]
-    fn every_kind_has_its_row_and_a_colour_of_its_own() {
+    fn every_kind_has_a_row_and_a_unique_colour() {
         let mut colours = std::collections::HashSet::new();
         for row in &calib_core::single::KINDS {
             let look = KindLook::of(row.kind);

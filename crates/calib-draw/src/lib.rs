@@ -5,7 +5,7 @@
 //! [`Meaning`]. [`Look`] maps a meaning to colour, width and dash. A new kind of annotation needs only a row
 //! in [`KIND_LOOKS`]; no painter changes. Items are polylines, points and labels, in raw pixels or in metres
 //! of the floor. Handles, hover and gestures belong to the app. Signs of constant screen size are placed by
-//! the painter on its line ([`lay`]). The files in data-flow order:
+//! the painter on its line ([`place_sign`]). The files in data-flow order:
 //!
 //! - `scene`: a site and its results;
 //! - `agreement`: distances between observed and solved links and marks;
@@ -21,7 +21,7 @@
 //!         "annotations": [{"kind": "vertical", "segments": [[[300, 200], [310, 700]]]}]}]}"#,
 //! )?;
 //! let view = ImageView::new(&site, 0);
-//! let items = on_image(&view, &[ImageLayer::Annotations(Signs::OfKinds)]);
+//! let items = on_image(&view, &[ImageLayer::Annotations(Signs::All)]);
 //! let lines = items.iter().filter(|item| matches!(item.geometry, Geometry::Polyline(_)));
 //! assert_eq!(lines.map(|line| Look::of(line.meaning).colour.to_string()).collect::<Vec<_>>(), ["#5BB8F5"]);
 //! # Ok::<(), calib_site::SiteError>(())
@@ -38,9 +38,11 @@ mod plan;
 
 pub use agreement::{Element, Sighting, View, elements};
 pub use colour::Rgb;
-pub use image::{ImageLayer, ImageView, Signs, extension, guide, horizon, metres, on_image, reach, seen};
-pub use item::{Geometry, Item, Line, Meaning, Sighted};
-pub use kind::{Form, KIND_LOOKS, KindLook, Laid, Sign, Stand, lay};
-pub use look::{LINE, Look, Outline};
+pub use image::{
+    ImageLayer, ImageView, Signs, diagonal, extension, guide, horizon, metres, on_image, project,
+};
+pub use item::{AnnotatedLine, ElementStatus, Geometry, Item, Meaning};
+pub use kind::{KIND_LOOKS, KindLook, PlacedShape, Sign, SignPosition, SignShape, place_sign};
+pub use look::{LINE_WIDTH, Look, Outline};
 pub use plan::{PlanLayer, PlanView, cone_corners, on_plan};
 pub use scene::Scene;

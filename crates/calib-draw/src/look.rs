@@ -1,7 +1,7 @@
 //! Appearance of every meaning: colour, width and dash.
 
 use crate::colour::Rgb;
-use crate::item::{Line, Meaning, Sighted};
+use crate::item::{AnnotatedLine, ElementStatus, Meaning};
 use crate::kind::KindLook;
 
 /// Outline under a line, for contrast with any background.
@@ -31,7 +31,7 @@ pub struct Look {
 }
 
 /// Width of annotated lines.
-pub const LINE: f64 = 2.0;
+pub const LINE_WIDTH: f64 = 2.0;
 const DRAWN_OFF: &[f64] = &[3.0, 6.0];
 const FIELD: &[f64] = &[10.0, 5.0];
 const REGION: &[f64] = &[2.0, 4.0];
@@ -61,28 +61,32 @@ impl Look {
             Meaning::LensGrid => Self::new(Rgb::LENS, 1.0).at(0.45),
             Meaning::Grid => Self::new(WHITE, 1.0).at(0.42).on(Outline::Faint),
             Meaning::Horizon => Self::new(WHITE, 1.5).dashed(&[14.0, 5.0, 3.0, 5.0]),
-            Meaning::Efov(camera) => Self::new(Rgb::camera(camera), LINE).dashed(FIELD),
+            Meaning::Efov(camera) => Self::new(Rgb::camera(camera), LINE_WIDTH).dashed(FIELD),
             Meaning::OtherEfov(camera) => {
                 Self::new(Rgb::camera(camera), 1.25).dashed(&[5.0, 5.0]).on(Outline::Faint)
             }
             Meaning::Prism(camera) => Self::new(Rgb::camera(camera), 1.25),
             Meaning::Guide => Self::new(WHITE, 1.25).at(0.78),
             Meaning::Plane(_) => Self::new(WHITE, 1.5).dashed(REGION).at(0.6).on(Outline::Faint),
-            Meaning::Mark(_) => Self::new(WHITE, LINE),
+            Meaning::Mark(_) => Self::new(WHITE, LINE_WIDTH),
             Meaning::Annotation(line) => of_line(&line),
             Meaning::Extension(kind) => {
                 Self::new(KindLook::of(kind).colour, 1.25).dashed(&[2.0, 5.0]).on(Outline::None)
             }
             Meaning::Suggestion(kind) => Self::new(KindLook::of(kind).colour, 2.25).dashed(DRAWN_OFF),
-            Meaning::ControlPoint { is_off: true, .. } => Self::new(Rgb::hex(0x808080), LINE),
-            Meaning::ControlPoint { .. } => Self::new(WHITE, LINE),
-            Meaning::MarkSeen(_) => Self::new(Rgb::ACCENT, LINE),
-            Meaning::Residual { .. } => Self::new(Rgb::BAD, LINE),
-            Meaning::Link { waits, .. } => Self::new(if waits { Rgb::WAITING } else { WHITE }, LINE),
-            Meaning::LinkPut { camera, .. } => Self::new(camera.map_or(Rgb::WAITING, Rgb::camera), 1.25),
-            Meaning::Epipolar => Self::new(Rgb::WAITING, 1.75).dashed(&[5.0, 4.0]),
-            Meaning::Seen(of) | Meaning::Solved(of) => {
-                Self::new(if of.is_aside { Rgb::BAD } else { WHITE }, 1.25).at(if of.is_off {
+            Meaning::ControlPoint { is_off: true, .. } => Self::new(Rgb::hex(0x808080), LINE_WIDTH),
+            Meaning::ControlPoint { .. } => Self::new(WHITE, LINE_WIDTH),
+            Meaning::MarkObservation(_) => Self::new(Rgb::ACCENT, LINE_WIDTH),
+            Meaning::Residual { .. } => Self::new(Rgb::BAD, LINE_WIDTH),
+            Meaning::Link { is_incomplete: waits, .. } => {
+                Self::new(if waits { Rgb::INCOMPLETE } else { WHITE }, LINE_WIDTH)
+            }
+            Meaning::LinkPosition { camera, .. } => {
+                Self::new(camera.map_or(Rgb::INCOMPLETE, Rgb::camera), 1.25)
+            }
+            Meaning::Epipolar => Self::new(Rgb::INCOMPLETE, 1.75).dashed(&[5.0, 4.0]),
+            Meaning::Observed(of) | Meaning::Solved(of) => {
+                Self::new(if of.is_rejected { Rgb::BAD } else { WHITE }, 1.25).at(if of.is_off {
                     0.5
                 } else {
                     1.0
@@ -98,28 +102,28 @@ impl Look {
     pub fn on_light(meaning: Meaning) -> Self {
         let look = match meaning {
             Meaning::Grid => Self::new(Rgb::INK, 1.0).at(0.14),
-            Meaning::Efov(camera) => Self::new(Rgb::camera_on_light(camera), LINE),
+            Meaning::Efov(camera) => Self::new(Rgb::camera_on_light(camera), LINE_WIDTH),
             Meaning::PositionEllipse(camera) => {
                 Self::new(Rgb::camera_on_light(camera), 1.25).dashed(&[4.0, 3.0])
             }
             Meaning::Plane(_) => Self::new(Rgb::INK, 1.5).dashed(REGION).at(0.7),
             Meaning::Mark(_) => Self::new(Rgb::INK, 1.5).at(0.8),
             Meaning::Camera(_) => Self::new(Rgb::INK, 1.25),
-            Meaning::Seen(of) | Meaning::Solved(of) if of.is_aside => {
+            Meaning::Observed(of) | Meaning::Solved(of) if of.is_rejected => {
                 let look = Self::new(Rgb::BAD_ON_LIGHT, 1.25);
                 if of.camera.is_some() { look.dashed(&[4.0, 3.0]) } else { look }
             }
-            Meaning::Seen(Sighted { camera: Some(camera), .. }) => {
+            Meaning::Observed(ElementStatus { camera: Some(camera), .. }) => {
                 Self::new(Rgb::camera_on_light(camera), 1.5)
             }
-            Meaning::Seen(_) | Meaning::Solved(_) => Self::new(Rgb::INK, 1.25),
+            Meaning::Observed(_) | Meaning::Solved(_) => Self::new(Rgb::INK, 1.25),
             other => Self::of(other),
         };
         look.on(Outline::None)
     }
 }
 
-impl Line {
+impl AnnotatedLine {
     /// Returns the colour of its points and name. An outlier has the outlier colour even if the line is
     /// switched off.
     #[must_use]
@@ -128,12 +132,12 @@ impl Line {
     }
 }
 
-fn of_line(line: &Line) -> Look {
+fn of_line(line: &AnnotatedLine) -> Look {
     let kind = KindLook::of(line.kind);
     match (line.is_off, line.is_outlier) {
-        (true, _) => Look::new(kind.colour, LINE).dashed(DRAWN_OFF).at(0.5).on(Outline::Faint),
-        (false, true) => Look::new(Rgb::BAD, LINE + 1.0).dashed(&[6.0, 4.0]),
-        (false, false) => Look::new(kind.colour, LINE).dashed(kind.dash),
+        (true, _) => Look::new(kind.colour, LINE_WIDTH).dashed(DRAWN_OFF).at(0.5).on(Outline::Faint),
+        (false, true) => Look::new(Rgb::BAD, LINE_WIDTH + 1.0).dashed(&[6.0, 4.0]),
+        (false, false) => Look::new(kind.colour, LINE_WIDTH).dashed(kind.dash),
     }
 }
 
@@ -143,8 +147,8 @@ mod tests {
 
     use super::*;
 
-    fn line(kind: calib_core::Kind) -> Line {
-        Line {
+    fn line(kind: calib_core::Kind) -> AnnotatedLine {
+        AnnotatedLine {
             kind,
             annotation: 0,
             segment: 0,
@@ -156,23 +160,23 @@ mod tests {
     }
 
     #[test]
-    fn a_line_that_is_off_or_set_aside_looks_so_whatever_its_kind() {
+    fn disabled_and_rejected_lines_of_every_kind_look_different() {
         for row in &KINDS {
             let used = of_line(&line(row.kind));
-            let off = of_line(&Line { is_off: true, ..line(row.kind) });
-            let aside = of_line(&Line { is_outlier: true, ..line(row.kind) });
+            let off = of_line(&AnnotatedLine { is_off: true, ..line(row.kind) });
+            let aside = of_line(&AnnotatedLine { is_outlier: true, ..line(row.kind) });
             assert!(used.opacity == 1.0 && used.dash != off.dash && used.dash != aside.dash);
             assert!(off.opacity < 1.0 && off.colour == used.colour);
             assert!(aside.colour == Rgb::BAD, "{}", row.name);
-            let both = Line { is_off: true, is_outlier: true, ..line(row.kind) };
+            let both = AnnotatedLine { is_off: true, is_outlier: true, ..line(row.kind) };
             assert_eq!((of_line(&both), both.colour()), (off, Rgb::BAD));
         }
     }
 
     #[test]
-    fn what_is_drawn_on_a_light_plan_is_dark() {
+    fn items_on_a_light_plan_are_dark() {
         let luminance = |Rgb([r, g, b]): Rgb| 0.3 * f64::from(r) + 0.6 * f64::from(g) + 0.1 * f64::from(b);
-        let seen = Sighted { camera: Some(2), is_aside: false, is_off: false };
+        let seen = ElementStatus { camera: Some(2), is_rejected: false, is_off: false };
         for camera in 0..8 {
             for meaning in [
                 Meaning::Grid,
@@ -181,8 +185,8 @@ mod tests {
                 Meaning::Plane(camera),
                 Meaning::Mark(camera),
                 Meaning::Camera(camera),
-                Meaning::Seen(Sighted { camera: Some(camera), ..seen }),
-                Meaning::Solved(Sighted { camera: None, is_aside: true, ..seen }),
+                Meaning::Observed(ElementStatus { camera: Some(camera), ..seen }),
+                Meaning::Solved(ElementStatus { camera: None, is_rejected: true, ..seen }),
             ] {
                 let look = Look::on_light(meaning);
                 assert!(luminance(look.colour) < 140.0, "{meaning:?}");

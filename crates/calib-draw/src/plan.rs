@@ -5,8 +5,8 @@ use calib_core::{Camera, FloorPoint, floor_grid};
 use calib_core::floor::{position_ellipse, view_angle};
 
 use crate::agreement::{Element, elements};
+use crate::item::{ElementStatus, Meaning};
 use crate::item::{Geometry, Item};
-use crate::item::{Meaning, Sighted};
 use crate::scene::Scene;
 
 /// Layer of a plan overlay.
@@ -25,7 +25,7 @@ pub enum PlanLayer {
     /// Positions of links according to each view, connected to show their disagreement.
     Links,
     /// Solved links and marks, with their positions according to each camera.
-    Sightings,
+    Observations,
     /// Control points, with their positions according to their cameras.
     ControlPoints,
     /// All cameras.
@@ -49,7 +49,7 @@ impl<'a> PlanView<'a> {
 
     /// Restricts the view to placed cameras.
     #[must_use]
-    pub fn of_placed(self) -> Self {
+    pub fn placed_only(self) -> Self {
         Self { is_placed: true, ..self }
     }
 
@@ -90,7 +90,7 @@ impl PlanLayer {
             }
             Self::Marks => marks(view),
             Self::Links => links(view),
-            Self::Sightings => sightings(view),
+            Self::Observations => sightings(view),
             Self::ControlPoints => control_points(view),
             Self::Cameras => view.cameras().map(|(camera, pose)| cone(view, camera, &pose)).collect(),
         }
@@ -154,17 +154,19 @@ fn links(view: &PlanView) -> Vec<Item<FloorPoint>> {
     let mut items = Vec::new();
     for (index, link) in view.scene.site().links.iter().enumerate() {
         let plane = view.scene.plane(link.plane.as_deref()).raised(link.height_m.unwrap_or(0.0));
-        let put = link.seen.iter().filter_map(|seen| {
+        let positions = link.seen.iter().filter_map(|seen| {
             let camera = view.scene.index(&seen.camera)?;
             view.scene.placed(camera)?;
-            let put = view.scene.pose(camera)?.pixel_to_plane(seen.px.or(seen.foot)?, &plane)?;
-            Some((camera, put.on_floor()))
+            let position = view.scene.pose(camera)?.pixel_to_plane(seen.px.or(seen.foot)?, &plane)?;
+            Some((camera, position.on_floor()))
         });
-        let put: Vec<(usize, FloorPoint)> = put.collect();
-        let meaning = |camera| Meaning::LinkPut { index, camera };
-        items.extend(put.windows(2).map(|pair| Item::polyline(meaning(None), vec![pair[0].1, pair[1].1])));
-        items.extend(put.iter().map(|&(camera, at)| Item::point(meaning(Some(camera)), at)));
-        let named = link.id.as_ref().zip(put.first());
+        let positions: Vec<(usize, FloorPoint)> = positions.collect();
+        let meaning = |camera| Meaning::LinkPosition { index, camera };
+        items.extend(
+            positions.windows(2).map(|pair| Item::polyline(meaning(None), vec![pair[0].1, pair[1].1])),
+        );
+        items.extend(positions.iter().map(|&(camera, at)| Item::point(meaning(Some(camera)), at)));
+        let named = link.id.as_ref().zip(positions.first());
         items.extend(named.map(|(id, &(_, at))| Item::label(meaning(None), at, id.clone())));
     }
     items
@@ -174,26 +176,26 @@ fn links(view: &PlanView) -> Vec<Item<FloorPoint>> {
 fn sightings(view: &PlanView) -> Vec<Item<FloorPoint>> {
     let elements: Vec<Element> =
         elements(view.scene.site()).into_iter().filter(|element| !element.is_off).collect();
-    let mut items: Vec<Item<FloorPoint>> = elements.iter().flat_map(put).collect();
+    let mut items: Vec<Item<FloorPoint>> = elements.iter().flat_map(observation_lines).collect();
     for element in elements.iter().filter(|element| !element.views.is_empty()) {
-        let (at, meaning) = (element.found.at_m.on_floor(), Meaning::Solved(sighted(element, None)));
+        let (at, meaning) = (element.solution.at_m.on_floor(), Meaning::Solved(sighted(element, None)));
         items.push(Item::point(meaning, at));
         items.push(Item::label(meaning, at, element.id.clone()));
     }
     items
 }
 
-fn sighted(element: &Element, camera: Option<usize>) -> Sighted {
-    Sighted { camera, is_aside: element.is_aside, is_off: element.is_off }
+fn sighted(element: &Element, camera: Option<usize>) -> ElementStatus {
+    ElementStatus { camera, is_rejected: element.is_rejected, is_off: element.is_off }
 }
 
 /// Returns the line of a link, and the lines from the position according to each camera to the solved
 /// position.
-fn put(element: &Element) -> Vec<Item<FloorPoint>> {
+fn observation_lines(element: &Element) -> Vec<Item<FloorPoint>> {
     let mut items: Vec<Item<FloorPoint>> = line(element).into_iter().collect();
     for view in &element.views {
-        let meaning = Meaning::Seen(sighted(element, Some(view.index)));
-        let pairs = view.sightings.iter().filter_map(|seen| Some(vec![seen.put?, seen.at]));
+        let meaning = Meaning::Observed(sighted(element, Some(view.index)));
+        let pairs = view.sightings.iter().filter_map(|seen| Some(vec![seen.floor?, seen.solved_floor]));
         items.extend(pairs.map(|pair| Item::polyline(meaning, pair)));
     }
     items
@@ -201,10 +203,10 @@ fn put(element: &Element) -> Vec<Item<FloorPoint>> {
 
 /// Returns the part of a floor line that the cameras show.
 fn line(element: &Element) -> Option<Item<FloorPoint>> {
-    let turn = element.found.turn_deg.filter(|_| element.is_long)?;
+    let turn = element.solution.turn_deg.filter(|_| element.is_long)?;
     let (sin, cos) = turn.to_radians().sin_cos();
     let mut points: Vec<FloorPoint> =
-        element.views.iter().flat_map(|view| view.sightings.iter().map(|seen| seen.at)).collect();
+        element.views.iter().flat_map(|view| view.sightings.iter().map(|seen| seen.solved_floor)).collect();
     points.sort_by(|a, b| (a.x * cos + a.y * sin).total_cmp(&(b.x * cos + b.y * sin)));
     Some(Item::polyline(Meaning::Solved(sighted(element, None)), points))
 }
@@ -217,9 +219,10 @@ fn control_points(view: &PlanView) -> Vec<Item<FloorPoint>> {
             let Some(control) = point.control_point(site.plan.as_ref()) else { continue };
             let at = control.world.on_floor();
             items.push(Item::point(Meaning::ControlPoint { camera, index, is_off: false }, at));
-            let put = view.scene.pose(camera).and_then(|pose| pose.pixel_to_floor(point.px, control.world.z));
+            let position =
+                view.scene.pose(camera).and_then(|pose| pose.pixel_to_floor(point.px, control.world.z));
             let residual = Meaning::Residual { is_off: false };
-            items.extend(put.map(|put| Item::polyline(residual, vec![at, put])));
+            items.extend(position.map(|put| Item::polyline(residual, vec![at, put])));
         }
     }
     items

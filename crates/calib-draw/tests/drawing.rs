@@ -65,11 +65,11 @@ fn out_of_plane(bearings: &[[f64; 3]], focal: f64) -> f64 {
 }
 
 #[test]
-fn every_drawn_line_is_there_once_as_it_was_drawn() {
+fn every_annotated_line_appears_exactly_once() {
     let site = solved();
     for (camera, entry) in site.cameras.iter().enumerate() {
         let view = ImageView::new(site, camera);
-        let items = on_image(&view, &[ImageLayer::Annotations(Signs::OfKinds)]);
+        let items = on_image(&view, &[ImageLayer::Annotations(Signs::All)]);
         let lens = entry.solution.as_ref().unwrap().lens();
         // A fisheye curves them between the annotated points; other lenses do not.
         let drawn = entry.annotations.iter().flat_map(|a| a.polylines());
@@ -77,45 +77,45 @@ fn every_drawn_line_is_there_once_as_it_was_drawn() {
         let lines = polylines(&items);
         assert_eq!(lines.iter().map(|(_, points)| points.clone()).collect::<Vec<_>>(), drawn);
         for (meaning, points) in lines {
-            let Meaning::Annotation(line) = meaning else { panic!("{meaning:?} among drawn lines") };
+            let Meaning::Annotation(line) = meaning else { panic!("{meaning:?} among annotated lines") };
             let annotation = &entry.annotations[line.annotation];
             assert_eq!((line.kind, line.is_off), (annotation.kind, annotation.off));
             let drawn = annotation.polylines().nth(line.segment);
             assert_eq!(drawn.map(|drawn| drawn_line(&lens, &drawn)), Some(points));
         }
-        assert!(labels(&items).is_empty(), "names are for those who ask");
-        let named = on_image(&view.with_letters(1.0), &[ImageLayer::Annotations(Signs::OfKinds)]);
+        assert!(labels(&items).is_empty(), "names are optional");
+        let named = on_image(&view.with_labels(1.0), &[ImageLayer::Annotations(Signs::All)]);
         assert_eq!(labels(&named).len(), drawn.len());
     }
 }
 
 #[test]
-fn a_layer_has_its_own_meanings_and_no_others() {
+fn a_layer_has_only_its_own_meanings() {
     let site = solved();
     let is_of = |layer: ImageLayer, meaning: Meaning| match layer {
         ImageLayer::LensGrid => matches!(meaning, Meaning::LensGrid),
         ImageLayer::Grid(_) => matches!(meaning, Meaning::Grid),
         ImageLayer::Planes => matches!(meaning, Meaning::Plane(_)),
-        ImageLayer::DrawnEfov => matches!(meaning, Meaning::Efov(_)),
-        ImageLayer::DrawnPrism => matches!(meaning, Meaning::Prism(_)),
+        ImageLayer::AnnotatedEfov => matches!(meaning, Meaning::Efov(_)),
+        ImageLayer::AnnotatedPrism => matches!(meaning, Meaning::Prism(_)),
         ImageLayer::SolvedEfov => matches!(meaning, Meaning::Efov(_) | Meaning::Prism(_)),
         ImageLayer::OtherEfovs => matches!(meaning, Meaning::OtherEfov(_)),
         ImageLayer::Horizon => matches!(meaning, Meaning::Horizon),
         ImageLayer::Marks => matches!(meaning, Meaning::Mark(_)),
-        ImageLayer::Pins => matches!(meaning, Meaning::MarkSeen(_) | Meaning::Residual { .. }),
+        ImageLayer::Pins => matches!(meaning, Meaning::MarkObservation(_) | Meaning::Residual { .. }),
         ImageLayer::Annotations(_) => matches!(meaning, Meaning::Annotation(_)),
         ImageLayer::ControlPoints => {
             matches!(meaning, Meaning::ControlPoint { .. } | Meaning::Residual { .. })
         }
         ImageLayer::Links { .. } => matches!(meaning, Meaning::Link { .. }),
-        ImageLayer::Sightings => matches!(meaning, Meaning::Seen(_) | Meaning::Solved(_)),
+        ImageLayer::Observations => matches!(meaning, Meaning::Observed(_) | Meaning::Solved(_)),
     };
     let layers = [
         ImageLayer::LensGrid,
         ImageLayer::Grid(1.0),
         ImageLayer::Planes,
-        ImageLayer::DrawnEfov,
-        ImageLayer::DrawnPrism,
+        ImageLayer::AnnotatedEfov,
+        ImageLayer::AnnotatedPrism,
         ImageLayer::SolvedEfov,
         ImageLayer::OtherEfovs,
         ImageLayer::Horizon,
@@ -123,13 +123,13 @@ fn a_layer_has_its_own_meanings_and_no_others() {
         ImageLayer::Pins,
         ImageLayer::Annotations(Signs::RightAngles),
         ImageLayer::ControlPoints,
-        ImageLayer::Links { begun: None },
-        ImageLayer::Sightings,
+        ImageLayer::Links { incomplete: None },
+        ImageLayer::Observations,
     ];
     for camera in 0..site.cameras.len() {
-        let view = ImageView::new(site, camera).with_letters(1.0);
+        let view = ImageView::new(site, camera).with_labels(1.0);
         let apart: Vec<Item<Pixel>> = layers.iter().flat_map(|&layer| on_image(&view, &[layer])).collect();
-        assert_eq!(on_image(&view, &layers), apart, "layers lie on each other in the order asked for");
+        assert_eq!(on_image(&view, &layers), apart, "layers keep the requested order");
         for layer in layers {
             assert!(on_image(&view, &[layer]).iter().all(|item| is_of(layer, item.meaning)), "{layer:?}");
         }
@@ -137,7 +137,7 @@ fn a_layer_has_its_own_meanings_and_no_others() {
 }
 
 #[test]
-fn a_line_of_the_grid_shows_whole_metres_of_the_floor() {
+fn grid_lines_are_at_whole_multiples_of_the_step() {
     let site = solved();
     for camera in 0..site.cameras.len() {
         let pose = site.pose(camera).unwrap();
@@ -156,12 +156,12 @@ fn a_line_of_the_grid_shows_whole_metres_of_the_floor() {
 }
 
 #[test]
-fn words_on_the_grid_and_the_horizon_stand_in_the_image() {
+fn labels_of_grid_and_horizon_are_inside_the_image() {
     let site = solved();
     for (camera, entry) in site.cameras.iter().enumerate() {
         let [w, h] = entry.size();
         for scale in [0.5, 1.0, 3.0] {
-            let view = ImageView::new(site, camera).with_letters(scale);
+            let view = ImageView::new(site, camera).with_labels(scale);
             let items = on_image(&view, &[ImageLayer::Grid(1.0), ImageLayer::Horizon]);
             for (at, text) in labels(&items) {
                 assert!((0.0..w).contains(&at.u) && (0.0..h).contains(&at.v), "{text} at {at:?}");
@@ -171,7 +171,7 @@ fn words_on_the_grid_and_the_horizon_stand_in_the_image() {
 }
 
 #[test]
-fn the_grid_of_a_lens_is_straight_in_the_scene_and_ends_at_the_image() {
+fn lens_grid_lines_are_straight_in_the_scene_and_clipped_to_the_image() {
     let site = solved();
     for (camera, entry) in site.cameras.iter().enumerate() {
         let lens = entry.solution.as_ref().unwrap().lens();
@@ -200,7 +200,7 @@ fn the_grid_of_a_lens_is_straight_in_the_scene_and_ends_at_the_image() {
 }
 
 #[test]
-fn what_stands_behind_a_camera_is_not_on_its_image() {
+fn marks_behind_a_camera_are_not_on_its_image() {
     let mut site = solved().clone();
     let pose = site.pose(0).unwrap();
     let mark = site.marks.first().cloned();
@@ -238,7 +238,7 @@ fn any_mark(kind: MarkKind) -> calib_site::Mark {
 }
 
 #[test]
-fn a_mark_of_every_kind_is_drawn_and_one_of_an_unknown_kind_cannot_be() {
+fn every_kind_of_mark_is_drawn_and_unknown_kinds_are_refused() {
     let text = |kind: &str| {
         format!(
             r#"{{"format": "calib-site", "version": 1, "marks": [{{"kind": {kind}, "at_m": [0, 0, 0], "size_m": [1]}}]}}"#
@@ -256,7 +256,7 @@ fn a_mark_of_every_kind_is_drawn_and_one_of_an_unknown_kind_cannot_be() {
 }
 
 #[test]
-fn a_line_leads_on_straight_as_the_lens_bends_it_and_an_edge_does_not_lead_on() {
+fn extensions_are_straight_in_the_scene_and_polylines_have_none() {
     let pose = solved().pose(0).unwrap();
     let points = [Pixel::new(700.0, 400.0), Pixel::new(900.0, 500.0)];
     for row in &KINDS {
@@ -272,12 +272,12 @@ fn a_line_leads_on_straight_as_the_lens_bends_it_and_an_edge_does_not_lead_on() 
 }
 
 #[test]
-fn links_lie_on_the_plan_where_their_views_put_them() {
+fn links_are_on_the_plan_at_their_positions_in_each_view() {
     let site = solved();
     let items = on_plan(&PlanView::new(site), &[PlanLayer::Links]);
     let mut count = 0;
     for item in &items {
-        let (Geometry::Point(at), Meaning::LinkPut { index, camera: Some(camera) }) =
+        let (Geometry::Point(at), Meaning::LinkPosition { index, camera: Some(camera) }) =
             (&item.geometry, item.meaning)
         else {
             continue;
@@ -293,15 +293,18 @@ fn links_lie_on_the_plan_where_their_views_put_them() {
 }
 
 #[test]
-fn a_solved_link_is_on_the_image_where_it_was_drawn() {
+fn solved_links_are_close_to_their_annotations() {
     let site = solved();
     let mut count = 0;
     for camera in 0..site.cameras.len() {
-        let items = on_image(&ImageView::new(site, camera), &[ImageLayer::Sightings]);
+        let items = on_image(&ImageView::new(site, camera), &[ImageLayer::Observations]);
         for (meaning, points) in polylines(&items) {
-            let Meaning::Seen(of) = meaning else { continue };
+            let Meaning::Observed(of) = meaning else { continue };
             assert_eq!(of.camera, Some(camera));
-            assert!(of.is_aside || points[0].distance(points[1]) < 5.0, "as well as they agree");
+            assert!(
+                of.is_rejected || points[0].distance(points[1]) < 5.0,
+                "within the agreement of the views"
+            );
             count += 1;
         }
     }
@@ -309,7 +312,7 @@ fn a_solved_link_is_on_the_image_where_it_was_drawn() {
 }
 
 #[test]
-fn a_plan_shows_cameras_that_stand_and_the_one_in_hand_over_the_others() {
+fn a_plan_shows_placed_cameras_with_the_selected_one_on_top() {
     let mut site = solved().clone();
     let of = |site: &Site, view: PlanView| -> Vec<usize> {
         assert!(site.cameras.len() > 2);
@@ -324,13 +327,13 @@ fn a_plan_shows_cameras_that_stand_and_the_one_in_hand_over_the_others() {
     assert_eq!(of(&site, PlanView::new(&site)), all);
     assert_eq!(of(&site, PlanView::new(&site).with_uppermost(1)).last(), Some(&1));
     site.cameras[0].solution.as_mut().unwrap().stage = calib_site::Stage::Partial;
-    assert_eq!(of(&site, PlanView::new(&site).of_placed()), all[1..]);
+    assert_eq!(of(&site, PlanView::new(&site).placed_only()), all[1..]);
     site.cameras[1].solution = None;
     assert_eq!(of(&site, PlanView::new(&site)).len(), all.len() - 1);
 }
 
 #[test]
-fn what_a_camera_saw_before_it_was_recalibrated_is_on_the_plan_when_it_is_in_hand() {
+fn the_field_of_a_superseded_camera_is_visible_only_if_selected() {
     let mut site = solved().clone();
     let bump = Some("2026-06-01T09:00:00Z".to_owned());
     site.cameras.push(calib_site::SiteCamera { valid_to: bump.clone(), ..site.cameras[0].clone() });
@@ -352,7 +355,7 @@ fn what_a_camera_saw_before_it_was_recalibrated_is_on_the_plan_when_it_is_in_han
 }
 
 #[test]
-fn a_cone_opens_about_the_way_its_camera_looks() {
+fn a_cone_is_centred_on_the_viewing_direction() {
     let corners = cone_corners([10.0, 20.0], [13.0, 16.0], 0.4, 44.0);
     let [foot, left, right]: [[f64; 2]; 3] = corners.try_into().unwrap();
     let way = [0.6, -0.8];
@@ -364,7 +367,7 @@ fn a_cone_opens_about_the_way_its_camera_looks() {
 }
 
 #[test]
-fn a_region_and_a_field_lie_at_the_height_and_slope_of_their_plane() {
+fn regions_and_fields_follow_height_and_slope_of_their_plane() {
     let text = r#"{"format": "calib-site", "version": 1,
         "planes": [{"id": "ramp", "name": "Ramp", "height_m": 1,
             "tilt": {"toward_deg": 0, "fall_deg": 5}, "region": [[-2, 6], [2, 6], [2, 10], [-2, 10]]}],

@@ -7,7 +7,7 @@ use calib_core::{Annotation, ImageCircle, MarkKind, Placement};
 
 use calib_core::single::Known;
 
-use calib_image::Proposal;
+use calib_image::AutomaticCalibration;
 use calib_site::{ControlPointEntry, Distance, LensEntry, Link, Mark, Plan, Site};
 use image::RgbImage;
 
@@ -134,7 +134,7 @@ pub enum Action {
     Lines(Lines),
 
     /// Stores the automatic calibration of a camera's image.
-    SetAutomaticCalibration(Period, Box<Proposal>),
+    SetAutomaticCalibration(Period, Box<AutomaticCalibration>),
     /// Applies a decision about the automatic calibration of the selected camera.
     DecideCalibration(CalibrationDecision),
     /// Applies a command to the automatic calibration.

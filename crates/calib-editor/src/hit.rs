@@ -6,7 +6,7 @@ use calib_core::{Camera, Lens, Pixel, on_image};
 
 use calib_core::floor::drawn_line;
 
-pub use calib_image::to_segment;
+pub use calib_image::distance_to_segment;
 use calib_site::{Site, SiteCamera};
 
 /// Part of a camera's image that can be selected, moved and deleted.
@@ -181,7 +181,7 @@ pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f
 /// Returns the edge of a polyline that is closest to a pixel, and the distance in pixels.
 #[must_use]
 pub fn nearest(line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
-    let edges = line.windows(2).map(|pair| to_segment(pair[0], pair[1], at));
+    let edges = line.windows(2).map(|pair| distance_to_segment(pair[0], pair[1], at));
     edges.enumerate().min_by(|a, b| a.1.total_cmp(&b.1))
 }
 

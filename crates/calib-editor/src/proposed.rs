@@ -11,7 +11,7 @@
 //! suggestions of what to draw next.
 
 use calib_core::{Annotation, Camera, Kind, Lens, Orientation, Pixel};
-use calib_image::{Group, EdgeClass, Proposal, Reason, Verdict};
+use calib_image::{AutomaticCalibration, Confidence, EdgeClass, Group, Reason};
 use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
 
 use crate::period::Period;
@@ -75,7 +75,7 @@ impl PendingGroup {
 
     /// Creates the group from the detected edges that are not annotated yet.
     fn of(group: &Group, direction: String, entry: &SiteCamera) -> Self {
-        let scores = group.probabilities.iter().copied().zip(group.lies.iter().copied());
+        let scores = group.probabilities.iter().copied().zip(group.classes.iter().copied());
         Self::of_lines(group.annotation.kind, direction, group.annotation.polylines().zip(scores), entry)
     }
 
@@ -128,7 +128,7 @@ pub struct PendingCalibration {
     /// The camera.
     pub of: Period,
     /// Confidence of the automatic calibration.
-    pub confidence: Verdict,
+    pub confidence: Confidence,
     /// Reasons why the confidence is not `sure`.
     pub reasons: Vec<Reason>,
     /// Undecided groups.
@@ -168,8 +168,9 @@ impl Hypothesis {
 impl PendingCalibration {
     /// Creates it from an automatic calibration. Lines that are annotated already are omitted.
     #[must_use]
-    pub fn new(entry: &SiteCamera, proposal: &Proposal) -> Self {
-        let straight = proposal.straight.iter().map(|line| (line.clone(), (1.0, EdgeClass::Undetermined)));
+    pub fn new(entry: &SiteCamera, proposal: &AutomaticCalibration) -> Self {
+        let straight =
+            proposal.curved_edges.iter().map(|line| (line.clone(), (1.0, EdgeClass::Undetermined)));
         let straight = PendingGroup::of_lines(Kind::Straight, String::new(), straight, entry);
         let drawable = |groups: &[Group]| {
             let (mut groups, ties) = name_directions(entry, groups);
@@ -204,7 +205,7 @@ impl PendingCalibration {
         }
         self.reasons.retain(|reason| !matches!(reason, Reason::TwoHypotheses { .. }));
         if self.reasons.is_empty() {
-            self.confidence = Verdict::Check;
+            self.confidence = Confidence::Check;
         }
     }
 

@@ -4,14 +4,14 @@ use std::collections::BTreeSet;
 
 use calib_core::{Lens, Pixel};
 
-use calib_image::{pull_drawn, pull_line};
+use calib_image::{snap_image_curve, snap_polyline};
 use calib_site::Site;
 use image::RgbImage;
 
 use crate::edit;
 use crate::hit::Part;
 
-pub use calib_image::RADIUS;
+pub use calib_image::SNAP_RADIUS_PX;
 
 /// Moves every line that contains any of these parts onto its edge, with distortion. Returns the number of
 /// lines that were moved.
@@ -43,8 +43,8 @@ pub(crate) fn pull_points(
         let drawn: Vec<Pixel> =
             vertices.iter().filter_map(|&part| edit::pixel_mut(site, camera, part).copied()).collect();
         let line = match (&drawn[..], lens) {
-            (&[a, b], Some(lens)) => pull_drawn(image, &lens, [a, b]).map(Vec::from),
-            _ => pull_line(image, &drawn),
+            (&[a, b], Some(lens)) => snap_image_curve(image, &lens, [a, b]).map(Vec::from),
+            _ => snap_polyline(image, &drawn),
         };
         let Some(line) = line else { continue };
         for (&part, to) in vertices.iter().zip(line).filter(|(part, _)| points.contains(part)) {

@@ -385,8 +385,8 @@ type Pair = ([f64; 2], [f64; 2]);
 
 /// Returns the placement that brings the polygon of `after` closest to the polygon of `before`.
 ///
-/// Least squares of a similarity over the corners, as complex numbers: `b = translation + scale e^(i
-/// rotation) a`.
+/// Least squares of a similarity over the corners, as complex numbers:
+/// `b = translation + scale e^(i rotation) a`.
 #[must_use]
 pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Option<Placement> {
     /// Largest distance of a corner that is used, in camera heights: farther corners are too uncertain.

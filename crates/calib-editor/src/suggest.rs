@@ -57,7 +57,8 @@ pub(crate) fn is_annotated(edge: &Edge, entry: &SiteCamera) -> bool {
     /// Largest distance of the ends, in pixels.
     const MAX_LINE_DISTANCE_PX: f64 = 8.0;
     let along = |[a, b]: Edge, [c, d]: Edge| {
-        hit::to_segment(a, b, c) < MAX_LINE_DISTANCE_PX && hit::to_segment(a, b, d) < MAX_LINE_DISTANCE_PX
+        hit::distance_to_segment(a, b, c) < MAX_LINE_DISTANCE_PX
+            && hit::distance_to_segment(a, b, d) < MAX_LINE_DISTANCE_PX
     };
     let lines = entry.annotations.iter().flat_map(calib_core::Annotation::polylines);
     lines.into_iter().any(|points| {

@@ -7,7 +7,7 @@ use calib_core::{Kind, Orientation, Pixel};
 use calib_editor::{
     Action, CalibrationDecision, Editor, Images, NewImage, Opened, Pane, Period, Phase, Pointer, command,
 };
-use calib_image::{Alternative, Group, EdgeClass, Proposal, Reason, EdgeImage, Verdict};
+use calib_image::{Alternative, AutomaticCalibration, Confidence, EdgeClass, EdgeImage, Group, Reason};
 use calib_site::{Site, SiteCamera};
 
 /// Returns a site with two cameras of the demonstration; the first one has no annotations.
@@ -31,7 +31,7 @@ fn opened(site: Site) -> Editor {
 
 /// Returns the automatic calibration of an ideal detector for the first camera: its verticals and floor
 /// lines, with floor directions at right angles.
-fn proposal() -> Proposal {
+fn proposal() -> AutomaticCalibration {
     let drawn = calib_demo::demo_site().site.cameras.swap_remove(0);
     let lines = |kind: Kind| -> Vec<Vec<Pixel>> {
         let of_kind = drawn.annotations.iter().filter(|drawn| drawn.kind == kind);
@@ -44,7 +44,7 @@ fn proposal() -> Proposal {
         drawn.annotations.iter().filter(|drawn| drawn.kind == Kind::Parallel).cloned().collect();
     let group = |annotation: calib_core::Annotation| {
         let count = annotation.polylines().count();
-        Group { annotation, probabilities: vec![0.9; count], lies: vec![EdgeClass::Undetermined; count] }
+        Group { annotation, probabilities: vec![0.9; count], classes: vec![EdgeClass::Undetermined; count] }
     };
     let mut groups =
         vec![group(calib_core::Annotation::from_segments(Kind::Vertical, lines(Kind::Vertical)))];
@@ -53,9 +53,9 @@ fn proposal() -> Proposal {
         let tie = (index == 1).then(|| "floor 1".to_owned());
         groups.push(group(calib_core::Annotation { id, at_right_angles_to: tie, name: None, ..annotation }));
     }
-    let nothing = Proposal::new(&EdgeImage::new(Vec::new(), [1920, 1080]));
+    let nothing = AutomaticCalibration::new(&EdgeImage::new(Vec::new(), [1920, 1080]));
     let camera = Some(SiteCamera::new("still", [1920, 1080]));
-    Proposal { confidence: Verdict::Check, reasons: Vec::new(), groups, camera, ..nothing }
+    AutomaticCalibration { confidence: Confidence::Check, reasons: Vec::new(), groups, camera, ..nothing }
 }
 
 fn proposed() -> Editor {
@@ -97,14 +97,15 @@ fn operator_chooses_between_two_equally_good_cameras() {
         };
         let reasons = vec![Reason::TwoHypotheses { focals: [1200.0, 8000.0] }];
         let groups = [own.groups.len(), rival.groups.len()];
-        let own = Proposal { confidence: Verdict::None, reasons, alternative: Some(rival), ..own };
+        let own =
+            AutomaticCalibration { confidence: Confidence::None, reasons, alternative: Some(rival), ..own };
         editor.apply(Action::SetAutomaticCalibration(of, Box::new(own)));
         do_it(&mut editor, CalibrationDecision::AcceptAll);
         let note = editor.session().note.clone().unwrap();
         assert!(note.contains("Choose one") && editor.site().cameras[0].annotations.is_empty(), "{note}");
         do_it(&mut editor, CalibrationDecision::Decide { other });
         let decided = editor.session().proposed().unwrap();
-        assert_eq!((decided.confidence, decided.reasons.len()), (Verdict::Check, 0));
+        assert_eq!((decided.confidence, decided.reasons.len()), (Confidence::Check, 0));
         assert_eq!(decided.groups.len(), groups[usize::from(other)]);
         assert!(decided.alternative.is_none());
         undo(&mut editor);
@@ -257,7 +258,7 @@ fn automatic_calibration_is_removed_with_its_camera_or_image() {
 fn uncertain_result_can_only_be_accepted_by_group() {
     let mut editor = opened(blank());
     let camera = editor.site().cameras[0].id.clone();
-    let unsure = Proposal { confidence: Verdict::None, ..proposal() };
+    let unsure = AutomaticCalibration { confidence: Confidence::None, ..proposal() };
     editor.apply(Action::SetAutomaticCalibration(Period { camera, from: None }, Box::new(unsure)));
     let groups = kinds(&editor).len();
     do_it(&mut editor, CalibrationDecision::AcceptAll);

@@ -218,8 +218,8 @@ impl Prism {
     }
 }
 
-/// Returns focal lengths, principal point and lens of a fisheye with radius `theta (1 + k1 theta^2 + ... + k6
-/// theta^12)`. Fails if the other terms move the rim visibly.
+/// Returns focal lengths, principal point and lens of a fisheye with radius
+/// `theta (1 + k1 theta^2 + ... + k6 theta^12)`. Fails if the other terms move the rim visibly.
 fn symmetric(
     line: &Line,
     terms: [f64; 6],

@@ -98,7 +98,7 @@ impl ImportedCamera {
     }
 
     /// Converts the camera to an entry of a site.
-    pub(crate) fn to_entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
+    pub(crate) fn into_entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
         let (focal, size) = (self.mean_focal(notes)?, self.size(notes)?);
         let principal_point = Pixel::from(self.centre);
         let lens = Lens { principal_point, focal, distortion: self.distortion, image_circle: None };
@@ -172,7 +172,7 @@ pub(crate) fn site_from_cameras(given: Vec<ImportedCamera>, place: &str) -> Resu
     }
     let mut notes = Vec::new();
     let cameras: Result<Vec<SiteCamera>, FormatError> =
-        given.into_iter().map(|camera| camera.to_entry(&mut notes)).collect();
+        given.into_iter().map(|camera| camera.into_entry(&mut notes)).collect();
     checked_site(cameras?, notes, place)
 }
 

@@ -211,7 +211,7 @@ fn calibration(file: &File) -> Result<Imported, FormatError> {
                 projected(id, &sensor.require(&["cameraMatrix"])?)?
             };
         given.size = frame_size(&sensor)?;
-        let mut entry = given.to_entry(&mut notes)?;
+        let mut entry = given.into_entry(&mut notes)?;
         for (px, world) in pairs(&sensor)? {
             entry.control_points.push(control_point(px, world));
         }

@@ -62,7 +62,9 @@ pub struct Format {
 }
 
 impl Format {
-    /// Defaults of the rows of [`FORMATS`]: poses without lenses, no export and no import.
+    /// Defaults of the rows of without lenses, no export and no import.
+    ///
+    /// [`FORMATS`]: poses
     const PLAIN: Self = Self {
         name: "",
         about: "",

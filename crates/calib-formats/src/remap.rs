@@ -34,9 +34,9 @@ pub(crate) fn write(view: &View, export: &mut Export) {
     export.files.push(File { name: format!("{}.remap.npy", view.file), bytes });
 }
 
-/// Returns the map of a new image of this width and height, in pixels, as an NPY file for `cv2.remap(raw,
-/// numpy.load(file), None, cv2.INTER_LINEAR)`. `raw_of` returns the raw pixel for a pixel of the new image;
-/// both count from the corner of their image.
+/// Returns the map of a new image of this width and height, in pixels, as an NPY file for
+/// `cv2.remap(raw, numpy.load(file), None, cv2.INTER_LINEAR)`. `raw_of` returns the raw pixel for a pixel of
+/// the new image; both count from the corner of their image.
 ///
 /// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as in OpenCV; -1 if
 /// `raw_of` returns `None`.

@@ -195,8 +195,8 @@ fn quotient([d1, d2, d3]: [f64; 3], square: f64) -> f64 {
     1.0 + square * (d1 + square * (d2 + square * d3))
 }
 
-/// Fits d1, d2 and d3 to the lens over the image. Least squares of the error in undistorted pixels, `r_raw (1
-/// / q - 1 / q_exact)`, to first order in q.
+/// Fits d1, d2 and d3 to the lens over the image. Least squares of the error in undistorted pixels,
+/// `r_raw (1 / q - 1 / q_exact)`, to first order in q.
 fn fit_coefficients(view: &View) -> [f64; 3] {
     let samples = view.samples();
     let most = samples.iter().map(|(_, raw)| raw[0].hypot(raw[1])).fold(1e-9, f64::max);

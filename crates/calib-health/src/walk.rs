@@ -4,8 +4,9 @@
 //! Let the walker be at `p`. Camera c measures `pc = p + Jc ec + n`. Here `ec` are the errors of the camera,
 //! with the covariance `Cc` claimed by its calibration, and `n` is the noise of the foot. With `p`
 //! eliminated, the errors of all cameras have normal equations. The errors of the other cameras, with their
-//! claims as priors, are then eliminated from the equations of camera c. The remaining score is `u = I ec +
-//! noise`, with noise of variance `I`. If the claim is correct, `u` has the variance `S = I + I Cc I`.
+//! claims as priors, are then eliminated from the equations of camera c. The remaining score is
+//! `u = I ec + noise`, with noise of variance `I`. If the claim is correct, `u` has the variance
+//! `S = I + I Cc I`.
 //!
 //! Most faults change one parameter. An error `d` of the parameter `k` changes the score by `I d ek`. The
 //! most powerful test is the matched filter `ek' I S^-1 u`, divided by its standard deviation. It is a

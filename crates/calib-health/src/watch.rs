@@ -3,12 +3,12 @@
 //! The time of a change is estimated by the generalized likelihood ratio over all times of the change and all
 //! movements (Willsky and Jones 1976).
 //!
-//! For a change at the start of window `t`, the evidence of all sources about the movement adds up to `H m =
-//! g`. Without a movement, `g' H^-1 g` is a chi-square of up to four degrees of freedom. Most real movements
-//! change one parameter. Therefore every parameter is also tested alone, a chi-square of one degree of
-//! freedom. The statistic is the most significant of these tests, in standard deviations of a normal variable
-//! and multiplied by a weight. Its maximum over `t` dates the change. The other cameras determine whether
-//! heights changed with the season at the same time.
+//! For a change at the start of window `t`, the evidence of all sources about the movement adds up to
+//! `H m = g`. Without a movement, `g' H^-1 g` is a chi-square of up to four degrees of freedom. Most real
+//! movements change one parameter. Therefore every parameter is also tested alone, a chi-square of one degree
+//! of freedom. The statistic is the most significant of these tests, in standard deviations of a normal
+//! variable and multiplied by a weight. Its maximum over `t` dates the change. The other cameras determine
+//! whether heights changed with the season at the same time.
 //!
 //! Tilt and zoom make all people in an image taller or shorter, and so do families, groups and the time of
 //! day. Their evidence therefore has a lower weight ([`PARAMETER_WEIGHTS`]) than that of a roll or a pan. A

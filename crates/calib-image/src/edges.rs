@@ -2,25 +2,25 @@
 //!
 //! The cursor snaps to them, and the automatic calibration uses them. At samples along an edge, the position
 //! with the steepest brightness change across it deviates from the fitted line by an RMS of `r`. Neighbouring
-//! pixels share their noise, because of blur. Of `n` pixels, only `m = n / BLUR` samples are therefore
+//! pixels share their noise, because of blur. Of `n` pixels, only `m = n / NOISE_LENGTH_PX` samples are therefore
 //! independent. The ends of the line have the standard deviation `2 r / sqrt(m)`: a fitted line has four
 //! times as much variance at its end as on average. A systematic part, for example from shading, is common to
-//! all samples of an edge and does not average out: `COMMON`.
+//! all samples of an edge and does not average out: `SYSTEMATIC_SIGMA_PX`.
 
 use calib_core::Pixel;
 use image::{Rgb, RgbImage};
 
-use crate::line_segment::{LineSegment, to_segment};
-use crate::pull::found;
+use crate::line_segment::{LineSegment, distance_to_segment};
+use crate::pull::find_edge_along;
 
 /// Straight edge, by its ends in raw pixels.
 pub type Edge = [Pixel; 2];
 
 /// Shortest edge that is offered, in pixels.
-const LEAST: f64 = 24.0;
+const MIN_LENGTH_PX: f64 = 24.0;
 /// Fraction of an edge, at either end, that does not react to the cursor, so that lines can start there
 /// freely.
-const ENDS: f64 = 0.15;
+const END_FRACTION: f64 = 0.15;
 
 /// Converts to brightness.
 fn grey(image: &RgbImage) -> Vec<u8> {
@@ -33,7 +33,7 @@ fn grey(image: &RgbImage) -> Vec<u8> {
 
 /// Detects the straight edges of an image (Grompone von Gioi et al. 2012), the longest first.
 #[must_use]
-pub fn find(image: &RgbImage) -> Vec<Edge> {
+pub fn detect(image: &RgbImage) -> Vec<Edge> {
     let (width, height) = image.dimensions();
     let found = lsdetect::detect(&grey(image), width as usize, height as usize, lsdetect::SCALE);
     // The detector has its origin at the centre of the first pixel; our pixels start at the corner.
@@ -42,7 +42,7 @@ pub fn find(image: &RgbImage) -> Vec<Edge> {
         .unwrap_or_default()
         .into_iter()
         .map(|segment| [pixel(segment.x1, segment.y1), pixel(segment.x2, segment.y2)])
-        .filter(|[a, b]| a.distance(*b) >= LEAST && a.is_finite() && b.is_finite())
+        .filter(|[a, b]| a.distance(*b) >= MIN_LENGTH_PX && a.is_finite() && b.is_finite())
         .collect();
     edges.sort_by(|a, b| b[0].distance(b[1]).total_cmp(&a[0].distance(a[1])));
     edges
@@ -50,14 +50,16 @@ pub fn find(image: &RgbImage) -> Vec<Edge> {
 
 /// Returns the edge under a pixel, unless the pixel is near an end of the edge.
 #[must_use]
-pub fn under(edges: &[Edge], at: Pixel, radius: f64) -> Option<Edge> {
+pub fn edge_at(edges: &[Edge], at: Pixel, radius: f64) -> Option<Edge> {
     let is_inner = |[a, b]: &Edge| {
         let along = (at.u - a.u) * (b.u - a.u) + (at.v - a.v) * (b.v - a.v);
         let share = along / a.distance(*b).powi(2);
-        (ENDS..=1.0 - ENDS).contains(&share)
+        (END_FRACTION..=1.0 - END_FRACTION).contains(&share)
     };
-    let near =
-        edges.iter().filter(|edge| is_inner(edge)).map(|edge| (*edge, to_segment(edge[0], edge[1], at)));
+    let near = edges
+        .iter()
+        .filter(|edge| is_inner(edge))
+        .map(|edge| (*edge, distance_to_segment(edge[0], edge[1], at)));
     near.filter(|(_, far)| *far <= radius).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(edge, _)| edge)
 }
 
@@ -74,34 +76,36 @@ pub fn from_numbers(numbers: &[f64]) -> Vec<Edge> {
 }
 
 /// Correlation length of the noise along an edge, in pixels.
-const BLUR: f64 = 4.0;
+const NOISE_LENGTH_PX: f64 = 4.0;
 /// Systematic error of a whole edge, in pixels.
-const COMMON: f64 = 0.3;
+const SYSTEMATIC_SIGMA_PX: f64 = 0.3;
 /// Largest number of edges with measured noise, which limits the computing time; shorter edges keep the
 /// detector's noise.
-const MOST: usize = 800;
+const MAX_MEASURED: usize = 800;
 /// Largest displacement of an edge by the measurement, in pixels; beyond it the measured edge is another one.
-const SAME: f64 = 2.0;
+const MAX_DISPLACEMENT_PX: f64 = 2.0;
 
 /// Detects the straight edges of an image with their standard deviations, the longest first.
 #[must_use]
 pub fn line_segments(image: &RgbImage) -> Vec<LineSegment> {
-    let edges = find(image).into_iter().enumerate();
-    edges.map(|(rank, edge)| if rank < MOST { measured(image, edge) } else { as_detected(edge) }).collect()
+    let edges = detect(image).into_iter().enumerate();
+    edges
+        .map(|(rank, edge)| if rank < MAX_MEASURED { measure(image, edge) } else { as_detected(edge) })
+        .collect()
 }
 
 const fn as_detected(ends: Edge) -> LineSegment {
-    LineSegment { ends, sigma: LineSegment::DETECTED }
+    LineSegment { ends, sigma: LineSegment::DETECTOR_SIGMA_PX }
 }
 
 /// Refines an edge by the steepest brightness changes along it.
-fn measured(image: &RgbImage, edge: Edge) -> LineSegment {
-    let Some(found) = found(image, edge) else { return as_detected(edge) };
-    if found.ends.iter().zip(edge).any(|(end, was)| end.distance(was) > SAME) {
+fn measure(image: &RgbImage, edge: Edge) -> LineSegment {
+    let Some(found) = find_edge_along(image, edge) else { return as_detected(edge) };
+    if found.ends.iter().zip(edge).any(|(end, was)| end.distance(was) > MAX_DISPLACEMENT_PX) {
         return as_detected(edge);
     }
-    let independent = (found.seen / BLUR).max(1.0);
-    LineSegment { ends: found.ends, sigma: COMMON.hypot(2.0 * found.rms / independent.sqrt()) }
+    let independent = (found.covered_length / NOISE_LENGTH_PX).max(1.0);
+    LineSegment { ends: found.ends, sigma: SYSTEMATIC_SIGMA_PX.hypot(2.0 * found.rms / independent.sqrt()) }
 }
 
 #[cfg(test)]
@@ -113,11 +117,11 @@ mod tests {
     #[test]
     fn the_edge_of_a_step_is_found_at_its_position() {
         let picture = RgbImage::from_fn(160, 120, |x, _| Rgb([if x < 70 { 40 } else { 200 }; 3]));
-        let edges = find(&picture);
+        let edges = detect(&picture);
         let [a, b] = edges[0];
         assert!((a.u - 70.0).abs() < 1.0 && (b.u - 70.0).abs() < 1.0, "{a:?} {b:?}");
-        assert_eq!(under(&edges, Pixel::new(71.0, 60.0), 3.0), Some([a, b]));
-        assert_eq!(under(&edges, Pixel::new(71.0, a.v.min(b.v) + 2.0), 3.0), None);
+        assert_eq!(edge_at(&edges, Pixel::new(71.0, 60.0), 3.0), Some([a, b]));
+        assert_eq!(edge_at(&edges, Pixel::new(71.0, a.v.min(b.v) + 2.0), 3.0), None);
     }
 
     #[test]

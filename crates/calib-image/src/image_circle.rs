@@ -1,8 +1,7 @@
 //! Detection of the image circle of a fisheye lens: the scene is inside, and the image is black outside.
 //!
 //! Rows and columns are scanned from the border of the image inward while they are black. The end of the
-//! black run is a point on the rim, except at dark objects near the rim and at captions in the black area. Of
-//! the circles through three such points, the one with the most inliers is kept. It is then fitted to its
+//! black run is a point on the rim, except at dark objects near the rim and at captions in the black area. Of the circles through three such points, the circle with the most inliers is kept. It is then fitted to its
 //! inliers by least squares of their distances (Gauss-Newton).
 
 use calib_core::{ImageCircle, Pixel};
@@ -10,7 +9,7 @@ use image::RgbImage;
 use nalgebra::{Matrix3, Vector3};
 
 /// Largest brightness of a black image corner, 0 to 255.
-const BLACK: u8 = 48;
+const MAX_BLACK_LEVEL: u8 = 48;
 /// Smallest difference in brightness between the scene and the corners.
 const CONTRAST: u8 = 16;
 /// Definition of the rim: the brightness threshold as a fraction of the scene's brightness, and the search
@@ -18,25 +17,25 @@ const CONTRAST: u8 = 16;
 /// rim has the same position next to bright and to dim scenes.
 const RIM: (f64, f64) = (0.25, 0.06);
 /// Number of rows and columns to scan, each from both ends.
-const WALKS: u32 = 400;
+const SCAN_COUNT: u32 = 400;
 /// Number of consecutive bright pixels that end the black; fewer are noise.
 const IN_A_ROW: u32 = 3;
 /// Number of triples of points to try.
 const TRIPLES: usize = 500;
 /// Largest distance of an inlier from the circle, as a fraction of the longer image side.
-const NEAR: f64 = 0.005;
+const MAX_INLIER_DISTANCE: f64 = 0.005;
 /// Smallest fraction of inliers, and smallest black fraction outside the circle; lens flare can brighten the
 /// rest.
-const SHARES: [f64; 2] = [0.55, 0.85];
+const MIN_FRACTIONS: [f64; 2] = [0.55, 0.85];
 
 /// Detects the image circle of a fisheye lens, in raw pixels; `None` if the image has no black corners
 /// outside a circle.
 #[must_use]
 pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
-    let black = black(image)?;
+    let black = black_level(image)?;
     let places = rim(image, black);
     let size = [image.width(), image.height()].map(f64::from);
-    let near = (NEAR * size[0].max(size[1])).max(1.5);
+    let near = (MAX_INLIER_DISTANCE * size[0].max(size[1])).max(1.5);
     let is_on =
         |circle: &ImageCircle, at: &Pixel| (circle.centre().distance(*at) - circle.radius).abs() < near;
     let on = |circle: &ImageCircle| places.iter().filter(|at| is_on(circle, at)).count();
@@ -50,7 +49,7 @@ pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
         let own: Vec<Pixel> = places.iter().filter(|at| is_on(&circle, at)).copied().collect();
         circle = improved(circle, &own)?;
     }
-    let is_agreed = on(&circle) as f64 >= SHARES[0] * places.len() as f64;
+    let is_agreed = on(&circle) as f64 >= MIN_FRACTIONS[0] * places.len() as f64;
     let is_round = [[false; 2], [false, true], [true, false], [true; 2]].iter().all(|&[right, below]| {
         let is_of = |at: &&Pixel| (at.u > circle.u) == right && (at.v > circle.v) == below;
         places.iter().filter(is_of).any(|at| is_on(&circle, at))
@@ -66,7 +65,7 @@ fn level(image: &RgbImage, x: u32, y: u32) -> u8 {
 }
 
 /// Returns the level of black, from the image corners; one of the four may contain a caption.
-fn black(image: &RgbImage) -> Option<u8> {
+fn black_level(image: &RgbImage) -> Option<u8> {
     let (w, h) = image.dimensions();
     let side = (w.min(h) / 50).max(4);
     if w.min(h) < 4 * side {
@@ -76,7 +75,7 @@ fn black(image: &RgbImage) -> Option<u8> {
         |(x0, y0)| quantile(0.9, (0..side * side).map(|i| level(image, x0 + i % side, y0 + i / side)));
     let mut corners = [(0, 0), (w - side, 0), (0, h - side), (w - side, h - side)].map(corner);
     corners.sort_unstable();
-    (corners[2] <= BLACK).then_some(corners[2])
+    (corners[2] <= MAX_BLACK_LEVEL).then_some(corners[2])
 }
 
 /// Returns the quantile of the levels at `share`; 0 for no levels.
@@ -92,7 +91,7 @@ fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
     let ahead = (RIM.1 * f64::from(w.max(h))) as u32;
     let mut places = Vec::new();
     for (is_row, lines, length) in [(true, h, w), (false, w, h)] {
-        let step = lines.div_ceil(WALKS).max(1);
+        let step = lines.div_ceil(SCAN_COUNT).max(1);
         for line in (0..lines).step_by(step as usize) {
             for is_back in [false, true] {
                 let level = |i: u32| {
@@ -159,7 +158,7 @@ fn improved(circle: ImageCircle, places: &[Pixel]) -> Option<ImageCircle> {
 }
 
 fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
-    let step = (image.width().max(image.height()) / WALKS).max(1) as usize;
+    let step = (image.width().max(image.height()) / SCAN_COUNT).max(1) as usize;
     let of_rows = (0..image.height()).step_by(step);
     let pixels = of_rows.flat_map(|y| (0..image.width()).step_by(step).map(move |x| (x, y)));
     let is_outside = |&(x, y): &(u32, u32)| {
@@ -170,7 +169,7 @@ fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
         all += 1;
         dark += u32::from(level(image, x, y) <= black + 2 * CONTRAST);
     }
-    f64::from(dark) >= SHARES[1] * f64::from(all)
+    f64::from(dark) >= MIN_FRACTIONS[1] * f64::from(all)
 }
 
 /// Whether the rim is sharp: a gradual falloff of light in a dark scene has no rim.

@@ -11,12 +11,13 @@
 //! - `compare`: change of a camera between two images, and recovery after a rotation.
 //!
 //! ```
-//! use calib_image::{Proposal, Still, Verdict, line_segments};
+//! use calib_image::{AutomaticCalibration, Confidence, EdgeImage, line_segments};
 //! use image::{Rgb, RgbImage};
 //!
 //! let wall = RgbImage::from_fn(320, 240, |x, _| Rgb([if x < 160 { 60 } else { 180 }; 3]));
-//! let still = Still::new(line_segments(&wall), [320, 240]);
-//! assert_eq!(Proposal::new(&still).verdict, Verdict::None, "one edge does not determine a camera");
+//! let edges = EdgeImage::new(line_segments(&wall), [320, 240]);
+//! let calibration = AutomaticCalibration::new(&edges);
+//! assert_eq!(calibration.confidence, Confidence::None, "one edge does not determine a camera");
 //! ```
 
 // A file uses only those above it.
@@ -28,11 +29,13 @@ mod proposal;
 mod compare;
 
 pub use compare::{
-    CameraChange, Comparison, ComparisonError, EdgeOffset, FitParameters, RecoveryError, RotationFit, STEP,
-    SizeMismatchError, TONE_SIZE, annotation_edges, recover,
+    CameraChange, Comparison, ComparisonError, EdgeOffset, FitParameters, RecoveryError, RotationFit,
+    STEP_SIZE, SizeMismatchError, TONE_SIZE, annotation_edges, recover,
 };
 pub use edges::{Edge, line_segments};
 pub use image_circle::image_circle;
-pub use line_segment::{LineSegment, to_segment};
-pub use proposal::{Alternative, Group, EdgeClass, Proposal, Reason, EdgeImage, Verdict, join_edges};
-pub use pull::{RADIUS, pull, pull_drawn, pull_line};
+pub use line_segment::{LineSegment, distance_to_segment};
+pub use proposal::{
+    Alternative, AutomaticCalibration, Confidence, EdgeClass, EdgeImage, Group, Reason, join_edges,
+};
+pub use pull::{SNAP_RADIUS_PX, snap_image_curve, snap_line, snap_polyline};

@@ -4,7 +4,7 @@ use calib_core::Pixel;
 
 /// Returns the distance of `at` from the segment between `a` and `b`, in pixels.
 #[must_use]
-pub fn to_segment(a: Pixel, b: Pixel, at: Pixel) -> f64 {
+pub fn distance_to_segment(a: Pixel, b: Pixel, at: Pixel) -> f64 {
     let (dx, dy) = (b.u - a.u, b.v - a.v);
     let length = dx * dx + dy * dy;
     // Without length, the division would give NaN.
@@ -25,7 +25,7 @@ pub struct LineSegment {
 impl LineSegment {
     /// Standard deviation of the ends of a detected edge, across it, in pixels. It was measured on edges of
     /// 14 to 130 px in photographs of rooms, by their distances from the vanishing points of those rooms.
-    pub const DETECTED: f64 = 0.45;
+    pub const DETECTOR_SIGMA_PX: f64 = 0.45;
 
     /// Returns the length, in pixels.
     #[must_use]

@@ -7,17 +7,17 @@ use calib_core::{Lens, Pixel};
 use image::RgbImage;
 
 /// Largest number of samples along a line.
-pub(crate) const SAMPLES: usize = 160;
+pub(crate) const MAX_SAMPLES: usize = 160;
 /// Largest distance of an edge that is offered or attracts a line, in image pixels at any zoom.
-pub const RADIUS: f64 = 8.0;
+pub const SNAP_RADIUS_PX: f64 = 8.0;
 /// The same distance, in steps across a line.
-const REACH: i32 = RADIUS as i32;
+const REACH: i32 = SNAP_RADIUS_PX as i32;
 /// Largest distance of a sample from its edge, in pixels; a farther one belongs to another edge.
-pub(crate) const ONE_EDGE: f64 = 1.0;
+pub(crate) const MAX_INLIER_DISTANCE_PX: f64 = 1.0;
 /// Smallest fraction of a line that its edge must cover.
-pub(crate) const SHARE: f64 = 0.5;
+pub(crate) const MIN_COVERED_FRACTION: f64 = 0.5;
 /// Smallest brightness gradient of an edge, in grey levels per pixel.
-const LEAST: f64 = 4.0;
+const MIN_GRADIENT: f64 = 4.0;
 
 /// Interpolates the brightness between pixels, 0 to 255; `None` outside the image.
 pub(crate) fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
@@ -37,31 +37,32 @@ pub(crate) fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
 }
 
 /// Edge found along a line.
-pub(crate) struct Found {
+pub(crate) struct FoundEdge {
     /// Line snapped to the edge.
     pub(crate) ends: [Pixel; 2],
     /// RMS distance of the samples from the edge, in pixels.
     pub(crate) rms: f64,
     /// Length of the line covered by the edge, in pixels.
-    pub(crate) seen: f64,
+    pub(crate) covered_length: f64,
 }
 
 /// Snaps a line to the edge along it; `None` without an edge.
 #[must_use]
-pub fn pull(image: &RgbImage, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
-    found(image, line).map(|found| found.ends)
+pub fn snap_line(image: &RgbImage, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
+    find_edge_along(image, line).map(|found| found.ends)
 }
 
 /// Finds the edge along a line; `None` without an edge.
 ///
 /// At samples along the line, the steepest brightness change across it is located to a fraction of a pixel.
 /// All changes must have the same sign. A straight line is fitted to the consistent samples.
-pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
+pub(crate) fn find_edge_along(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<FoundEdge> {
     let length = a.distance(b);
     if !(4.0..1e5).contains(&length) {
         return None;
     }
-    let (along, count) = ([(b.u - a.u) / length, (b.v - a.v) / length], (length as usize).clamp(8, SAMPLES));
+    let (along, count) =
+        ([(b.u - a.u) / length, (b.v - a.v) / length], (length as usize).clamp(8, MAX_SAMPLES));
     let across = [-along[1], along[0]];
     let slope = |s: f64, t: f64| {
         let at = |t: f64| {
@@ -80,16 +81,16 @@ pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
             strongest(&slope, s, Some(total.signum())).map(|(t, _)| [s, t])
         })
         .collect();
-    let (offset, tilt, inliers) = robust_line(&places, (SHARE * count as f64) as usize)?;
+    let (offset, tilt, inliers) = robust_line(&places, (MIN_COVERED_FRACTION * count as f64) as usize)?;
     let shifted = |p: Pixel, s: f64| {
         let t = offset + tilt * s;
         Pixel::new(p.u + t * across[0], p.v + t * across[1])
     };
     let square: f64 = inliers.iter().map(|[s, t]| (t - offset - tilt * s).powi(2)).sum();
-    Some(Found {
+    Some(FoundEdge {
         ends: [shifted(a, 0.0), shifted(b, length)],
         rms: (square / inliers.len() as f64).sqrt(),
-        seen: length * inliers.len() as f64 / (count + 1) as f64,
+        covered_length: length * inliers.len() as f64 / (count + 1) as f64,
     })
 }
 
@@ -98,9 +99,9 @@ pub(crate) fn found(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Found> {
 /// Two points are snapped to one straight edge. With more points, each is snapped separately, across the line
 /// at that point, because a straight edge may be curved by distortion. Points without an edge stay in place.
 #[must_use]
-pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
+pub fn snap_polyline(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
     if let &[a, b] = points {
-        return pull(image, [a, b]).map(Vec::from);
+        return snap_line(image, [a, b]).map(Vec::from);
     }
     let mut pulled = points.to_vec();
     for (i, &point) in points.iter().enumerate() {
@@ -116,7 +117,7 @@ pub fn pull_line(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
         let at = |share: f64| Pixel::new(point.u + share * along[0], point.v + share * along[1]);
         let ends =
             [if i == 0 { point } else { at(-1.0) }, if i + 1 == points.len() { point } else { at(1.0) }];
-        let Some([a, b]) = pull(image, ends) else { continue };
+        let Some([a, b]) = snap_line(image, ends) else { continue };
         let middle = Pixel::new(0.5 * (a.u + b.u), 0.5 * (a.v + b.v));
         pulled[i] = if i == 0 {
             a
@@ -141,7 +142,7 @@ pub(crate) fn strongest(
     // Of equally strong edges, prefer the nearer one.
     let weight = |(t, value): (f64, f64)| size(value) * (1.0 - 0.05 * t.abs());
     let (t, peak) = steps.max_by(|&a, &b| weight(a).total_cmp(&weight(b)))?;
-    if size(peak) < LEAST {
+    if size(peak) < MIN_GRADIENT {
         return None;
     }
     let (before, after) = (size(slope(s, t - 1.0)?), size(slope(s, t + 1.0)?));
@@ -153,15 +154,14 @@ pub(crate) fn strongest(
 /// Returns offset and tilt of the line with the most inliers, and these inliers; `None` with fewer than
 /// `least`.
 ///
-/// A line is computed through every pair of a subset of the points. The one with the most inliers is fitted
-/// to these (Fischler and Bolles 1981, with all pairs instead of random ones). Between two parallel edges, a
+/// A line is computed through every pair of a subset of the points. The candidate with the most inliers is fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones). Between two parallel edges, a
 /// mean of both would not be an edge.
 fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
     const PROPOSERS: usize = 32;
     let step = points.len().div_ceil(PROPOSERS).max(1);
     let few: Vec<[f64; 2]> = points.iter().copied().step_by(step).collect();
     let agree = |(offset, tilt): (f64, f64)| {
-        points.iter().copied().filter(move |[s, t]| (t - offset - tilt * s).abs() <= ONE_EDGE)
+        points.iter().copied().filter(move |[s, t]| (t - offset - tilt * s).abs() <= MAX_INLIER_DISTANCE_PX)
     };
     let pairs = few.iter().enumerate().flat_map(|(i, a)| few[..i].iter().map(move |b| (a, b)));
     let proposed = pairs.filter(|(a, b)| a[0] != b[0]).map(|([s, t], [from, low])| {
@@ -189,17 +189,17 @@ fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
 /// Snaps a line to the edge along it; `None` without an edge. Under a fisheye lens, the edge follows the
 /// image of the straight 3D line through the ends. Under other lenses, it follows the line itself.
 ///
-/// Let n be the normal of the plane through the camera and the 3D line, m its middle direction, and `s = n x
-/// m`. A nearby straight 3D line deviates from it by the angle `A cos a + B sin a`, with `a` the angle along
-/// the line from its middle. `A` and `B` are fitted to the deviations of the inlier samples from the curve,
-/// in pixels.
+/// Let n be the normal of the plane through the camera and the 3D line, m its middle direction, and
+/// `s = n x m`. A nearby straight 3D line deviates from it by the angle `A cos a + B sin a`, with `a` the
+/// angle along the line from its middle. `A` and `B` are fitted to the deviations of the inlier samples from
+/// the curve, in pixels.
 #[must_use]
-pub fn pull_drawn(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
+pub fn snap_image_curve(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
     if !lens.distortion.is_wide() {
-        return pull(image, line);
+        return snap_line(image, line);
     }
     let curve = Curve::of(lens, line)?;
-    let count = (curve.length as usize).clamp(8, SAMPLES);
+    let count = (curve.length as usize).clamp(8, MAX_SAMPLES);
     let samples: Vec<Sample> = (0..=count).filter_map(|i| curve.sample(i as f64 / count as f64)).collect();
     let slope = |sample: &Sample, t: f64| {
         let at = |t: f64| {
@@ -219,7 +219,7 @@ pub fn pull_drawn(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Option<[Pi
             Some([sample.scale * cos, sample.scale * sin, t])
         })
         .collect();
-    let by = robust(&places, (SHARE * count as f64) as usize)?;
+    let by = robust(&places, (MIN_COVERED_FRACTION * count as f64) as usize)?;
     Some([curve.moved(line[0], by)?, curve.moved(line[1], by)?])
 }
 
@@ -255,8 +255,8 @@ impl<'a> Curve<'a> {
         let [a, b] = [ray(lens, line[0])?, ray(lens, line[1])?];
         let normal = unit(cross(a, b)).filter(|_| length(cross(a, b)) > CLOSE)?;
         let middle = unit(std::array::from_fn(|i| a[i] + b[i]))?;
-        let drawn = drawn_line(lens, &line);
-        let length: f64 = drawn.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
+        let curve = drawn_line(lens, &line);
+        let length: f64 = curve.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
         let half = 0.5 * dot(a, b).clamp(-1.0, 1.0).acos();
         let is_long = (4.0..1e5).contains(&length);
         is_long.then(|| Self { lens, middle, side: cross(normal, middle), normal, half, length })
@@ -297,14 +297,13 @@ impl<'a> Curve<'a> {
 
 /// Fits A and B of `t = a A + b B` to samples `[a, b, t]`; `None` with fewer than `least` inliers.
 ///
-/// Every pair of a subset of the samples determines a candidate. The one with the most inliers is fitted to
-/// these (Fischler and Bolles 1981, with all pairs instead of random ones).
+/// Every pair of a subset of the samples determines a candidate. The candidate with the most inliers is fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones).
 fn robust(places: &[[f64; 3]], least: usize) -> Option<[f64; 2]> {
     const PROPOSERS: usize = 32;
     let step = places.len().div_ceil(PROPOSERS).max(1);
     let few: Vec<[f64; 3]> = places.iter().copied().step_by(step).collect();
     let agree = |[cosine, sine]: [f64; 2]| {
-        places.iter().filter(move |[a, b, t]| (t - a * cosine - b * sine).abs() <= ONE_EDGE)
+        places.iter().filter(move |[a, b, t]| (t - a * cosine - b * sine).abs() <= MAX_INLIER_DISTANCE_PX)
     };
     let pairs = few.iter().enumerate().flat_map(|(i, p)| few[..i].iter().map(move |q| (p, q)));
     let proposed = pairs.filter_map(|(p, q)| solved([p[0], p[1], q[0], q[1]], [p[2], q[2]]));
@@ -373,7 +372,7 @@ mod tests {
     fn a_line_near_an_edge_is_pulled_onto_it() {
         for tilt in [0.0, 0.13] {
             let drawn = [Pixel::new(83.5 + tilt * 20.0, 20.0), Pixel::new(77.5 + tilt * 130.0, 130.0)];
-            let [a, b] = pull(&picture(tilt), drawn).unwrap();
+            let [a, b] = snap_line(&picture(tilt), drawn).unwrap();
             for p in [a, b] {
                 let off = p.u - (80.3 + tilt * p.v);
                 assert!(off.abs() < 0.15, "{off} px off the edge");
@@ -391,7 +390,7 @@ mod tests {
         });
         let drawn: Vec<Pixel> =
             [22.0, 50.0, 76.0, 101.0, 127.0].map(|v| Pixel::new(edge(v) + 2.0, v)).to_vec();
-        for p in pull_line(&picture, &drawn).unwrap() {
+        for p in snap_polyline(&picture, &drawn).unwrap() {
             let off = p.u - edge(p.v);
             assert!(off.abs() < 0.35, "{off} px off the edge at {}", p.v);
         }
@@ -405,7 +404,7 @@ mod tests {
             let off = f64::from(x) + 0.5 - at(f64::from(y) + 0.5);
             Rgb([(60.0 + 120.0 / (1.0 + (-1.7 * off).exp())) as u8; 3])
         });
-        let pulled = pull(&picture, [Pixel::new(81.0, 10.0), Pixel::new(81.0, 140.0)]);
+        let pulled = snap_line(&picture, [Pixel::new(81.0, 10.0), Pixel::new(81.0, 140.0)]);
         let on_one = |p: Pixel, edge: f64| (p.u - edge).abs() < 0.4;
         let [a, b] = pulled.expect("one of the edges is found");
         assert!(
@@ -418,9 +417,9 @@ mod tests {
     fn without_an_edge_nothing_is_pulled() {
         let flat = RgbImage::from_pixel(200, 150, Rgb([90; 3]));
         let line = [Pixel::new(20.0, 20.0), Pixel::new(90.0, 50.0), Pixel::new(150.0, 100.0)];
-        assert_eq!(pull_line(&flat, &line[..2]), None);
-        assert_eq!(pull_line(&flat, &line), None);
-        assert_eq!(pull_line(&flat, &[line[0]; 3]), None);
+        assert_eq!(snap_polyline(&flat, &line[..2]), None);
+        assert_eq!(snap_polyline(&flat, &line), None);
+        assert_eq!(snap_polyline(&flat, &[line[0]; 3]), None);
     }
 }
 
@@ -451,7 +450,7 @@ mod pull_curve_tests {
     fn a_line_near_a_curved_edge_is_pulled_onto_it() {
         let lens = fisheye();
         for normal in [[0.2, 1.0, 0.5], [1.0, 0.3, -0.7], [0.1, 0.9, 1.2]] {
-            let still = picture(normal);
+            let image = picture(normal);
             let [n, edge] = [normal, cross(normal, [0.0, 0.0, 1.0])].map(|of| unit(of).unwrap());
             let out = cross(edge, n);
             // The edge covers 120°, and extends more than 90° off the axis where possible.
@@ -463,11 +462,11 @@ mod pull_curve_tests {
             let off = |p: Pixel| dot(n, ray(&lens, p).unwrap()).abs() * lens.focal;
             let drawn =
                 [Pixel::new(ends[0].u + 2.0, ends[0].v - 2.5), Pixel::new(ends[1].u - 2.0, ends[1].v + 2.0)];
-            let pulled = pull_drawn(&still, &lens, drawn).unwrap();
+            let pulled = snap_image_curve(&image, &lens, drawn).unwrap();
             for end in pulled {
                 assert!(off(end) < 0.2, "{} px off the edge of {normal:?}", off(end));
             }
-            let chord = pull(&still, drawn);
+            let chord = snap_line(&image, drawn);
             assert!(chord.is_none_or(|ends| ends.iter().any(|&end| off(end) > 0.5)), "the edge is curved");
         }
     }
@@ -476,8 +475,8 @@ mod pull_curve_tests {
     fn without_an_edge_or_a_line_nothing_is_pulled() {
         let (flat, lens) = (RgbImage::from_pixel(400, 380, Rgb([90; 3])), fisheye());
         let at = Pixel::new(120.0, 120.0);
-        assert_eq!(pull_drawn(&flat, &lens, [at, Pixel::new(220.0, 300.0)]), None);
-        assert_eq!(pull_drawn(&flat, &lens, [at, at]), None);
-        assert_eq!(pull_drawn(&flat, &lens, [at, Pixel::new(-4000.0, 300.0)]), None);
+        assert_eq!(snap_image_curve(&flat, &lens, [at, Pixel::new(220.0, 300.0)]), None);
+        assert_eq!(snap_image_curve(&flat, &lens, [at, at]), None);
+        assert_eq!(snap_image_curve(&flat, &lens, [at, Pixel::new(-4000.0, 300.0)]), None);
     }
 }

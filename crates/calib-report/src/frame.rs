@@ -7,10 +7,10 @@ const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'";
 
 /// End of a page.
-pub(crate) const CLOSED: &str = "</main></body></html>\n";
+pub(crate) const PAGE_END: &str = "</main></body></html>\n";
 
 /// Returns the start of a page with this title, and the note that explains "±".
-pub(crate) fn opened(title: &str) -> String {
+pub(crate) fn page_start(title: &str) -> String {
     let title = escape(title);
     format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\

@@ -4,29 +4,29 @@ use crate::style;
 use crate::svg::{Anchor, Svg};
 
 /// Offset of a label's baseline from its point, to the right and down in screen pixels, and its anchor.
-pub(crate) type Place = (f64, f64, Anchor);
+pub(crate) type LabelOffset = (f64, f64, Anchor);
 
 /// Rectangles of placed labels, as left, top, right and bottom, with their texts.
 #[derive(Debug, Default)]
 pub(crate) struct Labels {
-    taken: Vec<([f64; 4], String)>,
+    occupied: Vec<([f64; 4], String)>,
 }
 
 impl Labels {
     /// Places a label at the first of the offsets without overlap; returns baseline and anchor, or `None` if
     /// all overlap.
-    pub(crate) fn free(
+    pub(crate) fn place(
         &mut self,
         svg: &Svg,
         about: [f64; 2],
         text: &str,
-        places: &[Place],
+        places: &[LabelOffset],
     ) -> Option<([f64; 2], Anchor)> {
-        places.iter().map(|place| placed(svg, about, place)).find(|&(at, anchor)| {
+        places.iter().map(|place| label_position(svg, about, place)).find(|&(at, anchor)| {
             let own = extent(svg, at, text, anchor);
-            let is_free = !self.taken.iter().any(|(other, _)| meet(&own, other));
+            let is_free = !self.occupied.iter().any(|(other, _)| meet(&own, other));
             if is_free {
-                self.taken.push((own, text.to_owned()));
+                self.occupied.push((own, text.to_owned()));
             }
             is_free
         })
@@ -34,21 +34,25 @@ impl Labels {
 
     /// Whether the same text already overlaps this position: a point and its reprojection need only one
     /// label.
-    pub(crate) fn are_said(&self, svg: &Svg, about: [f64; 2], text: &str, place: &Place) -> bool {
-        let (at, anchor) = placed(svg, about, place);
+    pub(crate) fn has_duplicate(&self, svg: &Svg, about: [f64; 2], text: &str, place: &LabelOffset) -> bool {
+        let (at, anchor) = label_position(svg, about, place);
         let own = extent(svg, at, text, anchor);
-        self.taken.iter().any(|(other, said)| said == text && meet(&own, other))
+        self.occupied.iter().any(|(other, said)| said == text && meet(&own, other))
     }
 
     /// Reserves the rectangle of a tag with this upper left corner.
-    pub(crate) fn take_tag(&mut self, svg: &Svg, [x, y]: [f64; 2], text: &str) {
+    pub(crate) fn reserve_tag(&mut self, svg: &Svg, [x, y]: [f64; 2], text: &str) {
         let [width, height] = svg.tag_size(text);
-        self.taken.push(([x, y, x + width, y + height], text.to_owned()));
+        self.occupied.push(([x, y, x + width, y + height], text.to_owned()));
     }
 }
 
 /// Returns baseline and anchor of a label at an offset from a point.
-pub(crate) fn placed(svg: &Svg, [x, y]: [f64; 2], &(right, down, anchor): &Place) -> ([f64; 2], Anchor) {
+pub(crate) fn label_position(
+    svg: &Svg,
+    [x, y]: [f64; 2],
+    &(right, down, anchor): &LabelOffset,
+) -> ([f64; 2], Anchor) {
     ([x + right * svg.scale, y + down * svg.scale], anchor)
 }
 
@@ -77,13 +81,13 @@ mod tests {
     fn labels_at_one_point_do_not_overlap_and_the_last_is_dropped() {
         let (svg, mut labels) = (Svg::new([400.0, 300.0], 1.0), Labels::default());
         let places = [(7.0, -5.0, Anchor::Start), (-7.0, -5.0, Anchor::End)];
-        let mut place = |at: [f64; 2]| labels.free(&svg, at, "word", &places);
+        let mut place = |at: [f64; 2]| labels.place(&svg, at, "word", &places);
         assert_eq!(place([100.0, 100.0]), Some(([107.0, 95.0], Anchor::Start)));
         assert_eq!(place([100.0, 100.0]), Some(([93.0, 95.0], Anchor::End)));
         assert_eq!(place([101.0, 101.0]), None);
         assert!(place([100.0, 130.0]).is_some());
-        assert!(labels.are_said(&svg, [101.0, 101.0], "word", &places[0]));
-        assert!(!labels.are_said(&svg, [101.0, 101.0], "other", &places[0]));
-        assert!(!labels.are_said(&svg, [101.0, 200.0], "word", &places[0]));
+        assert!(labels.has_duplicate(&svg, [101.0, 101.0], "word", &places[0]));
+        assert!(!labels.has_duplicate(&svg, [101.0, 101.0], "other", &places[0]));
+        assert!(!labels.has_duplicate(&svg, [101.0, 200.0], "word", &places[0]));
     }
 }

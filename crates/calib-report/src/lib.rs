@@ -26,11 +26,14 @@ mod page;
 mod watch_page;
 
 pub use overlay::overlay;
-pub use page::{Picture, Pictures, Shown, page};
-pub use plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
+pub use page::{EmbeddedImage, ImageRequest, ImageSource, page};
+pub use plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, plan_view};
 pub use planes::planes_text;
-pub use site_section::{WarningKind, kinds, together, worst_first};
+pub use site_section::{WarningGroup, connectivity_text, group_warnings, worst_first};
 pub use svg::{Anchor, Stroke, Svg};
-pub use walk_page::{WalkPage, direction, zone_name};
+pub use walk_page::{WalkPage, disagreement_text, zone_name};
 pub use watch_page::{WatchedCamera, watch_page, watch_text};
-pub use words::{centimetres, decimals, distance, few, is_fitted, lens_of, scene_errors, straight_down};
+pub use words::{
+    camera_lens, centimetres, decimals, distance, is_lens_estimated, scene_errors_text, shortened_list,
+    straight_down_text,
+};

@@ -5,15 +5,15 @@ use calib_core::{Code, FloorPoint, Pixel, ResidualOf};
 use calib_core::floor::view_angle;
 
 use calib_draw::{
-    Geometry, ImageLayer, ImageView, Item, KindLook, Laid, Look, Meaning, Rgb, Sign, Signs, lay, on_image,
-    reach,
+    Geometry, ImageLayer, ImageView, Item, KindLook, Look, Meaning, PlacedShape, Rgb, Sign, Signs, diagonal,
+    on_image, place_sign,
 };
 use calib_site::{Site, SiteCamera};
 
-use crate::labels::{Labels, Place, placed};
+use crate::labels::{LabelOffset, Labels, label_position};
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
-use crate::words::straight_down;
+use crate::words::straight_down_text;
 
 /// Draws all results of a camera for its image; `lens_grid` adds the grid that shows the distortion.
 #[must_use]
@@ -22,7 +22,7 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     let mut svg = Svg::new(size, style::scale(size));
     let index = site.cameras.iter().position(|other| std::ptr::eq(other, entry)).unwrap_or(0);
     let colour = Rgb::camera(index);
-    let items = on_image(&ImageView::new(site, index).with_letters(svg.scale), &layers(entry, lens_grid));
+    let items = on_image(&ImageView::new(site, index).with_labels(svg.scale), &layers(entry, lens_grid));
     for item in &items {
         draw(&mut svg, item);
     }
@@ -49,14 +49,14 @@ fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
         ImageLayer::Marks,
         ImageLayer::Annotations(Signs::RightAngles),
         ImageLayer::ControlPoints,
-        ImageLayer::Sightings,
+        ImageLayer::Observations,
     ];
     lens_grid.then_some(ImageLayer::LensGrid).into_iter().chain(others).collect()
 }
 
 /// Returns a grid step with distinguishable cells: 0.5, 1, 2, 5, 10, … metres.
 pub(crate) fn grid_step(polygon: &[FloorPoint]) -> f64 {
-    let reach = reach(polygon);
+    let reach = diagonal(polygon);
     [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|step| reach / step < 24.0).unwrap_or(100.0)
 }
 
@@ -85,8 +85,8 @@ fn draw(svg: &mut Svg, item: &Item<Pixel>) {
 /// Draws a line from the annotated to the reprojected point; residuals below a pixel are invisible and
 /// omitted.
 fn draw_residual(svg: &mut Svg, points: &[Pixel], stroke: Stroke) {
-    let [drawn, shown] = points else { return };
-    if shown.distance(*drawn) > 1.0 {
+    let [annotated, shown] = points else { return };
+    if shown.distance(*annotated) > 1.0 {
         svg.line(&array(points), false, stroke);
         svg.dot((*shown).into(), 2.5, stroke.colour);
     }
@@ -95,7 +95,7 @@ fn draw_residual(svg: &mut Svg, points: &[Pixel], stroke: Stroke) {
 fn draw_point(svg: &mut Svg, meaning: Meaning, at: [f64; 2], stroke: Stroke) {
     match meaning {
         Meaning::ControlPoint { .. } => cross(svg, at, 7.0, stroke),
-        Meaning::Seen(_) => svg.ring(at, style::HANDLE + 1.0, stroke),
+        Meaning::Observed(_) => svg.ring(at, style::HANDLE + 1.0, stroke),
         Meaning::Solved(_) => cross(svg, at, 4.0, stroke),
         Meaning::Annotation(line) => svg.dot(at, style::HANDLE, line.colour()),
         _ => svg.dot(at, style::HANDLE, stroke.colour),
@@ -112,12 +112,12 @@ fn draw_sign(svg: &mut Svg, meaning: Meaning, sign: Sign, ends: [[f64; 2]; 2]) {
     let Meaning::Annotation(line) = meaning else { return };
     let colour = KindLook::of(line.kind).colour;
     let stroke = Stroke::new(colour, 1.5);
-    for part in lay(sign, ends, svg.scale) {
+    for part in place_sign(sign, ends, svg.scale) {
         match part {
-            Laid::Stroke(points) => svg.line(&points, false, stroke),
-            Laid::Fill(points) => svg.fill(&points, colour, 1.0),
-            Laid::Ring(at, radius) => svg.ring(at, radius / svg.scale, stroke),
-            Laid::Disc(at, radius) => svg.dot(at, radius / svg.scale, colour),
+            PlacedShape::Stroke(points) => svg.line(&points, false, stroke),
+            PlacedShape::Fill(points) => svg.fill(&points, colour, 1.0),
+            PlacedShape::Ring(at, radius) => svg.ring(at, radius / svg.scale, stroke),
+            PlacedShape::Disc(at, radius) => svg.dot(at, radius / svg.scale, colour),
         }
     }
 }
@@ -132,17 +132,17 @@ struct Tag {
 /// Draws labels clear of their points and of each other; numbers of the grid only if there is space.
 fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
     let mut labels = Labels::default();
-    tags.iter().for_each(|tag| labels.take_tag(svg, tag.at, &tag.text));
+    tags.iter().for_each(|tag| labels.reserve_tag(svg, tag.at, &tag.text));
     let (last, first): (Vec<_>, Vec<_>) = items.iter().partition(|item| item.meaning == Meaning::Grid);
     for Item { meaning, geometry } in first.into_iter().chain(last) {
         let Geometry::Label(at, text) = geometry else { continue };
         let (at, places) = (<[f64; 2]>::from(*at), places(*meaning));
         let [usual, ..] = &places[..] else { continue };
-        if labels.are_said(svg, at, text, usual) {
+        if labels.has_duplicate(svg, at, text, usual) {
             continue;
         }
-        let covering = (*meaning != Meaning::Grid).then(|| placed(svg, at, usual));
-        if let Some((at, anchor)) = labels.free(svg, at, text, &places).or(covering) {
+        let covering = (*meaning != Meaning::Grid).then(|| label_position(svg, at, usual));
+        if let Some((at, anchor)) = labels.place(svg, at, text, &places).or(covering) {
             let colour = match meaning {
                 Meaning::Annotation(line) => line.colour(),
                 _ => Look::of(*meaning).colour,
@@ -153,7 +153,7 @@ fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
 }
 
 /// Returns the possible offsets of a label, the preferred one first.
-fn places(meaning: Meaning) -> Vec<Place> {
+fn places(meaning: Meaning) -> Vec<LabelOffset> {
     let beside = |down: f64| {
         let [right, left] = [(7.0, Anchor::Start), (-7.0, Anchor::End)];
         let at = |(right, anchor): (f64, Anchor), down: f64| (right, down, anchor);
@@ -184,7 +184,7 @@ fn summary(entry: &SiteCamera) -> String {
         return " \u{b7} only the lens is known".into();
     };
     let hfov = view_angle(&solution.lens(), solution.focal_px, entry.size()).to_degrees();
-    let is_down = straight_down(solution).is_some();
+    let is_down = straight_down_text(solution).is_some();
     let roll = if is_down { String::new() } else { format!(" \u{b7} roll {roll:.1}\u{b0}") };
     let mut text = format!(" \u{b7} pitch {pitch:.1}\u{b0}{roll} \u{b7} field of view {hfov:.0}\u{b0}");
     let is_assumed = solution.has_warning(Code::ScaleAssumed);
@@ -212,10 +212,10 @@ fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[
         .flat_map(|solution| &solution.residuals)
         .any(|residual| residual.outlier && residual.of == ResidualOf::Annotation);
     let mut shared = items.iter().filter_map(|item| match item.meaning {
-        Meaning::Seen(of) => Some(of),
+        Meaning::Observed(of) => Some(of),
         _ => None,
     });
-    let outliers = outliers || shared.clone().any(|of| of.is_aside);
+    let outliers = outliers || shared.clone().any(|of| of.is_rejected);
     let field = entry.solution.as_ref().is_some_and(|solution| !solution.efov_m.is_empty());
     let regions = items.iter().any(|item| matches!(item.meaning, Meaning::Plane(_)));
     let rows: Vec<(&str, Rgb)> = used
@@ -224,7 +224,9 @@ fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[
         .chain(field.then_some(("Field of view (dashed), and 2 m above it", camera)))
         .chain(regions.then_some(("Region of a plane (dotted)", Rgb::WHITE)))
         .chain(lens_grid.then_some(("Straight lines of the scene, with distortion", Rgb::LENS)))
-        .chain(shared.next().is_some().then_some(("Link or mark: annotated (ring), solved (cross)", Rgb::WHITE)))
+        .chain(
+            shared.next().is_some().then_some(("Link or mark: annotated (ring), solved (cross)", Rgb::WHITE)),
+        )
         .chain(outliers.then_some(("Rejected", Rgb::BAD)))
         .collect();
     let place = |(index, &(title, colour)): (usize, &(&str, Rgb))| {

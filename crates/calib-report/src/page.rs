@@ -8,19 +8,19 @@ use calib_core::single::line_name;
 
 use calib_site::{Site, SiteCamera, Solution, Stage};
 
-use crate::frame::{CLOSED, opened};
+use crate::frame::{PAGE_END, page_start};
 use crate::overlay::overlay;
-use crate::plan_view::{GROUND, Ground, PLAN_SHARE, plan_view};
+use crate::plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, plan_view};
 use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
 use crate::walk_page::WalkPage;
-use crate::words::is_fitted;
-use crate::words::{scene_errors, straight_down};
+use crate::words::is_lens_estimated;
+use crate::words::{scene_errors_text, straight_down_text};
 
 /// Embedded image of the page.
 #[derive(Clone, Debug)]
-pub struct Picture {
+pub struct EmbeddedImage {
     /// URI for `href`: a `data:` URI, so that the page is complete without other files.
     pub href: String,
     /// Width and height, in pixels.
@@ -29,7 +29,7 @@ pub struct Picture {
 
 /// Image that the page needs.
 #[derive(Clone, Copy, Debug)]
-pub enum Shown<'a> {
+pub enum ImageRequest<'a> {
     /// Image of a camera.
     Camera(&'a SiteCamera),
     /// Image of the floor plan.
@@ -37,53 +37,54 @@ pub enum Shown<'a> {
 }
 
 /// Callback that returns an image, or the reason why it is missing.
-pub type Pictures<'a> = &'a mut dyn FnMut(Shown<'_>) -> Result<Picture, String>;
+pub type ImageSource<'a> = &'a mut dyn FnMut(ImageRequest<'_>) -> Result<EmbeddedImage, String>;
 
 /// Writes the page: summary, site, planes, plan, acceptance walk, then every camera. A missing image is
 /// replaced by its reason, so that the page is still usable.
 #[must_use]
-pub fn page(site: &Site, walk: Option<&WalkPage<'_>>, pictures: Pictures<'_>) -> String {
-    let mut html = opened(site.name.as_deref().unwrap_or("Camera calibration"));
+pub fn page(site: &Site, walk: Option<&WalkPage<'_>>, pictures: ImageSource<'_>) -> String {
+    let mut html = page_start(site.name.as_deref().unwrap_or("Camera calibration"));
     summary(&mut html, &site.cameras);
     site_section(&mut html, site);
     planes_section(&mut html, site);
-    from_above(&mut html, site, pictures);
+    plan_section(&mut html, site, pictures);
     if let Some(walk) = walk {
         walk.section(&mut html);
     }
     for camera in &site.cameras {
         section(&mut html, site, camera, pictures);
     }
-    html.push_str(CLOSED);
+    html.push_str(PAGE_END);
     html
 }
 
-fn from_above(html: &mut String, site: &Site, pictures: Pictures<'_>) {
+fn plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>) {
     let has_image = site.plan.as_ref().is_some_and(|plan| plan.image.is_some());
-    let plan = has_image.then(|| found(html, pictures(Shown::Plan))).flatten();
+    let plan = has_image.then(|| resolve_image(html, pictures(ImageRequest::Plan))).flatten();
     if !site.cameras.iter().any(SiteCamera::is_placed) {
         return;
     }
-    let (Ground { size: [w, h], has_picture }, svg) = plan_view(site, plan.as_ref().map(|plan| plan.size));
-    let [r, g, b] = GROUND;
+    let (PlanBackground { size: [w, h], has_image: has_picture }, svg) =
+        plan_view(site, plan.as_ref().map(|plan| plan.size));
+    let [r, g, b] = BACKGROUND;
     let mut beneath = format!(r#"<rect width="{w}" height="{h}" fill="rgb({r},{g},{b})"/>"#);
-    if let Some(Picture { href, size: [w, h] }) = plan.filter(|_| has_picture) {
+    if let Some(EmbeddedImage { href, size: [w, h] }) = plan.filter(|_| has_picture) {
         let _ = write!(
             beneath,
-            r#"<rect width="{w}" height="{h}" fill="white"/><image href="{href}" width="{w}" height="{h}" opacity="{PLAN_SHARE}"/>"#
+            r#"<rect width="{w}" height="{h}" fill="white"/><image href="{href}" width="{w}" height="{h}" opacity="{PLAN_OPACITY}"/>"#
         );
     }
     let _ = write!(html, "<h2>From above</h2><figure>{}</figure>", svg.finish(&beneath));
 }
 
 /// Returns the image with an escaped URI; a missing image becomes a note on the page.
-fn found(html: &mut String, picture: Result<Picture, String>) -> Option<Picture> {
+fn resolve_image(html: &mut String, picture: Result<EmbeddedImage, String>) -> Option<EmbeddedImage> {
     let picture = picture.map_err(|why| write!(html, "<p class=\"note bad\">{}</p>", escape(&why))).ok()?;
-    Some(Picture { href: picture.href.replace('"', "&quot;"), ..picture })
+    Some(EmbeddedImage { href: picture.href.replace('"', "&quot;"), ..picture })
 }
 
 /// Writes an overlay on its image.
-fn figure(Picture { href, size: [w, h] }: &Picture, svg: &Svg) -> String {
+fn figure(EmbeddedImage { href, size: [w, h] }: &EmbeddedImage, svg: &Svg) -> String {
     svg.finish(&format!(r#"<image href="{href}" width="{w}" height="{h}"/>"#))
 }
 
@@ -105,7 +106,7 @@ fn summary(html: &mut String, cameras: &[SiteCamera]) {
         };
         let sigma = solution.sigma.as_ref();
         let placed = solution.stage >= Stage::Placed;
-        let down = straight_down(solution);
+        let down = straight_down_text(solution);
         let own_turn = |angle: Option<f64>| angle.filter(|_| down.is_none());
         let floor = sigma
             .and_then(|s| s.floor_length_rel)
@@ -151,13 +152,15 @@ fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize, unit: &str)
     format!("{value:.digits$}{plus_minus}{unit}").replace('-', "\u{2212}")
 }
 
-fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: Pictures<'_>) {
+fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: ImageSource<'_>) {
     let id = escape(&camera.id);
     let name = camera.name.as_ref().map_or_else(String::new, |name| format!(" \u{2013} {}", escape(name)));
     let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}{name}</h2>");
     let has_image = camera.image.is_some();
-    if let Some(picture) = has_image.then(|| found(html, pictures(Shown::Camera(camera)))).flatten() {
-        let svg = overlay(site, camera, is_fitted(camera));
+    if let Some(picture) =
+        has_image.then(|| resolve_image(html, pictures(ImageRequest::Camera(camera)))).flatten()
+    {
+        let svg = overlay(site, camera, is_lens_estimated(camera));
         let _ = write!(html, "<figure>{}</figure>", figure(&picture, &svg));
     }
     match (&camera.solution, &camera.error) {
@@ -197,7 +200,7 @@ fn details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solut
         );
     }
     if !camera.annotations.is_empty() {
-        let errors = scene_errors(&site.scene_errors(camera));
+        let errors = scene_errors_text(&site.scene_errors(camera));
         let _ = writeln!(html, "<p class=dim>{}.</p>", escape(&errors));
     }
     html.push_str("<table><thead><tr><th>Line or point<th class=n>Residual, px<th></tr></thead><tbody>\n");

@@ -2,16 +2,18 @@
 
 use calib_core::FloorPoint;
 
-use calib_draw::{Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, Scene as _, Sighted, on_plan};
+use calib_draw::{
+    ElementStatus, Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, Scene as _, on_plan,
+};
 use calib_site::Site;
 
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 
 /// Magnification of the errors of links and marks.
-const ERRORS: f64 = 10.0;
+const ERROR_MAGNIFICATION: f64 = 10.0;
 /// Size of an ellipse, in standard deviations.
-const SIGMAS: f64 = 2.0;
+const ELLIPSE_SIGMAS: f64 = 2.0;
 /// Number of corners of the ellipse in the legend.
 const CORNERS: usize = 48;
 /// Map from the floor to pixels of the plan.
@@ -30,14 +32,14 @@ pub(crate) struct PlanQuality {
 impl PlanQuality {
     /// Computes the uncertainties; `scale` is the scale of the drawing, as in [`Svg::scale`].
     pub(crate) fn new(site: &Site, scale: f64, to_plan: OnPlan<'_>) -> Self {
-        let view = PlanView::new(site).of_placed();
-        let ellipses = |times: f64| on_plan(&view, &[PlanLayer::PositionEllipses(times * SIGMAS)]);
+        let view = PlanView::new(site).placed_only();
+        let ellipses = |times: f64| on_plan(&view, &[PlanLayer::PositionEllipses(times * ELLIPSE_SIGMAS)]);
         // The largest ellipse must be visible around the dot of its camera; all have the same magnification,
         // for comparison.
         let least = 16.0 * scale;
         let is_seen = |times: &f64| ellipses(*times).iter().any(|item| reach(site, item, to_plan) > least);
         let magnified = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(is_seen).unwrap_or(100.0);
-        let sightings = on_plan(&view, &[PlanLayer::Sightings]);
+        let sightings = on_plan(&view, &[PlanLayer::Observations]);
         Self { sightings, ellipses: ellipses(magnified), magnified }
     }
 
@@ -71,7 +73,7 @@ impl PlanQuality {
         taken.extend(places.iter().map(|(.., [x, y])| [x - half, y - half, x + half, y + half]));
         for (id, colour, at) in places {
             svg.dot(at, radius, colour);
-            if let Some(corner) = room(svg, at, id, size, taken) {
+            if let Some(corner) = free_position(svg, at, id, size, taken) {
                 svg.ink(corner, id, colour, Anchor::Start);
             }
         }
@@ -85,23 +87,24 @@ impl PlanQuality {
                 1.0 => String::new(),
                 times => format!(", magnified {times} times"),
             };
-            rows.push((Sample::Ellipse, format!("position of a camera, {SIGMAS} standard deviations{times}")));
+            rows.push((
+                Sample::Ellipse,
+                format!("position of a camera, {ELLIPSE_SIGMAS} standard deviations{times}"),
+            ));
         }
         let is_shown = |is_aside: bool| {
-            let is_of = |meaning| matches!(meaning, Meaning::Solved(of) if of.is_aside == is_aside);
+            let is_of = |meaning| matches!(meaning, Meaning::Solved(of) if of.is_rejected == is_aside);
             let points = self.sightings.iter().filter(|item| matches!(item.geometry, Geometry::Point(_)));
             points.into_iter().any(|item| is_of(item.meaning))
         };
         if is_shown(false) {
             rows.push((
                 Sample::Arrow,
-                format!(
-                    "link or mark, with its error in each camera, magnified {ERRORS} times"
-                ),
+                format!("link or mark, with its error in each camera, magnified {ERROR_MAGNIFICATION} times"),
             ));
         }
         if is_shown(true) {
-            rows.push((Sample::Aside, "rejected, not magnified".into()));
+            rows.push((Sample::Rejected, "rejected, not magnified".into()));
         }
         rows
     }
@@ -112,7 +115,7 @@ impl PlanQuality {
 pub(crate) enum Sample {
     Ellipse,
     Arrow,
-    Aside,
+    Rejected,
 }
 
 impl Sample {
@@ -131,10 +134,14 @@ impl Sample {
                 svg.fill(&corners, Look::of(meaning).colour, 0.35);
                 svg.line(&corners, true, Stroke::of(Look::on_light(meaning)));
             }
-            Self::Arrow | Self::Aside => {
-                let of = |camera| Sighted { camera, is_aside: matches!(self, Self::Aside), is_off: false };
+            Self::Arrow | Self::Rejected => {
+                let of = |camera| ElementStatus {
+                    camera,
+                    is_rejected: matches!(self, Self::Rejected),
+                    is_off: false,
+                };
                 let ends = [[x - half, y], [x + half, y]];
-                draw_error(svg, Meaning::Seen(of(Some(0))), ends);
+                draw_error(svg, Meaning::Observed(of(Some(0))), ends);
                 svg.dot(ends[1], 2.5, Look::on_light(Meaning::Solved(of(None))).colour);
             }
         }
@@ -156,10 +163,10 @@ fn reach(site: &Site, item: &Item<FloorPoint>, to_plan: OnPlan<'_>) -> f64 {
 /// Draws the line of a link, or the error of a camera; returns the rectangles covered by an error.
 fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Rectangle> {
     match (meaning, points) {
-        (Meaning::Seen(of), &[put, at]) => {
+        (Meaning::Observed(of), &[observed, at]) => {
             // A rejected observation is large enough without magnification.
-            let times = if of.is_aside { 1.0 } else { ERRORS };
-            let tail = [0, 1].map(|k| at[k] + times * (put[k] - at[k]));
+            let times = if of.is_rejected { 1.0 } else { ERROR_MAGNIFICATION };
+            let tail = [0, 1].map(|k| at[k] + times * (observed[k] - at[k]));
             draw_error(svg, meaning, [tail, at]);
             pieces(svg, tail, at)
         }
@@ -174,7 +181,7 @@ fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Re
 fn draw_error(svg: &mut Svg, meaning: Meaning, [tail, tip]: [[f64; 2]; 2]) {
     let stroke = Stroke::of(Look::on_light(meaning));
     svg.line(&[tail, tip], false, stroke);
-    if !matches!(meaning, Meaning::Seen(of) if of.is_aside) {
+    if !matches!(meaning, Meaning::Observed(of) if of.is_rejected) {
         arrow_head(svg, tail, tip, stroke.colour);
     }
 }
@@ -211,7 +218,7 @@ fn arrow_head(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: Rgb) {
 }
 
 /// Finds a free position for a label near a point, and reserves it; `None` if there is no space.
-fn room(
+fn free_position(
     svg: &Svg,
     [x, y]: [f64; 2],
     text: &str,

@@ -14,23 +14,23 @@ use crate::svg::{Anchor, Stroke, Svg, TAG_LETTER};
 /// Longest side of the view of a site without a plan image, in pixels.
 const LONGEST: f64 = 1600.0;
 /// Background colour: red, green and blue.
-pub const GROUND: [u8; 3] = [247, 248, 249];
+pub const BACKGROUND: [u8; 3] = [247, 248, 249];
 /// Opacity of the plan image; it is faded so that the overlay stands out.
-pub const PLAN_SHARE: f64 = 0.55;
+pub const PLAN_OPACITY: f64 = 0.55;
 
 /// Background of the view from above.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ground {
+pub struct PlanBackground {
     /// Width and height in pixels, including the legend below the plan.
     pub size: [u32; 2],
     /// Whether the plan image is in the upper left corner; otherwise the background is empty.
-    pub has_picture: bool,
+    pub has_image: bool,
 }
 
 /// Draws a site from above; `picture` is the size of the plan image, if available. Returns the background and
 /// the overlay.
 #[must_use]
-pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
+pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (PlanBackground, Svg) {
     let (sides, scale) = match (&site.plan, picture) {
         (Some(plan), Some(sides)) => (sides, plan.scale()),
         (plan, _) => blank(site, plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default()),
@@ -41,12 +41,12 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
     let quality = PlanQuality::new(site, draw_scale, &on_plan);
     let legend = Legend::new(quality.legend(), size, draw_scale);
     let [width, height] = sides;
-    let ground = Ground {
+    let ground = PlanBackground {
         size: [width, height + legend.height.ceil() as u32],
-        has_picture: site.plan.is_some() && picture.is_some(),
+        has_image: site.plan.is_some() && picture.is_some(),
     };
     let mut svg = Svg::new(ground.size.map(f64::from), draw_scale);
-    let view = PlanView::new(site).of_placed();
+    let view = PlanView::new(site).placed_only();
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
         draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size)]), 0.0, &on_plan);
     }
@@ -57,7 +57,7 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (Ground, Svg) {
     draw_items(&mut svg, &quality.ellipses, 0.35, &on_plan);
     draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Marks]), 0.0, &on_plan);
     let cameras = items_on_plan(&view, &[PlanLayer::Cameras]);
-    let room = room_of_figures(&cameras, &on_plan) / svg.scale;
+    let room = camera_spacing(&cameras, &on_plan) / svg.scale;
     let figures: Vec<Figure> =
         cameras.iter().filter_map(|item| Figure::new(&svg, site, item, room, size, &on_plan)).collect();
     let mut taken: Vec<[f64; 4]> = figures.iter().flat_map(|figure| figure.covers(&svg)).collect();
@@ -128,7 +128,7 @@ fn draw_items(
 }
 
 /// Returns the median distance of a camera to its nearest neighbour, in pixels of the plan.
-fn room_of_figures(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> f64 {
+fn camera_spacing(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> f64 {
     let feet: Vec<[f64; 2]> = cameras
         .iter()
         .filter_map(|item| match item.geometry {

@@ -9,7 +9,7 @@ use calib_site::Site;
 use crate::svg::escape;
 
 /// Formatted solution of a plane.
-pub(crate) struct Found<'a> {
+pub(crate) struct PlaneRow<'a> {
     pub(crate) title: &'a str,
     pub(crate) height: String,
     pub(crate) fall: String,
@@ -18,13 +18,13 @@ pub(crate) struct Found<'a> {
 }
 
 /// Returns the solved planes in the order of the file.
-pub(crate) fn found(site: &Site) -> Vec<Found<'_>> {
+pub(crate) fn solved_planes(site: &Site) -> Vec<PlaneRow<'_>> {
     let planes = site.planes.iter().zip(site.surfaces());
     let solved = planes.filter(|(entry, _)| entry.solution.is_some());
-    solved.map(|(entry, surface)| Found::new(entry.title(), &surface)).collect()
+    solved.map(|(entry, surface)| PlaneRow::new(entry.title(), &surface)).collect()
 }
 
-impl<'a> Found<'a> {
+impl<'a> PlaneRow<'a> {
     fn new(title: &'a str, surface: &Surface) -> Self {
         let (plane, sigmas) = (&surface.plane, surface.sigmas());
         let with_sigma =
@@ -45,10 +45,10 @@ impl<'a> Found<'a> {
 /// Returns the table as text; empty without solved planes.
 #[must_use]
 pub fn planes_text(site: &Site) -> String {
-    let planes = found(site);
+    let planes = solved_planes(site);
     let mut out = String::new();
     let width = planes.iter().map(|plane| plane.title.chars().count()).max().unwrap_or(0).max(6);
-    for (index, Found { title, height, fall, toward }) in planes.iter().enumerate() {
+    for (index, PlaneRow { title, height, fall, toward }) in planes.iter().enumerate() {
         if index == 0 {
             let _ = writeln!(
                 out,
@@ -63,12 +63,12 @@ pub fn planes_text(site: &Site) -> String {
 
 /// Writes the section of the report; nothing without solved planes.
 pub(crate) fn planes_section(html: &mut String, site: &Site) {
-    let planes = found(site);
+    let planes = solved_planes(site);
     if planes.is_empty() {
         return;
     }
     html.push_str("<section id=\"the-planes\"><h2>Planes</h2>\n<p class=dim>Planes other than the floor. The height is at the mean of the region's corners; directions are counter-clockwise from +x.</p>\n<table><thead><tr><th>Plane<th class=n>Height, m<th class=n>Fall, \u{b0}<th class=n>Toward, \u{b0}</tr></thead>\n");
-    for Found { title, height, fall, toward } in &planes {
+    for PlaneRow { title, height, fall, toward } in &planes {
         let [height, fall, toward] = [height, fall, toward].map(|number| number.replace('-', "\u{2212}"));
         let _ = writeln!(
             html,

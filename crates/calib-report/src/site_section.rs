@@ -8,28 +8,29 @@ use calib_draw::{Element, elements};
 use calib_site::{Overlap, Scale, Site, SiteSolution, Warning};
 
 use crate::svg::escape;
-use crate::words::{centimetres, distance, few};
+use crate::words::{centimetres, distance, shortened_list};
 
 /// Describes components, scale and loop closure in one line.
 #[must_use]
-pub fn together(solution: &SiteSolution) -> Option<String> {
+pub fn connectivity_text(solution: &SiteSolution) -> Option<String> {
     let mut groups: Vec<&Vec<String>> = solution.components.iter().collect();
     groups.sort_by_key(|group| std::cmp::Reverse(group.len()));
-    let (largest, apart) = groups.split_first()?;
+    let (largest, others) = groups.split_first()?;
     let all: usize = groups.iter().map(|group| group.len()).sum();
-    let mut line = if apart.is_empty() {
+    let mut line = if others.is_empty() {
         match all {
             1 => "one camera".into(),
             _ => format!("{all} cameras are connected"),
         }
     } else {
-        let names: Vec<String> = apart.iter().map(|group| few(group.iter().map(String::as_str))).collect();
         let names: Vec<String> =
-            apart.iter().zip(names).map(|(g, n)| if g.len() > 1 { format!("({n})") } else { n }).collect();
+            others.iter().map(|group| shortened_list(group.iter().map(String::as_str))).collect();
+        let names: Vec<String> =
+            others.iter().zip(names).map(|(g, n)| if g.len() > 1 { format!("({n})") } else { n }).collect();
         format!(
             "{} of {all} cameras are connected; not connected: {}",
             largest.len(),
-            few(names.iter().map(String::as_str))
+            shortened_list(names.iter().map(String::as_str))
         )
     };
     match solution.scale {
@@ -57,7 +58,7 @@ pub fn worst_first(overlaps: &[Overlap]) -> Vec<&Overlap> {
 
 /// Warnings with the same code and advice.
 #[derive(Clone, Debug)]
-pub struct WarningKind<'a> {
+pub struct WarningGroup<'a> {
     /// Code of the warnings.
     pub code: Code,
     /// First messages, and the number of further ones.
@@ -68,16 +69,16 @@ pub struct WarningKind<'a> {
 
 /// Groups warnings by code and advice.
 #[must_use]
-pub fn kinds(warnings: &[Warning]) -> Vec<WarningKind<'_>> {
+pub fn group_warnings(warnings: &[Warning]) -> Vec<WarningGroup<'_>> {
     const MESSAGES: usize = 4;
-    let mut kinds: Vec<WarningKind> = Vec::new();
+    let mut kinds: Vec<WarningGroup> = Vec::new();
     for Warning { code, message, advice } in warnings {
         match kinds.iter_mut().find(|kind| kind.code == *code && kind.advice == advice) {
             Some(kind) => kind.messages.push(message.clone()),
-            None => kinds.push(WarningKind { code: *code, messages: vec![message.clone()], advice }),
+            None => kinds.push(WarningGroup { code: *code, messages: vec![message.clone()], advice }),
         }
     }
-    for WarningKind { messages, .. } in &mut kinds {
+    for WarningGroup { messages, .. } in &mut kinds {
         if messages.len() > MESSAGES {
             let more = format!("and {} more", messages.len() - (MESSAGES - 1));
             messages.truncate(MESSAGES - 1);
@@ -95,10 +96,10 @@ const ELEMENTS: usize = 15;
 pub(crate) fn site_section(html: &mut String, site: &Site) {
     let Some(solution) = &site.solution else { return };
     html.push_str("<section id=\"the-site\"><h2>The site</h2>\n");
-    if let Some(line) = together(solution) {
+    if let Some(line) = connectivity_text(solution) {
         let _ = writeln!(html, "<p>{}.</p>", escape(&sentence(&line)));
     }
-    for kind in kinds(&solution.warnings) {
+    for kind in group_warnings(&solution.warnings) {
         let messages: Vec<String> = kind.messages.iter().map(|message| escape(message)).collect();
         let _ = writeln!(
             html,
@@ -161,7 +162,7 @@ fn links(html: &mut String, elements: &[Element]) {
     if sorted.is_empty() {
         return;
     }
-    let key = |element: &Element| (element.is_aside, element.worst_px());
+    let key = |element: &Element| (element.is_rejected, element.worst_px());
     sorted.sort_by(|a, b| {
         let (a, b) = (key(a), key(b));
         b.0.cmp(&a.0).then(b.1.total_cmp(&a.1))
@@ -176,17 +177,17 @@ fn links(html: &mut String, elements: &[Element]) {
 
 /// Writes one link or mark, with a row for every camera.
 fn row(element: &Element) -> String {
-    let note = match (element.is_aside, element.is_off) {
+    let note = match (element.is_rejected, element.is_off) {
         (true, _) => "rejected",
         (false, true) => "off",
         (false, false) => "",
     };
-    let sigma = element.found.sigma.as_ref();
+    let sigma = element.solution.sigma.as_ref();
     let at = |value: f64, sigma: Option<f64>| {
         let sigma = sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {sigma:.3}"));
         format!("{value:.3}{sigma}").replace('-', "\u{2212}")
     };
-    let mut row = format!("<tbody{}>", if element.is_aside { " class=bad" } else { "" });
+    let mut row = format!("<tbody{}>", if element.is_rejected { " class=bad" } else { "" });
     for (index, view) in element.views.iter().enumerate() {
         row.push_str("<tr>");
         if index == 0 {
@@ -194,10 +195,10 @@ fn row(element: &Element) -> String {
                 row,
                 "<td rowspan={}>{} {}<td rowspan={0}>{note}<td class=n rowspan={0}>{}<td class=n rowspan={0}>{}",
                 element.views.len(),
-                sentence(element.what),
+                sentence(element.kind),
                 escape(&element.id),
-                at(element.found.at_m.x, sigma.and_then(|s| s.x_m)),
-                at(element.found.at_m.y, sigma.and_then(|s| s.y_m)),
+                at(element.solution.at_m.x, sigma.and_then(|s| s.x_m)),
+                at(element.solution.at_m.y, sigma.and_then(|s| s.y_m)),
             );
         }
         let floor = view.floor_m().map_or_else(|| "\u{2013}".into(), centimetres);

@@ -9,9 +9,9 @@ use calib_health::{Disagreement, WalkResult, Zone, Zones};
 use calib_draw::Rgb;
 use calib_site::counted;
 
-use crate::frame::{CLOSED, opened};
+use crate::frame::{PAGE_END, page_start};
 use crate::svg::{Anchor, Stroke, Svg, escape};
-use crate::words::{centimetres, few};
+use crate::words::{centimetres, shortened_list};
 
 /// Result of a walk, with the decision.
 #[derive(Clone, Copy, Debug)]
@@ -39,7 +39,7 @@ pub fn zone_name(zone: &Zone) -> String {
 
 /// Describes the offset of a camera's walker positions, and its most likely pose errors.
 #[must_use]
-pub fn direction(one: &Disagreement) -> String {
+pub fn disagreement_text(one: &Disagreement) -> String {
     let [x, y] = one.shift;
     let toward = |value: f64, axis: &str| {
         let sign = if value < 0.0 { '\u{2212}' } else { '+' };
@@ -62,7 +62,7 @@ impl WalkPage<'_> {
     /// Returns the result as text.
     #[must_use]
     pub fn text(&self) -> String {
-        let mut out = format!("{}\n", self.verdict());
+        let mut out = format!("{}\n", self.decision());
         for (index, name) in self.names.iter().enumerate() {
             let _ = writeln!(out, "{name}: {}", self.camera(index));
         }
@@ -73,14 +73,16 @@ impl WalkPage<'_> {
         out
     }
 
-    fn verdict(&self) -> String {
+    fn decision(&self) -> String {
         if self.faults.is_empty() { "PASSED".into() } else { format!("FAILED: {}", self.faults.join("; ")) }
     }
 
     fn camera(&self, index: usize) -> String {
         let together = self.result.shared_moments[index];
         match self.result.disagreements.iter().find(|one| one.camera == index) {
-            Some(one) => format!("disagrees ({:.1} standard deviations): {}", one.significance, direction(one)),
+            Some(one) => {
+                format!("disagrees ({:.1} standard deviations): {}", one.significance, disagreement_text(one))
+            }
             None if together == 0 => "not tested: no other camera saw the walker at the same time".into(),
             None => format!("agrees with the other cameras ({})", counted(together, "moment", "moments")),
         }
@@ -89,26 +91,23 @@ impl WalkPage<'_> {
     fn not_walked(&self) -> String {
         let names: Vec<String> =
             self.zones.list.iter().filter(|zone| zone.moments == 0).map(zone_name).collect();
-        if names.is_empty() { "none".into() } else { few(names.iter().map(String::as_str)) }
+        if names.is_empty() { "none".into() } else { shortened_list(names.iter().map(String::as_str)) }
     }
 
     /// Returns the page.
     #[must_use]
     pub fn html(&self) -> String {
-        let mut html = opened(self.title);
+        let mut html = page_start(self.title);
         self.section(&mut html);
-        html.push_str(CLOSED);
+        html.push_str(PAGE_END);
         html
     }
 
     /// Writes the result as a section of a page.
     pub(crate) fn section(&self, html: &mut String) {
         let class = if self.faults.is_empty() { "note good" } else { "note bad" };
-        let _ = writeln!(
-            html,
-            "<h2>Acceptance walk</h2><p class=\"{class}\">{}</p>",
-            escape(&self.verdict())
-        );
+        let _ =
+            writeln!(html, "<h2>Acceptance walk</h2><p class=\"{class}\">{}</p>", escape(&self.decision()));
         let _ = writeln!(html, "<figure>{}</figure>", self.plan());
         html.push_str("<table><thead><tr><th>Camera<th>Result</tr></thead><tbody>\n");
         for (index, name) in self.names.iter().enumerate() {

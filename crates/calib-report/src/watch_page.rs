@@ -9,7 +9,7 @@ use calib_health::{CameraHealth, Change, DriftStatus, Watch};
 use calib_draw::Rgb;
 use calib_site::counted;
 
-use crate::frame::{CLOSED, opened};
+use crate::frame::{PAGE_END, page_start};
 use crate::svg::{Anchor, Stroke, Svg, escape};
 
 /// Camera with the result of its drift detection.
@@ -27,7 +27,7 @@ type Instant<'a> = &'a dyn Fn(i64) -> String;
 /// Writes the page.
 #[must_use]
 pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'_>) -> String {
-    let mut html = opened(title);
+    let mut html = page_start(title);
     html.push_str("<table><thead><tr><th>Camera<th>Status<th class=n>Tracks<th class=n>Matches with other cameras</tr></thead><tbody>\n");
     for WatchedCamera { id, health } in cameras {
         let class = if health.status == DriftStatus::Moved { " class=bad" } else { "" };
@@ -48,7 +48,7 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
         }
         html.push_str("</section>\n");
     }
-    html.push_str(CLOSED);
+    html.push_str(PAGE_END);
     html
 }
 
@@ -62,18 +62,18 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
             instant(change.since),
             instant(change.between[0]),
             instant(change.between[1]),
-            by(change),
-            told_by(change)
+            movement_text(change),
+            evidence_text(change)
         ),
         (None, DriftStatus::CannotTell) => {
-            format!("unknown: {tracks}, too few or not informative enough; {}", found(health))
+            format!("unknown: {tracks}, too few or not informative enough; {}", detectable_text(health))
         }
-        (None, _) => format!("unchanged: {tracks}; {}", found(health)),
+        (None, _) => format!("unchanged: {tracks}; {}", detectable_text(health)),
     }
 }
 
 /// Describes the movement of a camera.
-fn by(change: &Change) -> String {
+fn movement_text(change: &Change) -> String {
     let Movement { pan, tilt, roll, zoom } = change.movement;
     let [pan_sigma, tilt_sigma, roll_sigma, zoom_sigma] = change.sigmas;
     let turn = |name: &str, by: f64, sigma: f64| {
@@ -88,7 +88,7 @@ fn by(change: &Change) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-fn told_by(change: &Change) -> &'static str {
+fn evidence_text(change: &Change) -> &'static str {
     match (change.is_seen_in_heights, change.is_seen_by_others) {
         (true, false) => "the apparent heights of people changed",
         (false, true) => "the positions of people contradict other cameras",
@@ -97,7 +97,7 @@ fn told_by(change: &Change) -> &'static str {
 }
 
 /// Describes the smallest detectable movements.
-fn found(health: &CameraHealth) -> String {
+fn detectable_text(health: &CameraHealth) -> String {
     let [pan, tilt, _, zoom] = health.smallest_detectable;
     let pan = if pan.is_finite() && pan < 0.5 {
         format!("pan {:.1}\u{b0}, ", pan.to_degrees())

@@ -7,7 +7,7 @@ use calib_site::{Method, SiteCamera, Solution, Stage};
 
 /// Lists names, shortened: "a, b, c and 997 more".
 #[must_use]
-pub fn few<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+pub fn shortened_list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     /// Longest list that is written in full.
     const MOST: usize = 6;
     const SHOWN: usize = 3;
@@ -45,7 +45,7 @@ pub fn distance(metres: f64) -> String {
 
 /// Describes the assumed accuracy of the scene.
 #[must_use]
-pub fn scene_errors(errors: &SceneErrors) -> String {
+pub fn scene_errors_text(errors: &SceneErrors) -> String {
     if *errors == SceneErrors::EXACT {
         return "The scene is assumed to match the annotations exactly".into();
     }
@@ -65,7 +65,7 @@ pub fn scene_errors(errors: &SceneErrors) -> String {
 /// Describes the orientation of a camera that looks straight down; `None` for other cameras. It replaces the
 /// roll and, if the camera is placed, the yaw.
 #[must_use]
-pub fn straight_down(solution: &Solution) -> Option<String> {
+pub fn straight_down_text(solution: &Solution) -> Option<String> {
     let down = solution.camera()?.straight_down()?;
     let degrees = |value: f64, sigma: Option<f64>| {
         let sure = sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {:.2}", sigma.to_degrees()));
@@ -82,16 +82,16 @@ pub fn straight_down(solution: &Solution) -> Option<String> {
 
 /// Returns the lens of a camera, which may be known without its pose.
 #[must_use]
-pub fn lens_of(entry: &SiteCamera) -> Lens {
+pub fn camera_lens(entry: &SiteCamera) -> Lens {
     entry.solution.as_ref().map_or_else(|| entry.lens(), Solution::lens)
 }
 
 /// Whether the lens of a camera was estimated from annotations, on its own image or on images of a camera of
 /// the same type.
 #[must_use]
-pub fn is_fitted(entry: &SiteCamera) -> bool {
+pub fn is_lens_estimated(entry: &SiteCamera) -> bool {
     let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);
-    solved && lens_of(entry).distortion != Distortion::None && entry.lens().distortion == Distortion::None
+    solved && camera_lens(entry).distortion != Distortion::None && entry.lens().distortion == Distortion::None
 }
 
 #[cfg(test)]
@@ -100,8 +100,8 @@ mod tests {
 
     #[test]
     fn long_lists_of_names_are_cut_short() {
-        assert_eq!(few(["a", "b"]), "a, b");
+        assert_eq!(shortened_list(["a", "b"]), "a, b");
         let many: Vec<String> = (0..1000).map(|i| format!("c{i}")).collect();
-        assert_eq!(few(many.iter().map(String::as_str)), "c0, c1, c2 and 997 more");
+        assert_eq!(shortened_list(many.iter().map(String::as_str)), "c0, c1, c2 and 997 more");
     }
 }

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
-use calib_report::{Picture, Shown, page};
+use calib_report::{EmbeddedImage, ImageRequest, page};
 use calib_site::{Options, Site};
 
 fn solved() -> Site {
@@ -10,11 +10,13 @@ fn solved() -> Site {
     site.calibrate(&Options::default()).write_into(&site)
 }
 
-fn pictures(shown: Shown<'_>) -> Result<Picture, String> {
+fn pictures(shown: ImageRequest<'_>) -> Result<EmbeddedImage, String> {
     match shown {
-        Shown::Camera(camera) if camera.id == "store" => Err("store.png: <not there>".into()),
-        Shown::Camera(camera) => Ok(Picture { href: format!("data:,{}", camera.id), size: camera.size_px }),
-        Shown::Plan => Ok(Picture { href: "data:,plan".into(), size: [1200, 900] }),
+        ImageRequest::Camera(camera) if camera.id == "store" => Err("store.png: <not there>".into()),
+        ImageRequest::Camera(camera) => {
+            Ok(EmbeddedImage { href: format!("data:,{}", camera.id), size: camera.size_px })
+        }
+        ImageRequest::Plan => Ok(EmbeddedImage { href: "data:,plan".into(), size: [1200, 900] }),
     }
 }
 

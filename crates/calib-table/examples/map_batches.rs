@@ -1,6 +1,6 @@
 //! Maps one Arrow batch of detections to the floor, as an engine would do inside a user-defined function.
 //!
-//! cargo run --example map_batches -- solved.json CAMERA
+//! `cargo run --example map_batches -- solved.json CAMERA`
 
 use std::sync::Arc;
 

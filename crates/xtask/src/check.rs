@@ -1,5 +1,7 @@
-//! `cargo xtask test`: every check there is, in the order in which they fail fastest, and in two rows: linking, browsers
-//! and most tests keep one processor busy, so that two rows are through a quarter sooner.
+//! `cargo xtask test`: runs every check of the project, ordered so that failures show early.
+//!
+//! The checks run in two parallel queues. Linking, browsers and most tests use one processor each, so two
+//! queues take about a quarter less time than one.
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -13,58 +15,63 @@ use std::time::Instant;
 use anyhow::{Context as _, bail};
 
 use crate::tools::{
-    BROWSER, COMPILERS, ENGINES, FUZZ, JAVA, PEERS, PYTHON, SPLIT, TYPOS, Tool, ULTRALYTICS, WEB, ready,
+    BROWSER, COMPILERS, ENGINES, FUZZ, JAVA, PEERS, PYTHON, SPLIT, TYPOS, Tool, ULTRALYTICS, WEB, is_ready,
 };
 use crate::workspace::root;
 
-/// A check: its name, its command, and its tools.
+/// Check: name, command and required tools.
 struct Check {
     name: &'static str,
     command: &'static [&'static str],
     environment: &'static [(&'static str, &'static str)],
-    /// A folder that the command wants to be there, and empty.
-    empty: Option<&'static str>,
+    /// Folder that is emptied before the command runs.
+    emptied_folder: Option<&'static str>,
     tools: &'static [&'static Tool],
-    /// It runs without its tools, too, and says by itself what it leaves out.
-    runs_without: bool,
-    /// It is in the second row: what it prints is shown when it is done.
-    is_beside: bool,
-    /// The check of the other row that makes what it takes.
+    /// Whether the check also runs when tools are missing; it then reports its own skipped parts.
+    runs_without_tools: bool,
+    /// Whether the check belongs to the background queue, whose output is printed when the check ends.
+    is_background: bool,
+    /// Name of a check in the other queue that must finish first.
     after: Option<&'static str>,
 }
 
-/// Tells a check that the whole workspace is built: what it needs is there, and what it would build for itself has
-/// other features, so that half of the dependencies would be built again.
-pub(crate) const IS_BUILT: &str = "CALIB_IS_BUILT";
+/// Environment variable that is set for checks once the whole workspace is built.
+///
+/// A check then uses the built programs. Its own build would select other features and compile half of the
+/// dependencies again.
+pub(crate) const WORKSPACE_IS_BUILT: &str = "CALIB_IS_BUILT";
 
-/// Where all targets are built, so that what they have in common is built once.
+/// Target folder of all fuzz targets, shared so that common dependencies are built once.
 const FUZZ_TARGET: &str = "target/fuzz";
 
-/// Without instrumentation of memory: that our code is safe the compiler checks, that libraries are is left to them, and
-/// twice as much is tried in half the time. What is asked for of memory the targets limit.
+/// Flag that turns off memory sanitizers.
+///
+/// The compiler already guarantees that our code is memory safe, and libraries are tested by their authors.
+/// Without sanitizers twice as many inputs run in half the time. The fuzz targets limit allocations
+/// themselves.
 const FUZZ_SANITIZER: &str = "--sanitizer=none";
 
 const PLAIN: Check = Check {
     name: "",
     command: &[],
     environment: &[],
-    empty: None,
+    emptied_folder: None,
     tools: &[],
-    runs_without: false,
-    is_beside: false,
+    runs_without_tools: false,
+    is_background: false,
     after: None,
 };
 
-/// In the second row.
-const BESIDE: Check = Check { is_beside: true, ..PLAIN };
+/// Defaults of a check in the background queue.
+const BACKGROUND: Check = Check { is_background: true, ..PLAIN };
 
-/// In the second row, and takes what is built.
-const OF_BUILT: Check = Check { after: Some(BUILD), ..BESIDE };
+/// Defaults of a check in the background queue that uses the built workspace.
+const BACKGROUND_AFTER_BUILD: Check = Check { after: Some(BUILD), ..BACKGROUND };
 
-/// The check that builds the workspace.
+/// Name of the check that builds the workspace.
 const BUILD: &str = "build";
 
-/// The list is the registry.
+/// All checks, in the order in which they start. Add new checks here.
 const CHECKS: &[Check] = &[
     Check { name: "format", command: &["cargo", "fmt", "--all", "--check"], ..PLAIN },
     Check { name: "spelling", command: &["target/tools-venv/bin/typos"], tools: &[&TYPOS], ..PLAIN },
@@ -94,11 +101,11 @@ const CHECKS: &[Check] = &[
         ..PLAIN
     },
     Check {
-        name: "command line without archives, as `cargo demo` has it",
+        name: "command line without archive support (used by `cargo demo`)",
         command: &["cargo", "check", "--package", "calib-cli", "--no-default-features"],
         ..PLAIN
     },
-    // With the features of all packages together; what follows uses what lies there.
+    // Builds with the features of all packages together; later checks use the result.
     Check {
         name: BUILD,
         command: &[
@@ -114,7 +121,7 @@ const CHECKS: &[Check] = &[
         ..PLAIN
     },
     Check {
-        name: "site parser under fuzzing",
+        name: "fuzzing of the site parser",
         command: &[
             "cargo",
             "fuzz",
@@ -128,81 +135,85 @@ const CHECKS: &[Check] = &[
             "target/fuzz-corpus/site",
             "crates/calib-site/fuzz/seeds",
             "--",
-            // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
+            // The fixed seed makes failures depend on the code and not on chance. Run the fuzzer longer by
+            // hand.
             "-seed=1",
             "-runs=40000",
             "-max_len=16384",
             "-dict=crates/calib-site/fuzz/site.dict",
         ],
-        // The fuzzer's instrumentation is unstable; a stable compiler has it, too.
+        // The fuzzer needs unstable instrumentation; this variable enables it in a stable compiler.
         environment: &[("RUSTC_BOOTSTRAP", "1")],
-        empty: Some("target/fuzz-corpus/site"),
+        emptied_folder: Some("target/fuzz-corpus/site"),
         tools: &[&FUZZ],
-        ..BESIDE
+        ..BACKGROUND
     },
-    Check { name: "importers under fuzzing", command: &["fuzz-formats"], tools: &[&FUZZ], ..BESIDE },
-    Check { name: "page for the browser", command: &["xtask", "web"], tools: &[&WEB, &SPLIT], ..BESIDE },
+    Check { name: "fuzzing of the importers", command: &["fuzz-formats"], tools: &[&FUZZ], ..BACKGROUND },
+    Check { name: "web app", command: &["xtask", "web"], tools: &[&WEB, &SPLIT], ..BACKGROUND },
     Check {
-        name: "the package for JavaScript",
+        name: "JavaScript package",
         command: &["xtask", "js", "--test"],
         tools: &[&WEB, &BROWSER],
-        ..OF_BUILT
+        ..BACKGROUND_AFTER_BUILD
     },
     Check {
-        name: "the wheel for Python",
+        name: "Python wheel",
         command: &["xtask", "py", "--test"],
         tools: &[&PYTHON, &JAVA],
-        ..OF_BUILT
+        ..BACKGROUND_AFTER_BUILD
     },
     Check {
-        name: "the wheel beside Ultralytics",
+        name: "Python wheel with Ultralytics",
         command: &["xtask", "py", "--ultralytics"],
         tools: &[&PYTHON, &ULTRALYTICS],
-        ..OF_BUILT
+        ..BACKGROUND_AFTER_BUILD
     },
     Check {
-        name: "the library for C and C++",
+        name: "C and C++ library",
         command: &["xtask", "c", "--test"],
         tools: &[&COMPILERS],
-        ..OF_BUILT
+        ..BACKGROUND_AFTER_BUILD
     },
     Check {
-        name: "the app in Chromium",
+        name: "web app in Chromium",
         command: &["xtask", "browser", "--as-is"],
         tools: &[&WEB, &SPLIT, &BROWSER],
-        ..OF_BUILT
+        ..BACKGROUND_AFTER_BUILD
     },
     Check {
         name: "tests",
         command: &["cargo", "test", "--workspace", "--all-features", "--no-fail-fast"],
-        // The cases of properties, too, from one seed; `cargo test` alone draws others every time.
+        // Fixes the seed of the property tests, too. A plain `cargo test` uses new cases in every run.
         environment: &[("PROPTEST_RNG_SEED", "1")],
         tools: &[&PEERS, &ENGINES],
-        runs_without: true,
+        runs_without_tools: true,
         ..PLAIN
     },
 ];
 
-/// Runs every check; with `install`, what is missing is installed first, and a skip is a failure.
+/// Runs every check. If `install` is set, missing tools are installed first and a skipped check counts as a
+/// failure.
 pub(crate) fn run(install: bool) -> anyhow::Result<()> {
-    // By its name at the start: the build puts another in its place.
+    // The path is read now, because the build replaces this executable.
     let runner = Runner {
         own: std::env::current_exe()?,
         skips: root().join("target/skipped-tests.txt"),
         install,
-        outcome: Mutex::default(),
-        is_one_done: Condvar::new(),
+        progress: Mutex::default(),
+        check_finished: Condvar::new(),
         installer: Mutex::default(),
     };
     make_empty("target/checks")?;
     std::fs::write(&runner.skips, "")?;
-    let row = |is_beside: bool| runner.row(CHECKS.iter().filter(|check| check.is_beside == is_beside));
+    let queue = |is_background: bool| {
+        runner.run_queue(CHECKS.iter().filter(|check| check.is_background == is_background));
+    };
     std::thread::scope(|scope| {
-        scope.spawn(|| row(true));
-        row(false);
+        scope.spawn(|| queue(true));
+        queue(false);
     });
-    let Outcome { mut failed, skipped, .. } =
-        runner.outcome.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let Progress { mut failed, skipped, .. } =
+        runner.progress.into_inner().unwrap_or_else(PoisonError::into_inner);
     let listed = read_to_string(&runner.skips)?;
     println!();
     let count = skipped.len() + listed.lines().count();
@@ -220,88 +231,88 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// How the checks went so far.
+/// Results of the checks so far.
 #[derive(Default)]
-struct Outcome {
+struct Progress {
     done: BTreeSet<&'static str>,
     failed: Vec<String>,
     skipped: Vec<String>,
 }
 
-/// What the commands of checks share.
+/// State shared by the commands of all checks.
 struct Runner {
-    /// This program.
+    /// Path of this program.
     own: PathBuf,
-    /// Where tests write what they skipped.
+    /// File to which tests append the names of skipped tests.
     skips: PathBuf,
     install: bool,
-    outcome: Mutex<Outcome>,
-    is_one_done: Condvar,
-    /// Held by the row that installs: the managers of packages work one at a time.
+    progress: Mutex<Progress>,
+    check_finished: Condvar,
+    /// Lock for installations: package managers run one at a time.
     installer: Mutex<()>,
 }
 
 impl Runner {
-    /// Runs the checks of a row.
-    fn row(&self, checks: impl Iterator<Item = &'static Check>) {
+    /// Runs the checks of one queue in order.
+    fn run_queue(&self, checks: impl Iterator<Item = &'static Check>) {
         for check in checks {
             let waits =
-                |outcome: &mut Outcome| check.after.is_some_and(|other| !outcome.done.contains(other));
-            drop(self.is_one_done.wait_while(self.outcome(), waits));
-            // The other row may wait for this one.
-            let found = catch_unwind(AssertUnwindSafe(|| self.one(check)));
-            let mut outcome = self.outcome();
-            match found {
-                Ok(Ok(Found::Passed)) => {}
-                Ok(Ok(Found::Failed)) => outcome.failed.push(check.name.into()),
-                Ok(Ok(Found::Skipped(missing))) => {
-                    outcome.skipped.push(format!("{}: {missing} is missing", check.name));
+                |progress: &mut Progress| check.after.is_some_and(|other| !progress.done.contains(other));
+            drop(self.check_finished.wait_while(self.progress(), waits));
+            // Catches panics, because the other queue may wait for this check.
+            let result = catch_unwind(AssertUnwindSafe(|| self.run_check(check)));
+            let mut progress = self.progress();
+            match result {
+                Ok(Ok(CheckResult::Passed)) => {}
+                Ok(Ok(CheckResult::Failed)) => progress.failed.push(check.name.into()),
+                Ok(Ok(CheckResult::Skipped(missing))) => {
+                    progress.skipped.push(format!("{}: {missing} is missing", check.name));
                 }
-                Ok(Err(error)) => outcome.failed.push(format!("{}: {error:#}", check.name)),
-                Err(_) => outcome.failed.push(format!("{}: it panicked", check.name)),
+                Ok(Err(error)) => progress.failed.push(format!("{}: {error:#}", check.name)),
+                Err(_) => progress.failed.push(format!("{}: the check panicked", check.name)),
             }
-            outcome.done.insert(check.name);
-            drop(outcome);
-            self.is_one_done.notify_all();
+            progress.done.insert(check.name);
+            drop(progress);
+            self.check_finished.notify_all();
         }
     }
 
-    fn outcome(&self) -> MutexGuard<'_, Outcome> {
-        self.outcome.lock().unwrap_or_else(PoisonError::into_inner)
+    fn progress(&self) -> MutexGuard<'_, Progress> {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn one(&self, check: &Check) -> anyhow::Result<Found> {
+    fn run_check(&self, check: &Check) -> anyhow::Result<CheckResult> {
         let missing: Vec<&str> = {
             let _one_at_a_time = self.installer.lock();
-            check.tools.iter().filter(|tool| !ready(tool, self.install)).map(|tool| tool.name).collect()
+            check.tools.iter().filter(|tool| !is_ready(tool, self.install)).map(|tool| tool.name).collect()
         };
-        if !missing.is_empty() && !check.runs_without {
-            return Ok(Found::Skipped(missing.join(", ")));
+        if !missing.is_empty() && !check.runs_without_tools {
+            return Ok(CheckResult::Skipped(missing.join(", ")));
         }
         let start = Instant::now();
-        if !check.is_beside {
+        if !check.is_background {
             println!("\n== {}", check.name);
         }
         let passed = match check.command {
             ["fuzz-formats"] => self.fuzz_formats(check)?,
             _ => self.run(check)?,
         };
-        let beside = match check.is_beside {
-            true => format!("\n== {}, beside\n{}", check.name, read_to_string(printed_by(check))?),
+        let background_output = match check.is_background {
+            true => format!("\n== {} (in background)\n{}", check.name, read_to_string(output_file(check))?),
             false => String::new(),
         };
         println!(
-            "{beside}== {}: {} in {:.0} s",
+            "{background_output}== {}: {} in {:.0} s",
             check.name,
             if passed { "passed" } else { "FAILED" },
             start.elapsed().as_secs_f64()
         );
-        Ok(if passed { Found::Passed } else { Found::Failed })
+        Ok(if passed { CheckResult::Passed } else { CheckResult::Failed })
     }
 
     fn run(&self, check: &Check) -> anyhow::Result<bool> {
-        let (program, arguments) = check.command.split_first().context("a check without a command")?;
-        if let Some(folder) = check.empty {
+        let (program, arguments) = check.command.split_first().context("the check has no command")?;
+        if let Some(folder) = check.emptied_folder {
             make_empty(folder)?;
         }
         let mut command = self.command(program, check)?;
@@ -309,7 +320,7 @@ impl Runner {
         Ok(command.status().with_context(|| check.name)?.success())
     }
 
-    /// Every importer has seeds; their folder is the list.
+    /// Fuzzes every importer. The subfolders of the seeds folder are the list of importers.
     fn fuzz_formats(&self, check: &Check) -> anyhow::Result<bool> {
         const FUZZ_DIR: &str = "crates/calib-formats/fuzz";
         let mut formats = Vec::new();
@@ -333,29 +344,30 @@ impl Runner {
                 &corpus,
                 &seeds,
             ];
-            // From one seed, so that a check fails for what was changed and not by chance; longer by hand.
+            // The fixed seed makes failures depend on the code and not on chance. Run the fuzzer longer by
+            // hand.
             let options = ["--", "-seed=1", "-runs=20000", "-max_len=8192", "-rss_limit_mb=1024"];
             let mut cargo = self.command("cargo", check)?;
             cargo.args(command).args(options).env("RUSTC_BOOTSTRAP", "1").env("CALIB_FORMAT", format);
             if !cargo.status()?.success() {
-                println!("== the importer of {format}");
+                println!("== failed importer: {format}");
                 return Ok(false);
             }
         }
         Ok(true)
     }
 
-    /// A command that finds the tools that were installed for the checks.
+    /// Creates a command whose search path includes the tools installed for the checks.
     fn command(&self, program: &str, check: &Check) -> anyhow::Result<Command> {
         let program = if program == "xtask" { self.own.as_os_str() } else { OsStr::new(program) };
         let mut command = Command::new(program);
-        command.current_dir(root()).env("CALIB_SKIPPED_LIST", &self.skips).env(IS_BUILT, "1");
+        command.current_dir(root()).env("CALIB_SKIPPED_LIST", &self.skips).env(WORKSPACE_IS_BUILT, "1");
         if self.install {
-            // It is for whoever changes a line and builds again, and doubles what lies in `target`.
+            // Incremental builds only help repeated builds, and double the size of `target`.
             command.env("CARGO_INCREMENTAL", "0");
         }
-        if check.is_beside {
-            let printed = File::options().append(true).create(true).open(printed_by(check))?;
+        if check.is_background {
+            let printed = File::options().append(true).create(true).open(output_file(check))?;
             command.stdout(printed.try_clone()?).stderr(printed);
         }
         let tools = root().join("target/tools/bin");
@@ -367,20 +379,20 @@ impl Runner {
     }
 }
 
-/// How a check went.
-enum Found {
+/// Result of one check.
+enum CheckResult {
     Passed,
     Failed,
-    /// For want of these tools.
+    /// Skipped, with the names of the missing tools.
     Skipped(String),
 }
 
-/// Where a check of the second row prints.
-fn printed_by(check: &Check) -> PathBuf {
+/// Returns the file that receives the output of a check in the background queue.
+fn output_file(check: &Check) -> PathBuf {
     root().join("target/checks").join(check.name.replace(' ', "-")).with_extension("txt")
 }
 
-/// Makes a folder anew: what is tried does not depend on what was tried before.
+/// Creates an empty folder, so that a run does not depend on earlier runs.
 fn make_empty(folder: &str) -> anyhow::Result<()> {
     let folder = root().join(folder);
     if folder.exists() {

@@ -1,7 +1,16 @@
-//! Development commands: `cargo xtask test [--install]`, `bench`, `peers`, `accuracy`, `notices`, `web`, `js`, `py`,
-//! `c`, `golden`, `serve`.
+//! Development commands of this workspace, run as `cargo xtask COMMAND`.
+//!
+//! `test`, `notices` and `serve` are small and start at once. The other commands are in `heavy` and are
+//! compiled on first use.
+//!
+//! - `workspace`: folder of the workspace, and the restart with all features
+//! - `serve`: local web server, and detection of the wasm32 compiler
+//! - `tools`: external tools of the checks and their installation
+//! - `check`: list of all checks, and its runner
+//! - `notices`: licence notices of the linked crates
+//! - `heavy`: builds, benchmarks and accuracy tables
 
-// A module uses only those above it.
+// In dependency order: a module uses only modules listed above it.
 mod workspace;
 mod serve;
 mod tools;
@@ -23,20 +32,20 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run every check there is; those whose tools are missing are listed as SKIPPED
+    /// Run every check; checks with missing tools are listed as SKIPPED
     Test {
-        /// Install the missing tools first, and take a skip for a failure
+        /// Install missing tools first, and treat skipped checks as failures
         #[arg(long)]
         install: bool,
     },
-    /// Write the notices of everything that is linked into the programs
+    /// Write the licence notices of all crates linked into the programs
     Notices,
-    /// Serve a folder on this machine only, for trying
+    /// Serve a folder over HTTP on this machine only
     Serve {
-        /// Which
+        /// Folder to serve
         #[arg(default_value = "target/web")]
         folder: PathBuf,
-        /// On which port; 0 takes a free one
+        /// Port to listen on; 0 selects a free port
         #[arg(long, default_value_t = 8080)]
         port: u16,
     },
@@ -44,98 +53,98 @@ enum Command {
     Heavy(Heavy),
 }
 
-/// What it takes is heavy, so it is built when it is asked for.
+/// Commands with large dependencies, which are compiled on first use.
 #[derive(Debug, Subcommand)]
 enum Heavy {
-    /// Measure, on one thread; prints one JSON object
+    /// Run the single-threaded benchmarks and print one JSON object
     Bench {
-        /// As JSON (the only form there is)
+        /// Print JSON (the only output format)
         #[arg(long)]
         json: bool,
-        /// Only the keys that contain this
+        /// Run only benchmarks whose key contains this text
         #[arg(default_value = "")]
         filter: String,
     },
-    /// Measure the maps and the joint fit beside those of OpenCV, SciPy and COLMAP: tables
+    /// Compare the speed of mapping and joint refinement with OpenCV, SciPy and COLMAP
     Peers,
-    /// Build the app for the browser: static files, and one page that needs no host
+    /// Build the web app: static files, and one self-contained page
     Web {
-        /// Where to
+        /// Output folder
         #[arg(long, default_value = "target/web")]
         out: PathBuf,
-        /// The program, where it is built already
+        /// Use this compiled WebAssembly program instead of building it
         #[arg(long)]
         built: Option<PathBuf>,
     },
-    /// Build the package for JavaScript
+    /// Build the JavaScript package
     Js {
-        /// Where to
+        /// Output folder
         #[arg(long, default_value = "target/js")]
         out: PathBuf,
-        /// Check its types and run its test in Node
+        /// Check its types and run its tests in Node and Chromium
         #[arg(long)]
         test: bool,
     },
-    /// Build the wheel for Python
+    /// Build the Python wheel
     Py {
-        /// Where to
+        /// Output folder
         #[arg(long, default_value = "target/python")]
         out: PathBuf,
-        /// Build it quickly, install it into target/python-venv, and run its tests
+        /// Build quickly, install into target/python-venv, and run the tests
         #[arg(long)]
         test: bool,
-        /// Try the one that was built for the tests on what Ultralytics finds
+        /// Test the wheel built by --test with the Ultralytics package
         #[arg(long, conflicts_with = "test")]
         ultralytics: bool,
     },
-    /// Write the header for C and C++, and build the library
+    /// Write the C header and build the C library
     C {
-        /// Where to, as a prefix: lib/, include/
+        /// Output folder; receives lib/ and include/
         #[arg(long, default_value = "target/c")]
         out: PathBuf,
-        /// Compile and run its tests in place of that
+        /// Compile and run the tests instead
         #[arg(long)]
         test: bool,
     },
-    /// Write the points that every language must map to the same bits
+    /// Write the golden points that all language bindings must reproduce bit for bit
     Golden {
-        /// Where to
+        /// Output folder
         #[arg(long, default_value = "target/golden")]
         out: PathBuf,
     },
-    /// Drive the app in Chromium
+    /// Run a test script against the app in Chromium
     Browser {
-        /// Where the page is, or is built to
+        /// Folder of the built page
         #[arg(long, default_value = "target/web")]
         out: PathBuf,
-        /// Which script of crates/calib-app/tests/browser
+        /// Script in crates/calib-app/tests/browser
         #[arg(long, default_value = "flow.mjs")]
         script: String,
-        /// With the page as it is there
+        /// Use the existing page without building it
         #[arg(long)]
         as_is: bool,
-        /// Where pictures of the screens go
+        /// Save screenshots to this folder
         #[arg(long)]
         pictures: Option<PathBuf>,
     },
-    /// Print the table of accuracy as Markdown
+    /// Print an accuracy table as Markdown
     Accuracy {
-        /// Scenes of each kind
+        /// Number of scenes of each kind
         #[arg(long, default_value_t = 200)]
         scenes: usize,
-        /// Draws of noise per scene
+        /// Number of noise draws per scene
         #[arg(long, default_value_t = 60)]
         draws: usize,
-        /// On real data in place of simulated: errors beside their sigmas, and the share inside intervals
+        /// Use real data: errors, standard deviations and interval coverage
         #[arg(long)]
         real: bool,
-        /// Of what stills propose by themselves, in place of simulated
+        /// Evaluate automatic calibration from single images
         #[arg(long, conflicts_with = "real")]
         proposals: bool,
-        /// Of how cameras moved between two stills, in place of simulated
+        /// Evaluate camera motion measured between two images
         #[arg(long, conflicts_with_all = ["real", "proposals"])]
         compare: bool,
-        /// Of how moved cameras are found by the people that they see, in place of simulated
+        /// Evaluate drift detection from observed people
         #[arg(long, conflicts_with_all = ["real", "proposals", "compare"])]
         watch: bool,
     },
@@ -146,7 +155,7 @@ fn main() -> anyhow::Result<()> {
         Command::Test { install } => check::run(install),
         Command::Notices => notices::run(),
         Command::Serve { folder, port } => {
-            let site = serve::Site::new(&workspace::root().join(folder), port)?;
+            let site = serve::FolderServer::new(&workspace::root().join(folder), port)?;
             println!("http://{}/", site.address()?);
             site.serve();
             Ok(())

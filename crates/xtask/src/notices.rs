@@ -1,5 +1,7 @@
-//! `cargo xtask notices`: the notices of everything that is linked into the programs, made by cargo-about
-//! from the crates' own licence files. They are committed; a test compares them with Cargo.lock.
+//! `cargo xtask notices`: the licence notices of all crates linked into the programs.
+//!
+//! cargo-about generates them from the crates' own licence files. The notices are committed, and a test
+//! compares them with Cargo.lock.
 
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -9,7 +11,7 @@ use anyhow::bail;
 use crate::tools;
 use crate::workspace::root;
 
-/// A program's crate, and where its notices are.
+/// Manifest of each program, and the path of its notices.
 const PROGRAMS: [(&str, &str); 5] = [
     ("crates/calib-app/Cargo.toml", "crates/calib-app/assets/THIRD-PARTY.txt"),
     ("crates/calib-cli/Cargo.toml", "crates/calib-cli/THIRD-PARTY.txt"),
@@ -20,7 +22,7 @@ const PROGRAMS: [(&str, &str); 5] = [
 
 const ABOUT: tools::Tool = tools::Tool {
     name: "cargo-about",
-    is_there: || tools::runs("target/tools/bin/cargo-about", &["--version"]),
+    is_installed: || tools::runs("target/tools/bin/cargo-about", &["--version"]),
     install: &[&[
         "cargo",
         "install",
@@ -36,7 +38,7 @@ const ABOUT: tools::Tool = tools::Tool {
 
 /// Writes the notices of every program.
 pub(crate) fn run() -> anyhow::Result<()> {
-    if !tools::ready(&ABOUT, true) {
+    if !tools::is_ready(&ABOUT, true) {
         bail!("cargo-about could not be installed");
     }
     for (manifest, notices) in PROGRAMS {
@@ -47,20 +49,21 @@ pub(crate) fn run() -> anyhow::Result<()> {
             bail!("cargo-about failed for {manifest}");
         }
         let path = root().join(notices);
-        std::fs::write(&path, grouped(&std::fs::read_to_string(&path)?))?;
+        std::fs::write(&path, merge_notices(&std::fs::read_to_string(&path)?))?;
         println!("wrote {notices}");
     }
     Ok(())
 }
 
-/// Between two notices.
+/// Separator between two notices.
 const RULE: &str = "================================================================================";
-/// Between whom a notice is for and its text.
+/// Separator between the packages of a notice and its text.
 const LINE: &str = "--------------------------------------------------------------------------------";
-/// The last words of the terms of the Apache licence; an appendix says how it is applied, and by whom.
+/// Last line of the terms of the Apache licence. An appendix with instructions and a copyright line follows
+/// it.
 const END_OF_TERMS: &str = "END OF TERMS AND CONDITIONS";
 
-/// A text, whom it is for, and who is named below it.
+/// Licence text, the packages that use it, and the copyright lines below it.
 struct Notice<'a> {
     title: &'a str,
     packages: BTreeSet<&'a str>,
@@ -68,8 +71,9 @@ struct Notice<'a> {
     owners: BTreeSet<&'a str>,
 }
 
-/// The notices with each text once, for all whose copies differ in white space or in who is named after its terms.
-fn grouped(notices: &str) -> String {
+/// Merges notices with the same text. Copies may differ in white space and in the copyright lines after the
+/// terms.
+fn merge_notices(notices: &str) -> String {
     let rule = format!("{RULE}\n");
     let mut sections = notices.split(&rule);
     let mut whole = sections.next().unwrap_or_default().to_owned();
@@ -105,7 +109,7 @@ fn grouped(notices: &str) -> String {
     whole.trim_end().to_owned() + "\n"
 }
 
-/// Whether a line names who holds the rights, and not where the name would be.
+/// Whether a line is a real copyright line and not the template's placeholder.
 fn is_owner(line: &str) -> bool {
     line.starts_with("Copyright") && !line.contains(['[', '{', '<'])
 }
@@ -115,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_text_is_there_once_for_all_and_nobody_who_is_named_is_lost() {
+    fn equal_texts_are_merged_and_all_copyright_owners_are_kept() {
         let notice =
             |package: &str, text: &str| format!("{RULE}\nApache, for\n  {package} 1\n{LINE}\n{text}\n");
         let terms = "TERMS AND CONDITIONS FOR USE";
@@ -126,10 +130,10 @@ mod tests {
             notice("c", &terms.to_lowercase().replace(' ', "  ")),
             notice("d", "other terms\nCopyright a person"),
         ];
-        let once = grouped(&format!("Notices\n\n{}", all.concat()));
+        let once = merge_notices(&format!("Notices\n\n{}", all.concat()));
         assert_eq!(once.matches(LINE).count(), 2, "{once}");
         assert!(once.contains("  a 1\n  b 1\n  c 1\n") && once.contains("Copyright 2020 Somebody"), "{once}");
         assert!(once.contains("Copyright a person") && !once.contains("[yyyy]"), "{once}");
-        assert_eq!(grouped(&once), once);
+        assert_eq!(merge_notices(&once), once);
     }
 }

@@ -1,7 +1,8 @@
-//! `cargo xtask serve`: a folder on loopback, for trying what a web host would serve.
+//! `cargo xtask serve`: an HTTP server on the loopback interface, to test the files that a web host would
+//! serve.
 //!
-//! What builds for the browser: a compiler with the sources of its standard library, rustup's or Debian's own, so that the
-//! library is built as small as the page wants it.
+//! It also finds a compiler for wasm32 with the sources of the standard library, either from rustup or from
+//! Debian. The sources are needed to build the library optimised for size.
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
@@ -11,25 +12,25 @@ use std::process::Command;
 
 use crate::workspace::root;
 
-/// Whether there is a compiler for wasm32 that builds its library, too.
-pub(crate) fn is_there() -> bool {
-    has_sources() || debian_rustc().is_some()
+/// Whether a compiler for wasm32 that can build the standard library is installed.
+pub(crate) fn has_wasm_compiler() -> bool {
+    has_library_sources() || debian_rustc().is_some()
 }
 
 /// Whether rustup's compiler has the sources of the standard library.
-pub(crate) fn has_sources() -> bool {
-    // Debian's own, which wants its own linker, has them, too.
-    let of_rustup = printed(&["sysroot"]).filter(|root| root != "/usr");
+pub(crate) fn has_library_sources() -> bool {
+    // Excludes Debian's compiler, which has the sources but needs its own linker.
+    let of_rustup = rustc_print(&["sysroot"]).filter(|root| root != "/usr");
     of_rustup.is_some_and(|root| Path::new(&root).join("lib/rustlib/src/rust/library").exists())
 }
 
-/// What the compiler answers where it is asked to print.
-pub(crate) fn printed(what: &[&str]) -> Option<String> {
+/// Returns the output of `rustc --print` with these arguments, or `None` if it fails.
+pub(crate) fn rustc_print(what: &[&str]) -> Option<String> {
     let output = Command::new("rustc").arg("--print").args(what).current_dir(root()).output().ok()?;
     output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// Debian's own compiler, which comes with the sources of the standard library.
+/// Returns the path of Debian's compiler if the sources of the standard library are installed.
 pub(crate) fn debian_rustc() -> Option<PathBuf> {
     let candidate = PathBuf::from("/usr/bin/rustc");
     let sources = Path::new("/usr/lib/rustlib/src").exists()
@@ -41,8 +42,8 @@ pub(crate) fn debian_rustc() -> Option<PathBuf> {
     (candidate.exists() && sources).then_some(candidate)
 }
 
-/// Endings and what they are.
-const TYPES: [(&str, &str); 7] = [
+/// File extensions and their media types.
+const MEDIA_TYPES: [(&str, &str); 7] = [
     ("css", "text/css; charset=utf-8"),
     ("html", "text/html; charset=utf-8"),
     ("js", "text/javascript; charset=utf-8"),
@@ -52,33 +53,34 @@ const TYPES: [(&str, &str); 7] = [
     ("webmanifest", "application/manifest+json"),
 ];
 
-/// A request is at most so long, in bytes.
-const LONGEST: u64 = 16 << 10;
+/// Maximum length of a request, in bytes.
+const MAX_REQUEST_BYTES: u64 = 16 << 10;
 
-/// A folder that is served.
+/// HTTP server for one folder.
 #[derive(Debug)]
-pub(crate) struct Site {
+pub(crate) struct FolderServer {
     folder: PathBuf,
     listener: TcpListener,
 }
 
-impl Site {
-    /// A server for a folder; port 0 takes a free one.
+impl FolderServer {
+    /// Creates a server for a folder; port 0 selects a free port.
     pub(crate) fn new(folder: &Path, port: u16) -> anyhow::Result<Self> {
         let listener = TcpListener::bind((std::net::Ipv4Addr::LOCALHOST, port))?;
         Ok(Self { folder: folder.to_path_buf(), listener })
     }
 
-    /// Where it answers.
+    /// Returns the address that the server listens on.
     pub(crate) fn address(&self) -> anyhow::Result<SocketAddr> {
         Ok(self.listener.local_addr()?)
     }
 
-    /// Serves until it is stopped: a thread a request, so that a slow reader holds up nobody.
+    /// Serves requests until the process ends. Each request has its own thread, so that a slow client does
+    /// not block others.
     pub(crate) fn serve(&self) {
         std::thread::scope(|scope| {
             for stream in self.listener.incoming().flatten() {
-                // Whoever asked may have gone away.
+                // Errors are ignored: the client may have closed the connection.
                 scope.spawn(|| answer(&self.folder, stream).unwrap_or_default());
             }
         });
@@ -87,9 +89,9 @@ impl Site {
 
 /// Reads the first line of a request and answers it.
 fn answer(folder: &Path, mut stream: TcpStream) -> std::io::Result<()> {
-    let mut lines = BufReader::new(stream.try_clone()?.take(LONGEST)).lines();
+    let mut lines = BufReader::new(stream.try_clone()?.take(MAX_REQUEST_BYTES)).lines();
     let request = lines.next().transpose()?.unwrap_or_default();
-    // The rest of the head says nothing that matters here.
+    // Skips the remaining headers.
     for line in lines {
         if line?.is_empty() {
             break;
@@ -102,10 +104,10 @@ fn answer(folder: &Path, mut stream: TcpStream) -> std::io::Result<()> {
     let (status, mime, bytes) = match fs::read(folder.join(path)) {
         Ok(bytes) if is_inside && request.starts_with("GET ") => {
             let end = path.extension().and_then(|end| end.to_str()).unwrap_or_default();
-            let known = TYPES.iter().find(|(known, _)| *known == end);
+            let known = MEDIA_TYPES.iter().find(|(known, _)| *known == end);
             ("200 OK", known.map_or("application/octet-stream", |known| known.1), bytes)
         }
-        _ => ("404 Not Found", "text/plain", b"not there".to_vec()),
+        _ => ("404 Not Found", "text/plain", b"not found".to_vec()),
     };
     let length = bytes.len();
     write!(

@@ -1,31 +1,31 @@
-//! What the checks need beside Rust: tools, and how they are installed.
+//! External tools of the checks, and how to install them.
 
 use std::process::Command;
 
 use crate::serve;
 use crate::workspace::root;
 
-/// What a check needs beside Rust, and how to get it.
+/// External tool of a check, and the commands that install it.
 pub(crate) struct Tool {
     pub(crate) name: &'static str,
-    pub(crate) is_there: fn() -> bool,
+    pub(crate) is_installed: fn() -> bool,
     pub(crate) install: &'static [&'static [&'static str]],
 }
 
-/// Debian's lists of packages as they are today.
+/// Command that updates Debian's package lists.
 const UPDATE: &[&str] = &["apt-get", "update", "--quiet"];
 
-/// Installs packages of Debian.
+/// Builds a command that installs Debian packages.
 macro_rules! debian {
     ($($argument:literal),*) => { &["apt-get", "install", "--quiet", "--yes", $($argument),*] };
 }
 
-/// A folder of Python packages at these versions; where they are raised, it is made anew.
+/// Defines a virtual environment with pinned Python packages; it is recreated if the pins change.
 macro_rules! python {
     ($name:literal, $folder:literal, $pins:literal) => {
         Tool {
             name: $name,
-            is_there: || is_made($folder, $pins),
+            is_installed: || has_pinned_packages($folder, $pins),
             install: &[&[
                 "sh",
                 "-c",
@@ -55,31 +55,31 @@ macro_rules! python {
 }
 
 pub(crate) const PEERS: Tool = python!(
-    "the peers' Python packages",
+    "Python packages of the peers",
     "target/peers-venv",
     "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93 pycolmap==4.2.1 PyYAML==6.0.3"
 );
 
-/// `DuckDB`, for the tests and the benchmark of archives.
+/// `DuckDB`, pandas and `PyArrow`, for the tests and the benchmark of archives.
 pub(crate) const ENGINES: Tool = python!(
-    "the engines' Python packages",
+    "Python packages of the database engines",
     "target/engines-venv",
     "duckdb==2.0.0 pandas==3.1.1 pyarrow==26.0.1"
 );
 
-/// What builds the wheel, what checks it, and the packages that its users have.
+/// Packages that build and check the wheel, and packages that its users combine it with.
 pub(crate) const PYTHON: Tool = python!(
-    "what builds and tries the wheel",
+    "Python packages that build and test the wheel",
     "target/python-venv",
     "maturin==1.16.0 numpy==2.4.6 pytest==9.2.0 mypy==2.4.1 twine==6.2.0 auditwheel==6.8.2 matplotlib==3.11.2 \
      nbclient==0.11.0 ipykernel==7.4.0 opencv-python-headless==5.0.0.93 supervision==0.31.2 norfair==2.1.1 \
      pyarrow==26.0.1 polars==2.1.0 pandas==3.1.0 pyspark==4.3.0"
 );
 
-/// Ultralytics, with Debian's `PyTorch`: that of `PyPI` is of gigabytes for graphics processors.
+/// Ultralytics, with Debian's `PyTorch`. The `PyTorch` from `PyPI` contains gigabytes of GPU libraries.
 pub(crate) const ULTRALYTICS: Tool = Tool {
     name: "Ultralytics with Debian's PyTorch",
-    is_there: || {
+    is_installed: || {
         runs("target/ultralytics-venv/bin/python", &["-c", "import ultralytics.engine.results, pytest"])
     },
     install: &[
@@ -101,7 +101,7 @@ pub(crate) const ULTRALYTICS: Tool = Tool {
             "psutil",
             "pytest==9.2.0",
         ],
-        // Without what it asks for: another `PyTorch`.
+        // Without its dependencies, which would install another `PyTorch`.
         &[
             "target/ultralytics-venv/bin/python",
             "-m",
@@ -115,8 +115,8 @@ pub(crate) const ULTRALYTICS: Tool = Tool {
 };
 
 pub(crate) const COMPILERS: Tool = Tool {
-    name: "compilers for C and C++, and GStreamer's headers",
-    is_there: || is_on_path("cc") && is_on_path("c++") && finds("gstreamer-video-1.0"),
+    name: "C and C++ compilers, and the GStreamer headers",
+    is_installed: || is_on_path("cc") && is_on_path("c++") && has_library("gstreamer-video-1.0"),
     install: &[
         UPDATE,
         debian!("--no-install-recommends", "g++", "pkg-config", "libgstreamer-plugins-base1.0-dev"),
@@ -125,16 +125,16 @@ pub(crate) const COMPILERS: Tool = Tool {
 
 pub(crate) const TYPOS: Tool = python!("typos", "target/tools-venv", "typos==1.52.0");
 
-/// For Spark.
+/// Java runtime, required by Spark.
 pub(crate) const JAVA: Tool = Tool {
     name: "Java",
-    is_there: || is_on_path("java"),
+    is_installed: || is_on_path("java"),
     install: &[UPDATE, debian!("default-jre-headless")],
 };
 
 pub(crate) const FUZZ: Tool = Tool {
-    name: "cargo-fuzz, and the C++ compiler that its engine wants",
-    is_there: || says("target/tools/bin/cargo-fuzz", "cargo-fuzz 0.13.2") && is_on_path("c++"),
+    name: "cargo-fuzz and a C++ compiler",
+    is_installed: || has_version("target/tools/bin/cargo-fuzz", "cargo-fuzz 0.13.2") && is_on_path("c++"),
     install: &[
         &["sh", "-c", "command -v c++ || { apt-get update --quiet && apt-get install --quiet --yes g++; }"],
         &[
@@ -151,8 +151,8 @@ pub(crate) const FUZZ: Tool = Tool {
 };
 
 pub(crate) const WEB: Tool = Tool {
-    name: "a Rust that builds for wasm32, its library included (rustup's, or Debian's rustc-web)",
-    is_there: serve::is_there,
+    name: "a wasm32 compiler with library sources (rustup or Debian's rustc-web)",
+    is_installed: serve::has_wasm_compiler,
     install: &[&[
         "sh",
         "-c",
@@ -163,17 +163,17 @@ pub(crate) const WEB: Tool = Tool {
 
 pub(crate) const SPLIT: Tool = Tool {
     name: "Binaryen's wasm-split",
-    is_there: || is_on_path("wasm-split"),
+    is_installed: || is_on_path("wasm-split"),
     install: &[UPDATE, debian!("--no-install-recommends", "binaryen")],
 };
 
-/// What is wanted of npm, beside what was installed for it.
-const LOCK: [&str; 2] = ["crates/calib-app/tests/browser/package-lock.json", "target/browser/ready"];
+/// Lock file of the npm packages in the sources, and its copy next to the installed packages.
+const LOCK_FILES: [&str; 2] = ["crates/calib-app/tests/browser/package-lock.json", "target/browser/ready"];
 
 pub(crate) const BROWSER: Tool = Tool {
-    name: "Chromium, Node 20 or newer, and what drives a browser",
-    is_there: || {
-        let [wanted, made] = LOCK.map(|path| std::fs::read(root().join(path)).ok());
+    name: "Chromium, Node 20 or newer, and the npm packages of the browser tests",
+    is_installed: || {
+        let [wanted, made] = LOCK_FILES.map(|path| std::fs::read(root().join(path)).ok());
         let mut node = Command::new("node");
         node.args(["--eval", "process.exit(parseInt(process.versions.node) < 20 ? 1 : 0)"]);
         let has_node = node.status().is_ok_and(|status| status.success());
@@ -181,19 +181,19 @@ pub(crate) const BROWSER: Tool = Tool {
     },
     install: &[
         UPDATE,
-        // Whoever has a newer Node from elsewhere keeps it.
+        // Keeps an existing Node, which may be newer than Debian's.
         &["sh", "-c", "command -v node && command -v npm || apt-get install --quiet --yes nodejs npm"],
         debian!("chromium"),
         &["mkdir", "-p", "target/browser"],
-        &["cp", "crates/calib-app/tests/browser/package.json", LOCK[0], "target/browser"],
+        &["cp", "crates/calib-app/tests/browser/package.json", LOCK_FILES[0], "target/browser"],
         &["npm", "ci", "--prefix", "target/browser", "--no-fund", "--no-audit"],
-        &["cp", LOCK[0], LOCK[1]],
+        &["cp", LOCK_FILES[0], LOCK_FILES[1]],
     ],
 };
 
-/// Whether a tool is there, after installing it if that is wanted.
-pub(crate) fn ready(tool: &Tool, install: bool) -> bool {
-    if (tool.is_there)() {
+/// Whether a tool is available, after installing it if `install` is set and it is missing.
+pub(crate) fn is_ready(tool: &Tool, install: bool) -> bool {
+    if (tool.is_installed)() {
         return true;
     }
     if install {
@@ -207,36 +207,36 @@ pub(crate) fn ready(tool: &Tool, install: bool) -> bool {
             }
         }
     }
-    let is_there = (tool.is_there)();
-    if install && !is_there {
-        println!("== {} was installed and is still not what the checks want", tool.name);
+    let is_installed = (tool.is_installed)();
+    if install && !is_installed {
+        println!("== {} was installed, but is still missing or has the wrong version", tool.name);
     }
-    is_there
+    is_installed
 }
 
-/// Whether a program of the workspace's tools runs.
+/// Whether a program in the workspace runs successfully.
 pub(crate) fn runs(program: &str, arguments: &[&str]) -> bool {
     let output = Command::new(root().join(program)).args(arguments).output();
     output.is_ok_and(|output| output.status.success())
 }
 
-/// Whether a program of the workspace's tools is this version.
-fn says(program: &str, version: &str) -> bool {
+/// Whether a program in the workspace reports this version.
+fn has_version(program: &str, version: &str) -> bool {
     let output = Command::new(root().join(program)).arg("--version").output();
     output.is_ok_and(|output| String::from_utf8_lossy(&output.stdout).trim() == version)
 }
 
-/// Whether a folder of packages was made with these.
-fn is_made(folder: &str, pins: &str) -> bool {
+/// Whether a virtual environment was created with these pinned packages.
+fn has_pinned_packages(folder: &str, pins: &str) -> bool {
     std::fs::read_to_string(root().join(folder).join("ready")).is_ok_and(|made| made == pins)
 }
 
-/// Whether a library's headers are there.
-fn finds(library: &str) -> bool {
+/// Whether pkg-config finds the library's headers.
+fn has_library(library: &str) -> bool {
     Command::new("pkg-config").args(["--exists", library]).status().is_ok_and(|status| status.success())
 }
 
-/// Whether there is a program of this name, wherever it is installed.
+/// Whether the search path contains a program with this name.
 fn is_on_path(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }

@@ -1,16 +1,16 @@
-//! The workspace, and this program in it.
+//! Root folder of the workspace, and the restart of this program with all features.
 
 use std::path::Path;
 use std::process::Command;
 
 use anyhow::bail;
 
-/// The folder of the workspace.
+/// Returns the root folder of the workspace.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().and_then(Path::parent).unwrap_or(Path::new("."))
 }
 
-/// Runs what this program was asked for, built with all that it can do.
+/// Runs the same command again in a build of this program with all features.
 pub(crate) fn rerun(profile: &[&str]) -> anyhow::Result<()> {
     let command: Vec<String> = std::env::args().skip(1).collect();
     let mut cargo = Command::new("cargo");

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use calib_core::Pixel;
 use calib_editor::{Icon, Pane, Part, ReplacedImage, TOOLS, hit};
-use calib_image::Verdict;
+use calib_image::Confidence;
 use egui::{Color32, Painter, Rect, Ui};
 
 use crate::canvas::Mapping;
@@ -55,7 +55,7 @@ fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
     let is_shown = place == Place::Main && camera == app.editor.session().camera;
     let proposed = app.shown_proposal().filter(|_| is_shown)?;
     // If two calibrations explain the edges equally well, their horizons distinguish them.
-    let is_believed = proposed.confidence != Verdict::None || proposed.alternative.is_some();
+    let is_believed = proposed.confidence != Confidence::None || proposed.alternative.is_some();
     Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.hover.lit_group })
 }
 

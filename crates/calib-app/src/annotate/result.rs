@@ -118,9 +118,9 @@ impl Number {
 
     pub(crate) fn set(self, app: &mut App, known: Option<Known>) {
         let verb = match known {
-            Some(known) if known.fixed => "hold",
-            Some(_) => "believe",
-            None => "release",
+            Some(known) if known.fixed => "fix",
+            Some(_) => "set a prior for",
+            None => "unfix",
         };
         let name = format!("{verb} the {}", self.title().to_lowercase());
         let change = |lens: &mut LensEntry| match self {
@@ -215,9 +215,9 @@ pub(crate) fn held_at(value: f64, digits: usize) -> f64 {
 pub(crate) fn lock(ui: &mut Ui, title: &str, is_held: Option<bool>, tip: &str) -> bool {
     let palette = theme::palette(ui.ctx());
     let (icon, colour, verb) = match is_held {
-        Some(true) => (Icon::Locked, palette.accent, "Release"),
-        Some(false) => (Icon::Locked, palette.warn, "Release"),
-        None => (Icon::Unlocked, palette.text3, "Hold"),
+        Some(true) => (Icon::Locked, palette.accent, "Unfix"),
+        Some(false) => (Icon::Locked, palette.warn, "Unfix"),
+        None => (Icon::Unlocked, palette.text3, "Fix"),
     };
     let look = Look { size: Vec2::splat(18.0), colour: Some(colour), ..Look::default() };
     icons::button(ui, icon, &format!("{verb} the {title}"), tip, look).clicked()

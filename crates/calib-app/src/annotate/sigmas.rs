@@ -3,7 +3,7 @@
 use calib_core::single::ConstraintKind;
 use calib_core::{Annotation, SceneErrors};
 use calib_editor::Action;
-use calib_report::scene_errors;
+use calib_report::scene_errors_text;
 use calib_site::{SceneEntry, SceneSigmas};
 use egui::{ComboBox, DragValue, RichText, Ui};
 
@@ -68,13 +68,13 @@ fn choice(
             .selected_text(named)
             .show_ui(ui, |ui| {
                 for (title, scene, place) in places() {
-                    let says = format!("{place}. {}", scene_errors(&possible(scene)));
+                    let says = format!("{place}. {}", scene_errors_text(&possible(scene)));
                     ui.selectable_value(&mut chosen, scene, title).on_hover_text(says);
                 }
             })
             .response
             .labelled_by(label.id)
-            .on_hover_text(scene_errors(&possible(now)));
+            .on_hover_text(scene_errors_text(&possible(now)));
     });
     chosen
 }
@@ -164,12 +164,12 @@ mod tests {
     fn what_is_said_of_any_place_is_what_the_core_takes_for_usual() {
         assert_eq!(errors(None), SceneErrors::default());
         let SceneErrors { floor_tilt, crossfall, angle, .. } = SceneErrors::default();
-        let said = scene_errors(&errors(None));
+        let said = scene_errors_text(&errors(None));
         for angle in [floor_tilt, crossfall, angle] {
             assert!(said.contains(&format!("{:.1}\u{b0}", angle.to_degrees())), "{said}");
         }
         let level = errors(Some(falls(0.3, 0.0)));
         assert_eq!(level.angle, angle, "a place that says how floors fall says no more");
-        assert!(!scene_errors(&level).contains("side"), "a level floor falls to no side");
+        assert!(!scene_errors_text(&level).contains("side"), "a level floor falls to no side");
     }
 }

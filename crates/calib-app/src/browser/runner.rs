@@ -12,7 +12,7 @@ use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::spawn_local;
 
 use crate::browser::mirror::Mirror;
-use crate::browser::preference;
+use crate::browser::shelf;
 use crate::browser::shelf::Database;
 use crate::command::{self, Command};
 use crate::platform::Task;
@@ -114,12 +114,12 @@ impl Stage {
                     Some(app) => app.forget_textures(ctx),
                     None => {
                         let mut made = App::new(ctx, None);
-                        made.shelf = Some(Box::new(Database::open(ctx)));
+                        made.storage.shelf = Some(Box::new(Database::open(ctx)));
                         *app = Some(made);
                     }
                 }
                 drop(app);
-                let theme = preference::restore(ctx);
+                let theme = shelf::restore(ctx);
                 Ok(Box::new(Shown { stage, frames: 0, theme }))
             }),
         );
@@ -198,7 +198,7 @@ impl eframe::App for Shown {
         let mut app = self.stage.app.borrow_mut();
         let Some(app) = app.as_mut() else { return };
         app.show_ui(ui);
-        preference::keep(ui.ctx(), &mut self.theme);
+        shelf::keep(ui.ctx(), &mut self.theme);
         let unkept = app.storage.shelf.as_ref().is_some_and(|shelf| shelf.is_behind());
         page::PAGE.with(|page| page.set_unkept(unkept && !app.editor.session().is_saved()));
         self.frames += 1;
@@ -253,6 +253,7 @@ fn solve(app: &App, runs: u32) -> f64 {
 /// Returns the state for tests: canvases, and the site with its results.
 fn report(app: &App) -> Value {
     let panes: Vec<Value> = app
+        .view
         .panes
         .rects
         .iter()
@@ -280,7 +281,7 @@ fn report(app: &App) -> Value {
         "proposing": app.jobs.proposing.is_some(),
         "proposed": session.proposed().map(|own| json!({"verdict": own.confidence.name(), "lines": own.count()})),
         "comparing": app.is_comparing(),
-        "newer": app.editor.selected_newer().map(|own| own.comparison.became.name()),
+        "newer": app.editor.selected_newer().map(|own| own.comparison.change.name()),
         "error": app.editor.error(),
         "note": session.note,
         "milliseconds": session.solved.milliseconds,
@@ -292,6 +293,6 @@ impl App {
     pub(crate) fn forget_textures(&mut self, ctx: &Context) {
         theme::install(ctx);
         self.pictures.clear();
-        self.panes.forget_pointer();
+        self.view.panes.forget_pointer();
     }
 }

@@ -1,8 +1,6 @@
-//! The shelf of a browser: `web/store.js` keeps, this hands over what is new and takes what comes back.
+//! Storage of sites in the browser's database (`web/store.js`), and of the chosen theme in its local storage.
 //!
-//! What the browser keeps of how the app looks: the theme that was chosen.
-//!
-//! egui would keep more (the widths of panels), but what writes that down is a fortieth of the page.
+//! egui's own persistence would also store panel widths, but its code is 2.5 % of the page.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};

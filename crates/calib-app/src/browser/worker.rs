@@ -1,14 +1,14 @@
 //! Worker of the page: decodes, renders, detects edges, calibrates, compares and refines.
 
 use calib_editor::edges;
-use calib_image::{Comparison, LineSegment, Proposal, Still, line_segments};
+use calib_image::{AutomaticCalibration, Comparison, EdgeImage, LineSegment, line_segments};
 use calib_site::{Site, SiteCamera};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
 
 use crate::platform::Recovery;
-use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE, message};
+use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE, page};
 use crate::storage::demo;
 
 /// Waits for work.
@@ -33,17 +33,17 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
         }
         "edges" => {
             let image = of_bytes(width, bytes)?;
-            Ok(Array::of1(&Float64Array::from(&*edges::to_numbers(&edges::find(&image))).into()))
+            Ok(Array::of1(&Float64Array::from(&*edges::to_numbers(&edges::detect(&image))).into()))
         }
         PROPOSE if width > 0 => written(&line_segments(&of_bytes(width, bytes)?)),
         PROPOSE => {
-            let (camera, edges): (SiteCamera, Vec<LineSegment>) = message::read(bytes)?;
-            written(&Proposal::new(&Still::of_camera(&camera, edges)))
+            let (camera, edges): (SiteCamera, Vec<LineSegment>) = page::read(bytes)?;
+            written(&AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges)))
         }
         COMPARE => {
             let camera: SiteCamera = serde_json::from_str(name).map_err(|error| error.to_string())?;
             let [old, new] = two_of_bytes(width, bytes)?;
-            written(&Comparison::of_entry(&camera, &old, &new).map_err(|error| error.to_string())?)
+            written(&Comparison::from_entry(&camera, &old, &new).map_err(|error| error.to_string())?)
         }
         RECOVER => {
             let asked: Recovery = serde_json::from_str(name).map_err(|error| error.to_string())?;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use calib_editor::{Action, Session};
-use calib_report::{Picture, Shown, page};
+use calib_report::{EmbeddedImage, ImageRequest, page};
 use egui::Context;
 
 use crate::choice::Purpose;
@@ -75,10 +75,10 @@ impl App {
 }
 
 /// Returns an image for embedding in the page.
-fn picture(session: &Session, shown: Shown<'_>) -> Result<Picture, String> {
+fn picture(session: &Session, shown: ImageRequest<'_>) -> Result<EmbeddedImage, String> {
     let name = match shown {
-        Shown::Camera(camera) => camera.image.as_deref(),
-        Shown::Plan => session.site.plan.as_ref().and_then(|plan| plan.image.as_deref()),
+        ImageRequest::Camera(camera) => camera.image.as_deref(),
+        ImageRequest::Plan => session.site.plan.as_ref().and_then(|plan| plan.image.as_deref()),
     };
     let name = name.ok_or("The image is missing.")?;
     let said = |why: String| format!("{}: {why}", session.images.shown_name(name));
@@ -88,8 +88,8 @@ fn picture(session: &Session, shown: Shown<'_>) -> Result<Picture, String> {
     }
     let (href, bytes) = session.images.embedded(name, Here::read_within).map_err(said)?;
     let size = match shown {
-        Shown::Camera(camera) => camera.size_px,
-        Shown::Plan => calib_input::image_size(&bytes).map_err(|error| said(error.to_string()))?,
+        ImageRequest::Camera(camera) => camera.size_px,
+        ImageRequest::Plan => calib_input::image_size(&bytes).map_err(|error| said(error.to_string()))?,
     };
-    Ok(Picture { href, size })
+    Ok(EmbeddedImage { href, size })
 }

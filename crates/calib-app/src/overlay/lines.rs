@@ -4,7 +4,7 @@
 use calib_core::Pixel;
 use calib_core::camera::Turned;
 use calib_core::single::line_name;
-use calib_draw::{Laid, Line, Look, Meaning, Sign, extension, lay};
+use calib_draw::{AnnotatedLine, Look, Meaning, PlacedShape, Sign, extension, place_sign};
 use calib_editor::{NewerImage, Part};
 use egui::{Align2, Color32, Painter, Pos2, Rect, Shape, Stroke, Vec2};
 
@@ -86,30 +86,30 @@ fn dot(painter: &Painter, at: Pos2, found: bool) {
 
 impl Overlay<'_> {
     /// Whether a line is selected, or it or its row is under the pointer.
-    fn is_bright(&self, drawn: &Line) -> bool {
-        let Line { annotation, segment, .. } = *drawn;
+    fn is_bright(&self, drawn: &AnnotatedLine) -> bool {
+        let AnnotatedLine { annotation, segment, .. } = *drawn;
         self.lit == Some((annotation, segment))
             || self.session.camera == self.camera
                 && self.session.selection.contains(&Part::Line { annotation, segment })
     }
 
     /// Returns the colour by kind or by residual; residual colours depend on the theme.
-    fn used_colour(&self, painter: &Painter, drawn: &Line) -> Color32 {
+    fn used_colour(&self, painter: &Painter, drawn: &AnnotatedLine) -> Color32 {
         match drawn.over_sigma.filter(|_| self.layers.by_residual) {
             Some(over_sigma) => theme::residual(theme::palette(painter.ctx()), over_sigma),
             None => theme::kind(drawn.kind),
         }
     }
 
-    pub(crate) fn line_colour(&self, painter: &Painter, drawn: &Line) -> Color32 {
+    pub(crate) fn line_colour(&self, painter: &Painter, drawn: &AnnotatedLine) -> Color32 {
         if drawn.is_outlier { theme::colour(drawn.colour()) } else { self.used_colour(painter, drawn) }
     }
 
-    pub(crate) fn paint_line(&self, painter: &Painter, pixels: &[Pixel], drawn: &Line) {
+    pub(crate) fn paint_line(&self, painter: &Painter, pixels: &[Pixel], drawn: &AnnotatedLine) {
         let (points, is_bright) = (self.path(pixels), self.is_bright(drawn));
         let is_aside = drawn.is_outlier && !drawn.is_off;
         let look = Look::of(Meaning::Annotation(*drawn));
-        let width = if is_bright { 3.0 } else { calib_draw::LINE as f32 };
+        let width = if is_bright { 3.0 } else { calib_draw::LINE_WIDTH as f32 };
         let mut pen = Pen { width, ..Pen::of(look) };
         if is_aside {
             self.halo(painter, &points);
@@ -125,7 +125,7 @@ impl Overlay<'_> {
         }
     }
 
-    fn name_line(&self, painter: &Painter, drawn: &Line, points: &[Pos2]) {
+    fn name_line(&self, painter: &Painter, drawn: &AnnotatedLine, points: &[Pos2]) {
         // The label of a bad line is in its middle, not at its end, where the next line may begin.
         let named = if drawn.is_outlier { points.get(points.len() / 2) } else { points.last() };
         let (Some(&at), Some(entry)) = (named, self.entry()) else { return };
@@ -150,7 +150,7 @@ impl Overlay<'_> {
     }
 
     /// Paints the extension of a line beyond its ends.
-    fn extend(&self, painter: &Painter, pixels: &[Pixel], drawn: &Line) {
+    fn extend(&self, painter: &Painter, pixels: &[Pixel], drawn: &AnnotatedLine) {
         let Some(camera) = self.session.solved.pose(self.camera) else { return };
         let colour = self.line_colour(painter, drawn);
         for item in extension(camera, drawn.kind, pixels) {
@@ -162,7 +162,7 @@ impl Overlay<'_> {
 
     /// Paints the sign of a kind, so that kinds do not differ by colour alone, and the length if one is
     /// given.
-    pub(crate) fn paint_sign(&self, painter: &Painter, sign: Sign, [a, b]: [Pos2; 2], drawn: &Line) {
+    pub(crate) fn paint_sign(&self, painter: &Painter, sign: Sign, [a, b]: [Pos2; 2], drawn: &AnnotatedLine) {
         /// Shortest line with a sign, in points.
         const LEAST: f32 = 24.0;
         let far = (b - a).length();
@@ -170,7 +170,7 @@ impl Overlay<'_> {
             return;
         }
         let colour = self.line_colour(painter, drawn);
-        for part in lay(sign, [a, b].map(|at| [f64::from(at.x), f64::from(at.y)]), 1.0) {
+        for part in place_sign(sign, [a, b].map(|at| [f64::from(at.x), f64::from(at.y)]), 1.0) {
             paint_part(painter, part, colour);
         }
         let entry = self.entry().and_then(|entry| entry.annotations.get(drawn.annotation));
@@ -181,18 +181,18 @@ impl Overlay<'_> {
     }
 }
 
-fn paint_part(painter: &Painter, part: Laid, colour: Color32) {
+fn paint_part(painter: &Painter, part: PlacedShape, colour: Color32) {
     let at = |[x, y]: [f64; 2]| Pos2::new(x as f32, y as f32);
     let path = |points: Vec<[f64; 2]>| points.into_iter().map(at).collect::<Vec<Pos2>>();
     match part {
-        Laid::Stroke(points) => line(painter, &path(points), Pen::new(colour, 1.5).faint()),
-        Laid::Fill(points) => {
+        PlacedShape::Stroke(points) => line(painter, &path(points), Pen::new(colour, 1.5).faint()),
+        PlacedShape::Fill(points) => {
             painter.add(Shape::convex_polygon(path(points), colour, Stroke::NONE));
         }
-        Laid::Ring(centre, radius) => {
+        PlacedShape::Ring(centre, radius) => {
             painter.circle_stroke(at(centre), radius as f32, Stroke::new(1.5, colour));
         }
-        Laid::Disc(centre, radius) => {
+        PlacedShape::Disc(centre, radius) => {
             painter.circle_filled(at(centre), radius as f32, colour);
         }
     }

@@ -12,8 +12,8 @@ use calib_core::{Camera, Kind, Pixel, Plane};
 use calib_core::floor::drawn_line;
 
 use calib_draw::{
-    Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, guide, on_image as items_on_image,
-    reach, seen,
+    Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, diagonal, guide,
+    on_image as items_on_image, project,
 };
 use calib_editor::{Edge, Family, Part, SearchLine, Session, Units, hit};
 use calib_site::{Site, SiteCamera, Solution, SuggestionEntry};
@@ -128,7 +128,7 @@ impl Overlay<'_> {
         let shown = Shown(self.session);
         let view = ImageView::new(&shown, self.camera);
         match &self.proposed {
-            // While an automatic calibration is shown, grid and horizon are those of its camera.
+            // While an automatic calibration is shown, grid and horizon belong to its camera.
             Some(ghosts) if ghosts.is_camera() => self.paint_supposed(painter, ghosts),
             _ => {
                 self.paint_items(painter, &items_on_image(&view, &self.on_floor(solution)));
@@ -158,7 +158,7 @@ impl Overlay<'_> {
     fn on_floor(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
         let polygon = solution.map_or(&[][..], |solution| &solution.efov_m);
         let grid = ImageLayer::Grid(grid_step(polygon, self.session.tool.units));
-        let prism = (self.layers.prism && !self.drawing).then_some(ImageLayer::DrawnPrism);
+        let prism = (self.layers.prism && !self.drawing).then_some(ImageLayer::AnnotatedPrism);
         (self.layers.grid && !self.drawing).then_some(grid).into_iter().chain(prism).collect()
     }
 
@@ -167,13 +167,13 @@ impl Overlay<'_> {
         let (field, free) = (self.layers.field, !self.drawing);
         let layers = [
             (field && free, ImageLayer::Planes),
-            (field, ImageLayer::DrawnEfov),
+            (field, ImageLayer::AnnotatedEfov),
             (field && free, ImageLayer::OtherEfovs),
             (free, ImageLayer::Marks),
             (free, ImageLayer::Pins),
-            (self.lines, ImageLayer::Annotations(Signs::OfKinds)),
+            (self.lines, ImageLayer::Annotations(Signs::All)),
             (free, ImageLayer::ControlPoints),
-            (free, ImageLayer::Links { begun: self.begun }),
+            (free, ImageLayer::Links { incomplete: self.begun }),
         ];
         layers.into_iter().filter_map(|(is_shown, layer)| is_shown.then_some(layer)).collect()
     }
@@ -249,7 +249,7 @@ impl Overlay<'_> {
                 let is_shown = is_selected || self.names_elements || self.says_name(at, false);
                 (is_shown, Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
             }
-            Meaning::Link { waits, .. } => {
+            Meaning::Link { is_incomplete: waits, .. } => {
                 let is_shown = waits || self.names_elements || self.says_name(at, false);
                 (is_shown, Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM)
             }
@@ -311,7 +311,7 @@ impl Overlay<'_> {
             SearchLine::from_link(self.session.solved.placed_pose(other)?, link, &plane, seen)
         });
         let Some(trace) = trace else { return };
-        self.paint_items(painter, &seen(camera, Meaning::Epipolar, &trace.path));
+        self.paint_items(painter, &project(camera, Meaning::Epipolar, &trace.path));
         if let Some(at) = trace.at.and_then(|point| camera.world_to_pixel(point)) {
             let at = self.at(at);
             painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::WAITING));
@@ -372,5 +372,5 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
 /// Returns a grid step of 1, 2, 5, 10, … units that keeps the cells distinguishable.
 #[must_use]
 pub fn grid_step(polygon: &[calib_core::FloorPoint], units: Units) -> f64 {
-    units.step(reach(polygon), 30.0).max(0.5 * units.metres())
+    units.step(diagonal(polygon), 30.0).max(0.5 * units.metres())
 }

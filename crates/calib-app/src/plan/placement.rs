@@ -165,10 +165,10 @@ fn from_stage_1(app: &mut App, ui: &mut Ui) {
 fn buttons(app: &mut App, ui: &mut Ui, fixed: bool) {
     let mut chosen = None;
     ui.horizontal(|ui| {
-        if ui.button(if fixed { "Release" } else { "Fix here" }).clicked() {
+        if ui.button(if fixed { "Unfix" } else { "Fix here" }).clicked() {
             chosen = Some(Command::FixPlacement);
         }
-        if ui.button("Forget").clicked() {
+        if ui.button("Remove").clicked() {
             chosen = Some(Command::ResetPlacement);
         }
         if ui.button("Refine all").clicked() {

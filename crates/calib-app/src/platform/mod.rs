@@ -11,7 +11,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{Comparison, LineSegment, Proposal};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment};
 use calib_site::{NewImage, Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -58,7 +58,7 @@ impl Recovery {
 /// Future with the files of a chooser.
 pub(crate) type Answer = Pin<Box<dyn Future<Output = Vec<Chosen>>>>;
 
-/// System on which the app runs; [`Here`] is the one that it was built for.
+/// System on which the app runs; [`Here`] is the system of this build.
 pub(crate) trait Platform {
     /// Whether the system uses Ctrl+N, so that the app's shortcut adds Alt.
     const KEEPS_CTRL_N: bool;
@@ -66,7 +66,7 @@ pub(crate) trait Platform {
     const HAS_FOLDERS: bool;
     /// Font of headings.
     const MEDIUM_FONT: &'static [u8];
-    /// Lock of a folder, held while the value lives.
+    /// Lock of a folder; dropping it releases the folder.
     type Claim: std::fmt::Debug;
 
     /// Whether the operator asked the system for reduced motion.
@@ -146,7 +146,11 @@ pub(crate) trait Platform {
     fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>>;
 
     /// Calibrates a camera automatically from its edges; a lens that was entered is used.
-    fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>>;
+    fn propose(
+        ctx: &Context,
+        camera: SiteCamera,
+        edges: Vec<LineSegment>,
+    ) -> Task<Result<AutomaticCalibration, String>>;
 
     /// Cancels edge measurement and automatic calibration.
     fn stop_proposing();

@@ -114,7 +114,7 @@ fn rows(app: &App) -> Vec<usize> {
     match app.view.list.order {
         Order::Site => {}
         Order::Missing => {
-            rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing_steps(app.editor.session(), i)))
+            rows.sort_by_key(|&i| std::cmp::Reverse(steps::missing_steps(app.editor.session(), i)));
         }
         Order::Sigma => {
             let sigma = |i: usize| steps::floor_sigma(app.editor.session(), i).unwrap_or(f64::INFINITY);

@@ -3,7 +3,7 @@
 use calib_core::floor::SurfacePoint;
 use calib_core::{Pixel, SurfaceProjector};
 use calib_editor::{Action, Pane, TOOLS, plan_scale};
-use calib_image::Verdict;
+use calib_image::Confidence;
 use calib_site::counted;
 use egui::{Align, Align2, Layout, RichText, Ui, Vec2};
 
@@ -51,10 +51,10 @@ fn proposal_hint(app: &App) -> Option<String> {
     let picked = app.editor.session().picked_line().and_then(|(group, _)| proposed.groups.get(group));
     Some(match picked {
         Some(group) => format!("A line of {}. Delete removes it.", group.title()),
-        None if proposed.confidence == Verdict::None && proposed.alternative.is_some() => {
+        None if proposed.confidence == Confidence::None && proposed.alternative.is_some() => {
             "Two cameras explain the edges equally well. Click the right one; Esc discards both.".into()
         }
-        None if proposed.confidence == Verdict::None => "Esc discards the detected lines.".into(),
+        None if proposed.confidence == Confidence::None => "Esc discards the detected lines.".into(),
         None => {
             let lines = counted(proposed.count(), "line", "lines");
             format!("{lines} detected: Enter accepts all, Esc discards them, a click selects one.")

@@ -89,7 +89,7 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     camera_header(app, ui, above, (camera, place), &switches);
 }
 
-/// Shows the current camera, and below it the one that shares most of its floor.
+/// Shows the current camera, and below it the camera that shares most of its floor area.
 fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     let camera = app.editor.session().camera;
     let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {

@@ -31,7 +31,7 @@ use crate::storage::autosave::{Autosave, Found, Slots};
 use crate::storage::dialog::Dialog;
 use crate::theme;
 
-/// How the document is viewed: mode, canvases, layers and switches.
+/// View of the document: mode, canvases, layers and switches.
 #[derive(Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
 pub struct ViewState {
@@ -61,7 +61,7 @@ pub struct ViewState {
     pub compares_views: bool,
     /// Filter and order of the camera list.
     pub list: List,
-    /// How a newer image is shown over the calibrated one.
+    /// Display of a newer image over the calibrated one.
     pub glance: Glance,
 }
 
@@ -157,7 +157,7 @@ pub struct App {
     pub pair: [String; 2],
     /// Clock in seconds since 1970, for the age of calibrations.
     pub clock: fn() -> u64,
-    /// How the document is viewed: mode, canvases, layers and switches.
+    /// View of the document: mode, canvases, layers and switches.
     pub view: ViewState,
     /// Highlights that follow the pointer and the selection.
     pub hover: Hover,
@@ -379,7 +379,7 @@ impl App {
         let picture = self.pictures.ready(name)?;
         // Flat edges are not offered to a tool for vertical lines.
         let plumb = self.editor.tool_kind().is_some_and(|kind| kind.row().is_upright());
-        let edge = edges::under(self.edges.of(ctx, name, &picture.image), at, radius)?;
+        let edge = edges::edge_at(self.edges.of(ctx, name, &picture.image), at, radius)?;
         let [a, b] = edge;
         (!plumb || (a.v - b.v).abs() > (a.u - b.u).abs()).then_some(edge)
     }
@@ -467,7 +467,7 @@ impl App {
             return None;
         }
         let edges = self.suggested(ctx);
-        edges.into_iter().find(|&[a, b]| hit::to_segment(a, b, at) <= radius)
+        edges.into_iter().find(|&[a, b]| hit::distance_to_segment(a, b, at) <= radius)
     }
 }
 

@@ -190,7 +190,7 @@ impl App {
         let why_not = match entry.is_valid_at(newer.since.trim()) {
             Err(_) => Some("enter the time since which the new pose is valid, such as 2026-05-01T08:00:00Z"),
             Ok(false) => Some("this time is outside its calibration period; enter one inside"),
-            // What was measured is of the camera as it was then.
+            // The measurement refers to the camera at that time.
             Ok(true) if session.solved.pose(session.camera) != Some(&newer.pose) => {
                 Some("it was solved again after the comparison; compare it again")
             }

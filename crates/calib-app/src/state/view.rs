@@ -85,7 +85,7 @@ impl Panes {
         self.bends.clear();
     }
 
-    /// Returns the view that the operator chose, or else the one that fits; an untouched canvas keeps
+    /// Returns the view that the operator chose, or the fitted view; an untouched canvas keeps
     /// fitting.
     pub(crate) fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
         let chosen = self.views.get(&key).copied();
@@ -319,7 +319,7 @@ impl Showing {
     }
 }
 
-/// How a newer image is shown over the calibrated one.
+/// Display of a newer image over the calibrated one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Glance {
     /// Display mode.
@@ -365,7 +365,7 @@ impl Looking {
     pub(crate) fn window(self, mount: Mount, reach: f64) -> Option<Window> {
         const FLAT: [usize; 2] = [1280, 800];
         const ROUND: [usize; 2] = [2400, 800];
-        /// Horizontal angle of view, in radians; about that of a person.
+        /// Horizontal angle of view, in radians; about the human field of view.
         const WIDE: f64 = 1.7;
         match self {
             Self::Whole => None,

@@ -1,4 +1,4 @@
-// An operator at a browser: real mouse and keys on the page, at coordinates that the page reports.
+// Simulated operator in a browser: mouse and keys on the page, at coordinates reported by the page.
 import assert from "node:assert/strict";
 import { createRequire } from "node:module";
 import path from "node:path";
@@ -12,7 +12,7 @@ const FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--e
 export const launch = () => chromium.launch({ executablePath: process.env.CALIB_CHROMIUM, args: FLAGS });
 
 export class Desk {
-  /** A page of this address in a context of its own; what goes wrong on it is collected. */
+  /** Opens a page in its own context and collects its errors. */
   static async open(browser, url, { size = [1280, 720], touch = false, keep = null } = {}) {
     const context = keep ?? await browser.newContext({ viewport: { width: size[0], height: size[1] }, hasTouch: touch, acceptDownloads: true });
     const page = await context.newPage();
@@ -31,7 +31,7 @@ export class Desk {
 
   state() { return this.page.evaluate(() => JSON.parse(globalThis.calibState() || "null")); }
 
-  /** Waits until the page's state is as wanted. */
+  /** Waits until the page's state meets a condition. */
   async until(what, wanted, seconds = 60) {
     const end = Date.now() + 1000 * seconds;
     for (let state; ; await this.page.waitForTimeout(50)) {
@@ -41,10 +41,10 @@ export class Desk {
     }
   }
 
-  /** Nothing is being read or kept. */
+  /** Waits until all images are read and the site is stored. */
   settled() { return this.until("settled", (state) => state.reading === 0 && !state.behind, 120); }
 
-  /** Where a widget is whose name begins so. */
+  /** Returns the centre of the widget whose name starts with `name`. */
   async place(name) {
     const handle = this.page.locator(`#mirror [data-at]`).and(this.page.locator(`[aria-label^="${name}"]`)).first();
     const [x0, y0, x1, y1] = (await handle.getAttribute("data-at", { timeout: 15_000 })).split(" ").map(Number);
@@ -65,7 +65,7 @@ export class Desk {
     await this.page.waitForTimeout(80);
   }
 
-  /** Where the screen shows a point of a pane. */
+  /** Returns the screen position of a point in a pane. */
   async screen(pane, [x, y]) {
     const { panes } = await this.state();
     const shown = ["Main", "Half", "Tile"].map((place) => panes.find((p) => p.place === place && p.pane === pane)).find(Boolean);
@@ -75,7 +75,7 @@ export class Desk {
     return [0.5 * (x0 + x1) + (x - shown.centre[0]) * shown.zoom, 0.5 * (y0 + y1) + up * (y - shown.centre[1]) * shown.zoom];
   }
 
-  /** Presses at the first point of a pane, passes the others, releases at the last. */
+  /** Presses at the first point of a pane, passes through the others, and releases at the last. */
   async drag(pane, points, modifier) {
     const places = [];
     for (const point of points) places.push(await this.screen(pane, point));
@@ -91,7 +91,7 @@ export class Desk {
     await this.page.waitForTimeout(60);
   }
 
-  /** Opens a site of one plain still, which takes no time to be made. */
+  /** Opens a site with one simple image. */
   async yard() {
     const still = await this.page.evaluate(() => {
       const canvas = Object.assign(document.createElement("canvas"), { width: 1920, height: 1080 });
@@ -104,7 +104,7 @@ export class Desk {
     await this.settled();
   }
 
-  /** One more upright line on the first camera's image, at this column. */
+  /** Draws a vertical line on the first camera's image, at a column. */
   async stroke(x) {
     const { generation } = await this.state();
     await this.key("1");
@@ -115,7 +115,7 @@ export class Desk {
 
   async click(pane, point) {
     await this.drag(pane, [point]);
-    // So that the next click is no double click.
+    // Otherwise the next click would be a double click.
     await this.page.waitForTimeout(450);
   }
 
@@ -133,7 +133,7 @@ export class Desk {
     await this.page.dispatchEvent("#canvas", "drop", { dataTransfer: transfer });
   }
 
-  /** What a press or key makes the browser download, as text. */
+  /** Saves the download started by a press or key, and returns its file name. */
   async download(act, to) {
     const [download] = await Promise.all([this.page.waitForEvent("download", { timeout: 30_000 }), act()]);
     await download.saveAs(to);
@@ -147,5 +147,5 @@ export class Desk {
   fine() { assert.deepEqual(this.wrong, [], "errors or requests of the page"); }
 }
 
-// Chromium's own words about software rendering.
+// Chromium's warnings about software rendering.
 const IGNORED = /GPU stall due to ReadPixels|software WebGL|swiftshader/i;

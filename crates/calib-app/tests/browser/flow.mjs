@@ -1,4 +1,4 @@
-// The whole of it in Chromium: node flow.mjs ADDRESS FILE
+// End-to-end test in Chromium: node flow.mjs ADDRESS FILE
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
@@ -14,20 +14,20 @@ const browser = await launch();
 const KEYS = { vertical: "v", parallel: "p", perpendicular: "r", equal_length: "e", known_length: "l", upright: "u" };
 const done = [];
 
-/** The demonstration with its first camera blank, and what belongs on it. */
+/** Opens the demonstration without annotations of its first camera. Returns the complete site. */
 async function blank(desk) {
   await desk.press("Open the demonstration site");
   const model = (await desk.until("the demonstration", (state) => state.site.cameras?.length > 0)).site;
   await desk.settled();
   await desk.press("Menu");
-  await desk.press("Take the tour");
+  await desk.press("Start the tour");
   await desk.until("the tour", (state) => state.site.cameras[0].annotations === undefined || state.site.cameras[0].annotations.length === 0);
   await desk.press("End the tour");
   await desk.settled();
   return model;
 }
 
-/** Draws everything on the first camera as the model has it. */
+/** Draws all annotations of the first camera. */
 async function draw(desk, model) {
   const entry = model.cameras[0];
   for (const annotation of entry.annotations.filter((annotation) => KEYS[annotation.kind])) {
@@ -47,12 +47,12 @@ async function draw(desk, model) {
   assert.equal(drawn.solution?.stage, "partial", JSON.stringify(drawn.error));
 }
 
-/** Moves the polygon on the plan by its foot, to where the model has the camera. */
+/** Drags the camera on the plan to its position in the model. */
 async function place(desk, model) {
   await desk.key("2");
   await desk.key("q");
   for (let i = 0; i < 4; i += 1) await desk.key("-");
-  // The view fits the plan once its picture is there.
+  // The view is fitted to the plan after its image is loaded.
   await desk.settled();
   await desk.page.waitForTimeout(300);
   const { position_m: [x, y] } = (await desk.state()).site.cameras[0].solution;
@@ -61,7 +61,7 @@ async function place(desk, model) {
   return site.cameras[0].solution;
 }
 
-/** Every number of both, as near as native and WebAssembly are. */
+/** Asserts that all numbers agree, to the difference between native and WebAssembly. */
 function same(shown, solved, where = "") {
   if (typeof shown === "number") {
     const off = Math.abs(shown - solved) / Math.max(1e-3, Math.abs(shown), Math.abs(solved));
@@ -93,7 +93,7 @@ async function calibrate(name, url, keep) {
   await desk.page.waitForFunction(() => document.documentElement.dataset.shown);
   await desk.page.waitForTimeout(800);
   await desk.picture(`${name}-again`);
-  await desk.press("Go on with");
+  await desk.press("Continue");
   const after = (await desk.until("restored", (state) => state.site.cameras?.length > 0)).site;
   assert.deepEqual(after.cameras[0].annotations, before.cameras[0].annotations);
   same(before.cameras.map((camera) => camera.solution), after.cameras.map((camera) => camera.solution), "restored");
@@ -113,7 +113,7 @@ async function hostile(desk) {
     await desk.drop([[name, "", text]]);
     const state = await desk.until(name, (state) => state.error);
     assert(!words || state.error.includes(words), state.error);
-    // The screen follows the state by a frame.
+    // The screen is updated one frame after the state.
     const shown = desk.page.locator("#mirror").getByText(state.error.slice(0, 24)).first();
     await shown.waitFor({ state: "attached", timeout: 10_000 });
     await desk.key("Escape");
@@ -122,7 +122,7 @@ async function hostile(desk) {
   desk.fine();
 }
 
-/** A site and its images arrive by one drop; images alone become cameras. */
+/** Drops a site with its images, then images alone, which become cameras. */
 async function together() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   const still = await desk.page.evaluate(async () => {
@@ -141,12 +141,12 @@ async function together() {
   await desk.context.close();
 }
 
-/** Two tabs on one site: the second one to write goes on beside the first. */
+/** Opens one site in two tabs: the second to write continues with a copy. */
 async function tabs(keep) {
   const [a, b] = [await Desk.open(browser, `${address}?test=1`, { keep }), await Desk.open(browser, `${address}?test=1`, { keep })];
   for (const desk of [a, b]) {
     await desk.page.bringToFront();
-    await desk.press("Go on with");
+    await desk.press("Continue");
     await desk.until("open", (state) => state.site.cameras?.length > 0);
     await desk.settled();
   }
@@ -155,7 +155,7 @@ async function tabs(keep) {
   await a.settled();
   await b.page.bringToFront();
   await b.stroke(900);
-  await b.until("told", (state) => /another tab/.test(state.note));
+  await b.until("a note", (state) => /another tab/.test(state.note));
   await b.settled();
   const kept = await a.page.evaluate(() => calib.store.list());
   assert(kept.length >= 2, "both are kept");
@@ -171,7 +171,7 @@ async function quota() {
   const session = await desk.context.newCDPSession(desk.page);
   await session.send("Storage.overrideQuotaForOrigin", { origin: new URL(address).origin, quotaSize: 10 });
   await desk.stroke(500);
-  const state = await desk.until("told", (state) => state.error);
+  const state = await desk.until("an error", (state) => state.error);
   assert.match(state.error, /no room left|could not keep/);
   await desk.picture("quota");
   const site = path.join(scratch, "quota.json");
@@ -192,10 +192,10 @@ async function panic() {
   const site = path.join(scratch, "panic.json");
   await desk.download(() => desk.page.getByText("Download the site").click(), site);
   assert.deepEqual(JSON.parse(readFileSync(site, "utf8")).cameras[0].annotations, before.cameras[0].annotations);
-  await desk.page.getByText("Load the page again").click();
+  await desk.page.getByText("Reload the page").click();
   await desk.page.waitForFunction(() => document.documentElement.dataset.shown);
   await desk.page.waitForTimeout(500);
-  await desk.press("Go on with");
+  await desk.press("Continue");
   const after = (await desk.until("restored", (state) => state.site.cameras?.length > 0)).site;
   assert.deepEqual(after.cameras[0].annotations, before.cameras[0].annotations);
   await desk.context.close();
@@ -207,9 +207,9 @@ async function context() {
   await desk.stroke(500);
   const before = await desk.settled();
   await desk.page.evaluate(() => document.querySelector("canvas").getContext("webgl2").getExtension("WEBGL_lose_context").loseContext());
-  await desk.page.getByText("The graphics card took the picture away").waitFor();
+  await desk.page.getByText("The graphics context was lost").waitFor();
   await desk.picture("context-lost");
-  await desk.page.getByText("The graphics card took the picture away").waitFor({ state: "hidden", timeout: 20_000 });
+  await desk.page.getByText("The graphics context was lost").waitFor({ state: "hidden", timeout: 20_000 });
   await desk.page.waitForTimeout(500);
   await desk.stroke(900);
   await desk.settled();
@@ -219,8 +219,8 @@ async function context() {
   await desk.context.close();
 }
 
-/** The first part of the program opens the demonstration, draws and solves while the rest is awaited, which reads its images;
- * what could not be fetched is asked for again. */
+/** Opens, draws and solves with the first part of the program only. The second part, which reads images, is loaded later;
+ * a failed download is repeated. */
 async function alone() {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, serviceWorkers: "block" });
   let asked = 0, release;
@@ -234,20 +234,20 @@ async function alone() {
   const desk = await Desk.open(browser, `${address}?test=1`, { keep: context });
   await desk.press("Open the demonstration site");
   const opened = await desk.until("the demonstration", (state) => state.site.cameras.length === 6);
-  assert(opened.reading > 0, "images wait for what reads them");
+  assert(opened.reading > 0, "images wait for the second part");
   await desk.stroke(500);
-  assert.equal(await desk.page.evaluate(() => calibRest.here), false, "the rest is not here");
+  assert.equal(await desk.page.evaluate(() => calibRest.here), false, "the second part is not loaded");
   const expected = /net::ERR_FAILED|Service Worker registration blocked/;
   assert.deepEqual(desk.wrong.splice(0).filter((message) => !expected.test(message)), []);
   release();
   await desk.settled();
-  assert.equal(await desk.page.evaluate(() => calibRest.here), true, "the rest is here");
+  assert.equal(await desk.page.evaluate(() => calibRest.here), true, "the second part is loaded");
   assert.equal(asked, 2);
   desk.fine();
   await context.close();
 }
 
-/** The page opens without a network, once it was there. */
+/** Opens the page offline after one visit. */
 async function offline() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   await desk.page.evaluate(() => navigator.serviceWorker.ready);
@@ -257,11 +257,11 @@ async function offline() {
   await desk.context.close();
 }
 
-/** A newer version on the server leaves an open page as it is, and is there once no page is open. */
+/** Installs a newer version: an open page keeps its files, and the next page gets the new ones. */
 async function versions() {
   const folder = path.dirname(file);
   const files = new Map(readdirSync(folder).map((name) => [name, readFileSync(path.join(folder, name))]));
-  // Of WebAssembly some hosts do not know what it is.
+  // Some hosts send no type for WebAssembly.
   const types = { ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml" };
   const server = createServer((request, response) => {
     const name = new URL(request.url, "http://localhost").pathname.slice(1) || "index.html";
@@ -280,7 +280,7 @@ async function versions() {
   await desk.page.evaluate(() => navigator.serviceWorker.ready);
   await desk.page.reload();
   await shown(desk.page);
-  // The program gets another name, and the old one is gone from the server.
+  // The program gets another name, and the old file is removed from the server.
   const program = [...files.keys()].find((name) => /^calib-.*\.wasm$/.test(name));
   const next = program.replace(".wasm", "-next.wasm");
   files.set(next, files.get(program));
@@ -294,13 +294,13 @@ async function versions() {
   assert.equal(await desk.page.evaluate(async (name) => (await fetch(name)).status, program), 200, "the open page has its own files");
   await desk.page.reload();
   await shown(desk.page);
-  assert.deepEqual([...new Set(await programs(desk.page))], [program], "loaded again beside a version that waits");
+  assert.deepEqual([...new Set(await programs(desk.page))], [program], "reloaded while a newer version waits");
   desk.fine();
   await desk.page.close();
 
   const end = Date.now() + 30_000;
   for (let kept = []; kept.join() !== "calib-next";) {
-    assert(Date.now() < end, `the old version stays: ${kept}`);
+    assert(Date.now() < end, `the old version is still used: ${kept}`);
     await new Promise((resolve) => setTimeout(resolve, 300));
     const again = await Desk.open(browser, url, { keep: desk.context });
     kept = await again.page.evaluate(() => caches.keys());
@@ -318,7 +318,7 @@ async function versions() {
 
 async function memory() {
   const desk = await Desk.open(browser, `${address}?test=1`);
-  // Made and dropped within the page, so that the test's own copies are not measured.
+  // Created and dropped within the page, so that copies in the test are not measured.
   await desk.page.evaluate(async () => {
     const canvas = Object.assign(document.createElement("canvas"), { width: 1920, height: 1080 });
     const pen = canvas.getContext("2d");
@@ -348,7 +348,7 @@ async function memory() {
   await desk.context.close();
 }
 
-/** The joint solve of a big site leaves the page alive, can be stopped, and is one step for undo. */
+/** Refines a large site: the page stays responsive, the task can be cancelled, and it is one undo step. */
 async function refine() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   await desk.press("Open the demonstration site");
@@ -362,12 +362,12 @@ async function refine() {
   await desk.drop([["big.json", "application/json", JSON.stringify(big)]]);
   await desk.until("the big site", (state) => state.site.name === "Big");
   const refined = (state) => state.site.cameras.filter((camera) => camera.solution?.stage === "refined").length;
-  // A worker that does not end: the page goes on, the button is painted, and it acts.
+  // A worker that does not end: the page stays responsive, and the cancel button works.
   await desk.page.evaluate(() => { globalThis.own = calib.work; calib.work = () => new Promise(() => {}); });
   await desk.key("F9");
   await desk.until("under way", (state) => state.refining);
   await desk.picture("refining");
-  await desk.press("Cancel what is under way");
+  await desk.press("Cancel the running task");
   const stopped = await desk.until("stopped", (state) => !state.refining);
   assert.match(stopped.note, /no camera was moved/);
   assert.equal(refined(stopped), 0);
@@ -381,25 +381,25 @@ async function refine() {
   await desk.context.close();
 }
 
-/** One key has the still propose its lines in a worker, which can be stopped; another draws them, as one step. */
+/** Runs the automatic calibration in a worker with one key, cancels it, and accepts its lines with another key as one undo step. */
 async function propose() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   await desk.press("Open the demonstration site");
   await desk.settled();
   const drawn = (state) => state.site.cameras[0].annotations.length;
   const before = drawn(await desk.state());
-  // A worker that does not end: the page goes on, and the button acts.
+  // A worker that does not end: the page stays responsive, and the cancel button works.
   await desk.page.evaluate(() => { globalThis.own = calib.work; calib.work = () => new Promise(() => {}); });
   await desk.key("Shift+P");
   await desk.until("under way", (state) => state.proposing);
-  await desk.press("Cancel what is under way");
+  await desk.press("Cancel the running task");
   const stopped = await desk.until("stopped", (state) => !state.proposing);
   assert.match(stopped.note, /nothing is proposed/);
   await desk.page.evaluate(() => { calib.work = globalThis.own; });
   const start = Date.now();
   await desk.key("Shift+P");
-  const { proposed } = await desk.until("a proposal", (state) => !state.proposing && state.proposed);
-  console.log(`a proposal of 1920x1080 in ${((Date.now() - start) / 1000).toFixed(1)} s: ${proposed.verdict}, ${proposed.lines} lines`);
+  const { proposed } = await desk.until("automatic calibration", (state) => !state.proposing && state.proposed);
+  console.log(`automatic calibration of 1920x1080 in ${((Date.now() - start) / 1000).toFixed(1)} s: ${proposed.verdict}, ${proposed.lines} lines`);
   assert.notEqual(proposed.verdict, "none");
   assert(proposed.lines > 4, `${proposed.lines} lines`);
   assert.equal(drawn(await desk.state()), before);
@@ -407,14 +407,14 @@ async function propose() {
   await desk.key("Enter");
   await desk.until("drawn", (state) => !state.proposed && drawn(state) > before);
   await desk.key("Control+z");
-  await desk.until("proposed again", (state) => state.proposed && drawn(state) === before);
+  await desk.until("restored by undo", (state) => state.proposed && drawn(state) === before);
   await desk.key("Escape");
   await desk.until("dismissed", (state) => !state.proposed);
   desk.fine();
   await desk.context.close();
 }
 
-/** A drawing becomes the picture of the plan. */
+/** Converts an SVG drawing to the image of the plan. */
 async function drawing() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   await desk.yard();
@@ -436,7 +436,7 @@ async function drawing() {
   await desk.download(() => desk.page.keyboard.press("Control+s"), saved);
   const { image } = JSON.parse(readFileSync(saved, "utf8")).plan;
   const png = Buffer.from(image.replace("data:image/png;base64,", ""), "base64");
-  assert.deepEqual([png.readUInt32BE(16), png.readUInt32BE(20)], [3072, 1024], "the size of the picture");
+  assert.deepEqual([png.readUInt32BE(16), png.readUInt32BE(20)], [3072, 1024], "the size of the image");
   const colours = await desk.page.evaluate(async (image) => {
     const picture = Object.assign(new Image(), { src: image });
     await picture.decode();
@@ -447,13 +447,13 @@ async function drawing() {
   }, image);
   assert.deepEqual(colours, [[0x33, 0x44, 0x66, 255], [255, 255, 255, 255]], "drawn on white");
   await load('<svg xmlns="http://www.w3.org/2000/svg" width="3" height="4"><broken');
-  const told = await desk.until("told", (state) => state.error);
-  assert.match(told.error, /plan.svg: .*SVG drawing/);
+  const failed = await desk.until("an error", (state) => state.error);
+  assert.match(failed.error, /plan.svg: .*SVG drawing/);
   desk.fine();
   await desk.context.close();
 }
 
-/** A finger that is held is a right click; two fingers zoom. */
+/** Tests touch: a long press is a right click, and two fingers zoom. */
 async function touch() {
   const desk = await Desk.open(browser, `${address}?test=1`, { touch: true, size: [1024, 768] });
   await desk.yard();
@@ -483,7 +483,7 @@ async function touch() {
   await desk.context.close();
 }
 
-/** Where storage is forbidden, as in some private windows, that is said, and the site can be downloaded. */
+/** Forbids storage, as some private windows do: a message is shown, and the site can be downloaded. */
 async function forbidden() {
   const context = await browser.newContext({ viewport: { width: 1280, height: 720 }, acceptDownloads: true });
   await context.addInitScript(() => {
@@ -493,7 +493,7 @@ async function forbidden() {
   const desk = await Desk.open(browser, `${address}?test=1`, { keep: context });
   await desk.yard();
   await desk.stroke(500);
-  const state = await desk.until("told", (state) => state.error);
+  const state = await desk.until("an error", (state) => state.error);
   assert.match(state.error, /keep/);
   await desk.picture("forbidden");
   const site = path.join(scratch, "forbidden.json");
@@ -502,7 +502,7 @@ async function forbidden() {
   await context.close();
 }
 
-/** A browser that cannot run it says so in words. */
+/** Shows a message in browsers that cannot run the app. */
 async function unable() {
   const lacks = async (what, take) => {
     const context = await browser.newContext({ viewport: { width: 1280, height: 720 } });
@@ -517,10 +517,10 @@ async function unable() {
     const own = HTMLCanvasElement.prototype.getContext;
     HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return /^webgl/.test(kind) ? null : own.call(this, kind, ...more); };
   });
-  await lacks("no vectors", () => { WebAssembly.validate = () => false; });
+  await lacks("no WebAssembly SIMD", () => { WebAssembly.validate = () => false; });
 }
 
-/** The solve during a drag, as many times slower than natively as the page may be. */
+/** Compares the time of a solve during a drag with the native time. */
 async function pace() {
   const desk = await Desk.open(browser, `${address}?test=1`);
   await desk.press("Open the demonstration site");
@@ -563,7 +563,7 @@ await step("touch", touch);
 await step("forbidden", forbidden);
 await step("unable", unable);
 await step("memory", memory);
-// An unoptimised number is worse than none.
+// Times of an unoptimised build are misleading.
 if (process.env.CALIB_NATIVE_MS) await step("pace", pace);
 else console.log("pace: not measured; cargo run --release -p xtask --features all -- browser measures it");
 await browser.close();

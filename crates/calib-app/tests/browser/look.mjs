@@ -1,4 +1,4 @@
-// Pictures of every screen in three sizes, to be looked at: node look.mjs URL
+// Screenshots of every screen in three sizes, for inspection: node look.mjs URL
 import { Desk, launch } from "./desk.mjs";
 
 const [url] = process.argv.slice(2);

@@ -1,4 +1,4 @@
-//! An operator at a desk: pointer and keys on the app, and what it did to the site.
+//! Simulated operator: pointer and keys on the app, and the resulting site.
 #![allow(dead_code, reason = "every test target uses a part of it")]
 
 use std::path::PathBuf;
@@ -28,12 +28,12 @@ pub(crate) struct Desk {
 }
 
 impl Desk {
-    /// A window of 1440 x 900 with this site, whose images are not there.
+    /// Opens a window of 1440 x 900 with a site whose images are missing.
     pub(crate) fn new(site: Site) -> Self {
         Self::with(site, Images::default())
     }
 
-    /// A window of 1440 x 900 with this site and its images, whose operator chose every one of its files.
+    /// Opens a window of 1440 x 900 with a site and its images, all of them permitted.
     pub(crate) fn with(site: Site, mut images: Images) -> Self {
         let names = calib_editor::image_names(&site);
         let files =
@@ -51,7 +51,7 @@ impl Desk {
         desk
     }
 
-    /// The file that the next chooser of this thread is answered with.
+    /// Sets the answer of the next file chooser in this thread.
     pub(crate) fn answer(&mut self, path: Option<PathBuf>) {
         ANSWER.set(path);
         self.app().dialogs.chooser = |purpose| {
@@ -81,14 +81,14 @@ impl Desk {
         self.harness.run_steps(2);
     }
 
-    /// Has the app do something.
+    /// Runs a command of the app.
     pub(crate) fn tell(&mut self, command: Command) {
         let ctx = self.harness.ctx.clone();
         command::run(self.app(), &ctx, command, Modifiers::NONE);
         self.harness.run_steps(3);
     }
 
-    /// Lets frames pass until something is so.
+    /// Runs frames until a condition holds.
     pub(crate) fn wait(&mut self, is_done: impl Fn(&App) -> bool) {
         let patience = std::time::Instant::now();
         while !is_done(self.harness.state()) {
@@ -97,7 +97,7 @@ impl Desk {
         }
     }
 
-    /// Improves all cameras together, and waits for it.
+    /// Refines all cameras jointly and waits for the result.
     pub(crate) fn refine(&mut self) {
         self.key(Key::F9);
         self.wait(|app| !app.is_working());
@@ -112,13 +112,13 @@ impl Desk {
         self.keys(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     }
 
-    /// Takes the tool of this title by its key.
+    /// Selects the tool with a title by its key.
     pub(crate) fn take(&mut self, title: &str) {
         let row = TOOLS.iter().find(|tool| tool.title == title).expect("a tool of this title");
         self.key(keys::key(row.key));
     }
 
-    /// Where the screen shows a point of a pane.
+    /// Returns the screen position of a point in a pane.
     pub(crate) fn screen(&self, pane: Pane, at: [f64; 2]) -> Pos2 {
         let panes = &self.harness.state().view.panes;
         let places = [Place::Main, Place::Half, Place::Tile];
@@ -133,7 +133,7 @@ impl Desk {
         );
     }
 
-    /// Every text on screen, as screen readers have it.
+    /// Returns all text on screen, as screen readers get it.
     pub(crate) fn words(&self) -> Vec<String> {
         let nodes = self.harness.query_all_by(|_| true);
         let said = nodes.flat_map(|node| {
@@ -143,17 +143,17 @@ impl Desk {
         said.flatten().collect()
     }
 
-    /// The button goes down and stays down.
+    /// Presses the primary button and keeps it down.
     pub(crate) fn press(&mut self, pos: Pos2, modifiers: Modifiers) {
         self.button(pos, true, modifiers);
     }
 
-    /// The button comes up.
+    /// Releases the primary button.
     pub(crate) fn release(&mut self, pos: Pos2, modifiers: Modifiers) {
         self.button(pos, false, modifiers);
     }
 
-    /// Presses at the first point, passes the others, and releases at the last.
+    /// Presses at the first point, passes through the others, and releases at the last.
     pub(crate) fn drag_screen(&mut self, points: &[Pos2], modifiers: Modifiers) {
         let (first, last) = (points[0], points[points.len() - 1]);
         self.harness.event_modifiers(Event::PointerMoved(first), modifiers);
@@ -173,11 +173,11 @@ impl Desk {
     pub(crate) fn click(&mut self, pane: Pane, at: [f64; 2]) {
         let point = self.screen(pane, at);
         self.drag_screen(&[point], Modifiers::NONE);
-        // So that the next click is no double click.
+        // Otherwise the next click would be a double click.
         self.harness.run_steps(30);
     }
 
-    /// Draws a line on the image in hand.
+    /// Draws a line on the image of a camera.
     pub(crate) fn line(&mut self, camera: usize, from: Pixel, to: Pixel) {
         self.drag(Pane::Image(camera), from.into(), to.into());
     }
@@ -190,14 +190,14 @@ pub(crate) fn change(app: &mut App, name: &str, change: impl FnOnce(&mut Site)) 
     app.act(Action::Change { site: Box::new(site), name: name.into() });
 }
 
-/// A still of one colour, as a file.
+/// Writes an image of one colour to a file.
 pub(crate) fn still(scratch: &Scratch, name: &str, [w, h]: [u32; 2]) {
     let mut png = std::io::Cursor::new(Vec::new());
     image::RgbImage::new(w, h).write_to(&mut png, image::ImageFormat::Png).expect("an image in memory");
     scratch.write(name, png.get_ref());
 }
 
-/// The demonstration site without its images, which tests need not wait for.
+/// Returns the demonstration site without images, so that tests need not wait for them.
 pub(crate) fn demo() -> Site {
     let mut site = calib_demo::demo_site().site;
     for camera in &mut site.cameras {

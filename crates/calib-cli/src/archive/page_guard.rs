@@ -127,7 +127,7 @@ impl ChunkReader for PageGuard {
         match chunk_at(&self.chunks, start).map(|chunk| chunk.codec) {
             Some(Compression::ZSTD(_)) => check(zstd_bound::decompressed_size(&bytes))?,
             Some(Compression::GZIP(_)) if MAX_GZIP_RATIO * length as u64 > MAX_PAGE_BYTES => {
-                check(gzip_decompressed_size(&bytes))?
+                check(gzip_decompressed_size(&bytes))?;
             }
             _ => {}
         }

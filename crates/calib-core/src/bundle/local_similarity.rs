@@ -2,8 +2,8 @@
 //! itself then moves along the similarity, and not along its tangent.
 //!
 //! Let a step scale some cameras by `1 + s` and rotate them by theta. Heights and yaws follow exactly. With a
-//! floor point as a complex number p, the difference of two points should change by `((1 + s) e^(i theta) -
-//! 1) (p' - p)`. The linear step d changes it by `a (p' - p)`, `a = s + i theta`.
+//! floor point as a complex number p, the difference of two points should change by
+//! `((1 + s) e^(i theta) - 1) (p' - p)`. The linear step d changes it by `a (p' - p)`, `a = s + i theta`.
 //!
 //! The difference is of second order, but it rotates positions against yaws. Thousands of observations
 //! determine the yaws, while s and theta of a hall may be determined by a single camera. Without the

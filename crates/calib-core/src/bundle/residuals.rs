@@ -11,8 +11,8 @@
 //! - A prior on a parameter of a camera, a plane or a landmark: `value - prior`.
 //! - A measured distance: `|A - B| - length`.
 //!
-//! [`Problem::each_residual`]: crate::single::Problem::each_residual [`LandmarkModel::reprojection_error`]:
-//! crate::bundle::LandmarkModel::reprojection_error
+//! [`Problem::each_residual`]: crate::single::Problem::each_residual
+//! [`LandmarkModel::reprojection_error`]: crate::bundle::LandmarkModel::reprojection_error
 
 use crate::bundle::camera::CAMERA_PARAMS;
 use crate::bundle::landmark::{DistanceMeasurement, LANDMARK_PARAMS};

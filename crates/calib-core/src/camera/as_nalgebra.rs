@@ -39,7 +39,9 @@ impl Camera {
         Isometry3::from_parts(Translation3::from(self.translation()), rotation)
     }
 
-    /// [`Camera::projection_matrix`]: homogeneous world points to undistorted pixels.
+    /// world points to undistorted pixels.
+    ///
+    /// [`Camera::projection_matrix`]: homogeneous
     #[must_use]
     pub fn projection(&self) -> Matrix3x4<f64> {
         Matrix3x4::from_row_slice(&self.projection_matrix().concat())

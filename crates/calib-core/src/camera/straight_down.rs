@@ -1,8 +1,10 @@
-//! A camera that looks straight down: roll and yaw are one turn there, and what is known is where its image is turned.
+//! A camera that looks straight down: roll and yaw are one turn there, and what is known is where its image
+//! is turned.
 //!
-//! With forward and right level at the yaw `y`, the top of the image leads to `sin r * right + cos r * sin p *
-//! forward` on the floor, where `p` is the pitch and `r` the roll. So it heads `y - atan2(sin r, cos r * sin p)`: at
-//! `p` of 90 degrees `y - r`, which is known well where neither `y` nor `r` is.
+//! With forward and right level at the yaw `y`, the top of the image leads to
+//! `sin r * right + cos r * sin p * forward` on the floor, where `p` is the pitch and `r` the roll. So it
+//! heads `y - atan2(sin r, cos r * sin p)`: at `p` of 90 degrees `y - r`, which is known well where neither
+//! `y` nor `r` is.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

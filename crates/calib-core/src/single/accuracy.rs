@@ -189,8 +189,8 @@ struct FloorJacobian {
 impl FloorJacobian {
     /// Projects a bearing to the floor; `None` on or above the horizon.
     ///
-    /// With the unrolled bearing (u, v, w): `D = v cos p + f w sin p`, `X = u / D`, `Y = (f w cos p - v sin
-    /// p) / D`.
+    /// With the unrolled bearing (u, v, w): `D = v cos p + f w sin p`, `X = u / D`,
+    /// `Y = (f w cos p - v sin p) / D`.
     fn new(parameters: &Parameters, [x, y, w]: [f64; 3]) -> Option<Self> {
         let ((sr, cr), (sp, cp), f) =
             (parameters[ROLL].sin_cos(), parameters[PITCH].sin_cos(), parameters[LOG_FOCAL].exp());

@@ -25,6 +25,7 @@ use crate::single::likelihood::{Problem, State};
 use crate::single::minima::MAX_LOG_FOCAL_SIGMA;
 use crate::single::nuisances::Nuisances;
 use crate::single::outliers::student_factor;
+use crate::single::parameters::{FixedParameters, Priors};
 use crate::single::residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};
 use crate::single::scene_errors::{Deviation, SceneErrors};
 
@@ -249,11 +250,12 @@ pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions)
     };
     let Some(own) = information(&inliers, &fit.state) else { return Vec::new() };
     let Some(now) = rel(own) else { return Vec::new() };
-    let suggested = |then: f64, annotation: SuggestedAnnotation, kind: Option<Kind>, segments| SuggestedLine {
-        suggestion: Suggestion { annotation, ratio: then / now, floor_length_rel: then },
-        kind,
-        segments,
-    };
+    let suggested =
+        |then: f64, annotation: SuggestedAnnotation, kind: Option<Kind>, segments| SuggestedLine {
+            suggestion: Suggestion { annotation, ratio: then / now, floor_length_rel: then },
+            kind,
+            segments,
+        };
     let with = |candidate: &Candidate| {
         let (constraints, state) = candidate.join(&inliers, &fit.state)?;
         rel(information(&constraints, &state)?)
@@ -265,12 +267,12 @@ pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions)
         let added = shared_points(&fit.camera, options.size, sigma, &own.0)?;
         Some(suggested(rel((own.0 + added, own.1))?, SuggestedAnnotation::SharedPoints, None, Vec::new()))
     };
-    let mut suggestions: Vec<SuggestedLine> = drawn.chain(linked().filter(|_| options.has_neighbours)).collect();
+    let mut suggestions: Vec<SuggestedLine> =
+        drawn.chain(linked().filter(|_| options.has_neighbours)).collect();
     let size = known_size(fit, options).and_then(|candidate| Some((with(&candidate)?, candidate)));
     let guessed = if fit.is_height_known { 0.0 } else { GUESSED_SCALE_SIGMA_REL };
     suggestions.extend(size.map(|(then, Candidate { annotation, kind, .. })| {
-        let suggestion =
-            Suggestion { annotation, ratio: then / now.hypot(guessed), floor_length_rel: then };
+        let suggestion = Suggestion { annotation, ratio: then / now.hypot(guessed), floor_length_rel: then };
         SuggestedLine { suggestion, kind: Some(kind), segments: Vec::new() }
     }));
     // A comparison with NaN is false, so invalid candidates are removed.
@@ -377,23 +379,7 @@ impl Candidate {
                 }
             }
         }
-        // The fitted nuisance parameters keep their values; the candidate's are computed in closed form.
-        let problem = Problem::new(
-            &joined,
-            crate::single::parameters::FixedParameters::default(),
-            crate::single::parameters::Priors::default(),
-            1.0,
-            1e3,
-        );
-        let mut at = problem.state_at(state.parameters)?;
-        let (old, new) = (Nuisances::new(constraints), Nuisances::new(&joined));
-        let mut copy = |from: std::ops::Range<usize>, to: usize| {
-            at.nuisance[to..to + from.len()].copy_from_slice(&state.nuisance[from]);
-        };
-        copy(0..old.length(0), 0);
-        copy(old.length(0)..old.deviation(0), new.length(0));
-        copy(old.deviation(0)..old.tilt(), new.deviation(0));
-        copy(old.tilt()..old.count(), new.tilt());
+        let at = extended_state(constraints, &joined, state)?;
         Some((joined, at))
     }
 
@@ -406,6 +392,22 @@ impl Candidate {
         };
         self.segments.iter().filter_map(|&[a, b]| Some([raw(a)?, raw(b)?])).collect()
     }
+}
+
+/// Returns the state of the constraints with a candidate. The fitted nuisance parameters keep their values; those of the
+/// candidate are computed in closed form.
+fn extended_state(constraints: &Constraints, joined: &Constraints, state: &State) -> Option<State> {
+    let problem = Problem::new(joined, FixedParameters::default(), Priors::default(), 1.0, 1e3);
+    let mut at = problem.state_at(state.parameters)?;
+    let (old, new) = (Nuisances::new(constraints), Nuisances::new(joined));
+    let mut copy = |from: std::ops::Range<usize>, to: usize| {
+        at.nuisance[to..to + from.len()].copy_from_slice(&state.nuisance[from]);
+    };
+    copy(0..old.length(0), 0);
+    copy(old.length(0)..old.deviation(0), new.length(0));
+    copy(old.deviation(0)..old.tilt(), new.deviation(0));
+    copy(old.tilt()..old.count(), new.tilt());
+    Some(at)
 }
 
 /// Suggested annotation, its kind, and its segments if they are visible in the image.

@@ -1,15 +1,14 @@
 //! Prior on the tilt of the floor.
 //!
 //! A floor is off level by `N(0, floor_tilt^2)` in each direction. Ground with marks of equal length is
-//! usually a road, which slopes to the side of its marks for drainage. Its additional slope is `N(0, (r
-//! crossfall)^2)`. r is the mean resultant length of the doubled directions of the marks (Mardia and Jupp
-//! 2000, section 2.3.1: the directions have no sign). r is 1 for marks along a lane. It is 0 for marks at
-//! right angles, as for the joints of tiles, which are laid level. The slope along the marks is smaller by
+//! usually a road, which slopes to the side of its marks for drainage. Its additional slope is
+//! `N(0, (r crossfall)^2)`. r is the mean resultant length of the doubled directions of the marks (Mardia and
+//! Jupp 2000, section 2.3.1: the directions have no sign). r is 1 for marks along a lane. It is 0 for marks
+//! at right angles, as for the joints of tiles, which are laid level. The slope along the marks is smaller by
 //! the factor g ([`GRADIENT_RATIO`]). With the mean (c, s) of `(cos 2a, sin 2a)`, `r^2 = c^2 + s^2`, the
 //! covariance of the lean of the verticals against the floor is
 //!
-//! `floor_tilt^2 I + crossfall^2 r / 2 [(1 + g^2) r - (1 - g^2) c, -(1 - g^2) s; -(1 - g^2) s, (1 + g^2) r +
-//! (1 - g^2) c]`.
+//! `floor_tilt^2 I + crossfall^2 r / 2 [(1 + g^2) r - (1 - g^2) c, -(1 - g^2) s; -(1 - g^2) s, (1 + g^2) r + (1 - g^2) c]`.
 //!
 //! The directions are computed at the current state, with their derivatives.
 

@@ -8,8 +8,8 @@
 //!
 //! All residuals are divided by the standard deviation of a drawn coordinate. Their sum of squares is minus
 //! twice the log likelihood, up to a constant. The residuals of lines are exact, with the true line
-//! eliminated. The residuals of lengths have Sampson's form `(log length - log L) / |grad log length|`. `log
-//! L` is the nuisance parameter of the group, or the known length in camera heights (see `residual.rs`).
+//! eliminated. The residuals of lengths have Sampson's form `(log length - log L) / |grad log length|`.
+//! `log L` is the nuisance parameter of the group, or the known length in camera heights (see `residual.rs`).
 
 use crate::optimize::{
     Dual, Gradient, LeastSquares, Normal, NuisanceJacobian, Number, NumberOver, Uncertainty,

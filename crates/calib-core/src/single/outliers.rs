@@ -15,8 +15,8 @@
 //! For a known orientation, let `z` be the height of the camera, and `f` the horizontal vector that the ray
 //! of the foot covers while it falls one metre. The foot is at the distance `z |f|` from the point below the
 //! camera. Let the ray of the head have the component `a` along `f` and the rise `c`. It passes above the
-//! foot at the height `z + z |f| c / a`, which equals the height `h` of the upright. So `z = h a / (a + |f|
-//! c)`.
+//! foot at the height `z + z |f| c / a`, which equals the height `h` of the upright. So
+//! `z = h a / (a + |f| c)`.
 
 use crate::camera::{Camera, Pixel};
 use crate::optimize::{chi2_score, is_misfit};

@@ -2,9 +2,9 @@
 //! "Close-Range Camera Calibration"). It runs first, because every constraint of stage 1 is undistorted.
 //!
 //! The residual of a point is its distance from the best line through its undistorted polyline, measured in
-//! raw pixels: `(n . U(p) - c) / |J' n|`. U is the undistortion, J its derivative at the point, and `n . x =
-//! c` the line with the smallest sum of squares (`straightness.rs`). The coefficients refer to coordinates
-//! divided by half the diagonal of the image, because the focal length is not known yet.
+//! raw pixels: `(n . U(p) - c) / |J' n|`. U is the undistortion, J its derivative at the point, and
+//! `n . x = c` the line with the smallest sum of squares (`straightness.rs`). The coefficients refer to
+//! coordinates divided by half the diagonal of the image, because the focal length is not known yet.
 //!
 //! The cost includes the priors on lenses (`lens_problem.rs`). If the caller does not choose coefficients,
 //! the number of radial coefficients is selected by the largest evidence. Let chi2 be the chi-square of edges
@@ -40,8 +40,10 @@ pub struct LensFit {
     pub straightness: [f64; 2],
     /// Root mean square distance of every polyline from straight, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Fitted parameters, in the order of [`Lens::PARAMETERS`]: the coefficients, and the focal length and
-    /// principal point of a fisheye unless given.
+    /// Fitted parameters, in the order of coefficients, and the focal length and principal point of a fisheye
+    /// unless given.
+    ///
+    /// [`Lens::PARAMETERS`]: the
     pub free: [bool; Lens::PARAMETERS],
     /// Covariance of the parameters; zero for parameters that are not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],

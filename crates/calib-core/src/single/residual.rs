@@ -100,8 +100,8 @@ impl Angles {
 
     /// Returns the vanishing point of the verticals, toward the nadir.
     ///
-    /// Without tilt it is `(f cos p sin r, f cos p cos r, sin p)`. In unrolled axes up is `(0, -cos p, -sin
-    /// p)` and ahead on the floor is `(0, -sin p, cos p)`.
+    /// Without tilt it is `(f cos p sin r, f cos p cos r, sin p)`. In unrolled axes up is
+    /// `(0, -cos p, -sin p)` and ahead on the floor is `(0, -sin p, cos p)`.
     pub(crate) fn nadir(&self, [right, ahead]: Tilt) -> VanishingPoint {
         let (sp, cp) = self.pitch;
         let (y, w) = (cp + ahead * sp, sp - ahead * cp);

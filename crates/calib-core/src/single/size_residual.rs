@@ -109,8 +109,9 @@ pub(crate) fn floor_direction<E: Number, N: NumberOver<E>>(
 /// of both ends and of the height.
 ///
 /// With the unrolled foot (u, v), `D = cos p v + f sin p`, `k = H D / z0` and the upward direction of
-/// verticals `(t, -c, -s)` in unrolled axes, `(0, -cos p, -sin p)` without tilt, the head is at `f (u + k t,
-/// v - k c) / (f - k s)`. `None` if the foot is above the horizon or the head is behind the camera.
+/// verticals `(t, -c, -s)` in unrolled axes, `(0, -cos p, -sin p)` without tilt, the head is at
+/// `f (u + k t, v - k c) / (f - k s)`. `None` if the foot is above the horizon or the head is behind the
+/// camera.
 pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
     upright: &UprightConstraint<E>,

@@ -5,14 +5,14 @@ use calib_core::single::{Shape, line_name};
 use calib_core::{Annotation, Camera, Kind, Pixel, Residual, UndistortedPixel};
 
 use crate::image::ImageView;
-use crate::item::{Geometry, Item, Line, Meaning};
-use crate::kind::{KindLook, SQUARE, SQUARE_BESIDE, Sign};
+use crate::item::{AnnotatedLine, Geometry, Item, Meaning};
+use crate::kind::{KindLook, SQUARE, SQUARE_OFFSET, Sign};
 
 /// Signs on lines, in addition to their colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signs {
     /// Signs of all kinds.
-    OfKinds,
+    All,
     /// Right-angle signs only, for views in which every line has a name. The letter of the name shows the
     /// kind. Only lines at right angles to the first line of their annotation are marked.
     RightAngles,
@@ -21,21 +21,21 @@ pub enum Signs {
 pub(super) fn annotations(view: &ImageView, signs: Signs) -> Vec<Item<Pixel>> {
     let Some(entry) = view.entry() else { return Vec::new() };
     let mut items = Vec::new();
-    for (index, drawn) in entry.annotations.iter().enumerate() {
-        for (segment, points) in drawn.polylines().enumerate() {
-            let meaning = Meaning::Annotation(line(view, drawn, index, segment));
+    for (index, annotation) in entry.annotations.iter().enumerate() {
+        for (segment, points) in annotation.polylines().enumerate() {
+            let meaning = Meaning::Annotation(line(view, annotation, index, segment));
             let ends = points.first().copied().zip(points.last().copied());
             let dots: Vec<Item<Pixel>> = points.iter().map(|&at| Item::point(meaning, at)).collect();
             let drawn_points = points.len();
-            let line = view.drawn(points);
+            let line = view.image_curve(points);
             let middle = line.get(line.len() / 2).copied().filter(|_| line.len() > drawn_points);
             items.push(Item::polyline(meaning, line));
             if let Some(ends) = ends {
-                let (signs, ends) = (signs.of(drawn, segment), laid_on(middle, ends));
+                let (signs, ends) = (signs.of(annotation, segment), sign_segment(middle, ends));
                 items.extend(signs.map(|sign| Item::new(meaning, Geometry::Sign(sign, ends))));
             }
             items.extend(dots);
-            if let (Some((first, _)), Some(_)) = (ends, view.letters) {
+            if let (Some((first, _)), Some(_)) = (ends, view.label_scale) {
                 items.push(Item::label(meaning, first, line_name(&entry.annotations, index, segment)));
             }
         }
@@ -44,31 +44,31 @@ pub(super) fn annotations(view: &ImageView, signs: Signs) -> Vec<Item<Pixel>> {
 }
 
 impl Signs {
-    fn of(self, drawn: &Annotation, segment: usize) -> impl Iterator<Item = Sign> {
-        let of_kind = KindLook::of(drawn.kind).sign;
+    fn of(self, annotation: &Annotation, segment: usize) -> impl Iterator<Item = Sign> {
+        let of_kind = KindLook::of(annotation.kind).sign;
         let of_kind = match self {
-            Self::OfKinds => Some(of_kind),
+            Self::All => Some(of_kind),
             Self::RightAngles => Some(of_kind).filter(|&sign| sign == SQUARE && segment > 0),
         };
         // A second direction at right angles to a parallel group also has the square.
-        let is_second = drawn.at_right_angles_to.is_some() && segment == 0 && self == Self::OfKinds;
-        of_kind.into_iter().chain(is_second.then_some(SQUARE_BESIDE))
+        let is_second = annotation.at_right_angles_to.is_some() && segment == 0 && self == Self::All;
+        of_kind.into_iter().chain(is_second.then_some(SQUARE_OFFSET))
     }
 }
 
 /// Returns the segment for a sign: the chord of a line, moved to the middle of the line if it is curved.
-fn laid_on(middle: Option<Pixel>, (a, b): (Pixel, Pixel)) -> [Pixel; 2] {
+fn sign_segment(middle: Option<Pixel>, (a, b): (Pixel, Pixel)) -> [Pixel; 2] {
     let Some(middle) = middle else { return [a, b] };
     let (u, v) = (middle.u - 0.5 * (a.u + b.u), middle.v - 0.5 * (a.v + b.v));
     [a, b].map(|end| Pixel::new(end.u + u, end.v + v))
 }
 
-fn line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize) -> Line {
+fn line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize) -> AnnotatedLine {
     let residuals = view.scene.solution(view.camera).map_or(&[][..], |solution| &solution.residuals);
     let is_of = |r: &&Residual| r.annotation == Some(annotation) && r.segment == Some(segment);
     let residual = residuals.iter().find(is_of);
     let sigma = view.entry().and_then(|entry| entry.sigma_px).unwrap_or(1.0);
-    Line {
+    AnnotatedLine {
         kind: drawn.kind,
         annotation,
         segment,

@@ -4,7 +4,7 @@
 use calib_core::floor::{PRISM_HEIGHT, prism, vertical};
 use calib_core::{Camera, FloorPoint, Pixel, Plane, Polyline, WorldPoint, floor_grid};
 
-use crate::image::{ImageView, seen};
+use crate::image::{ImageView, project};
 use crate::item::{Item, Meaning};
 
 pub(super) fn planes(view: &ImageView) -> Vec<Item<Pixel>> {
@@ -12,7 +12,7 @@ pub(super) fn planes(view: &ImageView) -> Vec<Item<Pixel>> {
     let mut items = Vec::new();
     for (index, entry) in site.planes.iter().enumerate().filter(|(_, plane)| !plane.region.is_empty()) {
         let (plane, meaning) = (view.scene.plane(Some(&entry.id)), Meaning::Plane(index));
-        items.extend(seen(&camera, meaning, &outline(&entry.region, &plane, 0.0)));
+        items.extend(project(&camera, meaning, &outline(&entry.region, &plane, 0.0)));
         let centre = entry.anchor();
         let at = camera.world_to_pixel(centre.at_height(plane.height_at(centre)));
         items.extend(at.map(|at| Item::label(meaning, at, entry.title().to_owned())));
@@ -27,7 +27,7 @@ pub(super) fn outline(polygon: &[FloorPoint], plane: &Plane, height: f64) -> Pol
 }
 
 /// Moves a polyline on or above the floor onto a plane.
-pub(super) fn laid(line: &[WorldPoint], plane: &Plane) -> Polyline {
+pub(super) fn onto_plane(line: &[WorldPoint], plane: &Plane) -> Polyline {
     line.iter().map(|&at| WorldPoint { z: at.z + plane.height_at(at.on_floor()), ..at }).collect()
 }
 
@@ -35,10 +35,10 @@ pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
     let Some((camera, solution)) = view.solved() else { return Vec::new() };
     let (mut items, plane) = (Vec::new(), view.efov_plane(view.camera));
     for line in floor_grid(&solution.efov_m, step) {
-        let line = laid(&line, &plane);
-        items.extend(seen(&camera, Meaning::Grid, &line));
+        let line = onto_plane(&line, &plane);
+        items.extend(project(&camera, Meaning::Grid, &line));
         let size = view.entry().map(calib_site::SiteCamera::size);
-        if let (Some(scale), Some(size)) = (view.letters, size) {
+        if let (Some(scale), Some(size)) = (view.label_scale, size) {
             items.extend(number(&camera, &line, size, scale));
         }
     }
@@ -75,7 +75,7 @@ pub fn metres(value: f64) -> String {
 /// Returns the diagonal of the bounding rectangle of a polygon, in metres. The step of a grid is chosen from
 /// it.
 #[must_use]
-pub fn reach(polygon: &[FloorPoint]) -> f64 {
+pub fn diagonal(polygon: &[FloorPoint]) -> f64 {
     let span = |value: fn(&FloorPoint) -> f64| {
         let values = || polygon.iter().map(value);
         (values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)).max(0.0)
@@ -83,7 +83,7 @@ pub fn reach(polygon: &[FloorPoint]) -> f64 {
     span(|p| p.x).hypot(span(|p| p.y))
 }
 
-pub(super) fn drawn_efov(view: &ImageView) -> Vec<Item<Pixel>> {
+pub(super) fn annotated_efov(view: &ImageView) -> Vec<Item<Pixel>> {
     let corners = view.entry().and_then(|entry| entry.efov_px.as_ref()).filter(|corners| corners.len() >= 2);
     let Some(corners) = corners else { return Vec::new() };
     let meaning = Meaning::Efov(view.camera);
@@ -94,14 +94,14 @@ pub(super) fn drawn_efov(view: &ImageView) -> Vec<Item<Pixel>> {
 
 /// Returns the prism over an annotated field of view; its vertical edges start at the annotated corners. A
 /// field without annotation has no useful prism.
-pub(super) fn drawn_prism(view: &ImageView) -> Vec<Item<Pixel>> {
-    let drawn = view.entry().and_then(|entry| entry.efov_px.as_ref());
-    let (Some((camera, solution)), Some(drawn)) = (view.solved(), drawn) else { return Vec::new() };
+pub(super) fn annotated_prism(view: &ImageView) -> Vec<Item<Pixel>> {
+    let annotated = view.entry().and_then(|entry| entry.efov_px.as_ref());
+    let (Some((camera, solution)), Some(drawn)) = (view.solved(), annotated) else { return Vec::new() };
     let plane = view.efov_plane(view.camera);
     let corners = drawn.iter().filter_map(|&corner| camera.pixel_to_plane(corner, &plane));
-    let edges = corners.map(|at| laid(&vertical(at.on_floor(), PRISM_HEIGHT), &plane));
+    let edges = corners.map(|at| onto_plane(&vertical(at.on_floor(), PRISM_HEIGHT), &plane));
     let lines = std::iter::once(outline(&solution.efov_m, &plane, PRISM_HEIGHT)).chain(edges);
-    lines.flat_map(|line| seen(&camera, Meaning::Prism(view.camera), &line)).collect()
+    lines.flat_map(|line| project(&camera, Meaning::Prism(view.camera), &line)).collect()
 }
 
 pub(super) fn solved_efov(view: &ImageView) -> Vec<Item<Pixel>> {
@@ -114,7 +114,7 @@ pub(super) fn solved_efov(view: &ImageView) -> Vec<Item<Pixel>> {
     let count = if solution.efov_m.len() > CORNERS { FACES } else { lines.len() };
     let meaning = |index| if index == 0 { Meaning::Efov(view.camera) } else { Meaning::Prism(view.camera) };
     let (lines, plane) = (lines.iter().take(count).enumerate(), view.efov_plane(view.camera));
-    lines.flat_map(|(index, line)| seen(&camera, meaning(index), &laid(line, &plane))).collect()
+    lines.flat_map(|(index, line)| project(&camera, meaning(index), &onto_plane(line, &plane))).collect()
 }
 
 pub(super) fn other_efovs(view: &ImageView) -> Vec<Item<Pixel>> {
@@ -127,7 +127,7 @@ pub(super) fn other_efovs(view: &ImageView) -> Vec<Item<Pixel>> {
     fields
         .flat_map(|(other, solution)| {
             let line = outline(&solution.efov_m, &view.efov_plane(other), 0.0);
-            seen(&camera, Meaning::OtherEfov(other), &line)
+            project(&camera, Meaning::OtherEfov(other), &line)
         })
         .collect()
 }

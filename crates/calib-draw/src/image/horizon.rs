@@ -8,11 +8,11 @@ use calib_core::{Camera, Lens, Pixel, UndistortedPixel};
 use crate::image::ImageView;
 use crate::item::{Geometry, Item, Meaning};
 
-pub(super) fn of_view(view: &ImageView) -> Vec<Item<Pixel>> {
+pub(super) fn horizon_items(view: &ImageView) -> Vec<Item<Pixel>> {
     let (Some(camera), Some(entry)) = (view.pose, view.entry()) else { return Vec::new() };
     let mut items = horizon(&camera, entry.size());
-    if let Some(scale) = view.letters {
-        items.extend(word(&items, entry.size(), scale));
+    if let Some(scale) = view.label_scale {
+        items.extend(horizon_label(&items, entry.size(), scale));
     }
     items
 }
@@ -25,7 +25,7 @@ pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Item<Pixel>> {
 }
 
 /// Places the label "horizon" near the right end of the horizon.
-fn word(items: &[Item<Pixel>], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixel>> {
+fn horizon_label(items: &[Item<Pixel>], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixel>> {
     let is_shown = |p: &&Pixel| p.u > 0.1 * w && p.u < 0.9 * w && p.v > 48.0 * scale && p.v < h;
     let points = items.iter().flat_map(|item| match &item.geometry {
         Geometry::Polyline(points) => points.as_slice(),
@@ -39,9 +39,9 @@ fn word(items: &[Item<Pixel>], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixe
 const COLUMNS: f64 = 12.0;
 /// Largest grid cell, in image widths. The undistorted plane of a fisheye is unbounded; the limit keeps grid
 /// lines in the middle.
-const LARGEST: f64 = 1.0 / 8.0;
+const MAX_CELL: f64 = 1.0 / 8.0;
 /// Largest extent of the undistorted plane from the principal point, in image widths.
-const FAR: f64 = 1.5;
+const MAX_REACH: f64 = 1.5;
 
 pub(super) fn lens_grid(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(entry) = view.entry() else { return Vec::new() };
@@ -103,7 +103,7 @@ fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let share = |i: i32| f64::from(i) / 32.0;
     let [side, _] = reach(lens, w, (0..=32).map(|i| Pixel::new(w * share(i), centre.v)));
     let [u, v] = reach(lens, w, (0..33 * 33).map(|k| Pixel::new(w * share(k % 33), h * share(k / 33))));
-    let cell = (2.0 * side / COLUMNS).min(LARGEST * w);
+    let cell = (2.0 * side / COLUMNS).min(MAX_CELL * w);
     // A lens without valid pixels has no grid.
     let count = |reach: f64| if cell > 0.0 { (reach / cell) as i32 } else { -1 };
     let offsets = |count: i32| (-count..=count).map(move |i| f64::from(i) * cell);
@@ -118,7 +118,7 @@ fn lines(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
 fn reach(lens: &Lens, width: f64, pixels: impl Iterator<Item = Pixel>) -> [f64; 2] {
     let Pixel { u: cu, v: cv } = lens.principal_point;
     pixels.filter_map(|pixel| lens.undistort(pixel)).fold([0.0, 0.0], |[u, v], seen| {
-        [u.max((seen.u - cu).abs()).min(FAR * width), v.max((seen.v - cv).abs()).min(FAR * width)]
+        [u.max((seen.u - cu).abs()).min(MAX_REACH * width), v.max((seen.v - cv).abs()).min(MAX_REACH * width)]
     })
 }
 

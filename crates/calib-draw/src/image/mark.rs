@@ -5,15 +5,15 @@ use calib_core::{Camera, MarkKind, MarkShape, Pixel, WorldPoint};
 use calib_site::Mark;
 
 use crate::agreement::{Element, View, elements};
-use crate::image::{ImageView, seen};
-use crate::item::{Item, Meaning, Sighted};
+use crate::image::{ImageView, project};
+use crate::item::{ElementStatus, Item, Meaning};
 
 pub(super) fn marks(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(camera) = view.pose else { return Vec::new() };
     let mut items = Vec::new();
     for (index, mark) in used(view) {
         let (shape, meaning) = (mark.shape(), Meaning::Mark(index));
-        items.extend(shape.polylines().iter().flat_map(|line| seen(&camera, meaning, line)));
+        items.extend(shape.polylines().iter().flat_map(|line| project(&camera, meaning, line)));
         let named = mark.name.as_ref().or(mark.id.as_ref()).zip(camera.world_to_pixel(shape.at));
         items.extend(named.map(|(name, at)| Item::label(meaning, at, name.clone())));
     }
@@ -29,7 +29,7 @@ pub(super) fn pins(view: &ImageView) -> Vec<Item<Pixel>> {
     for (index, mark) in used(view).filter(|(_, mark)| camera.world_to_pixel(mark.at_m).is_some()) {
         let shape = mark.shape();
         for pin in mark.seen.iter().filter(|seen| seen.camera == entry.id) {
-            items.push(Item::point(Meaning::MarkSeen(index), pin.px));
+            items.push(Item::point(Meaning::MarkObservation(index), pin.px));
             let shown = shape.point(&pin.point).and_then(|point| camera.world_to_pixel(point));
             let residual = Meaning::Residual { is_off: false };
             items.extend(shown.map(|shown| Item::polyline(residual, vec![pin.px, shown])));
@@ -48,7 +48,7 @@ fn used<'a>(view: &ImageView<'a>) -> impl Iterator<Item = (usize, &'a Mark)> {
 pub fn guide(camera: &Camera, foot: Pixel, height: f64) -> Option<(Vec<Item<Pixel>>, Option<Pixel>)> {
     let at = camera.pixel_to_floor(foot, 0.0)?.at_height(0.0);
     let shape = MarkShape { kind: MarkKind::Person, at, turn: camera.yaw, size: vec![height] };
-    let items = shape.polylines().iter().flat_map(|line| seen(camera, Meaning::Guide, line)).collect();
+    let items = shape.polylines().iter().flat_map(|line| project(camera, Meaning::Guide, line)).collect();
     Some((items, camera.world_to_pixel(WorldPoint { z: height, ..at })))
 }
 
@@ -57,13 +57,13 @@ pub(super) fn links(view: &ImageView, begun: Option<usize>) -> Vec<Item<Pixel>> 
     let Some(entry) = view.entry().filter(|_| view.site().owns_links(view.camera)) else { return Vec::new() };
     let mut items = Vec::new();
     for (index, link) in view.site().links.iter().enumerate() {
-        let meaning = Meaning::Link { index, waits: link.seen.len() == 1 || begun == Some(index) };
+        let meaning = Meaning::Link { index, is_incomplete: link.seen.len() == 1 || begun == Some(index) };
         let Some(seen) = link.seen.iter().find(|seen| seen.camera == entry.id) else { continue };
         let parts = seen.px.iter().chain(&seen.foot).chain(&seen.head).chain(seen.segment.iter().flatten());
         let points: Vec<Pixel> = parts.copied().collect();
         let first = points.first().copied();
         let dots: Vec<Item<Pixel>> = points.iter().map(|&at| Item::point(meaning, at)).collect();
-        items.push(Item::polyline(meaning, view.drawn(points)));
+        items.push(Item::polyline(meaning, view.image_curve(points)));
         items.extend(dots);
         if let (Some(id), Some(at)) = (&link.id, first) {
             items.push(Item::label(meaning, at, id.clone()));
@@ -83,21 +83,22 @@ pub(super) fn sightings(view: &ImageView) -> Vec<Item<Pixel>> {
 }
 
 fn sighting(image: &ImageView, element: &Element, view: &View) -> Vec<Item<Pixel>> {
-    let of = Sighted { camera: Some(view.index), is_aside: element.is_aside, is_off: element.is_off };
-    let (seen, solved) = (Meaning::Seen(of), Meaning::Solved(of));
-    let shown: Vec<Pixel> = view.sightings.iter().map(|seen| seen.shown).collect();
+    let of =
+        ElementStatus { camera: Some(view.index), is_rejected: element.is_rejected, is_off: element.is_off };
+    let (seen, solved) = (Meaning::Observed(of), Meaning::Solved(of));
+    let shown: Vec<Pixel> = view.sightings.iter().map(|seen| seen.reprojected).collect();
     let first = shown.first().copied();
     let mut items = Vec::new();
     if element.is_long {
-        items.push(Item::polyline(solved, image.drawn(shown)));
+        items.push(Item::polyline(solved, image.image_curve(shown)));
     }
     for sighting in &view.sightings {
-        items.push(Item::polyline(seen, vec![sighting.drawn, sighting.shown]));
-        items.push(Item::point(seen, sighting.drawn));
-        items.push(Item::point(solved, sighting.shown));
+        items.push(Item::polyline(seen, vec![sighting.annotated, sighting.reprojected]));
+        items.push(Item::point(seen, sighting.annotated));
+        items.push(Item::point(solved, sighting.reprojected));
     }
     // A mark already has its own label.
-    let named = first.filter(|_| element.what == "link");
+    let named = first.filter(|_| element.kind == "link");
     items.extend(named.map(|at| Item::label(solved, at, element.id.clone())));
     items
 }

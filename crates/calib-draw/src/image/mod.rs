@@ -16,7 +16,7 @@ use calib_core::floor::drawn_line;
 use calib_site::{Site, SiteCamera, Solution};
 
 pub use annotation::{Signs, extension};
-pub use floor::{metres, reach};
+pub use floor::{diagonal, metres};
 pub use horizon::horizon;
 pub use mark::guide;
 
@@ -35,9 +35,9 @@ pub enum ImageLayer {
     /// Regions of the planes other than the floor, with their names.
     Planes,
     /// EFOV as annotated by the operator.
-    DrawnEfov,
+    AnnotatedEfov,
     /// Prism over the annotated EFOV.
-    DrawnPrism,
+    AnnotatedPrism,
     /// Solved EFOV, annotated or automatic, and the prism over it.
     SolvedEfov,
     /// EFOVs of other placed cameras.
@@ -52,13 +52,13 @@ pub enum ImageLayer {
     Annotations(Signs),
     /// Control points, used or not.
     ControlPoints,
-    /// Links as annotated; the link `begun` needs a second view.
+    /// Links as annotated; the link `incomplete` needs a second view.
     Links {
         /// Index of that link.
-        begun: Option<usize>,
+        incomplete: Option<usize>,
     },
     /// Solved links and marks: observed and reprojected points.
-    Sightings,
+    Observations,
 }
 
 /// Image of a camera, for overlays.
@@ -67,21 +67,21 @@ pub struct ImageView<'a> {
     pub(crate) scene: &'a dyn Scene,
     pub(crate) camera: usize,
     pub(crate) pose: Option<Camera>,
-    pub(crate) letters: Option<f64>,
+    pub(crate) label_scale: Option<f64>,
 }
 
 impl<'a> ImageView<'a> {
     /// Creates the view of the camera with this index.
     #[must_use]
     pub fn new(scene: &'a dyn Scene, camera: usize) -> Self {
-        Self { scene, camera, pose: scene.pose(camera), letters: None }
+        Self { scene, camera, pose: scene.pose(camera), label_scale: None }
     }
 
     /// Adds labels: names of lines, metres of the grid, and the word "horizon". `scale` is the size of
     /// letters relative to the screen.
     #[must_use]
-    pub fn with_letters(self, scale: f64) -> Self {
-        Self { letters: Some(scale), ..self }
+    pub fn with_labels(self, scale: f64) -> Self {
+        Self { label_scale: Some(scale), ..self }
     }
 
     fn site(&self) -> &'a Site {
@@ -100,7 +100,7 @@ impl<'a> ImageView<'a> {
     }
 
     /// Returns the image curve of a line with these annotated points.
-    fn drawn(&self, points: Vec<Pixel>) -> Vec<Pixel> {
+    fn image_curve(&self, points: Vec<Pixel>) -> Vec<Pixel> {
         match self.lens() {
             Some(lens) => drawn_line(&lens, &points),
             None => points,
@@ -125,17 +125,17 @@ impl ImageLayer {
             Self::LensGrid => horizon::lens_grid(view),
             Self::Grid(step) => floor::grid(view, step),
             Self::Planes => floor::planes(view),
-            Self::DrawnEfov => floor::drawn_efov(view),
-            Self::DrawnPrism => floor::drawn_prism(view),
+            Self::AnnotatedEfov => floor::annotated_efov(view),
+            Self::AnnotatedPrism => floor::annotated_prism(view),
             Self::SolvedEfov => floor::solved_efov(view),
             Self::OtherEfovs => floor::other_efovs(view),
-            Self::Horizon => horizon::of_view(view),
+            Self::Horizon => horizon::horizon_items(view),
             Self::Marks => mark::marks(view),
             Self::Pins => mark::pins(view),
             Self::Annotations(signs) => annotation::annotations(view, signs),
             Self::ControlPoints => annotation::control_points(view),
-            Self::Links { begun } => mark::links(view, begun),
-            Self::Sightings => mark::sightings(view),
+            Self::Links { incomplete: begun } => mark::links(view, begun),
+            Self::Observations => mark::sightings(view),
         }
     }
 }
@@ -148,7 +148,7 @@ pub fn on_image(view: &ImageView, layers: &[ImageLayer]) -> Vec<Item<Pixel>> {
 
 /// Projects a polyline of the scene into the image of a camera.
 #[must_use]
-pub fn seen(camera: &Camera, meaning: Meaning, polyline: &[WorldPoint]) -> Vec<Item<Pixel>> {
+pub fn project(camera: &Camera, meaning: Meaning, polyline: &[WorldPoint]) -> Vec<Item<Pixel>> {
     let pieces = calib_core::on_image(camera, polyline).into_iter();
     pieces.map(|piece| Item::polyline(meaning, piece)).collect()
 }

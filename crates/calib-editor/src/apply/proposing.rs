@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use calib_core::Kind;
-use calib_image::{Proposal, Verdict};
+use calib_image::{AutomaticCalibration, Confidence};
 
 use crate::command::Proposing;
 use crate::editor::Editor;
@@ -12,13 +12,13 @@ use crate::proposed::{CalibrationDecision, PendingCalibration, PendingGroup};
 
 impl Editor {
     /// Shows the automatic calibration of a camera's image instead of an earlier one.
-    pub(super) fn set_automatic_calibration(&mut self, of: &Period, proposal: &Proposal) {
+    pub(super) fn set_automatic_calibration(&mut self, of: &Period, proposal: &AutomaticCalibration) {
         self.cancel();
         let Some(entry) = self.session.site.cameras.iter().find(|entry| of.matches(entry)) else { return };
         let camera = &of.camera;
         let proposed = PendingCalibration::new(entry, proposal);
         let note = match (proposed.count(), proposed.confidence) {
-            (0, Verdict::None) => Some(format!("No lines were detected in the image of {camera}.")),
+            (0, Confidence::None) => Some(format!("No lines were detected in the image of {camera}.")),
             (0, _) => Some(format!("All detected lines of {camera} are annotated already.")),
             // The status line shows the available keys as long as the automatic calibration is undecided.
             _ => None,
@@ -64,15 +64,15 @@ impl Editor {
             }
             CalibrationDecision::Accept(group) => self.accept(|index| index == group, "accept the detected"),
             CalibrationDecision::Flip(group) => {
-                self.change_group(group, "change the kind of", PendingGroup::flip)
+                self.change_group(group, "change the kind of", PendingGroup::flip);
             }
             CalibrationDecision::SetDirection(group, direction) => {
                 self.change_group(group, "change the direction of", |group| {
                     (group.kind, group.direction) = (Kind::Parallel, direction);
-                })
+                });
             }
             CalibrationDecision::Delete(group) => {
-                self.change_group(group, "delete", |group| group.lines.clear())
+                self.change_group(group, "delete", |group| group.lines.clear());
             }
             CalibrationDecision::RejectLine(group, line) => {
                 self.change_group(group, "reject one of", |group| group.reject_line(line));
@@ -83,7 +83,7 @@ impl Editor {
 
     fn accept_all(&mut self) {
         let is_believed =
-            self.session.proposed().is_some_and(|proposed| proposed.confidence != Verdict::None);
+            self.session.proposed().is_some_and(|proposed| proposed.confidence != Confidence::None);
         if is_believed {
             self.accept(|_| true, "accept all detected lines of");
         } else {

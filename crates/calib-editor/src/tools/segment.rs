@@ -4,7 +4,7 @@ use calib_core::{Kind, Pixel};
 
 use calib_core::single::Shape;
 
-use calib_image::pull_drawn;
+use calib_image::snap_image_curve;
 use calib_site::SiteCamera;
 
 use crate::edit;
@@ -78,7 +78,7 @@ impl Segment {
 fn pulled(session: &Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
     let image = pointer.image.as_deref().filter(|_| pointer.modifiers.alt);
     let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
-    image.zip(lens).and_then(|(image, lens)| pull_drawn(image, &lens, line)).unwrap_or(line)
+    image.zip(lens).and_then(|(image, lens)| snap_image_curve(image, &lens, line)).unwrap_or(line)
 }
 
 /// Orders the ends of an upright edge as foot and head.

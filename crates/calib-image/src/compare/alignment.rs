@@ -90,8 +90,8 @@ fn best(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> 
         |i: usize| i > 0 && i + 1 < values.len() && values[i] >= values[i - 1] && values[i] >= values[i + 1];
     let is_other =
         |i: usize| i.abs_diff(best) > 1 && is_peak(i) && values[i] > values[best] - MIN_CORRELATION_GAP;
-    let is_told = is_peak(best) && values[best] > MIN_CORRELATION && !(0..values.len()).any(is_other);
-    is_told.then_some(best)
+    let is_unique = is_peak(best) && values[best] > MIN_CORRELATION && !(0..values.len()).any(is_other);
+    is_unique.then_some(best)
 }
 
 /// Refines the maximum of the correlation to a fraction of a pixel, with two parabolas, the second narrower.
@@ -136,16 +136,16 @@ impl Alignment {
             let search = Search::new(camera, luma, &motion);
             let offsets: Vec<Option<EdgeOffset>> =
                 places.iter().map(|place| search.offset(place, reach)).collect();
-            let told: Vec<EdgeOffset> = offsets.iter().flatten().copied().collect();
-            let fit = RotationFit::new(&told, of)?;
+            let measured: Vec<EdgeOffset> = offsets.iter().flatten().copied().collect();
+            let fit = RotationFit::new(&measured, of)?;
             motion = motion.then(&fit);
             last = Some((search, offsets, fit));
         }
         let (search, offsets, fit) = last?;
-        let mut told = offsets.iter().flatten().zip(&fit.weights);
+        let mut measured = offsets.iter().flatten().zip(&fit.weights);
         let found = offsets.iter().zip(places).map(|(offset, place)| {
             let agrees = offset.is_some()
-                && told.next().is_some_and(|(row, &weight)| weight > 0.0 && is_near(row, &fit));
+                && measured.next().is_some_and(|(row, &weight)| weight > 0.0 && is_near(row, &fit));
             search.is_visible(place).then_some(agrees)
         });
         let found = found.collect();

@@ -13,7 +13,7 @@ use crate::compare::comparison::SMOOTHING_PX;
 use crate::compare::feature::Luma;
 use crate::compare::place::edge_samples;
 use crate::edges::Edge;
-use crate::pull::pull_line;
+use crate::pull::snap_polyline;
 
 /// Transfer of annotations from an old to a new image.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ impl ImageTransfer for AnnotationTransfer<'_> {
         if length(&carried) < MIN_LENGTH_PX || !self.is_there(points) {
             return None;
         }
-        let pulled = pull_line(self.image, &carried);
+        let pulled = snap_polyline(self.image, &carried);
         let is_same = |pulled: &Vec<Pixel>| pulled.iter().zip(&carried).all(|(a, b)| a.distance(*b) < SAME);
         Some(pulled.filter(is_same).unwrap_or(carried))
     }
@@ -65,12 +65,12 @@ impl ImageTransfer for AnnotationTransfer<'_> {
             return None;
         }
         let vertex = |axis: usize| {
-            let beside = |by: f64| {
+            let neighbour = |by: f64| {
                 let mut step = best;
                 step[axis] += by;
                 alike(step)
             };
-            let (before, after) = (beside(-1.0), beside(1.0));
+            let (before, after) = (neighbour(-1.0), neighbour(1.0));
             let bend = before - 2.0 * here + after;
             best[axis] + if bend < -1e-9 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
         };

@@ -8,7 +8,7 @@
 //! (p q + f^2)^2 = cos^2 (p p + f^2)(q q + f^2)
 //! ```
 //!
-//! (Brown, Hartley, Nister 2007). Of many random pairs, the one with the most inliers is kept (RANSAC,
+//! (Brown, Hartley, Nister 2007). The pair with the most inliers is kept (RANSAC,
 //! Fischler and Bolles 1981). Inliers are counted with a limit for each part of the image, so that one pallet
 //! full of corners does not dominate.
 
@@ -16,7 +16,7 @@ use calib_core::{Camera, Pixel, UndistortedPixel};
 
 use calib_core::camera::{Turn, Turned};
 
-use crate::{EdgeOffset, FitParameters, RotationFit, STEP, TONE_SIZE};
+use crate::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
 
 use crate::compare::feature::Luma;
 use crate::compare::feature::{DESCRIPTOR_ROTATION, Match, features, matches};
@@ -26,7 +26,7 @@ use crate::compare::motion::Sight;
 pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 /// Largest ratio, in either direction, of the new to the old focal length.
 const MAX_ZOOM_RATIO: f64 = 2.2;
-/// Largest distance of a corner from its predicted position, in pixels of the scale at which it was found.
+/// Largest distance of a corner from its predicted position, in pixels of its scale.
 const MAX_INLIER_DISTANCE_PX: f64 = 3.5;
 /// Number of pairs to try.
 const PAIRS: usize = 4000;
@@ -70,13 +70,13 @@ pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<CornerMatc
 pub(crate) fn coarse_rotation(camera: &Camera, seen: &[CornerMatch]) -> Option<Turn> {
     /// Smallest count of agreeing corners; fewer agree by chance.
     const LEAST: usize = 8;
-    let (turn, voices) = best_pair(camera, seen)?;
-    (voices >= LEAST).then(|| refined(camera, seen, turn))
+    let (turn, count) = best_pair(camera, seen)?;
+    (count >= LEAST).then(|| refined(camera, seen, turn))
 }
 
 /// Returns the rotation of the pair with the highest inlier count, and that count.
 fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(Turn, usize)> {
-    /// Number of least ambiguous matches from which the first pairs are chosen.
+    /// Number of least ambiguous matches that form the first pairs.
     const FIRST: usize = 20;
     let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
     let mut best: Option<(Turn, usize)> = None;
@@ -87,17 +87,17 @@ fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(Turn, usize)> {
         }
         let (a, b) = (chance.below(among), chance.below(among));
         for turn in rotations_from_pair(camera, &seen[a], &seen[b]) {
-            let voices = inlier_coverage(&turn.at(camera), seen);
-            if best.is_none_or(|(_, most)| voices > most) {
-                best = Some((turn, voices));
+            let count = inlier_coverage(&turn.at(camera), seen);
+            if best.is_none_or(|(_, most)| count > most) {
+                best = Some((turn, count));
             }
         }
     }
     best
 }
 
-fn inlier_coverage(turned: &Turned, seen: &[CornerMatch]) -> usize {
-    coverage(seen.iter().filter(|seen| agrees(turned, seen)))
+fn inlier_coverage(camera: &Turned, seen: &[CornerMatch]) -> usize {
+    coverage(seen.iter().filter(|seen| agrees(camera, seen)))
 }
 
 /// Counts corners, limited to a few for each part of the image.
@@ -182,7 +182,7 @@ fn rows(camera: &Camera, turn: &Turn, seen: &CornerMatch) -> [Option<EdgeOffset>
         sigma: 0.2 * seen.max_distance,
         by_rotation: by[axis],
         by_tone: [0.0; TONE_SIZE],
-        by_step: [0.0; STEP],
+        by_step: [0.0; STEP_SIZE],
         block: seen.part,
         edge: None,
     };

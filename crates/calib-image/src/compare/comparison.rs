@@ -1,4 +1,4 @@
-//! Comparison of a new image with the one on which a camera was calibrated, and the detected change of the
+//! Comparison of a new image with the calibrated image of a camera, and the detected change of the
 //! camera.
 
 use std::cell::OnceCell;
@@ -19,7 +19,7 @@ use crate::compare::coarse::{CornerMatch, coarse_rotation, corners};
 use crate::compare::feature::Luma;
 use crate::compare::place::{EdgeSample, edge_samples};
 use crate::compare::stepped::StepAlignment;
-use crate::edges::{Edge, find};
+use crate::edges::{Edge, detect};
 
 /// Smoothing of both images before edges are compared, in pixels.
 pub(crate) const SMOOTHING_PX: f64 = 0.9;
@@ -145,7 +145,7 @@ pub struct Comparison {
     pub rotation: Turn,
     /// Covariance of rotation vector and zoom.
     pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
-    /// Covariance if only samples of the same edge were shifted alike: a lower bound for estimates from these
+    /// Covariance if only samples of the same edge had a common shift: a lower bound for estimates from these
     /// edges.
     pub bound: [[f64; Turn::SIZE]; Turn::SIZE],
     /// Significance of the motion, as a z-score.
@@ -164,7 +164,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares a new image with the one on which a camera was calibrated; the edges in `drawn` take
+    /// Compares a new image with the calibrated image of a camera; the edges in `drawn` take
     /// precedence.
     ///
     /// # Errors
@@ -181,13 +181,13 @@ impl Comparison {
         }
         let [before, after] = [old, new].map(Luma::new);
         let [fine, later] = [&before, &after].map(|luma| luma.smoothed(SMOOTHING_PX));
-        let edges: Vec<Edge> = drawn.iter().copied().chain(find(old)).collect();
+        let edges: Vec<Edge> = drawn.iter().copied().chain(detect(old)).collect();
         let places = edge_samples(camera, &fine, &edges);
-        let stills = ImagePair { camera, before, after, later, places, corners: OnceCell::new() };
-        Ok(stills.compare(new))
+        let pair = ImagePair { camera, before, after, later, places, corners: OnceCell::new() };
+        Ok(pair.compare(new))
     }
 
-    /// Compares a new image with the one of a camera; its annotated lines take precedence.
+    /// Compares a new image with the calibrated image of a camera; its annotated lines take precedence.
     ///
     /// # Errors
     /// If the camera is not calibrated, or the images differ in size.
@@ -198,8 +198,7 @@ impl Comparison {
 
     /// Returns the changes of yaw, pitch, roll and log focal length, each with its standard deviation.
     ///
-    /// Edges measure the rotation in pixels. The uncertainty of the focal length therefore adds to that of
-    /// pan and tilt.
+    /// Edges measure the rotation in pixels. The uncertainty of the focal length therefore increases the uncertainty of pan and tilt.
     #[must_use]
     pub fn movement(&self, camera: &Camera) -> [(f64, f64); Movement::SIZE] {
         const ASIDE: f64 = 1e-6;
@@ -209,7 +208,7 @@ impl Comparison {
         };
         let here = of(&self.rotation);
         let slope = |turn: &Turn, i: usize| (of(turn)[i] - here[i]) / ASIDE;
-        let beside: [Turn; Turn::SIZE] = std::array::from_fn(|k| {
+        let perturbed: [Turn; Turn::SIZE] = std::array::from_fn(|k| {
             let mut step = [0.0; Turn::SIZE];
             step[k] = ASIDE;
             self.rotation.then(&Turn::of(step))
@@ -217,7 +216,7 @@ impl Comparison {
         let [x, y, z] = self.rotation.vector;
         let larger = Turn { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.rotation };
         std::array::from_fn(|i| {
-            let slopes = beside.map(|turn| slope(&turn, i));
+            let slopes = perturbed.map(|turn| slope(&turn, i));
             let variance = self.variance(slopes) + (slope(&larger, i) * focal_sigma(camera)).powi(2);
             (here[i], variance.sqrt())
         })
@@ -300,13 +299,13 @@ impl ImagePair<'_> {
             let of = FitParameters::RotationAndTone;
             Alignment::new(self.camera, &self.later, &self.places, turn.into(), of, reaches)
         };
-        let still = from(Turn::default(), &[5, 3, 2, 2]);
-        if still.as_ref().is_some_and(|found| found.found_fraction() > SUFFICIENT_FRACTION) {
-            return still;
+        let unmoved = from(Turn::default(), &[5, 3, 2, 2]);
+        if unmoved.as_ref().is_some_and(|found| found.found_fraction() > SUFFICIENT_FRACTION) {
+            return unmoved;
         }
-        let turned = coarse_rotation(self.camera, self.corners());
-        let turned = turned.and_then(|turn| from(turn, &[10, 5, 3, 2, 2]));
-        let both = [still, turned].into_iter().flatten();
+        let rotation = coarse_rotation(self.camera, self.corners());
+        let rotated = rotation.and_then(|turn| from(turn, &[10, 5, 3, 2, 2]));
+        let both = [unmoved, rotated].into_iter().flatten();
         both.max_by_key(|found| found.coverage(&self.places))
     }
 
@@ -322,25 +321,25 @@ impl ImagePair<'_> {
     fn evaluate(&self, found: &Alignment, chance: f64) -> Comparison {
         let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
             .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
-        let clear = self.z_score(found);
+        let z_score = self.z_score(found);
         let shift = self.shift(&found.motion.turn);
-        let became = match (clear > MIN_Z_SCORE && shift > MIN_SHIFT_PX, self.is_shifted(found, chance)) {
+        let change = match (z_score > MIN_Z_SCORE && shift > MIN_SHIFT_PX, self.is_shifted(found, chance)) {
             (_, true) => CameraChange::Shifted,
             (true, false) => CameraChange::Moved,
             (false, false) => CameraChange::Unchanged,
         };
-        let seen = self.places.iter().zip(&found.found).map(|(place, found)| (place.at, *found)).collect();
+        let samples = self.places.iter().zip(&found.found).map(|(place, found)| (place.at, *found)).collect();
         Comparison {
-            change: became,
+            change,
             rotation: found.motion.turn,
             covariance,
             bound,
-            z_score: clear,
+            z_score,
             shift,
             visible_samples: found.found.iter().flatten().count(),
             found_fraction: found.found_fraction(),
             chance_fraction: chance,
-            samples: seen,
+            samples,
         }
     }
 
@@ -371,9 +370,9 @@ impl ImagePair<'_> {
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 
-    fn unaligned(&self, became: CameraChange, by_chance: f64) -> Comparison {
+    fn unaligned(&self, change: CameraChange, chance_fraction: f64) -> Comparison {
         Comparison {
-            change: became,
+            change,
             rotation: Turn::default(),
             covariance: [[UNKNOWN_VARIANCE; 4]; 4],
             bound: [[UNKNOWN_VARIANCE; 4]; 4],
@@ -381,7 +380,7 @@ impl ImagePair<'_> {
             shift: 0.0,
             visible_samples: self.places.len(),
             found_fraction: 0.0,
-            chance_fraction: by_chance,
+            chance_fraction,
             samples: self.places.iter().map(|place| (place.at, Some(false))).collect(),
         }
     }

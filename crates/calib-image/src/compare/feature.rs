@@ -1,8 +1,7 @@
 //! Corner features, and their matches between two images: a coarse alignment before edges are compared to a
 //! fraction of a pixel.
 //!
-//! Brightness is on a logarithmic scale ([`Luma`]): lighting, exposure and gamma only scale and shift it. The
-//! corners are those of Shi and Tomasi (1994), one in every cell of an image, at several scales. Each is
+//! Brightness is on a logarithmic scale ([`Luma`]): lighting, exposure and gamma only scale and shift it. Corners are detected after Shi and Tomasi (1994), one in every cell of an image, at several scales. Each is
 //! described by histograms of its gradient directions (Lowe 2004), upright and rotated. Lighting changes the
 //! magnitude of gradients, but not their direction.
 
@@ -110,7 +109,7 @@ pub(crate) fn cubic(t: f64) -> [f64; 4] {
     ]
 }
 
-/// Width of the largest image in which corners are searched, in pixels.
+/// Largest width of an image for corner detection, in pixels.
 const MAX_WIDTH_PX: f64 = 640.0;
 /// Number of scales; each is smaller by the square root of two.
 const SCALE_COUNT: u32 = 4;
@@ -311,9 +310,9 @@ pub(crate) fn matches(old: &[Feature], new: &[Feature]) -> Vec<Match> {
 
 /// Returns the most similar corner, and its squared distance relative to the best corner at another position.
 fn nearest(new: &[Feature], likeness: &[f32]) -> (usize, f32) {
-    let most = |is_asked: &dyn Fn(usize) -> bool| {
-        let asked = (0..new.len()).filter(|&index| is_asked(index));
-        asked.max_by(|&a, &b| likeness[a].total_cmp(&likeness[b]))
+    let most = |is_candidate: &dyn Fn(usize) -> bool| {
+        let candidates = (0..new.len()).filter(|&index| is_candidate(index));
+        candidates.max_by(|&a, &b| likeness[a].total_cmp(&likeness[b]))
     };
     let Some(best) = most(&|_| true) else { return (0, f32::MAX) };
     let is_elsewhere = |index: usize| new[index].at.distance(new[best].at) > 8.0 * new[best].size;

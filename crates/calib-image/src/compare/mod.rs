@@ -11,7 +11,7 @@
 //! - `stepped`: the test for a moved camera;
 //! - `comparison`: the entry point, [`Comparison`];
 //! - `carry`: annotations transferred to the new image; `recovery`: the camera solved from them,
-//!   [`recovered`].
+//!   [`recover`].
 
 mod feature;
 mod turn_fit;
@@ -26,4 +26,4 @@ mod recovery;
 
 pub use comparison::{CameraChange, Comparison, ComparisonError, SizeMismatchError, annotation_edges};
 pub use recovery::{RecoveryError, recover};
-pub use turn_fit::{EdgeOffset, FitParameters, RotationFit, STEP, TONE_SIZE};
+pub use turn_fit::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};

@@ -4,7 +4,7 @@ use calib_core::{Camera, Pixel};
 
 use calib_core::camera::{Turn, Turned, floor_nearness, ray_in_camera};
 
-use crate::{RotationFit, STEP};
+use crate::{RotationFit, STEP_SIZE};
 
 /// Step of the finite differences: radians for a ray, and metres, for a point at a depth of one metre, for a
 /// step of the camera.
@@ -24,21 +24,21 @@ pub(crate) struct Sight {
 pub(crate) struct Motion {
     pub(crate) turn: Turn,
     /// Step in the axes of the old camera, in metres.
-    pub(crate) step: [f64; STEP],
+    pub(crate) step: [f64; STEP_SIZE],
 }
 
 /// Camera after a motion, with cameras rotated slightly from it for finite differences.
 pub(crate) struct MovedCamera {
     here: Turned,
-    beside: [Turned; Turn::SIZE],
-    step: [f64; STEP],
+    perturbed: [Turned; Turn::SIZE],
+    step: [f64; STEP_SIZE],
 }
 
 /// Derivatives of a pixel.
 #[derive(Default)]
 pub(crate) struct PixelDerivatives {
     pub(crate) turn: [[f64; 2]; Turn::SIZE],
-    pub(crate) step: [[f64; 2]; STEP],
+    pub(crate) step: [[f64; 2]; STEP_SIZE],
 }
 
 impl Sight {
@@ -62,12 +62,12 @@ impl Motion {
     }
 
     pub(crate) fn at(&self, camera: &Camera) -> MovedCamera {
-        let beside = std::array::from_fn(|k| {
+        let perturbed = std::array::from_fn(|k| {
             let mut step = [0.0; Turn::SIZE];
             step[k] = DIFFERENCE_STEP;
             self.turn.then(&Turn::of(step)).at(camera)
         });
-        MovedCamera { here: self.turn.at(camera), beside, step: self.step }
+        MovedCamera { here: self.turn.at(camera), perturbed, step: self.step }
     }
 }
 
@@ -82,13 +82,13 @@ impl MovedCamera {
         let (ray, at) = (self.ray(sight), self.project(sight)?);
         let slope = |to: Pixel| [(to.u - at.u) / DIFFERENCE_STEP, (to.v - at.v) / DIFFERENCE_STEP];
         let mut slopes = PixelDerivatives::default();
-        for (by, beside) in slopes.turn.iter_mut().zip(&self.beside) {
-            *by = slope(beside.shown(ray)?);
+        for (by, camera) in slopes.turn.iter_mut().zip(&self.perturbed) {
+            *by = slope(camera.shown(ray)?);
         }
         for (k, by) in slopes.step.iter_mut().enumerate() {
-            let mut aside = ray;
-            aside[k] -= DIFFERENCE_STEP;
-            *by = slope(self.here.shown(aside)?).map(|c| sight.nearness * c);
+            let mut perturbed = ray;
+            perturbed[k] -= DIFFERENCE_STEP;
+            *by = slope(self.here.shown(perturbed)?).map(|c| sight.nearness * c);
         }
         Some(slopes)
     }

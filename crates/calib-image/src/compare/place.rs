@@ -54,14 +54,14 @@ pub(crate) struct Frame {
 impl Frame {
     /// Returns the brightness `step` steps across the edge, averaged over a few positions along it.
     pub(crate) fn brightness(&self, luma: &Luma, step: f64) -> Option<f64> {
-        let value = |beside: f64| {
-            let u = self.at.u + beside * self.along[0] + step * self.across[0];
-            let v = self.at.v + beside * self.along[1] + step * self.across[1];
+        let value = |along_offset: f64| {
+            let u = self.at.u + along_offset * self.along[0] + step * self.across[0];
+            let v = self.at.v + along_offset * self.along[1] + step * self.across[1];
             luma.at(u, v)
         };
         let mut sum = 0.0;
-        for beside in AVERAGING_OFFSETS_PX {
-            sum += value(beside)?;
+        for along_offset in AVERAGING_OFFSETS_PX {
+            sum += value(along_offset)?;
         }
         Some(sum / AVERAGING_OFFSETS_PX.len() as f64)
     }
@@ -81,8 +81,8 @@ pub(crate) fn edge_samples(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<
         })
     };
     let long = edges.iter().enumerate().filter(|(_, [a, b])| a.distance(*b) >= MIN_SPACING_PX);
-    let mut taken = SampleGrid::default();
-    long.flat_map(of_edge).filter(|place| taken.is_new(place)).take(MAX_SAMPLES).collect()
+    let mut grid = SampleGrid::default();
+    long.flat_map(of_edge).filter(|place| grid.is_new(place)).take(MAX_SAMPLES).collect()
 }
 
 /// Samples taken so far, by cell of the image.
@@ -104,10 +104,10 @@ impl SampleGrid {
         let cell = [place.at.u, place.at.v].map(|c| (c / MIN_SPACING_PX).floor() as i64);
         let is_same = |&(at, other, edge): &Along| {
             let off = [place.at.u - at.u, place.at.v - at.v];
-            let turned = |v: [f64; 2]| (v[0] * other[1] - v[1] * other[0]).abs();
+            let cross = |v: [f64; 2]| (v[0] * other[1] - v[1] * other[0]).abs();
             edge != place.edge
-                && turned(along) < Self::MAX_DUPLICATE_SINE
-                && turned(off) < Self::MAX_DUPLICATE_DISTANCE_PX[1]
+                && cross(along) < Self::MAX_DUPLICATE_SINE
+                && cross(off) < Self::MAX_DUPLICATE_DISTANCE_PX[1]
                 && (off[0] * other[0] + off[1] * other[1]).abs() < Self::MAX_DUPLICATE_DISTANCE_PX[0]
         };
         let around = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [cell[0] + i, cell[1] + j]));
@@ -129,8 +129,8 @@ impl EdgeSample {
         for (i, value) in profile.iter_mut().enumerate() {
             *value = frame.brightness(luma, i as f64 - HALF as f64)?;
         }
-        let beside = |way: [f64; 2]| Sight::new(camera, Pixel::new(at.u + way[0], at.v + way[1]));
-        let sights = [Sight::new(camera, at)?, beside(along)?, beside(across)?];
+        let neighbour = |way: [f64; 2]| Sight::new(camera, Pixel::new(at.u + way[0], at.v + way[1]));
+        let sights = [Sight::new(camera, at)?, neighbour(along)?, neighbour(across)?];
         let [column, row] = [at.u / luma.width as f64, at.v / luma.height as f64];
         let block = (row * BLOCKS[1] as f64) as usize * BLOCKS[0] + (column * BLOCKS[0] as f64) as usize;
         let mean = profile.iter().sum::<f64>() / LENGTH as f64;
@@ -207,18 +207,18 @@ mod tests {
             RgbImage::from_fn(320, 240, |x, y| Rgb([if (x < 160) == (y < 120) { 60 } else { 180 }; 3]));
         let luma = Luma::new(&image).smoothed(1.0);
         let line = |a: [f64; 2], b: [f64; 2]| [a, b].map(|[u, v]| Pixel::new(u, v));
-        let drawn = line([160.0, 20.0], [160.0, 100.0]);
+        let annotated = line([160.0, 20.0], [160.0, 100.0]);
         let found = line([160.6, 10.0], [159.7, 110.0]);
         let across = line([20.0, 120.0], [300.0, 120.0]);
         let counted = |edges: &[Edge]| {
             let places = edge_samples(&camera, &luma, edges);
             (0..edges.len()).map(|edge| places.iter().filter(|place| place.edge == edge).count()).collect()
         };
-        let alone: Vec<usize> = counted(&[drawn]);
-        let all: Vec<usize> = counted(&[drawn, found, across]);
+        let alone: Vec<usize> = counted(&[annotated]);
+        let all: Vec<usize> = counted(&[annotated, found, across]);
         assert_eq!(all[0], alone[0]);
         assert!(all[0] >= 8 && all[1] <= 4 && all[2] > 15, "{all:?}");
-        let turned: Vec<usize> = counted(&[found, drawn]);
-        assert!(turned[0] > turned[1], "the first edge takes precedence: {turned:?}");
+        let reversed: Vec<usize> = counted(&[found, annotated]);
+        assert!(reversed[0] > reversed[1], "the first edge takes precedence: {reversed:?}");
     }
 }

@@ -32,7 +32,7 @@ pub enum RecoveryError {
     /// Transferred annotations without a solution; contains the reason.
     Unsolved(String),
     /// Solution that contradicts the measured rotation, with the distance in standard deviations.
-    Apart(f64),
+    Contradiction(f64),
 }
 
 impl fmt::Display for RecoveryError {
@@ -53,7 +53,7 @@ impl fmt::Display for RecoveryError {
                 write!(f, "only {carried} of {all} lines and points were found in the new image; annotate it")
             }
             Self::Unsolved(why) => write!(f, "the transferred lines do not determine the camera: {why}"),
-            Self::Apart(sigmas) => write!(
+            Self::Contradiction(sigmas) => write!(
                 f,
                 "the solution contradicts the measured rotation (by {sigmas:.1} standard deviations); annotate the new image"
             ),
@@ -73,26 +73,26 @@ pub fn recover(
     index: usize,
     comparison: &Comparison,
     [old, new]: [&RgbImage; 2],
-    still: &NewImage,
+    new_image: &NewImage,
 ) -> Result<Recovered, RecoveryError> {
     let entry = site.cameras.get(index).ok_or(RecoveryError::NotCalibrated)?;
     let camera = entry.camera().ok_or(RecoveryError::NotCalibrated)?;
-    check(entry, comparison.change, &still.since)?;
+    check(entry, comparison.change, &new_image.since)?;
     let carry = AnnotationTransfer::new(&camera, comparison.rotation, old, new);
     let carried =
-        site.recovered(index, &comparison.rotation, &carry, still).ok_or(RecoveryError::NotCalibrated)?;
+        site.recovered(index, &comparison.rotation, &carry, new_image).ok_or(RecoveryError::NotCalibrated)?;
     let all = carried.carried + carried.left_out.len();
     if (carried.carried as f64) < MIN_TRANSFERRED_FRACTION * all as f64 {
         return Err(RecoveryError::TooFewFound(carried.carried, all));
     }
-    let told = comparison.rotation.applied(&camera);
-    Ok(Recovered { site: solve(&carried.site, index, &camera, &told)?, ..carried })
+    let predicted = comparison.rotation.applied(&camera);
+    Ok(Recovered { site: solve(&carried.site, index, &camera, &predicted)?, ..carried })
 }
 
 /// Checks the conditions for a recovery before anything is transferred.
-fn check(entry: &SiteCamera, became: CameraChange, since: &str) -> Result<(), RecoveryError> {
-    if became != CameraChange::Moved {
-        return Err(RecoveryError::NotRotated(became));
+fn check(entry: &SiteCamera, change: CameraChange, since: &str) -> Result<(), RecoveryError> {
+    if change != CameraChange::Moved {
+        return Err(RecoveryError::NotRotated(change));
     }
     if entry.annotations.is_empty() {
         return Err(RecoveryError::NoAnnotations);
@@ -102,7 +102,7 @@ fn check(entry: &SiteCamera, became: CameraChange, since: &str) -> Result<(), Re
 }
 
 /// Solves the new entry and leaves the other cameras unchanged.
-fn solve(site: &Site, index: usize, old: &Camera, told: &Camera) -> Result<Site, RecoveryError> {
+fn solve(site: &Site, index: usize, old: &Camera, predicted: &Camera) -> Result<Site, RecoveryError> {
     let id = site.cameras[index].id.clone();
     let mut report = site.calibrate(&Options { cameras: Some(vec![id]), ..Options::default() });
     report.cameras.retain(|(of, _)| *of == index);
@@ -110,20 +110,20 @@ fn solve(site: &Site, index: usize, old: &Camera, told: &Camera) -> Result<Site,
     let entry = &site.cameras[index];
     let why = || entry.error.as_ref().map(|error| error.message.clone()).unwrap_or_default();
     let found = entry.camera().ok_or_else(|| RecoveryError::Unsolved(why()))?;
-    match deviation(old, told, &found) {
+    match deviation(old, predicted, &found) {
         sigmas if sigmas < MAX_DEVIATION_SIGMAS => Ok(site),
-        sigmas => Err(RecoveryError::Apart(sigmas)),
+        sigmas => Err(RecoveryError::Contradiction(sigmas)),
     }
 }
 
 /// Returns the largest distance between the new solution and the pose predicted by the measured rotation, in
 /// combined standard deviations. The prediction has the standard deviations of the old solution.
-fn deviation(old: &Camera, told: &Camera, found: &Camera) -> f64 {
+fn deviation(old: &Camera, predicted: &Camera, found: &Camera) -> f64 {
     use Covariance as Of;
     let off = [
-        (Of::PITCH, told.pitch - found.pitch, 1.0),
-        (Of::ROLL, told.roll - found.roll, 1.0),
-        (Of::FOCAL, told.focal - found.focal, told.focal / old.focal),
+        (Of::PITCH, predicted.pitch - found.pitch, 1.0),
+        (Of::ROLL, predicted.roll - found.roll, 1.0),
+        (Of::FOCAL, predicted.focal - found.focal, predicted.focal / old.focal),
     ];
     let sigmas = off.map(|(index, off, scale)| {
         let before = scale * old.covariance.sigma(index).unwrap_or_default();

@@ -9,7 +9,7 @@ use calib_core::Camera;
 
 use calib_core::camera::Turn;
 
-use crate::{EdgeOffset, FitParameters, RotationFit, STEP, TONE_SIZE};
+use crate::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
 use nalgebra::{DMatrix, DVector};
 
 use crate::compare::alignment::Alignment;
@@ -22,8 +22,7 @@ use crate::compare::place::EdgeSample;
 pub(crate) struct StepAlignment(Alignment);
 
 impl StepAlignment {
-    /// Aligns from the rotation alone, and from a step estimated from corners; skips those that fail, for
-    /// example without visible floor.
+    /// Aligns from the rotation alone, and from a step estimated from corners; skips failed ones, for example without visible floor.
     pub(crate) fn candidates<'a>(
         camera: &Camera,
         luma: &Luma,
@@ -76,8 +75,8 @@ impl StepAlignment {
     fn z_score(&self) -> f64 {
         let from = Turn::SIZE + TONE_SIZE;
         let mut whole = self.0.fit.clone();
-        whole.estimate.rows_mut(from, STEP).copy_from_slice(&self.0.motion.step);
-        whole.z_score(from, from + STEP)
+        whole.estimate.rows_mut(from, STEP_SIZE).copy_from_slice(&self.0.motion.step);
+        whole.z_score(from, from + STEP_SIZE)
     }
 
     /// Returns the distance of the floor from its position under the rotation alone, RMS in pixels.
@@ -108,9 +107,9 @@ fn coarse_step(camera: &Camera, seen: &[CornerMatch], turned: Motion) -> Option<
         let (Some(a), Some(b)) = (rows.get(a)?, rows.get(b)?) else { continue };
         let Some(step) = step_from_pair([a, b]) else { continue };
         let motion = Motion { step: std::array::from_fn(|k| turned.step[k] + step[k]), ..turned };
-        let voices = inlier_coverage(&motion.at(camera), seen);
-        if best.is_none_or(|(_, most)| voices > most) {
-            best = Some((motion, voices));
+        let count = inlier_coverage(&motion.at(camera), seen);
+        if best.is_none_or(|(_, most)| count > most) {
+            best = Some((motion, count));
         }
     }
     let (motion, _) = best.filter(|(_, voices)| *voices >= LEAST)?;
@@ -126,9 +125,9 @@ fn agrees(moved: &MovedCamera, seen: &CornerMatch) -> bool {
 }
 
 /// Computes the step from two corners, by least squares.
-fn step_from_pair(pair: [&[EdgeOffset; 2]; 2]) -> Option<[f64; STEP]> {
+fn step_from_pair(pair: [&[EdgeOffset; 2]; 2]) -> Option<[f64; STEP_SIZE]> {
     let rows: Vec<&EdgeOffset> = pair.into_iter().flatten().collect();
-    let slopes = DMatrix::from_fn(rows.len(), STEP, |i, k| rows[i].by_step[k]);
+    let slopes = DMatrix::from_fn(rows.len(), STEP_SIZE, |i, k| rows[i].by_step[k]);
     let offsets = DVector::from_fn(rows.len(), |i, _| rows[i].offset);
     let step = (slopes.transpose() * &slopes).cholesky()?.solve(&(slopes.transpose() * offsets));
     Some([step[0], step[1], step[2]])

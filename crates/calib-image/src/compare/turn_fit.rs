@@ -44,14 +44,14 @@
 //! correction of Bell and `McCaffrey` (2002). It uses the mean slope of Tukey's psi instead of the mean
 //! weight (Huber 1981, section 7.6). The second covers lighting, codec and interpolation errors that are as
 //! smooth over the image as a rotation. No residual shows these; their size was measured on images rotated by
-//! known amounts ([`WHOLE`]).
+//! known amounts ([`IMAGE_VARIANCE_RATIO`]).
 //!
 //! # Tone
 //!
 //! Lighting changes, a clipped sky or a different gamma shift a blurred edge towards its dark or its bright
 //! side. The shift depends on the contrast and brightness level of the edge. If most edges of one direction
 //! are bright above and dark below, this looks like a tilt. The dependence on contrast and level is therefore
-//! estimated with the rotation ([`EdgeOffset::tone`]).
+//! estimated with the rotation ([`EdgeOffset::by_tone`]).
 
 use std::collections::BTreeMap;
 
@@ -62,7 +62,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, OMatrix, Vector2};
 /// Number of parameters of the effect of lighting on edges.
 pub const TONE_SIZE: usize = 3;
 /// Number of parameters of a step (translation) of the camera.
-pub const STEP: usize = 3;
+pub const STEP_SIZE: usize = 3;
 
 /// Offset of an edge, across itself, from its predicted position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ pub struct EdgeOffset {
     /// brightness level.
     pub by_tone: [f64; TONE_SIZE],
     /// Derivatives of the offset with respect to a step of the camera.
-    pub by_step: [f64; STEP],
+    pub by_step: [f64; STEP_SIZE],
     /// Index of the image block of this sample.
     pub block: usize,
     /// Index of the edge, if it has several samples; they are consecutive in the list.
@@ -205,11 +205,11 @@ impl NormalEquations {
 
     /// Computes the cluster-robust covariance from the scatter of the blocks (Bell and `McCaffrey` 2002).
     ///
-    /// With the total information `I`, and the information `I_k`, the score `s_k` and `H_k = I^-1/2 I_k
-    /// I^-1/2` of block `k`, it is the sum of the squares of `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k`. The error of
-    /// the tone prior `P` adds `I^-1 P I^-1`. A direction with nearly all information in one block cannot be
-    /// tested against the others. Its squared score then counts as at least its expectation, 1. `slope` is
-    /// the mean slope of psi divided by the mean weight.
+    /// With the total information `I`, and the information `I_k`, the score `s_k` and
+    /// `H_k = I^-1/2 I_k I^-1/2` of block `k`, it is the sum of the squares of
+    /// `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k`. The error of the tone prior `P` adds `I^-1 P I^-1`. A direction
+    /// with nearly all information in one block cannot be tested against the others. Its squared score then
+    /// counts as at least its expectation, 1. `slope` is the mean slope of psi divided by the mean weight.
     pub(super) fn cluster_covariance(
         &self,
         blocks: &[BlockEquations],
@@ -221,14 +221,14 @@ impl NormalEquations {
         const MAX_BLOCK_SHARE: f64 = 0.95;
         let root = self.information_with_prior().cholesky()?.l().try_inverse()?;
         let bound = root.transpose() * &root;
-        let belief =
+        let prior =
             DMatrix::from_diagonal(&(self.information_with_prior().diagonal() - self.information.diagonal()));
-        let mut covariance = &bound * belief * &bound;
+        let mut covariance = &bound * prior * &bound;
         for one in blocks {
             let (information, score) = one.without_shift(block)?;
-            let told = &root * (score - &information * estimate);
+            let standardised = &root * (score - &information * estimate);
             let eigen = (&root * information * root.transpose()).symmetric_eigen();
-            let mut along = eigen.eigenvectors.transpose() * told;
+            let mut along = eigen.eigenvectors.transpose() * standardised;
             for (along, &share) in along.iter_mut().zip(&eigen.eigenvalues) {
                 *along = if share > MAX_BLOCK_SHARE {
                     along.abs().max(1.0).copysign(*along)
@@ -244,10 +244,10 @@ impl NormalEquations {
 
     /// Returns the information including the tone prior.
     fn information_with_prior(&self) -> DMatrix<f64> {
-        let mut believed = self.information.clone();
+        let mut information = self.information.clone();
         let tone = (Turn::SIZE..Turn::SIZE + TONE_SIZE).filter(|&i| i < self.score.len());
-        tone.for_each(|i| believed[(i, i)] += TONE_PRIOR_SIGMA_PX.powi(-2));
-        believed
+        tone.for_each(|i| information[(i, i)] += TONE_PRIOR_SIGMA_PX.powi(-2));
+        information
     }
 
     pub(super) fn solve(&self) -> Option<DVector<f64>> {
@@ -259,8 +259,8 @@ impl NormalEquations {
         let scaled =
             DMatrix::from_fn(units.len(), units.len(), |i, j| information[(i, j)] * units[i] * units[j]);
         let cholesky = scaled.cholesky()?;
-        let is_told = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > MIN_PIVOT);
-        is_told.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))
+        let is_determined = cholesky.l_dirty().diagonal().iter().all(|pivot| pivot * pivot > MIN_PIVOT);
+        is_determined.then(|| cholesky.solve(&self.score.component_mul(&units)).component_mul(&units))
     }
 }
 
@@ -325,7 +325,7 @@ impl FitParameters {
         match self {
             Self::Rotation => Turn::SIZE,
             Self::RotationAndTone => Turn::SIZE + TONE_SIZE,
-            Self::RotationToneAndStep => Turn::SIZE + TONE_SIZE + STEP,
+            Self::RotationToneAndStep => Turn::SIZE + TONE_SIZE + STEP_SIZE,
         }
     }
 }
@@ -370,7 +370,7 @@ impl RotationFit {
 
     /// Returns the fitted step, in metres; zero if it is not estimated.
     #[must_use]
-    pub fn step(&self) -> [f64; STEP] {
+    pub fn step(&self) -> [f64; STEP_SIZE] {
         const FROM: usize = Turn::SIZE + TONE_SIZE;
         std::array::from_fn(|k| self.estimate.get(FROM + k).copied().unwrap_or_default())
     }
@@ -595,7 +595,7 @@ mod tests {
             sigma: 0.1,
             by_rotation: std::array::from_fn(slope),
             by_tone: [contrast, 0.0, 0.0],
-            by_step: [0.0; STEP],
+            by_step: [0.0; STEP_SIZE],
             block,
             edge: None,
         }
@@ -621,10 +621,10 @@ mod tests {
             for far in (0..random.random_range(3..=20)).map(|place| 8.0 * f64::from(place)) {
                 let at = [start[0] - far * angle.sin(), start[1] + far * angle.cos()];
                 let mut place = place(camera, block, at, angle, contrast);
-                let told: f64 = (0..4).map(|k| place.by_rotation[k] * truth[k]).sum();
+                let predicted: f64 = (0..4).map(|k| place.by_rotation[k] * truth[k]).sum();
                 let of_block: f64 =
                     motion.iter().zip(place.across).map(|(motion, across)| motion * across).sum();
-                place.offset = told + shared + of_block + 0.1 * normal(random);
+                place.offset = predicted + shared + of_block + 0.1 * normal(random);
                 place.edge = Some(index);
                 all.push(place);
             }
@@ -641,9 +641,9 @@ mod tests {
             let shared = 0.05 * normal(random);
             for _ in 0..30 {
                 let mut edge = edge(&camera, block, random);
-                let told: f64 = (0..4).map(|k| edge.by_rotation[k] * truth[k]).sum();
+                let predicted: f64 = (0..4).map(|k| edge.by_rotation[k] * truth[k]).sum();
                 let own = if block < moved { 3.0 } else { 0.0 };
-                edge.offset = told + light * edge.by_tone[0] + shared + 0.1 * normal(random) + own;
+                edge.offset = predicted + light * edge.by_tone[0] + shared + 0.1 * normal(random) + own;
                 all.push(edge);
             }
         }

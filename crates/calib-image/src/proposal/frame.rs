@@ -20,7 +20,7 @@ pub(super) fn level(at: &Orientation, azimuth: f64) -> Point {
     [at.focal * (cr * x + sr * y), at.focal * (cr * y - sr * x), cp * sa]
 }
 
-/// Returns the azimuth at which a line through the image meets the horizon. If the line is horizontal, this
+/// Returns the azimuth of the intersection of an image line with the horizon. If the line is horizontal, this
 /// is its floor direction.
 pub(super) fn azimuth(at: &Orientation, through: [f64; 3]) -> f64 {
     let [across, ahead] = [0.0, std::f64::consts::FRAC_PI_2].map(|azimuth| {

@@ -9,16 +9,17 @@
 //!
 //! # Evidence
 //!
-//! The ends of an edge have independent noise. The residual `r` is the smallest displacement of the ends
-//! after which their line passes through the vanishing point `V`. It is the residual of `single/residual.rs`
-//! of the core, with weights 1. With `q = p Vw - Vxy` for either end `p`, `T = |q1|^2 + |q2|^2` and the line
-//! `l` through both ends,
+//! The ends of an edge have independent noise. The residual `r` is the smallest displacement of the ends that
+//! makes their line pass through the vanishing point `V`. It is the residual of `single/residual.rs` of the
+//! core, with weights 1. With `q = p Vw - Vxy` for either end `p`, `T = |q1|^2 + |q2|^2` and the line `l`
+//! through both ends,
 //!
 //! `r = sqrt(2) (l . V) / sqrt(T + sqrt((|q1|^2 - |q2|^2)^2 + 4 (q1 . q2)^2))`.
 //!
-//! Edges of a direction deviate from it, slightly for walls and much more for movable objects: `r ~ (1 - b)
-//! N(0, s^2) + b N(0, t^2)`. Here `s^2 = sigma^2 + (length angle)^2 / 2` with the angle of walls, and `t^2`
-//! is the same with the larger angle. For any other edge every angle is equally likely. As `r = length
+//! Edges of a direction deviate from it, slightly for walls and much more for movable objects:
+//! `r ~ (1 - b) N(0, s^2) + b N(0, t^2)`. Here `s^2 = sigma^2 + (length angle)^2 / 2` with the angle of
+//! walls, and `t^2` is the same with the larger angle. For any other edge every angle is equally likely. As
+//! `r = length
 //! |angle| / sqrt(2)`, its density is `sqrt(2) / (pi length)`. The ratio of the two densities is the evidence
 //! of an edge for `V`.
 
@@ -31,7 +32,7 @@ use crate::line_segment::LineSegment;
 
 /// Standard deviations of the angle between an edge and its direction, for buildings and for movable objects,
 /// in radians.
-const TURNS: [f64; 2] = [0.004, 0.05];
+const ANGLE_SIGMAS: [f64; 2] = [0.004, 0.05];
 /// Fraction of movable objects among the edges of a direction.
 const MOVABLE_FRACTION: f64 = 0.3;
 
@@ -86,7 +87,7 @@ impl Line {
         let [a, b] = ends;
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
         let through = [a[1] - b[1], b[0] - a[0], a[0] * b[1] - a[1] * b[0]];
-        let sigmas = TURNS.map(|turn| end_sigma.hypot(turn * length * FRAC_1_SQRT_2));
+        let sigmas = ANGLE_SIGMAS.map(|turn| end_sigma.hypot(turn * length * FRAC_1_SQRT_2));
         (length.is_finite() && length > 0.0 && end_sigma > 0.0).then_some(Self {
             ends,
             end_sigma,
@@ -164,7 +165,7 @@ const MAX_OFFSET_SIGMAS: f64 = 2.0;
 /// Longest gap, as a fraction of the visible length of both pieces.
 const MAX_GAP: f64 = 0.7;
 /// Largest overlap of two pieces, in pixels.
-const OVERLAP: f64 = 2.0;
+const MAX_OVERLAP_PX: f64 = 2.0;
 /// Largest number of edges, which limits the computing time; the shortest are dropped.
 const MAX_EDGES: usize = 1_500;
 
@@ -185,13 +186,13 @@ pub(super) fn lines(segments: &[LineSegment], lens: &Lens) -> Vec<Line> {
     left.truncate(MAX_EDGES);
     let mut is_used = vec![false; left.len()];
     let mut whole: Vec<Line> =
-        (0..left.len()).filter_map(|first| grown(first, &left, &mut is_used)).collect();
+        (0..left.len()).filter_map(|first| extend_line(first, &left, &mut is_used)).collect();
     whole.sort_by(|a, b| b.length.total_cmp(&a.length));
     whole
 }
 
 /// Extends a line by all its pieces; `None` if the line is already part of another one.
-fn grown(first: usize, all: &[Line], is_used: &mut [bool]) -> Option<Line> {
+fn extend_line(first: usize, all: &[Line], is_used: &mut [bool]) -> Option<Line> {
     if is_used[first] {
         return None;
     }
@@ -242,7 +243,8 @@ fn gap(line: &Line, piece: &Line) -> Option<f64> {
     let ends = piece.ends.map(|end| axis.to_axis(end));
     let gap = ends.iter().map(|[s, _]| s.abs() - 0.5 * line.length).fold(f64::INFINITY, f64::min);
     // A parallel neighbour is another edge.
-    if gap < -OVERLAP || gap > MAX_GAP * (line.length + piece.length) || ends[0][0] * ends[1][0] < 0.0 {
+    if gap < -MAX_OVERLAP_PX || gap > MAX_GAP * (line.length + piece.length) || ends[0][0] * ends[1][0] < 0.0
+    {
         return None;
     }
     let is_on = ends.iter().all(|&[s, t]| {

@@ -18,26 +18,27 @@ pub enum EdgeClass {
     /// On a wall, or on an object on the floor.
     Above,
     /// Undetermined; only the direction of the edge is known.
+    #[serde(rename = "open")]
     Undetermined,
 }
 
 /// Largest distance between an edge and the end of an edge that touches it, in pixels.
 const MAX_TOUCH_DISTANCE_PX: f64 = 3.0;
-/// Smallest probability with which an edge is assigned to a direction.
-const BELONGS: f64 = 0.7;
+/// Smallest probability for assigning an edge to a direction.
+const MIN_PROBABILITY: f64 = 0.7;
 /// Smallest number of crossing horizontal edges of other directions in a pattern, and the largest number of
 /// vertical edges that contradict it. Of rendered edges classified as floor, 90 % are on the floor.
 const MIN_PATTERN_CROSSINGS: usize = 5;
 const MAX_CONTRADICTIONS: usize = 1;
-/// Largest number of such crossing edges with which a vertical edge can place the edge on a wall.
-const PLAIN: usize = 1;
+/// Largest number of such crossing edges of an edge on a wall.
+const MAX_WALL_CROSSINGS: usize = 1;
 
-/// Classifies every line; lines without a horizontal direction are [`Lies::Open`].
-pub(super) fn lies(mixture: &Mixture, lines: &[Line]) -> Vec<EdgeClass> {
+/// Classifies every line; lines without a horizontal direction are [`EdgeClass::Undetermined`].
+pub(super) fn classify_edges(mixture: &Mixture, lines: &[Line]) -> Vec<EdgeClass> {
     let memberships = mixture.memberships(lines);
     let directions: Vec<Option<usize>> = memberships
         .iter()
-        .map(|membership| membership.iter().position(|&probability| probability > BELONGS))
+        .map(|membership| membership.iter().position(|&probability| probability > MIN_PROBABILITY))
         .collect();
     let of = |index: usize| match directions[index] {
         Some(own) if own > 0 => classify_edge(index, own, mixture, lines, &directions),
@@ -73,7 +74,7 @@ fn classify_edge(
     }
     match () {
         () if crossed >= MIN_PATTERN_CROSSINGS && others <= MAX_CONTRADICTIONS => EdgeClass::Floor,
-        () if crossed <= PLAIN && others > feet => EdgeClass::Above,
+        () if crossed <= MAX_WALL_CROSSINGS && others > feet => EdgeClass::Above,
         () => EdgeClass::Undetermined,
     }
 }
@@ -92,7 +93,7 @@ fn upright(mixture: &Mixture, line: &Line) -> [[f64; 2]; 2] {
     if below_horizon(mixture, a) < below_horizon(mixture, b) { [a, b] } else { [b, a] }
 }
 
-/// Way in which another edge meets a line.
+/// Type of contact of another edge with a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meeting {
     AtItsTop,
@@ -103,7 +104,8 @@ enum Meeting {
 
 fn meeting(line: &Line, [top, foot]: [[f64; 2]; 2]) -> Meeting {
     let [top, foot] = [top, foot].map(|end| line_coordinates(line, end));
-    let is_along = |along: f64| (-MAX_TOUCH_DISTANCE_PX..line.length + MAX_TOUCH_DISTANCE_PX).contains(&along);
+    let is_along =
+        |along: f64| (-MAX_TOUCH_DISTANCE_PX..line.length + MAX_TOUCH_DISTANCE_PX).contains(&along);
     let is_near = |(along, off): (f64, f64)| off.abs() < MAX_TOUCH_DISTANCE_PX && is_along(along);
     let share = top.1 / (top.1 - foot.1);
     match [is_near(top), is_near(foot)] {

@@ -7,7 +7,7 @@
 //! then takes one Gauss-Newton step on the weighted residuals. The priors of the camera and of right angles
 //! are additional residuals.
 //!
-//! The prior of a camera ([`Belief`]): cameras are upright and have a usual focal length.
+//! The prior of a camera ([`CameraPrior`]): cameras are upright and have a usual focal length.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -42,7 +42,7 @@ impl CameraPrior {
     }
 
     /// Returns the larger of the two residuals, in standard deviations: a measure of how unusual a camera is.
-    pub(super) fn sigmas(&self, camera: &Orientation) -> f64 {
+    pub(super) fn z_score(&self, camera: &Orientation) -> f64 {
         self.residuals(camera).iter().map(|(residual, _)| residual.abs()).fold(0.0, f64::max)
     }
 
@@ -56,7 +56,7 @@ impl CameraPrior {
 }
 
 /// Largest number of expectation-maximisation rounds.
-const ROUNDS: usize = 40;
+const MAX_ITERATIONS: usize = 40;
 /// Largest parameter step of a converged iteration.
 const CONVERGED_STEP: f64 = 1e-7;
 /// Standard deviation of a right angle in a scene, in radians, as in the core.
@@ -67,8 +67,7 @@ const SQUARE_SCENES: f64 = 0.95;
 /// independent, as a product over all edges assumes. When cameras are compared, their log likelihood is
 /// divided by this number (a composite likelihood: Varin, Reid and Firth 2011). The priors are not divided.
 const EDGE_CORRELATION: f64 = 4.0;
-/// Information of one weak pseudo-observation for every parameter, so that the equations are solvable without
-/// any edge. It corresponds to a standard deviation of about 30 radians.
+/// Information of one weak pseudo-observation for every parameter, so that the equations are solvable without edges. It corresponds to a standard deviation of about 30 radians.
 const REGULARISATION: f64 = 1e-3;
 
 /// Camera with its directions and shares, and the resulting evidence of the edges.
@@ -77,7 +76,7 @@ pub(super) struct Mixture {
     pub(super) camera: Orientation,
     pub(super) azimuths: Vec<f64>,
     /// Pairs of floor directions constrained to be at right angles.
-    pub(super) tied: Vec<[usize; 2]>,
+    pub(super) right_angles: Vec<[usize; 2]>,
     /// Shares of the vertical and of every floor direction; the rest belongs to none.
     pub(super) shares: Vec<f64>,
     /// Log evidence: the posterior integrated over the parameters, to first order (Laplace).
@@ -86,24 +85,24 @@ pub(super) struct Mixture {
 
 impl Mixture {
     /// Fits the mixture from a start; `None` if the edges do not determine it.
-    pub(super) fn fitted(
+    pub(super) fn fit(
         lines: &[Line],
         start: (Orientation, Vec<f64>, Vec<[usize; 2]>),
-        belief: &CameraPrior,
+        prior: &CameraPrior,
     ) -> Option<Self> {
         let (camera, azimuths, tied) = start;
         let count = azimuths.len() + 1;
         let shares = vec![0.6 / count as f64; count];
-        let mut found = Self { camera, azimuths, tied, shares, log_evidence: 0.0 };
-        for _ in 0..ROUNDS {
-            let (normal, gradient) = found.expected(lines, belief);
+        let mut found = Self { camera, azimuths, right_angles: tied, shares, log_evidence: 0.0 };
+        for _ in 0..MAX_ITERATIONS {
+            let (normal, gradient) = found.normal_equations(lines, prior);
             let step = normal.cholesky()?.solve(&gradient);
             found.move_by(&step);
             if step.amax() < CONVERGED_STEP {
                 break;
             }
         }
-        found.concluded(lines, belief)
+        found.with_evidence(lines, prior)
     }
 
     pub(super) fn points(&self) -> Vec<Point> {
@@ -148,7 +147,7 @@ impl Mixture {
     }
 
     /// Builds the normal equations, with every edge weighted by its probabilities, and updates the shares.
-    fn expected(&mut self, lines: &[Line], belief: &CameraPrior) -> (DMatrix<f64>, DVector<f64>) {
+    fn normal_equations(&mut self, lines: &[Line], prior: &CameraPrior) -> (DMatrix<f64>, DVector<f64>) {
         let (points, derivatives) = (self.points(), self.point_derivatives());
         let mut equations = Equations::new(3 + self.azimuths.len());
         let mut totals = vec![0.0; points.len()];
@@ -165,25 +164,29 @@ impl Mixture {
                 equations.add(&row, evidence.residual, probability);
             }
         }
-        self.add_beliefs(&mut equations, belief);
+        self.add_priors(&mut equations, prior);
         // One pseudo-edge for each direction and for none, so that no share is zero.
         let all = lines.len() as f64 + 1.0 + totals.len() as f64;
         self.shares = totals.iter().map(|total| (total + 1.0) / all).collect();
         (equations.normal, equations.gradient)
     }
 
-    fn add_beliefs(&self, equations: &mut Equations, belief: &CameraPrior) {
-        for ((residual, slope), unknown) in belief.residuals(&self.camera).into_iter().zip([0, 2]) {
+    fn add_priors(&self, equations: &mut Equations, prior: &CameraPrior) {
+        for ((residual, slope), unknown) in prior.residuals(&self.camera).into_iter().zip([0, 2]) {
             equations.add(&[(unknown, slope)], residual, 1.0);
         }
-        for &[a, b] in &self.tied {
+        for &[a, b] in &self.right_angles {
             let slope = RIGHT_ANGLE.recip();
-            equations.add(&[(3 + a, -slope), (3 + b, slope)], self.off_square([a, b]) / RIGHT_ANGLE, 1.0);
+            equations.add(
+                &[(3 + a, -slope), (3 + b, slope)],
+                self.right_angle_deviation([a, b]) / RIGHT_ANGLE,
+                1.0,
+            );
         }
     }
 
     /// Returns the deviation of two floor directions from a right angle, in radians.
-    pub(super) fn off_square(&self, [a, b]: [usize; 2]) -> f64 {
+    pub(super) fn right_angle_deviation(&self, [a, b]: [usize; 2]) -> f64 {
         (self.azimuths[b] - self.azimuths[a]).rem_euclid(PI) - FRAC_PI_2
     }
 
@@ -199,26 +202,27 @@ impl Mixture {
 
     /// Computes the log evidence: the posterior density integrated over the parameters to first order
     /// (Laplace).
-    fn concluded(mut self, lines: &[Line], belief: &CameraPrior) -> Option<Self> {
+    fn with_evidence(mut self, lines: &[Line], prior: &CameraPrior) -> Option<Self> {
         let points = self.points();
         let log_likelihood: f64 = lines.iter().map(|line| self.membership(line, &points).0.ln()).sum();
-        let log_density =
-            log_likelihood / EDGE_CORRELATION + self.log_density_of_azimuths() + belief.log_density(&self.camera);
-        let (normal, _) = self.clone().expected(lines, belief);
+        let log_density = log_likelihood / EDGE_CORRELATION
+            + self.log_density_of_azimuths()
+            + prior.log_density(&self.camera);
+        let (normal, _) = self.clone().normal_equations(lines, prior);
         let unknowns = normal.nrows() as f64;
-        self.log_evidence =
-            log_density + 0.5 * (unknowns * (TAU * EDGE_CORRELATION).ln() - normal.cholesky()?.ln_determinant());
+        self.log_evidence = log_density
+            + 0.5 * (unknowns * (TAU * EDGE_CORRELATION).ln() - normal.cholesky()?.ln_determinant());
         self.log_evidence.is_finite().then_some(self)
     }
 
     /// Returns the log prior density of the azimuths: uniform, except for one that a right angle determines.
     fn log_density_of_azimuths(&self) -> f64 {
-        let free = self.azimuths.len() - self.tied.len();
-        let of_scene = if self.tied.is_empty() { 1.0 - SQUARE_SCENES } else { SQUARE_SCENES };
+        let free = self.azimuths.len() - self.right_angles.len();
+        let of_scene = if self.right_angles.is_empty() { 1.0 - SQUARE_SCENES } else { SQUARE_SCENES };
         let of_tie = |&pair: &[usize; 2]| {
-            -0.5 * (self.off_square(pair) / RIGHT_ANGLE).powi(2) - (TAU.sqrt() * RIGHT_ANGLE).ln()
+            -0.5 * (self.right_angle_deviation(pair) / RIGHT_ANGLE).powi(2) - (TAU.sqrt() * RIGHT_ANGLE).ln()
         };
-        of_scene.ln() - free as f64 * PI.ln() + self.tied.iter().map(of_tie).sum::<f64>()
+        of_scene.ln() - free as f64 * PI.ln() + self.right_angles.iter().map(of_tie).sum::<f64>()
     }
 }
 
@@ -230,7 +234,10 @@ struct Equations {
 
 impl Equations {
     fn new(unknowns: usize) -> Self {
-        Self { normal: DMatrix::identity(unknowns, unknowns) * REGULARISATION, gradient: DVector::zeros(unknowns) }
+        Self {
+            normal: DMatrix::identity(unknowns, unknowns) * REGULARISATION,
+            gradient: DVector::zeros(unknowns),
+        }
     }
 
     /// Adds a residual with its derivatives.

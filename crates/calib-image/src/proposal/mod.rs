@@ -11,7 +11,7 @@
 //! - `lies`: classification of edges as on the floor or above it;
 //! - `strokes`: the most informative edges as annotations, and their solution;
 //! - `straight`: edges curved by distortion, for fitting the lens;
-//! - `still`: the entry point, [`Proposal::new`], and the confidence.
+//! - `still`: the entry point, [`AutomaticCalibration::new`], and the confidence.
 
 mod frame;
 mod join;
@@ -24,5 +24,5 @@ mod still;
 
 pub use join::join_edges;
 pub use lies::EdgeClass;
-pub use still::{Alternative, Proposal, Reason, EdgeImage, Verdict};
+pub use still::{Alternative, AutomaticCalibration, Confidence, EdgeImage, Reason};
 pub use strokes::Group;

@@ -10,9 +10,8 @@
 //!
 //! # Cameras
 //!
-//! Each point in turn is assumed to be the vertical vanishing point. Its focal lengths are a fixed range, and
-//! those for which two of the points are at right angles. For every camera, the floor directions are searched
-//! in the same way, among the azimuths at which long edges meet the horizon.
+//! Each point in turn is assumed to be the vertical vanishing point. Its focal lengths are a fixed range, and the focal lengths that put two of the points at right angles. For every camera, the floor directions are searched
+//! in the same way, among the azimuths of the intersections of long edges with the horizon.
 //!
 //! # Distortion
 //!
@@ -29,23 +28,23 @@ use super::join::Line;
 use super::mixture::CameraPrior;
 
 /// Number of longest edges that are used.
-const ASKED: usize = 250;
+const MAX_EDGES: usize = 250;
 /// Numbers of longest edges that generate vanishing points, and floor directions.
 const PROPOSERS: [usize; 2] = [70, 50];
 /// Largest number of vanishing points.
-const POINTS: usize = 8;
+const MAX_POINTS: usize = 8;
 /// Prior fraction of the edges that lead to one point.
 const SHARE: f64 = 0.1;
 /// Smallest score of a point; chance reaches less, even with thousands of candidates.
-const LEAST_SCORE: f64 = 6.0;
+const MIN_SCORE: f64 = 6.0;
 /// Smallest and largest horizontal field of view, in degrees, and the number of focal lengths between them.
 const FIELDS: [f64; 2] = [18.0, 125.0];
 const FOCALS: usize = 20;
 /// Largest number of floor directions of a camera, and the sine of the smallest angle between them.
 const DIRECTIONS: usize = 3;
-const APART: f64 = 0.1;
+const MIN_DIRECTION_SINE: f64 = 0.1;
 /// Largest number of cameras to refine.
-const CAMERAS: usize = 8;
+const MAX_CAMERAS: usize = 8;
 
 /// Camera with the azimuths of its floor directions.
 #[derive(Clone, Debug)]
@@ -76,7 +75,7 @@ impl Candidate {
     }
 
     /// Reduces the weights of the edges that lead to this candidate.
-    fn take_from(&self, left: &mut [f64]) {
+    fn remove_from(&self, left: &mut [f64]) {
         left.iter_mut().zip(&self.odds).for_each(|(left, &odds)| *left *= remainder(odds));
     }
 }
@@ -88,16 +87,16 @@ fn remainder(odds: f64) -> f64 {
 
 /// Returns cameras that explain many edges, the best first. `lines` must be sorted by length, the longest
 /// first.
-pub(super) fn hypotheses(lines: &[Line], width: f64, belief: &CameraPrior) -> Vec<Hypothesis> {
-    let lines = &lines[..lines.len().min(ASKED)];
+pub(super) fn hypotheses(lines: &[Line], width: f64, prior: &CameraPrior) -> Vec<Hypothesis> {
+    let lines = &lines[..lines.len().min(MAX_EDGES)];
     let points: Vec<Point> = vanishing_points(lines).into_iter().map(|(point, _)| point).collect();
     let cameras = cameras(&points, width);
     let mut found: Vec<Hypothesis> =
-        cameras.into_iter().map(|camera| with_directions(lines, camera, belief)).collect();
+        cameras.into_iter().map(|camera| with_directions(lines, camera, prior)).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut kept: Vec<Hypothesis> = Vec::new();
     for hypothesis in found {
-        if kept.len() < CAMERAS && kept.iter().all(|other| is_other(&hypothesis.camera, &other.camera)) {
+        if kept.len() < MAX_CAMERAS && kept.iter().all(|other| is_other(&hypothesis.camera, &other.camera)) {
             kept.push(hypothesis);
         }
     }
@@ -113,7 +112,7 @@ fn is_other(a: &Orientation, b: &Orientation) -> bool {
 /// Returns the total score of the best vanishing points, for any camera: a measure of how well the edges
 /// concur.
 pub(super) fn concurrence(lines: &[Line]) -> f64 {
-    vanishing_points(&lines[..lines.len().min(ASKED)]).iter().map(|(_, score)| score).sum()
+    vanishing_points(&lines[..lines.len().min(MAX_EDGES)]).iter().map(|(_, score)| score).sum()
 }
 
 /// Returns the vanishing points of the image with their scores, the best first.
@@ -126,7 +125,7 @@ fn vanishing_points(lines: &[Line]) -> Vec<(Point, f64)> {
         .collect();
     let candidates: Vec<Candidate> =
         proposed.iter().map(|&point| Candidate::new(lines.iter().map(|line| line.odds(point)))).collect();
-    let chosen = greedy(&candidates, vec![1.0; lines.len()], POINTS, |_, _| true);
+    let chosen = greedy(&candidates, vec![1.0; lines.len()], MAX_POINTS, |_, _| true);
     chosen.into_iter().map(|(index, score)| (proposed[index], score)).collect()
 }
 
@@ -147,10 +146,10 @@ fn greedy(
         let is_free = |i: &usize| chosen.iter().all(|&(other, _)| may_both(*i, other));
         let scores = (0..candidates.len()).filter(is_free).map(|i| (i, candidates[i].score(&left)));
         let Some((best, score)) = scores.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
-        if score < LEAST_SCORE {
+        if score < MIN_SCORE {
             break;
         }
-        candidates[best].take_from(&mut left);
+        candidates[best].remove_from(&mut left);
         chosen.push((best, score));
     }
     chosen
@@ -168,24 +167,24 @@ fn cameras(points: &[Point], width: f64) -> Vec<Orientation> {
     }
     focals.retain(|focal| (wide * 0.99..=narrow * 1.01).contains(focal));
     let all = points.iter().flat_map(|&point| focals.iter().map(move |&focal| with_nadir(point, focal)));
-    all.filter(stands).collect()
+    all.filter(is_plausible).collect()
 }
 
 /// Whether the roll and pitch of a camera are plausible. With more roll, a floor direction was probably
 /// mistaken for the vertical.
-fn stands(camera: &Orientation) -> bool {
+fn is_plausible(camera: &Orientation) -> bool {
     const ROLL: f64 = 0.7;
     const UP: f64 = 0.7;
     camera.roll.abs() < ROLL && camera.pitch > -UP
 }
 
 /// Finds the floor directions under a camera that explain the most edges.
-fn with_directions(lines: &[Line], camera: Orientation, belief: &CameraPrior) -> Hypothesis {
+fn with_directions(lines: &[Line], camera: Orientation, prior: &CameraPrior) -> Hypothesis {
     let down = nadir(&camera);
     let vertical = Candidate::new(lines.iter().map(|line| line.odds(down)));
     let mut left = vec![1.0; lines.len()];
     let of_verticals = vertical.score(&left);
-    vertical.take_from(&mut left);
+    vertical.remove_from(&mut left);
     let azimuths: Vec<f64> = lines
         .iter()
         .zip(&left)
@@ -198,22 +197,22 @@ fn with_directions(lines: &[Line], camera: Orientation, belief: &CameraPrior) ->
         Candidate::new(lines.iter().map(|line| line.odds(point)))
     };
     let candidates: Vec<Candidate> = azimuths.iter().map(candidate).collect();
-    let apart = |i: usize, j: usize| (azimuths[i] - azimuths[j]).sin().abs() > APART;
+    let apart = |i: usize, j: usize| (azimuths[i] - azimuths[j]).sin().abs() > MIN_DIRECTION_SINE;
     let chosen = greedy(&candidates, left, DIRECTIONS, apart);
-    let of_directions: f64 = chosen.iter().map(|(_, score)| score - LEAST_SCORE).sum();
+    let of_directions: f64 = chosen.iter().map(|(_, score)| score - MIN_SCORE).sum();
     Hypothesis {
         camera,
         azimuths: chosen.iter().map(|&(index, _)| azimuths[index]).collect(),
-        score: of_verticals + of_directions + belief.log_density(&camera),
+        score: of_verticals + of_directions + prior.log_density(&camera),
     }
 }
 
 /// Standard deviation of k1 among lenses.
-const K1: f64 = 0.2;
+const K1_PRIOR_SIGMA: f64 = 0.2;
 /// Coarse candidates for k1; zero (no distortion) comes first.
-pub(super) const COARSE: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
+pub(super) const K1_CANDIDATES: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
 /// Smallest rise of the log evidence for distortion to be accepted.
-pub(super) const LEAST_GAIN: f64 = 6.0;
+pub(super) const MIN_EVIDENCE_GAIN: f64 = 6.0;
 /// Number of times the step is halved.
 const HALVINGS: usize = 3;
 
@@ -233,13 +232,13 @@ pub(super) fn lens(k1: f64, principal_point: Pixel, size: [f64; 2]) -> Lens {
 
 /// Returns the log prior density of k1, up to a constant.
 pub(super) fn log_density(k1: f64) -> f64 {
-    -0.5 * (k1 / K1).powi(2)
+    -0.5 * (k1 / K1_PRIOR_SIGMA).powi(2)
 }
 
 /// Refines the best coarse k1 by repeatedly halving the step. `score` returns `None` if the score is
 /// undefined.
-pub(super) fn refined(mut best: (f64, f64), mut score: impl FnMut(f64) -> Option<f64>) -> (f64, f64) {
-    let mut step = 0.5 * (COARSE[1] - COARSE[0]).abs();
+pub(super) fn refine_k1(mut best: (f64, f64), mut score: impl FnMut(f64) -> Option<f64>) -> (f64, f64) {
+    let mut step = 0.5 * (K1_CANDIDATES[1] - K1_CANDIDATES[0]).abs();
     for _ in 0..HALVINGS {
         for k1 in [best.0 - step, best.0 + step] {
             if let Some(found) = score(k1).filter(|found| *found > best.1) {

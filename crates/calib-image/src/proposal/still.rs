@@ -3,7 +3,7 @@
 //! 1. For a few distortions, edges are joined and cameras are searched. The best are refined as mixtures,
 //!    with and without right angles. If distortion makes the grouping much likelier, its k1 is refined.
 //! 2. The strokes of the likeliest mixture are solved like annotations of an operator.
-//! 3. The standard deviation of the focal length combines that of the solution and the scatter of the other
+//! 3. The standard deviation of the focal length combines the standard deviation of the solution and the scatter of the other
 //!    mixtures, weighted by their evidence. The confidence follows from it.
 
 use std::fmt;
@@ -12,17 +12,17 @@ use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
 use calib_site::{SiteCamera, Solution};
 
 use super::join::Line;
-use super::lies::lies;
+use super::lies::classify_edges;
 use super::mixture::{CameraPrior, Mixture};
 use super::search::{Hypothesis, hypotheses};
 use super::straight::curved_edges;
-use super::strokes::{Group, entry, groups, solve_entry, stroke, select_strokes};
+use super::strokes::{Group, entry, groups, select_strokes, solve_entry, stroke};
 use super::{join, search};
 use crate::line_segment::LineSegment;
 
 /// Confidence of an automatic calibration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
-pub enum Verdict {
+pub enum Confidence {
     /// Usable without review.
     Sure,
     /// Likely, but needs review.
@@ -31,7 +31,7 @@ pub enum Verdict {
     None,
 }
 
-impl Verdict {
+impl Confidence {
     /// Returns its name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -63,7 +63,7 @@ pub enum Reason {
         sigma: f64,
     },
     /// Directions that do not determine the focal length.
-    FocalOpen {
+    FocalUncertain {
         /// Relative standard deviation of the focal length.
         sigma: f64,
     },
@@ -103,7 +103,7 @@ impl fmt::Display for Reason {
                 "the edges have only one floor direction, and the focal length is uncertain (\u{b1} {:.0} %); draw floor lines in another direction",
                 100.0 * sigma
             ),
-            Self::FocalOpen { sigma } => write!(
+            Self::FocalUncertain { sigma } => write!(
                 f,
                 "the focal length is uncertain (\u{b1} {:.0} %); draw floor lines that run away from the camera",
                 100.0 * sigma
@@ -127,25 +127,24 @@ impl fmt::Display for Reason {
 /// Largest number of edges used, the longest first.
 const MAX_LINES: usize = 400;
 /// Smallest number of edges for a calibration.
-const LEAST_LINES: usize = 8;
+const MIN_LINES: usize = 8;
 /// Largest number of strokes shown.
 const MAX_STROKES: usize = 20;
 /// Smallest log evidence relative to edges without directions: at least equally likely.
-const LEAST_EVIDENCE: f64 = 0.0;
-/// Largest deviation of two floor directions from a right angle, in radians, with which a right angle is
-/// tried.
+const MIN_LOG_EVIDENCE: f64 = 0.0;
+/// Largest deviation of two floor directions from a right angle, in radians, for trying a right angle.
 const MAX_RIGHT_ANGLE_DEVIATION: f64 = 0.4;
 /// Largest relative standard deviation of the focal length with the confidence `sure`, and with `check`.
 const MAX_SURE_FOCAL_SIGMA: f64 = 0.06;
-const CHECK: f64 = 0.10;
+const MAX_CHECK_FOCAL_SIGMA: f64 = 0.10;
 /// Relative standard deviation of an unknown focal length.
 const UNKNOWN_FOCAL_SIGMA: f64 = 10.0;
 /// Prior z-scores above which a calibration needs review, or is rejected.
-const UNUSUAL: f64 = 2.0;
+const MAX_SURE_PRIOR_Z_SCORE: f64 = 2.0;
 const MAX_CHECK_PRIOR_Z_SCORE: f64 = 3.0;
-/// Factor by which the solver underestimates the standard deviation: the strokes of one edge share their
+/// Correction factor for the solver's standard deviation, which is too small: the strokes of one edge share their
 /// errors.
-const WIDENING: f64 = 1.6;
+const SIGMA_INFLATION: f64 = 1.6;
 
 /// Input of an automatic calibration: the edges of an image, its size, and the lens if known.
 #[derive(Clone, Debug)]
@@ -164,16 +163,16 @@ pub struct EdgeImage {
 
 /// Automatic calibration of an image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Proposal {
+pub struct AutomaticCalibration {
     /// Confidence of the result.
-    pub confidence: Verdict,
+    pub confidence: Confidence,
     /// Reasons for a reduced confidence.
     pub reasons: Vec<Reason>,
     /// Strokes, by direction; empty if no directions were found.
     pub groups: Vec<Group>,
     /// Edges curved by distortion, each a polyline, for fitting the distortion; empty if the lens is known or
     /// has no distortion.
-    pub straight: Vec<Vec<Pixel>>,
+    pub curved_edges: Vec<Vec<Pixel>>,
     /// Camera with the strokes as annotations, without an image.
     pub camera: Option<SiteCamera>,
     /// Solution for this camera.
@@ -203,9 +202,14 @@ struct Grouping {
 
 impl Grouping {
     /// Returns the strokes of a mixture.
-    fn drawn(&self, mixture: &Mixture) -> Vec<Group> {
+    fn groups_of(&self, mixture: &Mixture) -> Vec<Group> {
         let draw = |line: usize| stroke(&self.lines[line], &self.lens);
-        groups(mixture, &select_strokes(mixture, &self.lines, MAX_STROKES), &draw, &lies(mixture, &self.lines))
+        groups(
+            mixture,
+            &select_strokes(mixture, &self.lines, MAX_STROKES),
+            &draw,
+            &classify_edges(mixture, &self.lines),
+        )
     }
 
     /// Returns all cameras except the likeliest, each with its log evidence relative to the likeliest.
@@ -219,25 +223,25 @@ impl Grouping {
     }
 }
 
-impl Proposal {
+impl AutomaticCalibration {
     /// Calibrates an image from its edges.
     #[must_use]
-    pub fn new(still: &EdgeImage) -> Self {
-        if still.segments.len() < LEAST_LINES {
-            return Self::none(vec![Reason::FewEdges { found: still.segments.len() }]);
+    pub fn new(image: &EdgeImage) -> Self {
+        if image.segments.len() < MIN_LINES {
+            return Self::none(vec![Reason::FewEdges { found: image.segments.len() }]);
         }
-        if still.image_circle.is_some() && still.lens.is_none() {
+        if image.image_circle.is_some() && image.lens.is_none() {
             return Self::none(vec![Reason::RoundImage]);
         }
-        let Some(grouping) = still.grouping() else {
+        let Some(grouping) = image.grouping() else {
             return Self::none(vec![Reason::NoDirections]);
         };
         match grouping.mixtures.first() {
-            Some(best) if best.log_evidence > LEAST_EVIDENCE => {
-                let straight = curved_edges(&grouping.lines, &still.segments, &grouping.lens);
+            Some(best) if best.log_evidence > MIN_LOG_EVIDENCE => {
+                let straight = curved_edges(&grouping.lines, &image.segments, &grouping.lens);
                 // No straight edges are needed for a known lens.
-                let straight = if still.lens.is_some() { Vec::new() } else { straight };
-                Self { straight, ..Self::from_grouping(&grouping, best, still.size) }
+                let straight = if image.lens.is_some() { Vec::new() } else { straight };
+                Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image.size) }
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
@@ -245,10 +249,10 @@ impl Proposal {
 
     fn none(reasons: Vec<Reason>) -> Self {
         Self {
-            confidence: Verdict::None,
+            confidence: Confidence::None,
             reasons,
             groups: Vec::new(),
-            straight: Vec::new(),
+            curved_edges: Vec::new(),
             camera: None,
             solution: None,
             focal_sigma_rel: None,
@@ -258,7 +262,7 @@ impl Proposal {
 
     /// Creates the result for the likeliest mixture.
     fn from_grouping(grouping: &Grouping, best: &Mixture, size: [u32; 2]) -> Self {
-        let groups = grouping.drawn(best);
+        let groups = grouping.groups_of(best);
         let camera = entry(size, &grouping.lens, &groups);
         let mut proposal = Self { groups, ..Self::none(Vec::new()) };
         let Some(solution) = solve_entry(&camera) else {
@@ -274,12 +278,12 @@ impl Proposal {
         }
         let scatter = Scatter::new(best, &grouping.others());
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
-        let own = (WIDENING * own / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA);
+        let own = (SIGMA_INFLATION * own / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA);
         let sigma = own.hypot(scatter.sigma);
-        let unusual = CameraPrior::from_width(f64::from(size[0])).sigmas(&best.camera);
+        let unusual = CameraPrior::from_width(f64::from(size[0])).z_score(&best.camera);
         let alternative = proposal.judge([sigma, own, unusual], &scatter, &solution);
-        proposal.alternative =
-            alternative.map(|other| Alternative { orientation: other.camera, groups: grouping.drawn(other) });
+        proposal.alternative = alternative
+            .map(|other| Alternative { orientation: other.camera, groups: grouping.groups_of(other) });
         proposal.focal_sigma_rel = Some(sigma);
         proposal.camera = Some(camera);
         proposal.solution = Some(solution);
@@ -297,13 +301,13 @@ impl Proposal {
         let is_complete = missing.is_none();
         self.reasons.extend(missing);
         if is_complete && own > MAX_SURE_FOCAL_SIGMA {
-            self.reasons.push(Reason::FocalOpen { sigma: own });
+            self.reasons.push(Reason::FocalUncertain { sigma: own });
         }
         let rival = scatter.rival.filter(|_| sigma > MAX_SURE_FOCAL_SIGMA && scatter.sigma > 0.5 * own);
         if let Some(rival) = rival {
             self.reasons.push(Reason::TwoHypotheses { focals: [solution.focal_px, rival.camera.focal] });
         }
-        if unusual > UNUSUAL {
+        if unusual > MAX_SURE_PRIOR_Z_SCORE {
             self.reasons.push(Reason::Unusual { focal: solution.focal_px });
         }
         if solution.has_warning(Code::Misfit) {
@@ -311,13 +315,13 @@ impl Proposal {
             self.reasons.push(Reason::Misfit { chi2_per_dof });
         }
         if self.reasons.is_empty() && sigma >= MAX_SURE_FOCAL_SIGMA {
-            self.reasons.push(Reason::FocalOpen { sigma });
+            self.reasons.push(Reason::FocalUncertain { sigma });
         }
-        let is_believed = is_complete && unusual < MAX_CHECK_PRIOR_Z_SCORE && sigma < CHECK;
+        let is_believed = is_complete && unusual < MAX_CHECK_PRIOR_Z_SCORE && sigma < MAX_CHECK_FOCAL_SIGMA;
         self.confidence = match self.reasons.is_empty() {
-            true => Verdict::Sure,
-            false if is_believed => Verdict::Check,
-            false => Verdict::None,
+            true => Confidence::Sure,
+            false if is_believed => Confidence::Check,
+            false => Confidence::None,
         };
         rival
     }
@@ -364,7 +368,7 @@ impl EdgeImage {
 
     /// Creates the input for a camera of a site; its lens is known if the site specifies its distortion.
     #[must_use]
-    pub fn of_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
+    pub fn from_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
@@ -377,11 +381,15 @@ impl EdgeImage {
 
     /// Returns the likeliest grouping.
     fn grouping(&self) -> Option<Grouping> {
-        let straight = self.group_edges(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
-        let bent = if self.lens.is_none() { self.bent_grouping() } else { None };
-        let gain = |bent: &Grouping| Some(bent.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
-        let chosen = match bent {
-            Some(bent) if gain(&bent).is_some_and(|gain| gain > search::LEAST_GAIN) => bent,
+        let straight =
+            self.group_edges(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
+        let distorted = if self.lens.is_none() { self.distorted_grouping() } else { None };
+        let gain =
+            |distorted: &Grouping| Some(distorted.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
+        let chosen = match distorted {
+            Some(distorted) if gain(&distorted).is_some_and(|gain| gain > search::MIN_EVIDENCE_GAIN) => {
+                distorted
+            }
             _ => straight,
         };
         Some(chosen)
@@ -389,12 +397,12 @@ impl EdgeImage {
 
     /// Returns the grouping under the distortion with the best concurrence of edges; `None` if that is no
     /// distortion.
-    fn bent_grouping(&self) -> Option<Grouping> {
+    fn distorted_grouping(&self) -> Option<Grouping> {
         let concurrence = |k1: f64| {
             search::concurrence(&self.lines(&search::lens(k1, self.centre(), self.sides())))
                 + search::log_density(k1)
         };
-        let scores = search::COARSE.map(|k1| (k1, concurrence(k1)));
+        let scores = search::K1_CANDIDATES.map(|k1| (k1, concurrence(k1)));
         let (k1, _) = scores.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(k1, _)| *k1 != 0.0)?;
         let coarse = self.distorted(k1);
         let refined = self.refine_distortion(&coarse);
@@ -417,10 +425,10 @@ impl EdgeImage {
     /// Joins and groups the edges under a lens.
     fn group_edges(&self, lens: Lens, k1: f64) -> Grouping {
         let lines = self.lines(&lens);
-        let belief = CameraPrior::from_width(f64::from(self.size[0]));
-        let found = hypotheses(&lines, f64::from(self.size[0]), &belief);
+        let prior = CameraPrior::from_width(f64::from(self.size[0]));
+        let found = hypotheses(&lines, f64::from(self.size[0]), &prior);
         let mut mixtures: Vec<Mixture> =
-            found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &belief)).collect();
+            found.iter().flat_map(|hypothesis| variants(&lines, hypothesis, &prior)).collect();
         mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         Grouping { lens, k1, lines, mixtures }
     }
@@ -433,21 +441,24 @@ impl EdgeImage {
 
     /// Refines the distortion of a grouping.
     fn refine_distortion(&self, coarse: &Grouping) -> Grouping {
-        let belief = CameraPrior::from_width(f64::from(self.size[0]));
+        let prior = CameraPrior::from_width(f64::from(self.size[0]));
         let score = |k1: f64| {
             let lines = self.lines(&search::lens(k1, self.centre(), self.sides()));
             let best = coarse.mixtures.first()?;
-            let start = (best.camera, best.azimuths.clone(), best.tied.clone());
-            Some(Mixture::fitted(&lines, start, &belief)?.log_evidence + search::log_density(k1))
+            let start = (best.camera, best.azimuths.clone(), best.right_angles.clone());
+            Some(Mixture::fit(&lines, start, &prior)?.log_evidence + search::log_density(k1))
         };
-        let (k1, _) = search::refined((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
+        let (k1, _) =
+            search::refine_k1((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
         let lens = search::lens(k1, self.centre(), self.sides());
         let lines = self.lines(&lens);
         // The cameras of the coarse step are close enough; no new search is needed.
-        let starts =
-            coarse.mixtures.iter().map(|from| (from.camera, from.azimuths.clone(), from.tied.clone()));
+        let starts = coarse
+            .mixtures
+            .iter()
+            .map(|from| (from.camera, from.azimuths.clone(), from.right_angles.clone()));
         let mut mixtures: Vec<Mixture> =
-            starts.filter_map(|start| Mixture::fitted(&lines, start, &belief)).collect();
+            starts.filter_map(|start| Mixture::fit(&lines, start, &prior)).collect();
         mixtures.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
         Grouping { lens, k1, lines, mixtures }
     }
@@ -458,21 +469,22 @@ impl EdgeImage {
 fn is_other(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
     /// Largest accepted difference, in radians.
     const MAX_ANGLE_DIFFERENCE: f64 = 0.5;
-    let turned =
-        |found: Option<f64>, own: f64| found.is_some_and(|found| (found.to_radians() - own).abs() > MAX_ANGLE_DIFFERENCE);
-    turned(found_deg[0], camera.roll) || turned(found_deg[1], camera.pitch)
+    let differs = |found: Option<f64>, own: f64| {
+        found.is_some_and(|found| (found.to_radians() - own).abs() > MAX_ANGLE_DIFFERENCE)
+    };
+    differs(found_deg[0], camera.roll) || differs(found_deg[1], camera.pitch)
 }
 
 /// Returns the mixtures of a hypothesis: without a right angle, and with each possible one.
-fn variants(lines: &[Line], hypothesis: &Hypothesis, belief: &CameraPrior) -> Vec<Mixture> {
+fn variants(lines: &[Line], hypothesis: &Hypothesis, prior: &CameraPrior) -> Vec<Mixture> {
     use std::f64::consts::{FRAC_PI_2, PI};
     let azimuths = &hypothesis.azimuths;
     let pairs = (0..azimuths.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
-    let is_square =
-        |&[a, b]: &[usize; 2]| ((azimuths[b] - azimuths[a]).rem_euclid(PI) - FRAC_PI_2).abs() < MAX_RIGHT_ANGLE_DEVIATION;
+    let is_square = |&[a, b]: &[usize; 2]| {
+        ((azimuths[b] - azimuths[a]).rem_euclid(PI) - FRAC_PI_2).abs() < MAX_RIGHT_ANGLE_DEVIATION
+    };
     let ties = std::iter::once(Vec::new()).chain(pairs.filter(is_square).map(|pair| vec![pair]));
-    ties.filter_map(|tied| Mixture::fitted(lines, (hypothesis.camera, azimuths.clone(), tied), belief))
-        .collect()
+    ties.filter_map(|tied| Mixture::fit(lines, (hypothesis.camera, azimuths.clone(), tied), prior)).collect()
 }
 
 #[cfg(test)]

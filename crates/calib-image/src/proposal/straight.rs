@@ -19,7 +19,7 @@ const MAX_EDGES: usize = 8;
 const MIN_RISE_SIGMAS: f64 = 4.0;
 /// Smallest distance between the middles of two edges, as a fraction of the diagonal; closer edges are
 /// redundant.
-const APART: f64 = 0.06;
+const MIN_DISTANCE: f64 = 0.06;
 
 /// Curved edge, with its rise in standard deviations.
 struct Arc {
@@ -34,7 +34,7 @@ pub(super) fn curved_edges(lines: &[Line], segments: &[LineSegment], lens: &Lens
     let diagonal = 2.0 * lens.principal_point.distance(Pixel::new(0.0, 0.0));
     let mut shown: Vec<Vec<Pixel>> = Vec::new();
     for Arc { points, .. } in arcs {
-        let is_apart = |other: &Vec<Pixel>| middle(other).distance(middle(&points)) > APART * diagonal;
+        let is_apart = |other: &Vec<Pixel>| middle(other).distance(middle(&points)) > MIN_DISTANCE * diagonal;
         if shown.len() < MAX_EDGES && shown.iter().all(is_apart) {
             shown.push(points);
         }
@@ -90,7 +90,7 @@ mod tests {
     use super::*;
     use crate::proposal::{join, search};
 
-    /// Horizontal edge at height `v`, distorted with this k1, in pieces like those of a detector.
+    /// Horizontal edge at height `v`, distorted with this k1, in pieces as from a detector.
     fn pieces(k1: f64, v: f64) -> Vec<LineSegment> {
         let lens = lens(k1);
         let at = |u: f64| lens.distort(UndistortedPixel { u, v }).unwrap();

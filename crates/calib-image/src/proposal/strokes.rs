@@ -19,7 +19,7 @@ use super::mixture::Mixture;
 const MIN_PROBABILITY: f64 = 0.7;
 
 /// Smallest number of strokes of every direction, if available.
-const LEAST_EACH: usize = 2;
+const MIN_STROKES_PER_DIRECTION: usize = 2;
 
 /// Selected edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +65,9 @@ pub(super) fn select_strokes(mixture: &Mixture, lines: &[Line], most: usize) -> 
 fn underrepresented_direction(chosen: &[Stroke], left: &[(Stroke, Vec<f64>)]) -> Option<usize> {
     let drawn = |direction: usize| chosen.iter().filter(|stroke| stroke.direction == direction).count();
     let most = left.iter().map(|(stroke, _)| stroke.direction).max()?;
-    (0..=most).find(|&k| drawn(k) < LEAST_EACH && left.iter().any(|(stroke, _)| stroke.direction == k))
+    (0..=most).find(|&k| {
+        drawn(k) < MIN_STROKES_PER_DIRECTION && left.iter().any(|(stroke, _)| stroke.direction == k)
+    })
 }
 
 /// Returns the edges assigned to a direction, with the derivatives of their residuals.
@@ -73,8 +75,11 @@ fn candidates(mixture: &Mixture, lines: &[Line]) -> Vec<(Stroke, Vec<f64>)> {
     let (points, derivatives) = (mixture.points(), mixture.point_derivatives());
     let memberships = mixture.memberships(lines);
     let of = |(index, (line, membership)): (usize, (&Line, &Vec<f64>))| {
-        let (direction, &probability) =
-            membership.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).filter(|(_, p)| **p > MIN_PROBABILITY)?;
+        let (direction, &probability) = membership
+            .iter()
+            .enumerate()
+            .max_by(|a, b| a.1.total_cmp(b.1))
+            .filter(|(_, p)| **p > MIN_PROBABILITY)?;
         let evidence = line.evidence(points[direction])?;
         let mut row = vec![0.0; 3 + mixture.azimuths.len()];
         for (j, by) in &derivatives[direction] {
@@ -93,7 +98,7 @@ pub struct Group {
     /// Probability of each segment to belong to the direction, in the order of the segments.
     pub probabilities: Vec<f64>,
     /// Location class of each segment, in the order of the segments.
-    pub lies: Vec<EdgeClass>,
+    pub classes: Vec<EdgeClass>,
 }
 
 impl Group {
@@ -109,7 +114,7 @@ pub(super) fn groups(
     mixture: &Mixture,
     strokes: &[Stroke],
     draw: &dyn Fn(usize) -> Vec<Pixel>,
-    lies: &[EdgeClass],
+    classes: &[EdgeClass],
 ) -> Vec<Group> {
     let name = |direction: usize| format!("floor {direction}");
     let of = |direction: usize| strokes.iter().filter(move |stroke| stroke.direction == direction);
@@ -120,13 +125,13 @@ pub(super) fn groups(
         let mut annotation = Annotation::from_segments(kind, segments);
         if direction > 0 {
             annotation.id = Some(name(direction));
-            let tie = mixture.tied.iter().find(|[_, b]| b + 1 == direction).map(|[a, _]| a + 1);
+            let tie = mixture.right_angles.iter().find(|[_, b]| b + 1 == direction).map(|[a, _]| a + 1);
             annotation.at_right_angles_to = tie.filter(|&other| is_drawn(other)).map(name);
         }
         Group {
             annotation,
             probabilities: of(direction).map(|stroke| stroke.probability).collect(),
-            lies: of(direction).map(|stroke| lies[stroke.line]).collect(),
+            classes: of(direction).map(|stroke| classes[stroke.line]).collect(),
         }
     };
     (0..=mixture.azimuths.len()).filter(|&direction| is_drawn(direction)).map(group).collect()

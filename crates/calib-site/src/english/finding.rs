@@ -24,6 +24,11 @@ impl Site {
     }
 }
 
+const UNCERTAINTY_UNKNOWN: &str =
+    "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.";
+const PLACED_BY_HAND: &str = "The camera was placed by hand, so the uncertainty of its position is unknown.";
+const NOT_INVERTIBLE: &str = "The distortion cannot be inverted in a corner of the image.";
+
 impl SentenceContext<'_> {
     fn message(&self, finding: &Finding) -> String {
         use Finding as F;
@@ -38,7 +43,7 @@ impl SentenceContext<'_> {
             }
             F::Unchecked { dof, rejected, .. } => unchecked(*dof, *rejected),
             F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
-            F::UncertaintyUnknown => "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.".into(),
+            F::UncertaintyUnknown => UNCERTAINTY_UNKNOWN.into(),
             F::OutOfDate { subject: what, stored, now } => self.out_of_date(*what, *stored, *now),
             F::PointsOutside { .. } => self.points_outside(finding),
             F::BelowFloor { height } => format!("The camera is {:.2} m below the floor.", -height),
@@ -49,7 +54,9 @@ impl SentenceContext<'_> {
             F::JointMisfit { chi2, dof } => joint_misfit(*chi2, *dof),
             F::CurvedEdges { px, px_without_lens } => curved(*px, *px_without_lens),
             F::CurvedInOneDirection { px } => curved_one_way(*px),
-            F::UninformativeEdges { edges, total: drawn, sagitta_px: bend_px } => self.uninformative(edges, *drawn, *bend_px),
+            F::UninformativeEdges { edges, total: drawn, sagitta_px: bend_px } => {
+                self.uninformative(edges, *drawn, *bend_px)
+            }
             F::UncertainCorners { px, is_round, .. } => corners(*px, *is_round),
             F::UnusedEdges { first, count, is_undistorted, px } => {
                 self.unused_edges(*first, *count, *is_undistorted, *px)
@@ -68,25 +75,36 @@ impl SentenceContext<'_> {
                 counted(*count, "control point is", "control points are")
             ),
             F::HiddenControlPoints { points } => self.hidden_control_points(points),
-            F::FarControlPoints { rms_px, worst, worst_px } => self.far_control_points(*rms_px, *worst, *worst_px),
+            F::FarControlPoints { rms_px, worst, worst_px } => {
+                self.far_control_points(*rms_px, *worst, *worst_px)
+            }
             F::ScaleAssumed { height } => scale_assumed(*height),
-            F::PlacedByHand => "The camera was placed by hand, so the uncertainty of its position is unknown.".into(),
+            F::PlacedByHand => PLACED_BY_HAND.into(),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
-            F::DistortionNotInvertible => {
-                "The distortion cannot be inverted in a corner of the image.".into()
-            }
+            F::DistortionNotInvertible => NOT_INVERTIBLE.into(),
+            _ => self.shared_message(finding),
+        }
+    }
+
+    /// Returns the message of a finding about evidence that cameras share.
+    fn shared_message(&self, finding: &Finding) -> String {
+        use Finding as F;
+        match finding {
             F::ControlPointOutlier { camera, point } => self.control_point_outlier(*camera, *point),
             F::ElementOutlier { element, worst } => self.element_outlier(*element, *worst),
             F::DistanceOutlier { distance } => self.distance_outlier(*distance),
             F::NotConnected { cameras, reason: why } => self.not_connected(cameras, *why),
-            F::UndeterminedPosition { camera } => format!("The links of {} do not determine its position.", self.id(*camera)),
+            F::UndeterminedPosition { camera } => {
+                format!("The links of {} do not determine its position.", self.id(*camera))
+            }
             F::ScaleUnknown { cameras, root } => self.scale_unknown(cameras, *root),
             F::TooManyCameras { count, first } => self.too_many(*count, *first),
             F::Unused { subjects: what, reason: why } => self.unused(what, *why),
             F::UnusedEvidence { evidence: shared, count } => {
                 format!("{} not used, because each camera is solved separately.", evidence(*shared, *count))
             }
+            _ => String::new(),
         }
     }
 }
@@ -201,6 +219,14 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Move the far edge of the field of view down, onto floor that is clearly visible."
         }
         F::DistortionNotInvertible => "Draw straight edges nearer to the corners, or fit fewer coefficients.",
+        _ => shared_advice(finding),
+    }
+}
+
+/// Returns the advice for findings about evidence that cameras share, and about placements.
+const fn shared_advice(finding: &Finding) -> &'static str {
+    use Finding as F;
+    match finding {
         F::ControlPointOutlier { .. } => {
             "Check its coordinates and its pixel. If both are correct, use it anyway (\"keep\")."
         }
@@ -214,14 +240,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::PlacedByHand => CONNECT_OR_FIX,
         F::TooManyCameras { .. } => "Use fewer cameras for each link and mark.",
         F::UnusedEvidence { .. } => "Refine the cameras together, with the maximum-likelihood method.",
-        F::FocalUnobservable { .. }
-        | F::TwoSolutions { .. }
-        | F::Weak { .. }
-        | F::Unusable { .. }
-        | F::Unchecked { .. }
-        | F::ContradictoryUprights { .. }
-        | F::PointsOutside { .. }
-        | F::Unused { .. } => "",
+        _ => "",
     }
 }
 

@@ -1,4 +1,5 @@
-//! The table of accuracy: every estimator on the same draws, beside the Cramér-Rao bound.
+//! `cargo xtask accuracy`: errors of every estimator on the same noise draws, relative to the Cramér-Rao
+//! bound.
 
 use std::process::Command;
 
@@ -11,59 +12,60 @@ use calib_demo::random::{AnnotationSet, RandomScene, SIZE};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
-use crate::heavy::product::done;
+use crate::heavy::product::run_command;
 use crate::workspace::root;
 
-/// Scenes and draws of noise per scene.
+/// Number of scenes, and of noise draws per scene.
 pub(crate) struct Extent {
     pub(crate) scenes: usize,
     pub(crate) draws: usize,
 }
 
-/// Root mean square errors over bounds, and coverage, of one estimator at one noise level.
+/// RMS errors relative to their bounds, and interval coverage, of one estimator at one noise level.
 #[derive(Default)]
 struct Row {
-    /// Ratios of root mean square error to bound, scene by scene, of roll, pitch and log focal.
+    /// Ratios of RMS error to bound, one per scene, for roll, pitch and log focal length.
     ratios: [Vec<f64>; 3],
     covered: [usize; 3],
     trials: usize,
-    /// Results whose focal is more than 20 % off.
-    wild: usize,
+    /// Number of results whose focal length is wrong by more than 20 %.
+    gross: usize,
     failed: usize,
 }
 
 type Estimator = fn(&[Annotation], &RandomScene, f64) -> Option<Camera>;
 
 const ESTIMATORS: [(&str, Estimator); 3] =
-    [("closed form", closed_form), ("paper's C", paper), ("maximum likelihood", likelihood)];
+    [("closed form", closed_form), ("paper's C", paper), ("maximum likelihood", maximum_likelihood)];
 
-/// Prints the table of what stills propose by themselves: that of the test which holds it.
-pub(crate) fn proposals() -> anyhow::Result<()> {
-    of_test("proposals", &["told", "rooms"])
+/// Runs the `proposals` test and prints its accuracy table of automatic calibration.
+pub(crate) fn automatic_calibration() -> anyhow::Result<()> {
+    run_tests("proposals", &["gross", "rooms"])
 }
 
-/// Prints the table of turns and zooms that newer stills tell, on the stills that constants were not chosen on.
+/// Runs the `compare` test and prints its table of measured rotation and zoom, on images that were not used
+/// for tuning.
 pub(crate) fn compare() -> anyhow::Result<()> {
-    of_test("compare", &["the_table", "--ignored"])
+    run_tests("compare", &["table_of", "--ignored"])
 }
 
-/// Prints the tables of cameras that moved, of walks and of time, by detections alone.
+/// Runs the `watch` and `walk` tests and prints their tables of drift detection from detections alone.
 pub(crate) fn watch() -> anyhow::Result<()> {
-    of_test("watch", &["the_table", "alarms", "--ignored"])?;
-    of_test("walk", &["the_table", "--ignored"])
+    run_tests("watch", &["table_of", "alarms", "--ignored"])?;
+    run_tests("walk", &["table_of", "--ignored"])
 }
 
-/// Runs the tests that print a table.
-fn of_test(name: &str, which: &[&str]) -> anyhow::Result<()> {
+/// Runs tests by name and shows the tables that they print.
+fn run_tests(name: &str, which: &[&str]) -> anyhow::Result<()> {
     let mut cargo = Command::new("cargo");
     cargo.args(["test", "--quiet", "--package", "calib-tests", "--test", name, "--", "--nocapture"]);
-    done(cargo.args(which).arg("--test-threads=1").current_dir(root()))
+    run_command(cargo.args(which).arg("--test-threads=1").current_dir(root()))
 }
 
 /// Prints the table as Markdown.
 pub(crate) fn run(extent: &Extent) {
     println!(
-        "| drawn | noise px | estimator | roll | pitch | focal | focal > 20 % off | no result | 95 % covers roll, pitch, focal |"
+        "| annotations | noise px | estimator | roll | pitch | focal | focal > 20 % off | no result | 95 % covers roll, pitch, focal |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for drawn in [AnnotationSet::Directions, AnnotationSet::Lengths] {
@@ -98,7 +100,7 @@ fn print_row(drawn: AnnotationSet, noise: f64, name: &str, row: &Row) {
     let [roll, pitch, focal] = [0, 1, 2].map(|i| median(&row.ratios[i]));
     println!(
         "| {drawn} | {noise} | {name} | {roll:.2} | {pitch:.2} | {focal:.2} | {:.1} % | {:.1} % | {coverage} |",
-        share(row.wild),
+        share(row.gross),
         share(row.failed),
     );
 }
@@ -118,7 +120,7 @@ fn measure(scenes: &[RandomScene], draws: usize, noise: f64, estimator: Estimato
                 continue;
             };
             let error = errors(&found, &scene.camera);
-            row.wild += usize::from(error[2].abs() > 0.2);
+            row.gross += usize::from(error[2].abs() > 0.2);
             count += 1.0;
             let sigma =
                 [Covariance::ROLL, Covariance::PITCH, Covariance::FOCAL].map(|i| found.covariance.sigma(i));
@@ -135,14 +137,14 @@ fn measure(scenes: &[RandomScene], draws: usize, noise: f64, estimator: Estimato
     row
 }
 
-/// Roll and pitch in radians, and the log of the focal.
+/// Returns the errors of roll and pitch in radians, and of the logarithm of the focal length.
 fn errors(found: &Camera, truth: &Camera) -> [f64; 3] {
     [found.roll - truth.roll, found.pitch - truth.pitch, (found.focal / truth.focal).ln()]
 }
 
-/// The Cramér-Rao bound: the covariance that the fit predicts on exact lines.
+/// Computes the Cramér-Rao bound: the standard deviations that the fit predicts for noise-free lines.
 fn bound(scene: &RandomScene, noise: f64) -> Option<[f64; 3]> {
-    let found = likelihood(&scene.annotations, scene, noise)?;
+    let found = maximum_likelihood(&scene.annotations, scene, noise)?;
     let sigma = |index| found.covariance.sigma(index);
     Some([sigma(Covariance::ROLL)?, sigma(Covariance::PITCH)?, sigma(Covariance::FOCAL)? / found.focal])
 }
@@ -151,8 +153,12 @@ fn lens() -> Lens {
     Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]))
 }
 
-/// The whole default solve of one camera.
-pub(crate) fn likelihood(annotations: &[Annotation], scene: &RandomScene, noise: f64) -> Option<Camera> {
+/// Estimates one camera with the complete default fit.
+pub(crate) fn maximum_likelihood(
+    annotations: &[Annotation],
+    scene: &RandomScene,
+    noise: f64,
+) -> Option<Camera> {
     let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let options = FitOptions { efov: &scene.efov, sigma: Some(noise), ..FitOptions::new(lens(), SIZE) };
     Some(Fit::new(&evidence, &options).ok()?.camera)
@@ -162,14 +168,15 @@ fn camera_at(at: Orientation, scene: &RandomScene) -> Camera {
     Camera { roll: at.roll, pitch: at.pitch, focal: at.focal, covariance: Covariance::EXACT, ..scene.camera }
 }
 
-/// The paper's criterion, minimised by Nelder-Mead.
+/// Estimates one camera with the paper's criterion, minimised by Nelder-Mead.
 pub(crate) fn paper(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
     let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let (at, _) = paper_minimum(&evidence, FixedParameters::default(), SIZE[0]).ok()?;
     Some(camera_at(at, scene))
 }
 
-/// Two vanishing points: `f^2 = -v . h` of the nadir and the first parallel group.
+/// Estimates one camera from two vanishing points: `f^2 = -v . h`, with `v` the nadir and `h` the first
+/// parallel group.
 fn closed_form(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
     let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let at = calib_core::single::closed_form(&evidence)?;

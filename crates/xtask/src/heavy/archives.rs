@@ -1,4 +1,5 @@
-//! `calib project` beside `DuckDB`: the same archive, the same codec, one thread each, in one run.
+//! Speed of `calib project` relative to `DuckDB`, on the same archive with the same codec and one thread
+//! each.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -18,20 +19,20 @@ use crate::workspace::root;
 const PYTHON: &str = "target/engines-venv/bin/python";
 const ROWS: usize = 5_000_000;
 
-/// What came out, each over the other.
+/// Ratios of times measured in one run.
 pub(crate) struct Ratios {
     /// Elapsed time of calib over `DuckDB`'s.
     pub(crate) time: f64,
     /// Processor time of calib over `DuckDB`'s.
     pub(crate) processor: f64,
-    /// Processor time of the projection alone over all of calib's.
+    /// Processor time of the projection alone over the total of calib.
     pub(crate) projection: f64,
 }
 
-/// Measures; a message says what is missing.
+/// Runs both programs and returns the ratios; the error names a missing tool.
 pub(crate) fn measure() -> anyhow::Result<Ratios> {
     let python = root().join(PYTHON);
-    ensure!(python.exists(), "{PYTHON} is absent; `cargo xtask test --install` makes it");
+    ensure!(python.exists(), "{PYTHON} is missing; create it with `cargo xtask test --install`");
     let calib = calib()?;
     let folder = root().join("target/bench-archives");
     std::fs::create_dir_all(&folder)?;
@@ -40,7 +41,7 @@ pub(crate) fn measure() -> anyhow::Result<Ratios> {
     std::fs::write(folder.join("site.json"), Site { cameras, ..Site::new() }.to_json())?;
     let export = ["export", "sql", "site.json", "-o", "floor.sql", "--force"];
     let export = Command::new(&calib).args(export).current_dir(&folder).stderr(Stdio::null()).status()?;
-    ensure!(export.success(), "the view is not exact");
+    ensure!(export.success(), "calib export sql failed");
     let found = compare(&python, &calib, &folder)?;
     let seconds = |key: &str| found[key].as_f64().with_context(|| key.to_owned());
     Ok(Ratios {
@@ -57,7 +58,7 @@ fn compare(python: &Path, calib: &Path, folder: &Path) -> anyhow::Result<Value> 
     Ok(serde_json::from_slice(&output.stdout)?)
 }
 
-/// Two cameras with lenses of the division model, one without distortion: what SQL maps exactly.
+/// Creates a camera that SQL maps exactly: number 0 without distortion, the others with the division model.
 fn entry(index: u32) -> (Camera, SiteCamera) {
     let distortion =
         if index == 0 { Distortion::None } else { Distortion::Division { lambda: -0.06 * f64::from(index) } };
@@ -77,7 +78,7 @@ fn entry(index: u32) -> (Camera, SiteCamera) {
     (camera, entry)
 }
 
-/// Seconds of the projection of as many rows, batch by batch, with what became of every pixel.
+/// Measures the projection of `ROWS` pixels with their status, batch by batch, in seconds.
 fn project(entries: &[(Camera, SiteCamera)]) -> f64 {
     const BATCH: usize = 8192;
     let mut random = ChaCha8Rng::seed_from_u64(0);

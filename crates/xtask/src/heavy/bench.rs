@@ -1,5 +1,6 @@
-//! Benchmarks: one JSON object on stdout. Times are of one thread; quote ratios to the peers of one
-//! run, never absolute times.
+//! `cargo xtask bench`: benchmarks, printed as one JSON object on stdout.
+//!
+//! All times are measured on one thread. Quote ratios to the peers within one run, never absolute times.
 
 use std::process::{Command, Stdio};
 
@@ -8,8 +9,9 @@ use serde_json::{Map, Value, json};
 
 use crate::heavy::{archives, py, weight};
 
-/// Benchmarks that stand beside the code: package, program, and the keys of its JSON object. They are not
-/// linked here, so that every other command of this one is built without a window.
+/// Benchmark programs of other crates: package, program, and keys of the JSON object.
+///
+/// They are separate programs, so that the other commands of this crate build without a window system.
 const PROGRAMS: [(&str, &str, &[&str]); 5] = [
     (
         "calib-core",
@@ -45,11 +47,11 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
     ),
 ];
 
-/// What `archives` measures in one run: ratios.
+/// Keys of the ratios that `archives` measures in one run.
 const ARCHIVES: [&str; 3] =
     ["project_time_over_duckdb", "project_processor_over_duckdb", "projection_share_of_project"];
 
-/// What the wheel for Python measures beside `OpenCV` in one run: nanoseconds a point, microseconds a call, and
+/// Keys that the Python wheel and `OpenCV` give in one run: nanoseconds per point, microseconds per call, and
 /// ratios.
 const PYTHON: [&str; 11] = [
     "python_to_floor_ns",
@@ -65,16 +67,17 @@ const PYTHON: [&str; 11] = [
     "python_over_rust_distorted",
 ];
 
-/// Builds something and measures it.
-type Weigh = fn() -> anyhow::Result<f64>;
+/// Function that builds a program and measures it.
+type Measurement = fn() -> anyhow::Result<f64>;
 
-/// What programs weigh, in millions of bytes, and seconds of processor time from nothing.
-const WEIGHTS: [(&str, Weigh); 5] = [
-    ("calib_mb", || weight::of_program("calib-cli", "calib")),
-    ("app_mb", || weight::of_program("calib-app", "calib-app")),
-    ("page_mb_gz", weight::of_page),
-    ("page_rest_mb_gz", weight::of_rest_of_page),
-    ("demo_cold_cpu_s", weight::demo_from_nothing),
+/// Keys and measurements of program sizes in megabytes, and of the processor time of a clean build in
+/// seconds.
+const WEIGHTS: [(&str, Measurement); 5] = [
+    ("calib_mb", || weight::program_mb("calib-cli", "calib")),
+    ("app_mb", || weight::program_mb("calib-app", "calib-app")),
+    ("page_mb_gz", weight::page_mb),
+    ("page_rest_mb_gz", weight::page_rest_mb),
+    ("demo_cold_cpu_s", weight::cold_demo_cpu_s),
 ];
 
 /// Runs all benchmarks whose key contains `filter`.
@@ -111,15 +114,17 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The wheel, and its times over those of the library without Python: the least of several rounds in which both
-/// are measured one after the other, for other work on the machine only adds to a time.
+/// Measures the Python wheel, and its times relative to the Rust library.
+///
+/// Each value is the minimum over several rounds, because other work on the machine only adds time. Every
+/// round measures both, one after the other.
 fn python() -> anyhow::Result<Map<String, Value>> {
     const ROUNDS: usize = 5;
     let mut measured = Map::new();
-    let packages = py::installed()?;
+    let packages = py::install_release()?;
     for _ in 0..ROUNDS {
-        least_of(&mut measured, py::measure(&packages)?);
-        least_of(&mut measured, measure("calib-core", "floor_mapping", "pixel_to_floor_ns", None)?);
+        keep_minimum(&mut measured, py::measure(&packages)?);
+        keep_minimum(&mut measured, measure("calib-core", "floor_mapping", "pixel_to_floor_ns", None)?);
     }
     for (ratio, over, under) in [
         ("python_over_rust", "python_to_floor_ns", "pixel_to_floor_ns"),
@@ -134,8 +139,8 @@ fn python() -> anyhow::Result<Map<String, Value>> {
     Ok(measured)
 }
 
-/// Keeps the lesser of what was measured before and now.
-fn least_of(before: &mut Map<String, Value>, now: Map<String, Value>) {
+/// Merges `now` into `before` and keeps the smaller value of each key.
+fn keep_minimum(before: &mut Map<String, Value>, now: Map<String, Value>) {
     for (key, value) in now {
         let is_less = |old: &Value| value.as_f64() < old.as_f64();
         if before.get(&key).is_none_or(is_less) {
@@ -144,7 +149,9 @@ fn least_of(before: &mut Map<String, Value>, now: Map<String, Value>) {
     }
 }
 
-/// Runs one program, built for at most this level of vector instructions; what it prints is a JSON object.
+/// Runs one benchmark program and parses the JSON object that it prints.
+///
+/// `level` limits the vector instructions that the program uses.
 pub(crate) fn measure(
     package: &str,
     program: &str,
@@ -159,5 +166,5 @@ pub(crate) fn measure(
         bail!("cargo {} failed", arguments.join(" "));
     }
     serde_json::from_slice(&output.stdout)
-        .with_context(|| format!("what {program} measured is no JSON object"))
+        .with_context(|| format!("the output of {program} is not a JSON object"))
 }

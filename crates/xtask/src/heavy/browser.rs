@@ -1,4 +1,5 @@
-//! `cargo xtask browser`: the app in Chromium, as files behind a server and as one page without.
+//! `cargo xtask browser`: tests of the web app in Chromium, both as served files and as one self-contained
+//! page.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,16 +12,16 @@ use crate::heavy::web;
 use crate::serve;
 use crate::workspace::root;
 
-// The page and the benchmarks are measured in one way.
+// The page and the benchmarks use the same measurement.
 #[path = "../../../calib-core/benches/measure/median.rs"]
 mod median;
 
-/// Where what drives the browser is installed.
-const FOLDER: &str = "target/browser";
-/// What drives it.
-const SOURCES: &str = "crates/calib-app/tests/browser";
+/// Folder of the installed npm packages that control the browser.
+const NPM_FOLDER: &str = "target/browser";
+/// Folder of the test scripts.
+const SCRIPTS_FOLDER: &str = "crates/calib-app/tests/browser";
 
-/// The browser.
+/// Returns the path of an installed Chromium or Chrome.
 pub(crate) fn chromium() -> anyhow::Result<PathBuf> {
     ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"]
         .into_iter()
@@ -29,24 +30,25 @@ pub(crate) fn chromium() -> anyhow::Result<PathBuf> {
         .context("no Chromium: apt-get install chromium")
 }
 
-/// Builds the page into `out`, serves it, and runs a script of the test folder.
+/// Builds the page into `out` unless `as_is` is set, serves it, and runs a script of the test folder.
 pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool) -> anyhow::Result<()> {
     if !as_is {
         web::run(out, None)?;
     }
     let browser = chromium()?;
-    let site = serve::Site::new(out, 0)?;
+    let site = serve::FolderServer::new(out, 0)?;
     let address = format!("http://{}/", site.address()?);
     std::thread::spawn(move || site.serve());
     let mut node = Command::new("node");
-    node.arg(root().join(SOURCES).join(script)).arg(&address).arg(out.join("calib.html"));
-    node.env("CALIB_CHROMIUM", browser).env("CALIB_NODE_MODULES", root().join(FOLDER).join("node_modules"));
+    node.arg(root().join(SCRIPTS_FOLDER).join(script)).arg(&address).arg(out.join("calib.html"));
+    node.env("CALIB_CHROMIUM", browser)
+        .env("CALIB_NODE_MODULES", root().join(NPM_FOLDER).join("node_modules"));
     node.env("CALIB", calib()?);
     if !cfg!(debug_assertions) {
-        node.env("CALIB_NATIVE_MS", native().to_string());
+        node.env("CALIB_NATIVE_MS", native_solve_ms().to_string());
     } else if let Some(list) = std::env::var_os("CALIB_SKIPPED_LIST") {
         let mut list = std::fs::OpenOptions::new().append(true).open(list)?;
-        writeln!(list, "SKIPPED pace in the browser: only an optimised build measures it")?;
+        writeln!(list, "SKIPPED solve time in the browser: requires an optimised build")?;
     }
     if let Some(pictures) = pictures {
         std::fs::create_dir_all(pictures)?;
@@ -56,9 +58,9 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool
     Ok(())
 }
 
-/// How long the first camera of the demonstration takes to solve on this machine, in milliseconds: what the
-/// page's time is compared with.
-fn native() -> f64 {
+/// Measures the native solve of the demonstration's first camera, in milliseconds. The page's solve time is
+/// compared with it.
+fn native_solve_ms() -> f64 {
     const RUNS: usize = 200;
     let site = calib_demo::demo_site().site;
     let cameras = site.cameras.first().map(|camera| vec![camera.id.clone()]);

@@ -1,4 +1,4 @@
-//! `cargo xtask c`: the library for C and C++ with its header, and its tests under the sanitizers.
+//! `cargo xtask c`: the C and C++ library with its header, and its tests under the sanitizers.
 
 use std::fs;
 use std::path::Path;
@@ -7,30 +7,30 @@ use std::process::{Command, Stdio};
 use anyhow::{Context as _, ensure};
 
 use crate::heavy::golden;
-use crate::heavy::product::{build, done, profile};
+use crate::heavy::product::{build, profile_folder, run_command};
 use crate::workspace::root;
 
 const CRATE: &str = "crates/calib-c";
 const HEADER: &str = "crates/calib-c/include/calib.h";
-/// What the static library wants of the system.
-const SYSTEM: &str = if cfg!(windows) {
+/// System libraries that the static library needs.
+const SYSTEM_LIBRARIES: &str = if cfg!(windows) {
     "-lkernel32 -lntdll -luserenv -lws2_32"
 } else if cfg!(target_os = "macos") {
     "-lSystem -lc -lm"
 } else {
     "-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc"
 };
-/// What is built, by the names of all systems.
+/// File names of the built libraries on all systems.
 const LIBRARIES: [&str; 6] =
     ["libcalib.a", "libcalib.so", "libcalib.dylib", "calib.dll", "calib.dll.lib", "calib.lib"];
 const STRICT: [&str; 6] = ["-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"];
 
-/// The header, as the sources say it.
+/// Generates the header from the Rust sources.
 fn header() -> anyhow::Result<String> {
     let folder = root().join(CRATE);
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).map_err(anyhow::Error::msg)?;
     let mut builder = cbindgen::Builder::new().with_config(config);
-    for file in ["raw", "words", "site", "plan", "camera", "about", "mapping"] {
+    for file in ["raw", "site", "camera", "about", "mapping"] {
         builder = builder.with_src(folder.join("src").join(file).with_extension("rs"));
     }
     let mut text = Vec::new();
@@ -38,19 +38,19 @@ fn header() -> anyhow::Result<String> {
     Ok(String::from_utf8(text)?)
 }
 
-/// Writes libraries, header and pkg-config file into `out`, as under a prefix.
+/// Writes libraries, header and pkg-config file into `out`, with the layout of an installation prefix.
 pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(root().join(CRATE).join("include"))?;
     fs::write(root().join(HEADER), header()?)?;
     let mut cargo = Command::new("cargo");
-    done(cargo.args(["build", "--quiet", "--release", "--package", "calib-c"]).current_dir(root()))?;
-    gather(&profile()?.with_file_name("release"), out)?;
+    run_command(cargo.args(["build", "--quiet", "--release", "--package", "calib-c"]).current_dir(root()))?;
+    copy_to_prefix(&profile_folder()?.with_file_name("release"), out)?;
     println!("{}", out.display());
     Ok(())
 }
 
-/// What was built, as it lies under a prefix, wherever that is.
-fn gather(built: &Path, out: &Path) -> anyhow::Result<()> {
+/// Copies the built files into `out`, with the layout of an installation prefix that can be moved.
+fn copy_to_prefix(built: &Path, out: &Path) -> anyhow::Result<()> {
     let [lib, include] = ["lib", "include"].map(|folder| out.join(folder));
     fs::create_dir_all(lib.join("pkgconfig"))?;
     fs::create_dir_all(&include)?;
@@ -61,7 +61,7 @@ fn gather(built: &Path, out: &Path) -> anyhow::Result<()> {
     }
     fs::copy(root().join(HEADER), include.join("calib.h"))?;
     let template = fs::read_to_string(root().join(CRATE).join("calib.pc.in"))?;
-    let words = [("@version@", env!("CARGO_PKG_VERSION")), ("@private@", SYSTEM)];
+    let words = [("@version@", env!("CARGO_PKG_VERSION")), ("@private@", SYSTEM_LIBRARIES)];
     let about = words.iter().fold(template, |text, (word, value)| text.replace(word, value));
     Ok(fs::write(lib.join("pkgconfig/calib.pc"), about)?)
 }
@@ -69,7 +69,7 @@ fn gather(built: &Path, out: &Path) -> anyhow::Result<()> {
 /// Compiles tests and examples with warnings as errors, and runs them under the sanitizers.
 pub(crate) fn test(golden: &Path) -> anyhow::Result<()> {
     let checked_in = fs::read_to_string(root().join(HEADER)).unwrap_or_default();
-    ensure!(checked_in == header()?, "{HEADER} is not that of the sources: `cargo xtask c` writes it");
+    ensure!(checked_in == header()?, "{HEADER} does not match the sources; update it with `cargo xtask c`");
     golden::run(golden)?;
     let (built, out) = (build(&["--package", "calib-c"])?, root().join("target/c-test"));
     fs::create_dir_all(&out)?;
@@ -80,24 +80,25 @@ pub(crate) fn test(golden: &Path) -> anyhow::Result<()> {
         Ok(command)
     };
     let site = || anyhow::Ok(Stdio::from(fs::File::open(golden.join("site.json"))?));
-    done(program("golden", "tests/golden.cpp")?.arg(golden))?;
-    done(program("misuse", "tests/misuse.c")?.stdin(site()?))?;
-    done(
+    run_command(program("golden", "tests/golden.cpp")?.arg(golden))?;
+    run_command(program("misuse", "tests/misuse.c")?.stdin(site()?))?;
+    run_command(
         program("boxes_to_floor", "examples/boxes_to_floor.c")?.arg(golden.join("site.json")).arg("camera-0"),
     )?;
-    installed(&built, &out, &golden.join("site.json"))?;
+    test_installed(&built, &out, &golden.join("site.json"))?;
     gstreamer(&out)
 }
 
-/// The example for C++ finds the library as programs do, shared and static, from a prefix that was moved.
-fn installed(built: &Path, out: &Path, site: &Path) -> anyhow::Result<()> {
+/// Builds the C++ example against an installed prefix that was moved, with the shared and with the static
+/// library.
+fn test_installed(built: &Path, out: &Path, site: &Path) -> anyhow::Result<()> {
     let [first, prefix] = ["prefix", "moved"].map(|name| out.join(name));
     for folder in [&first, &prefix] {
         if folder.exists() {
             fs::remove_dir_all(folder)?;
         }
     }
-    gather(built, &first)?;
+    copy_to_prefix(built, &first)?;
     fs::rename(&first, &prefix)?;
     for linking in [None, Some("--static")] {
         let flags = flags(
@@ -109,26 +110,26 @@ fn installed(built: &Path, out: &Path, site: &Path) -> anyhow::Result<()> {
         let program = out.join("installed");
         let mut command = Command::new("c++");
         command.args(["-std=c++17"]).args(STRICT).arg(root().join(CRATE).join("examples/boxes_to_floor.cpp"));
-        // The static library where both lie is the one that is named.
+        // Names the static library explicitly, because the linker prefers the shared one.
         let flags = flags.split_whitespace().map(|flag| match (linking, flag) {
             (Some(_), "-lcalib") => "-l:libcalib.a",
             _ => flag,
         });
-        done(command.args(flags).arg("-o").arg(&program))?;
+        run_command(command.args(flags).arg("-o").arg(&program))?;
         let mut run = Command::new(&program);
-        done(run.arg(site).arg("camera-0").env("LD_LIBRARY_PATH", prefix.join("lib")))?;
+        run_command(run.arg(site).arg("camera-0").env("LD_LIBRARY_PATH", prefix.join("lib")))?;
     }
     Ok(())
 }
 
-/// What pkg-config says.
+/// Returns the compiler flags that pkg-config prints.
 fn flags(packages: &mut Command) -> anyhow::Result<String> {
     let found = packages.stderr(Stdio::null()).output()?;
-    ensure!(found.status.success(), "{packages:?} finds nothing");
+    ensure!(found.status.success(), "{packages:?} failed");
     Ok(String::from_utf8(found.stdout)?)
 }
 
-/// With the shared library, so that what it wants of the system is its own.
+/// Compiles a test with the shared library, which brings its own system dependencies.
 fn compile(built: &Path, source: &str, to: &Path) -> anyhow::Result<()> {
     let (compiler, standard) =
         if source.ends_with(".c") { ("cc", "-std=c11") } else { ("c++", "-std=c++17") };
@@ -137,19 +138,19 @@ fn compile(built: &Path, source: &str, to: &Path) -> anyhow::Result<()> {
     command.arg("-I").arg(root().join(CRATE).join("include"));
     command.arg(root().join(CRATE).join(source)).arg("-o").arg(to);
     command.arg("-L").arg(built).args(["-lcalib", "-lpthread", "-lm"]);
-    done(&mut command)
+    run_command(&mut command)
 }
 
-/// The probe compiles where the headers of `GStreamer` are.
+/// Compiles the `GStreamer` example.
 fn gstreamer(out: &Path) -> anyhow::Result<()> {
     let packages = ["--cflags", "gstreamer-1.0", "gstreamer-video-1.0"];
     let flags = flags(Command::new("pkg-config").args(packages))
-        .context("GStreamer's headers: libgstreamer-plugins-base1.0-dev")?;
-    // Its headers are not ours to warn of.
+        .context("no GStreamer headers: install libgstreamer-plugins-base1.0-dev")?;
+    // As system headers, GStreamer's headers give no warnings.
     let flags = flags.split_whitespace().map(|flag| flag.replacen("-I", "-isystem", 1));
     let mut command = Command::new("cc");
     command.args(["-std=c11", "-c"]).args(STRICT).args(flags);
     command.arg("-I").arg(root().join(CRATE).join("include"));
     command.arg(root().join(CRATE).join("examples/gstreamer_probe.c")).arg("-o").arg(out.join("probe.o"));
-    done(&mut command)
+    run_command(&mut command)
 }

@@ -1,4 +1,4 @@
-//! Whether what is stated holds: errors on real data beside their sigmas, and the share inside intervals.
+//! Accuracy on real data: errors, their standard deviations, and the coverage of the reported intervals.
 
 use calib_core::{Annotation, Camera, Code, Covariance, DistortionModel, Kind, Pixel};
 
@@ -7,36 +7,36 @@ use serde_json::Value;
 
 use crate::workspace;
 
-/// Levels of intervals whose coverage is plotted.
+/// Interval levels at which the coverage is plotted.
 const LEVELS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.95];
 
-/// Errors of one quantity on one set of data.
+/// Errors of one quantity on one data set.
 struct Errors {
     name: &'static str,
-    /// Of the error.
+    /// Unit of the error.
     unit: &'static str,
-    /// Error, and error over sigma.
+    /// Error in `unit`, and the error divided by its standard deviation, of every result.
     each: Vec<(f64, f64)>,
 }
 
-/// Prints the table as Markdown and draws the plot.
+/// Prints the table as Markdown and writes the plot.
 pub(crate) fn run() -> anyhow::Result<()> {
     let real = workspace::root().join("../shared/real");
     if !real.is_dir() {
-        println!("skipped: {} is not there", real.display());
+        println!("skipped: {} does not exist", real.display());
         return Ok(());
     }
     let road = real.join("road");
     let rooms = solved(&real.join("rooms/rooms.json"))?;
     let sets = [
-        focals("rooms: focal", &rooms, |_| true),
-        focals("rooms whose focal the lines tell", &rooms, tells_focal),
+        focals("rooms: focal length", &rooms, |_| true),
+        focals("rooms, focal length well determined", &rooms, determines_focal),
         roads("motorways: ratios of distances", &road, &["s1_center.json", "s1_right.json"])?,
-        roads("motorways, two cameras jointly", &road, &["joint_s1.json"])?,
+        roads("motorways, two cameras refined jointly", &road, &["joint_s1.json"])?,
     ];
     let [focal, turns] = shelter(&real.join("meva/meva.json"))?;
     println!(
-        "| data | results | mean error | median | 90th | > 20 % off | 50 % holds | 80 % holds | 95 % holds |"
+        "| data | results | mean error | median | 90th | > 20 % off | 50 % coverage | 80 % coverage | 95 % coverage |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     sets.iter().chain([&focal, &turns]).for_each(print_row);
@@ -70,14 +70,14 @@ fn print_row(set: &Errors) {
     );
 }
 
-/// Share of the results whose interval of this level holds the truth.
+/// Returns the fraction of results whose interval of this level contains the true value.
 fn coverage(set: &Errors, level: f64) -> f64 {
     let bound = normal_quantile(0.5 + 0.5 * level);
     let held = set.each.iter().filter(|(_, z)| z.abs() <= bound).count();
     held as f64 / set.each.len() as f64
 }
 
-/// The quantile of the standard normal distribution (Abramowitz and Stegun 1964, 26.2.23, to 5e-4).
+/// Returns the quantile of the standard normal distribution (Abramowitz and Stegun 1964, 26.2.23, to 5e-4).
 fn normal_quantile(probability: f64) -> f64 {
     let t = (-2.0 * (1.0 - probability).ln()).sqrt();
     let above = 2.515_517 + t * (0.802_853 + t * 0.010_328);
@@ -90,7 +90,8 @@ fn solved(path: &std::path::Path) -> anyhow::Result<Site> {
     Ok(site.calibrate(&Options::default()).write_into(&site))
 }
 
-/// Photographs of rooms, lines by hand: the focal against that of a chessboard calibration.
+/// Computes the focal length errors on photographs of rooms with hand-drawn lines. The reference is a
+/// chessboard calibration.
 fn focals(name: &'static str, site: &Site, counts: impl Fn(&Solution) -> bool) -> Errors {
     const TRUE_FOCAL: f64 = 519.16;
     let error = |camera: Camera| {
@@ -103,17 +104,20 @@ fn focals(name: &'static str, site: &Site, counts: impl Fn(&Solution) -> bool) -
     Errors { name, unit: "%", each: cameras.filter_map(error).collect() }
 }
 
-/// Whether no warning says that the lines leave the focal open, or contradict themselves.
-fn tells_focal(solution: &Solution) -> bool {
+/// Whether the solution has no warning about an unobservable, ambiguous or contradictory focal length.
+fn determines_focal(solution: &Solution) -> bool {
     let doubts = [Code::FocalUnobservable, Code::TwoSolutions, Code::Misfit];
     !solution.warnings.iter().any(|warning| doubts.contains(&warning.code))
 }
 
-/// The surveillance cameras of a shelter with the lines that were drawn for them, under their true lens, each by
-/// itself: the focal, and pitch and roll together, against a calibration by surveyed points.
+/// Computes the errors of the surveillance cameras of a shelter, each solved separately from hand-drawn lines
+/// with its true lens.
+///
+/// Returns the focal length errors, and the pitch and roll errors together. The reference is a calibration by
+/// surveyed points.
 fn shelter(path: &std::path::Path) -> anyhow::Result<[Errors; 2]> {
-    /// What the gravity of that calibration is good to, in degrees.
-    const GRAVITY: f64 = 0.8;
+    /// Standard deviation of the gravity direction in the reference calibration, in degrees.
+    const GRAVITY_SIGMA_DEG: f64 = 0.8;
     let data: Value = serde_json::from_str(&std::fs::read_to_string(path)?)?;
     let (mut focals, mut turns) = (Vec::new(), Vec::new());
     for (id, camera) in data["cameras"].as_object().into_iter().flatten() {
@@ -121,7 +125,7 @@ fn shelter(path: &std::path::Path) -> anyhow::Result<[Errors; 2]> {
             continue;
         }
         let number = |key: &str| camera["truth"][key].as_f64().unwrap_or(f64::NAN);
-        let site = Site { cameras: vec![drawn_shelter(id, camera)?], ..Site::new() };
+        let site = Site { cameras: vec![annotated_shelter_camera(id, camera)?], ..Site::new() };
         let solved = site.calibrate(&Options::default()).write_into(&site);
         let Some(found) = solved.cameras[0].camera() else { continue };
         let sigma = |index: usize| found.covariance.sigma(index).unwrap_or(f64::INFINITY);
@@ -131,15 +135,15 @@ fn shelter(path: &std::path::Path) -> anyhow::Result<[Errors; 2]> {
             [(found.pitch, "pitch_down_deg", Covariance::PITCH), (found.roll, "roll_deg", Covariance::ROLL)];
         turns.extend(angles.map(|(angle, truth, index)| {
             let error = angle.to_degrees() - number(truth);
-            (error, error / sigma(index).to_degrees().hypot(GRAVITY))
+            (error, error / sigma(index).to_degrees().hypot(GRAVITY_SIGMA_DEG))
         }));
     }
-    let focals = Errors { name: "surveillance cameras: focal", unit: "%", each: focals };
-    Ok([focals, Errors { name: "the same: pitch and roll", unit: "\u{b0}", each: turns }])
+    let focals = Errors { name: "surveillance cameras: focal length", unit: "%", each: focals };
+    Ok([focals, Errors { name: "surveillance cameras: pitch and roll", unit: "\u{b0}", each: turns }])
 }
 
-/// A camera of the shelter, its lens known but for the focal.
-fn drawn_shelter(id: &str, camera: &Value) -> anyhow::Result<SiteCamera> {
+/// Creates a camera of the shelter with its annotations and its true lens, except for the focal length.
+fn annotated_shelter_camera(id: &str, camera: &Value) -> anyhow::Result<SiteCamera> {
     let truth = |key: &str| camera["truth"][key].as_f64();
     let distortion = DistortionEntry {
         k1: truth("k1"),
@@ -164,7 +168,7 @@ fn drawn_shelter(id: &str, camera: &Value) -> anyhow::Result<SiteCamera> {
     Ok(SiteCamera { lens: Some(lens), annotations, ..SiteCamera::new(id, size) })
 }
 
-/// Motorways: ratios of measured distances.
+/// Computes the errors of ratios of measured distances on motorways.
 fn roads(name: &'static str, folder: &std::path::Path, files: &[&str]) -> anyhow::Result<Errors> {
     let truth: Value = serde_json::from_str(&std::fs::read_to_string(folder.join("truth.json"))?)?;
     let mut each = Vec::new();
@@ -183,7 +187,7 @@ fn roads(name: &'static str, folder: &std::path::Path, files: &[&str]) -> anyhow
     Ok(Errors { name, unit: "%", each })
 }
 
-/// A distance measured on the road.
+/// Distance measured on the road.
 struct Distance {
     ends: [Pixel; 2],
     metres: f64,
@@ -195,8 +199,8 @@ impl Distance {
         Some(Self { ends: [pixel("p1")?, pixel("p2")?], metres: value["m"].as_f64()? })
     }
 
-    /// The log of the length that a camera sees, its derivatives by the camera, and its variance for clicks of
-    /// 1 px.
+    /// Computes the logarithm of the length on the floor, its derivatives with respect to the camera
+    /// parameters, and its variance for an annotation noise of 1 px.
     fn log_length(&self, camera: &Camera) -> Option<LogLength> {
         let [a, b] = self.ends.map(|pixel| camera.pixel_to_floor(pixel, 0.0));
         let (a, b) = (a?, b?);
@@ -212,29 +216,36 @@ impl Distance {
             let [x, y] = along;
             clicks += (x * x * xx + 2.0 * x * y * xy + y * y * yy) / (length * length);
         }
-        Some(LogLength { value: length.ln(), by, clicks })
+        Some(LogLength { value: length.ln(), jacobian: by, click_variance: clicks })
     }
 }
 
-/// The log of a length on the floor.
+/// Logarithm of a length on the floor, its derivatives by camera parameter, and its variance from annotation
+/// noise.
 struct LogLength {
     value: f64,
-    by: [f64; Covariance::SIZE],
-    clicks: f64,
+    jacobian: [f64; Covariance::SIZE],
+    click_variance: f64,
 }
 
-/// The error of the ratio of two distances in per cent, and over its sigma: that of the camera, and 1 px for
-/// each click of the truth.
+/// Computes the error of the ratio of two distances in per cent, and the error divided by its standard
+/// deviation.
+///
+/// The variance includes the camera's covariance and a noise of 1 px for each end point of the reference
+/// distances.
 fn ratio_error(camera: &Camera, [a, b]: [&Distance; 2]) -> Option<(f64, f64)> {
     let (seen_a, seen_b) = (a.log_length(camera)?, b.log_length(camera)?);
     let error = seen_a.value - seen_b.value - (a.metres / b.metres).ln();
-    let by: [f64; Covariance::SIZE] = std::array::from_fn(|k| seen_a.by[k] - seen_b.by[k]);
+    let by: [f64; Covariance::SIZE] = std::array::from_fn(|k| seen_a.jacobian[k] - seen_b.jacobian[k]);
     let carried = |i: usize| (0..by.len()).map(|j| camera.covariance.0[i][j] * by[j]).sum::<f64>();
-    let variance = (0..by.len()).map(|i| by[i] * carried(i)).sum::<f64>() + seen_a.clicks + seen_b.clicks;
+    let variance = (0..by.len()).map(|i| by[i] * carried(i)).sum::<f64>()
+        + seen_a.click_variance
+        + seen_b.click_variance;
     Some((100.0 * error.exp_m1(), error / variance.sqrt()))
 }
 
-/// Coverage over level, one line a set; the diagonal is what was promised.
+/// Plots the coverage over the interval level, one line per data set. On the diagonal the coverage equals the
+/// level.
 fn svg(sets: &[Errors]) -> String {
     let colours = ["#0b6bcb", "#7c3aed", "#c2410c", "#15803d"];
     let place = |x: f64, y: f64| format!("{:.1},{:.1}", 50.0 + 300.0 * x, 330.0 - 300.0 * y);
@@ -256,7 +267,7 @@ fn svg(sets: &[Errors]) -> String {
         place(0.0, 0.0),
         place(1.0, 1.0)
     );
-    text += "<text x=\"200\" y=\"369\" text-anchor=\"middle\" fill=\"#111827\">level of the interval, %</text><text x=\"50\" y=\"18\" fill=\"#111827\">share of results that it holds, %</text>\n";
+    text += "<text x=\"200\" y=\"369\" text-anchor=\"middle\" fill=\"#111827\">interval level, %</text><text x=\"50\" y=\"18\" fill=\"#111827\">intervals that contain the true value, %</text>\n";
     for (index, set) in sets.iter().enumerate() {
         let points: Vec<String> = LEVELS.iter().map(|&level| place(level, coverage(set, level))).collect();
         let y = 60.0 + 24.0 * index as f64;

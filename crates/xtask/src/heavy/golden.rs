@@ -1,9 +1,10 @@
-//! `cargo xtask golden`: points of twenty cameras as the core maps them one by one, which the library in every other
-//! language must return bit for bit.
+//! `cargo xtask golden`: points of twenty cameras, mapped one by one by the core. Every language binding must
+//! return the same bits.
 //!
-//! `site.json` has the cameras. `cameras.txt` has a line for each: id, origin, fit, width and height of the stream,
-//! left, top, width and height of what it shows, height of the plane; the numbers are those of `calib.h`, 0 where
-//! nothing is said. `points.f64` has its columns one after the other, camera by camera, as doubles, low byte first.
+//! - `site.json` contains the cameras.
+//! - `cameras.txt` has one line per camera: id, origin, fit, width and height of the stream, left, top, width
+//!   and height of the crop, and height of the plane. Enumerations use the numbers of `calib.h`; 0 means not set.
+//! - `points.f64` contains its columns one after the other, camera by camera, as little-endian doubles.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -20,15 +21,16 @@ use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 const CAMERAS: usize = 20;
-/// Of every camera.
+/// Number of points per camera.
 const POINTS: usize = 5000;
-/// u, v; x, y, status; the covariance's two parts; u, v, status of the point; the ray; the undistorted pixel.
+/// Number of columns: u, v; x, y, status; two covariances of 4 values (pixel noise, calibration); u, v,
+/// status of the reprojected point; the ray of 3 values; u, v of the undistorted pixel.
 const COLUMNS: usize = 21;
-/// Standard deviation of a pixel of the stream.
+/// Standard deviation of a pixel coordinate, in pixels of the stream.
 const SIGMA: f64 = 1.5;
-const STILL: [u32; 2] = [1920, 1080];
+const IMAGE_SIZE: [u32; 2] = [1920, 1080];
 
-/// Writes the folder.
+/// Writes the files into `out`.
 pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(out).with_context(|| out.display().to_string())?;
     let mut random = ChaCha8Rng::seed_from_u64(20);
@@ -63,7 +65,7 @@ fn stream(index: usize) -> Stream {
     }
 }
 
-/// A camera over the floor, with one lens model or another, most of them with errors that are known.
+/// Creates a camera above the floor. The lens model varies with `index`, and most cameras have a covariance.
 fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
     let mut about = |middle: f64, spread: f64| middle + random.random_range(-spread..spread);
     let focal = about(1300.0, 250.0);
@@ -101,10 +103,10 @@ fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
     for (which, sigma) in [(Covariance::Z, 0.03), (Covariance::PITCH, 0.004), (Covariance::FOCAL, 12.0)] {
         camera.covariance.0[which][which] = sigma * sigma;
     }
-    // Of some cameras nobody knows how good they are.
+    // Some cameras have no covariance.
     let covariance = if index % 7 == 6 { None } else { CovarianceEntry::from_camera(&camera) };
     let solution = Solution { covariance, ..Solution::from_camera(&camera, Method::Given, Stage::Placed) };
-    SiteCamera { solution: Some(solution), ..SiteCamera::new(format!("camera-{index}"), STILL) }
+    SiteCamera { solution: Some(solution), ..SiteCamera::new(format!("camera-{index}"), IMAGE_SIZE) }
 }
 
 fn columns(
@@ -113,16 +115,16 @@ fn columns(
     height: f64,
     random: &mut ChaCha8Rng,
 ) -> anyhow::Result<[Vec<f64>; COLUMNS]> {
-    let camera = entry.camera().context("it was given")?;
+    let camera = entry.camera().context("the camera has no solution")?;
     let (map, efov) = (stream.map(entry.size())?, entry.floor_polygon());
     let extent = Extent { size: entry.size(), efov: &efov };
     let projector = FloorProjector::new(&camera, height);
-    let shown = stream.crop.map(|[_, _, w, h]| [w as u32, h as u32]).unwrap_or(STILL);
+    let shown = stream.crop.map(|[_, _, w, h]| [w as u32, h as u32]).unwrap_or(IMAGE_SIZE);
     let size = stream.size.unwrap_or(shown).map(f64::from);
     let mut rows = Vec::with_capacity(POINTS);
     for index in 0..POINTS {
         let mut pixel = size.map(|side| side * random.random_range(-0.1..1.1));
-        // Detectors lose a box now and then.
+        // Detectors sometimes return invalid boxes.
         if index % 500 == 7 {
             pixel[index % 2] = if index % 3 == 0 { f64::NAN } else { f64::INFINITY };
         }
@@ -131,7 +133,7 @@ fn columns(
     Ok(std::array::from_fn(|column| rows.iter().map(|row| row[column]).collect()))
 }
 
-/// Everything that is asked about one pixel.
+/// Computes all columns for one pixel of the stream.
 fn row(projector: &FloorProjector, extent: &Extent<'_>, map: &StreamMap, [u, v]: [f64; 2]) -> [f64; COLUMNS] {
     let (camera, height) = (projector.camera(), projector.height());
     let still = Pixel::new(map.in_still(0, u), map.in_still(1, v));

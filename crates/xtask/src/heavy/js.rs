@@ -1,4 +1,4 @@
-//! `cargo xtask js`: the package for JavaScript, and its tests in Node and in Chromium.
+//! `cargo xtask js`: the JavaScript package, and its tests in Node and in Chromium.
 
 use std::fs;
 use std::path::Path;
@@ -26,7 +26,7 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
         .out_name("calib")
         .web(true)?
         .typescript(true)
-        // Called with nothing, it fetches what lies beside it.
+        // Without an argument, the initialiser fetches the WebAssembly file next to the script.
         .omit_default_module_path(false)
         .remove_name_section(true)
         .remove_producers_section(true)
@@ -34,7 +34,7 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     let package = json!({
         "name": "calib",
         "version": env!("CARGO_PKG_VERSION"),
-        "description": "Calibrated cameras: pixels to the floor and back, and the solve",
+        "description": "Camera calibration, and mapping between pixels and floor coordinates",
         "license": env!("CARGO_PKG_LICENSE"),
         "type": "module",
         "main": "calib.js",
@@ -53,13 +53,17 @@ pub(crate) fn run(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Checks the types of the tests, and runs them: the package beside the command line in Node, and its numbers in Chromium.
+/// Checks the types of the tests and runs them. In Node the package is compared with the command line; in
+/// Chromium its numbers are checked.
 pub(crate) fn test(out: &Path, golden: &Path) -> anyhow::Result<()> {
     let tools = root().join("target/browser/node_modules");
-    ensure!(tools.exists(), "target/browser is absent; `cargo xtask test --install` makes it");
+    ensure!(tools.exists(), "target/browser is missing; create it with `cargo xtask test --install`");
     let mut compile = Command::new("node");
     compile.arg(tools.join("typescript/bin/tsc")).args(["--project", "crates/calib-js/tests"]);
-    ensure!(compile.current_dir(root()).status()?.success(), "the types of the package do not fit its test");
+    ensure!(
+        compile.current_dir(root()).status()?.success(),
+        "the types of the package do not match its tests"
+    );
     golden::run(golden)?;
     let mut run = Command::new("node");
     run.arg("target/js-test/package.mjs").arg(out).arg(calib()?).arg(golden).current_dir(root());

@@ -1,6 +1,14 @@
-//! The commands that need what they measure, and heavy tools.
+//! Commands with large dependencies; they are compiled only with the feature `all`.
+//!
+//! - `product`, `wasm_build`: builds for this machine and for wasm32
+//! - `accuracy`, `coverage`: accuracy tables on simulated and on real data
+//! - `golden`: points that all language bindings must reproduce bit for bit
+//! - `py`, `c`, `js`: packages for Python, C and JavaScript
+//! - `pictures`, `split`, `web`: the web app
+//! - `archives`, `weight`, `bench`, `peers`: benchmarks
+//! - `browser`: tests of the web app in Chromium
 
-// A module uses only those above it.
+// In dependency order: a module uses only modules listed above it.
 mod product;
 mod wasm_build;
 mod accuracy;
@@ -23,7 +31,7 @@ use std::path::PathBuf;
 use crate::Heavy;
 use crate::workspace::{rerun, root};
 
-/// Where the tests of other languages find the golden points.
+/// Returns the folder of the golden points, which the tests of the bindings read.
 fn points() -> PathBuf {
     root().join("target/golden")
 }
@@ -31,7 +39,7 @@ fn points() -> PathBuf {
 /// Runs the command.
 pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
     match command {
-        // An unoptimised number is worse than none.
+        // Timings of an unoptimised build are misleading.
         Heavy::Bench { .. } if cfg!(debug_assertions) => rerun(&["--release"]),
         Heavy::Bench { filter, .. } => bench::run(&filter),
         Heavy::Peers => peers::run(),
@@ -54,7 +62,7 @@ pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
         Heavy::C { out, test: false } => c::run(&root().join(out)),
         Heavy::Golden { out } => golden::run(&root().join(out)),
         Heavy::Accuracy { real: true, .. } => coverage::run(),
-        Heavy::Accuracy { proposals: true, .. } => accuracy::proposals(),
+        Heavy::Accuracy { proposals: true, .. } => accuracy::automatic_calibration(),
         Heavy::Accuracy { compare: true, .. } => accuracy::compare(),
         Heavy::Accuracy { watch: true, .. } => accuracy::watch(),
         Heavy::Accuracy { scenes, draws, .. } => {

@@ -1,43 +1,44 @@
-//! What the workspace builds for this machine, and where it lies.
+//! Native builds of the workspace, and the paths of the built programs.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context as _, bail, ensure};
 
-use crate::check::IS_BUILT;
+use crate::check::WORKSPACE_IS_BUILT;
 use crate::workspace::root;
 
-/// Builds what the arguments say in the profile of this program; the folder of that profile.
+/// Runs `cargo build` with these arguments in the profile of this program, and returns the folder of that
+/// profile.
 pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
-    if std::env::var_os(IS_BUILT).is_none() {
+    if std::env::var_os(WORKSPACE_IS_BUILT).is_none() {
         let mut cargo = Command::new("cargo");
         cargo.args(["build", "--quiet"]).args(arguments).current_dir(root());
         if !cfg!(debug_assertions) {
             cargo.arg("--release");
         }
-        ensure!(cargo.status()?.success(), "{} does not build", arguments.join(" "));
+        ensure!(cargo.status()?.success(), "cargo build {} failed", arguments.join(" "));
     }
-    profile()
+    profile_folder()
 }
 
-/// The folder that this program was built into.
-pub(crate) fn profile() -> anyhow::Result<PathBuf> {
-    Ok(std::env::current_exe()?.parent().context("a program in no folder")?.to_path_buf())
+/// Returns the folder of this program's build profile.
+pub(crate) fn profile_folder() -> anyhow::Result<PathBuf> {
+    Ok(std::env::current_exe()?.parent().context("the path of this program has no folder")?.to_path_buf())
 }
 
-/// A program by its name in a folder.
-pub(crate) fn program(folder: &Path, name: &str) -> PathBuf {
+/// Returns the path of a program in a folder.
+pub(crate) fn program_path(folder: &Path, name: &str) -> PathBuf {
     folder.join(name).with_extension(std::env::consts::EXE_EXTENSION)
 }
 
-/// The command line tool.
+/// Builds the command line tool and returns its path.
 pub(crate) fn calib() -> anyhow::Result<PathBuf> {
-    Ok(program(&build(&["--package", "calib-cli"])?, "calib"))
+    Ok(program_path(&build(&["--package", "calib-cli"])?, "calib"))
 }
 
-/// Runs a command to its end; an error names it.
-pub(crate) fn done(command: &mut Command) -> anyhow::Result<()> {
+/// Runs a command and waits for it; the error contains the command line.
+pub(crate) fn run_command(command: &mut Command) -> anyhow::Result<()> {
     let program = command.get_program().to_string_lossy().into_owned();
     let status = command.status().with_context(|| program.clone())?;
     if !status.success() {

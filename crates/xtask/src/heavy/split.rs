@@ -1,5 +1,8 @@
-//! The program of the page in two parts: what the first picture, drawing and solving need, and the rest, which comes while they
-//! are looked at. Nothing is in both: the rest puts its functions into the table of the first part (`web/rest.js`).
+//! Splits the WebAssembly program of the page into two parts.
+//!
+//! The first part contains the functions for the first frame, for drawing and for solving. The second part is
+//! loaded while the user looks at the page. No function is in both: the second part adds its functions to the
+//! table of the first (`web/rest.js`).
 
 use std::fs;
 use std::path::Path;
@@ -8,9 +11,9 @@ use std::process::Command;
 use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
-/// What the rest is made of: what is of these crates or modules, and what is made for them.
+/// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
 const REST: [&str; 47] = [
-    // Files of others, and what they and the operator's own are written in.
+    // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
     "saphyr_parser",
@@ -25,7 +28,7 @@ const REST: [&str; 47] = [
     "kurbo::stroke",
     "jiff",
     "jiff_core",
-    // Stills: their files, and what is looked for in them.
+    // Image files and image analysis.
     "calib_input",
     "calib_image::compare",
     "calib_image::proposal",
@@ -42,7 +45,7 @@ const REST: [&str; 47] = [
     "lsdetect",
     "rayon",
     "rayon_core",
-    // Kinds of fonts and of scripts that the page has none of.
+    // Font formats and writing systems that the page does not use.
     "read_fonts::ps",
     "read_fonts::tables::aat",
     "read_fonts::tables::variations",
@@ -58,22 +61,24 @@ const REST: [&str; 47] = [
     "harfrust::hb::ot_shaper_use",
     "harfrust::hb::ot_shaper_vowel_constraints",
     "harfrust::hb::tag_table",
-    // What workers do, and where a fault was, in words.
+    // Web workers, and symbol names in crash reports.
     "calib_app::browser::worker",
     "rustc_demangle",
 ];
 
-/// Reading of types, and types of ours: what has both in its name reads a site.
-const READS: [&str; 2] = ["serde_core::de", "calib_site"];
+/// Deserialisation and our document types: a function whose name contains both reads a site.
+const SITE_READERS: [&str; 2] = ["serde_core::de", "calib_site"];
 
-/// What is shorter stays, in bytes: what a call to the other part needs is as long.
-const SHORT: usize = 150;
+/// Length below which a function stays in the first part, in bytes. A call into the second part takes as many
+/// bytes.
+const MIN_LENGTH_BYTES: usize = 150;
 
-/// What is the same code for many types stays: the compiler makes one of it, with the name of any.
-const SHARED: [&str; 4] = ["alloc", "core::option", "core::ptr", "hashbrown"];
+/// Modules whose functions always stay in the first part. The compiler merges identical instances for many
+/// types, under the name of any of them.
+const MERGED_MODULES: [&str; 4] = ["alloc", "core::option", "core::ptr", "hashbrown"];
 
-/// What both parts may have of WebAssembly beyond its first version.
-const FEATURES: [&str; 6] = [
+/// WebAssembly features beyond its first version that both parts may use.
+const WASM_FEATURES: [&str; 6] = [
     "--enable-bulk-memory",
     "--enable-multivalue",
     "--enable-mutable-globals",
@@ -82,38 +87,43 @@ const FEATURES: [&str; 6] = [
     "--enable-simd",
 ];
 
-/// A program in two parts.
+/// Program in two parts.
 pub(crate) struct Split {
     pub(crate) first: Vec<u8>,
     pub(crate) rest: Vec<u8>,
 }
 
 impl Split {
-    /// Splits a program that has the names of its functions, as compilers write them; `folder` holds what is between.
-    pub(crate) fn of(program: &[u8], folder: &Path) -> anyhow::Result<Self> {
+    /// Splits a program that contains its function names, as compilers write them. Intermediate files are
+    /// written to `folder`.
+    pub(crate) fn new(program: &[u8], folder: &Path) -> anyhow::Result<Self> {
         let [named, list, first, rest] =
             ["named.wasm", "rest.txt", "first.wasm", "rest.wasm"].map(|name| folder.join(name));
         fs::write(&named, program)?;
         let functions = functions(program)?;
-        let is_of_rest = |function: &&Function| function.length >= SHORT && is_of_rest(function.name);
-        let of_rest: Vec<&str> = functions.iter().filter(is_of_rest).map(|function| function.name).collect();
-        ensure!(!of_rest.is_empty(), "the program has no names, so that it cannot be split");
-        fs::write(&list, of_rest.join("\n"))?;
+        let is_in_second =
+            |function: &&Function| function.length >= MIN_LENGTH_BYTES && is_in_rest(function.name);
+        let in_second: Vec<&str> =
+            functions.iter().filter(is_in_second).map(|function| function.name).collect();
+        ensure!(!in_second.is_empty(), "the program cannot be split: it contains no function names");
+        fs::write(&list, in_second.join("\n"))?;
         let mut split = Command::new("wasm-split");
-        split.arg(&named).args(FEATURES).arg(format!("--split-funcs=@{}", list.display()));
+        split.arg(&named).args(WASM_FEATURES).arg(format!("--split-funcs=@{}", list.display()));
         split.arg("-o1").arg(&first).arg("-o2").arg(&rest);
-        // Which part imports from which: of these names `rest.js` and the glue know.
+        // Import namespaces of the parts, which `rest.js` and the JavaScript glue use.
         split.args(["--import-namespace=first", "--placeholder-namespace=rest"]);
-        let output =
-            split.output().context("wasm-split does not run: on Debian `apt-get install binaryen`")?;
+        let output = split
+            .output()
+            .context("cannot run wasm-split; on Debian, install it with `apt-get install binaryen`")?;
         ensure!(output.status.success(), "wasm-split: {}", String::from_utf8_lossy(&output.stderr));
         Ok(Self { first: fs::read(&first)?, rest: fs::read(&rest)? })
     }
 }
 
-/// A program without the custom section of a name: its other sections as they are.
-pub(crate) fn without(program: &[u8], name: &str) -> anyhow::Result<Vec<u8>> {
-    // A section begins, with its kind and its length, where the one before ends; the first does behind the header.
+/// Returns the program without the custom section of this name; all other sections are unchanged.
+pub(crate) fn without_section(program: &[u8], name: &str) -> anyhow::Result<Vec<u8>> {
+    // A section, with its kind and length, begins at the end of the previous one. The first section begins
+    // after the header.
     const HEADER: usize = 8;
     let mut others = program[..HEADER.min(program.len())].to_vec();
     let mut start = HEADER;
@@ -128,14 +138,17 @@ pub(crate) fn without(program: &[u8], name: &str) -> anyhow::Result<Vec<u8>> {
     Ok(others)
 }
 
-/// A function of a program.
+/// Function of a program.
 struct Function<'a> {
     name: &'a str,
-    /// Of its code, in bytes.
+    /// Length of its code, in bytes.
     length: usize,
 }
 
-/// The functions with a name; of a program with one table, because older versions of what splits it take all for the first.
+/// Returns the functions that have a name.
+///
+/// Fails if the program has several tables, because older versions of wasm-split place all functions in the
+/// first.
 fn functions(program: &[u8]) -> anyhow::Result<Vec<Function<'_>>> {
     let (mut imported, mut lengths, mut functions) = (0, Vec::new(), Vec::new());
     for payload in Parser::new(0).parse_all(program) {
@@ -169,17 +182,17 @@ fn functions(program: &[u8]) -> anyhow::Result<Vec<Function<'_>>> {
     Ok(functions)
 }
 
-/// Whether a function, by the name that a compiler wrote, is of the rest.
-fn is_of_rest(name: &str) -> bool {
+/// Whether a function, given its mangled name, belongs to the second part.
+fn is_in_rest(name: &str) -> bool {
     let path = format!("{:#}", rustc_demangle::demangle(name));
     let own = path.trim_start_matches(['<', '&', '[', '(']).trim_start_matches("mut ");
     let is_in = |part: &&str| own.strip_prefix(*part).is_some_and(|inner| inner.starts_with("::"));
-    let is_shared = SHARED.iter().any(is_in);
-    let reads = READS.iter().all(|part| path.contains(part));
+    let is_shared = MERGED_MODULES.iter().any(is_in);
+    let reads = SITE_READERS.iter().all(|part| path.contains(part));
     reads || !is_shared && REST.iter().any(|part| mentions(&path, part))
 }
 
-/// Whether a path or an argument in it begins with these modules.
+/// Whether the path, or an argument in it, begins with these modules.
 fn mentions(path: &str, modules: &str) -> bool {
     path.match_indices(modules).any(|(at, _)| {
         let is_inner =
@@ -193,8 +206,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_reads_files_is_of_the_rest_and_what_is_made_for_many_types_is_not() {
-        for (name, is_there) in [
+    fn file_readers_are_in_the_second_part_and_shared_generic_code_is_not() {
+        for (name, expected) in [
             ("calib_formats::opencv::read", true),
             ("<&mut png::decoder::Reader<R> as std::io::Read>::read", true),
             ("core::iter::adapters::map::Map::<toml::Value>::next", true),
@@ -204,12 +217,12 @@ mod tests {
             ("core::ptr::drop_in_place::<image::dynamic::DynamicImage>", false),
             ("calib_core::camera::projection::project", false),
         ] {
-            assert_eq!(is_of_rest(name), is_there, "{name}");
+            assert_eq!(is_in_rest(name), expected, "{name}");
         }
     }
 
     #[test]
-    fn crates_and_modules_are_found_where_paths_begin() {
+    fn crates_and_modules_match_only_at_the_start_of_a_path() {
         assert!(mentions("<&mut png::decoder::Reader<R>>::read", "png"));
         assert!(mentions("core::ptr::drop_in_place::<image::dynamic::DynamicImage>", "image"));
         assert!(!mentions("calib_draw::image::on_image", "image"));

@@ -1,31 +1,33 @@
-//! Builds for the browser.
+//! Builds for wasm32.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::ensure;
 
-use crate::serve::{debian_rustc, has_sources, printed};
+use crate::serve::{debian_rustc, has_library_sources, rustc_print};
 use crate::workspace::root;
 
 const WASM: &str = "wasm32-unknown-unknown";
 
-/// Whether the standard library is built, too, so that it is one that is small to fetch.
+/// Whether the standard library is compiled too, which makes it smaller to download.
 pub(crate) fn builds_library() -> bool {
-    has_sources() || debian_rustc().is_some()
+    has_library_sources() || debian_rustc().is_some()
 }
 
-/// Whether the compiler has the library for wasm32 as it was built by others.
+/// Whether the compiler has a precompiled standard library for wasm32.
 fn has_target() -> bool {
-    printed(&["target-libdir", "--target", WASM]).is_some_and(|libraries| Path::new(&libraries).exists())
+    rustc_print(&["target-libdir", "--target", WASM]).is_some_and(|libraries| Path::new(&libraries).exists())
 }
 
-/// Builds what the arguments say; returns the folder that holds a folder of each profile.
+/// Runs `cargo build` for wasm32 with these arguments, and returns the folder that contains one folder per
+/// profile.
 pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
-    // Beside what is built for this machine: two compilers in one folder would undo each other's work.
+    // Separate from the native target folder: two compilers in one folder would invalidate each other's
+    // artefacts.
     let folder =
         std::env::var_os("CALIB_WEB_TARGET").map_or_else(|| root().join("target/web-build"), PathBuf::from);
-    let mut command = match debian_rustc().filter(|_| !has_sources()) {
+    let mut command = match debian_rustc().filter(|_| !has_library_sources()) {
         Some(rustc) => {
             let mut command = Command::new("/usr/bin/cargo");
             command.env("RUSTC", rustc).env_remove("RUSTUP_TOOLCHAIN");
@@ -34,15 +36,15 @@ pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
         }
         None => {
             ensure!(
-                has_sources() || has_target(),
+                has_library_sources() || has_target(),
                 "no compiler for wasm32: run `rustup component add rust-src`, or on Debian \
                  `apt-get install rustc-web cargo-web rust-web-src lld`"
             );
             Command::new("cargo")
         }
     };
-    // Every browser since 2023 has these instructions, and what draws glyphs is a fifth of the size with them. Without types
-    // of references there is one table, as what splits the page wants.
+    // All browsers since 2023 support SIMD, and it makes the glyph rasteriser five times smaller. Without
+    // reference types the program has only one table, as the splitter requires.
     let features = "-Ctarget-feature=+simd128,-reference-types";
     command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", features);
     command.arg("build").args(arguments).args(["--target", WASM]).arg("--target-dir").arg(&folder);

@@ -1,4 +1,4 @@
-//! `cargo xtask web`: the app for the browser, as files for any web host and as one page that needs none.
+//! `cargo xtask web`: the app for the browser, as files for any web host and as one page that needs no host.
 
 use std::fs;
 use std::io::Write as _;
@@ -11,49 +11,51 @@ use flate2::write::GzEncoder;
 use sha2::{Digest as _, Sha256};
 use wasm_bindgen_cli_support::Bindgen;
 
-use crate::heavy::pictures::{Picture, pictures};
-use crate::heavy::split::{Split, without};
+use crate::heavy::pictures::{DemoImage, demo_images};
+use crate::heavy::split::{Split, without_section};
 use crate::heavy::wasm_build;
 use crate::workspace::root;
 
-/// The most that a browser has to fetch before the page can be worked with, gzipped, in bytes.
-const MOST: usize = 2_200_000;
-/// The most that it fetches then.
-const MOST_OF_REST: usize = 700_000;
+/// Maximum gzipped size of the first part of the program, in bytes. The browser fetches it before the page is
+/// usable.
+const MAX_FIRST_BYTES: usize = 2_200_000;
+/// Maximum gzipped size of the second part, in bytes. The browser fetches it later.
+const MAX_REST_BYTES: usize = 700_000;
 
-/// What `index.html` asks for in these places.
-const HEAD: &str = "<!-- head -->";
-const SCRIPTS: &str = "<!-- scripts -->";
+/// Placeholders in `index.html`.
+const HEAD_PLACEHOLDER: &str = "<!-- head -->";
+const SCRIPTS_PLACEHOLDER: &str = "<!-- scripts -->";
 
-/// Builds everything into `out`; the program too, if it is not `built`.
+/// Builds the page into `out`; builds the program too if `built` is `None`.
 pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
     let built = match built {
         Some(built) => built.to_path_buf(),
         None => program()?,
     };
     let glue = out.join("glue");
-    // What an earlier version left would be served beside this one.
+    // Files of an earlier build would be served together with the new ones.
     if out.exists() {
         fs::remove_dir_all(out).with_context(|| out.display().to_string())?;
     }
     bind(&built, &glue)?;
     let parts = Parts::read(&glue)?;
     fs::remove_dir_all(&glue)?;
-    for (name, part, most) in
-        [("first", &parts.split.first, MOST), ("the rest", &parts.split.rest, MOST_OF_REST)]
-    {
+    for (name, part, most) in [
+        ("first part", &parts.split.first, MAX_FIRST_BYTES),
+        ("second part", &parts.split.rest, MAX_REST_BYTES),
+    ] {
         let zipped = gzip(part)?.len();
         println!(
             "{name}: {:.2} MB of WebAssembly, {:.2} MB gzipped",
             part.len() as f64 / 1e6,
             zipped as f64 / 1e6
         );
-        // With a standard library that others have built it is what it is.
+        // The limit does not apply to a precompiled standard library, whose size we do not control.
         let is_light = zipped <= most || !wasm_build::builds_library();
-        ensure!(is_light, "{name} is {zipped} bytes gzipped, at most {most} are allowed");
+        ensure!(is_light, "{name} has {zipped} bytes gzipped; the limit is {most}");
     }
     let bytes: usize = parts.pictures.iter().map(|picture| picture.jpeg.len()).sum();
-    println!("{:.2} MB of pictures, fetched for the demonstration", bytes as f64 / 1e6);
+    println!("{:.2} MB of images for the demonstration", bytes as f64 / 1e6);
     folder(&parts, out)?;
     let single = single(&parts)?;
     fs::write(out.join("calib.html"), &single)?;
@@ -61,20 +63,21 @@ pub(crate) fn run(out: &Path, built: Option<&Path>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// How many bytes of the program a browser has to fetch before the page can be worked with, and then; without its few scripts.
-pub(crate) fn weights() -> anyhow::Result<[usize; 2]> {
+/// Returns the gzipped sizes of the first and the second part of the program, in bytes, without the scripts.
+pub(crate) fn gzipped_sizes() -> anyhow::Result<[usize; 2]> {
     let glue = root().join("target/web-glue");
     bind(&program()?, &glue)?;
-    let Split { first, rest } = Split::of(&fs::read(glue.join("app_bg.wasm"))?, &glue)?;
+    let Split { first, rest } = Split::new(&fs::read(glue.join("app_bg.wasm"))?, &glue)?;
     fs::remove_dir_all(&glue)?;
     Ok([gzip(&first)?.len(), gzip(&rest)?.len()])
 }
 
-/// Writes the program as a browser takes it, with the names of its functions, and the script that it speaks to the browser by.
+/// Writes the program for the browser, with its function names, and the JavaScript glue.
 fn bind(built: &Path, glue: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(glue)?;
-    // What it says of features is of the standard library as well, which may have been built with types of references.
-    let program = without(&fs::read(built)?, "target_features")?;
+    // The section also lists features of the standard library, which may have been compiled with reference
+    // types.
+    let program = without_section(&fs::read(built)?, "target_features")?;
     Bindgen::new()
         .input_bytes("app", program)
         .out_name("app")
@@ -85,28 +88,28 @@ fn bind(built: &Path, glue: &Path) -> anyhow::Result<()> {
         .generate(glue)
 }
 
-/// Builds the program.
+/// Builds the program and returns its path.
 fn program() -> anyhow::Result<PathBuf> {
     let folder = wasm_build::build(&["--package", "calib-app", "--bin", "calib-app", "--profile", "web"])?;
     Ok(folder.join("web/calib-app.wasm"))
 }
 
-/// What the page is made of.
+/// Contents of the page.
 struct Parts {
-    /// The program in one part.
+    /// Program in one part, for the self-contained page.
     whole: Vec<u8>,
-    /// The same in two.
+    /// The same program in two parts, for a web host.
     split: Split,
     html: String,
     style: String,
     icon: String,
     worker: String,
     manifest: String,
-    /// Of the demonstration.
-    pictures: Vec<Picture>,
-    /// In the order in which they run.
+    /// Images of the demonstration.
+    pictures: Vec<DemoImage>,
+    /// Names and texts of the scripts, in execution order.
     scripts: [(&'static str, String); 3],
-    /// How a program in two parts is one.
+    /// Script that joins the two parts of the program.
     rest: (&'static str, String),
 }
 
@@ -116,14 +119,14 @@ impl Parts {
         let page = |name: &str| text(root().join("crates/calib-app/web").join(name));
         let named = fs::read(glue.join("app_bg.wasm"))?;
         Ok(Self {
-            split: Split::of(&named, glue)?,
-            whole: without(&named, "name")?,
+            split: Split::new(&named, glue)?,
+            whole: without_section(&named, "name")?,
             html: page("index.html")?,
             style: page("page.css")?,
             icon: page("icon.svg")?,
             worker: page("sw.js")?,
             manifest: page("manifest.webmanifest")?,
-            pictures: pictures()?,
+            pictures: demo_images()?,
             scripts: [
                 ("store", page("store.js")?),
                 ("app", text(glue.join("app.js"))?),
@@ -134,20 +137,21 @@ impl Parts {
     }
 }
 
-/// Static files. Names carry what is in them, so that no cache mixes versions.
+/// Writes the page as static files. File names contain a hash of the contents, so that caches never mix
+/// versions.
 fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
     let Split { first, rest } = &parts.split;
     let mut files: Vec<(String, &[u8])> =
-        vec![(named("calib", "wasm", first), first), (named("rest", "wasm", rest), rest)];
+        vec![(hashed_name("calib", "wasm", first), first), (hashed_name("rest", "wasm", rest), rest)];
     let mut tags = String::new();
     let [store, (app, glue), page_script] = &parts.scripts;
-    let glue = (*app, joined(glue)?);
+    let glue = (*app, glue_for_split(glue)?);
     for (name, script) in [store, &parts.rest, &glue, page_script] {
-        let file = named(name, "js", script.as_bytes());
-        tags += &format!("<script src=\"{file}\"{} defer></script>\n", id(name));
+        let file = hashed_name(name, "js", script.as_bytes());
+        tags += &format!("<script src=\"{file}\"{} defer></script>\n", id_attribute(name));
         files.push((file, script.as_bytes()));
     }
-    let style = named("page", "css", parts.style.as_bytes());
+    let style = hashed_name("page", "css", parts.style.as_bytes());
     let policy = policy("'self'", "'self'", "'self'");
     let head = format!(
         "{policy}\n<link rel=\"manifest\" href=\"manifest.webmanifest\">\n<link rel=\"icon\" href=\"icon.svg\">\n\
@@ -156,9 +160,9 @@ fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
         files[0].0
     );
     let mut shown = serde_json::Map::new();
-    for Picture { name, jpeg } in &parts.pictures {
-        // Fetched by those who open the demonstration, and not kept for others.
-        let file = named("demonstration", "jpg", jpeg);
+    for DemoImage { name, jpeg } in &parts.pictures {
+        // Fetched only when the demonstration is opened, and not cached by the service worker.
+        let file = hashed_name("demonstration", "jpg", jpeg);
         fs::write(out.join(&file), jpeg)?;
         shown.insert(name.clone(), file.into());
     }
@@ -180,27 +184,30 @@ fn folder(parts: &Parts, out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The script that a program speaks to the browser by, for one whose rest comes later.
-fn joined(glue: &str) -> anyhow::Result<String> {
+/// Adapts the JavaScript glue to a program whose second part is loaded later.
+fn glue_for_split(glue: &str) -> anyhow::Result<String> {
     let mut joined = glue.to_string();
     for (there, instead) in [
         ("\"./app_bg.js\": import0,", "\"./app_bg.js\": import0, \"rest\": calibRest.placeholders,"),
         ("wasm = instance.exports;", "wasm = calibRest.first = instance.exports;"),
     ] {
-        ensure!(glue.matches(there).count() == 1, "wasm-bindgen writes {there} no longer once");
+        ensure!(
+            glue.matches(there).count() == 1,
+            "expected exactly one {there} in the output of wasm-bindgen"
+        );
         joined = joined.replace(there, instead);
     }
     Ok(joined)
 }
 
-/// One page with everything in it; a folder on a stick is host enough.
+/// Builds one page that contains everything and also works from a local folder.
 fn single(parts: &Parts) -> anyhow::Result<String> {
-    // A script ends where its text says so, even within a string.
+    // HTML ends a script at `</script`, even within a string.
     let inline = |text: &str| text.replace("</script", "<\\/script").replace("<!--", "<\\!--");
     let scripts: Vec<String> =
         parts.scripts.iter().map(|(_, script)| format!("\n{}", inline(script))).collect();
-    let allowed: Vec<String> = scripts.iter().map(|script| allow(script)).collect();
-    let policy = policy(&allowed.join(" "), &allow(&parts.style), "'none'");
+    let allowed: Vec<String> = scripts.iter().map(|script| hash_source(script)).collect();
+    let policy = policy(&allowed.join(" "), &hash_source(&parts.style), "'none'");
     let icon = base64(parts.icon.as_bytes());
     let head = format!(
         "{policy}\n<link rel=\"icon\" href=\"data:image/svg+xml;base64,{icon}\">\n<style>{}</style>",
@@ -211,9 +218,10 @@ fn single(parts: &Parts) -> anyhow::Result<String> {
         base64(&gzip(&parts.whole)?)
     );
     let named = parts.scripts.iter().zip(&scripts);
-    let tags: String =
-        named.map(|((name, _), script)| format!("<script{}>{script}</script>\n", id(name))).collect();
-    let pictures = parts.pictures.iter().map(|Picture { name, jpeg }| {
+    let tags: String = named
+        .map(|((name, _), script)| format!("<script{}>{script}</script>\n", id_attribute(name)))
+        .collect();
+    let pictures = parts.pictures.iter().map(|DemoImage { name, jpeg }| {
         format!(
             "<script type=\"application/octet-stream\" data-picture=\"{name}\">{}</script>\n",
             base64(jpeg)
@@ -225,11 +233,13 @@ fn single(parts: &Parts) -> anyhow::Result<String> {
 
 fn page(html: &str, head: &str, scripts: &str, data: &str, size: usize) -> String {
     let root = format!("<html lang=\"en\"{data} data-size=\"{size}\">");
-    html.replace("<html lang=\"en\">", &root).replace(HEAD, head).replace(SCRIPTS, scripts)
+    html.replace("<html lang=\"en\">", &root)
+        .replace(HEAD_PLACEHOLDER, head)
+        .replace(SCRIPTS_PLACEHOLDER, scripts)
 }
 
-/// The worker finds by it what the page runs, too.
-fn id(script: &str) -> &'static str {
+/// Returns the HTML attribute by which the web worker finds the scripts that it also runs.
+fn id_attribute(script: &str) -> &'static str {
     match script {
         "app" => " id=\"glue\"",
         "rest" => " id=\"rest\"",
@@ -237,7 +247,7 @@ fn id(script: &str) -> &'static str {
     }
 }
 
-/// Nothing from elsewhere, and nothing to elsewhere.
+/// Builds the content security policy: resources from other origins and connections to them are blocked.
 fn policy(scripts: &str, styles: &str, connections: &str) -> String {
     format!(
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src {scripts} \
@@ -246,8 +256,8 @@ fn policy(scripts: &str, styles: &str, connections: &str) -> String {
     )
 }
 
-/// How a policy names a text that stands in the page.
-fn allow(text: &str) -> String {
+/// Returns the policy source that allows this inline text.
+fn hash_source(text: &str) -> String {
     format!("'sha256-{}'", base64(&Sha256::digest(text.as_bytes())))
 }
 
@@ -255,12 +265,12 @@ fn base64(bytes: &[u8]) -> String {
     base64::engine::general_purpose::STANDARD.encode(bytes)
 }
 
-/// A short name for what is in a file.
+/// Returns a short hash of the contents of a file.
 fn digest(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().take(6).map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn named(name: &str, end: &str, bytes: &[u8]) -> String {
+fn hashed_name(name: &str, end: &str, bytes: &[u8]) -> String {
     format!("{name}-{}.{end}", digest(bytes))
 }
 

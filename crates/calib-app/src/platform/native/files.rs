@@ -26,7 +26,7 @@ pub(super) fn read(path: &Path) -> FileResult<Vec<u8>> {
 /// When it is not allowed, and as `read`.
 pub(super) fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u8>> {
     let real = path.canonicalize().map_err(|error| format!("{}: {error}", path.display()))?;
-    // The checked path is the one that is read: no link is followed in between.
+    // The checked path is also the path that is read: no link is followed in between.
     if !reach.allows(&real, |path| path.canonicalize().ok()) {
         let why = "Outside the site's folder, not read. \u{201c}Read images again\u{201d} asks for it.";
         return Err(format!("{}: {why}", path.display()));

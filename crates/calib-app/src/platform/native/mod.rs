@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{Comparison, LineSegment, Proposal};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -113,7 +113,11 @@ impl Platform for Native {
         task::measure_edges(ctx, image)
     }
 
-    fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>> {
+    fn propose(
+        ctx: &Context,
+        camera: SiteCamera,
+        edges: Vec<LineSegment>,
+    ) -> Task<Result<AutomaticCalibration, String>> {
         task::propose(ctx, camera, edges)
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use calib_editor::{Edge, Source, decode, edges, refined};
-use calib_image::{Comparison, LineSegment, Proposal, EdgeImage, line_segments};
+use calib_image::{AutomaticCalibration, Comparison, EdgeImage, LineSegment, line_segments};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -139,7 +139,7 @@ pub(super) fn still<T: Send + 'static>(
 
 pub(super) fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
     let image = Arc::clone(image);
-    Task::spawn(ctx, move || edges::find(&image))
+    Task::spawn(ctx, move || edges::detect(&image))
 }
 
 pub(super) fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>> {
@@ -151,8 +151,8 @@ pub(super) fn propose(
     ctx: &Context,
     camera: SiteCamera,
     edges: Vec<LineSegment>,
-) -> Task<Result<Proposal, String>> {
-    Task::spawn_apart(ctx, move || Ok(Proposal::new(&EdgeImage::of_camera(&camera, edges))))
+) -> Task<Result<AutomaticCalibration, String>> {
+    Task::spawn_apart(ctx, move || Ok(AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges))))
 }
 
 pub(super) fn compare(

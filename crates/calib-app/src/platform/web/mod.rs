@@ -1,6 +1,6 @@
 //! Browser: its replacement for files, threads and choosers, and the services of the page.
 
-mod page;
+pub(crate) mod page;
 mod task;
 mod worker;
 
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use calib_editor::{AllowedFiles, Edge, FileResult, Source};
-use calib_image::{Comparison, LineSegment, Proposal};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment};
 use calib_site::{Recovered, Site, SiteCamera};
 use egui::Context;
 use image::RgbImage;
@@ -147,7 +147,11 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::measure_edges(&image).await })
     }
 
-    fn propose(ctx: &Context, camera: SiteCamera, edges: Vec<LineSegment>) -> Task<Result<Proposal, String>> {
+    fn propose(
+        ctx: &Context,
+        camera: SiteCamera,
+        edges: Vec<LineSegment>,
+    ) -> Task<Result<AutomaticCalibration, String>> {
         Task::wait(ctx, async move { worker::propose(&camera, &edges).await })
     }
 

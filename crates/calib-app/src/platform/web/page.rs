@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use wasm_bindgen::prelude::*;
 
 use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
-use crate::platform::web::pick;
+use crate::platform::web::pick as pick_files;
 
 /// Parses a message as text; a second parser for bytes would double the generated code.
 pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
@@ -17,20 +17,20 @@ pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     serde_json::from_str(text).map_err(|error| error.to_string())
 }
 
-/// Opens a chooser; a file to save is a download, so nothing is asked.
+/// Opens a chooser; a file to save is a download, so no chooser is shown.
 pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
     match purpose {
         Purpose::SaveSite | Purpose::SavePlain => {
             vec![Chosen { name: "site.json".into(), path: Some("site.json".into()), bytes: None }]
         }
         // A site is chosen together with its images.
-        Purpose::OpenSite => pick(&[SITE, IMAGES].concat(), true).await,
-        Purpose::Compare => pick(SITE, false).await,
-        Purpose::AddImages | Purpose::NewerStill => pick(IMAGES, true).await,
-        Purpose::ReplaceStill => pick(IMAGES, false).await,
+        Purpose::OpenSite => pick_files(&[SITE, IMAGES].concat(), true).await,
+        Purpose::Compare => pick_files(SITE, false).await,
+        Purpose::AddImages | Purpose::NewerStill => pick_files(IMAGES, true).await,
+        Purpose::ReplaceStill => pick_files(IMAGES, false).await,
         // A plan is chosen together with its world file.
-        Purpose::LoadPlan => pick(&[PLANS, world_endings()].concat(), true).await,
-        Purpose::Import => pick(&[], true).await,
+        Purpose::LoadPlan => pick_files(&[PLANS, world_endings()].concat(), true).await,
+        Purpose::Import => pick_files(&[], true).await,
         Purpose::SavePicture => {
             vec![Chosen { name: "view.png".into(), path: Some("view.png".into()), bytes: None }]
         }

@@ -1,13 +1,13 @@
 //! Requests to the page's workers, and their answers.
 
 use calib_editor::{Edge, Source, edges};
-use calib_image::{Comparison, LineSegment, Proposal};
+use calib_image::{AutomaticCalibration, Comparison, LineSegment};
 use calib_site::{Recovered, Site, SiteCamera};
 use image::RgbImage;
 use js_sys::{Array, Float64Array, Uint8Array};
 use wasm_bindgen_futures::JsFuture;
 
-use crate::platform::web::{Web, message, page};
+use crate::platform::web::{Web, page};
 use crate::platform::{Platform as _, Recovery, Stills};
 
 /// Worker for refinement; separate, so that it can be stopped.
@@ -79,7 +79,10 @@ pub(crate) async fn measure_edges(image: &RgbImage) -> Result<Vec<LineSegment>, 
 }
 
 /// Calibrates from measured edges, in the worker that measured them.
-pub(crate) async fn propose(camera: &SiteCamera, edges: &[LineSegment]) -> Result<Proposal, String> {
+pub(crate) async fn propose(
+    camera: &SiteCamera,
+    edges: &[LineSegment],
+) -> Result<AutomaticCalibration, String> {
     let asked = serde_json::to_vec(&(camera, edges)).map_err(|error| error.to_string())?;
     parsed(&ask(PROPOSE, "", 0, &asked).await?)
 }
@@ -114,7 +117,7 @@ pub(crate) fn stop_comparing() {
 
 fn parsed<T: serde::de::DeserializeOwned>(answer: &Array) -> Result<T, String> {
     let text = Uint8Array::new(&answer.get(0)).to_vec();
-    message::read(&text)
+    page::read(&text)
 }
 
 /// Stops the refinement.

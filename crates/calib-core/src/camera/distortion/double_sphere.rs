@@ -105,8 +105,9 @@ impl Profile for DoubleSphere {
         all
     }
 
-    /// Equations 46 to 51, with the second centre's angle phi instead of its tangent: `d2 = xi cos phi + sqrt(1 -
-    /// xi^2 sin^2 phi)`, `sin theta = d2 sin phi` and `cos theta = d2 cos phi - xi`.
+    /// Equations 46 to 51, with the second centre's angle phi instead of its tangent:
+    /// `d2 = xi cos phi + sqrt(1 - xi^2 sin^2 phi)`, `sin theta = d2 sin phi` and
+    /// `cos theta = d2 cos phi - xi`.
     fn inverse(&self, radius: f64) -> Option<f64> {
         let Self { xi, alpha } = *self;
         let r = radius / (1.0 + xi);
