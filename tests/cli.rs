@@ -135,7 +135,7 @@ fn missing_image_is_reported_and_lines_are_solved() {
 #[test]
 fn straight_edges_alone_determine_the_lens() {
     let (scratch, mut site) = site();
-    let bent = Lens {
+    let lens = Lens {
         principal_point: Pixel::new(960.0, 540.0),
         focal: 1500.0,
         distortion: Distortion::Division { lambda: -0.2 },
@@ -145,7 +145,7 @@ fn straight_edges_alone_determine_the_lens() {
         let points = (0..9).filter_map(|i| {
             let t = f64::from(i) / 8.0;
             let at = |k: usize| from[k] + t * (to[k] - from[k]);
-            bent.distort(UndistortedPixel { u: at(0), v: at(1) })
+            lens.distort(UndistortedPixel { u: at(0), v: at(1) })
         });
         Annotation { points: Some(points.collect()), ..Annotation::new(Kind::Straight) }
     };
@@ -195,16 +195,16 @@ fn the_grid_of_a_lens_is_straight_once_undistorted() {
     };
     let plain = drawn(&[]);
     assert!((200..900).all(|y| !plain(960.5, f64::from(y))), "the grid of a given lens is shown on request");
-    let bent = drawn(&["--lens-grid"]);
-    assert!((200..900).all(|y| bent(960.5, f64::from(y))), "the column through the principal point");
+    let grid = drawn(&["--lens-grid"]);
+    assert!((200..900).all(|y| grid(960.5, f64::from(y))), "the column through the principal point");
     // The first grid line to the right of x = 200 at mid-height, followed up and down.
-    let x = (200..900).map(f64::from).find(|&x| bent(x, 580.0)).unwrap();
+    let x = (200..900).map(f64::from).find(|&x| grid(x, 580.0)).unwrap();
     let column = lens.undistort(Pixel::new(x + 1.0, 580.5)).unwrap();
     let followed: Vec<Pixel> = (-16..=16)
         .filter_map(|i| lens.distort(UndistortedPixel { v: 540.0 + 30.0 * f64::from(i), ..column }))
         .filter(|p| p.v > 60.0 && p.v < 1000.0)
         .collect();
-    assert!(followed.iter().all(|p| bent(p.u, p.v)), "{followed:?}");
+    assert!(followed.iter().all(|p| grid(p.u, p.v)), "{followed:?}");
     assert!(followed.iter().any(|p| p.u > x + 8.0), "the column is curved: {followed:?}");
 }
 
@@ -330,14 +330,14 @@ fn site_with_solutions(count: usize) -> (Vec<Camera>, Site) {
             p1: between(-0.002, 0.002),
             p2: between(-0.002, 0.002),
         };
-        let bent = Lens { focal, distortion: Distortion::BrownConrady(brown), ..pinhole };
+        let distorted = Lens { focal, distortion: Distortion::BrownConrady(brown), ..pinhole };
         let camera = Camera {
             position: WorldPoint::new(between(-50.0, 50.0), between(-50.0, 50.0), between(2.0, 8.0)),
             yaw: between(-3.1, 3.1),
             pitch: between(0.1, 1.4),
             roll: between(-0.5, 0.5),
             focal,
-            lens: if index % 2 == 0 { bent } else { pinhole },
+            lens: if index % 2 == 0 { distorted } else { pinhole },
             covariance: Covariance::EXACT,
         };
         let solution = Solution::from_camera(&camera, Method::Given, Stage::Placed);
@@ -395,8 +395,8 @@ fn every_status_is_reported() {
     camera.solution.as_mut().unwrap().focal_px = 1200.0;
     let efov = calib_core::default_efov(&camera.camera().unwrap(), camera.size()).polygon;
     camera.solution.as_mut().unwrap().efov_m = efov;
-    let bent = &mut site.cameras[0];
-    bent.solution.as_mut().unwrap().distortion = Some(DistortionEntry {
+    let distorted = &mut site.cameras[0];
+    distorted.solution.as_mut().unwrap().distortion = Some(DistortionEntry {
         k1: Some(-0.3),
         ..DistortionEntry::new(calib_core::DistortionModel::BrownConrady)
     });

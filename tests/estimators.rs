@@ -335,8 +335,8 @@ fn prior_hides_no_minimum_of_the_lines() {
         }
         two += 1;
         for focal in focals(&lines) {
-            let is_told = focals(&solution).iter().any(|told| (told / focal).ln().abs() < 0.2);
-            assert!(is_told, "{azimuth}: {focal} is not among {:?}, sigma {sigma:?}", focals(&solution));
+            let is_reported = focals(&solution).iter().any(|other| (other / focal).ln().abs() < 0.2);
+            assert!(is_reported, "{azimuth}: {focal} is not among {:?}, sigma {sigma:?}", focals(&solution));
         }
         assert!(codes(&solution).contains(&Code::TwoSolutions), "{azimuth}: {:?}", codes(&solution));
     }

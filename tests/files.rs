@@ -370,8 +370,8 @@ fn page_with_a_large_declared_size_takes_no_memory() {
         };
         run(&whole).expect_code(0);
         let refused = run(&with_page(&whole, i32::MAX as usize, 3000, &[7; 100])).expect_code(3);
-        let told = refused.stderr.contains("a page decompresses to 2147483647 bytes");
-        assert!(told && refused.stderr.contains("in.parquet"), "{codec}: {refused:?}");
+        let is_reported = refused.stderr.contains("a page decompresses to 2147483647 bytes");
+        assert!(is_reported && refused.stderr.contains("in.parquet"), "{codec}: {refused:?}");
         // An invalid page is refused by the library.
         run(&with_page(&whole, 24_000, 3000, &[7; 100])).expect_code(3);
     }
@@ -571,10 +571,10 @@ fn progress_in_a_log_is_one_line_every_ten_seconds() {
     std::thread::sleep(Duration::from_millis(10_200));
     pipe.write_all(rows.as_bytes()).unwrap();
     drop(pipe);
-    let mut told = String::new();
-    run.stderr.take().unwrap().read_to_string(&mut told).unwrap();
+    let mut messages = String::new();
+    run.stderr.take().unwrap().read_to_string(&mut messages).unwrap();
     assert!(run.wait().unwrap().success());
-    assert_eq!(told.lines().filter(|line| line.contains(" rows")).count(), 1, "{told}");
+    assert_eq!(messages.lines().filter(|line| line.contains(" rows")).count(), 1, "{messages}");
 }
 
 #[test]

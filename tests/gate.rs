@@ -232,8 +232,8 @@ fn repeated_known_length_does_not_pass() {
     for times in [1, 31] {
         let site = Site { cameras: vec![redrawn(&camera, index, times)], ..Site::new() };
         scratch.write("site.json", site.to_json());
-        let told = scratch.calib(&["check", "site.json", "--format", "json"]).expect_code(4).json();
-        assert!(told["cameras"][0]["faults"][0].as_str().unwrap().contains("floor lengths"), "{told}");
+        let result = scratch.calib(&["check", "site.json", "--format", "json"]).expect_code(4).json();
+        assert!(result["cameras"][0]["faults"][0].as_str().unwrap().contains("floor lengths"), "{result}");
     }
 }
 
@@ -416,8 +416,9 @@ fn solution_of_other_lines_does_not_pass() {
     assert!(solved.out_of_date().is_empty(), "{:?}", solved.out_of_date());
     scratch.write("solved.json", solved.to_json());
     let codes = |file: &str, code: i32| -> Vec<String> {
-        let told = scratch.calib(&["check", file, "--format", "json", "--explain"]).expect_code(code).json();
-        let cameras = told["cameras"].as_array().unwrap().iter();
+        let result =
+            scratch.calib(&["check", file, "--format", "json", "--explain"]).expect_code(code).json();
+        let cameras = result["cameras"].as_array().unwrap().iter();
         let codes = cameras.flat_map(|camera| camera["failed"].as_array().unwrap().clone());
         codes.filter_map(|fault| fault["code"].as_str().map(Into::into)).collect()
     };
@@ -438,8 +439,8 @@ fn solution_of_other_lines_does_not_pass() {
     assert_eq!(codes("other.json", 4), vec!["out-of-date"; other.cameras.len()]);
     let exported =
         scratch.calib(&["export", "opencv", "other.json", "-o", "out", "--allow-lossy"]).expect_code(0);
-    let told = exported.stderr.lines().filter(|line| line.contains("out of date")).count();
-    assert_eq!(told, other.cameras.len(), "{}", exported.stderr);
+    let reported = exported.stderr.lines().filter(|line| line.contains("out of date")).count();
+    assert_eq!(reported, other.cameras.len(), "{}", exported.stderr);
     let _ = scratch.calib(&["report", "other.json", "-o", "other.html"]);
     assert!(std::fs::read_to_string(scratch.path("other.html")).unwrap().contains("out of date"));
     scratch.calib(&["check", "other.json", "--allow", "out-of-date"]).expect_code(0);

@@ -177,9 +177,9 @@ fn wide_lenses_are_recovered_from_synthetic_edges() {
         }
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
         let at = |share: usize| errors[(SCENES - 1) * share / 100].0;
-        let told = errors.iter().filter(|(_, predicted)| *predicted > 10.0).count();
+        let warned = errors.iter().filter(|(_, predicted)| *predicted > 10.0).count();
         let found = format!(
-            "{family:?}: median {:.2}, 90th percentile {:.2}, worst {:.2}; {told} of {SCENES} have a warning",
+            "{family:?}: median {:.2}, 90th percentile {:.2}, worst {:.2}; {warned} of {SCENES} have a warning",
             at(50),
             at(90),
             at(100)
@@ -604,7 +604,7 @@ fn repeated_curved_edge_does_not_cause_distortion() {
     let size = [1920.0, 1080.0];
     let plain = Lens::pinhole(Pixel::new(960.0, 540.0));
     let mut edges = drawn(&mut random, &plain, size);
-    let mut bent = || -> Vec<Pixel> {
+    let mut curved = || -> Vec<Pixel> {
         let at = |i: i32| {
             let t = f64::from(i) / 8.0;
             let bow = 16.0 * t * (1.0 - t);
@@ -615,7 +615,7 @@ fn repeated_curved_edge_does_not_cause_distortion() {
         };
         (0..9).map(at).collect()
     };
-    edges.extend((0..60).map(|k| edge(bent(), 20 + k)));
+    edges.extend((0..60).map(|k| edge(curved(), 20 + k)));
     let options = LensOptions {
         principal_point: plain.principal_point,
         is_centre_fixed: true,
@@ -678,11 +678,11 @@ fn distorted_lines_determine_the_lens_without_straight_edges() {
     let mut random = ChaCha8Rng::seed_from_u64(77);
     let centre = Pixel::new(960.0, 540.0);
     let brown = BrownConrady { k1: -0.3, k2: 0.08, ..BrownConrady::default() };
-    let bent = Lens { distortion: Distortion::BrownConrady(brown), ..Lens::pinhole(centre) };
+    let curved = Lens { distortion: Distortion::BrownConrady(brown), ..Lens::pinhole(centre) };
     let (mut inside, mut fitted) = (0, 0);
     const TRIALS: usize = 40;
     for _ in 0..TRIALS {
-        let (site, camera) = room(bent, &mut random);
+        let (site, camera) = room(curved, &mut random);
         let solved = site.calibrate(&Options::default()).write_into(&site);
         let found = solved.cameras[0].camera().unwrap();
         let sigma = found.covariance.sigma(Covariance::FOCAL);
@@ -711,8 +711,9 @@ fn curved_road_is_reported_and_causes_no_distortion() {
         let is_road = annotation.id.is_some();
         for segment in annotation.segments.iter_mut().flatten() {
             if is_road {
-                let bent = |(i, at): (usize, &Pixel)| Pixel::new(at.u + 0.5 * (i as f64 - 5.5).powi(2), at.v);
-                *segment = segment.iter().enumerate().map(bent).collect();
+                let curved =
+                    |(i, at): (usize, &Pixel)| Pixel::new(at.u + 0.5 * (i as f64 - 5.5).powi(2), at.v);
+                *segment = segment.iter().enumerate().map(curved).collect();
             } else {
                 *segment = vec![segment[0], segment[11]];
             }

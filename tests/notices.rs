@@ -47,8 +47,8 @@ fn notices_name_all_linked_crates() {
 
 #[test]
 fn licenses_command_prints_the_notices() {
-    let told = Scratch::new().calib(&["licenses"]).expect_code(0).stdout;
-    assert!(told.contains("MIT or Apache-2.0") && told.contains("\n  resvg "), "{}", &told[..200]);
+    let notices = Scratch::new().calib(&["licenses"]).expect_code(0).stdout;
+    assert!(notices.contains("MIT or Apache-2.0") && notices.contains("\n  resvg "), "{}", &notices[..200]);
 }
 
 #[test]

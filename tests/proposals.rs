@@ -305,7 +305,8 @@ fn demonstration_has_no_gross_errors() {
         let at = Orientation { roll: truth.roll, pitch: truth.pitch, focal: truth.focal };
         (id.clone(), of_image(&calib_demo::render(truth, camera.size_px), &at))
     };
-    let offs: Vec<(String, Option<CalibrationError>)> = demo.site.cameras.iter().zip(&demo.truth).map(of).collect();
+    let offs: Vec<(String, Option<CalibrationError>)> =
+        demo.site.cameras.iter().zip(&demo.truth).map(of).collect();
     assert_eq!(gross_among_sure("demonstration", &offs), 0);
 }
 
@@ -536,8 +537,9 @@ fn any_set_of_edges_is_accepted() {
 fn command_accepts_edges_that_determine_the_lens() {
     let scratch = Scratch::new();
     let demo = calib_demo::demo_site();
-    let bent = demo.truth.iter().position(|(_, camera)| camera.lens.distortion != Distortion::None).unwrap();
-    calib_demo::render(&demo.truth[bent].1, demo.site.cameras[bent].size_px)
+    let distorted =
+        demo.truth.iter().position(|(_, camera)| camera.lens.distortion != Distortion::None).unwrap();
+    calib_demo::render(&demo.truth[distorted].1, demo.site.cameras[distorted].size_px)
         .save(scratch.path("bent.png"))
         .unwrap();
     scratch.calib(&["propose", "bent.png", "-o", "site.json", "--accept", "all"]).expect_code(0);

@@ -85,7 +85,7 @@ fn shelter(data: &Value, frames: &std::path::Path, fix_focal: bool) -> Site {
     let cameras = data["cameras"].as_object().unwrap().iter().map(|(id, camera)| {
         let truth = &camera["truth"];
         let number = |key: &str| truth[key].as_f64().unwrap();
-        let bent = DistortionEntry {
+        let distortion = DistortionEntry {
             k1: Some(number("k1")),
             k2: Some(number("k2")),
             focal_px: Some(number("focal_px")),
@@ -94,7 +94,7 @@ fn shelter(data: &Value, frames: &std::path::Path, fix_focal: bool) -> Site {
         let lens = LensEntry {
             focal_px: fix_focal.then(|| Known::fixed(number("focal_px"))),
             principal_point_px: Some(serde_json::from_value(truth["principal_point"].clone()).unwrap()),
-            distortion: (number("k1") != 0.0).then_some(bent),
+            distortion: (number("k1") != 0.0).then_some(distortion),
             ..LensEntry::default()
         };
         let lines = &camera["lines"];

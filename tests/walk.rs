@@ -180,13 +180,13 @@ fn table_of_walks() {
         let claimed = 3.0 * calibrated[0].0.covariance.0[parameter][parameter].sqrt();
         let by_floor: Vec<f64> =
             (0..calibrated.len()).map(|of| floor_fault(&calibrated, &first, (of, parameter), 3.0)).collect();
-        let told = |of: usize| smallest[of][parameter];
+        let detectable = |of: usize| smallest[of][parameter];
         let shares = [
             share(&|_| claimed),
             share(&|of| by_floor[of]),
-            share(&told),
-            share(&|of| 1.3 * told(of)),
-            share(&|of| 1.6 * told(of)),
+            share(&detectable),
+            share(&|of| 1.3 * detectable(of)),
+            share(&|of| 1.6 * detectable(of)),
         ];
         all.iter_mut().zip(shares).for_each(|(all, share)| *all += share / Covariance::LENS as f64);
         let [of_claim, of_floor, at_1, at_13, at_16] = shares;
@@ -194,7 +194,7 @@ fn table_of_walks() {
             "| {} | {claimed:.4} | {of_claim:.0} % | {:.4} | {of_floor:.0} % | {:.4} | {at_1:.0}, {at_13:.0}, {at_16:.0} % |",
             Covariance::NAMES[parameter],
             worst(&|of| by_floor[of]),
-            worst(&told),
+            worst(&detectable),
         );
     }
     let [of_claim, of_floor, at_1, at_13, at_16] = all;

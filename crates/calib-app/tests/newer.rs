@@ -183,8 +183,8 @@ fn comparison_survives_the_first_save_of_the_site() {
     }
     assert!(desk.app().is_comparing(), "it was saved too late to be tested");
     desk.wait(|app| !app.is_comparing());
-    let became = desk.app().editor.newer(0).map(|newer| newer.comparison.change);
-    assert_eq!(became, Some(CameraChange::Unchanged), "{:?}", desk.app().editor.session().note);
+    let change = desk.app().editor.newer(0).map(|newer| newer.comparison.change);
+    assert_eq!(change, Some(CameraChange::Unchanged), "{:?}", desk.app().editor.session().note);
 }
 
 #[test]
@@ -218,7 +218,7 @@ fn cameras_are_listed_with_the_age_of_calibration_and_newest_image() {
     compare(&mut desk, scratch.path("new.png"));
     desk.key(Key::Num3);
     let words = desk.words();
-    for told in [
+    for expected in [
         "Calibrations",
         "of 31 days ago",
         "of 3 days ago",
@@ -226,6 +226,6 @@ fn cameras_are_listed_with_the_age_of_calibration_and_newest_image() {
         "Unclear: few edges",
         "no newer image",
     ] {
-        assert!(words.iter().any(|word| word == told), "{told}: {words:?}");
+        assert!(words.iter().any(|word| word == expected), "{expected}: {words:?}");
     }
 }

@@ -198,10 +198,10 @@ fn plan_shows_the_agreement_of_every_pair_before_and_after() {
     desk.key(Key::Num2);
     desk.harness.run_steps(2);
     let ids: Vec<String> = desk.site().cameras.iter().map(|camera| camera.id.clone()).collect();
-    let told: Vec<&String> = ids.iter().filter(|id| agreement(&desk, id).is_some()).collect();
-    assert!(!told.is_empty(), "{}", words(&desk));
+    let shown: Vec<&String> = ids.iter().filter(|id| agreement(&desk, id).is_some()).collect();
+    assert!(!shown.is_empty(), "{}", words(&desk));
     let linked =
-        told.iter().find(|id| !agreement(&desk, id).unwrap().contains("no link")).unwrap().to_string();
+        shown.iter().find(|id| !agreement(&desk, id).unwrap().contains("no link")).unwrap().to_string();
     assert!(!agreement(&desk, &linked).unwrap().contains('\u{2192}'), "no camera was moved");
     // While a foot is dragged, both error values are shown, and the tag shows the distance.
     desk.take("Select");
@@ -247,9 +247,8 @@ fn rotation_handle_shows_the_change_and_the_old_value() {
     desk.press(from, Modifiers::NONE);
     desk.harness.event(egui::Event::PointerMoved(from + Vec2::new(50.0, 30.0)));
     desk.harness.run_steps(2);
-    let told =
-        texts(&desk).into_iter().find(|(text, _)| text.starts_with("turn ") && text.contains(", was "));
-    assert!(told.is_some(), "{:?}", texts(&desk));
+    let tag = texts(&desk).into_iter().find(|(text, _)| text.starts_with("turn ") && text.contains(", was "));
+    assert!(tag.is_some(), "{:?}", texts(&desk));
 }
 
 #[test]

@@ -96,8 +96,8 @@ fn misfit_camera_is_marked_and_its_worst_warning_is_open() {
     desk.harness.run_steps(3);
     assert_eq!(advice(&desk), warnings.len(), "no line is truncated");
     assert_eq!(desk.harness.query_all_by_label("Show").count(), warnings.len(), "each can be shown");
-    let told = calib_editor::camera_status(desk.app().editor.session(), 0);
-    assert_eq!(told.level, calib_editor::StatusLevel::Contradictory, "{told:?}");
+    let status = calib_editor::camera_status(desk.app().editor.session(), 0);
+    assert_eq!(status.level, calib_editor::StatusLevel::Contradictory, "{status:?}");
 }
 
 #[test]

@@ -72,11 +72,11 @@ fn height_typed_in_feet_is_stored_in_metres() {
 #[test]
 fn line_drawn_on_an_undistorted_image_follows_the_cursor() {
     let site = demo();
-    let bent = |camera: &calib_site::SiteCamera| {
+    let is_distorted = |camera: &calib_site::SiteCamera| {
         camera.lens.as_ref().is_some_and(|lens| lens.distortion.is_some())
             || camera.annotations.iter().any(|a| a.kind == Kind::Straight)
     };
-    let camera = site.cameras.iter().position(bent).expect("a camera with distortion");
+    let camera = site.cameras.iter().position(is_distorted).expect("a camera with distortion");
     let mut desk = Desk::new(site);
     for _ in 0..camera {
         desk.key(Key::CloseBracket);
@@ -382,8 +382,8 @@ fn a_saved_version_is_compared_camera_by_camera() {
     let mut desk = Desk::new(site);
     desk.answer(Some(scratch.path("saved.json")));
     desk.tell(Command::Compare);
-    let told = words(&desk);
-    assert!(told.contains("50.0 cm") && told.contains("0.0 cm"), "{told}");
+    let text = words(&desk);
+    assert!(text.contains("50.0 cm") && text.contains("0.0 cm"), "{text}");
 }
 
 #[test]
@@ -451,8 +451,8 @@ fn world_file_aligns_its_plan_or_the_existing_one() {
     let two = vec![loose("hall.png", png.get_ref()), loose("yard.png", png.get_ref()), loose("c.wld", b"")];
     desk.app().load_plan(&ctx, two);
     desk.wait(|app| app.waiting() == 0);
-    let told = desk.harness.state().editor.error().map(str::to_owned).unwrap();
-    assert!(told.contains("yard.png") && told.contains("c.wld"), "ignored parts are reported: {told}");
+    let error = desk.harness.state().editor.error().map(str::to_owned).unwrap();
+    assert!(error.contains("yard.png") && error.contains("c.wld"), "ignored parts are reported: {error}");
     assert_eq!(desk.site().plan.as_ref().unwrap().metres_per_px, before.plan.unwrap().metres_per_px);
 }
 

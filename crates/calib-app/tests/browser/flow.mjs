@@ -172,7 +172,7 @@ async function quota() {
   await session.send("Storage.overrideQuotaForOrigin", { origin: new URL(address).origin, quotaSize: 10 });
   await desk.stroke(500);
   const state = await desk.until("an error", (state) => state.error);
-  assert.match(state.error, /no room left|could not keep/);
+  assert.match(state.error, /no room left|could not store/);
   await desk.picture("quota");
   const site = path.join(scratch, "quota.json");
   await desk.download(() => desk.page.keyboard.press("Control+s"), site);
@@ -394,7 +394,7 @@ async function propose() {
   await desk.until("under way", (state) => state.proposing);
   await desk.press("Cancel the running task");
   const stopped = await desk.until("stopped", (state) => !state.proposing);
-  assert.match(stopped.note, /nothing is proposed/);
+  assert.match(stopped.note, /No lines were detected/);
   await desk.page.evaluate(() => { calib.work = globalThis.own; });
   const start = Date.now();
   await desk.key("Shift+P");
@@ -494,7 +494,7 @@ async function forbidden() {
   await desk.yard();
   await desk.stroke(500);
   const state = await desk.until("an error", (state) => state.error);
-  assert.match(state.error, /keep/);
+  assert.match(state.error, /store/);
   await desk.picture("forbidden");
   const site = path.join(scratch, "forbidden.json");
   await desk.download(() => desk.page.keyboard.press("Control+s"), site);
