@@ -412,7 +412,7 @@ fn broken_tables_are_refused_without_output() {
                 "out.parquet",
                 "--force",
             ]));
-            // A changed value can still be a valid table.
+            // A file with a changed value can be a valid table.
             assert!(run.code == 0 || run.code == 3, "{broken}, round {round}: {run:?}");
             if run.code == 3 {
                 assert!(run.stderr.contains(&broken), "{}", run.stderr);

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use calib_core::{BrownConrady, Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
 
-use calib_core::camera::{Turn, angles_from_rotation, ray_in_camera};
+use calib_core::camera::{RotationZoom, angles_from_rotation, pixel_to_camera_ray};
 
 use calib_image::{CameraChange, Comparison};
 use calib_site::{Method, Site};
@@ -48,13 +48,13 @@ impl Stills {
 
     /// Renders the image of the camera after a rotation and zoom. Pixels outside the old image come from
     /// `other`.
-    fn turned(&self, moment: usize, turn: &Turn, other: &RgbImage) -> RgbImage {
+    fn turned(&self, moment: usize, turn: &RotationZoom, other: &RgbImage) -> RgbImage {
         let (still, larger) = (&self.moments[moment], &self.larger[moment]);
         let factor = f64::from(larger.width()) / f64::from(still.width());
-        let new = turn.applied(&self.camera);
-        let back = Turn::between(&new, &self.camera).at(&new);
+        let new = turn.apply_to(&self.camera);
+        let back = RotationZoom::between(&new, &self.camera).for_camera(&new);
         let colour = |at: Pixel| {
-            let Pixel { u, v } = back.pixel(at)?;
+            let Pixel { u, v } = back.map_pixel(at)?;
             sample(larger, Pixel::new(factor * u, factor * v))
         };
         supersampled([still.width(), still.height()], colour, |x, y| {
@@ -278,7 +278,7 @@ fn paste(image: &mut RgbImage, other: &RgbImage, share: f64, random: &mut ChaCha
 
 /// Returns a random rotation and zoom. The angle, in degrees, and the relative change of the focal length are
 /// within the given ranges.
-fn random_rotation(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> Turn {
+fn random_rotation(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -> RotationZoom {
     let log =
         |random: &mut ChaCha8Rng, [low, high]: [f64; 2]| random.random_range(low.ln()..=high.ln()).exp();
     // Pan and tilt are more frequent than roll.
@@ -287,7 +287,7 @@ fn random_rotation(random: &mut ChaCha8Rng, degrees: [f64; 2], zoom: [f64; 2]) -
     let angle = log(random, degrees).to_radians();
     let share = log(random, zoom);
     let zoom = if random.random_bool(0.5) { (1.0 + share).ln() } else { -(1.0 + share).ln() };
-    Turn { vector: axis.map(|c| c / length * angle), zoom }
+    RotationZoom { vector: axis.map(|c| c / length * angle), zoom }
 }
 
 /// One comparison and its errors.
@@ -304,9 +304,10 @@ struct Trial {
     of_bound: f64,
 }
 
-fn trial(stills: &Stills, new: &RgbImage, truth: &Turn) -> Trial {
+fn trial(stills: &Stills, new: &RgbImage, truth: &RotationZoom) -> Trial {
     let found = Comparison::new(&stills.camera, &[], &stills.moments[0], new).unwrap();
-    let left = Turn::between(&found.rotation.applied(&stills.camera), &truth.applied(&stills.camera));
+    let left =
+        RotationZoom::between(&found.rotation.apply_to(&stills.camera), &truth.apply_to(&stills.camera));
     let [x, y, z] = left.vector;
     let sigma = |k: usize| found.covariance[k][k].sqrt();
     let errors: [f64; 4] = std::array::from_fn(|k| [x, y, z, left.zoom][k] / sigma(k));
@@ -473,7 +474,7 @@ fn table_of_rotations_and_zooms() {
     }
 }
 
-/// Prints which disturbances cause errors beyond the bound, because they move neighbouring edge points alike.
+/// Prints which disturbances cause errors beyond the bound, because they move neighbouring edge points together.
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
 fn table_of_correlated_disturbances() {
@@ -521,7 +522,7 @@ fn rotated_shop(all: &[Stills], day: &Day) -> [Row; 2] {
     let mut rows = [Row::default(), Row::default()];
     for _ in 0..number_from_env("CALIB_COMPARE_TRIALS", 20) {
         let truth = random_rotation(&mut random, [0.2, 2.0], [5e-3, 0.03]);
-        let new = scaled(&truth.applied(&shop.camera), f64::from(size[0]) / f64::from(width));
+        let new = scaled(&truth.apply_to(&shop.camera), f64::from(size[0]) / f64::from(width));
         let stills = [shop.turned(0, &truth, other), reduced(&calib_demo::render(&new, size), width)];
         for (row, still) in rows.iter_mut().zip(stills) {
             row.add(&trial(shop, &day.shown(still, other, &mut random), &truth), true);
@@ -642,7 +643,7 @@ impl Room {
 
 /// Returns the direction of a pixel's ray in the world.
 fn ray(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
-    let (seen, rows) = (ray_in_camera(camera, pixel)?, camera.rotation());
+    let (seen, rows) = (pixel_to_camera_ray(camera, pixel)?, camera.rotation());
     Some(std::array::from_fn(|axis| (0..3).map(|row| rows[row][axis] * seen[row]).sum()))
 }
 
@@ -659,7 +660,7 @@ fn stepped_aside(camera: &Camera, metres: f64, aside: f64, random: &mut ChaCha8R
     let WorldPoint { x, y, z } = camera.position;
     let position = WorldPoint::new(x + metres * direction.cos(), y + metres * direction.sin(), z);
     let turn = random_rotation(random, [0.2, 2.0], [1e-4, 1e-3]);
-    turn.applied(&Camera { position, ..*camera })
+    turn.apply_to(&Camera { position, ..*camera })
 }
 
 /// Distances of simulated sideways steps, in metres.
@@ -817,7 +818,7 @@ fn other_changes_are_not_reported_as_rotations() {
         let new = calib_demo::render(&beside, size);
         assert_eq!(compare(&shop, &new).change, CameraChange::Shifted, "{metres} m aside");
     }
-    let turned = Turn { vector: [0.01, 0.02, -0.005], zoom: 0.01 }.applied(&camera);
+    let turned = RotationZoom { vector: [0.01, 0.02, -0.005], zoom: 0.01 }.apply_to(&camera);
     assert_eq!(compare(&shop, &calib_demo::render(&turned, size)).change, CameraChange::Moved);
     let flat = RgbImage::from_pixel(size[0], size[1], Rgb([90; 3]));
     let nothing = Comparison::new(&camera, &[], &flat, old).unwrap();
@@ -841,11 +842,12 @@ fn periodic_textures_do_not_mislead() {
     let fence = Stills::new("fence", larger_camera, vec![picture], 960);
     for posts in [0.8, 1.1, 2.0] {
         let shift = posts * 0.5 * APART;
-        let truth = Turn { vector: [0.0, shift / fence.camera.focal, 0.0], zoom: 0.0 };
+        let truth = RotationZoom { vector: [0.0, shift / fence.camera.focal, 0.0], zoom: 0.0 };
         let new = fence.turned(0, &truth, &RgbImage::from_pixel(960, 540, Rgb([90; 3])));
         let found = compare(&fence, &new);
         print_if_verbose(&format!("{posts} posts"), &found);
-        let left = Turn::between(&found.rotation.applied(&fence.camera), &truth.applied(&fence.camera));
+        let left =
+            RotationZoom::between(&found.rotation.apply_to(&fence.camera), &truth.apply_to(&fence.camera));
         let off = left.angle() * fence.camera.focal;
         assert!(
             !found.change.is_aligned() || off < 0.5,
@@ -899,7 +901,7 @@ fn command_finds_a_zoom_and_recovers_the_camera() {
     let (entry, truth) = (demo.site.cameras[index].clone(), demo.truth[index].1);
     let turn = calib_demo::changed_cameras()[1].1;
     calib_demo::render(&truth, entry.size_px).save(scratch.path("d/store.png")).unwrap();
-    let later = calib_demo::render_later(&turn.applied(&truth), entry.size_px);
+    let later = calib_demo::render_later(&turn.apply_to(&truth), entry.size_px);
     later.save(scratch.path("d/later/store_20260601_0900.png")).unwrap();
     let site = Site { cameras: vec![entry], ..Site::new() };
     scratch.write("d/site.json", site.to_json());
@@ -930,7 +932,7 @@ fn recovered(scratch: &Scratch, ids: &[&str]) {
         assert_eq!(entry.valid_from.as_deref(), Some("2026-06-01T09:00:00Z"));
         assert_eq!(old.valid_to, entry.valid_from);
         assert!(entry.image.as_deref().is_some_and(|image| image.contains("later")), "{:?}", entry.image);
-        let truth = turn.applied(&truth.iter().find(|(other, _)| other == id).unwrap().1);
+        let truth = turn.apply_to(&truth.iter().find(|(other, _)| other == id).unwrap().1);
         let found = entry.camera().unwrap();
         let off = [
             (Covariance::PITCH, found.pitch - truth.pitch),

@@ -361,11 +361,12 @@ fn pixel_outside_the_image_circle_has_no_ray() {
 fn rms_distance(one: &Lens, other: &Lens, disc: ImageCircle) -> f64 {
     let across = |i: u32| disc.radius * (f64::from(i) / 40.0 - 1.0);
     let pixels = (0..=80).flat_map(|i| (0..=80).map(move |j| (across(i), across(j))));
-    let in_disc = pixels.map(|(u, v)| Pixel::new(disc.u + u, disc.v + v)).filter(|&pixel| disc.holds(pixel));
+    let in_disc =
+        pixels.map(|(u, v)| Pixel::new(disc.u + u, disc.v + v)).filter(|&pixel| disc.contains(pixel));
     let square = |pixel: Pixel| {
         let [x, y, ahead] = one.bearing(pixel).unwrap();
         let ratio = other.focal / one.focal;
-        other.shown([x * ratio, y * ratio, ahead]).unwrap().distance(pixel).powi(2)
+        other.bearing_to_pixel([x * ratio, y * ratio, ahead]).unwrap().distance(pixel).powi(2)
     };
     let squares: Vec<f64> = in_disc.map(square).collect();
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()

@@ -422,7 +422,7 @@ fn segments_of_floor_lines_determine_cameras() {
     let mut random = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..5 {
         let layout = bare_ring(&mut random);
-        // Two floor lines, of which every camera sees another segment. The heights are fixed, and the
+        // Two floor lines; every camera sees another segment of them. The heights are fixed, and the
         // placements are approximate.
         let mut lines = layout.clone();
         for (camera, truth) in lines.site.cameras.iter_mut().zip(&lines.truth) {
@@ -455,7 +455,7 @@ fn segments_of_floor_lines_determine_cameras() {
 #[test]
 fn unknown_scale_and_missing_links_are_reported() {
     let mut random = ChaCha8Rng::seed_from_u64(8);
-    // Without a known length, the shape of the site is correct and its scale is that of the first camera.
+    // Without a known length, the shape of the site is correct and the first camera determines its scale.
     let layout = Layout::ring(&mut random, 3, 8, 1.0);
     let report = solve(&layout);
     assert_eq!(report.site.scale, Some(Scale::Unknown));

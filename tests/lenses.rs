@@ -678,11 +678,11 @@ fn distorted_lines_determine_the_lens_without_straight_edges() {
     let mut random = ChaCha8Rng::seed_from_u64(77);
     let centre = Pixel::new(960.0, 540.0);
     let brown = BrownConrady { k1: -0.3, k2: 0.08, ..BrownConrady::default() };
-    let curved = Lens { distortion: Distortion::BrownConrady(brown), ..Lens::pinhole(centre) };
+    let distorted = Lens { distortion: Distortion::BrownConrady(brown), ..Lens::pinhole(centre) };
     let (mut inside, mut fitted) = (0, 0);
     const TRIALS: usize = 40;
     for _ in 0..TRIALS {
-        let (site, camera) = room(curved, &mut random);
+        let (site, camera) = room(distorted, &mut random);
         let solved = site.calibrate(&Options::default()).write_into(&site);
         let found = solved.cameras[0].camera().unwrap();
         let sigma = found.covariance.sigma(Covariance::FOCAL);

@@ -195,7 +195,7 @@ fn measured_rooms(name: &'static str, half: usize) -> Option<(Measured, Measured
 }
 
 /// Estimates the orientation with the usual baseline, RANSAC. Of 500 intersections of random pairs of edges,
-/// it takes the one with most edges within 2 degrees, and removes those edges. It repeats this three times.
+/// it takes the point with most edges within 2 degrees, and removes those edges. It repeats this three times.
 /// The most vertical point is the zenith. The first other point that gives a real focal length as a
 /// horizontal direction determines it.
 fn ransac(segments: &[LineSegment], centre: Pixel) -> Option<Orientation> {

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use calib_core::Camera;
 
-use calib_core::camera::Movement;
+use calib_core::camera::PanTiltZoom;
 
 use calib_health::{CameraHealth, DriftStatus, Sighting, Watch};
 
@@ -32,18 +32,18 @@ fn watched(cameras: &[(Camera, [u32; 2])], seen: &[Sighting]) -> Vec<CameraHealt
     watch.health()
 }
 
-fn degrees(pan: f64, tilt: f64, roll: f64) -> Movement {
+fn degrees(pan: f64, tilt: f64, roll: f64) -> PanTiltZoom {
     let [pan, tilt, roll] = [pan, tilt, roll].map(f64::to_radians);
-    Movement { pan, tilt, roll, zoom: 0.0 }
+    PanTiltZoom { pan, tilt, roll, zoom: 0.0 }
 }
 
-fn zoomed() -> Movement {
-    Movement { zoom: 1.03_f64.ln(), ..Movement::default() }
+fn zoomed() -> PanTiltZoom {
+    PanTiltZoom { zoom: 1.03_f64.ln(), ..PanTiltZoom::default() }
 }
 
 /// Returns two weeks of detections in which one camera moves in the last quarter. About `after` people pass
 /// each camera after that time.
-fn archive(camera: usize, by: Movement, after: usize) -> (Crowd, i64) {
+fn archive(camera: usize, by: PanTiltZoom, after: usize) -> (Crowd, i64) {
     let span = [MAY, MAY + 14 * DAY];
     let share = 0.25;
     let at = MAY + (14.0 * DAY as f64 * (1.0 - share)) as i64;
@@ -135,7 +135,7 @@ impl Found {
 #[ignore = "takes minutes: `cargo xtask accuracy --watch`"]
 fn table_of_moved_cameras() {
     let (cameras, trials) = (cameras(), number_from_env("CALIB_WATCH_TRIALS", 4));
-    let zoomed = |share: f64| Movement { zoom: (1.0 + share).ln(), ..Movement::default() };
+    let zoomed = |share: f64| PanTiltZoom { zoom: (1.0 + share).ln(), ..PanTiltZoom::default() };
     let moved = [
         ("pan 1 deg", degrees(1.0, 0.0, 0.0), degrees(-1.0, 0.0, 0.0)),
         ("tilt 1 deg", degrees(0.0, 1.0, 0.0), degrees(0.0, -1.0, 0.0)),

@@ -1,4 +1,4 @@
-//! Views from a fisheye image: images that a tracker can use like those of a pinhole camera.
+//! Views from a fisheye image: images that a tracker can use like pinhole images.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 

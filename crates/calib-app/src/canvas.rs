@@ -302,7 +302,9 @@ mod tests {
             assert!(path.iter().map(off).fold(0.0, f32::max) < 0.5, "straight in the window");
             // A point behind the window is far from its canvas.
             let behind = window.direction(window.principal_point).map(|part| -part);
-            if let Some(pixel) = lens.shown([lens.focal * behind[0], lens.focal * behind[1], behind[2]]) {
+            if let Some(pixel) =
+                lens.bearing_to_pixel([lens.focal * behind[0], lens.focal * behind[1], behind[2]])
+            {
                 assert!(!mapping.rect.expand(2000.0).contains(mapping.screen(pixel.into())), "{pixel:?}");
             }
         }

@@ -58,7 +58,7 @@ fn zoomed_camera_is_recovered_by_one_key_and_undone_by_another() {
     let (entry, truth) = store();
     let turn = calib_demo::changed_cameras()[1].1;
     calib_demo::render(&truth, entry.size_px).save(scratch.path("store.png")).unwrap();
-    let later = calib_demo::render_later(&turn.applied(&truth), entry.size_px);
+    let later = calib_demo::render_later(&turn.apply_to(&truth), entry.size_px);
     later.save(scratch.path("today.png")).unwrap();
     let mut desk = desk(&scratch, "store.png");
     compare(&mut desk, scratch.path("today.png"));
@@ -89,7 +89,7 @@ fn zoomed_camera_is_recovered_by_one_key_and_undone_by_another() {
     assert_eq!(old.solution.as_ref().map(|found| found.method), Some(Method::Kept));
     let solved = &desk.harness.state().editor.session().solved;
     let (now, then) = (solved.pose(0).unwrap(), solved.pose(1).unwrap());
-    let expected = turn.applied(&truth);
+    let expected = turn.apply_to(&truth);
     for (index, off) in
         [(Covariance::PITCH, now.pitch - expected.pitch), (Covariance::FOCAL, now.focal - expected.focal)]
     {

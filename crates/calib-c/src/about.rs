@@ -270,7 +270,7 @@ pub unsafe extern "C" fn calib_camera_distortion(
         // SAFETY: the caller guarantees that they can be written.
         unsafe {
             write_value(model, name)?;
-            write_numbers::<{ Distortion::MOST }>(coefficients, lens.distortion.coefficients())?;
+            write_numbers::<{ Distortion::MAX_COEFFICIENTS }>(coefficients, lens.distortion.coefficients())?;
             write_value(focal_px, lens.focal)
         }
     })

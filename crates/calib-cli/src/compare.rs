@@ -345,9 +345,9 @@ const MISSING_COLOUR: Rgb<u8> = Rgb([255, 90, 40]);
 
 /// Draws a dot on the newer image at the predicted position of every edge.
 pub(crate) fn draw_edges(of: &CameraComparison, seen: &ImageComparison, mut image: RgbImage) -> RgbImage {
-    let turned = seen.comparison.rotation.at(&of.camera);
+    let turned = seen.comparison.rotation.for_camera(&of.camera);
     for (place, found) in &seen.comparison.samples {
-        if let (Some(found), Some(at)) = (found, turned.pixel(*place)) {
+        if let (Some(found), Some(at)) = (found, turned.map_pixel(*place)) {
             dot(&mut image, at, if *found { FOUND_COLOUR } else { MISSING_COLOUR });
         }
     }

@@ -106,7 +106,7 @@ fn write_later(demo: &DemoSite, folder: &Path, progress: &ProgressBar) -> Result
         progress.set_message(format!("rendering {id}, a month later"));
         let moved = calib_demo::changed_cameras();
         let turn = moved.iter().find(|(moved, _)| moved == id).map(|(_, turn)| *turn).unwrap_or_default();
-        let image = calib_demo::render_later(&turn.applied(truth), entry.size_px);
+        let image = calib_demo::render_later(&turn.apply_to(truth), entry.size_px);
         files::write_atomically(&later.join(format!("{id}_20260601_0900.png")), &picture::png(&image)?)?;
         progress.inc(1);
     }

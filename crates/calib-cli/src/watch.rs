@@ -5,7 +5,7 @@ use std::path::Path;
 
 use calib_core::Camera;
 
-use calib_core::camera::Movement;
+use calib_core::camera::PanTiltZoom;
 
 use calib_health::{CameraHealth, Change, DriftStatus, Memory, Watch};
 use calib_report::WatchedCamera;
@@ -192,7 +192,7 @@ fn as_json(id: &str, from: Option<&str>, health: &CameraHealth) -> serde_json::V
 }
 
 fn change_json(change: &Change) -> serde_json::Value {
-    let Movement { pan, tilt, roll, zoom } = change.movement;
+    let PanTiltZoom { pan, tilt, roll, zoom } = change.movement;
     let evidence = [("heights", change.is_seen_in_heights), ("other-cameras", change.is_seen_by_others)];
     let evidence: Vec<&str> =
         evidence.into_iter().filter(|(_, is_evidence)| *is_evidence).map(|(name, _)| name).collect();
@@ -207,14 +207,14 @@ fn change_json(change: &Change) -> serde_json::Value {
 
 /// Formats angles in degrees and the zoom relative to the focal length; null if a value or its standard
 /// deviation is unknown.
-fn parameters(values: [f64; Movement::SIZE], sigmas: [f64; Movement::SIZE]) -> serde_json::Value {
+fn parameters(values: [f64; PanTiltZoom::SIZE], sigmas: [f64; PanTiltZoom::SIZE]) -> serde_json::Value {
     let known =
         |i: usize, scale: f64| Some(values[i] * scale).filter(|v| v.is_finite() && sigmas[i].is_finite());
     let degree = 1.0_f64.to_degrees();
     serde_json::json!({
-        "pan_deg": known(Movement::PAN, degree),
-        "tilt_deg": known(Movement::TILT, degree),
-        "roll_deg": known(Movement::ROLL, degree),
-        "zoom_rel": known(Movement::ZOOM, 1.0),
+        "pan_deg": known(PanTiltZoom::PAN, degree),
+        "tilt_deg": known(PanTiltZoom::TILT, degree),
+        "roll_deg": known(PanTiltZoom::ROLL, degree),
+        "zoom_rel": known(PanTiltZoom::ZOOM, 1.0),
     })
 }

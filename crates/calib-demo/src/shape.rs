@@ -330,7 +330,7 @@ mod tests {
             let rays = Rays::new(&camera, size);
             for i in 0..200 {
                 let (u, v) = (9.37 * i as f64 % f64::from(size[0]), 5.11 * i as f64 % f64::from(size[1]));
-                if camera.lens.image_circle.is_some_and(|circle| !circle.holds(Pixel::new(u, v))) {
+                if camera.lens.image_circle.is_some_and(|circle| !circle.contains(Pixel::new(u, v))) {
                     assert!(rays.through(u as f32, v as f32).is_none());
                     continue;
                 }

@@ -5,7 +5,7 @@
 //!
 //! Also the true cameras, which a calibration should recover.
 
-use calib_core::camera::{Coefficient, Turn};
+use calib_core::camera::{Coefficient, RotationZoom};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::single::Known;
 use calib_core::{
@@ -54,7 +54,7 @@ fn ceiling(at: [f64; 3], degrees: [f64; 3], size: [u32; 2]) -> Camera {
     camera.lens = Lens { focal: camera.focal, distortion, ..camera.lens };
     let (sin, cos) = HALF_FIELD.to_radians().sin_cos();
     let Pixel { u, v } = camera.lens.principal_point;
-    let rim = camera.lens.shown([camera.focal * sin, 0.0, cos]);
+    let rim = camera.lens.bearing_to_pixel([camera.focal * sin, 0.0, cos]);
     camera.lens.image_circle = rim.map(|rim| ImageCircle { u, v, radius: rim.u - u });
     camera
 }
@@ -67,11 +67,14 @@ pub(crate) fn is_in_shop(id: &str) -> bool {
 /// Returns the cameras that changed within the month, with their rotation and zoom: one was bumped, and one
 /// zoomed.
 #[must_use]
-pub fn changed_cameras() -> [(&'static str, Turn); 2] {
+pub fn changed_cameras() -> [(&'static str, RotationZoom); 2] {
     /// Angle of the bump, in degrees.
     const BUMP: f64 = 1.3;
     let bump = [0.6, 0.7483, -0.2828].map(|part| part * BUMP.to_radians());
-    [("shop-1", Turn { vector: bump, zoom: 0.0 }), ("store", Turn { vector: [0.0; 3], zoom: 1.03_f64.ln() })]
+    [
+        ("shop-1", RotationZoom { vector: bump, zoom: 0.0 }),
+        ("store", RotationZoom { vector: [0.0; 3], zoom: 1.03_f64.ln() }),
+    ]
 }
 
 /// Returns a camera at a position, with yaw, pitch and roll in degrees; `lens` refers to its focal length.

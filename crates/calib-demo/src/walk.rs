@@ -3,7 +3,7 @@
 //! Also visitors over many days, with the boxes of a simulated detector. It includes hidden feet, children,
 //! seasonal changes, and noise that grows with the box.
 
-use calib_core::camera::Movement;
+use calib_core::camera::PanTiltZoom;
 use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
 use calib_health::Sighting;
 use rand::{Rng as _, SeedableRng as _};
@@ -166,7 +166,7 @@ pub struct PoseChange {
     /// Time, in nanoseconds since 1970.
     pub at: i64,
     /// Change of the pose.
-    pub by: Movement,
+    pub by: PanTiltZoom,
 }
 
 /// Visitors and properties of the detector.
@@ -278,7 +278,7 @@ impl Crowd {
             let floor = walker.at(frame as f64 / frames as f64);
             for (index, (camera, size)) in cameras.iter().enumerate() {
                 let moved = self.change.filter(|moved| moved.camera == index && at >= moved.at);
-                let camera = moved.map_or(*camera, |moved| moved.by.applied(camera));
+                let camera = moved.map_or(*camera, |moved| moved.by.apply_to(camera));
                 let stands = PersonState { floor, tall: walker.tall, own: own[index] };
                 seen.extend(self.detection_box(&stands, &camera, *size, random).map(
                     |(foot, head, width)| Sighting {

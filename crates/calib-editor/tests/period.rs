@@ -127,7 +127,7 @@ fn newer(editor: &Editor, camera: usize, image: &str, since: &str) -> Box<NewerI
     let entry = &editor.site().cameras[camera];
     let comparison = Comparison {
         change: CameraChange::Moved,
-        rotation: calib_core::camera::Turn::default(),
+        rotation: calib_core::camera::RotationZoom::default(),
         covariance: [[0.0; 4]; 4],
         bound: [[0.0; 4]; 4],
         z_score: 9.0,

@@ -122,7 +122,7 @@ pub(crate) fn fit_lens(samples: &[[f64; 2]]) -> Option<FittedLens> {
     let k = [1, 2, 3, 4].map(|i| terms[i] / terms[0] / widest.powi(2 * i as i32));
     let distortion = Distortion::KannalaBrandt { k };
     let off = |&[theta, radius]: &[f64; 2]| {
-        let shown = distortion.shown([theta.sin(), 0.0, theta.cos()]);
+        let shown = distortion.ray_to_distorted([theta.sin(), 0.0, theta.cos()]);
         shown.map_or(f64::INFINITY, |[at, _]| (focal * at - radius).abs())
     };
     Some(FittedLens { focal, distortion, max_error_px: samples.iter().map(off).fold(0.0, f64::max) })
@@ -189,7 +189,7 @@ mod tests {
         let lens = Distortion::KannalaBrandt { k };
         let sample = |i: u32| {
             let theta = MAX_ANGLE * f64::from(i) / 300.0;
-            lens.shown([theta.sin(), 0.0, theta.cos()]).map(|[at, _]| [theta, 400.0 * at])
+            lens.ray_to_distorted([theta.sin(), 0.0, theta.cos()]).map(|[at, _]| [theta, 400.0 * at])
         };
         let samples: Option<Vec<[f64; 2]>> = (0..=300).map(sample).collect();
         let found =

@@ -51,7 +51,10 @@ fn only_lens(imported: &Imported) -> Lens {
 fn are_equal(a: &Lens, b: &Lens) -> bool {
     let rays = (0..300).map(|i| (f64::from(i) * 0.37, f64::from(i) / 300.0 * 1.7));
     rays.map(|(turn, theta)| [theta.sin() * turn.cos(), theta.sin() * turn.sin(), theta.cos()]).all(
-        |[x, y, z]| match (a.shown([a.focal * x, a.focal * y, z]), b.shown([b.focal * x, b.focal * y, z])) {
+        |[x, y, z]| match (
+            a.bearing_to_pixel([a.focal * x, a.focal * y, z]),
+            b.bearing_to_pixel([b.focal * x, b.focal * y, z]),
+        ) {
             (Some(a), Some(b)) => a.distance(b) < 1e-8,
             (a, b) => a.is_none() && b.is_none(),
         },
@@ -103,7 +106,7 @@ proptest! {
         prop_assert!(are_equal(&only_lens(&back), &camera.lens), "{:?} {distortion:?}", only_lens(&back));
         let yaml = yaml(&files.files);
         let [u, v] = kalibr_pixel(&yaml["cam0"], [x, y, z]);
-        let shown = camera.lens.shown([focal * x, focal * y, z]);
+        let shown = camera.lens.bearing_to_pixel([focal * x, focal * y, z]);
         let off = shown.map(|at| (at.u - 0.5 - u).hypot(at.v - 0.5 - v));
         prop_assert!(off.is_some_and(|off| off < 1e-8), "{off:?}");
     }
@@ -210,7 +213,7 @@ fn the_stated_error_of_an_ocamcalib_polynomial_is_correct() {
             if r.atan2(-z) > 109_f64.to_radians() {
                 continue;
             }
-            let shown = lens.shown([lens.focal * y, lens.focal * x, -z]).unwrap();
+            let shown = lens.bearing_to_pixel([lens.focal * y, lens.focal * x, -z]).unwrap();
             most = most.max((shown.u - column - 0.5).hypot(shown.v - row - 0.5));
         }
         assert!(most <= stated && stated <= 1.0 && most > 0.2 * stated, "{most} px of {stated}: {lens:?}");
@@ -281,7 +284,7 @@ fn the_stated_error_of_four_radial_terms_is_correct_and_a_prism_is_rejected() {
         if radius > 800.0 {
             break;
         }
-        let shown = lens.shown([lens.focal * theta.sin(), 0.0, theta.cos()]).unwrap();
+        let shown = lens.bearing_to_pixel([lens.focal * theta.sin(), 0.0, theta.cos()]).unwrap();
         most = most.max((shown.u - 640.0 - radius).abs());
     }
     assert!(most <= stated + 1e-3 && stated <= 1.0 && most > 0.0, "{most} of {stated}");

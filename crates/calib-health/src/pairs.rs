@@ -9,14 +9,14 @@
 
 use std::collections::BTreeMap;
 
-use calib_core::camera::{Camera, Movement};
+use calib_core::camera::{Camera, PanTiltZoom};
 use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, Vector2};
 
 use crate::moments::{Foot, Moments};
 use crate::normal_equations::NormalEquations;
 
 /// Number of unknowns of a pair: the movements of both cameras.
-pub(crate) const UNKNOWNS: usize = 2 * Movement::SIZE;
+pub(crate) const UNKNOWNS: usize = 2 * PanTiltZoom::SIZE;
 /// Standard deviation between two views of one person, in metres, in addition to the noise of the boxes; each
 /// camera sees another side.
 const BODY_SIGMA_M: f64 = 0.08;
@@ -28,16 +28,16 @@ struct FloorFoot {
     at: i64,
     point: Vector2<f64>,
     covariance: Matrix2<f64>,
-    slopes: SMatrix<f64, 2, { Movement::SIZE }>,
+    slopes: SMatrix<f64, 2, { PanTiltZoom::SIZE }>,
 }
 
 impl FloorFoot {
     fn from_foot(camera: &Camera, foot: &Foot) -> Option<Self> {
         let point = camera.pixel_to_floor(foot.pixel, 0.0)?;
-        let slopes = camera.floor_slopes(foot.pixel)?;
+        let slopes = camera.floor_derivatives(foot.pixel)?;
         let by_pixel = Matrix2::from(slopes.by_pixel);
         let covariance = by_pixel * by_pixel.transpose() * (foot.sigma * foot.sigma);
-        let slopes = SMatrix::from(Movement::slopes(camera, &slopes));
+        let slopes = SMatrix::from(PanTiltZoom::floor_derivatives(camera, &slopes));
         Some(Self { at: foot.at, point: Vector2::new(point.x, point.y), covariance, slopes })
     }
 }
@@ -85,8 +85,8 @@ fn evidence(a: &FloorFoot, b: &FloorFoot) -> Option<NormalEquations> {
     let distance = (difference.transpose() * inverse * difference).x.max(0.0).sqrt();
     let weighted = inverse * (HUBER / distance.max(HUBER));
     let mut by = SMatrix::<f64, 2, UNKNOWNS>::zeros();
-    by.fixed_columns_mut::<{ Movement::SIZE }>(0).copy_from(&-a.slopes);
-    by.fixed_columns_mut::<{ Movement::SIZE }>(Movement::SIZE).copy_from(&b.slopes);
+    by.fixed_columns_mut::<{ PanTiltZoom::SIZE }>(0).copy_from(&-a.slopes);
+    by.fixed_columns_mut::<{ PanTiltZoom::SIZE }>(PanTiltZoom::SIZE).copy_from(&b.slopes);
     let information = by.transpose() * weighted * by;
     let score = by.transpose() * weighted * difference;
     Some(NormalEquations {

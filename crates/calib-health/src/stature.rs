@@ -14,7 +14,7 @@
 //! - padding, the margin in pixels that a detector adds around people (the inverse of the height of a person
 //!   in the image).
 
-use calib_core::camera::{Camera, Movement, Pixel};
+use calib_core::camera::{Camera, PanTiltZoom, Pixel};
 use nalgebra::{DMatrix, DVector};
 
 use crate::normal_equations::NormalEquations;
@@ -68,7 +68,7 @@ impl Sighting {
 }
 
 /// Parameters of a movement that change heights: tilt, roll and zoom.
-pub(crate) const HEIGHT_PARAMS: [usize; 3] = [Movement::TILT, Movement::ROLL, Movement::ZOOM];
+pub(crate) const HEIGHT_PARAMS: [usize; 3] = [PanTiltZoom::TILT, PanTiltZoom::ROLL, PanTiltZoom::ZOOM];
 /// Grid of image cells with constant derivatives.
 const COLUMNS: usize = 32;
 const ROWS: usize = 24;
@@ -155,9 +155,9 @@ fn compute_reference_person(camera: &Camera, foot: Pixel) -> Option<ReferencePer
         return None;
     }
     let nudged = |parameter: usize, by: f64| {
-        let mut movement = [0.0; Movement::SIZE];
+        let mut movement = [0.0; PanTiltZoom::SIZE];
         movement[parameter] = by;
-        let camera = Movement::of(movement).applied(camera);
+        let camera = PanTiltZoom::from_parameters(movement).apply_to(camera);
         let axes = camera.rotation();
         Stature { camera, axes, size: [1.0; 2], cells: Vec::new() }.log_height(foot, head)
     };
@@ -264,7 +264,7 @@ mod tests {
         // A calibrated pitch that is too large makes rays too steep: the foot is too near and the head too
         // low.
         assert!(by[0] < -0.5 && by[1].abs() < 0.2, "{by:?}");
-        let panned = Movement { pan: 0.3, ..Movement::default() }.applied(&camera);
+        let panned = PanTiltZoom { pan: 0.3, ..PanTiltZoom::default() }.apply_to(&camera);
         let of = |camera: &Camera| {
             Stature::new(camera, size).log_height(Pixel::new(900.0, 700.0), Pixel::new(905.0, 400.0)).unwrap()
         };

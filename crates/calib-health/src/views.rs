@@ -47,7 +47,7 @@ pub(crate) fn interpolated(from: Sighting, to: Sighting, step: i64) -> Vec<(i64,
 /// Returns the view of the walker from one camera; `None` if the foot is not on the floor.
 pub(crate) fn view(index: usize, camera: &Camera, sighting: &Sighting) -> Option<View> {
     let point = camera.pixel_to_floor(sighting.foot, 0.0)?;
-    let slopes = camera.floor_slopes(sighting.foot)?;
+    let slopes = camera.floor_derivatives(sighting.foot)?;
     let by_pixel = Matrix2::from(slopes.by_pixel);
     let sigma = sighting.foot_sigma();
     let covariance = by_pixel * by_pixel.transpose() * (sigma * sigma)

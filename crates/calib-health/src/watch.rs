@@ -15,7 +15,7 @@
 //! roll makes people taller on one side of the image and shorter on the other. A pan is observed only
 //! together with other cameras.
 
-use calib_core::camera::{Camera, Movement, Pixel, WorldPoint};
+use calib_core::camera::{Camera, PanTiltZoom, Pixel, WorldPoint};
 use calib_core::floor::Extent;
 use calib_core::optimize::{chi2_score, two_sided_tail};
 use nalgebra::{DMatrix, DVector};
@@ -36,7 +36,7 @@ use crate::windows::Windows;
 pub(crate) const ALARM: f64 = 4.8;
 /// Weights of the evidence by parameter. On 6,000 of those days the 99.9 % quantiles for pan, tilt, roll and
 /// zoom were 3.4, 6.3, 4.1 and 6.6 standard deviations.
-const PARAMETER_WEIGHTS: [f64; Movement::SIZE] = [1.0, 0.7, 1.1, 0.7];
+const PARAMETER_WEIGHTS: [f64; PanTiltZoom::SIZE] = [1.0, 0.7, 1.1, 0.7];
 /// Weight of the joint evidence of all parameters: the smallest weight of a single parameter.
 const JOINT_WEIGHT: f64 = 0.7;
 /// Extra significance required of a movement of several parameters, in standard deviations. With few people,
@@ -89,7 +89,7 @@ pub(crate) fn pair_prior_precisions() -> DVector<f64> {
 
 /// Returns the prior precisions of a movement. Larger movements are obvious without a test.
 fn movement_prior_precisions() -> DVector<f64> {
-    DVector::from_element(Movement::SIZE, 0.5_f64.powi(-2))
+    DVector::from_element(PanTiltZoom::SIZE, 0.5_f64.powi(-2))
 }
 
 impl Sources {
@@ -117,7 +117,7 @@ impl Sources {
         let precision = 1.0 / (1.0 / information + LOCAL_HEIGHT_SIGMA * LOCAL_HEIGHT_SIGMA);
         let some: [usize; FEATURES - 1] = [SEASON, MOVEMENT, MOVEMENT + 1, MOVEMENT + 2];
         let change = self.heights[camera].change(at, end).subset(&some);
-        change.eliminate_first(score / information, precision).expanded(&HEIGHT_PARAMS, Movement::SIZE)
+        change.eliminate_first(score / information, precision).expanded(&HEIGHT_PARAMS, PanTiltZoom::SIZE)
     }
 
     /// Returns the evidence of the other cameras about the movement of a camera.
@@ -128,14 +128,14 @@ impl Sources {
         end: usize,
         moved: &[Option<usize>],
     ) -> NormalEquations {
-        let mut sum = NormalEquations::zeros(Movement::SIZE);
+        let mut sum = NormalEquations::zeros(PanTiltZoom::SIZE);
         for (pair, series) in self.pairs.iter().filter(|(pair, _)| pair.contains(&camera)) {
             let [first, second] = *pair;
             let other = if first == camera { second } else { first };
             let end = end.min(moved[other].unwrap_or(self.windows));
             if end > at {
-                let from = if first == camera { 0 } else { Movement::SIZE };
-                let own: Vec<usize> = (from..from + Movement::SIZE).collect();
+                let from = if first == camera { 0 } else { PanTiltZoom::SIZE };
+                let own: Vec<usize> = (from..from + PanTiltZoom::SIZE).collect();
                 sum.add(&series.change(at, end).subset(&own));
             }
         }
@@ -189,13 +189,13 @@ impl Sources {
     }
 
     /// Returns the smallest detectable movement of each parameter, for a change at the most favourable time.
-    pub(crate) fn smallest_detectable(&self, camera: usize) -> [f64; Movement::SIZE] {
-        let mut most = [0.0_f64; Movement::SIZE];
+    pub(crate) fn smallest_detectable(&self, camera: usize) -> [f64; PanTiltZoom::SIZE] {
+        let mut most = [0.0_f64; PanTiltZoom::SIZE];
         let nobody = vec![None; self.heights.len()];
         for at in self.times().step_by(1 + self.windows / 16) {
             let [mut sum, others] = self.camera_evidence(camera, at, &nobody);
             sum.add(&others);
-            (0..Movement::SIZE).for_each(|i| most[i] = most[i].max(sum.information[(i, i)]));
+            (0..PanTiltZoom::SIZE).for_each(|i| most[i] = most[i].max(sum.information[(i, i)]));
         }
         std::array::from_fn(|i| ALARM / (PARAMETER_WEIGHTS[i] * most[i].sqrt()))
     }
@@ -232,7 +232,7 @@ fn significance(of: &NormalEquations, prior_precisions: &DVector<f64>) -> f64 {
             0.0
         }
     };
-    (0..Movement::SIZE).map(alone).fold(together, f64::max)
+    (0..PanTiltZoom::SIZE).map(alone).fold(together, f64::max)
 }
 
 /// Log of the reference height (height in metres).
@@ -297,9 +297,9 @@ pub struct Change {
     /// Earliest and latest plausible time, in nanoseconds since 1970.
     pub between: [i64; 2],
     /// Estimated movement.
-    pub movement: Movement,
+    pub movement: PanTiltZoom,
     /// Standard deviations of the parameters, in their order; infinite for undetermined parameters.
-    pub sigmas: [f64; Movement::SIZE],
+    pub sigmas: [f64; PanTiltZoom::SIZE],
     /// Significance, in standard deviations of a normal variable. Tilt and zoom have a lower weight, because
     /// crowds have a similar effect.
     pub significance: f64,
@@ -334,7 +334,7 @@ pub struct CameraHealth {
     /// Number of people that another camera saw at the same moment, among the sampled moments.
     pub matches: u64,
     /// Smallest detectable pan, tilt, roll and zoom, each alone; infinite for undetermined parameters.
-    pub smallest_detectable: [f64; Movement::SIZE],
+    pub smallest_detectable: [f64; PanTiltZoom::SIZE],
     /// Heights over time.
     pub heights: Vec<WindowHeight>,
     /// Significance of a change at every possible time; times in nanoseconds since 1970.
@@ -501,12 +501,12 @@ impl WatchedCamera {
 
 /// Returns the status of a camera. An unmoved camera is `Unchanged` only if a relevant tilt or zoom would
 /// have been detected.
-fn drift_status(moved: bool, smallest: &[f64; Movement::SIZE]) -> DriftStatus {
+fn drift_status(moved: bool, smallest: &[f64; PanTiltZoom::SIZE]) -> DriftStatus {
     /// Smallest relevant tilt, in radians, and zoom, as a fraction of the focal length.
     const MIN_RELEVANT_TILT: f64 = 0.035;
     const MIN_RELEVANT_ZOOM: f64 = 0.06;
     let is_sensitive =
-        smallest[Movement::TILT] < MIN_RELEVANT_TILT && smallest[Movement::ZOOM] < MIN_RELEVANT_ZOOM;
+        smallest[PanTiltZoom::TILT] < MIN_RELEVANT_TILT && smallest[PanTiltZoom::ZOOM] < MIN_RELEVANT_ZOOM;
     match (moved, is_sensitive) {
         (true, _) => DriftStatus::Moved,
         (false, true) => DriftStatus::Unchanged,
@@ -528,11 +528,11 @@ fn to_change(change: &DetectedChange, spans: &[[i64; 2]], windows: usize) -> Cha
     Change {
         since: boundary_time(spans, change.at),
         between: [spans[change.earliest - 1][0], spans[change.latest][1]],
-        movement: Movement::of(parameters),
+        movement: PanTiltZoom::from_parameters(parameters),
         sigmas,
         significance: change.statistic,
         // Every parameter alone and all together are tested at every time.
-        false_alarm: (two_sided_tail(change.statistic) * (windows * (Movement::SIZE + 1)) as f64).min(1.0),
+        false_alarm: (two_sided_tail(change.statistic) * (windows * (PanTiltZoom::SIZE + 1)) as f64).min(1.0),
         is_seen_in_heights: change.significance_by_source[0] > ALARM,
         is_seen_by_others: change.significance_by_source[1] > ALARM,
     }

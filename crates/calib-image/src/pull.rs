@@ -333,7 +333,7 @@ fn ray(lens: &Lens, pixel: Pixel) -> Option<[f64; 3]> {
 }
 
 fn shown(lens: &Lens, [x, y, w]: [f64; 3]) -> Option<Pixel> {
-    lens.shown([lens.focal * x, lens.focal * y, w])
+    lens.bearing_to_pixel([lens.focal * x, lens.focal * y, w])
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use calib_core::camera::Movement;
+use calib_core::camera::PanTiltZoom;
 
 use calib_health::{CameraHealth, Change, DriftStatus, Watch};
 
@@ -74,7 +74,7 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
 
 /// Describes the movement of a camera.
 fn movement_text(change: &Change) -> String {
-    let Movement { pan, tilt, roll, zoom } = change.movement;
+    let PanTiltZoom { pan, tilt, roll, zoom } = change.movement;
     let [pan_sigma, tilt_sigma, roll_sigma, zoom_sigma] = change.sigmas;
     let turn = |name: &str, by: f64, sigma: f64| {
         let (by, sigma) = (by.to_degrees(), sigma.to_degrees());

@@ -162,7 +162,7 @@ impl DistortionEntry {
         let given = Coefficient::ALL.iter().any(|&which| self.coefficient(which).is_some());
         given.then(|| {
             let row = self.model.row();
-            let mut values = [0.0; Distortion::MOST];
+            let mut values = [0.0; Distortion::MAX_COEFFICIENTS];
             for (value, &which) in values.iter_mut().zip(row.coefficients) {
                 *value = self.coefficient(which).unwrap_or(0.0);
             }

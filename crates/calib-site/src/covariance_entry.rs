@@ -39,7 +39,7 @@ pub(crate) fn parameter_name(index: usize, distortion: &Distortion) -> Option<&'
 /// [`Lens`](calib_core::camera::Lens) refer to a constant focal length, which is `ratio` times smaller than
 /// the camera's.
 pub(crate) fn file_jacobian(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
-    let (powers, coefficients) = (distortion.powers(), distortion.coefficients());
+    let (powers, coefficients) = (distortion.focal_powers(), distortion.coefficients());
     let mut jacobian = [[1.0; Covariance::SIZE], [0.0; Covariance::SIZE]];
     for (i, &power) in powers.iter().enumerate() {
         jacobian[0][Covariance::LENS + i] = ratio.powi(power);

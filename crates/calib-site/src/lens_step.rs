@@ -35,9 +35,9 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
     let row = entry.model.row();
     let wanted = |index: usize, named: &Coefficient| match &entry.fit {
         Some(list) => list.contains(named),
-        None => index < row.usual,
+        None => index < row.default_count,
     };
-    let mut which = [false; Distortion::MOST];
+    let mut which = [false; Distortion::MAX_COEFFICIENTS];
     for (index, named) in row.coefficients.iter().enumerate() {
         which[index] = wanted(index, named);
     }
@@ -89,7 +89,7 @@ fn reaches_rim(entry: &SiteCamera) -> bool {
     /// Smallest distance from the centre that counts as reaching the rim, relative to the radius of the image
     /// circle.
     const MIN_RIM_DISTANCE_REL: f64 = 0.9;
-    let circle = entry.image_circle().unwrap_or_else(|| ImageCircle::around(entry.size()));
+    let circle = entry.image_circle().unwrap_or_else(|| ImageCircle::default_for(entry.size()));
     let drawn = edges(&entry.annotations);
     let farthest = outermost(drawn.iter().flat_map(|edge| &edge.points), circle.centre());
     farthest.is_some_and(|point| point.distance(circle.centre()) > MIN_RIM_DISTANCE_REL * circle.radius)

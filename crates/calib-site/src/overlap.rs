@@ -130,7 +130,7 @@ fn disagreement(
     let jacobian = |camera: &Camera| camera.floor_jacobian(camera.world_to_pixel(at.at_height(0.0))?);
     let (ja, jb) = (jacobian(a)?, jacobian(b)?);
     let own = |camera: &Camera, jacobian| {
-        let [[xx, _], [_, yy]] = camera.covariance.carried(jacobian)?;
+        let [[xx, _], [_, yy]] = camera.covariance.propagate(jacobian)?;
         Some(xx + yy)
     };
     let mut common = 0.0;

@@ -315,7 +315,7 @@ fn height_findings(entry: &SiteCamera, camera: &Camera, findings: &[Finding]) ->
 /// Reports a distortion that cannot be inverted inside the image.
 fn check_lens(entry: &SiteCamera, camera: &Camera) -> Option<Finding> {
     let is_distorted = camera.lens.distortion != Distortion::None;
-    (is_distorted && !camera.lens.shows_image(entry.size())).then_some(Finding::DistortionNotInvertible)
+    (is_distorted && !camera.lens.covers_image(entry.size())).then_some(Finding::DistortionNotInvertible)
 }
 
 /// Reports segments that give no constraint.

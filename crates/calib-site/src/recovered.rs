@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
 use crate::document::{Link, LinkObservation, Mark};
 use crate::solution::{DistortionEntry, Method, Solution, Stage};
-use calib_core::camera::Turn;
+use calib_core::camera::RotationZoom;
 use calib_core::camera::{Camera, Covariance, Pixel};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::single::{Annotation, Known, Shape, line_name};
@@ -56,7 +56,7 @@ impl Site {
     pub fn recovered(
         &self,
         index: usize,
-        turn: &Turn,
+        turn: &RotationZoom,
         by: &dyn ImageTransfer,
         still: &NewImage,
     ) -> Option<Recovered> {
@@ -93,7 +93,13 @@ struct Transfer<'a> {
 }
 
 impl Transfer<'_> {
-    fn camera(&mut self, old: &SiteCamera, camera: &Camera, turn: &Turn, still: &NewImage) -> SiteCamera {
+    fn camera(
+        &mut self,
+        old: &SiteCamera,
+        camera: &Camera,
+        turn: &RotationZoom,
+        still: &NewImage,
+    ) -> SiteCamera {
         let annotations = self.annotations(&old.annotations);
         let mut control_points = old.control_points.clone();
         let mut index = 0..;
@@ -110,7 +116,7 @@ impl Transfer<'_> {
             height_m: height(old, camera),
             annotations,
             efov_px: self.polygon(old.efov_px.as_deref()),
-            placement: placement(old, &turn.applied(camera)),
+            placement: placement(old, &turn.apply_to(camera)),
             control_points,
             valid_from: Some(still.since.clone()),
             solution: None,
@@ -219,8 +225,8 @@ fn segments(annotation: &Annotation, line: &mut TransferLine<'_>) -> Option<Anno
 
 /// Returns the known lens values after the rotation and zoom. The distortion in pixels does not change: it is
 /// fitted again if all straight edges were transferred, otherwise it is fixed.
-fn lens(old: &SiteCamera, camera: &Camera, turn: &Turn, refits: bool) -> Option<LensEntry> {
-    let movement = turn.movement(camera);
+fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) -> Option<LensEntry> {
+    let movement = turn.pan_tilt_zoom(camera);
     let scaled = |known: Known| {
         let ratio = turn.zoom.exp();
         Known { value: ratio * known.value, sigma: known.sigma.map(|sigma| ratio * sigma), ..known }
@@ -309,7 +315,8 @@ mod tests {
         });
         let site = Site::from_json(&document.to_string()).unwrap();
         let still = NewImage { image: "later".into(), since: "2026-05-01T00:00:00Z".into() };
-        let recovered = |index| site.recovered(index, &Turn::default(), &EmptyTransfer, &still).unwrap();
+        let recovered =
+            |index| site.recovered(index, &RotationZoom::default(), &EmptyTransfer, &still).unwrap();
         assert_eq!(recovered(2).site.links, site.links);
         assert!(recovered(2).left_out.is_empty());
         assert_ne!(recovered(0).site.links, site.links, "the new image does not show the point");

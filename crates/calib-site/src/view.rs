@@ -82,7 +82,7 @@ impl Site {
         let is_by_hand = has_warning(entry.solution.as_ref()?, Code::PlacedByHand);
         let mut open = if is_by_hand { entry.unknown_pose_parameters(&camera) } else { Vec::new() };
         open.extend((!self.scale_is_known(entry)).then_some(Covariance::Z));
-        Some(Camera { covariance: camera.covariance.without(&open), ..camera })
+        Some(Camera { covariance: camera.covariance.with_unknown(&open), ..camera })
     }
 
     /// Returns a camera of this site with its field of view, for the pixels of its image.

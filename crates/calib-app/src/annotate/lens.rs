@@ -43,7 +43,9 @@ impl From {
             Some(entry) if entry.model.row().is_wide => Self::Fisheye,
             Some(entry) => {
                 let row = entry.model.row();
-                Self::Fitted(entry.fit.clone().unwrap_or_else(|| row.coefficients[..row.usual].to_vec()))
+                Self::Fitted(
+                    entry.fit.clone().unwrap_or_else(|| row.coefficients[..row.default_count].to_vec()),
+                )
             }
         }
     }

@@ -2,7 +2,7 @@
 //! image with matched edge points.
 
 use calib_core::Pixel;
-use calib_core::camera::Turned;
+use calib_core::camera::RotatedCamera;
 use calib_core::single::line_name;
 use calib_draw::{AnnotatedLine, Look, Meaning, PlacedShape, Sign, extension, place_sign};
 use calib_editor::{NewerImage, Part};
@@ -36,7 +36,7 @@ impl<'a> Overlay<'a> {
         let clip = painter.clip_rect();
         let left = painter.with_clip_rect(clip.intersect(left_of(*split)));
         let right = painter.with_clip_rect(clip.intersect(right_of(*split)));
-        let turned = newer.comparison.rotation.at(&newer.pose);
+        let turned = newer.comparison.rotation.for_camera(&newer.pose);
         let is_aligned = newer.comparison.change.is_aligned();
         if is_aligned {
             self.paint_carried(&right, &turned);
@@ -44,7 +44,7 @@ impl<'a> Overlay<'a> {
         for (place, found) in &newer.comparison.samples {
             let Some(found) = *found else { continue };
             dot(&left, self.at(*place), found);
-            let now = if is_aligned { turned.pixel(*place) } else { None };
+            let now = if is_aligned { turned.map_pixel(*place) } else { None };
             if let Some(now) = now {
                 dot(&right, self.at(now), found);
             }
@@ -52,10 +52,10 @@ impl<'a> Overlay<'a> {
     }
 
     /// Paints the annotations transferred by the measured rotation and zoom.
-    fn paint_carried(&self, painter: &Painter, turned: &Turned) {
+    fn paint_carried(&self, painter: &Painter, turned: &RotatedCamera) {
         let Some(entry) = self.entry() else { return };
         for points in entry.annotations.iter().flat_map(|drawn| drawn.polylines()) {
-            let now: Option<Vec<Pixel>> = points.iter().map(|&point| turned.pixel(point)).collect();
+            let now: Option<Vec<Pixel>> = points.iter().map(|&point| turned.map_pixel(point)).collect();
             let path = now.map(|now| self.path(&now)).unwrap_or_default();
             line(painter, &path, Pen::new(on_image::ACCENT, 2.0).dashed(&[6.0, 4.0]));
         }

@@ -131,7 +131,7 @@ impl BundleProblem<'_> {
         self.nuisance_layout[view].get(at).copied().flatten().filter(|slot| slot.0 == block)?;
         let offset = self.blocks.offsets[block];
         let yaw = match self.camera_layout[view][Covariance::YAW] {
-            Some(at) => state[self.blocks.at(at)],
+            Some(at) => state[self.blocks.parameter_index(at)],
             None => self.views[view].camera.yaw,
         };
         Some((at, [state[offset], state[offset + 1]], yaw))

@@ -309,7 +309,7 @@ mod tests {
         ) {
             const STEP: f64 = 1e-5;
             let residual = |lean, yaw| base_to_view(lean, yaw).iter().zip(by).map(|(lean, by)| lean * by).sum::<f64>();
-            let jacobian = NuisanceJacobian::of(4, by[0]).and(5, by[1]);
+            let jacobian = NuisanceJacobian::new(4, by[0]).with_derivative(5, by[1]);
             let (by_lean, by_yaw) = common_tilt_derivatives(&jacobian, 4, lean, yaw).unwrap();
             let central = |at: &dyn Fn(f64) -> f64| (at(STEP) - at(-STEP)) / (2.0 * STEP);
             prop_assert!((central(&|step| residual([lean[0] + step, lean[1]], yaw)) - by_lean[0]).abs() < 1e-8);
@@ -319,7 +319,7 @@ mod tests {
 
         #[test]
         fn residual_without_tilt_has_no_tilt_derivatives(yaw in -3.0..3.0_f64) {
-            prop_assert_eq!(common_tilt_derivatives(&NuisanceJacobian::of(1, 2.0), 4, [0.1, 0.2], yaw), None);
+            prop_assert_eq!(common_tilt_derivatives(&NuisanceJacobian::new(1, 2.0), 4, [0.1, 0.2], yaw), None);
         }
     }
 }

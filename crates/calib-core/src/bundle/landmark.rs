@@ -294,16 +294,18 @@ fn point_errors(
     by_plane: &[f64; 3],
     observed: &ObservedPixel,
 ) -> [ReprojectionError; 2] {
-    let pixels = observed.raw([reprojected.at[0] - observed.at[0], reprojected.at[1] - observed.at[1]]);
-    let d_camera: [[f64; 2]; POSE_PARAMS] =
-        std::array::from_fn(|k| observed.raw([reprojected.d_camera[0][k], reprojected.d_camera[1][k]]));
+    let pixels =
+        observed.raw_offset([reprojected.at[0] - observed.at[0], reprojected.at[1] - observed.at[1]]);
+    let d_camera: [[f64; 2]; POSE_PARAMS] = std::array::from_fn(|k| {
+        observed.raw_offset([reprojected.d_camera[0][k], reprojected.d_camera[1][k]])
+    });
     let d_lens: [[f64; 2]; Lens::PARAMETERS] =
-        std::array::from_fn(|k| observed.raw([-observed.d_lens[0][k], -observed.d_lens[1][k]]));
+        std::array::from_fn(|k| observed.raw_offset([-observed.d_lens[0][k], -observed.d_lens[1][k]]));
     let d_landmark: [[f64; 2]; LANDMARK_PARAMS] = std::array::from_fn(|k| {
         let along = |row: usize| (0..3).map(|axis| reprojected.d_point[row][axis] * jacobian[axis][k]).sum();
-        observed.raw([along(0), along(1)])
+        observed.raw_offset([along(0), along(1)])
     });
-    let up = observed.raw([reprojected.d_point[0][2], reprojected.d_point[1][2]]);
+    let up = observed.raw_offset([reprojected.d_point[0][2], reprojected.d_point[1][2]]);
     [0, 1].map(|i| {
         let mut d_view = [0.0; Covariance::SIZE];
         (0..POSE_PARAMS).for_each(|k| d_view[k] = d_camera[k][i]);

@@ -189,7 +189,7 @@ impl LayoutBuilder {
             let drawn = stage_1.constraints.planes.iter();
             own.extend(drawn.filter_map(|drawn| planes[drawn.index]));
         }
-        let NuisanceLayout { places, sizes } = stage_1.nuisances().layout(stage_1.constraints);
+        let NuisanceLayout { positions: places, sizes } = stage_1.nuisances().layout(stage_1.constraints);
         let mut counts = vec![0; sizes.len()];
         let places: Vec<Option<(usize, usize)>> = places
             .iter()

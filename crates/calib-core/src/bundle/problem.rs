@@ -80,7 +80,7 @@ impl<'a> BundleProblem<'a> {
 
     fn undistort(&self, view: usize, pixel: Pixel, lens: &Lens) -> Option<ObservedPixel> {
         let this = &self.views[view];
-        ObservedPixel::in_chart_of(&this.camera.lens, pixel, lens, this.lens_parameters())
+        ObservedPixel::with_derivatives(&this.camera.lens, pixel, lens, this.lens_parameters())
     }
 
     pub(crate) fn lens_is_free(&self, view: usize) -> bool {
@@ -91,7 +91,7 @@ impl<'a> BundleProblem<'a> {
     pub(crate) fn start(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.blocks.unknowns()];
         let mut set = |block: usize, index: usize, value: f64| {
-            state[self.blocks.at((block, index))] = value;
+            state[self.blocks.parameter_index((block, index))] = value;
         };
         for (view, layout) in self.views.iter().zip(&self.camera_layout) {
             for (parameter, value) in layout.iter().zip(parameters_of(&view.camera)) {
@@ -124,7 +124,7 @@ impl<'a> BundleProblem<'a> {
         let mut values = parameters_of(&camera);
         for (value, parameter) in values.iter_mut().zip(&self.camera_layout[view]) {
             if let Some(at) = parameter {
-                *value = state[self.blocks.at(*at)];
+                *value = state[self.blocks.parameter_index(*at)];
             }
         }
         let [x, y, z, yaw, pitch, roll, log_focal, a, b, c, d, e, u, v] = values;
@@ -146,7 +146,7 @@ impl<'a> BundleProblem<'a> {
         let free = (0..LANDMARK_PARAMS).filter(|&k| self.landmarks[landmark].free[k]);
         for (i, k) in free.enumerate() {
             if let Some(block) = self.landmark_blocks[landmark] {
-                params[k] = state[self.blocks.at((block, i))];
+                params[k] = state[self.blocks.parameter_index((block, i))];
             }
         }
         params
@@ -155,7 +155,7 @@ impl<'a> BundleProblem<'a> {
     /// Returns the nuisance parameters of stage 1 of a view at a state.
     pub(crate) fn nuisance(&self, state: &[f64], view: usize) -> Vec<f64> {
         let values = self.views[view].nuisance.iter().zip(&self.nuisance_layout[view]);
-        let value = |at: (usize, usize)| state[self.blocks.at(at)];
+        let value = |at: (usize, usize)| state[self.blocks.parameter_index(at)];
         let mut values: Vec<f64> = values.map(|(&start, slot)| slot.map_or(start, value)).collect();
         if let Some((at, lean, yaw)) = self.common_tilt(state, view) {
             values[at..at + 2].copy_from_slice(&base_to_view(lean, yaw));
@@ -227,7 +227,7 @@ impl<'a> BundleProblem<'a> {
         if !self.lens_is_free(view) {
             return Some(());
         }
-        if !this.edges.is_empty() && !camera.lens.shows_image(this.size) {
+        if !this.edges.is_empty() && !camera.lens.covers_image(this.size) {
             return None;
         }
         let scale = this.stage_1.sigma.recip();

@@ -224,7 +224,7 @@ mod tests {
             prop_assume!(both.is_some());
             let Some((by, here)) = both else { return Ok(()) };
             prop_assert_eq!(by.len(), here.len());
-            let parameters = if lens.distortion.is_wide() { Lens::PARAMETERS } else { Distortion::MOST };
+            let parameters = if lens.distortion.is_wide() { Lens::PARAMETERS } else { Distortion::MAX_COEFFICIENTS };
             for k in 0..parameters {
                 let central = |step: f64| {
                     let (ahead, behind) = (values(&lens.nudged(k, step))?, values(&lens.nudged(k, -step))?);

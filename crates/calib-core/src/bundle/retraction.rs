@@ -78,7 +78,7 @@ impl BundleProblem<'_> {
 
     fn camera_axes(&self, view: usize) -> Axes {
         let layout = self.camera_layout(view);
-        [Covariance::X, Covariance::Y].map(|axis| layout[axis].map(|at| self.blocks.at(at)))
+        [Covariance::X, Covariance::Y].map(|axis| layout[axis].map(|at| self.blocks.parameter_index(at)))
     }
 
     /// Returns the axes of a landmark that has a point; none for a line.

@@ -1,4 +1,4 @@
-//! A camera without distortion as that of [`cam_geom`].
+//! Conversion of a camera without distortion to the camera of [`cam_geom`].
 
 use cam_geom::{ExtrinsicParameters, IntrinsicParametersPerspective, PerspectiveParams};
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion};
@@ -6,9 +6,9 @@ use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion};
 use crate::camera::pinhole::Camera;
 
 impl Camera {
-    /// The camera of undistorted pixels, counted from the corner of the image as ours are.
+    /// Converts the camera of undistorted pixels. Pixel coordinates start at the corner of the image.
     ///
-    /// The type has no lens: put [`Camera::undistort`] before it.
+    /// The type of `cam_geom` has no distortion. Call [`Camera::undistort`] before it.
     #[must_use]
     pub fn to_cam_geom(&self) -> cam_geom::Camera<f64, IntrinsicParametersPerspective<f64>> {
         let centre = self.lens.principal_point;

@@ -1,4 +1,4 @@
-//! Points as those of [`mint`], which most mathematics libraries convert to and from.
+//! Conversions of points to and from [`mint`], which most mathematics libraries support.
 
 use crate::camera::space::{FloorPoint, Pixel, PlanPixel, UndistortedPixel, WorldPoint};
 

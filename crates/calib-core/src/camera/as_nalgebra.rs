@@ -1,4 +1,4 @@
-//! Points, poses and covariances as those of [`nalgebra`].
+//! Conversions of points, poses and covariances to [`nalgebra`].
 
 use nalgebra::{Isometry3, Matrix2, Matrix3x4, Point2, Point3, Rotation3, Translation3, UnitQuaternion};
 
@@ -30,7 +30,7 @@ points! {
 }
 
 impl Camera {
-    /// The pose that turns points of the base system into camera axes (right, down, forward), in metres.
+    /// Returns the pose that maps world points to camera axes (right, down, forward), in metres.
     #[must_use]
     pub fn camera_from_world_isometry(&self) -> Isometry3<f64> {
         let rows = self.rotation().concat();
@@ -39,9 +39,8 @@ impl Camera {
         Isometry3::from_parts(Translation3::from(self.translation()), rotation)
     }
 
-    /// world points to undistorted pixels.
-    ///
-    /// [`Camera::projection_matrix`]: homogeneous
+    /// Returns the matrix from homogeneous world points to undistorted pixels; see
+    /// [`Camera::projection_matrix`].
     #[must_use]
     pub fn projection(&self) -> Matrix3x4<f64> {
         Matrix3x4::from_row_slice(&self.projection_matrix().concat())
@@ -49,7 +48,8 @@ impl Camera {
 }
 
 impl FloorCovariance {
-    /// The part of the pixel and the part of the calibration, where it is known, in square metres.
+    /// Returns the pixel part and the calibration part of the covariance, in square metres. The calibration
+    /// part is `None` if it is unknown.
     #[must_use]
     pub fn matrices(&self) -> (Matrix2<f64>, Option<Matrix2<f64>>) {
         let matrix = |rows: &[[f64; 2]; 2]| Matrix2::from_row_slice(&rows.concat());

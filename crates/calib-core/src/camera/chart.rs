@@ -1,11 +1,13 @@
-//! Charts of a wide lens: what a pinhole turned toward some of its pixels would show. There a segment beside or behind
-//! the camera is a segment, its noise has a covariance, and lines of space are straight, as everywhere ahead of it.
+//! Charts of a wide lens: virtual pinhole views directed at some of its pixels. In a chart, segments to the
+//! side of or behind the camera are segments, their noise has a covariance, and straight lines in space are
+//! straight.
 //!
-//! With the rotation R that takes the middle of the pixels to the axis, a bearing b has the chart point of `A b`,
-//! `A = diag(f, f, 1) R diag(1/f, 1/f, 1)`; a direction in space that vanishes at V does so at `A V` of the chart. The
-//! middle is that of the equidistant lens: it does not depend on the coefficients of the distortion. While a lens is
-//! estimated charts stay those of the lens from which the estimate starts, so that derivatives are exact: what a residual
-//! says does not depend on the chart but by its own square.
+//! The rotation R takes the centre of the pixels to the optical axis. A bearing b has the chart point `A b`
+//! with `A = diag(f, f, 1) R diag(1/f, 1/f, 1)`, where f is the focal length. A direction in space with the
+//! vanishing point V has the vanishing point `A V` in the chart. The centre is computed with the equidistant
+//! lens, so it does not depend on the distortion coefficients. During an estimation, charts keep the lens of
+//! its start, so that derivatives are exact. A residual depends on the choice of the chart only in second
+//! order.
 
 use crate::camera::distortion::Matrix2;
 use crate::camera::lens::{ByParameters, Lens};
@@ -13,23 +15,25 @@ use crate::camera::numerics::{angle_from_axis, hypot, sin_cos};
 use crate::camera::pinhole::dot;
 use crate::camera::space::Pixel;
 
-/// A turned view of a wide lens.
+/// Perspective view of a wide lens towards a group of its pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chart {
-    /// Chart points, homogeneous, from bearings.
+    /// Matrix from bearings to homogeneous chart points.
     from_bearing: [[f64; 3]; 3],
-    /// And back.
+    /// Inverse of the map to the chart.
     to_bearing: [[f64; 3]; 3],
     focal: f64,
 }
 
-/// Cosine of the largest angle from the middle: beyond it a line of noisy points is none.
-const OUTERMOST: f64 = 0.02;
+/// Minimum cosine of the angle from the centre of a chart. Beyond it, a line through noisy points is
+/// undetermined.
+const MIN_COSINE: f64 = 0.02;
 
 impl Chart {
-    /// The chart in the middle of some pixels; `None` of a lens that is not wide, and needs none.
+    /// Returns the chart centred on the given pixels. Returns `None` for a lens that is not wide and needs no
+    /// chart.
     #[must_use]
-    pub fn toward(lens: &Lens, pixels: &[Pixel]) -> Option<Self> {
+    pub fn centred_on(lens: &Lens, pixels: &[Pixel]) -> Option<Self> {
         if !lens.distortion.is_wide() {
             return None;
         }
@@ -37,12 +41,12 @@ impl Chart {
         let sum = directions.fold([0.0; 3], |sum, direction| std::array::from_fn(|i| sum[i] + direction[i]));
         let length = dot(&sum, &sum).sqrt();
         let middle = if length > 1e-9 { sum.map(|c| c / length) } else { [0.0, 0.0, 1.0] };
-        Some(Self::about(middle, lens.focal))
+        Some(Self::rotated_to(middle, lens.focal))
     }
 
-    /// The least rotation that takes a unit vector to the axis: `I + [k] + [k]^2 / (1 + c)`, k its cross product with
-    /// the axis.
-    fn about([x, y, c]: [f64; 3], focal: f64) -> Self {
+    /// Returns the chart of the smallest rotation that maps a unit vector to the axis:
+    /// `I + [k] + [k]^2 / (1 + c)`, with k the cross product of the vector and the axis.
+    fn rotated_to([x, y, c]: [f64; 3], focal: f64) -> Self {
         let share = (1.0 + c).max(1e-6).recip();
         let rotation =
             [[1.0 - x * x * share, -x * y * share, -x], [-x * y * share, 1.0 - y * y * share, -y], [x, y, c]];
@@ -57,37 +61,38 @@ impl Chart {
         }
     }
 
-    /// A homogeneous vector of bearings, as of a vanishing point, in the chart.
+    /// Maps a homogeneous vector of bearings, for example a vanishing point, to the chart.
     #[must_use]
     #[inline(always)]
-    pub(crate) fn carried(&self, bearing: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn bearing_to_chart(&self, bearing: [f64; 3]) -> [f64; 3] {
         let [x, y, ahead] = &self.from_bearing;
         [dot(x, &bearing), dot(y, &bearing), dot(ahead, &bearing)]
     }
 
-    /// The rows of the map from the chart to bearings.
-    pub(crate) const fn rows_back(&self) -> &[[f64; 3]; 3] {
+    /// Returns the matrix from the chart to bearings, row by row.
+    pub(crate) const fn bearing_from_chart(&self) -> &[[f64; 3]; 3] {
         &self.to_bearing
     }
 
-    /// The rows of the map from bearings to the chart.
-    pub(crate) const fn rows_forth(&self) -> &[[f64; 3]; 3] {
+    /// Returns the matrix from bearings to the chart, row by row.
+    pub(crate) const fn chart_from_bearing(&self) -> &[[f64; 3]; 3] {
         &self.from_bearing
     }
 
-    /// A homogeneous line of the chart as one of bearings.
-    pub(crate) fn line_of_bearings(&self, line: [f64; 3]) -> [f64; 3] {
+    /// Maps a homogeneous line of the chart to a homogeneous line of bearings.
+    pub(crate) fn line_to_bearings(&self, line: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|j| (0..3).map(|i| line[i] * self.from_bearing[i][j]).sum())
     }
 
-    /// The undistorted pixel of a chart point, relative to the principal point, where there is one.
-    pub(crate) fn ahead(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
+    /// Maps a chart point to the undistorted pixel relative to the principal point; `None` behind the camera.
+    pub(crate) fn undistorted(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y, w] = self.to_bearing.map(|row| row[0] * u + row[1] * v + row[2]);
         (w > 0.0).then(|| [x / w, y / w])
     }
 
-    /// A chart point in the equidistant image of the lens: places of different charts beside one another.
-    pub(crate) fn flat(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+    /// Maps a chart point to the equidistant image of the lens, in which points of different charts are
+    /// comparable.
+    pub(crate) fn equidistant_point(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y, w] = self.to_bearing.map(|row| row[0] * u + row[1] * v + row[2]);
         let across = hypot(x, y);
         if across == 0.0 {
@@ -97,26 +102,26 @@ impl Chart {
         [radius * x / across, radius * y / across]
     }
 
-    /// Whether a vector of chart coordinates lies within the chart.
-    fn holds(&self, [x, y, w]: [f64; 3]) -> bool {
+    /// Whether a homogeneous chart vector is within the valid angle of the chart.
+    fn contains(&self, [x, y, w]: [f64; 3]) -> bool {
         let (x, y) = (x / self.focal, y / self.focal);
-        w > OUTERMOST * (x * x + y * y + w * w).sqrt()
+        w > MIN_COSINE * (x * x + y * y + w * w).sqrt()
     }
 }
 
-/// The direction that an equidistant lens would show at a pixel.
+/// Returns the unit direction at a pixel of an equidistant lens.
 fn equidistant(lens: &Lens, pixel: Pixel) -> [f64; 3] {
-    // As far round as any lens is believed to look.
-    const WIDEST: f64 = 2.5;
+    // Largest angle from the axis of real lenses, in radians.
+    const MAX_ANGLE: f64 = 2.5;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     let (x, y) = ((pixel.u - cu) / lens.focal, (pixel.v - cv) / lens.focal);
     let radius = hypot(x, y);
-    let (sin, cos) = sin_cos(radius.min(WIDEST));
+    let (sin, cos) = sin_cos(radius.min(MAX_ANGLE));
     let scale = if radius > 1e-12 { sin / radius } else { 1.0 };
     [scale * x, scale * y, cos]
 }
 
-/// A pixel in a chart, or without one undistorted and relative to the principal point.
+/// Pixel in a chart or, without a chart, undistorted and relative to the principal point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ChartPoint {
     pub(crate) at: [f64; 2],
@@ -125,25 +130,26 @@ pub(crate) struct ChartPoint {
 }
 
 impl Lens {
-    /// Where a raw pixel is in a chart; `None` outside the lens and the chart.
-    pub(crate) fn in_chart(&self, pixel: Pixel, chart: Option<&Chart>) -> Option<ChartPoint> {
+    /// Maps a raw pixel to a chart; `None` outside the lens or the chart.
+    pub(crate) fn pixel_to_chart(&self, pixel: Pixel, chart: Option<&Chart>) -> Option<ChartPoint> {
         let Some(chart) = chart else {
             let (straight, jacobian) = self.undistort_with_jacobian(pixel)?;
             let Pixel { u: cu, v: cv } = self.principal_point;
             return Some(ChartPoint { at: [straight.u - cu, straight.v - cv], jacobian });
         };
         let (bearing, by_raw) = self.bearing_with_jacobian(pixel)?;
-        let [x, y, w] = chart.carried(bearing);
-        if !chart.holds([x, y, w]) {
+        let [x, y, w] = chart.bearing_to_chart(bearing);
+        if !chart.contains([x, y, w]) {
             return None;
         }
         let at = [x / w, y / w];
-        let columns = [0, 1].map(|k| quotient(at, w, chart.carried(by_raw.map(|row| row[k]))));
+        let columns =
+            [0, 1].map(|k| quotient_change(at, w, chart.bearing_to_chart(by_raw.map(|row| row[k]))));
         Some(ChartPoint { at, jacobian: [0, 1].map(|row| columns.map(|column| column[row])) })
     }
 
-    /// How [`Self::in_chart`] changes with every parameter at a pixel that it holds; the chart stays.
-    pub(crate) fn in_chart_by_parameters(
+    /// Returns the derivatives of [`Self::in_chart`] with respect to every lens parameter, for a fixed chart.
+    pub(crate) fn pixel_to_chart_by_parameters(
         &self,
         pixel: Pixel,
         point: &ChartPoint,
@@ -155,16 +161,16 @@ impl Lens {
         };
         let mut by_parameters = ByParameters::default();
         let Some((bearing, by_raw)) = self.bearing_with_jacobian(pixel) else { return by_parameters };
-        let [_, _, w] = chart.carried(bearing);
-        let by_raw = [0, 1].map(|k| chart.carried(by_raw.map(|row| row[k])));
-        let old = by_raw.map(|column| quotient(point.at, w, column));
-        // In place: this is what fits of fisheyes wait for.
+        let [_, _, w] = chart.bearing_to_chart(bearing);
+        let by_raw = [0, 1].map(|k| chart.bearing_to_chart(by_raw.map(|row| row[k])));
+        let old = by_raw.map(|column| quotient_change(point.at, w, column));
+        // Computed in place, because fisheye fits spend most of their time here.
         for (own, by) in by_parameters.iter_mut().zip(&self.bearing_by_parameters(pixel, bearing)) {
-            let change = chart.carried(by.at);
-            own.at = quotient(point.at, w, change);
+            let change = chart.bearing_to_chart(by.at);
+            own.at = quotient_change(point.at, w, change);
             for k in 0..2 {
                 let [x, y, ahead] = &by.jacobian;
-                let moved = quotient(point.at, w, chart.carried([x[k], y[k], ahead[k]]));
+                let moved = quotient_change(point.at, w, chart.bearing_to_chart([x[k], y[k], ahead[k]]));
                 for i in 0..2 {
                     own.jacobian[i][k] = moved[i] - (own.at[i] * by_raw[k][2] + old[k][i] * change[2]) / w;
                 }
@@ -174,9 +180,9 @@ impl Lens {
     }
 }
 
-/// The change of a point `(x, y) / w` with that of its homogeneous coordinates.
+/// Returns the change of a point `(x, y) / w` for a change of its homogeneous coordinates.
 #[inline(always)]
-fn quotient(at: [f64; 2], w: f64, [dx, dy, dw]: [f64; 3]) -> [f64; 2] {
+fn quotient_change(at: [f64; 2], w: f64, [dx, dy, dw]: [f64; 3]) -> [f64; 2] {
     [(dx - at[0] * dw) / w, (dy - at[1] * dw) / w]
 }
 
@@ -201,22 +207,23 @@ mod tests {
             k in [-0.03..0.03_f64, -0.005..0.005_f64], at in [100.0..1900.0_f64, 100.0..1900.0_f64],
             off in [-400.0..400.0_f64, -400.0..400.0_f64],
         ) {
-            /// Of k1 to k4, which count ever more, of the log of the focal, of pixels.
+            /// Steps of k1 to k4, of the log of the focal, and of pixels.
             const STEPS: [f64; Lens::PARAMETERS] = [1e-7, 1e-8, 1e-8, 1e-9, 1e-5, 1e-3, 1e-3];
             let lens = fisheye([k[0], k[1], 0.0, 0.0]);
             let pixel = Pixel::from(at);
-            let chart = Chart::toward(&lens, &[pixel, Pixel::new(at[0] + off[0], at[1] + off[1])]);
-            let here = lens.in_chart(pixel, chart.as_ref());
+            let chart = Chart::centred_on(&lens, &[pixel, Pixel::new(at[0] + off[0], at[1] + off[1])]);
+            let here = lens.pixel_to_chart(pixel, chart.as_ref());
             prop_assume!(here.is_some_and(|here| here.at[0].hypot(here.at[1]) < 3.0 * lens.focal));
             let Some(here) = here else { return Ok(()) };
-            // Where the lens folds back on itself, and where the last coefficients are all, differences say nothing.
+            // Where the lens folds back, and where the last coefficients dominate, finite differences are
+            // inaccurate.
             prop_assume!(here.jacobian.iter().flatten().all(|slope| slope.abs() < 10.0));
             prop_assume!((at[0] - 1000.0).hypot(at[1] - 990.0) < 1.9 * lens.focal);
             let near = |a: f64, b: f64, size: f64| (a - b).abs() < 1e-4 * (1.0 + size);
             for axis in 0..2 {
                 let moved = |by: f64| {
                     let to = if axis == 0 { [at[0] + by, at[1]] } else { [at[0], at[1] + by] };
-                    lens.in_chart(to.into(), chart.as_ref())
+                    lens.pixel_to_chart(to.into(), chart.as_ref())
                 };
                 let (Some(ahead), Some(behind)) = (moved(1e-3), moved(-1e-3)) else { continue };
                 for row in 0..2 {
@@ -224,10 +231,10 @@ mod tests {
                     prop_assert!(near(numeric, here.jacobian[row][axis], numeric.abs()), "{numeric} {here:?}");
                 }
             }
-            let by = lens.in_chart_by_parameters(pixel, &here, chart.as_ref());
+            let by = lens.pixel_to_chart_by_parameters(pixel, &here, chart.as_ref());
             for index in 0..Lens::PARAMETERS {
                 let step = STEPS[index];
-                let moved = |by: f64| lens.nudged(index, by).in_chart(pixel, chart.as_ref());
+                let moved = |by: f64| lens.nudged(index, by).pixel_to_chart(pixel, chart.as_ref());
                 let (Some(ahead), Some(behind)) = (moved(step), moved(-step)) else { continue };
                 for row in 0..2 {
                     let numeric = (ahead.at[row] - behind.at[row]) / (2.0 * step);
@@ -243,13 +250,13 @@ mod tests {
         #[test]
         fn a_chart_and_its_bearings_are_inverse_to_each_other(at in [0.0..2000.0_f64, 0.0..2000.0_f64], v in [-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64]) {
             let lens = fisheye([0.0; 4]);
-            let chart = Chart::toward(&lens, &[at.into()]).unwrap();
-            let carried = chart.carried([600.0 * v[0], 600.0 * v[1], v[2]]);
-            let back = chart.rows_back().map(|row| dot(&row, &carried));
+            let chart = Chart::centred_on(&lens, &[at.into()]).unwrap();
+            let carried = chart.bearing_to_chart([600.0 * v[0], 600.0 * v[1], v[2]]);
+            let back = chart.bearing_from_chart().map(|row| dot(&row, &carried));
             prop_assert!((back[0] / 600.0 - v[0]).abs() + (back[1] / 600.0 - v[1]).abs() + (back[2] - v[2]).abs() < 1e-12);
-            let middle = lens.in_chart(at.into(), Some(&chart)).unwrap().at;
+            let middle = lens.pixel_to_chart(at.into(), Some(&chart)).unwrap().at;
             prop_assert!(middle[0].hypot(middle[1]) < 1e-9, "the middle is the axis");
-            let flat = chart.flat(middle);
+            let flat = chart.equidistant_point(middle);
             prop_assert!((flat[0] + 1000.0 - at[0]).hypot(flat[1] + 990.0 - at[1]) < 1e-6);
         }
     }

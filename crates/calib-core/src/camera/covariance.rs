@@ -2,14 +2,15 @@
 
 use crate::camera::lens::Lens;
 
-/// Covariance of x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels), the coefficients
-/// of the distortion, for the focal that the lens normalises with, and the principal point (pixels); rows and columns
-/// of zeros for what was not estimated. An infinite variance says that nothing is known of the error.
+/// Covariance of a camera's unknowns: x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels),
+/// distortion coefficients (for the focal that the lens normalises with), and principal point (pixels). Rows
+/// and columns of parameters that were not estimated are zero. An infinite variance means that the error is
+/// unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covariance(pub [[f64; Self::SIZE]; Self::SIZE]);
 
 impl Covariance {
-    /// Number of unknowns.
+    /// Number of parameters.
     pub const SIZE: usize = Self::LENS + Lens::PARAMETERS;
     /// Index of x0.
     pub const X: usize = 0;
@@ -23,19 +24,19 @@ impl Covariance {
     pub const PITCH: usize = 4;
     /// Index of roll.
     pub const ROLL: usize = 5;
-    /// Index of the focal.
+    /// Index of the focal length.
     pub const FOCAL: usize = 6;
-    /// Index of the first coefficient of the distortion; they follow in the order of its model.
+    /// Index of the first distortion coefficient. The others follow in the order of the model.
     pub const LENS: usize = 7;
-    /// Index of the principal point's u; v follows.
+    /// Index of the u coordinate of the principal point; v follows.
     pub const CENTRE: usize = Self::LENS + Lens::CENTRE;
-    /// Names in files of the unknowns before the distortion's, with their units there.
+    /// Names of the parameters before the distortion coefficients in files, with their units there.
     pub const NAMES: [&str; Self::LENS] =
         ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px"];
-    /// Everything is known for certain.
+    /// Covariance of a camera without errors.
     pub const EXACT: Self = Self([[0.0; Self::SIZE]; Self::SIZE]);
 
-    /// Nothing is known of the errors, as of a camera that was imported without them.
+    /// Covariance with unknown errors, for example of a camera that was imported without uncertainty.
     pub const UNKNOWN: Self = {
         let mut rows = [[0.0; Self::SIZE]; Self::SIZE];
         let mut index = 0;
@@ -46,15 +47,15 @@ impl Covariance {
         Self(rows)
     };
 
-    /// Standard deviation of one unknown; `None` if it was not estimated, or nothing is known of it.
+    /// Returns the standard deviation of one unknown; `None` if it was not estimated or is not known.
     #[must_use]
     pub fn sigma(&self, index: usize) -> Option<f64> {
         let variance = self.0[index][index];
         (variance > 0.0 && variance.is_finite()).then(|| variance.sqrt())
     }
 
-    /// The same where nothing is known of the errors of some unknowns, by their indices.
-    pub fn without(mut self, unknown: &[usize]) -> Self {
+    /// Returns the covariance with unknown errors of some unknowns, given by their indices.
+    pub fn with_unknown(mut self, unknown: &[usize]) -> Self {
         for &index in unknown {
             self.0[index] = [0.0; Self::SIZE];
             self.0.iter_mut().for_each(|row| row[index] = 0.0);
@@ -63,18 +64,18 @@ impl Covariance {
         self
     }
 
-    /// Whether the errors are known; an error of zero is.
+    /// Whether all errors are known. An error of zero counts as known.
     #[must_use]
     pub fn is_known(&self) -> bool {
         (0..Self::SIZE).all(|index| self.0[index][index].is_finite())
     }
 
-    /// Covariance of `scale * unknown + by_focal * focal` in place of the unknowns.
+    /// Returns the covariance of `scale * unknown + by_focal * focal`, which replace the unknowns.
     pub fn with_correlated_shift(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
         if !self.is_known() {
             return Self::UNKNOWN;
         }
-        // The rows first, then the columns of what that gives: the matrix is symmetric.
+        // First the rows, then the columns of the result; the matrix is symmetric.
         let mut rows = self.0;
         for i in 0..Self::SIZE {
             rows[i] = std::array::from_fn(|j| scale[i] * self.0[i][j] + by_focal[i] * self.0[Self::FOCAL][j]);
@@ -84,10 +85,10 @@ impl Covariance {
         }))
     }
 
-    /// Covariance of a pair of quantities with these derivatives by the unknowns; `None` where nothing is known
-    /// of the errors.
+    /// Propagates the covariance to a pair of quantities with these derivatives; `None` if an error is
+    /// unknown.
     #[must_use]
-    pub fn carried(&self, jacobian: &[[f64; 2]; Self::SIZE]) -> Option<[[f64; 2]; 2]> {
+    pub fn propagate(&self, jacobian: &[[f64; 2]; Self::SIZE]) -> Option<[[f64; 2]; 2]> {
         self.is_known().then(|| {
             std::array::from_fn(|i| {
                 std::array::from_fn(|j| {

@@ -1,10 +1,11 @@
-//! The covariance of a floor point: that of the pixel and that of the camera, propagated by the Jacobian of
+//! Covariance of a floor point: the covariances of the pixel and of the camera, propagated by the Jacobian of
 //! the map from pixels to the floor.
 //!
-//! A pixel's ray is `d = a right + b down + forward`, with `(a, b)` the undistorted pixel relative to the
-//! principal point over the focal. It meets a plane of the normal `n = (-slope, 1)` in `C + t d`, so that a
-//! change of d moves the point by `t (d' - d (n . d') / (n . d))`, a change of C by `C' - d (n . C') / (n . d)`,
-//! and a rise r of the plane at the point by `d r / (n . d)`. Of the floor `n . d` is `d_z`.
+//! The ray of a pixel is `d = a right + b down + forward`, where `(a, b)` is the undistorted pixel relative
+//! to the principal point, divided by the focal length. It meets a plane with the normal `n = (-slope, 1)` at
+//! `C + t d`. A change d' of the direction moves the point by `t (d' - d (n . d') / (n . d))`. A change C' of
+//! the position moves it by `C' - d (n . C') / (n . d)`. A rise r of the plane at the point moves it by
+//! `d r / (n . d)`. For the floor `n . d` is `d_z`.
 
 use crate::camera::covariance::Covariance;
 use crate::camera::distortion::{Distortion, RayMatrix};
@@ -14,35 +15,35 @@ use crate::camera::pinhole::Camera;
 use crate::camera::plane::{Plane, ray_to_plane};
 use crate::camera::space::{FloorPoint, Pixel};
 
-/// The uncertainty of a point of the floor, in two parts; rows and columns x and y, in square metres.
+/// Covariance of a floor point, in two parts; rows and columns x and y, in square metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorCovariance {
-    /// From the noise of the pixel: independent from detection to detection.
+    /// Part of the pixel noise: independent for every detection.
     pub pixel: [[f64; 2]; 2],
-    /// From the calibration: common to all detections of a camera, so that a filter must not average it away.
-    /// `None` where nothing is known of the errors of the camera.
+    /// Part of the calibration: common to all detections of a camera, so a filter must not average it away.
+    /// `None` if the errors of the camera are unknown.
     pub calibration: Option<[[f64; 2]; 2]>,
 }
 
 impl FloorCovariance {
-    /// Of a pixel without a point.
-    pub(crate) const NONE: Self = Self { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
+    /// Covariance of a pixel without a floor point: NaN.
+    pub(crate) const NAN: Self = Self { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
 
-    /// Both parts together; `None` where one of them is not known.
+    /// Returns the sum of both parts. Returns `None` if one of them is unknown.
     #[must_use]
     pub fn total(&self) -> Option<[[f64; 2]; 2]> {
         let calibration = self.calibration?;
         Some(std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + calibration[i][j])))
     }
 
-    /// Both parts row by row, as arrays hold them: NaN where nothing is known.
+    /// Returns both parts as rows, for arrays. Unknown values are NaN.
     #[must_use]
     pub fn rows(&self) -> [[f64; 4]; 2] {
         [self.pixel, self.calibration.unwrap_or([[f64::NAN; 2]; 2])].map(|[[a, b], [c, d]]| [a, b, c, d])
     }
 
-    /// Root of the larger eigenvalue of both parts together: the standard deviation in the worst direction, in
-    /// metres; `None` where one of them is not known.
+    /// Returns the standard deviation in the worst direction, in metres: the square root of the larger
+    /// eigenvalue of the total covariance. Returns `None` if one part is unknown.
     #[must_use]
     pub fn worst_sigma(&self) -> Option<f64> {
         let [[a, b], [_, d]] = self.total()?;
@@ -51,27 +52,29 @@ impl FloorCovariance {
 }
 
 impl Camera {
-    /// How uncertain the point of the floor is that the camera shows at `pixel`, for a standard
-    /// deviation of `pixel_sigma` pixels of each coordinate.
+    /// Returns the covariance of the floor point at `pixel`. `pixel_sigma` is the standard deviation of each
+    /// pixel coordinate, in pixels.
     ///
-    /// `None` where there is no floor point.
+    /// Returns `None` if the pixel shows no floor point.
     #[must_use]
     pub fn floor_covariance(&self, pixel: Pixel, pixel_sigma: f64) -> Option<FloorCovariance> {
         self.plane_covariance(pixel, pixel_sigma, 0.0)
     }
 
-    /// As [`Self::floor_covariance`], of the point of the plane at `height` metres.
+    /// Returns the covariance of the point at `pixel` on the horizontal plane at `height` metres. See
+    /// [`Self::floor_covariance`].
     ///
-    /// `None` where there is no such point.
+    /// Returns `None` if the pixel does not show the plane.
     #[must_use]
     pub fn plane_covariance(&self, pixel: Pixel, pixel_sigma: f64, height: f64) -> Option<FloorCovariance> {
         self.covariance_on(pixel, pixel_sigma, &Plane::level(height), &[[0.0; 3]; 3])
     }
 
-    /// As [`Self::floor_covariance`], of the point of a plane whose height and slope are known with this
-    /// covariance, in square metres and squares of rise per metre; it counts as calibration.
+    /// Returns the covariance of the point at `pixel` on a plane. `of_plane` is the covariance of its height
+    /// and slope, in square metres and squares of rise per metre. It is added to the calibration part. See
+    /// [`Self::floor_covariance`].
     ///
-    /// `None` where there is no such point.
+    /// Returns `None` if the pixel does not show the plane.
     #[must_use]
     pub fn covariance_on(
         &self,
@@ -92,49 +95,51 @@ impl Camera {
         };
         let calibration = self
             .covariance
-            .carried(&on_plane.by_estimated())
+            .propagate(&on_plane.by_estimated())
             .map(|camera| std::array::from_fn(|i| std::array::from_fn(|j| camera[i][j] + of_plane(i, j))));
         Some(FloorCovariance { pixel: pixel_part, calibration })
     }
 
-    /// Derivatives of the floor point of a pixel by the unknowns that were estimated; zeros for the others.
+    /// Returns the derivatives of the floor point of a pixel by the estimated parameters. They are zero for
+    /// the others.
     ///
-    /// `None` where there is no floor point.
+    /// Returns `None` if the pixel shows no floor point.
     #[must_use]
     pub fn floor_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; Covariance::SIZE]> {
         Some(PlaneJacobian::new(self, pixel, Plane::FLOOR)?.by_estimated())
     }
 
-    /// Derivatives of the floor point of a pixel by all that it depends on, estimated or not.
+    /// Returns the derivatives of the floor point of a pixel by the pixel and by all camera parameters,
+    /// estimated or not.
     ///
-    /// `None` where there is no floor point.
-    pub fn floor_slopes(&self, pixel: Pixel) -> Option<FloorSlopes> {
+    /// Returns `None` if the pixel shows no floor point.
+    pub fn floor_derivatives(&self, pixel: Pixel) -> Option<FloorDerivatives> {
         let on_floor = PlaneJacobian::new(self, pixel, Plane::FLOOR)?;
-        Some(FloorSlopes { by_pixel: on_floor.by_pixel(), by_camera: on_floor.by_unknowns() })
+        Some(FloorDerivatives { by_pixel: on_floor.by_pixel(), by_camera: on_floor.by_parameters() })
     }
 }
 
-/// Derivatives of a floor point, x and y.
+/// Derivatives of the x and y of a floor point.
 #[derive(Clone, Copy, Debug)]
-pub struct FloorSlopes {
-    /// By u and v of the raw pixel.
+pub struct FloorDerivatives {
+    /// Derivatives by u and v of the raw pixel.
     pub by_pixel: [[f64; 2]; 2],
-    /// By every parameter of [`Covariance`].
+    /// Derivatives by every parameter of [`Covariance`].
     pub by_camera: [[f64; 2]; Covariance::SIZE],
 }
 
-/// The ray of a pixel to a plane, with what its derivatives need.
+/// Intersection of the ray of a pixel with a plane, and the terms of its derivatives.
 struct PlaneJacobian<'a> {
     camera: &'a Camera,
     pixel: Pixel,
     plane: Plane,
-    /// The bearing of the pixel.
+    /// Bearing of the pixel.
     bearing: [f64; 3],
     /// `d bearing / d raw`.
     by_raw: RayMatrix,
-    /// The bearing over the focal.
+    /// Bearing divided by the focal length.
     normalised: [f64; 3],
-    /// Rows right, down, forward.
+    /// Rows right, down, forward in world axes.
     axes: [[f64; 3]; 3],
     direction: [f64; 3],
     /// `n . d`.
@@ -144,7 +149,7 @@ struct PlaneJacobian<'a> {
 }
 
 impl<'a> PlaneJacobian<'a> {
-    /// `None` where the pixel does not show the plane.
+    /// Intersects the ray of a pixel with a plane. Returns `None` if the pixel does not show the plane.
     fn new(camera: &'a Camera, pixel: Pixel, plane: Plane) -> Option<Self> {
         let (bearing, by_raw) = camera.lens.bearing_with_jacobian(pixel)?;
         ray_to_plane(&camera.bearing_to_ray(bearing), &plane)?;
@@ -159,18 +164,19 @@ impl<'a> PlaneJacobian<'a> {
         Some(Self { camera, pixel, plane, bearing, by_raw, normalised, axes, direction, rise, reach })
     }
 
-    /// Displacement of the point for a change of the ray's direction.
+    /// Returns the displacement of the point for a change of the direction of the ray.
     fn displacement(&self, change: [f64; 3]) -> [f64; 2] {
         self.back_on_plane(change).map(|moved| self.reach * moved)
     }
 
-    /// Of a point moved off the plane, the displacement of where its ray meets the plane again.
+    /// Returns the displacement of the intersection of the ray with the plane, for a displacement of a point
+    /// off the plane.
     fn back_on_plane(&self, change: [f64; 3]) -> [f64; 2] {
         let off = self.plane.rise(&change);
         [0, 1].map(|i| change[i] - self.direction[i] * off / self.rise)
     }
 
-    /// Derivatives by height and slope of the plane.
+    /// Returns the derivatives by height and slope of the plane.
     fn by_plane(&self) -> [[f64; 2]; 3] {
         let [x, y, _] = self.direction;
         let origin = self.camera.position;
@@ -178,20 +184,21 @@ impl<'a> PlaneJacobian<'a> {
         self.plane.height_by_parameters(at).map(|by| [x * by / self.rise, y * by / self.rise])
     }
 
-    /// Displacement of the point for a change of the bearing.
+    /// Returns the displacement of the point for a change of the bearing.
     fn displacement_by_bearing(&self, [x, y, w]: [f64; 3]) -> [f64; 2] {
         let [right, down, forward] = self.axes;
         let focal = self.camera.focal;
         self.displacement(std::array::from_fn(|i| (x * right[i] + y * down[i]) / focal + w * forward[i]))
     }
 
-    /// Derivatives by u and v of the raw pixel.
+    /// Returns the derivatives by u and v of the raw pixel.
     fn by_pixel(&self) -> [[f64; 2]; 2] {
         [0, 1].map(|k| self.displacement_by_bearing(self.by_raw.map(|row| row[k])))
     }
 
-    /// Derivatives by yaw, pitch and roll. Yaw turns the ray about world z; pitch turns `down` without the
-    /// roll into `-forward`, and `forward` into it; roll turns `right` into `down`, and `down` into `-right`.
+    /// Returns the derivatives by yaw, pitch and roll. Yaw rotates the ray about world z. Pitch rotates
+    /// `down` before the roll to `-forward`, and `forward` to it. Roll rotates `right` to `down`, and `down`
+    /// to `-right`.
     fn by_angles(&self) -> [[f64; 2]; 3] {
         let ([a, b, w], [right, down, forward]) = (self.normalised, self.axes);
         let (sin, cos) = sin_cos(self.camera.roll);
@@ -202,8 +209,8 @@ impl<'a> PlaneJacobian<'a> {
         [self.displacement([-y, x, 0.0]), self.displacement(pitched), self.displacement(rolled)]
     }
 
-    /// Derivatives by every parameter of [`Covariance`].
-    fn by_unknowns(&self) -> [[f64; 2]; Covariance::SIZE] {
+    /// Returns the derivatives by every parameter of [`Covariance`].
+    fn by_parameters(&self) -> [[f64; 2]; Covariance::SIZE] {
         let [x, y, _] = self.normalised;
         let mut by = [[0.0; 2]; Covariance::SIZE];
         by[Covariance::X] = self.back_on_plane([1.0, 0.0, 0.0]);
@@ -219,7 +226,7 @@ impl<'a> PlaneJacobian<'a> {
             }
             if lens.distortion.is_wide() {
                 let [x, y] = std::mem::take(&mut by[Covariance::LENS + Lens::OWN_FOCAL]);
-                if self.camera.focal_is_of_lens() {
+                if self.camera.shares_lens_focal() {
                     let focal = self.camera.focal;
                     by[Covariance::FOCAL][0] += x / focal;
                     by[Covariance::FOCAL][1] += y / focal;
@@ -229,9 +236,9 @@ impl<'a> PlaneJacobian<'a> {
         by
     }
 
-    /// The same, with zeros for parameters that were not estimated.
+    /// Returns the derivatives by every parameter, with zeros for those that were not estimated.
     fn by_estimated(&self) -> [[f64; 2]; Covariance::SIZE] {
-        let mut by = self.by_unknowns();
+        let mut by = self.by_parameters();
         for (index, by) in by.iter_mut().enumerate() {
             if self.camera.covariance.sigma(index).is_none() {
                 *by = [0.0; 2];
@@ -253,7 +260,7 @@ mod tests {
             camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.9_f64,
             slope in [-0.1..0.1_f64, -0.1..0.1_f64], is_level in proptest::bool::ANY,
         ) {
-            /// Of a metre, of a radian, of the focal's share, of a coefficient.
+            /// Step in metres, in radians, relative to the focal length, and of a coefficient.
             const STEP: f64 = 1e-5;
             let pixel = Pixel { u, v };
             let slope = if is_level { [0.0; 2] } else { slope };
@@ -270,7 +277,7 @@ mod tests {
                 }
                 Ok(())
             };
-            let by = here.by_unknowns();
+            let by = here.by_parameters();
             for index in 0..Covariance::LENS + camera.lens.distortion.names().len() {
                 let step = if index == Covariance::FOCAL { STEP * camera.focal } else { STEP };
                 let at = |share: f64| point(&camera.nudged(index, share * step), pixel, &plane);
@@ -279,11 +286,11 @@ mod tests {
                     Some([(a.x - b.x) / (2.0 * share * step), (a.y - b.y) / (2.0 * share * step)])
                 };
                 let (Some(whole), Some(half)) = (difference(1.0), difference(0.5)) else { continue };
-                // Just inside the fold of a lens the differences have not converged and say nothing.
+                // Just inside the fold of a lens the differences have not converged.
                 if (0..2).any(|k| (whole[k] - half[k]).abs() > 1e-3 * (1.0 + half[k].abs())) {
                     continue;
                 }
-                // Richardson's extrapolation: without the error in the square of the step.
+                // Richardson extrapolation removes the error term in the square of the step.
                 check([0, 1].map(|k| (4.0 * half[k] - whole[k]) / 3.0), by[index], index)?;
             }
             for (k, analytic) in here.by_pixel().into_iter().enumerate() {
@@ -317,7 +324,7 @@ mod tests {
             let imported = Camera { covariance: Covariance::UNKNOWN, ..camera };
             let of_imported = imported.floor_covariance(pixel, 0.5);
             prop_assert!(of_imported.is_some_and(|c| c.calibration.is_none() && c.pixel == covariance.pixel), "unknown is not zero");
-            // A nudge of half a pixel moves the floor point by no more than its worst direction says.
+            // A change of half a pixel moves the floor point by at most the worst standard deviation.
             for (du, dv) in [(0.005, 0.0), (0.0, 0.005), (0.004, -0.003)] {
                 let moved = camera.pixel_to_floor(Pixel { u: u + du, v: v + dv }, 0.0);
                 prop_assert!(moved.is_some_and(|m| m.distance(floor) < 0.0102 * covariance.worst_sigma().unwrap()));

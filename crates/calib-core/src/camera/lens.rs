@@ -1,51 +1,54 @@
-//! A lens: distortion as a map of pixels, in both directions, with its derivatives.
+//! Lens: distortion as a map between raw and undistorted pixels, with its derivatives.
 
 use crate::camera::distortion::{ByCoefficient, Distortion, Matrix2, RayByCoefficient, RayMatrix};
 use crate::camera::space::{ImageCircle, Pixel, UndistortedPixel};
 
-/// A lens: principal point and distortion, as a map between raw and undistorted pixels.
+/// Lens: principal point and distortion, as a map between raw and undistorted pixels.
 ///
-/// The map is one of pixels: [`Lens::focal`] is the focal that the coefficients refer to, and it
-/// stays as it is when the focal of the [`Camera`](crate::Camera) changes.
+/// [`Lens::focal`] is the focal length to which the coefficients refer. It does not change with the focal
+/// length of the [`Camera`](crate::Camera).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Principal point, in pixels.
     pub principal_point: Pixel,
-    /// Focal that normalises the coordinates the coefficients apply to, in pixels.
+    /// Focal length that normalises the coordinates of the distortion, in pixels.
     pub focal: f64,
     /// Distortion of the normalised coordinates.
     pub distortion: Distortion,
-    /// Where a wide lens shows something, if that is known: it shows no ray outside. Other lenses fill the image.
+    /// Image circle of a wide lens, if it is known. The lens shows no rays outside. Other lenses fill the
+    /// image.
     pub image_circle: Option<ImageCircle>,
 }
 
-/// How a place changes with every parameter of a lens, in the order of [`Lens::PARAMETERS`].
+/// Derivatives of a point by every parameter of a lens, in the order of [`Lens::PARAMETERS`].
 pub(crate) type ByParameters = [ByCoefficient; Lens::PARAMETERS];
 
 impl Lens {
-    /// Number of parameters: the coefficients of the distortion, then the principal point, u and v. Of a wide lens the
-    /// one before the principal point, which no model has as a coefficient, is the log of its own focal.
-    pub const PARAMETERS: usize = Distortion::MOST + 2;
-    /// Index of the log of the own focal of a wide lens.
-    pub const OWN_FOCAL: usize = Distortion::MOST - 1;
-    /// Index of the principal point's u; v follows.
-    pub const CENTRE: usize = Distortion::MOST;
+    /// Number of parameters: the distortion coefficients, then u and v of the principal point. For a wide
+    /// lens, the parameter before the principal point is the log of the focal length of the lens. No wide
+    /// model uses it as a coefficient.
+    pub const PARAMETERS: usize = Distortion::MAX_COEFFICIENTS + 2;
+    /// Index of the log of the focal length of a wide lens.
+    pub const OWN_FOCAL: usize = Distortion::MAX_COEFFICIENTS - 1;
+    /// Index of the u coordinate of the principal point; v follows.
+    pub const CENTRE: usize = Distortion::MAX_COEFFICIENTS;
 
-    /// A lens that does not bend lines.
+    /// Creates a lens without distortion.
     #[must_use]
     pub const fn pinhole(principal_point: Pixel) -> Self {
         Self { principal_point, focal: 1.0, distortion: Distortion::None, image_circle: None }
     }
 
-    /// Where a pinhole would show what this lens shows at `pixel`.
+    /// Maps a raw pixel to the pixel at which a pinhole would show the same ray.
     ///
-    /// `None` outside the domain in which the lens can be inverted: no ray of the scene leads there.
+    /// Returns `None` outside the domain in which the lens can be inverted: no ray of the scene reaches the
+    /// pixel.
     #[must_use]
     pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
         if self.distortion == Distortion::None {
             return Some(UndistortedPixel { u: pixel.u, v: pixel.v });
         }
-        if !self.lights(pixel) {
+        if !self.is_in_image_circle(pixel) {
             return None;
         }
         let Pixel { u: cu, v: cv } = self.principal_point;
@@ -53,9 +56,9 @@ impl Lens {
         Some(UndistortedPixel { u: cu + self.focal * x, v: cv + self.focal * y })
     }
 
-    /// Where this lens shows what a pinhole would show at `pixel`.
+    /// Maps an undistorted pixel to the raw pixel that shows the same ray.
     ///
-    /// `None` beyond [`Distortion::max_radius`], where the model folds back on itself.
+    /// Returns `None` beyond [`Distortion::max_radius`], where the model folds back on itself.
     #[must_use]
     pub fn distort(&self, pixel: UndistortedPixel) -> Option<Pixel> {
         if self.distortion == Distortion::None {
@@ -63,52 +66,54 @@ impl Lens {
         }
         let Pixel { u: cu, v: cv } = self.principal_point;
         let [x, y] = self.distortion.distort(self.normalised(pixel.into()))?;
-        Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y }).filter(|&pixel| self.lights(pixel))
+        Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y })
+            .filter(|&pixel| self.is_in_image_circle(pixel))
     }
 
-    /// The bearing of a pixel: where a pinhole would show what this lens shows there, as a homogeneous pixel relative
-    /// to the principal point. Its third coordinate is positive ahead of the camera, and not beside and behind it,
-    /// where a pinhole has no image and [`Self::undistort`] no answer.
+    /// Returns the bearing of a pixel: the homogeneous undistorted pixel relative to the principal point. Its
+    /// third coordinate is positive in front of the camera. It is not positive 90° or more from the axis,
+    /// where [`Self::undistort`] returns `None`.
     ///
-    /// `None` where no ray of the scene leads.
+    /// Returns `None` if no ray of the scene reaches the pixel.
     #[must_use]
     pub fn bearing(&self, pixel: Pixel) -> Option<[f64; 3]> {
         if !self.distortion.is_wide() {
             let (straight, Pixel { u: cu, v: cv }) = (self.undistort(pixel)?, self.principal_point);
             return Some([straight.u - cu, straight.v - cv, 1.0]);
         }
-        if !self.lights(pixel) {
+        if !self.is_in_image_circle(pixel) {
             return None;
         }
         let [x, y, w] = self.distortion.ray(self.normalised(pixel.into()))?;
         Some([self.focal * x, self.focal * y, w])
     }
 
-    /// Where this lens shows a bearing, of any length; `None` where it does not.
+    /// Maps a bearing of any length to its raw pixel. Returns `None` if the lens does not show it.
     #[must_use]
-    pub fn shown(&self, [x, y, w]: [f64; 3]) -> Option<Pixel> {
+    pub fn bearing_to_pixel(&self, [x, y, w]: [f64; 3]) -> Option<Pixel> {
         let Pixel { u: cu, v: cv } = self.principal_point;
         if !self.distortion.is_wide() {
             let straight = UndistortedPixel { u: cu + x / w, v: cv + y / w };
             return if w > 0.0 { self.distort(straight) } else { None };
         }
-        let [a, b] = self.distortion.shown([x / self.focal, y / self.focal, w])?;
-        Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b }).filter(|&pixel| self.lights(pixel))
+        let [a, b] = self.distortion.ray_to_distorted([x / self.focal, y / self.focal, w])?;
+        Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b })
+            .filter(|&pixel| self.is_in_image_circle(pixel))
     }
 
-    /// Whether a pixel is within the image circle, where one is known.
-    fn lights(&self, pixel: Pixel) -> bool {
-        self.image_circle.is_none_or(|circle| circle.holds(pixel) || !self.distortion.is_wide())
+    /// Whether a pixel is within the image circle, or no image circle applies.
+    fn is_in_image_circle(&self, pixel: Pixel) -> bool {
+        self.image_circle.is_none_or(|circle| circle.contains(pixel) || !self.distortion.is_wide())
     }
 
-    /// [`Self::bearing`] with its derivatives by u and v.
+    /// Returns [`Self::bearing`] and its derivatives by u and v.
     pub(crate) fn bearing_with_jacobian(&self, pixel: Pixel) -> Option<([f64; 3], RayMatrix)> {
         if !self.distortion.is_wide() {
             let (straight, [u, v]) = self.undistort_with_jacobian(pixel)?;
             let Pixel { u: cu, v: cv } = self.principal_point;
             return Some(([straight.u - cu, straight.v - cv, 1.0], [u, v, [0.0; 2]]));
         }
-        if !self.lights(pixel) {
+        if !self.is_in_image_circle(pixel) {
             return None;
         }
         let bent = self.normalised(pixel.into());
@@ -118,8 +123,8 @@ impl Lens {
         Some(([self.focal * x, self.focal * y, w], [u, v, ahead.map(|by| by / self.focal)]))
     }
 
-    /// How a bearing and its derivatives change with every parameter at the pixel that has it; with focal and
-    /// principal point of a wide lens only.
+    /// Returns the derivatives of a bearing and of its Jacobian by every parameter, at the pixel with this
+    /// bearing. The derivatives by focal length and principal point are computed for wide lenses only.
     pub(crate) fn bearing_by_parameters(
         &self,
         pixel: Pixel,
@@ -141,8 +146,12 @@ impl Lens {
         by
     }
 
-    /// How the bearing `(f x, f y, w)(q)` of `q = (pixel - c) / f` and its Jacobian `(J, J_w / f)`, with J that of the
-    /// ray by q, change with log f, where `dq = -q`, and with c, where `f dq = -e`.
+    /// Returns the derivatives of a bearing and of its Jacobian by the log of the focal length f and by the
+    /// principal point c.
+    ///
+    /// The bearing is `(f x, f y, w)(q)` with `q = (pixel - c) / f`. Its Jacobian is `(J, J_w / f)`, where J
+    /// is the Jacobian of the ray by q. A change of log f has `dq = -q`. A change of c along the axis e has
+    /// `f dq = -e`.
     fn bearing_by_scale_and_centre(&self, bent: [f64; 2], ray: [f64; 3]) -> [RayByCoefficient; 3] {
         let focal = self.focal;
         let jacobian = self.distortion.ray_jacobian(bent, ray);
@@ -168,39 +177,41 @@ impl Lens {
         [by_focal, by_centre(0), by_centre(1)]
     }
 
-    /// The log of the slope of a wide lens at a pixel, `d radius / d angle` over that at the axis, and its derivatives by
-    /// every parameter. `None` where the lens shows nothing.
+    /// Returns the log of the slope of a wide lens at a pixel, and its derivatives by every parameter. The
+    /// slope is `d radius / d angle`, relative to the optical axis. Returns `None` where the lens shows no
+    /// ray.
     pub(crate) fn log_slope(&self, pixel: Pixel) -> Option<(f64, [f64; Self::PARAMETERS])> {
         let bearing = self.bearing(pixel)?;
         let [u, v] = self.normalised(pixel.into());
         let radius = u.hypot(v).max(f64::MIN_POSITIVE);
         let out = [u / radius, v / radius];
-        // Outwards by the unit of q = (pixel - c) / f: a change of c turns it across the radius only.
+        // Derivative along the unit vector of q = (pixel - c) / f. A change of c rotates this vector, which
+        // is a change perpendicular to the radius only.
         let outwards = |rows: RayMatrix| rows.map(|[u, v]| u * out[0] + v * out[1]);
         let in_rays = |[u, v, ahead]: RayMatrix| outwards([u, v, ahead.map(|by| by * self.focal)]);
         let (_, jacobian) = self.bearing_with_jacobian(pixel)?;
         let turn = in_rays(jacobian);
         let square = turn.iter().map(|c| c * c).sum::<f64>();
         let mut by = self.bearing_by_parameters(pixel, bearing).map(|by| in_rays(by.jacobian));
-        // There the focal is divided by once more.
+        // The Jacobian of w is divided by the focal length once more.
         by[Self::OWN_FOCAL][2] += turn[2];
         let by = by.map(|change| -turn.iter().zip(change).map(|(a, b)| a * b).sum::<f64>() / square);
-        // Where the angle is small there is no slope to speak of, nor a change of it.
+        // At small angles the relative slope is 1 and constant.
         if radius < 1e-6 { Some((0.0, [0.0; Self::PARAMETERS])) } else { Some((-0.5 * square.ln(), by)) }
     }
 
-    /// Whether every corner of an image of this width and height shows a ray: then all of it does. The corners of a wide
-    /// lens are beyond its image circle, and not asked.
+    /// Whether every corner of an image of this width and height shows a ray, so that all pixels do. Always
+    /// true for a wide lens, whose corners are outside its image circle.
     #[must_use]
-    pub fn shows_image(&self, [w, h]: [f64; 2]) -> bool {
+    pub fn covers_image(&self, [w, h]: [f64; 2]) -> bool {
         if self.distortion.is_wide() {
             return true;
         }
         let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]];
-        corners.into_iter().all(|corner| self.distortion.reaches(self.normalised(corner)))
+        corners.into_iter().all(|corner| self.distortion.has_ray(self.normalised(corner)))
     }
 
-    /// The same lens with one of its coefficients changed.
+    /// Returns the same lens with one parameter changed.
     #[cfg(test)]
     pub(crate) fn nudged(&self, parameter: usize, by: f64) -> Self {
         let mut lens = *self;
@@ -217,22 +228,22 @@ impl Lens {
         lens
     }
 
-    /// The same map of pixels with coefficients that refer to another focal.
+    /// Returns the same map of pixels with coefficients that refer to another focal length.
     ///
-    /// `None` for a model whose coefficients have a focal of their own.
+    /// Returns `None` for a model whose map of pixels determines its focal length.
     #[must_use]
     pub fn at_focal(&self, focal: f64) -> Option<Self> {
         let ratio = focal / self.focal;
         Some(Self { focal, distortion: self.distortion.rescaled(ratio)?, ..*self })
     }
 
-    /// `d undistorted / d raw` at `pixel`, rows u and v; `None` outside the lens.
+    /// Returns `d undistorted / d raw` at `pixel`, rows u and v. Returns `None` outside the lens.
     #[must_use]
     pub fn undistort_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {
         self.undistort_with_jacobian(pixel).map(|(_, jacobian)| jacobian)
     }
 
-    /// [`Self::undistort`] and [`Self::undistort_jacobian`] at once.
+    /// Returns [`Self::undistort`] and [`Self::undistort_jacobian`].
     #[must_use]
     pub fn undistort_with_jacobian(&self, pixel: Pixel) -> Option<(UndistortedPixel, [[f64; 2]; 2])> {
         let straight = self.undistort(pixel)?;
@@ -242,8 +253,8 @@ impl Lens {
         Some((straight, jacobian))
     }
 
-    /// How [`Self::undistort`] and its Jacobian change with every coefficient at `pixel`, which undistorts to
-    /// `straight`; zeros for focal and principal point.
+    /// Returns the derivatives of [`Self::undistort`] and of its Jacobian by every coefficient at `pixel`,
+    /// whose undistorted pixel is `straight`. They are zero for focal length and principal point.
     pub(crate) fn undistort_by_parameters(&self, pixel: Pixel, straight: UndistortedPixel) -> ByParameters {
         let (bent, straight) = (self.normalised(pixel.into()), self.normalised(straight.into()));
         let mut by = ByParameters::default();
@@ -254,19 +265,19 @@ impl Lens {
         by
     }
 
-    /// Derivatives of [`Self::distort`] at `straight`: `d raw / d undistorted`, rows u and v, and by every
-    /// coefficient.
+    /// Returns the derivatives of [`Self::distort`] at `straight`: `d raw / d undistorted` with rows u and v,
+    /// and by every coefficient.
     pub(crate) fn distort_derivatives(
         &self,
         straight: UndistortedPixel,
-    ) -> (Matrix2, [[f64; 2]; Distortion::MOST]) {
+    ) -> (Matrix2, [[f64; 2]; Distortion::MAX_COEFFICIENTS]) {
         let straight = self.normalised(straight.into());
         let by = self.distortion.distort_by_coefficients(straight);
         let by = by.map(|by| by.map(|change| self.focal * change));
         (self.distortion.distort_jacobian(straight), by)
     }
 
-    /// Coordinates relative to the principal point, divided by the focal.
+    /// Returns coordinates relative to the principal point, divided by the focal length.
     fn normalised(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let Pixel { u: cu, v: cv } = self.principal_point;
         [(u - cu) / self.focal, (v - cv) / self.focal]
@@ -276,8 +287,8 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::distortion::multiply;
     use crate::camera::distortion::tests::any_distortion;
-    use crate::camera::distortion::times;
     use proptest::prelude::*;
 
     fn lens_of(distortion: Distortion) -> Lens {
@@ -300,7 +311,7 @@ mod tests {
         fn the_jacobian_of_undistortion_is_that_of_differences(
             distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
-            /// Of a pixel: truncation 1e-4 px^2 times the third derivative, rounding 1e-11.
+            /// Step in pixels: truncation 1e-4 px^2 times the third derivative, rounding 1e-11.
             const STEP: f64 = 0.01;
             let lens = lens_of(distortion);
             let at = |du: f64, dv: f64| lens.undistort(Pixel { u: u + du, v: v + dv });
@@ -324,13 +335,14 @@ mod tests {
             let (jacobian, by) = lens.distort_derivatives(straight);
             prop_assume!(inverse.iter().flatten().all(|slope| slope.abs() < 100.0));
             for (column, unit) in [[1.0, 0.0], [0.0, 1.0]].into_iter().enumerate() {
-                let back = times(inverse, [jacobian[0][column], jacobian[1][column]]);
+                let back = multiply(inverse, [jacobian[0][column], jacobian[1][column]]);
                 prop_assert!((back[0] - unit[0]).hypot(back[1] - unit[1]) < 1e-9, "{back:?}");
             }
             let back = lens.undistort_by_parameters(Pixel { u, v }, straight);
             for (forward, back) in by.iter().zip(back) {
-                // The implicit function: what a coefficient moves one way it moves back the other.
-                let moved = times(inverse, *forward);
+                // By the implicit function theorem, a coefficient moves the point by opposite amounts in the
+                // two directions.
+                let moved = multiply(inverse, *forward);
                 let apart = (moved[0] + back.at[0]).hypot(moved[1] + back.at[1]);
                 prop_assert!(apart < 1e-9 * (1.0 + moved[0].hypot(moved[1])), "{moved:?} {back:?}");
             }

@@ -1,17 +1,21 @@
-//! The camera model: a pinhole with a lens in front, its maps between pixels and space, their derivatives.
+//! Camera model: a pinhole with a lens, its maps between pixels and space, and their derivatives.
 //!
-//! Law: one camera, no scene. Nothing here knows annotations, landmarks or the EFOV; every map comes with its
+//! Rule: one camera, no scene. This module contains no annotations, landmarks or EFOV. Every map has its
 //! Jacobian.
 //!
-//! - `space` one type per space: raw pixel, undistorted pixel, floor, world, plan;
-//! - `elementary` sines and roots that are the same on every machine; `simd` loops with its vector instructions;
-//! - `polynomial`, `distortion` the distortion models, one a file; `lens` distortion as a map of pixels;
-//! - `covariance` the covariance of a camera; `pinhole` the camera itself; `straight_down` its turn where roll and yaw are
-//!   one; `chart` **views of a wide lens
-//!   in which lines beside the camera are straight**;
-//! - `plane` planes besides the floor; `floor_covariance` **the covariance of a floor point**; `reprojection` pixels of points and floor lines with
-//!   Jacobians, for the bundle adjustment;
-//! - `as_mint`, `as_nalgebra`, `as_cam_geom` conversions to other libraries.
+//! - `space`: one type for each space: raw pixel, undistorted pixel, floor, world, plan
+//! - `numerics`: elementary functions with identical bits on every machine, vector loops, polynomials
+//! - `distortion`: distortion models, one per file
+//! - `lens`: distortion and principal point as a map of pixels
+//! - `covariance`: covariance of a camera
+//! - `pinhole`: the camera
+//! - `straight_down`: orientation of a camera whose roll and yaw are the same rotation
+//! - `chart`: pinhole views of a wide lens, in which lines to the side of the camera are straight
+//! - `plane`: planes other than the floor
+//! - `floor_covariance`: covariance of a floor point
+//! - `reprojection`: pixels of points and floor lines with Jacobians, for the bundle adjustment
+//! - `rotation`: rotation and zoom of a camera at a fixed position
+//! - `as_mint`, `as_nalgebra`, `as_cam_geom`: conversions to other libraries
 
 mod space;
 mod numerics;
@@ -41,17 +45,17 @@ pub use lens::Lens;
 pub(crate) use numerics::{angle_from_axis, dispatch, hypot, sin_cos};
 pub use pinhole::{Camera, Ray, angles_from_rotation, camera_from_world};
 pub use plane::Plane;
-pub use rotation::{Movement, Turn, Turned, floor_nearness, ray_in_camera};
+pub use rotation::{PanTiltZoom, RotatedCamera, RotationZoom, inverse_floor_depth, pixel_to_camera_ray};
 pub use space::{FloorPoint, ImageCircle, Pixel, PlanPixel, PlanScale, UndistortedPixel, WorldPoint};
 pub use straight_down::StraightDown;
 
 pub(crate) use chart::ChartPoint;
 #[cfg(test)]
 pub(crate) use distortion::tests::any_distortion;
-pub(crate) use distortion::{BrownInverse, ByCoefficient, LANES, Matrix2, times};
-pub(crate) use floor_covariance::FloorSlopes;
+pub(crate) use distortion::{BrownInverse, ByCoefficient, LANES, Matrix2, multiply};
+pub(crate) use floor_covariance::FloorDerivatives;
 #[cfg(test)]
 pub(crate) use pinhole::tests::any_camera;
-pub(crate) use pinhole::{NEAREST, dot};
+pub(crate) use pinhole::{MIN_DEPTH, dot};
 pub(crate) use reprojection::{LineDistance, POSE_PARAMS, ReprojectedLine, Reprojection};
 pub use reprojection::{ObservedPixel, PosedCamera};

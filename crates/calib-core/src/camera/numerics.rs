@@ -1,55 +1,55 @@
-//! Elementary functions that have the same bits on every machine.
+//! Elementary functions, vectorised loops and polynomials with the same bits on every machine.
 //!
-//! Those of the standard library are the system's, and no two systems agree in the last bit: what a camera maps in a
-//! browser would not be what it maps on a server.
-//!
-//! Loops over many points, compiled for every width of vector instructions; the widest that the processor has is
-//! taken. Whichever it is, the bits of a result are the same: nothing is fused, and nothing summed in another order.
-//!
-//! Polynomials of one variable: where they turn, where they have a value, and their roots.
+//! - The elementary functions of the standard library belong to the operating system, and differ in the last
+//!   bit. With them, a browser and a server would map the same pixel differently.
+//! - Loops over many points are compiled for every width of vector instructions. The widest that the
+//!   processor supports is used. All widths compute the same bits: operations are not fused, and the order of
+//!   sums is fixed.
+//! - Polynomials of one variable: their maxima, inverse values and roots.
 
 use pulp::Arch;
 
-/// Sine and cosine of an angle in radians.
+/// Returns the sine and cosine of an angle in radians.
 #[inline]
 pub(crate) fn sin_cos(angle: f64) -> (f64, f64) {
     libm::sincos(angle)
 }
 
-/// Tangent of an angle in radians.
+/// Returns the tangent of an angle in radians.
 #[inline]
 pub(crate) fn tan(angle: f64) -> f64 {
     libm::tan(angle)
 }
 
-/// The angle in radians, between -pi/2 and pi/2, whose tangent this is.
+/// Returns the arc tangent, in radians between -pi/2 and pi/2.
 #[inline]
 pub(crate) fn atan(tangent: f64) -> f64 {
     libm::atan(tangent)
 }
 
-/// Length of the vector (x, y), as long as its square is a number: not `libm`'s, which takes the root in whole numbers
-/// where it knows no instruction for it, as in a browser.
+/// Returns the length of the vector (x, y), if its square does not overflow. The function of `libm` is
+/// slower: it computes the root with integers if it has no instruction for it, as in a browser.
 #[inline]
 pub(crate) fn hypot(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
 
-/// The angle between the axis and a ray of this length across and along it, from 0 to pi.
+/// Returns the angle between the axis and a ray, from 0 to pi. `across` and `along` are the components of the
+/// ray perpendicular to the axis and along it.
 pub(crate) fn angle_from_axis(across: f64, along: f64) -> f64 {
     if along > across { atan(across / along) } else { std::f64::consts::FRAC_PI_2 - atan(along / across) }
 }
 
-/// The widest instructions that are taken: `v3` (AVX2) where the library was built with `CALIB_SIMD=v3`, so that a
-/// machine that has more can be measured as one that has not.
+/// Widest instruction set that is used: `v3` (AVX2) if the library was built with `CALIB_SIMD=v3`. It serves
+/// to measure the speed of older processors on newer ones.
 #[cfg(target_arch = "x86_64")]
-const WIDEST: Option<&str> = option_env!("CALIB_SIMD");
+const INSTRUCTION_SET: Option<&str> = option_env!("CALIB_SIMD");
 
-/// Runs a loop, which has to be inlined here, with the widest vector instructions there are.
+/// Runs a loop with the widest supported vector instructions. The closure must be inlined here.
 #[inline(always)]
 pub(crate) fn dispatch<R>(run: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
-    if WIDEST == Some("v3")
+    if INSTRUCTION_SET == Some("v3")
         && let Some(v3) = pulp::x86::V3::try_new()
     {
         return v3.vectorize(run);
@@ -57,7 +57,7 @@ pub(crate) fn dispatch<R>(run: impl FnOnce() -> R) -> R {
     Arch::new().dispatch(run)
 }
 
-/// `r (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)`: what a radial lens does to a radius or an angle.
+/// Polynomial `r (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)`: the radial map of a lens, of a radius or an angle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OddPolynomial(pub(crate) [f64; 4]);
 
@@ -74,44 +74,45 @@ impl OddPolynomial {
         1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
     }
 
-    /// The second derivative.
+    /// Returns the second derivative.
     pub(crate) fn curvature(&self, r: f64) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         let s = r * r;
         r * (6.0 * k1 + s * (20.0 * k2 + s * (42.0 * k3 + s * 72.0 * k4)))
     }
 
-    /// No more than the derivative anywhere up to this radius: of what only takes from it. Where that leaves some,
-    /// no root need be looked for.
-    pub(crate) fn least_derivative(&self, r: f64) -> f64 {
+    /// Returns a lower bound of the derivative up to this radius, from the negative terms only. If it is
+    /// positive, no root has to be computed.
+    pub(crate) fn derivative_lower_bound(&self, r: f64) -> f64 {
         Self(self.0.map(|k| k.min(0.0))).derivative(r)
     }
 
-    /// The smallest positive radius at which the polynomial stops growing; infinite if it never does.
-    pub(crate) fn first_turn(&self) -> f64 {
+    /// Returns the smallest positive radius at which the polynomial stops growing, or infinity.
+    pub(crate) fn first_maximum(&self) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         if k3 == 0.0 && k4 == 0.0 {
-            return first_turn_of_two(3.0 * k1, 5.0 * k2);
+            return first_maximum_of_two(3.0 * k1, 5.0 * k2);
         }
         let roots = positive_roots(&[1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4]);
         roots.first().map_or(f64::INFINITY, |s| s.sqrt())
     }
 
-    /// The radius below [`Self::first_turn`] at which the polynomial has this value: Newton's method from the first terms
-    /// of the inverse series, kept inside a bracket, so that it always ends.
+    /// Returns the radius below [`Self::first_maximum`] at which the polynomial has this value. Newton's
+    /// method starts from the first terms of the inverse series. A bracket ensures that it ends.
     pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
-        /// Radii, in the series' own, one of which is beyond the answer for all but the outermost points of a lens.
-        const NEAR: [f64; 4] = [1.001, 1.02, 1.1, 1.3];
+        /// Multiples of the radius of the series, as upper ends of the bracket. One of them exceeds the
+        /// solution for all but the outermost points of a lens.
+        const BRACKET_FACTORS: [f64; 4] = [1.001, 1.02, 1.1, 1.3];
         let [k1, k2, ..] = self.0;
         let s = value * value;
         let series = value * (1.0 - s * (k1 - s * (3.0 * k1 * k1 - k2)));
-        // Where the series is of no use: it starts at the value.
+        // If the series is not usable, the iteration starts at the value.
         let start = if series > 0.5 * value && series < 2.0 * value { series } else { value };
-        let grows_past = |near: &f64| self.value(*near) > value && self.least_derivative(*near) > 0.0;
-        let mut high = match NEAR.map(|share| share * start).iter().find(|near| grows_past(near)) {
+        let grows_past = |near: &f64| self.value(*near) > value && self.derivative_lower_bound(*near) > 0.0;
+        let mut high = match BRACKET_FACTORS.map(|share| share * start).iter().find(|near| grows_past(near)) {
             Some(near) => *near,
             None => {
-                let turn = self.first_turn();
+                let turn = self.first_maximum();
                 if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? }
             }
         };
@@ -139,18 +140,19 @@ impl OddPolynomial {
     }
 }
 
-/// The smallest positive `r` with `1 + a r^2 + b r^4 = 0`; infinite if there is none.
-fn first_turn_of_two(a: f64, b: f64) -> f64 {
+/// Returns the smallest positive `r` with `1 + a r^2 + b r^4 = 0`, or infinity.
+fn first_maximum_of_two(a: f64, b: f64) -> f64 {
     let discriminant = a * a - 4.0 * b;
     if discriminant < 0.0 {
         return f64::INFINITY;
     }
-    // 2 c / (-b -+ sqrt(...)) form: no cancellation, and right for b = 0.
+    // The form 2 c / (-b -+ sqrt(...)) has no cancellation, and is correct for b = 0.
     let divisor = -a + discriminant.sqrt();
     if divisor > 0.0 { (2.0 / divisor).sqrt() } else { f64::INFINITY }
 }
 
-/// A radius at which a growing function exceeds `value`; `None` if there is none below a million.
+/// Returns a radius at which a growing function exceeds `value`. Returns `None` if no radius below a million
+/// is found.
 fn grow_past(function: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
     let mut radius = value.abs().max(1.0);
     while radius < 1e6 {
@@ -162,9 +164,9 @@ fn grow_past(function: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
     None
 }
 
-/// The positive roots of a polynomial, ascending; coefficients from the constant upwards.
+/// Returns the positive roots of a polynomial in ascending order. The coefficients start with the constant.
 ///
-/// Between two neighbouring roots of the derivative there is at most one root: bisect there.
+/// Between two neighbouring roots of the derivative there is at most one root, which is found by bisection.
 pub(crate) fn positive_roots(coefficients: &[f64]) -> Vec<f64> {
     let degree = coefficients.iter().rposition(|&c| c != 0.0).unwrap_or(0);
     if degree == 0 {
@@ -219,7 +221,7 @@ mod tests {
             k in [-0.5..0.5_f64, -0.3..0.3_f64, -0.1..0.1_f64, -0.05..0.05_f64],
         ) {
             let polynomial = OddPolynomial(k);
-            let turn = polynomial.first_turn();
+            let turn = polynomial.first_maximum();
             for i in 1..200 {
                 let r = f64::from(i) / 200.0 * turn.min(20.0) * 0.9999;
                 prop_assert!(polynomial.derivative(r) > 0.0, "slope {} at {r} before {turn}", polynomial.derivative(r));

@@ -1,46 +1,47 @@
-//! The pinhole camera of the paper with a lens in front: both maps, the rays, the matrices.
+//! Pinhole camera of the paper with a lens: the maps in both directions, rays and matrices.
 
 use crate::camera::covariance::Covariance;
 use crate::camera::lens::Lens;
 use crate::camera::numerics::sin_cos;
 use crate::camera::space::{FloorPoint, Pixel, UndistortedPixel, WorldPoint};
 
-/// A calibrated camera.
+/// Calibrated camera.
 ///
-/// With yaw = pitch = roll = 0 it looks along world +y, image right is world +x, image down is
-/// world -z. The angles turn it in the order yaw, pitch, roll (Abramov, the camera's equations).
+/// With yaw = pitch = roll = 0 the optical axis points along world +y, image right is world +x, and image
+/// down is world -z. The angles are applied in the order yaw, pitch, roll (Abramov, the camera's equations).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// The centre of projection, in metres: x0, y0, z0.
+    /// Centre of projection: x0, y0, z0, in metres.
     pub position: WorldPoint,
-    /// Turn about world z, counter-clockwise seen from above, in radians.
+    /// Rotation about world z, counter-clockwise seen from above, in radians.
     pub yaw: f64,
-    /// Positive looks down, in radians.
+    /// Pitch, positive if the camera looks down, in radians.
     pub pitch: f64,
-    /// About the optical axis, positive when the camera is turned clockwise seen from behind, in radians.
+    /// Rotation about the optical axis, positive if the camera is rotated clockwise seen from behind, in
+    /// radians.
     pub roll: f64,
     /// Focal length, in pixels; pixels are square.
     pub focal: f64,
     /// Principal point and distortion.
     pub lens: Lens,
-    /// How well pose and focal are known.
+    /// Covariance of pose, focal length and lens.
     pub covariance: Covariance,
 }
 
-/// A half line of the base system.
+/// Half line in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// The centre of projection, in metres.
+    /// Centre of projection, in metres.
     pub origin: WorldPoint,
-    /// Unit vector, world axes.
+    /// Unit vector in world axes.
     pub direction: [f64; 3],
 }
 
-/// Points nearer to the camera's plane than this share of a metre are not in front of it.
-pub(crate) const NEAREST: f64 = 1e-9;
+/// Minimum depth of a point in front of the camera, in metres.
+pub(crate) const MIN_DEPTH: f64 = 1e-9;
 
-/// Rows right, down, forward of a camera in world axes: turns world vectors into camera vectors
-/// (x right, y down, z forward, as OpenCV has them).
+/// Returns the rotation matrix from world vectors to camera vectors (x right, y down, z forward, as in
+/// OpenCV). Its rows are right, down and forward in world axes. Angles are in radians.
 #[must_use]
 pub fn camera_from_world(roll: f64, pitch: f64, yaw: f64) -> [[f64; 3]; 3] {
     let ((sy, cy), (sp, cp), (sr, cr)) = (sin_cos(yaw), sin_cos(pitch), sin_cos(roll));
@@ -53,9 +54,9 @@ pub fn camera_from_world(roll: f64, pitch: f64, yaw: f64) -> [[f64; 3]; 3] {
     [mix(cr, sr), mix(-sr, cr), forward]
 }
 
-/// Roll, pitch and yaw, in radians, of a rotation with rows right, down, forward.
+/// Returns roll, pitch and yaw, in radians, of a rotation matrix with the rows right, down, forward.
 ///
-/// Looking straight up or down, roll and yaw are one turn: then roll is 0.
+/// If the camera looks straight up or down, roll and yaw are not separable. Then roll is 0.
 #[must_use]
 pub fn angles_from_rotation(rotation: &[[f64; 3]; 3]) -> (f64, f64, f64) {
     let [right, _, forward] = rotation;
@@ -71,82 +72,83 @@ pub fn angles_from_rotation(rotation: &[[f64; 3]; 3]) -> (f64, f64, f64) {
 }
 
 impl Camera {
-    /// Whether the focal is that of its wide lens, too: a fisheye of one focal, as other programs have it. Then both
-    /// change together, and the focal scales the image.
+    /// Whether the focal length is also the focal length of a wide lens, as in the fisheye models of other
+    /// programs. Then both change together, and the focal length scales the image.
     #[must_use]
-    pub fn focal_is_of_lens(&self) -> bool {
+    pub fn shares_lens_focal(&self) -> bool {
         self.lens.distortion.is_wide() && self.lens.focal == self.focal
     }
 
-    /// Rows right, down, forward of this camera in world axes.
+    /// Returns the rotation matrix of this camera, with the rows right, down, forward in world axes.
     #[must_use]
     pub fn rotation(&self) -> [[f64; 3]; 3] {
         camera_from_world(self.roll, self.pitch, self.yaw)
     }
 
-    /// `-R C`, the translation of `x_camera = R x_world + t`, in metres.
+    /// Returns `-R C`, the translation of `x_camera = R x_world + t`, in metres.
     #[must_use]
     pub fn translation(&self) -> [f64; 3] {
         let centre = <[f64; 3]>::from(self.position);
         self.rotation().map(|row| -dot(&row, &centre))
     }
 
-    /// Coordinates of a point in camera axes (right, down, forward), in metres.
+    /// Maps a world point to camera axes (right, down, forward), in metres.
     #[must_use]
     pub fn in_camera(&self, point: WorldPoint) -> [f64; 3] {
         let from_centre = [point.x - self.position.x, point.y - self.position.y, point.z - self.position.z];
         self.rotation().map(|row| dot(&row, &from_centre))
     }
 
-    /// Where the camera shows a point of space: the paper's `f3d->pix`, through the lens.
+    /// Maps a world point to its raw pixel: `f3d->pix` of the paper, with lens distortion.
     ///
-    /// `None` where the lens cannot show it: behind the camera, but for a fisheye that looks there.
+    /// Returns `None` if the lens cannot show the point. Only a wide lens can show points behind the camera
+    /// plane.
     #[must_use]
     pub fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
         if self.lens.distortion.is_wide() {
-            return self.lens.shown(self.bearing(self.in_camera(point)));
+            return self.lens.bearing_to_pixel(self.bearing(self.in_camera(point)));
         }
         self.lens.distort(self.world_to_undistorted(point)?)
     }
 
-    /// The bearing of a point in camera axes: see [`Lens::bearing`].
+    /// Returns the bearing of a point in camera axes; see [`Lens::bearing`].
     pub(crate) fn bearing(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         [self.focal * x, self.focal * y, z]
     }
 
-    /// Where the camera would show a point of space if its lens were a pinhole. `None` behind it.
+    /// Maps a world point to its undistorted pixel. Returns `None` behind the camera.
     #[must_use]
     pub fn world_to_undistorted(&self, point: WorldPoint) -> Option<UndistortedPixel> {
         let [x, y, z] = self.in_camera(point);
-        (z > NEAREST).then(|| self.undistorted_from_normalised([x / z, y / z]))
+        (z > MIN_DEPTH).then(|| self.undistorted_from_normalised([x / z, y / z]))
     }
 
-    /// Where the ray through `pixel` meets the horizontal plane at `height` metres: the paper's `fpix->3d`.
+    /// Maps a pixel to the horizontal plane at `height` metres: `fpix->3d` of the paper.
     ///
-    /// `None` when the plane is not in front of the camera along that ray (the pixel is on or above
-    /// the horizon), and outside the lens.
+    /// Returns `None` if the pixel is on or above the horizon of the plane, or outside the lens.
     #[must_use]
     pub fn pixel_to_floor(&self, pixel: Pixel, height: f64) -> Option<FloorPoint> {
         self.ray_to_floor(self.pixel_to_ray(pixel)?, height)
     }
 
-    /// Where the ray of an undistorted pixel meets the plane at `height` metres.
+    /// Maps an undistorted pixel to the horizontal plane at `height` metres.
     #[must_use]
     pub fn undistorted_to_floor(&self, pixel: UndistortedPixel, height: f64) -> Option<FloorPoint> {
         self.ray_to_floor(self.undistorted_to_ray(pixel), height)
     }
 
     fn ray_to_floor(&self, ray: Ray, height: f64) -> Option<FloorPoint> {
-        /// A floor point further than this many times the drop is the horizon's rounding.
-        const FARTHEST: f64 = 1e12;
+        /// Largest distance of a floor point, as a multiple of the height difference. A larger value is a
+        /// rounding error at the horizon.
+        const MAX_DISTANCE_RATIO: f64 = 1e12;
         let distance = (height - self.position.z) / ray.direction[2];
-        (distance > 0.0 && distance < FARTHEST).then(|| FloorPoint {
+        (distance > 0.0 && distance < MAX_DISTANCE_RATIO).then(|| FloorPoint {
             x: ray.origin.x + distance * ray.direction[0],
             y: ray.origin.y + distance * ray.direction[1],
         })
     }
 
-    /// The ray that the camera shows at `pixel`; `None` outside the lens.
+    /// Returns the ray of a pixel. Returns `None` outside the lens.
     #[must_use]
     pub fn pixel_to_ray(&self, pixel: Pixel) -> Option<Ray> {
         Some(self.bearing_to_ray(self.lens.bearing(pixel)?))
@@ -157,7 +159,7 @@ impl Camera {
         self.bearing_to_ray([pixel.u - cu, pixel.v - cv, 1.0])
     }
 
-    /// The ray of a bearing, of any length.
+    /// Returns the ray of a bearing of any length.
     pub(crate) fn bearing_to_ray(&self, [x, y, w]: [f64; 3]) -> Ray {
         let ray = [x / self.focal, y / self.focal, w];
         let [right, down, forward] = self.rotation();
@@ -167,19 +169,20 @@ impl Camera {
         Ray { origin: self.position, direction }
     }
 
-    /// Where a pinhole would show what the lens shows at `pixel`; `None` outside the lens.
+    /// Maps a raw pixel to the undistorted pixel. Returns `None` outside the lens.
     #[must_use]
     pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
         self.lens.undistort(pixel)
     }
 
-    /// Where the lens shows what a pinhole would show at `pixel`; `None` outside the lens.
+    /// Maps an undistorted pixel to the raw pixel. Returns `None` outside the lens.
     #[must_use]
     pub fn distort(&self, pixel: UndistortedPixel) -> Option<Pixel> {
         self.lens.distort(pixel)
     }
 
-    /// The 3 x 4 matrix `P = K R [I | -C]` from homogeneous world points to undistorted pixels, row by row.
+    /// Returns the 3 x 4 matrix `P = K R [I | -C]` from homogeneous world points to undistorted pixels, row
+    /// by row.
     #[must_use]
     pub fn projection_matrix(&self) -> [[f64; 4]; 3] {
         let (rotation, t) = (self.rotation(), self.translation());
@@ -193,7 +196,7 @@ impl Camera {
         ]
     }
 
-    /// The camera with one of the unknowns of [`Covariance`] changed.
+    /// Returns the camera with one parameter of [`Covariance`] changed.
     #[cfg(test)]
     pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {
         let mut camera = *self;
@@ -206,7 +209,7 @@ impl Camera {
             Covariance::ROLL => camera.roll += by,
             Covariance::FOCAL => {
                 camera.focal += by;
-                if self.focal_is_of_lens() {
+                if self.shares_lens_focal() {
                     camera.lens.focal = camera.focal;
                 }
             }
@@ -215,13 +218,15 @@ impl Camera {
         camera
     }
 
-    /// Horizontal and vertical field of view of an image of this size, in radians, without distortion.
+    /// Returns the horizontal and vertical field of view of an image of this size without distortion, in
+    /// radians.
     #[must_use]
     pub fn field_of_view(&self, size: [f64; 2]) -> [f64; 2] {
         size.map(|length| 2.0 * (0.5 * length / self.focal).atan())
     }
 
-    /// Vanishing point of a world direction, homogeneous, relative to the principal point, undistorted.
+    /// Returns the vanishing point of a world direction, as a homogeneous undistorted pixel relative to the
+    /// principal point.
     #[must_use]
     pub fn vanishing_point(&self, direction: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = self.rotation().map(|row| dot(&row, &direction));
@@ -335,7 +340,7 @@ pub(crate) mod tests {
             let camera = Camera { lens, focal: lens.focal, ..camera };
             let (sin, cos) = angle.sin_cos();
             let ray = [sin * turn.cos(), sin * turn.sin(), cos];
-            let Some(pixel) = lens.shown(camera.bearing(ray)) else { return Ok(()) };
+            let Some(pixel) = lens.bearing_to_pixel(camera.bearing(ray)) else { return Ok(()) };
             let shown = camera.pixel_to_ray(pixel).map(|ray| ray.direction);
             let expected: [f64; 3] = std::array::from_fn(|i| (0..3).map(|k| ray[k] * camera.rotation()[k][i]).sum());
             prop_assert!(shown.is_some_and(|shown| (0..3).all(|i| (shown[i] - expected[i]).abs() < 1e-12)), "{shown:?} {expected:?}");

@@ -1,4 +1,4 @@
-//! A plane of the scene besides the floor: another carriageway, a ramp, a platform, a step of stairs.
+//! Plane of the scene other than the floor: another carriageway, a ramp, a platform, a stair step.
 //!
 //! `z = height + slope . ((x, y) - anchor)`. A ray `C + t d` meets it at
 //! `t = (height + slope . (C_xy - anchor) - C_z) / (d_z - slope . d_xy)`.
@@ -7,82 +7,84 @@ use crate::camera::numerics::{atan, hypot, sin_cos, tan};
 use crate::camera::pinhole::{Camera, Ray};
 use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
 
-/// A plane that is not vertical, in the base system.
+/// Plane that is not vertical, in world coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Plane {
     /// Height above the floor at the anchor, in metres.
     pub height: f64,
     /// Rise per metre along x and y.
     pub slope: [f64; 2],
-    /// The point above or below which the plane has its height.
+    /// Floor point at which the plane has its height.
     pub anchor: FloorPoint,
 }
 
 impl Plane {
-    /// The floor itself: z = 0.
+    /// Floor plane: z = 0.
     pub const FLOOR: Self = Self::level(0.0);
 
-    /// A horizontal plane, in metres above the floor.
+    /// Creates a horizontal plane `height` metres above the floor.
     #[must_use]
     pub const fn level(height: f64) -> Self {
         Self { height, slope: [0.0; 2], anchor: FloorPoint { x: 0.0, y: 0.0 } }
     }
 
-    /// A plane that falls by the angle `fall` toward the direction `toward`, counter-clockwise from +x, both in
-    /// radians.
+    /// Creates a plane that falls by the angle `fall` in the direction `toward`, counter-clockwise from +x,
+    /// both in radians.
     #[must_use]
     pub fn falling(height: f64, toward: f64, fall: f64, anchor: FloorPoint) -> Self {
         let ((sin, cos), rise) = (sin_cos(toward), -tan(fall));
         Self { height, slope: [rise * cos, rise * sin], anchor }
     }
 
-    /// The angle of its fall, in radians; 0 of a horizontal plane.
+    /// Returns the angle of the fall, in radians; 0 for a horizontal plane.
     #[must_use]
     pub fn fall(&self) -> f64 {
         atan(hypot(self.slope[0], self.slope[1]))
     }
 
-    /// The direction it falls toward, counter-clockwise from +x, in radians; 0 of a horizontal plane.
+    /// Returns the direction of the fall, counter-clockwise from +x, in radians; 0 for a horizontal plane.
     #[must_use]
     pub fn toward(&self) -> f64 {
         if self.slope == [0.0; 2] { 0.0 } else { (-self.slope[1]).atan2(-self.slope[0]) }
     }
 
-    /// Its height above a point of the floor, in metres.
+    /// Returns the height of the plane at a floor point, in metres.
     #[must_use]
     pub fn height_at(&self, at: FloorPoint) -> f64 {
         self.height + self.slope[0] * (at.x - self.anchor.x) + self.slope[1] * (at.y - self.anchor.y)
     }
 
-    /// The plane `height` metres above this one, measured along the vertical.
+    /// Returns the plane `height` metres vertically above this one.
     #[must_use]
     pub fn raised(&self, height: f64) -> Self {
         Self { height: self.height + height, ..*self }
     }
 
-    /// The derivatives of the height above a point by height and slope.
+    /// Returns the derivatives of the height at a floor point by height and slope.
     pub(crate) fn height_by_parameters(&self, at: FloorPoint) -> [f64; 3] {
         [1.0, at.x - self.anchor.x, at.y - self.anchor.y]
     }
 
-    /// Rise of the ray above the plane, per unit of its direction.
+    /// Returns the rise of a ray relative to the plane, per unit of its direction.
     pub(crate) fn rise(&self, direction: &[f64; 3]) -> f64 {
         direction[2] - (self.slope[0] * direction[0] + self.slope[1] * direction[1])
     }
 }
 
 impl Camera {
-    /// Where the ray through `pixel` meets a plane.
+    /// Intersects the ray of `pixel` with a plane.
     ///
-    /// `None` when the plane is not in front of the camera along that ray, and outside the lens.
+    /// Returns `None` if the ray does not meet the plane in front of the camera, or the pixel is outside the
+    /// lens.
     #[must_use]
     pub fn pixel_to_plane(&self, pixel: Pixel, plane: &Plane) -> Option<WorldPoint> {
         ray_to_plane(&self.pixel_to_ray(pixel)?, plane)
     }
 
-    /// Where the ray through a point of space meets a plane: what the point hides of it, or is hidden by.
+    /// Intersects the ray through a world point with a plane. The intersection and the point occlude each
+    /// other.
     ///
-    /// `None` when that ray does not meet it in front of the camera.
+    /// Returns `None` if the ray does not meet the plane in front of the camera.
     #[must_use]
     pub fn point_to_plane(&self, at: WorldPoint, plane: &Plane) -> Option<WorldPoint> {
         let origin = self.position;
@@ -90,25 +92,27 @@ impl Camera {
         ray_to_plane(&Ray { origin, direction }, plane)
     }
 
-    /// The 3 x 3 matrix from homogeneous undistorted pixels to the plane at `height` metres, row by row.
+    /// Returns the 3 x 3 matrix from homogeneous undistorted pixels to the horizontal plane at `height`
+    /// metres, row by row.
     ///
-    /// Its third coordinate is positive for pixels that show the plane (for planes below the camera),
-    /// and not positive on and above the horizon.
+    /// For planes below the camera, the third coordinate is positive for pixels that show the plane. It is
+    /// not positive on and above the horizon.
     #[must_use]
     pub fn homography_floor_from_pixel(&self, height: f64) -> [[f64; 3]; 3] {
         self.homography_plane_from_pixel(&Plane::level(height))
     }
 
-    /// The homography from undistorted pixels to the x and y of the points of a plane, homogeneous: the third
-    /// coordinate is positive where the plane is seen from above.
+    /// Returns the homography from undistorted pixels to the x and y of the points of a plane. The third
+    /// coordinate is positive where the camera sees the plane from above.
     ///
-    /// With the ray `d` of a pixel and the height D of the plane at the camera less that of the camera, the point
-    /// is `C + d D / rise(d)`, so `(-C_x rise - D d_x, -C_y rise - D d_y, -rise)`, linear in the pixel.
+    /// With the ray `d` of a pixel, and the height D of the plane at the camera minus the height of the
+    /// camera, the point is `C + d D / rise(d)`. The homogeneous point
+    /// `(-C_x rise - D d_x, -C_y rise - D d_y, -rise)` is linear in the pixel.
     #[must_use]
     pub fn homography_plane_from_pixel(&self, plane: &Plane) -> [[f64; 3]; 3] {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
         let [right, down, forward] = self.rotation();
-        // The ray as a linear function of (u, v, 1), its components times the focal.
+        // Components of the ray times the focal length, as linear functions of (u, v, 1).
         let direction =
             |i: usize| [right[i], down[i], self.focal * forward[i] - cu * right[i] - cv * down[i]];
         let (dx, dy, dz) = (direction(0), direction(1), direction(2));
@@ -123,13 +127,14 @@ impl Camera {
     }
 }
 
-/// The ray's direction may be of any length.
+/// Intersects a ray with a plane. The direction of the ray may have any length.
 pub(crate) fn ray_to_plane(ray: &Ray, plane: &Plane) -> Option<WorldPoint> {
-    /// A point further than this many times the drop is the horizon's rounding.
-    const FARTHEST: f64 = 1e12;
+    /// Largest distance of an intersection, as a multiple of the height difference. A larger value is a
+    /// rounding error at the horizon.
+    const MAX_DISTANCE_RATIO: f64 = 1e12;
     let drop = plane.height_at(ray.origin.on_floor()) - ray.origin.z;
     let distance = drop / plane.rise(&ray.direction);
-    (distance > 0.0 && distance < FARTHEST).then(|| {
+    (distance > 0.0 && distance < MAX_DISTANCE_RATIO).then(|| {
         let [x, y, _] = ray.direction;
         let at = FloorPoint { x: ray.origin.x + distance * x, y: ray.origin.y + distance * y };
         WorldPoint { x: at.x, y: at.y, z: plane.height_at(at) }

@@ -1,7 +1,8 @@
 //! Reprojection of a point and of a floor line, with Jacobians by the camera and by the point or line.
 //!
-//! Everything is in undistorted pixels relative to the principal point, or in the chart of a wide lens. Observed pixels are undistorted, and
-//! residuals are brought back to raw pixels by the inverse of the Jacobian of the undistortion.
+//! Coordinates are undistorted pixels relative to the principal point, or chart points for a wide lens.
+//! Observed pixels are undistorted. The inverse of the Jacobian of the undistortion maps residuals back to
+//! raw pixels.
 
 use crate::camera::chart::Chart;
 use crate::camera::lens::Lens;
@@ -10,10 +11,10 @@ use crate::camera::pinhole::{Camera, dot};
 use crate::camera::plane::Plane;
 use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
 
-/// Number of parameters of a camera without its distortion: x, y, z, yaw, pitch, roll, log focal.
+/// Number of parameters of a camera without distortion: x, y, z, yaw, pitch, roll, log of the focal length.
 pub(crate) const POSE_PARAMS: usize = 7;
 
-/// A camera with its axes.
+/// Camera with its rotation matrix, for the reprojection of many points.
 #[derive(Clone, Copy, Debug)]
 pub struct PosedCamera {
     pub(crate) camera: Camera,
@@ -21,19 +22,19 @@ pub struct PosedCamera {
     roll: (f64, f64),
 }
 
-/// Where a camera shows a point.
+/// Reprojection of a point, with derivatives by the camera and by the point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reprojection {
     pub(crate) at: [f64; 2],
     pub(crate) d_camera: [[f64; POSE_PARAMS]; 2],
-    /// By x, y, z of the point.
+    /// Derivatives by x, y, z of the point.
     pub(crate) d_point: [[f64; 3]; 2],
 }
 
-/// An observed pixel, undistorted.
+/// Observed pixel, undistorted or mapped to a chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObservedPixel {
-    /// That of a wide lens.
+    /// Chart of the pixel, for a wide lens.
     pub(crate) chart: Option<Chart>,
     pub(crate) at: [f64; 2],
     /// `d undistorted / d raw`, rows u and v.
@@ -42,35 +43,35 @@ pub struct ObservedPixel {
     pub(crate) d_lens: [[f64; Lens::PARAMETERS]; 2],
 }
 
-/// A homogeneous image line with derivatives by the camera and by the offset and angle of the floor line.
+/// Homogeneous image line, with derivatives by the camera and by the offset and angle of the floor line.
 #[derive(Clone, Copy, Debug)]
 pub struct ReprojectedLine {
     line: [f64; 3],
     d_camera: [[f64; 3]; POSE_PARAMS],
     d_line: [[f64; 3]; 2],
-    /// By height and slope of the plane that it lies on.
+    /// Derivatives by height and slope of the plane of the line.
     d_plane: [[f64; 3]; 3],
 }
 
 impl ObservedPixel {
-    /// `None` outside the lens.
+    /// Undistorts a pixel. Returns `None` outside the lens.
     pub fn new(pixel: Pixel, lens: &Lens) -> Option<Self> {
-        Self::in_chart_of(lens, pixel, lens, [false; Lens::PARAMETERS])
+        Self::with_derivatives(lens, pixel, lens, [false; Lens::PARAMETERS])
     }
 
-    /// In the chart that it has of a lens from which `lens` is estimated, with the derivatives by the flagged
-    /// parameters; `None` outside the lens.
-    pub(crate) fn in_chart_of(
+    /// Undistorts a pixel with the derivatives by the flagged lens parameters. The chart belongs to the
+    /// initial lens `start`, from which `lens` is estimated. Returns `None` outside the lens.
+    pub(crate) fn with_derivatives(
         start: &Lens,
         pixel: Pixel,
         lens: &Lens,
         fitted: [bool; Lens::PARAMETERS],
     ) -> Option<Self> {
-        let chart = Chart::toward(start, &[pixel]);
-        let found = lens.in_chart(pixel, chart.as_ref())?;
+        let chart = Chart::centred_on(start, &[pixel]);
+        let found = lens.pixel_to_chart(pixel, chart.as_ref())?;
         let mut d_lens = [[0.0; Lens::PARAMETERS]; 2];
         if fitted.contains(&true) {
-            let by = lens.in_chart_by_parameters(pixel, &found, chart.as_ref());
+            let by = lens.pixel_to_chart_by_parameters(pixel, &found, chart.as_ref());
             for k in (0..Lens::PARAMETERS).filter(|&k| fitted[k]) {
                 [d_lens[0][k], d_lens[1][k]] = by[k].at;
             }
@@ -78,8 +79,8 @@ impl ObservedPixel {
         Some(Self { chart, at: found.at, jacobian: found.jacobian, d_lens })
     }
 
-    /// `J^-1 e`: a small distance in undistorted pixels as one in raw pixels.
-    pub(crate) fn raw(&self, [e, f]: [f64; 2]) -> [f64; 2] {
+    /// Returns `J^-1 e`: maps a small difference of undistorted pixels to raw pixels.
+    pub(crate) fn raw_offset(&self, [e, f]: [f64; 2]) -> [f64; 2] {
         let [[a, b], [c, d]] = self.jacobian;
         let determinant = a * d - b * c;
         [(d * e - b * f) / determinant, (a * f - c * e) / determinant]
@@ -93,33 +94,34 @@ impl PosedCamera {
         Self { rotation: camera.rotation(), roll: sin_cos(camera.roll), camera }
     }
 
-    /// Camera axes of a world vector.
-    fn turn(&self, vector: &[f64; 3]) -> [f64; 3] {
+    /// Rotates a world vector to camera axes.
+    fn rotate(&self, vector: &[f64; 3]) -> [f64; 3] {
         self.rotation.map(|row| dot(&row, vector))
     }
 
-    /// Derivatives of `R (X - C)` by yaw, pitch and roll, for the world vector `q = X - C` that becomes `p`.
+    /// Returns the derivatives of `R (X - C)` by yaw, pitch and roll. The world vector `q = X - C` is `p` in
+    /// camera axes.
     ///
-    /// Yaw turns `q` the other way about world z; with the unrolled p, pitch moves (y, z) by (-z, y);
-    /// roll moves (x, y) by (y, -x).
+    /// A change of yaw rotates `q` about world z in the opposite direction. With p before the roll, pitch
+    /// moves (y, z) by (-z, y). Roll moves (x, y) by (y, -x).
     fn d_angles(&self, q: &[f64; 3], p: &[f64; 3]) -> [[f64; 3]; 3] {
         let (sin, cos) = self.roll;
         let [x, y, z] = *p;
-        [self.turn(&[q[1], -q[0], 0.0]), [-sin * z, -cos * z, sin * x + cos * y], [y, -x, 0.0]]
+        [self.rotate(&[q[1], -q[0], 0.0]), [-sin * z, -cos * z, sin * x + cos * y], [y, -x, 0.0]]
     }
 
-    /// `f (x / z, y / z)`, or that of the bearing in a chart; `None` when the point is not in front of the camera or
-    /// of the chart.
+    /// Returns the reprojection `f (x / z, y / z)` of a point, or its chart point. Returns `None` if the
+    /// point is not in front of the camera or of the chart.
     pub(crate) fn reproject(&self, point: WorldPoint, chart: Option<&Chart>) -> Option<Reprojection> {
-        /// Metres in front of the camera's plane.
-        const NEAREST: f64 = 1e-6;
+        /// Minimum depth in front of the camera, in metres.
+        const MIN_DEPTH: f64 = 1e-6;
         let WorldPoint { x, y, z } = self.camera.position;
         let q = [point.x - x, point.y - y, point.z - z];
-        let p = self.turn(&q);
+        let p = self.rotate(&q);
         if let Some(chart) = chart {
-            return self.reproject_in(chart, &q, &p);
+            return self.reproject_to_chart(chart, &q, &p);
         }
-        if p[2].is_nan() || p[2] < NEAREST {
+        if p[2].is_nan() || p[2] < MIN_DEPTH {
             return None;
         }
         let focal = self.camera.focal;
@@ -138,17 +140,18 @@ impl PosedCamera {
         Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
     }
 
-    /// [`Self::reproject`] of the world vector q from the camera, p in its axes.
-    fn reproject_in(&self, chart: &Chart, q: &[f64; 3], p: &[f64; 3]) -> Option<Reprojection> {
-        /// In front of the chart, as a share of the distance: the sine of a small angle.
-        const NEAREST: f64 = 1e-6;
-        let [x, y, w] = chart.carried(self.camera.bearing(*p));
-        if w.is_nan() || w <= NEAREST * dot(p, p).sqrt() {
+    /// Reprojects a point to a chart. `q` is the world vector from the camera to the point, `p` the same
+    /// vector in camera axes.
+    fn reproject_to_chart(&self, chart: &Chart, q: &[f64; 3], p: &[f64; 3]) -> Option<Reprojection> {
+        /// Minimum depth in front of the chart, relative to the distance: the sine of a small angle.
+        const MIN_COSINE: f64 = 1e-6;
+        let [x, y, w] = chart.bearing_to_chart(self.camera.bearing(*p));
+        if w.is_nan() || w <= MIN_COSINE * dot(p, p).sqrt() {
             return None;
         }
         let at = [x / w, y / w];
         let by_bearing = |bearing: [f64; 3]| -> [f64; 2] {
-            let [dx, dy, dw] = chart.carried(bearing);
+            let [dx, dy, dw] = chart.bearing_to_chart(bearing);
             [(dx - at[0] * dw) / w, (dy - at[1] * dw) / w]
         };
         let jacobian = |change: &[f64; 3]| by_bearing(self.camera.bearing(*change));
@@ -165,9 +168,11 @@ impl PosedCamera {
         Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
     }
 
-    /// The image of the line on a plane at `offset` to the left of `origin` that leads along `angle`, both as
-    /// seen from above: `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin)`, lifted
-    /// onto the plane.
+    /// Returns the image of a line on a plane. Seen from above, the line is at `offset` to the left of
+    /// `origin` and has the direction `angle`.
+    ///
+    /// The image line is `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin)`,
+    /// raised to the plane.
     pub fn reproject_line(
         &self,
         plane: &Plane,
@@ -183,7 +188,7 @@ impl PosedCamera {
         let (along, left) = (lifted([cos, sin]), lifted([-sin, cos]));
         let focal = self.camera.focal;
         let image = |[x, y, w]: [f64; 3]| [focal * x, focal * y, w];
-        let (p, d) = (self.turn(&q), self.turn(&along));
+        let (p, d) = (self.rotate(&q), self.rotate(&along));
         let (point, direction) = (image(p), image(d));
         let jacobian = |d_point: [f64; 3], d_direction: [f64; 3]| -> [f64; 3] {
             let (a, b) = (cross(&d_point, &direction), cross(&point, &d_direction));
@@ -194,10 +199,10 @@ impl PosedCamera {
         let (of_point, of_direction) = (self.d_angles(&q, &p), self.d_angles(&along, &d));
         let angle_of = |k: usize| jacobian(image(of_point[k]), image(of_direction[k]));
         let d_focal = jacobian([point[0], point[1], 0.0], [direction[0], direction[1], 0.0]);
-        let moved = self.turn(&left);
-        // Turning the line turns the point at `offset` back along it.
-        let back = self.turn(&along.map(|c| -offset * c));
-        let up = image(self.turn(&[0.0, 0.0, 1.0]));
+        let moved = self.rotate(&left);
+        // A rotation of the line moves the point at `offset` backwards along the line.
+        let back = self.rotate(&along.map(|c| -offset * c));
+        let up = image(self.rotate(&[0.0, 0.0, 1.0]));
         let raised = |point: f64, direction: f64| jacobian(up.map(|c| point * c), up.map(|c| direction * c));
         let [by_height, by_x, by_y] = plane.height_by_parameters(at);
         ReprojectedLine {
@@ -209,25 +214,25 @@ impl PosedCamera {
     }
 }
 
-/// The signed distance in raw pixels of a drawn point from a line, with its derivatives.
+/// Signed distance of an annotated point from a line, in raw pixels, with its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub struct LineDistance {
     pub pixels: f64,
     pub(crate) d_camera: [f64; POSE_PARAMS],
     pub(crate) d_lens: [f64; Lens::PARAMETERS],
-    /// By offset and angle of the line.
+    /// Derivatives by offset and angle of the line.
     pub(crate) d_line: [f64; 2],
-    /// By height and slope of the plane that it lies on.
+    /// Derivatives by height and slope of the plane of the line.
     pub(crate) d_plane: [f64; 3],
 }
 
 impl ReprojectedLine {
-    /// The signed distance of a drawn point: `n . (at, 1) / |J' n_xy|`.
+    /// Returns the signed distance of an annotated point: `n . (at, 1) / |J' n_xy|`.
     pub fn distance(&self, observed: &ObservedPixel) -> LineDistance {
         if let Some(chart) = &observed.chart {
-            // A line of bearings is one of the chart by the transpose of the map back to them.
+            // The transposed map from the chart to bearings maps a line of bearings to the chart.
             let carried = |line: [f64; 3]| -> [f64; 3] {
-                std::array::from_fn(|j| (0..3).map(|i| line[i] * chart.rows_back()[i][j]).sum())
+                std::array::from_fn(|j| (0..3).map(|i| line[i] * chart.bearing_from_chart()[i][j]).sum())
             };
             let in_chart = Self {
                 line: carried(self.line),
@@ -353,7 +358,8 @@ mod tests {
             let origin = [foot.x - along * sin, foot.y + along * cos];
             let point = WorldPoint::new(origin[0] + angle.cos(), origin[1] + angle.sin(), 0.0);
             let Some(pixel) = camera.world_to_pixel(point) else { return Ok(()) };
-            // Lines are drawn on the image; far beside it a lens magnifies the rounding of its inverse.
+            // Lines are annotated on the image. Far outside it, a lens magnifies the rounding errors of its
+            // inverse.
             prop_assume!((0.0..1920.0).contains(&pixel.u) && (0.0..1080.0).contains(&pixel.v));
             let Some(observed) = ObservedPixel::new(pixel, &camera.lens) else { return Ok(()) };
             let LineDistance { pixels: distance, .. } = PosedCamera::new(camera).reproject_line(&Plane::FLOOR, origin, 0.0, angle).distance(&observed);

@@ -1,27 +1,25 @@
-//! How a camera moved in its place: turned, and zoomed.
+//! Rotation and zoom of a camera that stays at its position.
 //!
-//! How a camera turned and zoomed in its place: where it shows now what it showed before.
-//!
-//! A ray `r` of the old camera axes is `R r` in the new ones, whatever its depth: the pixels of two stills are bound to
-//! each other by `R` and the ratio of the focals alone. What the camera did besides, a step `t` in its axes, moves a
-//! thing at depth `z` by the ray `r - t / z` (Hartley & Zisserman 2004, section 13.2).
+//! A ray `r` in the old camera axes is `R r` in the new ones, at any depth. Pixels of the two images are
+//! therefore related by `R` and the ratio of the focal lengths alone. An additional translation `t` in camera
+//! axes shifts a point at depth `z` along its ray to `r - t / z` (Hartley & Zisserman 2004, section 13.2).
 
-use crate::camera::{Camera, Covariance, FloorSlopes, Pixel, UndistortedPixel, angles_from_rotation};
+use crate::camera::{Camera, Covariance, FloorDerivatives, Pixel, UndistortedPixel, angles_from_rotation};
 
-/// How a camera moved in its place.
+/// Change of the angles and of the focal length of a camera at a fixed position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Movement {
-    /// Change of the yaw, in radians: positive turns to the left.
+pub struct PanTiltZoom {
+    /// Change of the yaw, in radians; positive to the left.
     pub pan: f64,
-    /// Change of the pitch, in radians: positive turns down.
+    /// Change of the pitch, in radians; positive downwards.
     pub tilt: f64,
-    /// Change of the roll, in radians: positive turns clockwise as seen from behind.
+    /// Change of the roll, in radians; positive clockwise seen from behind.
     pub roll: f64,
-    /// Logarithm of the ratio of the focals, new over old.
+    /// Logarithm of the ratio of the focal lengths, new over old.
     pub zoom: f64,
 }
 
-impl Movement {
+impl PanTiltZoom {
     /// Number of parameters.
     pub const SIZE: usize = 4;
     /// Index of the pan.
@@ -33,23 +31,24 @@ impl Movement {
     /// Index of the zoom.
     pub const ZOOM: usize = 3;
 
-    /// The movement of these parameters, in the order of the fields.
+    /// Creates the change from its parameters, in the order of the fields.
     #[must_use]
-    pub const fn of([pan, tilt, roll, zoom]: [f64; Self::SIZE]) -> Self {
+    pub const fn from_parameters([pan, tilt, roll, zoom]: [f64; Self::SIZE]) -> Self {
         Self { pan, tilt, roll, zoom }
     }
 
-    /// The angle of the whole turn, in radians; of small ones.
+    /// Returns the angle of the whole rotation, in radians. `pitch` is the pitch of the camera. The formula
+    /// is for small angles.
     #[must_use]
-    pub fn turn(&self, pitch: f64) -> f64 {
-        // The axes of pan and roll are at right angles only for a level camera.
+    pub fn rotation_angle(&self, pitch: f64) -> f64 {
+        // The axes of pan and roll are perpendicular only for a level camera.
         let along = self.pan * pitch.sin();
         ((self.pan * pitch.cos()).powi(2) + self.tilt.powi(2) + (self.roll - along).powi(2)).sqrt()
     }
 
-    /// The camera after it.
+    /// Returns the camera after this change.
     #[must_use]
-    pub fn applied(&self, camera: &Camera) -> Camera {
+    pub fn apply_to(&self, camera: &Camera) -> Camera {
         Camera {
             yaw: camera.yaw + self.pan,
             pitch: camera.pitch + self.tilt,
@@ -59,78 +58,79 @@ impl Movement {
         }
     }
 
-    /// Derivatives of a floor point by the parameters.
-    pub fn slopes(camera: &Camera, of: &FloorSlopes) -> [[f64; 2]; Self::SIZE] {
+    /// Returns the derivatives of a floor point by the four parameters.
+    pub fn floor_derivatives(camera: &Camera, of: &FloorDerivatives) -> [[f64; 2]; Self::SIZE] {
         let by = &of.by_camera;
         let zoom = by[Covariance::FOCAL].map(|change| camera.focal * change);
         [by[Covariance::YAW], by[Covariance::PITCH], by[Covariance::ROLL], zoom]
     }
 }
 
-/// How a camera turned and zoomed in its place.
+/// Rotation and zoom of a camera at a fixed position.
 ///
-/// The lens stays the map of pixels that it was.
+/// The lens keeps its map of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Turn {
-    /// The axis in the old camera's axes (right, down, forward), as long as the angle, in radians: what has the
-    /// coordinates `x` in the old axes has `exp(vector) x` in the new ones.
+pub struct RotationZoom {
+    /// Rotation vector in the old camera axes (right, down, forward). Its length is the angle in radians.
+    /// Coordinates `x` in the old axes are `exp(vector) x` in the new ones.
     pub vector: [f64; 3],
-    /// Logarithm of the ratio of the focals, new over old.
+    /// Logarithm of the ratio of the focal lengths, new over old.
     pub zoom: f64,
 }
 
 type Matrix = [[f64; 3]; 3];
 
-/// A camera before and after a turn.
+/// Camera before and after a rotation with zoom.
 #[derive(Clone, Debug)]
-pub struct Turned {
+pub struct RotatedCamera {
     old: Camera,
     rotation: Matrix,
     focal: f64,
 }
 
-impl Turn {
+impl RotationZoom {
     /// Number of parameters.
     pub const SIZE: usize = 4;
 
-    /// The turn of these parameters: the vector, then the zoom.
+    /// Creates it from its parameters: the vector, then the zoom.
     #[must_use]
-    pub const fn of([x, y, z, zoom]: [f64; Self::SIZE]) -> Self {
+    pub const fn from_parameters([x, y, z, zoom]: [f64; Self::SIZE]) -> Self {
         Self { vector: [x, y, z], zoom }
     }
 
-    /// The turn that leads from the old camera's axes to new ones by this matrix, whose rows are the new axes in the old.
+    /// Creates it from the rotation matrix from old to new camera axes. The rows are the new axes in the old
+    /// ones.
     #[must_use]
-    pub fn of_rotation(rotation: &Matrix, zoom: f64) -> Self {
+    pub fn from_rotation(rotation: &Matrix, zoom: f64) -> Self {
         let r = rotation;
         let axis = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]];
         let sine = 0.5 * axis.iter().map(|c| c * c).sum::<f64>().sqrt();
         let angle = sine.atan2(0.5 * (r[0][0] + r[1][1] + r[2][2] - 1.0));
-        // Half the axis is the sine times its unit vector, and for small angles the angle itself.
+        // Half the axis is the sine times the unit vector. For small angles this is the rotation vector.
         let scale = if sine > 1e-12 { 0.5 * angle / sine } else { 0.5 };
         Self { vector: axis.map(|c| scale * c), zoom }
     }
 
-    /// The turn from one camera to another that stands where it stood.
+    /// Computes the rotation and zoom between two cameras at the same position.
     #[must_use]
     pub fn between(old: &Camera, new: &Camera) -> Self {
         let rotation = product(&new.rotation(), &transposed(&old.rotation()));
-        Self::of_rotation(&rotation, (new.focal / old.focal).ln())
+        Self::from_rotation(&rotation, (new.focal / old.focal).ln())
     }
 
-    /// The angle, in radians.
+    /// Returns the rotation angle, in radians.
     #[must_use]
     pub fn angle(&self) -> f64 {
         self.vector.iter().map(|c| c * c).sum::<f64>().sqrt()
     }
 
-    /// This turn, and then another one.
+    /// Returns this rotation and zoom followed by another.
     #[must_use]
-    pub fn then(&self, next: &Self) -> Self {
-        Self::of_rotation(&product(&next.rotation(), &self.rotation()), self.zoom + next.zoom)
+    pub fn followed_by(&self, next: &Self) -> Self {
+        Self::from_rotation(&product(&next.rotation(), &self.rotation()), self.zoom + next.zoom)
     }
 
-    /// Rows of the new axes in the old ones (Rodrigues 1840).
+    /// Returns the rotation matrix, whose rows are the new axes in the old ones (Rodrigues 1840).
     #[must_use]
     pub fn rotation(&self) -> Matrix {
         let angle = self.angle();
@@ -147,20 +147,20 @@ impl Turn {
         })
     }
 
-    /// The camera after it.
+    /// Returns the camera after this rotation and zoom.
     #[must_use]
-    pub fn applied(&self, camera: &Camera) -> Camera {
+    pub fn apply_to(&self, camera: &Camera) -> Camera {
         let (roll, pitch, yaw) = angles_from_rotation(&product(&self.rotation(), &camera.rotation()));
         Camera { roll, pitch, yaw, focal: camera.focal * self.zoom.exp(), ..*camera }
     }
 
-    /// What it does to the angles and the focal of a camera.
+    /// Returns the change of the angles and of the focal length of a camera.
     #[must_use]
-    pub fn movement(&self, camera: &Camera) -> Movement {
-        let new = self.applied(camera);
+    pub fn pan_tilt_zoom(&self, camera: &Camera) -> PanTiltZoom {
+        let new = self.apply_to(camera);
         let half = std::f64::consts::PI;
         let turn = |to: f64, from: f64| (to - from + half).rem_euclid(2.0 * half) - half;
-        Movement {
+        PanTiltZoom {
             pan: turn(new.yaw, camera.yaw),
             tilt: new.pitch - camera.pitch,
             roll: turn(new.roll, camera.roll),
@@ -168,46 +168,47 @@ impl Turn {
         }
     }
 
-    /// The old camera with this turn.
+    /// Applies this rotation and zoom to a camera, to map many pixels from the old image to the new one.
     #[must_use]
-    pub fn at(&self, camera: &Camera) -> Turned {
-        Turned { old: *camera, rotation: self.rotation(), focal: camera.focal * self.zoom.exp() }
+    pub fn for_camera(&self, camera: &Camera) -> RotatedCamera {
+        RotatedCamera { old: *camera, rotation: self.rotation(), focal: camera.focal * self.zoom.exp() }
     }
 }
 
-impl Turned {
-    /// Where the new still shows what the old one shows at a pixel; `None` behind the camera and outside the lens.
+impl RotatedCamera {
+    /// Maps a pixel of the old image to the new image. Returns `None` behind the camera and outside the lens.
     #[must_use]
-    pub fn pixel(&self, old: Pixel) -> Option<Pixel> {
-        self.shown(ray_in_camera(&self.old, old)?)
+    pub fn map_pixel(&self, old: Pixel) -> Option<Pixel> {
+        self.ray_to_pixel(pixel_to_camera_ray(&self.old, old)?)
     }
 
-    /// Where the new still shows what lies along a ray of the old camera's axes.
+    /// Maps a ray in the axes of the old camera to its pixel in the new image.
     #[must_use]
-    pub fn shown(&self, ray: [f64; 3]) -> Option<Pixel> {
-        self.old.lens.distort(self.shown_undistorted(ray)?)
+    pub fn ray_to_pixel(&self, ray: [f64; 3]) -> Option<Pixel> {
+        self.old.lens.distort(self.ray_to_undistorted(ray)?)
     }
 
-    /// The same, were the lens a pinhole.
+    /// Maps a ray in the axes of the old camera to its undistorted pixel in the new image.
     #[must_use]
-    pub fn shown_undistorted(&self, ray: [f64; 3]) -> Option<UndistortedPixel> {
+    pub fn ray_to_undistorted(&self, ray: [f64; 3]) -> Option<UndistortedPixel> {
         let [x, y, z] = self.rotation.map(|row| row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2]);
         let Pixel { u, v } = self.old.lens.principal_point;
         (z > 1e-6).then(|| UndistortedPixel { u: u + self.focal * x / z, v: v + self.focal * y / z })
     }
 }
 
-/// The ray that a camera shows at a pixel, in its axes with depth 1; `None` outside the lens.
+/// Returns the ray of a pixel in camera axes, with depth 1. Returns `None` outside the lens.
 #[must_use]
-pub fn ray_in_camera(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
+pub fn pixel_to_camera_ray(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
     let straight = camera.undistort(pixel)?;
     let Pixel { u, v } = camera.lens.principal_point;
     Some([(straight.u - u) / camera.focal, (straight.v - v) / camera.focal, 1.0])
 }
 
-/// One over the depth at which a ray of the camera's axes meets the floor, per metre; 0 above the horizon.
+/// Returns the inverse of the depth at which a ray in camera axes meets the floor, in 1/m. Returns 0 at and
+/// above the horizon.
 #[must_use]
-pub fn floor_nearness(camera: &Camera, ray: [f64; 3]) -> f64 {
+pub fn inverse_floor_depth(camera: &Camera, ray: [f64; 3]) -> f64 {
     let [right, down, forward] = camera.rotation();
     let falls = -(ray[0] * right[2] + ray[1] * down[2] + ray[2] * forward[2]);
     (falls / camera.position.z.max(f64::MIN_POSITIVE)).max(0.0)
@@ -234,19 +235,19 @@ mod tests {
             camera in any_camera(), x in -0.2..0.2_f64, y in -0.2..0.2_f64, z in -0.3..0.3_f64, zoom in -0.4..0.4_f64,
             u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
-            let turn = Turn::of([x, y, z, zoom]);
-            let new = turn.applied(&camera);
+            let turn = RotationZoom::from_parameters([x, y, z, zoom]);
+            let new = turn.apply_to(&camera);
             let Some(ray) = camera.pixel_to_ray(Pixel { u, v }) else { return Ok(()) };
             let [a, b, c] = ray.direction;
             let far = crate::camera::WorldPoint {
                 x: ray.origin.x + 9.0 * a, y: ray.origin.y + 9.0 * b, z: ray.origin.z + 9.0 * c,
             };
-            if let (Some(told), Some(shown)) = (turn.at(&camera).pixel(Pixel { u, v }), new.world_to_pixel(far)) {
+            if let (Some(told), Some(shown)) = (turn.for_camera(&camera).map_pixel(Pixel { u, v }), new.world_to_pixel(far)) {
                 prop_assert!(told.distance(shown) < 1e-5, "{told:?} {shown:?}");
             }
-            let again = Turn::between(&camera, &new);
+            let again = RotationZoom::between(&camera, &new);
             prop_assert!((0..3).all(|i| (again.vector[i] - turn.vector[i]).abs() < 1e-9), "{again:?} {turn:?}");
-            let moved = turn.movement(&camera).applied(&camera);
+            let moved = turn.pan_tilt_zoom(&camera).apply_to(&camera);
             prop_assert!((0..3).all(|i| (0..3).all(|j| (moved.rotation()[i][j] - new.rotation()[i][j]).abs() < 1e-9)));
         }
 
@@ -254,10 +255,10 @@ mod tests {
         fn turns_follow_one_another(
             camera in any_camera(), a in -0.2..0.2_f64, b in -0.2..0.2_f64, u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
-            let (first, then) = (Turn::of([a, b, 0.1, 0.05]), Turn::of([b, 0.0, a, -0.1]));
-            let way = first.at(&camera).pixel(Pixel { u, v });
-            let way = way.and_then(|there| then.at(&first.applied(&camera)).pixel(there));
-            if let (Some(two), Some(one)) = (way, first.then(&then).at(&camera).pixel(Pixel { u, v })) {
+            let (first, then) = (RotationZoom::from_parameters([a, b, 0.1, 0.05]), RotationZoom::from_parameters([b, 0.0, a, -0.1]));
+            let way = first.for_camera(&camera).map_pixel(Pixel { u, v });
+            let way = way.and_then(|there| then.for_camera(&first.apply_to(&camera)).map_pixel(there));
+            if let (Some(two), Some(one)) = (way, first.followed_by(&then).for_camera(&camera).map_pixel(Pixel { u, v })) {
                 prop_assert!(two.distance(one) < 1e-5, "{two:?} {one:?}");
             }
         }

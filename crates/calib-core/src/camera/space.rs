@@ -1,7 +1,7 @@
-//! One type for every space a point can lie in. Only the mapping functions
-//! ([`Lens`](crate::Lens), [`Camera`](crate::Camera), [`PlanScale`]) lead from one to another.
+//! Point types, one for each space. Only the mapping functions of [`Lens`](crate::Lens),
+//! [`Camera`](crate::Camera) and [`PlanScale`] convert between them.
 
-/// Declares a point type with two or three named coordinates that reads and writes as a JSON array.
+/// Declares a point type with two or three named coordinates, which serialises as a JSON array.
 macro_rules! point {
     ($(#[$doc:meta])* $name:ident { $($(#[$coordinate_doc:meta])* $coordinate:ident),+ } = $array:ty, $text:literal) => {
         $(#[$doc])*
@@ -13,19 +13,19 @@ macro_rules! point {
         }
 
         impl $name {
-            /// The point with these coordinates, in the order of the fields.
+            /// Creates a point from its coordinates, in the order of the fields.
             #[must_use]
             pub const fn new($($coordinate: f64),+) -> Self {
                 Self { $($coordinate),+ }
             }
 
-            /// Whether every coordinate is a number.
+            /// Whether every coordinate is finite.
             #[must_use]
             pub fn is_finite(self) -> bool {
                 $(self.$coordinate.is_finite())&&+
             }
 
-            /// Euclidean distance to `other`, in the unit of this space.
+            /// Returns the Euclidean distance to `other`, in the unit of this space.
             #[must_use]
             pub fn distance(self, other: Self) -> f64 {
                 (0.0 $(+ (self.$coordinate - other.$coordinate).powi(2))+).sqrt()
@@ -48,31 +48,31 @@ macro_rules! point {
 }
 
 point!(
-    /// A point as seen in the image file, lens distortion included, in pixels.
+    /// Point of the image file, with lens distortion, in pixels.
     ///
     /// The image spans `[0, width] x [0, height]`, so the centre of the first pixel is (0.5, 0.5).
     Pixel {
-        /// To the right, in pixels.
+        /// Coordinate to the right, in pixels.
         u,
-        /// Downwards, in pixels.
+        /// Coordinate downwards, in pixels.
         v
     } = [f64; 2], "[f64; 2]"
 );
 
 point!(
-    /// Where a [`Pixel`] would lie if the lens were a perfect pinhole, in pixels.
+    /// Point of the undistorted image, as a perfect pinhole would show it, in pixels.
     ///
-    /// It shares the principal point with the raw image, and the scale at it.
+    /// Principal point, and scale at the principal point, are those of the raw image.
     UndistortedPixel {
-        /// To the right, in pixels.
+        /// Coordinate to the right, in pixels.
         u,
-        /// Downwards, in pixels.
+        /// Coordinate downwards, in pixels.
         v
     } = [f64; 2], "[f64; 2]"
 );
 
 point!(
-    /// A point of a horizontal plane of the base system, in metres.
+    /// Point of a horizontal plane in world coordinates, in metres.
     FloorPoint {
         /// World x, in metres.
         x,
@@ -82,7 +82,7 @@ point!(
 );
 
 point!(
-    /// A point of the base system: right-handed, metres, z up, floor at z = 0.
+    /// Point in world coordinates: right-handed, metres, z up, floor at z = 0.
     WorldPoint {
         /// World x, in metres.
         x,
@@ -94,23 +94,23 @@ point!(
 );
 
 point!(
-    /// A point of the floor plan's picture, in its pixels: x right, y down, origin at the corner.
+    /// Point of the floor plan image, in its pixels: x right, y down, origin at the top left corner.
     PlanPixel {
-        /// To the right, in plan pixels.
+        /// Coordinate to the right, in plan pixels.
         x,
-        /// Downwards, in plan pixels.
+        /// Coordinate downwards, in plan pixels.
         y
     } = [f64; 2], "[f64; 2]"
 );
 
 point!(
-    /// The disc of an image in which a fisheye shows the scene; black is around it.
+    /// Image circle of a fisheye: the disc of the image that shows the scene, surrounded by black.
     ImageCircle {
-        /// Its middle, to the right, in pixels.
+        /// Horizontal coordinate of the centre, in pixels to the right.
         u,
-        /// Its middle, downwards, in pixels.
+        /// Vertical coordinate of the centre, in pixels downwards.
         v,
-        /// Its radius, in pixels.
+        /// Radius, in pixels.
         radius
     } = [f64; 3], "[f64; 3]"
 );
@@ -140,27 +140,27 @@ from_array! {
 }
 
 impl ImageCircle {
-    /// The circle of an image, of this width and height in pixels, whose own is not known: about its middle, as wide as its
-    /// longer side.
-    pub fn around([w, h]: [f64; 2]) -> Self {
+    /// Returns the default circle of an image of this width and height, in pixels. It is centred, and its
+    /// diameter is the longer side.
+    pub fn default_for([w, h]: [f64; 2]) -> Self {
         Self { u: 0.5 * w, v: 0.5 * h, radius: 0.5 * w.max(h) }
     }
 
-    /// Its middle.
+    /// Returns the centre.
     #[must_use]
     pub const fn centre(self) -> Pixel {
         Pixel { u: self.u, v: self.v }
     }
 
-    /// Whether a pixel is within it.
+    /// Whether a pixel is within the circle.
     #[must_use]
-    pub fn holds(self, pixel: Pixel) -> bool {
+    pub fn contains(self, pixel: Pixel) -> bool {
         pixel.distance(self.centre()) <= self.radius
     }
 }
 
 impl FloorPoint {
-    /// The point of space `height` metres above this point of the floor.
+    /// Returns the world point `height` metres above this floor point.
     #[must_use]
     pub const fn at_height(self, height: f64) -> WorldPoint {
         WorldPoint { x: self.x, y: self.y, z: height }
@@ -168,26 +168,26 @@ impl FloorPoint {
 }
 
 impl WorldPoint {
-    /// The point of the floor straight below.
+    /// Returns the floor point vertically below.
     #[must_use]
     pub const fn on_floor(self) -> FloorPoint {
         FloorPoint { x: self.x, y: self.y }
     }
 }
 
-/// How a floor plan's picture lies in the base system.
+/// Scale, origin and orientation of a floor plan image in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanScale {
     /// Size of a plan pixel, in metres.
     pub metres_per_px: f64,
-    /// The plan pixel of world (0, 0).
+    /// Plan pixel of world (0, 0).
     pub origin: PlanPixel,
-    /// Direction of world +x, in radians counter-clockwise from the plan's right.
+    /// Direction of world +x, in radians counter-clockwise from the right of the plan.
     pub x_axis: f64,
 }
 
 impl PlanScale {
-    /// Where a point of the floor lies on the plan.
+    /// Maps a floor point to the plan.
     #[must_use]
     pub fn plan_from_floor(&self, point: FloorPoint) -> PlanPixel {
         let (sin, cos) = self.x_axis.sin_cos();
@@ -196,7 +196,7 @@ impl PlanScale {
         PlanPixel { x: self.origin.x + right, y: self.origin.y - up }
     }
 
-    /// The point of the floor that a plan pixel shows.
+    /// Maps a plan pixel to the floor.
     #[must_use]
     pub fn floor_from_plan(&self, point: PlanPixel) -> FloorPoint {
         let (sin, cos) = self.x_axis.sin_cos();

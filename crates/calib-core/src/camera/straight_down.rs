@@ -1,9 +1,9 @@
-//! A camera that looks straight down: roll and yaw are one turn there, and what is known is where its image
-//! is turned.
+//! Heading of a camera that looks straight down. Roll and yaw are not separable there, but the heading of the
+//! image is determined.
 //!
-//! With forward and right level at the yaw `y`, the top of the image leads to
-//! `sin r * right + cos r * sin p * forward` on the floor, where `p` is the pitch and `r` the roll. So it
-//! heads `y - atan2(sin r, cos r * sin p)`: at `p` of 90 degrees `y - r`, which is known well where neither
+//! With forward and right level at the yaw `y`, the top of the image has the floor direction
+//! `sin r * right + cos r * sin p * forward`, where `p` is the pitch and `r` the roll. Its heading is
+//! `y - atan2(sin r, cos r * sin p)`. At `p` = 90° this is `y - r`, which is well determined even if neither
 //! `y` nor `r` is.
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -12,28 +12,29 @@ use crate::camera::covariance::Covariance;
 use crate::camera::numerics::sin_cos;
 use crate::camera::pinhole::Camera;
 
-/// How a camera looks that looks straight down, or nearly so.
+/// Orientation of a camera that looks straight down, or nearly so.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StraightDown {
-    /// The angle between the optical axis and straight down, in radians.
+    /// Angle between the optical axis and the vertical, in radians.
     pub tilt: f64,
-    /// Its standard deviation; `None` if it was not estimated, or nothing is known of it.
+    /// Standard deviation of the tilt, in radians; `None` if it was not estimated or is unknown.
     pub tilt_sigma: Option<f64>,
-    /// Where the top of the image heads on the floor, counted as yaw is: counter-clockwise from world +y, in radians
-    /// above -pi up to pi.
+    /// Heading of the top of the image on the floor. As for yaw, it is counter-clockwise from world +y, in
+    /// radians above -pi up to pi.
     pub heading: f64,
-    /// Its standard deviation; `None` if the yaw was not estimated, or nothing is known of it.
+    /// Standard deviation of the heading, in radians; `None` if the yaw was not estimated or is unknown.
     pub heading_sigma: Option<f64>,
 }
 
 impl Camera {
-    /// How it looks straight down; `None` where its pitch is less than 80 degrees.
+    /// Returns the heading and tilt of a camera that looks straight down. Returns `None` if its pitch differs
+    /// from 90° by more than 10°.
     #[must_use]
     pub fn straight_down(&self) -> Option<StraightDown> {
-        /// Nearer to straight down than this roll and yaw trade places.
-        const NEAR: f64 = 10.0 * PI / 180.0;
+        /// Largest angle from the vertical at which roll and yaw are hardly separable, in radians.
+        const MAX_TILT: f64 = 10.0 * PI / 180.0;
         let tilt = (FRAC_PI_2 - self.pitch).abs();
-        if tilt > NEAR {
+        if tilt > MAX_TILT {
             return None;
         }
         let ((sin_pitch, cos_pitch), (sin, cos)) = (sin_cos(self.pitch), sin_cos(self.roll));
@@ -47,7 +48,7 @@ impl Camera {
         let covariance = &self.covariance.0;
         let terms = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
         let variance: f64 = terms.map(|(a, b)| a.1 * b.1 * covariance[a.0][b.0]).sum();
-        // Of a camera that nothing places its roll alone says nothing of where it is turned; a yaw that is held is exact.
+        // The roll of a camera without a placement does not determine its heading. A fixed yaw is exact.
         let of_place = [Covariance::X, Covariance::Y, Covariance::YAW];
         let is_placed = of_place.into_iter().any(|index| self.covariance.sigma(index).is_some());
         let is_known = is_placed && variance > 0.0 && variance.is_finite();
@@ -92,7 +93,7 @@ mod tests {
             let [_, down, forward] = own.rotation();
             prop_assert!(angle(said.heading - down[0].atan2(-down[1])).abs() < 1e-9);
             prop_assert!((said.tilt - (-forward[2]).clamp(-1.0, 1.0).acos()).abs() < 1e-7);
-            // Errors of the angles, all of one cause, carry over as their covariance says.
+            // The errors of the angles have one common cause, and propagate by their covariance.
             let [by_roll, by_pitch, by_yaw] = step;
             let mut uncertain = own;
             let by = [(Covariance::ROLL, by_roll), (Covariance::PITCH, by_pitch), (Covariance::YAW, by_yaw)];

@@ -1,7 +1,7 @@
-//! A calibrated camera as programs meet it: columns of pixels of a stream of it.
+//! A calibrated camera and its stream, as the bindings for other languages use it: columns of pixels in,
+//! columns of results out.
 //!
-//! This is what the library is in other languages: they hand over arrays and say what these are of; what is
-//! computed, and what it is called, stands here once.
+//! The bindings pass arrays and their meaning. All computations and their names are defined here once.
 
 use std::ops::Range;
 
@@ -15,28 +15,29 @@ use crate::floor::stream::{PixelOrigin, Stream, StreamError, StreamMap};
 use crate::floor::surface::SurfaceProjector;
 use crate::floor::surface::{Surface, SurfacePoint};
 
-/// A calibrated camera with the stream that its pixels are of.
+/// Calibrated camera with the stream whose pixels it maps.
 ///
-/// All columns of a call are of one length; what does not exist is NaN, and the status, a number of
-/// [`Status::ALL`], says why.
+/// All columns of a call have the same length. A result that does not exist is NaN. Its status, an index into
+/// [`Status::ALL`], gives the reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraView {
     floor: FloorProjector,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
-    /// Planes besides the floor; none where none of them covers a part of the plan.
+    /// Planes in addition to the floor; empty if the floor is the only plane.
     surfaces: Vec<Surface>,
     stream: Stream,
     map: StreamMap,
-    /// Whether something gives the scale of its points.
+    /// Whether the scale of the calibration is known.
     scale_is_known: bool,
 }
 
-/// Points that are mapped together: few enough to stay in the fastest cache.
+/// Number of points that are mapped together. They fit into the fastest cache.
 const CHUNK: usize = 512;
 
 impl CameraView {
-    /// A camera with an image of this width and height, that covers this polygon of the floor.
+    /// Returns a camera with an image of this width and height in pixels that covers this polygon of the
+    /// floor.
     #[must_use]
     pub fn new(camera: &Camera, size: [f64; 2], efov: Vec<FloorPoint>) -> Self {
         let (stream, map) = (Stream::default(), StreamMap::STILL);
@@ -44,59 +45,63 @@ impl CameraView {
         Self { floor, size, efov, surfaces, stream, map, scale_is_known: true }
     }
 
-    /// The same camera where planes besides the floor cover a part of the plan: a pixel is of whichever of them and
-    /// the floor it shows first.
+    /// Returns the same camera with planes in addition to the floor. A pixel maps to the first of these
+    /// planes and the floor that its ray meets.
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
         Self { surfaces, ..self }
     }
 
-    /// The same camera, of which it is said whether something gives its scale.
+    /// Returns the same camera, with a flag whether its scale is known.
     pub fn with_scale(self, scale_is_known: bool) -> Self {
         Self { scale_is_known, ..self }
     }
 
-    /// The same camera for the pixels of another stream.
+    /// Returns the same camera for the pixels of another stream.
     ///
     /// # Errors
-    /// When the stream does not go with the size of the still.
+    /// Fails if the stream does not fit the size of the calibrated image.
     pub fn with_stream(&self, stream: Stream) -> Result<Self, StreamError> {
         Ok(Self { map: stream.map(self.size)?, stream, ..self.clone() })
     }
 
-    /// Planes besides the floor; none where none of them covers a part of the plan.
+    /// Returns the planes in addition to the floor; empty if the floor is the only plane.
     #[must_use]
     pub fn surfaces(&self) -> &[Surface] {
         &self.surfaces
     }
 
-    /// The camera.
+    /// Returns the camera.
     #[must_use]
     pub const fn camera(&self) -> &Camera {
         self.floor.camera()
     }
 
-    /// Width and height of the still, in pixels.
+    /// Returns the width and height of the calibrated image, in pixels.
     #[must_use]
     pub const fn size(&self) -> [f64; 2] {
         self.size
     }
 
-    /// The stream that pixels are of.
+    /// Returns the stream whose pixels are mapped.
     #[must_use]
     pub const fn stream(&self) -> &Stream {
         &self.stream
     }
 
-    /// Whether something gives the scale of its points. Where nothing does they are of a camera that is taken to be 3 m
-    /// high, right in their proportions alone, and the calibration's part of every covariance is unknown.
+    /// Whether the scale of the calibration is known.
+    ///
+    /// If it is unknown, the camera is assumed to be 3 m high. Only the proportions of the points are then
+    /// correct, and the calibration part of every covariance is unknown.
     #[must_use]
     pub const fn scale_is_known(&self) -> bool {
         self.scale_is_known
     }
 
-    /// The lens as the images of the stream show it, their pixels counted from the corner, and the width and height
-    /// of these; `None` where the stream is stretched, so that it has no one focal.
+    /// Returns the lens for the images of the stream, and their width and height. Its pixels are counted from
+    /// the corner.
+    ///
+    /// `None` if the stream is stretched, because it then has two focal lengths.
     #[must_use]
     pub fn lens_in_stream(&self) -> Option<(Lens, [f64; 2])> {
         let corner = Stream { origin: PixelOrigin::Corner, ..self.stream };
@@ -118,8 +123,10 @@ impl CameraView {
         (!is_stretched).then_some((Lens { principal_point, focal, image_circle, ..lens }, size))
     }
 
-    /// The camera as the images of the stream show it, its pixels counted as the stream's are, its covariance that of
-    /// the still; `None` where the stream is stretched, so that it has no one focal.
+    /// Returns the camera for the images of the stream, with pixels counted as in the stream.
+    ///
+    /// Its covariance is copied from the calibrated image. `None` if the stream is stretched, because it then
+    /// has two focal lengths.
     #[must_use]
     pub fn camera_in_stream(&self) -> Option<Camera> {
         let camera = self.camera();
@@ -132,13 +139,13 @@ impl CameraView {
         Some(Camera { lens, focal: camera.focal / camera.lens.focal * lens.focal, ..*camera })
     }
 
-    /// Corners of the EFOV on the floor, in metres.
+    /// Returns the corners of the EFOV on the floor, in metres.
     #[must_use]
     pub fn efov(&self) -> &[FloorPoint] {
         &self.efov
     }
 
-    /// What it covers, in pixels of the still.
+    /// Returns the area that the camera covers, in pixels of the calibrated image.
     #[must_use]
     pub fn extent(&self) -> Extent<'_> {
         Extent { size: self.size, efov: &self.efov }
@@ -148,7 +155,8 @@ impl CameraView {
         if height == 0.0 { self.floor } else { FloorProjector::new(self.camera(), height) }
     }
 
-    /// Goes through columns of pixels, chunk by chunk, as pixels of the still.
+    /// Converts columns of pixels to pixels of the calibrated image and passes them to `each`, chunk by
+    /// chunk.
     fn in_still(&self, [u, v]: [&[f64]; 2], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
         assert!(u.len() == v.len(), "columns of one length");
         let is_still = self.map == StreamMap::STILL;
@@ -168,11 +176,13 @@ impl CameraView {
         }
     }
 
-    /// Pixels to points of the plane at `height`, in metres, and what became of each; where there are planes besides
-    /// the floor, to points so high above whichever each shows first.
+    /// Maps pixels to points of the plane at `height` metres above the floor, each with its status.
+    ///
+    /// If there are other planes, each pixel maps to the point `height` metres above the first plane that its
+    /// ray meets.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn to_floor(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [u8]) {
         let (plane, extent) = (self.plane(height), self.extent());
         assert!(status.len() == pixels[0].len(), "columns of one length");
@@ -189,10 +199,10 @@ impl CameraView {
         });
     }
 
-    /// As [`Self::to_floor`], of the points on which what boxes hold stands.
+    /// Maps boxes to the floor points below the objects in them, like [`Self::to_floor`].
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn boxes_to_floor(
         &self,
         height: f64,
@@ -207,11 +217,11 @@ impl CameraView {
         });
     }
 
-    /// As [`Self::covariances`], of the points on which what boxes hold stands: `sigma` is that of each coordinate of
-    /// the middle of the lower edge.
+    /// Computes the covariances of the floor points of boxes, like [`Self::covariances`]. `sigma` is the
+    /// standard deviation of each coordinate of the middle of the lower edge.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn boxes_covariances(
         &self,
         height: f64,
@@ -226,11 +236,11 @@ impl CameraView {
         });
     }
 
-    /// Pixels to the points so high above the floor, or above a plane besides it, that each shows first, and what
-    /// became of each.
+    /// Maps each pixel to the point `height` metres above the first plane that its ray meets, with that plane
+    /// and the status.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn to_shown(
         &self,
         height: f64,
@@ -246,8 +256,11 @@ impl CameraView {
         });
     }
 
-    /// How uncertain the point is that a pixel shows on a surface, or on the floor, for a standard deviation of
-    /// `sigma` pixels of the stream; see [`SurfaceProjector::covariance`].
+    /// Returns the covariance of the point of a surface that a pixel shows; `None` for `surface` is the
+    /// floor.
+    ///
+    /// `sigma` is the standard deviation of each coordinate, in pixels of the stream; see
+    /// [`SurfaceProjector::covariance`].
     #[must_use]
     pub fn covariance(&self, pixel: Pixel, sigma: f64, surface: Option<usize>) -> Option<FloorCovariance> {
         let still = Pixel { u: self.map.in_still(0, pixel.u), v: self.map.in_still(1, pixel.v) };
@@ -255,7 +268,7 @@ impl CameraView {
         projector.covariance(still, sigma * self.map.still_pixels(), surface)
     }
 
-    /// At most [`CHUNK`] pixels of the still to what each shows first.
+    /// Maps at most [`CHUNK`] pixels of the calibrated image to the first plane that each ray meets.
     fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
         let mut points = [None; CHUNK];
         let points = &mut points[..status.len()];
@@ -266,14 +279,15 @@ impl CameraView {
         }
     }
 
-    /// As [`Self::to_floor`], without what became of each: a pixel without a point has NaN.
+    /// Maps pixels to points like [`Self::to_floor`], without the status. A pixel without a point becomes
+    /// NaN.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let plane = self.plane(height);
         if self.surfaces.is_empty() && self.map == StreamMap::STILL {
-            // Nothing is kept beside a point: all of them at once.
+            // There is no status to compute, so all points are mapped at once.
             return plane.pixels_to_floor(pixels[0], pixels[1], x, y);
         }
         self.in_still(pixels, |range, [u, v]| {
@@ -286,11 +300,14 @@ impl CameraView {
         });
     }
 
-    /// How uncertain the points of the plane at `height` are that pixels show, for a standard deviation of
-    /// `sigma` pixels of the stream: xx, xy, yx, yy in square metres, of the pixel and of the calibration.
+    /// Computes the covariances of the points of the plane at `height` metres that pixels show, as xx, xy,
+    /// yx, yy in square metres.
+    ///
+    /// There are two parts: from the pixel and from the calibration. `sigma` is the standard deviation of
+    /// each coordinate, in pixels of the stream.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn covariances(
         &self,
         height: f64,
@@ -316,10 +333,11 @@ impl CameraView {
         });
     }
 
-    /// Derivatives of the floor point of every pixel by the unknowns of the camera: row x, and row y.
+    /// Computes the derivatives of the floor point of every pixel with respect to the parameters of the
+    /// camera: row x, then row y.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn floor_jacobians(&self, pixels: [&[f64]; 2], of: &mut [[[f64; Covariance::SIZE]; 2]]) {
         assert!(of.len() == pixels[0].len(), "columns of one length");
         self.in_still(pixels, |range, [u, v]| {
@@ -331,10 +349,10 @@ impl CameraView {
         });
     }
 
-    /// Points of space, in metres, to pixels, and what became of each.
+    /// Maps points in space, in metres, to pixels, each with its status.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2], status: &mut [u8]) {
         assert!(x.len() == y.len() && x.len() == z.len() && x.len() == status.len(), "columns of one length");
         assert!(x.len() == u.len() && x.len() == v.len(), "columns of one length");
@@ -356,10 +374,10 @@ impl CameraView {
         }
     }
 
-    /// Unit vectors from the camera, in the axes of the site, that pixels show.
+    /// Computes the unit vectors of the rays of pixels, from the camera, in the axes of the site.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn rays(&self, pixels: [&[f64]; 2], directions: &mut [[f64; 3]]) {
         assert!(directions.len() == pixels[0].len(), "columns of one length");
         self.in_still(pixels, |range, [u, v]| {
@@ -370,10 +388,11 @@ impl CameraView {
         });
     }
 
-    /// Where a pinhole would show what the lens shows at pixels, in pixels of the stream.
+    /// Undistorts pixels: computes the pixels of the stream at which a pinhole camera would show the same
+    /// rays.
     ///
     /// # Panics
-    /// When the columns are not of one length.
+    /// Panics if the columns have different lengths.
     pub fn undistort(&self, pixels: [&[f64]; 2], [u, v]: [&mut [f64]; 2]) {
         self.in_still(pixels, |range, [raw_u, raw_v]| {
             let (u, v) = (&mut u[range.clone()], &mut v[range]);
@@ -396,7 +415,7 @@ mod tests {
 
     const SIZE: [f64; 2] = [1920.0, 1080.0];
 
-    /// Any NaN is one.
+    /// Every NaN counts as the same value.
     fn bits(x: &[f64], y: &[f64]) -> Vec<u64> {
         let bits = |value: &f64| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() };
         x.iter().chain(y).map(bits).collect()
@@ -473,7 +492,7 @@ mod tests {
                 prop_assert_eq!(bits(&at[..1], &at[1..]), bits(&x[i..=i], &y[i..=i]));
                 prop_assert_eq!(of_shown[i] as u8, status[i]);
                 let covariance = shown[i].and_then(|shown| view.covariance(Pixel { u: u[i], v: v[i] }, 0.0, shown.surface));
-                let [_, rows] = covariance.unwrap_or(FloorCovariance::NONE).rows();
+                let [_, rows] = covariance.unwrap_or(FloorCovariance::NAN).rows();
                 prop_assert_eq!(bits(&rows, &[]), bits(&calibration[i], &[]));
                 let Some(deck) = camera.pixel_to_floor(Pixel { u: u[i], v: v[i] }, 0.7) else { continue };
                 if deck.distance(foot) > 39.0 {
@@ -482,7 +501,7 @@ mod tests {
                 prop_assert!((deck.x - x[i]).hypot(deck.y - y[i]) < 1e-7, "{deck:?}");
                 // 2 cm of height move the point along its ray.
                 let along = 0.02 * deck.distance(foot) / (camera.position.z - 0.7);
-                // All of it lies along the ray: its trace is its one variance.
+                // The whole covariance is along the ray: its trace is its only variance.
                 let variance = calibration[i][0] + calibration[i][3];
                 prop_assert!(variance.is_nan() || (variance.sqrt() - along).abs() < 1e-6);
             }

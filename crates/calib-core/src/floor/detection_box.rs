@@ -1,10 +1,10 @@
-//! Boxes of detectors, and where what they hold stands.
+//! Detection boxes and their foot points.
 
 use std::ops::Range;
 
 use crate::floor::stream::named;
 
-/// What the four numbers of a box are.
+/// Meaning of the four numbers of a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BoxForm {
     /// Upper left corner, width and height.
@@ -18,8 +18,8 @@ pub enum BoxForm {
 named! { BoxForm { CornerSize = "xywh", Corners = "xyxy", CentreSize = "cxcywh" } }
 
 impl BoxForm {
-    /// The middle of the lower edge: the foot of what stands in the box. NaN for what is no box, whose width or
-    /// height is negative.
+    /// Returns the middle of the lower edge, the foot point of an upright object. NaN for a box with negative
+    /// width or height.
     #[inline]
     #[must_use]
     pub fn foot(self, [a, b, c, d]: [f64; 4]) -> [f64; 2] {
@@ -31,7 +31,7 @@ impl BoxForm {
         if width >= 0.0 && height >= 0.0 { foot } else { [f64::NAN; 2] }
     }
 
-    /// Goes through the feet of boxes, so many at once as stay in the fastest cache.
+    /// Iterates over the foot points of boxes, in chunks that fit the first-level cache.
     pub(crate) fn each_foot(self, boxes: &[[f64; 4]], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
         const CHUNK: usize = 512;
         let mut feet = [[0.0; CHUNK]; 2];

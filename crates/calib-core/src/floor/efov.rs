@@ -13,28 +13,28 @@ pub struct Efov {
     pub clipped: bool,
 }
 
-/// Largest distance of an EFOV from the foot of the camera, in camera heights, where one was drawn and where
-/// none was: beyond it a pixel spans more floor than any object on it.
+/// Largest distance of a drawn and of a default EFOV from the foot of the camera, in camera heights. Beyond
+/// it, a pixel covers more floor than any object.
 const REACH_DRAWN: f64 = 50.0;
 const REACH_DEFAULT: f64 = 5.0;
-/// Points per edge of the image polygon: a bent edge stays bent on the floor.
+/// Points per edge of the image polygon, so that curved edges stay curved on the floor.
 const STEPS: usize = 8;
 
-/// The part of an image polygon that lies on the floor and nearer than 50 camera heights.
+/// Projects the part of an image polygon that is on the floor and nearer than 50 camera heights.
 ///
-/// Between corners the edge is followed through the lens; where it bends, points are added.
+/// The edges follow the lens; points are added where they are curved.
 #[must_use]
 pub fn efov_on_floor(camera: &Camera, corners: &[Pixel]) -> Efov {
     efov_on_plane(camera, corners, &Plane::FLOOR)
 }
 
-/// As [`efov_on_floor`], of a polygon that lies on a plane: its corners as seen from above.
+/// Projects a polygon that is on a plane, like [`efov_on_floor`]; returns its corners seen from above.
 #[must_use]
 pub fn efov_on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Efov {
     on_plane(camera, corners, plane, REACH_DRAWN)
 }
 
-/// The image's floor part nearer than five camera heights: the EFOV where none was drawn.
+/// Returns the default EFOV: the visible floor nearer than five camera heights.
 #[must_use]
 pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
     let [w, h] = size;
@@ -63,7 +63,7 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
             [x - w * camera.position.x, y - w * camera.position.y, w]
         })
         .collect();
-    // First w above what a floor point at the reach straight ahead has, then the circle itself.
+    // First clip at w of the floor point at the reach straight ahead, then at the circle itself.
     let ahead = homogeneous.iter().fold(0.0_f64, |most, [x, y, _]| most.max(x.hypot(*y)));
     let least = ahead / (drop.abs() * reach * 1e3) + f64::MIN_POSITIVE;
     let in_front = clip(&homogeneous, |[_, _, w]| w - least);
@@ -83,7 +83,7 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
     Efov { polygon, clipped }
 }
 
-/// The corners of a polygon, with so many steps from each to the next.
+/// Returns the outline of a polygon with `steps` points per edge.
 fn outline(corners: &[Pixel], steps: usize) -> Vec<Pixel> {
     let edges = corners.iter().zip(corners.iter().cycle().skip(1));
     edges.flat_map(|(&a, &b)| (0..steps).map(move |step| between(a, b, step as f64 / steps as f64))).collect()
@@ -93,8 +93,8 @@ fn between(a: Pixel, b: Pixel, t: f64) -> Pixel {
     Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
 }
 
-/// The pixel, or where the lens shows nothing there, the last one toward the principal point where it does: the border
-/// of a fisheye's circle.
+/// Returns the pixel or, if the lens shows nothing there, the last visible one towards the principal point:
+/// the rim of a fisheye's circle.
 fn last_seen(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
     let centre = camera.lens.principal_point;
     let is_seen = |raw: Pixel| camera.lens.bearing(raw).is_some();
@@ -104,8 +104,8 @@ fn last_seen(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
     is_seen(centre).then(|| border(centre, pixel, is_seen)[0])
 }
 
-/// The last pixel on the way for which something holds that does at its beginning and not at its end, and the next one
-/// for which it does not, by bisection.
+/// Bisects the segment for the border of a condition that is true at its start and false at its end; returns
+/// the last pixel inside and the next one outside.
 fn border(from: Pixel, to: Pixel, holds: impl Fn(Pixel) -> bool) -> [Pixel; 2] {
     const HALVINGS: usize = 40;
     let (mut low, mut high) = (0.0, 1.0);
@@ -124,16 +124,16 @@ fn is_within(pixel: Pixel, corners: &[Pixel]) -> bool {
     corners.iter().zip(corners.iter().cycle().skip(1)).filter(|pair| crosses(*pair)).count() % 2 == 1
 }
 
-/// Twice the area that a polygon goes round, positive from the axis of u toward that of v.
+/// Returns twice the area of a polygon, positive from the u axis towards the v axis.
 fn turn(corners: &[Pixel]) -> f64 {
     corners.iter().zip(corners.iter().cycle().skip(1)).map(|(a, b)| a.u * b.v - a.v * b.u).sum()
 }
 
-/// The floor within reach that a polygon shows of a lens that may see more than half of all directions, where there is
-/// no clipping at the horizon: what is behind the camera is no farther on the image than what is before it.
+/// Projects the floor within reach for a lens that may see more than a hemisphere, where clipping at the
+/// horizon is not possible: points behind the camera can be inside the image.
 ///
-/// The outline is followed as long as its floor is within reach. Where it leaves, the circle of the reach is followed to
-/// where it comes back, the way round that the outline itself goes: what is within lies to the same side of both.
+/// The outline is followed while its floor is within reach. Where it leaves, the circle of the reach is
+/// followed to the re-entry, in the direction of the outline, so that the interior stays on the same side.
 fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     /// Steps of the outline an edge, and of the circle all round.
     const STEPS: usize = 32;
@@ -320,7 +320,7 @@ mod tests {
                 let off = 14.7 * (f64::from(i) / 400.0).sqrt();
                 let beside = |at: FloorPoint, angle: f64, by: f64| FloorPoint { x: at.x + by * angle.cos(), y: at.y + by * angle.sin() };
                 let at = beside(foot, 2.4 * f64::from(i), off);
-                // Between two points of the outline the border is as bent as it is.
+                // Between two points of the outline, the border is curved like the image edge.
                 let is_off_the_edges = camera.world_to_pixel(at.at_height(0.0)).is_none_or(|pixel| {
                     [pixel.u - left, pixel.u - right, pixel.v - top, pixel.v - bottom].iter().all(|by| by.abs() > 3.0)
                 });

@@ -1,36 +1,36 @@
-//! What a camera covers: its image, and the polygon of its EFOV on the floor.
+//! Area that a camera covers: its image, and the polygon of its EFOV on the floor.
 //!
-//! What became of a pixel or a point that was mapped.
+//! Status of a mapped pixel or point.
 
 use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint, dispatch};
 use crate::floor::floor_covariances::{block, store};
 
-/// What became of a pixel or a point that was mapped.
+/// Result of mapping a pixel or a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Status {
     /// Mapped, inside the EFOV or the image.
     Ok,
-    /// The pixel shows nothing of the plane: there is no point.
+    /// The ray of the pixel does not meet the plane: there is no point.
     AboveHorizon,
     /// Mapped, but outside the effective field of view.
     OutsideEfov,
     /// Mapped, but outside the image.
     OutsideImage,
-    /// The lens shows nothing there: there is no point, or no pixel.
+    /// The lens shows nothing at this position: there is no point, or no pixel.
     OutsideLens,
-    /// The point is not in front of the camera: there is no pixel.
+    /// The point is not in front of the camera: no pixel.
     BehindCamera,
-    /// There was nothing to map: a coordinate is absent or not finite.
+    /// The input is missing: a coordinate is absent or not finite.
     Missing,
-    /// No calibration holds for it.
+    /// There is no valid calibration for the input.
     NoCalibration,
-    /// The pixel shows the wall of a pit, between its plane and the floor: there is no point.
+    /// The pixel shows the wall of a pit, between its plane and the floor: no point.
     OnWall,
 }
 
 impl Status {
-    /// All of them, in the order of their numbers.
+    /// All values, in the order of their codes.
     pub const ALL: [Self; 9] = [
         Self::Ok,
         Self::AboveHorizon,
@@ -43,13 +43,13 @@ impl Status {
         Self::OnWall,
     ];
 
-    /// The one of this number.
+    /// Returns the status with this code.
     #[must_use]
     pub fn of_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// As it stands in tables.
+    /// Returns the name that tables contain.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -72,27 +72,27 @@ impl std::fmt::Display for Status {
     }
 }
 
-/// What a camera covers: its image, and the polygon of its EFOV on the floor.
+/// Area that a camera covers: its image, and the polygon of its EFOV on the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent<'a> {
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
-    /// Corners of the EFOV on the floor (z = 0), in metres, either way round.
+    /// Corners of the EFOV on the floor (z = 0), in metres, in either orientation.
     pub efov: &'a [FloorPoint],
 }
 
-/// Points that are classified together: an edge of the EFOV is prepared once for all of them.
+/// Number of points that are classified together. Each edge of the EFOV is prepared once for all of them.
 const LANES: usize = 64;
 
 impl Extent<'_> {
-    /// Whether a pixel lies inside the image, its border included.
+    /// Whether a pixel is inside the image or on its border.
     #[must_use]
     pub fn shows(&self, pixel: Pixel) -> bool {
         let [w, h] = self.size;
         (0.0..=w).contains(&pixel.u) && (0.0..=h).contains(&pixel.v)
     }
 
-    /// Whether a point of the floor lies inside the EFOV (even-odd rule).
+    /// Whether a point of the floor is inside the EFOV (even-odd rule).
     #[must_use]
     pub fn contains(&self, point: FloorPoint) -> bool {
         let mut inside = [0; 1];
@@ -100,7 +100,7 @@ impl Extent<'_> {
         inside == [1]
     }
 
-    /// What became of a pixel that shows a point, by itself; see [`Self::classify`].
+    /// Returns the status of a single pixel that shows a point; see [`Self::classify`].
     pub(crate) fn status_of(&self, eye: WorldPoint, pixel: Pixel, at: WorldPoint) -> Status {
         let mut status = [Status::Ok];
         let level = Plane::level(at.z);
@@ -108,7 +108,7 @@ impl Extent<'_> {
         status[0]
     }
 
-    /// The pixel at which a camera of this extent shows a point of space, and what became of the point.
+    /// Returns the pixel at which a camera with this extent shows a point in space, and the status.
     #[must_use]
     pub fn to_pixel(&self, camera: &Camera, point: WorldPoint) -> (Option<Pixel>, Status) {
         if !point.is_finite() {
@@ -121,22 +121,22 @@ impl Extent<'_> {
         }
     }
 
-    /// What becomes of a point that is shown at a pixel.
+    /// Returns the status of a point that is shown at a pixel.
     #[inline]
     pub(crate) fn status_of_pixel(&self, pixel: Pixel) -> Status {
         if self.shows(pixel) { Status::Ok } else { Status::OutsideImage }
     }
 
-    /// Edges of the EFOV.
+    /// Returns the edges of the EFOV.
     fn edges(&self) -> impl Iterator<Item = [FloorPoint; 2]> {
         self.efov.iter().zip(self.efov.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
     }
 
-    /// Flips `inside` at every edge of the EFOV that lies to the right of a point.
+    /// Flips `inside` at every edge of the EFOV to the right of a point.
     #[inline(always)]
     fn cross(&self, x: &[f64], y: &[f64], inside: &mut [u64]) {
         for [a, b] in self.edges() {
-            // Not finite for an edge along x, but no point lies between the ends of one.
+            // Not finite for an edge along x, but no point is between the ends of such an edge.
             let dx_by_dy = (b.x - a.x) / (b.y - a.y);
             for ((x, y), inside) in x.iter().zip(y).zip(inside.iter_mut()) {
                 let between = (a.y > *y) != (b.y > *y);
@@ -145,8 +145,10 @@ impl Extent<'_> {
         }
     }
 
-    /// The status of pixels by the image and by the EFOV: the floor lies on the ray from the camera at `eye`
-    /// through the point of a plane. Pixels without a point are taken to show what is above the horizon.
+    /// Determines the status of pixels from the image and the EFOV. The floor point is on the ray from the
+    /// camera at `eye` through the point of a plane.
+    ///
+    /// Pixels without a point count as above the horizon.
     pub(crate) fn classify(
         &self,
         eye: WorldPoint,
@@ -177,7 +179,7 @@ impl Extent<'_> {
         );
     }
 
-    /// The status of pixels, by whether the floor on their rays is inside the EFOV.
+    /// Returns the status of pixels, given whether the floor points on their rays are inside the EFOV.
     #[inline(always)]
     fn by_image_and_efov(
         &self,
@@ -199,10 +201,10 @@ impl Extent<'_> {
     }
 }
 
-/// Where the rays from the camera through points of a plane meet the floor.
+/// Returns the floor points on the rays from the camera through points of a plane.
 #[inline(always)]
 fn on_floor(eye: WorldPoint, plane: &Plane, [x, y]: [&[f64; LANES]; 2]) -> [[f64; LANES]; 2] {
-    // A point above the camera is seen where the floor is not.
+    // The ray of a point above the camera does not meet the floor.
     let stretch = |height: f64| if height < eye.z { eye.z / (eye.z - height) } else { f64::NAN };
     let (is_level, level) = (plane.slope == [0.0; 2], stretch(plane.height));
     let mut floor = [[0.0; LANES]; 2];

@@ -1,55 +1,53 @@
-//! Values that are worked on together, so that the compiler can use vector instructions.
+//! Covariances of many points of a plane at once, in lanes, so that the compiler can use vector instructions.
+//! [`Camera::covariance_on`] computes the same for one point.
 //!
-//! The covariance of points of a plane by the errors of the camera that shows them, in step.
+//! # From the errors of the camera
 //!
-//! With the way `d = (x, y, z)` from the camera to a point of the plane, its normal `n = (-slope, 1)` and the drop
-//! `q = n . d` to it, a change c of d moves the point by `D(c) = c - d (n . c) / q`.
+//! Let `d = (x, y, z)` be the vector from the camera to a point of the plane, `n = (-slope, 1)` the normal of
+//! the plane, and `q = n . d` the drop to it. The drop is the same for all points. A change c of d moves the
+//! point where its ray meets the plane by `D(c) = c - d (n . c) / q`.
 //!
-//! A shift of its place is a c that is the same for all points, a turn makes `c = w x d`, a longer focal
-//! `c = forward (forward . d) / f` but for a multiple of d, and `D(d) = 0`. On the plane z is affine in x and y, and so is
-//! c. Hence
+//! A shift of the camera is a c that is the same for all points. A small rotation w gives `c = w x d`. A
+//! longer focal length gives `c = forward (forward . d) / f`, up to a multiple of d, and `D(d) = 0`. On the
+//! plane z is affine in x and y, and so is c. Hence
 //!
 //! ```text
 //! D(c) = m + (x, y) l,    m = (m0 + m1 x + m2 y, m3 + m4 x + m5 y),    l = m6 x + m7 y,
 //! ```
 //!
-//! an infinitesimal homography of the plane, of eight numbers (the "pure parameters" of Tsai and Huang 1981), which are
-//! linear in the errors of the camera: they have a covariance of their own, the same for all points.
+//! an infinitesimal homography of the plane with eight numbers (the "pure parameters" of Tsai and Huang
+//! 1981). The numbers are linear in the errors of the camera. Their covariance is therefore the same for all
+//! points.
 //!
-//! With the point `p = (x, y)` that of D(c) is `cov(m + p l) = cov(m) + p k' + k p'`, `k = cov(m, l) + p var(l) / 2`, a form
-//! of the fourth degree. So that every coefficient is used once, what of `var(m_x)` has a factor x stands with k, and what of
-//! `var(m_y)` has a factor y:
+//! With the point `p = (x, y)`, the covariance of D(c) is `cov(m + p l) = cov(m) + p k' + k p'` with
+//! `k = cov(m, l) + p var(l) / 2`. It is a polynomial of the fourth degree. To use every coefficient only
+//! once, the terms of `var(m_x)` with a factor x are added to k, and likewise the terms of `var(m_y)` with a
+//! factor y:
 //!
 //! ```text
-//! K_x = k_x + (what of var(m_x) has x) / 2x,    K_y = k_y + (what of var(m_y) has y) / 2y,
-//! xx = (the rest of var(m_x)) + 2 x K_x,        yy = (the rest of var(m_y)) + 2 y K_y,
-//! xy = cov(m_x, m_y) - x (K_y - k_y) - y (K_x - k_x) + x K_y + y K_x,
+//! K_x = k_x + (terms of var(m_x) with x) / 2x,    K_y = k_y + (terms of var(m_y) with y) / 2y,
+//! xx = (other terms of var(m_x)) + 2 x K_x,       yy = (other terms of var(m_y)) + 2 y K_y,
+//! xy = cov(m_x, m_y) - x (K_y - k_y) - y (K_x - k_x) + x K_y + y K_x.
 //! ```
 //!
-//! and of K the part along p, what of `K_x` has a factor x, is computed once: `K_x = with_x + x along`, `K_y = with_y + y along`.
+//! The part of K along p, which contains the terms of `K_x` with a factor x, is computed once:
+//! `K_x = with_x + x along`, `K_y = with_y + y along`.
 //!
-//! Covariances of many points of a plane at once, in step, so that the compiler can use vector instructions: what
-//! [`Camera::covariance_on`] says of one.
+//! # From the error of the pixel
 //!
-//! Let `d = (x, y, z)` be the way from the camera to a point of the plane, whose normal is `n = (-slope, 1)`: `n . d` is the
-//! drop q to the plane, the same for all points. A change c of d moves the point where its ray meets the plane by
-//! `D(c) = c - d (n . c) / q`.
-//!
-//! **By the camera**: `flow_covariance.rs`.
-//!
-//! **By the pixel.** With a and b in pixels from the principal point a ray is `a right + b down + f forward`,
-//! `d = t (a right + b down + f forward)` with `t = q / r`, and r is affine in a and b. So the point moves with (a, b) by
-//! `T = t [D(right), D(down)]`, in which what is quadratic cancels: `T = t^2 / q (M + b K, N - a K)`, with columns M, N and K
-//! that are the same for all pixels.
+//! With a and b in pixels from the principal point, a ray is `a right + b down + f forward`. Hence
+//! `d = t (a right + b down + f forward)` with `t = q / r`, where r is affine in a and b. The point moves
+//! with (a, b) by `T = t [D(right), D(down)]`, in which the quadratic terms cancel:
+//! `T = t^2 / q (M + b K, N - a K)`. The columns M, N and K are the same for all pixels.
 
 use crate::camera::{
     BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
 };
 
-/// As many values as are worked on together.
+/// Values that are computed together.
 pub(super) type Lanes<const N: usize = LANES> = [f64; N];
 
-/// As many values as there are, and a filling.
+/// Returns the first values as an array, padded with `filling`.
 #[inline(always)]
 pub(super) fn lanes<const N: usize>(values: &[f64], filling: f64) -> [f64; N] {
     let filled = || std::array::from_fn(|i| values.get(i).copied().unwrap_or(filling));
@@ -64,7 +62,8 @@ pub(super) fn store<T: Copy, const N: usize>(values: &[T; N], to: &mut [T]) {
     }
 }
 
-/// As many values as a block has: those given, or a copy of them that is filled up.
+/// Returns the first values as a block: a reference if there are enough, otherwise the padded copy in
+/// `spare`.
 #[inline(always)]
 pub(super) fn block<'a, const N: usize>(values: &'a [f64], spare: &'a mut [f64; N]) -> &'a [f64; N] {
     if let Some(all) = values.first_chunk() {
@@ -74,29 +73,29 @@ pub(super) fn block<'a, const N: usize>(values: &'a [f64], spare: &'a mut [f64; 
     spare
 }
 
-/// The eight numbers of a flow of the plane.
+/// Eight numbers of an infinitesimal homography of the plane.
 type Flow = [f64; 8];
 
-/// The covariance of the flow that the errors of a camera make.
+/// Covariance of the infinitesimal homography that the errors of a camera cause.
 #[derive(Clone, Debug)]
 pub(super) struct FlowCovariance {
-    /// The rest of `var(m_x)`, by 1, y, yy.
+    /// Coefficients of the other terms of `var(m_x)`: of 1, y, yy.
     xx: [f64; 3],
-    /// The rest of `var(m_y)`, by 1, x, xx.
+    /// Coefficients of the other terms of `var(m_y)`: of 1, x, xx.
     yy: [f64; 3],
-    /// `cov(m_x, m_y)` without what K took.
+    /// Coefficients of `cov(m_x, m_y)` without the terms that K contains.
     xy: Quadratic,
-    /// By 1, y, yy.
+    /// Coefficients of 1, y, yy.
     with_x: [f64; 3],
     with_y: Quadratic,
     along: Quadratic,
-    /// Of every coefficient of the lens with the flow; zeros for those that were not estimated.
-    lens_with_pose: [Flow; Distortion::MOST],
-    /// Of the coefficients of the lens with each other.
-    lens: [[f64; Distortion::MOST]; Distortion::MOST],
+    /// Covariance of every lens coefficient with the flow; zeros for coefficients that were not estimated.
+    lens_with_pose: [Flow; Distortion::MAX_COEFFICIENTS],
+    /// Covariance of the lens coefficients with each other.
+    lens: [[f64; Distortion::MAX_COEFFICIENTS]; Distortion::MAX_COEFFICIENTS],
 }
 
-/// By 1, x, y, xx, xy, yy.
+/// Coefficients of 1, x, y, xx, xy, yy.
 type Quadratic = [f64; 6];
 
 impl FlowCovariance {
@@ -105,7 +104,7 @@ impl FlowCovariance {
         let flows = flows(camera, plane, axes, drop);
         let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
         let estimated: Vec<usize> = (0..Covariance::LENS).filter(is_estimated).collect();
-        // With everything of the camera that has a flow.
+        // Covariance with all estimated parameters of pose and focal length.
         let with = |row: usize| -> Flow {
             std::array::from_fn(|k| {
                 estimated.iter().map(|&other| covariance[row][other] * flows[other][k]).sum()
@@ -158,7 +157,7 @@ impl FlowCovariance {
         }
     }
 
-    /// By the pose and the focal: xx, xy, yy.
+    /// Returns the covariance from pose and focal length: xx, xy, yy.
     #[inline(always)]
     pub(super) fn of_pose<const N: usize>(&self, x: &Lanes<N>, y: &Lanes<N>) -> [Lanes<N>; 3] {
         let mut of = [[0.0; N]; 3];
@@ -178,25 +177,26 @@ impl FlowCovariance {
         of
     }
 
-    /// By the coefficients of the lens: with each other and with the pose, every pair counts twice.
+    /// Adds the covariance from the lens coefficients, with each other and with the pose. Every pair counts
+    /// twice.
     #[inline(always)]
     pub(super) fn add_lens(
         &self,
         to: &mut [Lanes; 3],
         [at_x, at_y]: [&Lanes; 2],
         [[xa, xb], [ya, yb]]: &[[Lanes; 2]; 2],
-        changes: &[[Lanes; 2]; Distortion::MOST],
+        changes: &[[Lanes; 2]; Distortion::MAX_COEFFICIENTS],
     ) {
         let [to_xx, to_xy, to_yy] = to;
         for i in 0..LANES {
-            // A raw pixel that stays is undistorted to another place.
-            let mut moves = [[0.0; 2]; Distortion::MOST];
+            // A fixed raw pixel changes its undistorted position.
+            let mut moves = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
             for (moved, [dx, dy]) in moves.iter_mut().zip(changes) {
                 *moved = [-(xa[i] * dx[i] + xb[i] * dy[i]), -(ya[i] * dx[i] + yb[i] * dy[i])];
             }
-            for first in 0..Distortion::MOST {
+            for first in 0..Distortion::MAX_COEFFICIENTS {
                 let mut with = moved_by(&self.lens_with_pose[first], at_x[i], at_y[i]);
-                for other in first + 1..Distortion::MOST {
+                for other in first + 1..Distortion::MAX_COEFFICIENTS {
                     with[0] += self.lens[first][other] * moves[other][0];
                     with[1] += self.lens[first][other] * moves[other][1];
                 }
@@ -209,9 +209,9 @@ impl FlowCovariance {
     }
 }
 
-/// The flow of the plane by every unknown of pose and focal.
+/// Returns the flow of the plane for each parameter of pose and focal length.
 fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
-    // What moves d, of neither x nor y, by x, and by y.
+    // Parts of the change of d: constant, linear in x, and linear in y.
     let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {
         let [off, off_x, off_y] = [none, by_x, by_y].map(|c| plane.rise(&c) / drop);
         [none[0], by_x[0] - off, by_y[0], none[1], by_x[1], by_y[1] - off, -off_x, -off_y]
@@ -226,7 +226,7 @@ fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Fl
     let (sin, cos) = sin_cos(camera.roll);
     let level: [f64; 3] = std::array::from_fn(|i| sin * right[i] + cos * down[i]);
     let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    // From one axis to another, by the angle between them.
+    // Rotation from one axis towards another.
     let turned = |from: &[f64; 3], to: &[f64; 3]| {
         flow(on_plane.map(|d| std::array::from_fn(|i| dot(from, &d) * to[i] - dot(to, &d) * from[i])))
     };
@@ -241,47 +241,47 @@ fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Fl
     flows
 }
 
-/// How far a flow moves a point.
+/// Returns the displacement of a point by a flow.
 #[inline(always)]
 fn moved_by(&[x0, xx, xy, y0, yx, yy, lx, ly]: &Flow, x: f64, y: f64) -> [f64; 2] {
     let along = x * lx + y * ly;
     [x0 + x * (xx + along) + y * xy, y0 + y * (yy + along) + x * yx]
 }
 
-/// As many pixels of a straight lens as are fastest in step: with two steps of the widest instructions side by side, one
-/// does not wait for the other.
+/// Number of pixels of an undistorted lens that is fastest in lanes. With two steps of the widest
+/// instructions in parallel, neither waits for the other.
 pub(super) const STRAIGHT_LANES: usize = 2 * LANES;
 
-/// A camera and a plane prepared for covariances.
+/// Camera and plane, prepared for covariances.
 #[derive(Clone, Debug)]
 pub(super) struct CovarianceLanes<'a> {
     camera: &'a Camera,
-    /// That of a coordinate of a pixel, in pixels.
+    /// Standard deviation of a pixel coordinate, in pixels.
     sigma: f64,
-    /// Rows right, down and f times forward, of each its x, its y and `(n . axis) / q`.
+    /// Rows right, down and f times forward; of each its x, its y and `(n . axis) / q`.
     axes: [[f64; 3]; 3],
-    /// M, N and K over q, of x and of y.
+    /// M, N and K over q, for x and for y.
     minors: [[f64; 3]; 2],
-    /// The same times sigma.
+    /// `minors` times sigma.
     of_sigma: [[f64; 3]; 2],
-    /// None where nothing is known of the errors.
+    /// Covariance from the camera; `None` if the errors of the camera are unknown.
     flow: Option<FlowCovariance>,
 }
 
-/// Points of the plane, from the point above which the camera is.
+/// Points of the plane, relative to the point below the camera.
 struct Points<const N: usize> {
     x: Lanes<N>,
     y: Lanes<N>,
-    /// Square of t; NaN where the plane is not seen.
+    /// Square of t; NaN where the plane is not visible.
     square: Lanes<N>,
 }
 
-/// How points of the plane move with (a, b), as rows x and y of T, or of T over t^2.
+/// Derivatives of points of the plane with respect to (a, b), as rows x and y of T, or of T over t^2.
 #[derive(Clone, Copy, Debug)]
 struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
 impl<'a> CovarianceLanes<'a> {
-    /// `sigma` is that of a coordinate of a pixel.
+    /// Prepares a camera and a plane. `sigma` is the standard deviation of a pixel coordinate, in pixels.
     pub(super) fn new(camera: &'a Camera, plane: &Plane, sigma: f64) -> Self {
         let axes = camera.rotation();
         let drop = plane.height_at(camera.position.on_floor()) - camera.position.z;
@@ -298,8 +298,10 @@ impl<'a> CovarianceLanes<'a> {
         Self { camera, sigma, axes, minors, of_sigma, flow }
     }
 
-    /// Of pixels of a straight lens. That of the pixel and that of the calibration, each xx, xy, yy: NaN where the plane is
-    /// not seen, and where nothing is known of the errors.
+    /// Computes the covariances for pixels of a lens without distortion: from the pixel and from the
+    /// calibration, each xx, xy, yy.
+    ///
+    /// NaN where the plane is not visible, and where the errors of the camera are unknown.
     #[inline(always)]
     pub(super) fn straight<const N: usize>(&self, u: &Lanes<N>, v: &Lanes<N>) -> [[Lanes<N>; 3]; 2] {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
@@ -311,12 +313,12 @@ impl<'a> CovarianceLanes<'a> {
                 column[i] *= points.square[i] * points.square[i];
             }
         }
-        // No closure: it would be compiled without the instructions of who calls.
+        // Not a closure: a closure would be compiled without the instruction set of the caller.
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
         [pixel, flow.of_pose(&points.x, &points.y)]
     }
 
-    /// The same of a lens that bends.
+    /// Computes the same for a lens with distortion.
     #[inline(always)]
     pub(super) fn bent(
         &self,
@@ -339,10 +341,10 @@ impl<'a> CovarianceLanes<'a> {
         let pixel = by_raw.times(self.sigma).squared();
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
         let mut calibration = flow.of_pose(&points.x, &points.y);
-        let mut changes = [[[0.0; LANES]; 2]; Distortion::MOST];
+        let mut changes = [[[0.0; LANES]; 2]; Distortion::MAX_COEFFICIENTS];
         for i in 0..LANES {
             let by = brown.distorted_by_coefficients([x[i], y[i]]);
-            for coefficient in 0..Distortion::MOST {
+            for coefficient in 0..Distortion::MAX_COEFFICIENTS {
                 changes[coefficient][0][i] = by[coefficient][0];
                 changes[coefficient][1][i] = by[coefficient][1];
             }
@@ -353,7 +355,8 @@ impl<'a> CovarianceLanes<'a> {
 
     #[inline(always)]
     fn points<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>) -> Points<N> {
-        /// As for one pixel: what is farther is the horizon's rounding.
+        /// Largest distance of a point, as in the mapping of one pixel. Greater distances are rounding errors
+        /// at the horizon.
         const FARTHEST: f64 = 1e12;
         let [right, down, forward] = self.axes;
         let mut points = Points { x: [0.0; N], y: [0.0; N], square: [0.0; N] };
@@ -369,14 +372,14 @@ impl<'a> CovarianceLanes<'a> {
         points
     }
 
-    /// The axes are orthonormal.
+    /// Returns the squared length of a ray; the axes are orthonormal.
     #[inline(always)]
     fn square_of_ray(&self, a: f64, b: f64) -> f64 {
         a * a + b * b + self.camera.focal * self.camera.focal
     }
 }
 
-/// `T / t^2`, of M, N and K over q.
+/// Computes `T / t^2` from M, N and K over q.
 #[inline(always)]
 fn slopes<const N: usize>([x, y]: &[[f64; 3]; 2], a: &Lanes<N>, b: &Lanes<N>) -> Slopes<N> {
     let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
@@ -400,7 +403,8 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// How the points move with the raw pixel: T times the inverse of the Jacobian of the lens, which is symmetric.
+    /// Returns the derivatives with respect to the raw pixel: T times the inverse of the Jacobian of the
+    /// lens, which is symmetric.
     #[inline(always)]
     fn by_raw(mut self, brown: &BrownConrady, x: &Lanes<N>, y: &Lanes<N>) -> Self {
         let mut unbend = [[0.0; N]; 3];
@@ -419,7 +423,7 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// The covariance of x and y by two independent coordinates of the variance 1: xx, xy, yy.
+    /// Returns the covariance of x and y for two independent coordinates of variance 1: xx, xy, yy.
     #[inline(always)]
     fn squared(&self) -> [Lanes<N>; 3] {
         let mut squared = [[0.0; N]; 3];
@@ -448,7 +452,7 @@ mod tests {
             at in proptest::collection::vec((0.0..1920.0_f64, -100.0..1080.0_f64), 1..30),
             height in -1.0..1.5_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
         ) {
-            /// How sure the unknowns are: metres, radians, pixels, coefficients.
+            /// Standard deviations of the parameters: metres, radians, pixels, coefficients.
             const SIGMAS: [f64; Covariance::SIZE] =
                 [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4, 0.0, 0.0];
             let mut camera = camera;
@@ -470,8 +474,8 @@ mod tests {
                 match camera.covariance_on(Pixel { u: u[i], v: v[i] }, 0.7, &plane, &[[0.0; 3]; 3]) {
                     None => prop_assert!(found.iter().all(|column| column[i].is_nan())),
                     Some(alone) => {
-                        // A ray is right to 1e-13 of a focal in step, its place on the floor to that many times
-                        // the distance in heights.
+                        // In lanes a ray is correct to 1e-13 of a focal length. The relative error on the
+                        // floor is larger by the distance in camera heights.
                         let range = camera.pixel_to_plane(Pixel { u: u[i], v: v[i] }, &plane).map_or(f64::NAN, |foot| {
                             foot.on_floor().distance(camera.position.on_floor()) / (camera.position.z - height)
                         });

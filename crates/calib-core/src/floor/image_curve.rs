@@ -1,19 +1,16 @@
-//! What a camera shows of straight lines of space: the way of a 3-D polyline, of the horizon and of a line that was drawn
-//! by its ends across its image, bent as its lens bends them.
-//!
-//! A straight line of the floor or of a plane, and where an image shows it beside a pixel.
+//! Images of straight lines in space, curved by the lens: 3-D polylines, the horizon, annotations given by
+//! their ends, and lines of the floor or of a plane.
 
 use crate::camera::{Camera, FloorPoint, Lens, Pixel, Plane, WorldPoint};
 use crate::floor::scene::Polyline;
 
-/// The way of a 3-D polyline across an image: in pieces where parts of it cannot be seen.
+/// Projects a 3-D polyline to an image, in pieces where parts of it are invisible.
 ///
-/// It is cut where the lens ends and, but for a fisheye that looks there, at the camera's near side, and follows the bend of
-/// the lens.
-/// What lies off the image is kept, so that a canvas larger than the image shows it.
+/// It is cut where the lens ends and, except for a fisheye that covers it, at the near plane. It follows the
+/// distortion of the lens. Parts outside the image are kept, for canvases larger than the image.
 #[must_use]
 pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
-    /// Metres in front of the camera's plane at which lines are cut.
+    /// Distance of the near plane, in metres.
     const NEAR: f64 = 0.05;
     let mut pieces = vec![Vec::new()];
     for pair in polyline.windows(2) {
@@ -35,7 +32,8 @@ pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
     pieces
 }
 
-/// What of a straight piece is farther forward than `near`; its points are right, down, forward of an eye.
+/// Clips a segment to the part farther forward than `near`; points are in eye coordinates (right, down,
+/// forward).
 #[must_use]
 pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
     let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
@@ -72,18 +70,18 @@ impl Arc {
         Self { ends: [a, b], angle: cosine.acos() }
     }
 
-    /// That between the rays of two pixels, in normalised axes; `None` where the lens shows nothing.
+    /// Returns the arc between the rays of two pixels, in normalised axes; `None` outside the lens.
     fn of_pixels(lens: &Lens, [a, b]: [Pixel; 2]) -> Option<Self> {
         let ray = |pixel| lens.bearing(pixel).map(|[x, y, w]| [x / lens.focal, y / lens.focal, w]);
         Some(Self::between([ray(a)?, ray(b)?]))
     }
 
-    /// What passes through the eye has no image; what is short is its ends.
+    /// A line through the eye has no image; a short one consists of its ends.
     fn steps(&self) -> usize {
         (self.angle / Self::STEP).ceil().max(1.0) as usize
     }
 
-    /// From one end (t = 0) to the other (t = 1), and on along the circle.
+    /// Returns the point at `t`: 0 and 1 are the ends, larger values continue along the circle.
     fn at(&self, t: f64) -> [f64; 3] {
         let ([a, b], angle) = (self.ends, self.angle);
         let [of_a, of_b] =
@@ -93,12 +91,13 @@ impl Arc {
 
     fn shown_at(&self, lens: &Lens, t: f64) -> Option<Pixel> {
         let [x, y, w] = self.at(t);
-        lens.shown([lens.focal * x, lens.focal * y, w])
+        lens.bearing_to_pixel([lens.focal * x, lens.focal * y, w])
     }
 }
 
-/// The way across the image of a line that was drawn by its points: between two of them that of the straight line of space
-/// through both, bent as a fisheye bends it. Under other lenses, and where the lens shows nothing, from point to point.
+/// Returns the image curve of a line given by its points. For a fisheye, each piece is the image of the
+/// straight line in space through both points. For other lenses, and outside the lens, it is straight in the
+/// image.
 #[must_use]
 pub fn drawn_line(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
     if !lens.distortion.is_wide() {
@@ -115,14 +114,14 @@ pub fn drawn_line(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
     line
 }
 
-/// How the straight line of space through two pixels goes on beyond the second of them, to where the lens shows nothing;
-/// empty under a lens that is no fisheye.
+/// Continues the straight line in space through two pixels beyond the second one, to the end of the lens;
+/// empty for a lens that is not a fisheye.
 #[must_use]
 pub fn line_beyond(lens: &Lens, ends: [Pixel; 2]) -> Vec<Pixel> {
     let arc = Some(lens).filter(|lens| lens.distortion.is_wide());
     let arc = arc.and_then(|lens| Arc::of_pixels(lens, ends)).filter(|arc| arc.angle > 1e-6);
     let Some(arc) = arc else { return Vec::new() };
-    // Once round, and not back to where it was drawn.
+    // Once around, without returning to the annotated part.
     let steps = ((std::f64::consts::TAU - arc.angle) / Arc::STEP) as usize;
     let beyond = |step: usize| arc.shown_at(lens, 1.0 + step as f64 * Arc::STEP / arc.angle);
     (0..steps).map_while(beyond).collect()
@@ -133,7 +132,7 @@ fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>)
     let arc = Arc::between(ends);
     let steps = arc.steps();
     for step in 0..=steps {
-        match camera.lens.shown(camera.bearing(arc.at(step as f64 / steps as f64))) {
+        match camera.lens.bearing_to_pixel(camera.bearing(arc.at(step as f64 / steps as f64))) {
             Some(pixel) => {
                 if let Some(piece) = pieces.last_mut()
                     && piece.last() != Some(&pixel)
@@ -146,9 +145,10 @@ fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>)
     }
 }
 
-/// Appends the image of a straight piece in camera axes, in steps short enough for the bend of the lens.
+/// Appends the image of a straight segment in camera axes, in steps short enough for the distortion.
 fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
-    /// Pixels between points of a bent line: a curve of 500 px radius is 0.2 px off its chord.
+    /// Distance between points of a curved line, in pixels; at a radius of 500 px, the curve is 0.2 px off
+    /// its chord.
     const STEP: f64 = 24.0;
     const MOST: f64 = 256.0;
     let centre = camera.lens.principal_point;
@@ -180,10 +180,11 @@ fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
     }
 }
 
-/// The horizon across an image of this size, bent as the lens bends it; empty when it is out of sight.
+/// Returns the horizon across an image of this size, curved by the lens; empty if it is invisible.
 #[must_use]
 pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
-    // Directions of the level plane through the camera, as far points: those in front of it show.
+    // Directions of the horizontal plane through the camera, as far points; the visible ones are in front of
+    // it.
     const STEPS: usize = 180;
     const FAR: f64 = 1e6;
     let ring: Polyline = (0..=STEPS)
@@ -204,28 +205,28 @@ pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
 pub struct FloorLine {
     /// A point of it, in metres.
     pub through: FloorPoint,
-    /// From world +x, counter-clockwise, in radians.
+    /// Direction, counter-clockwise from world +x, in radians.
     pub turn: f64,
 }
 
 impl FloorLine {
-    /// The line through two points; `None` where they are one.
+    /// Returns the line through two points; `None` if they coincide.
     #[must_use]
     pub fn between(a: FloorPoint, b: FloorPoint) -> Option<Self> {
         (a.distance(b) > 0.0).then(|| Self { through: a, turn: (b.y - a.y).atan2(b.x - a.x) })
     }
 
-    /// The point of the line that is nearest to where a camera puts a pixel on a plane, and the pixel of the line's
-    /// image that is nearest to that pixel.
+    /// Returns the point of the line that is nearest to the point of a pixel on a plane, and the pixel of the
+    /// line's image that is nearest to the given pixel.
     ///
-    /// `None` where the pixel or the line beside it is not seen.
+    /// `None` if the pixel or the nearby line is not visible.
     #[must_use]
     pub fn nearest(&self, camera: &Camera, pixel: Pixel, plane: &Plane) -> Option<(FloorPoint, Pixel)> {
-        /// Half of a piece of the line, in metres, so short that no lens bends it.
+        /// Half of a piece of the line, in metres; short enough to be straight in any lens.
         const PIECE: f64 = 1e-3;
         /// Pieces that are looked at, each about where the one before is nearest.
         const STEPS: usize = 40;
-        /// A step, in halves of a piece, after which no other follows.
+        /// Step after which the iteration ends, in halves of a piece.
         const NEAR: f64 = 1e-3;
         let put = camera.pixel_to_plane(pixel, plane)?.on_floor();
         let (sin, cos) = self.turn.sin_cos();
@@ -353,7 +354,7 @@ mod tests {
             prop_assert!(across(at).abs() < 1e-9 && (at.distance(put) - off.abs()).abs() < 1e-9);
             let back = camera.pixel_to_floor(shown, 0.0).unwrap();
             prop_assert!(across(back).abs() < 1e-4, "{} of {off}", across(back));
-            // None beside it is nearer.
+            // No neighbouring point is nearer.
             for beside in [-0.1, 0.1] {
                 let beside = FloorPoint { x: back.x + beside * turn.cos(), y: back.y + beside * turn.sin() };
                 let Some(other) = camera.world_to_pixel(beside.at_height(0.0)) else { continue };

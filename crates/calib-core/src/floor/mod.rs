@@ -1,17 +1,26 @@
-//! One calibrated camera and the floor: projection in both directions, and what follows from it.
+//! One calibrated camera and the floor: projection in both directions, and everything that is computed from
+//! it.
 //!
-//! Law: roll, pitch, focal and lens are given here, never estimated from drawings.
+//! Rule: roll, pitch, focal length and lens are inputs here. They are never estimated from annotations.
 //!
-//! - `placement` stage 2 by hand: move, turn, scale; `resection` position and yaw from control points;
-//! - `efov` the effective field of view on the floor; `scene` grids, prisms and virtual elements as polylines; `image_curve` **their way across an image**;
-//! - `floor_line` a line of the floor and where an image shows it;
-//! - `lanes` values in step; `flow_covariance`, `covariance_lanes` **how sure many points of the floor are**, by camera and by
-//!   pixel; `status`, `extent`, `projector` many pixels to the floor and back, with what became of each; `point_projector` many
-//!   points of space to pixels;
-//! - `surfaces`, `surface_projector` the same of a site with planes besides the floor;
-//! - `stream`, `detection_box`, `camera_view` the same for the pixels and boxes of a stream, as other languages ask for it;
-//! - `remap` undistorted images; `straight_view` those of a stream; `window` **flat and round windows that look anywhere
-//!   within a lens**.
+//! The files, in the order of the data:
+//!
+//! - `placement`: stage 2 by hand, which moves, rotates and scales the EFOV; `resection`: position and yaw
+//!   from control points.
+//! - `efov`: the effective field of view on the floor.
+//! - `scene`: the floor grid, prisms and virtual elements as polylines in space.
+//! - `image_curve`: **the image curves of straight lines**, of the horizon, and of a line on the floor.
+//! - `extent`: the area that a camera covers, and the status of a mapped point.
+//! - `floor_covariances`: **covariances of many floor points**, from the errors of the camera and of the
+//!   pixel.
+//! - `projector`: slices of pixels to a plane and back; `point_projector`: slices of points in space to
+//!   pixels.
+//! - `surface`: the planes of a site in addition to the floor, and the first one that the ray of a pixel
+//!   meets.
+//! - `stream`, `detection_box`, `camera_view`: the same for the pixels and the detection boxes of a stream.
+//!   The bindings for other languages use these.
+//! - `remap`: undistorted images; `window`: **flat and cylindrical windows that look anywhere within a
+//!   lens**.
 
 mod placement;
 mod resection;

@@ -5,11 +5,11 @@ use crate::camera::{Camera, FloorPoint};
 /// Height of the camera in stage 1, in metres, by the paper's convention.
 pub const STAGE_1_HEIGHT: f64 = 3.0;
 
-/// What the operator did to a polygon that was projected with (0, 0, z0, roll, pitch, 0, focal):
-/// first scaled and turned about the camera's foot (0, 0), then moved.
+/// Change of the polygon that was projected with (0, 0, z0, roll, pitch, 0, focal): scaled and rotated about
+/// the foot of the camera (0, 0), then translated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// In metres: becomes x0, y0.
+    /// Translation, in metres; becomes x0, y0.
     pub by: FloorPoint,
     /// Counter-clockwise, in radians: becomes yaw.
     pub turn: f64,
@@ -33,7 +33,8 @@ impl Placement {
         Self { by: camera.position.on_floor(), turn: camera.yaw, scale: camera.position.z / STAGE_1_HEIGHT }
     }
 
-    /// Where a point of the stage 1 floor (camera at height [`STAGE_1_HEIGHT`] over (0, 0), yaw 0) comes to lie.
+    /// Maps a point of the stage 1 floor (camera at height [`STAGE_1_HEIGHT`] above (0, 0), yaw 0) to the
+    /// plan.
     #[must_use]
     pub fn carry(&self, point: FloorPoint) -> FloorPoint {
         let (sin, cos) = self.turn.sin_cos();

@@ -1,14 +1,15 @@
 //! Slices of points of space to pixels: a camera prepared once, without allocating.
 
 use crate::camera::{
-    BrownConrady, Camera, Distortion, NEAREST, Pixel, UndistortedPixel, WorldPoint, dispatch,
+    BrownConrady, Camera, Distortion, MIN_DEPTH, Pixel, UndistortedPixel, WorldPoint, dispatch,
 };
 
 /// A camera prepared for mapping many points of space to pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointProjector {
     camera: Camera,
-    /// Rows right, down, forward; the first two over the focal of the lens, times that of the camera.
+    /// Rows right, down, forward; the first two are multiplied by the focal of the camera over the focal of
+    /// the lens.
     axes: [[f64; 3]; 3],
     /// Largest square radius of undistorted, normalised coordinates that the lens shows.
     most: f64,
@@ -35,7 +36,7 @@ impl PointProjector {
         match self.camera.lens.distortion {
             Distortion::None => self.by_formula(None, [x, y, z], [u, v]),
             Distortion::BrownConrady(brown) => self.by_formula(Some(&brown), [x, y, z], [u, v]),
-            // What has no faster way of its own goes point by point.
+            // Lenses without a vector version are computed point by point.
             _ => {
                 for i in 0..u.len() {
                     let shown = self.world_to_pixel(WorldPoint { x: x[i], y: y[i], z: z[i] });
@@ -58,10 +59,10 @@ impl PointProjector {
                     let (x, y, z) = (x - eye.x, y - eye.y, z - eye.z);
                     let along = |axis: [f64; 3]| axis[0] * x + axis[1] * y + axis[2] * z;
                     let [right, down, depth] = axes.map(along);
-                    let scale = if depth > NEAREST { depth.recip() } else { f64::NAN };
+                    let scale = if depth > MIN_DEPTH { depth.recip() } else { f64::NAN };
                     let (a, b) = (right * scale, down * scale);
                     let shown = a * a + b * b <= most;
-                    let bent = if straight { [a, b] } else { brown.distort_anywhere([a, b]) };
+                    let bent = if straight { [a, b] } else { brown.evaluate([a, b]) };
                     *u = if shown { cu + f * bent[0] } else { f64::NAN };
                     *v = if shown { cv + f * bent[1] } else { f64::NAN };
                 }
@@ -69,7 +70,7 @@ impl PointProjector {
         );
     }
 
-    /// One point.
+    /// Projects one point.
     fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
         let from_eye = [
             point.x - self.camera.position.x,
@@ -80,10 +81,10 @@ impl PointProjector {
             self.axes.map(|axis| axis[0] * from_eye[0] + axis[1] * from_eye[1] + axis[2] * from_eye[2]);
         let (Pixel { u: cu, v: cv }, f) = (self.camera.lens.principal_point, self.camera.lens.focal);
         if self.camera.lens.distortion.is_wide() {
-            return self.camera.lens.shown([f * x, f * y, z]);
+            return self.camera.lens.bearing_to_pixel([f * x, f * y, z]);
         }
         let straight = UndistortedPixel { u: cu + f * x / z, v: cv + f * y / z };
-        if z > NEAREST { self.camera.lens.distort(straight) } else { None }
+        if z > MIN_DEPTH { self.camera.lens.distort(straight) } else { None }
     }
 }
 
@@ -107,7 +108,7 @@ mod tests {
             PointProjector::new(&camera).points_to_pixels([&x, &y, &z], [&mut u, &mut v]);
             for i in 0..at.len() {
                 let point = WorldPoint { x: x[i], y: y[i], z: z[i] };
-                // At the rim of the lens, and beside the camera, a rounding decides.
+                // At the rim of the lens and to the side of the camera, rounding decides.
                 let depth = camera.in_camera(point)[2];
                 match camera.world_to_pixel(point) {
                     Some(pixel) if depth > 1e-3 => {

@@ -20,7 +20,7 @@ pub struct FloorProjector {
     floor_from_lens: [[f64; 3]; 3],
     /// Homogeneous lens coordinates from floor coordinates.
     lens_from_floor: [[f64; 3]; 3],
-    /// The lens, where it has no inverse in closed form and is inverted for many points at once.
+    /// Inverse of a lens without a closed form, for many points at once.
     inverse: Option<BrownInverse>,
 }
 
@@ -95,7 +95,7 @@ impl FloorProjector {
                 };
                 self.in_step(inverse, to_floor, [u, v], [x, y]);
             }
-            // What has no faster way of its own goes pixel by pixel.
+            // Lenses without a vector version are computed pixel by pixel.
             _ => {
                 for i in 0..u.len() {
                     let floor = self.pixel_to_floor(Pixel { u: u[i], v: v[i] });
@@ -105,14 +105,14 @@ impl FloorProjector {
         }
     }
 
-    /// Of the sign that the third coordinate has where the plane is seen: a plane above the camera is seen
-    /// above the horizon, and one at its height nowhere.
+    /// Returns the sign of the third coordinate where the plane is visible. A plane above the camera is
+    /// visible above the horizon; a plane at its height is invisible.
     fn side(&self) -> f64 {
         self.camera.position.z - self.plane.height_at(self.camera.position.on_floor())
     }
 
-    /// The division model, and with 0 no distortion: an undistorted point is the raw one (a, b) over q, and
-    /// so the floor is that of (a, b, q), homogeneous.
+    /// Maps with the division model, or without distortion for 0. An undistorted point is the raw one (a, b)
+    /// divided by q, so its floor point is the image of the homogeneous (a, b, q).
     fn by_quotient(&self, lambda: f64, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
@@ -134,7 +134,7 @@ impl FloorProjector {
         );
     }
 
-    /// Takes the lens out, and maps what is left, normalised, as `onward` says.
+    /// Undistorts pixels, and maps the normalised coordinates with `onward`.
     #[inline(always)]
     fn in_step(
         &self,
@@ -150,7 +150,7 @@ impl FloorProjector {
             move || {
                 let pixels = u.chunks(LANES).zip(v.chunks(LANES));
                 for ((u, v), (x, y)) in pixels.zip(x.chunks_mut(LANES).zip(y.chunks_mut(LANES))) {
-                    // What is left over is filled up with the principal point.
+                    // The rest is padded with the principal point.
                     let mut a = lanes(u, cu).map(|u| (u - cu) * inverse);
                     let mut b = lanes(v, cv).map(|v| (v - cv) * inverse);
                     lens.undistort(&mut a, &mut b);
@@ -164,12 +164,12 @@ impl FloorProjector {
         );
     }
 
-    /// Where a pinhole would show what the lens shows at raw pixels `(u, v)`: [`Camera::undistort`].
+    /// Undistorts raw pixels `(u, v)`, like [`Camera::undistort`].
     ///
-    /// A pixel outside the lens becomes NaN.
+    /// Pixels outside the lens become NaN.
     ///
     /// # Panics
-    /// When the slices are not of one length.
+    /// When the slices differ in length.
     pub fn undistort_pixels(&self, u: &[f64], v: &[f64], to_u: &mut [f64], to_v: &mut [f64]) {
         assert!(u.len() == v.len() && u.len() == to_u.len() && u.len() == to_v.len(), "slices of one length");
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
@@ -191,12 +191,12 @@ impl FloorProjector {
         }
     }
 
-    /// As [`Self::pixels_to_floor`], and says of every pixel what became of it.
+    /// Maps pixels like [`Self::pixels_to_floor`], with their status.
     ///
-    /// A pixel is inside the EFOV when the floor that it shows is, whatever the height of the plane.
+    /// A pixel is inside the EFOV if the floor point on its ray is, for any height of the plane.
     ///
     /// # Panics
-    /// When the slices are not of one length.
+    /// When the slices differ in length.
     pub fn pixels_to_floor_within(
         &self,
         extent: &Extent<'_>,
@@ -229,14 +229,14 @@ impl FloorProjector {
         }
     }
 
-    /// How uncertain the points of the plane are that raw pixels `(u, v)` show, for a standard deviation of
-    /// `pixel_sigma` pixels of each coordinate: [`Camera::floor_covariance`] for this plane, in square metres. The part of
-    /// the pixel and that of the calibration, each in columns xx, xy, yy.
+    /// Computes the covariances of the points of the plane at raw pixels `(u, v)`, for a standard deviation
+    /// of `pixel_sigma` pixels of each coordinate, in square metres, like [`Camera::floor_covariance`]. The
+    /// parts of the pixel and of the calibration each have the columns xx, xy, yy.
     ///
-    /// A pixel without a point has NaN, and so has what nobody knows of the calibration.
+    /// Pixels without a point get NaN. So does the calibration part if it is unknown.
     ///
     /// # Panics
-    /// When the slices are not of one length.
+    /// When the slices differ in length.
     pub fn floor_covariances(
         &self,
         [u, v]: [&[f64]; 2],
@@ -299,11 +299,11 @@ impl FloorProjector {
         );
     }
 
-    /// What has no faster way of its own.
+    /// Computes covariances for lenses without a vector version.
     fn covariances_one_by_one(&self, [u, v]: [&[f64]; 2], sigma: f64, mut to: [&mut [f64]; 6]) {
         for (i, (&u, &v)) in u.iter().zip(v).enumerate() {
             let found = self.camera.covariance_on(Pixel { u, v }, sigma, &self.plane, &[[0.0; 3]; 3]);
-            let [pixel, calibration] = found.unwrap_or(FloorCovariance::NONE).rows();
+            let [pixel, calibration] = found.unwrap_or(FloorCovariance::NAN).rows();
             let six = [pixel[0], pixel[1], pixel[3], calibration[0], calibration[1], calibration[3]];
             to.iter_mut().zip(six).for_each(|(column, value)| column[i] = value);
         }
@@ -339,15 +339,15 @@ impl FloorProjector {
         }
     }
 
-    /// One pixel; see [`Camera::pixel_to_plane`].
+    /// Maps one pixel; see [`Camera::pixel_to_plane`].
     #[must_use]
     pub fn pixel_to_floor(&self, pixel: Pixel) -> Option<FloorPoint> {
         self.camera.pixel_to_plane(pixel, &self.plane).map(WorldPoint::on_floor)
     }
 }
 
-/// How far from the principal point an image reaches, in focals, if that is near its centre: what a point takes to be
-/// mapped depends on it, and nothing else.
+/// Returns the distance from the principal point to the farthest corner, in focal lengths, for a principal
+/// point near the image centre. Only the speed depends on it.
 fn reach(lens: &Lens) -> f64 {
     let Pixel { u, v } = lens.principal_point;
     (1.2 * u.hypot(v) / lens.focal).clamp(0.3, 3.0)

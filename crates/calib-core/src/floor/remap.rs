@@ -1,7 +1,5 @@
-//! Undistortion of images: a map from every pixel of the undistorted image to the raw image, built once and
-//! applied to any number of images of that camera.
-//!
-//! Images of a stream without the bend of their lens.
+//! Undistortion of images: a map from every pixel of the undistorted image to the raw image. It is built once
+//! and applied to any number of images of that camera.
 
 use std::fmt;
 
@@ -11,54 +9,54 @@ use crate::camera::{BrownConrady, Distortion, Lens, Pixel, UndistortedPixel, dis
 use crate::floor::camera_view::CameraView;
 use crate::floor::stream::named;
 
-/// Which part of the undistorted plane the new image shows. The size of the image stays.
+/// Part of the undistorted plane that the new image shows. The size of the image does not change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Crop {
-    /// The same focal: the centre keeps its scale.
+    /// The same focal length: the centre keeps its scale.
     #[default]
     SameFocal,
     /// The largest view without a blank pixel.
     AllValid,
-    /// Every pixel of the raw image, blank beyond.
+    /// Every pixel of the raw image; pixels outside it are blank.
     AllPixels,
 }
 
 named! { Crop { SameFocal = "same-focal", AllValid = "all-valid", AllPixels = "all-pixels" } }
 
-/// Bilinear weights are counted in 1/32 of a pixel, as finely as 8-bit colours can show.
+/// Number of bilinear weights per pixel: 8-bit colours do not show finer ones.
 const STEPS: f32 = 32.0;
 const STEP_BITS: u32 = 5;
 const BLANK: u32 = u32::MAX;
 
-/// The undistortion of the images of a lens: which part of the undistorted plane the new image shows.
+/// Undistortion of the images of a lens for a part of the undistorted plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Undistortion {
     lens: Lens,
     width: usize,
     height: usize,
-    /// Undistorted pixel = offset + scale * pixel of the new image.
+    /// Scale in: undistorted pixel = offset + scale * pixel of the new image.
     scale: f64,
     offset: [f64; 2],
-    /// Largest square radius of undistorted, normalised coordinates that the lens shows.
+    /// Largest squared radius of undistorted, normalised coordinates that the lens shows.
     most: f64,
 }
 
-/// A map from a new image to the raw one, as that of an [`Undistortion`], kept for many images of one camera.
+/// Precomputed map from a new image to the raw one, for many images of one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remap {
-    /// Of the raw image.
+    /// Width of the raw image, in pixels.
     width: usize,
-    /// How many the raw image has.
+    /// Number of pixels of the raw image.
     pixels: usize,
     rows: MapRows,
 }
 
-/// For every pixel of the new image the index of the raw pixel up and left of the point it
-/// shows, and the weights in x and y.
+/// Position in the raw image for every pixel of the new image: the index of the raw pixel up and left of it,
+/// and the weights in x and y.
 #[derive(Clone, Debug, PartialEq)]
 struct MapRows {
     index: Vec<u32>,
-    /// Weight in x in the low byte, in y in the high one.
+    /// Weight in x in the low byte, weight in y in the high byte.
     fraction: Vec<u16>,
 }
 
@@ -68,7 +66,7 @@ impl MapRows {
     }
 }
 
-/// How many bytes a pixel has.
+/// Number of bytes per pixel.
 #[derive(Clone, Copy, Debug)]
 enum Channels {
     Grey = 1,
@@ -77,12 +75,12 @@ enum Channels {
 }
 
 impl Channels {
-    /// Those of an image of so many pixels.
+    /// Returns the channels of an image with this number of pixels; `None` if its length does not fit.
     fn of(raw: &[u8], pixels: usize) -> Option<Self> {
         [Self::Grey, Self::Rgb, Self::Rgba].into_iter().find(|own| raw.len() == pixels * *own as usize)
     }
 
-    /// Fills pixels of the new image, as many as there are in the map.
+    /// Fills the pixels of the new image; `out` has as many pixels as the map.
     fn apply(self, raw: &[u8], width: usize, map: &MapRows, out: &mut [u8]) {
         let stride = width * self as usize;
         match self {
@@ -94,10 +92,12 @@ impl Channels {
 }
 
 impl Undistortion {
-    /// The undistorted image of a lens for raw images of `width` x `height` pixels; it has their size.
+    /// Prepares the undistortion of raw images of `width` x `height` pixels. The undistorted image has the
+    /// same size.
     ///
-    /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more; and for crops after the image's sides
-    /// where no flat image holds one of them, as round an image circle.
+    /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more. Also `None` for crops
+    /// that follow the sides of the image if no flat image contains one of these sides, as for an image
+    /// circle.
     #[must_use]
     pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
         let bytes = width.checked_mul(height)?.checked_mul(3)?;
@@ -109,37 +109,40 @@ impl Undistortion {
         Some(Self { lens: *lens, width, height, scale, offset, most })
     }
 
-    /// Focal of the new image when that of the raw one is `focal`, in pixels.
+    /// Returns the focal length of the new image if `focal` is the focal length of the raw one, in pixels.
     #[must_use]
     pub fn focal(&self, focal: f64) -> f64 {
         focal / self.scale
     }
 
-    /// Principal point of the new image.
+    /// Returns the principal point of the new image.
     #[must_use]
     pub fn principal_point(&self) -> Pixel {
         let Pixel { u, v } = self.lens.principal_point;
         Pixel { u: (u - self.offset[0]) / self.scale, v: (v - self.offset[1]) / self.scale }
     }
 
-    /// Maps an image of 8 bits a channel, row by row: grey, RGB or RGBA, in any order of colours. Pixels that the
-    /// raw image does not show become black, or clear.
+    /// Undistorts an image of 8 bits per channel, row by row: grey, RGB or RGBA, in any order of colours.
     ///
-    /// `None` when the slice is not of `width * height` bytes, or three or four times as many.
+    /// Pixels outside the raw image become black, or transparent. `None` if the slice does not have 1, 3 or 4
+    /// times `width * height` bytes.
     #[must_use]
     pub fn apply(&self, raw: &[u8]) -> Option<Vec<u8>> {
         let mut out = vec![0; raw.len()];
         self.apply_into(raw, &mut out).then_some(out)
     }
 
-    /// As [`Self::apply`], into a buffer of the same size; `false` when a slice has another one.
+    /// Undistorts an image like [`Self::apply`], into a buffer of the same size. Returns `false` if the size
+    /// of a slice is wrong.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
         raw.len() == out.len() && self.apply_rows_into(raw, 0, out)
     }
 
-    /// As [`Self::apply_into`], of the rows of the new image from `first` on, as many as the buffer holds: a caller
-    /// that has threads gives each its own rows. `false` when a slice is not of whole rows, or of more than there are.
+    /// Computes the rows of the new image from `first` on, until the buffer is full. Callers with threads
+    /// pass a separate buffer for each band of rows.
+    ///
+    /// Returns `false` if a slice does not contain whole rows, or has more rows than the image.
     #[must_use]
     pub fn apply_rows_into(&self, raw: &[u8], first: usize, out: &mut [u8]) -> bool {
         let Some(channels) = Channels::of(raw, self.width * self.height) else { return false };
@@ -148,7 +151,7 @@ impl Undistortion {
         if !out.len().is_multiple_of(row_bytes) || rows > self.height.saturating_sub(first) {
             return false;
         }
-        // One row of the map at a time stays in the fast cache.
+        // One row of the map at a time fits into the fast cache.
         let mut row = MapRows::new(self.width);
         let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
         for (y, out) in (first..).zip(out.chunks_exact_mut(row_bytes)) {
@@ -158,7 +161,7 @@ impl Undistortion {
         true
     }
 
-    /// The map, to be kept.
+    /// Computes the map for repeated use.
     #[must_use]
     pub fn remap(&self) -> Remap {
         let mut rows = MapRows::new(self.width * self.height);
@@ -175,8 +178,8 @@ impl Undistortion {
         pack(self.width, self.height, u, v, index, fraction);
     }
 
-    /// Where the raw image shows the pixels of a row of the new one (pixel centres at halves), to a
-    /// thousandth of a pixel.
+    /// Computes the raw positions of a row of the new image, to a thousandth of a pixel. Pixel centres are at
+    /// halves.
     fn raw_row(&self, row: usize, u: &mut [f32], v: &mut [f32]) {
         let lens = &self.lens;
         let Pixel { u: cu, v: cv } = lens.principal_point;
@@ -200,7 +203,8 @@ impl Undistortion {
 }
 
 impl Remap {
-    /// The map of a new image of so many pixels (width, height), each of which shows what the raw image has at `raw_of` it.
+    /// Builds the map of a new image of `size` (width, height) pixels. `raw_of` gives the position in the raw
+    /// image of each pixel.
     pub(crate) fn new(
         raw: [usize; 2],
         size: [usize; 2],
@@ -227,7 +231,7 @@ impl Remap {
         Some(Self { width: raw[0], pixels: raw[0] * raw[1], rows })
     }
 
-    /// As [`Undistortion::apply_into`]; the new image has the size that the map was made for.
+    /// Applies the map like [`Undistortion::apply_into`]. `out` has the size for which the map was built.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
         let is_whole = |own: &Channels| out.len() == self.rows.index.len() * *own as usize;
@@ -237,7 +241,7 @@ impl Remap {
     }
 }
 
-/// Fills pixels of the new image, as many as there are in the map; `C` bytes each.
+/// Fills the pixels of the new image, `C` bytes each; `out` has as many pixels as the map.
 fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mut [u8]) {
     dispatch(
         #[inline(always)]
@@ -255,12 +259,12 @@ fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mu
     );
 }
 
-/// Weighted mean of four pixels: two beside each other, and the two below them. First the rows are mixed, to 11
-/// bits, then the columns.
+/// Returns the weighted mean of four pixels: two neighbours, and the two below them. It first interpolates
+/// between the rows, to 11 bits, then between the columns.
 #[inline(always)]
 fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C] {
     let (fx, fy) = (u16x8::splat(fraction & 0xFF), u16x8::splat(fraction >> 8));
-    // 32 a + (b - a) f: where the difference is negative, the sum wraps back.
+    // 32 a + (b - a) f: if the difference is negative, the sum wraps back.
     let mix = |a: u16x8, b: u16x8, f: u16x8| -> u16x8 { (a << STEP_BITS) + (b - a) * f };
     let rows: u16x8 = (mix(top, bottom, fy) + u16x8::splat(2)) >> 2;
     let lanes = rows.to_array();
@@ -271,7 +275,7 @@ fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C]
     std::array::from_fn(|i| bytes[i])
 }
 
-/// Two neighbouring pixels, and what follows them.
+/// Reads two neighbouring pixels, and the bytes after them up to eight.
 #[inline(always)]
 fn pair(raw: &[u8], at: usize) -> u16x8 {
     let bytes: [u8; 8] = match raw.get(at..at + 8) {
@@ -282,14 +286,14 @@ fn pair(raw: &[u8], at: usize) -> u16x8 {
     u16x8::from_u8x16_low(u8x16::new(word.to_le_bytes()))
 }
 
-/// As [`pair`] at the very end of the image: what follows lies beyond it.
+/// Reads two pixels like [`pair`] at the very end of the image, where fewer than eight bytes remain.
 #[cold]
 #[inline(never)]
 fn last_pair(raw: &[u8], at: usize) -> [u8; 8] {
     std::array::from_fn(|i| raw.get(at + i).copied().unwrap_or_default())
 }
 
-/// Raw pixels of a row of normalised points `(first + i step, y)`; NaN beyond the lens.
+/// Computes the raw pixels of a row of normalised points `(first + i step, y)`; NaN outside the lens.
 fn brown_row(
     brown: &BrownConrady,
     most: f64,
@@ -317,7 +321,7 @@ fn brown_row(
     );
 }
 
-/// Packs raw positions as byte index of the pixel up and left, and fractions.
+/// Packs raw positions into the index of the pixel up and left, and the fractions.
 fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fraction: &mut [u16]) {
     // Centres are at halves: the pixel whose centre is up and left of u has index floor(u - 0.5).
     let (last_x, last_y) = (width as i32 - 1, height as i32 - 1);
@@ -327,11 +331,11 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
         #[inline(always)]
         move || {
             for (((index, fraction), &u), &v) in index.iter_mut().zip(fraction).zip(u).zip(v) {
-                // Half a pixel beyond the outer centres still shows the edge's colour.
+                // Up to half a pixel outside the outer centres the edge's colour is used.
                 let (x, y) = ((u - 0.5) * STEPS, (v - 0.5) * STEPS);
                 let inside = (x >= -16.0) & (x <= most_x + 16.0) & (y >= -16.0) & (y <= most_y + 16.0);
                 let (x, y) = (rounded(x, most_x), rounded(y, most_y));
-                // The last column and row are shown from the pixel before with full weight.
+                // The last column and row use the pixel before them, with full weight on the next one.
                 let (column, line) = ((x >> STEP_BITS).min(last_x - 1), (y >> STEP_BITS).min(last_y - 1));
                 let packed = line as u32 * width + column as u32;
                 *index = if inside { packed } else { BLANK };
@@ -341,17 +345,17 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
     );
 }
 
-/// The nearest whole number between 0 and `most`, which is below 2^22; 0 for NaN.
+/// Rounds to the nearest whole number between 0 and `most`, which is below 2^22; 0 for NaN.
 #[inline(always)]
 fn rounded(x: f32, most: f32) -> i32 {
-    /// Added to it, a number has its units in the last bit of its mantissa.
+    /// Offset that moves the units of a number into the last bit of its mantissa.
     const SHIFT: f32 = 12_582_912.0;
     let x = if x > 0.0 { x } else { 0.0 };
     let x = if x < most { x } else { most };
     (x + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
 }
 
-/// Scale and offset of the new image: undistorted = offset + scale * new.
+/// Returns the scale and offset of the new image: undistorted = offset + scale * new.
 fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> Option<(f64, [f64; 2])> {
     if crop == Crop::SameFocal {
         return Some((1.0, [0.0, 0.0]));
@@ -384,27 +388,27 @@ fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> Option<(f64, [f64
     (scale.is_finite() && scale > 0.0).then_some((scale, offset))
 }
 
-/// The undistortion of the images of a stream, prepared for many of them, with the pinhole that would make the same.
+/// Prepared undistortion of the images of a stream, and the pinhole camera of the undistorted images.
 #[derive(Clone, Debug)]
 pub struct StraightView {
-    /// What makes the new image of a raw one.
+    /// Map from the new image to the raw one.
     pub remap: Remap,
-    /// Width and height of both, in pixels.
+    /// Width and height of both images, in pixels.
     pub size: [usize; 2],
-    /// Focal of the new image, in pixels.
+    /// Focal length of the new image, in pixels.
     pub focal: f64,
     /// Principal point of the new image, from its corner.
     pub principal_point: Pixel,
 }
 
-/// Why images of a stream cannot be undistorted.
+/// Reason why the images of a stream cannot be undistorted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoStraightView {
     /// The stream is stretched.
     Stretched,
-    /// The crop is after the sides of the image, and no flat image holds one of them.
+    /// The crop follows the sides of the image, and no flat image contains one of them.
     Round,
-    /// Its images are too small, or too large.
+    /// The images are too small or too large.
     Size,
 }
 
@@ -412,7 +416,7 @@ impl fmt::Display for NoStraightView {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Stretched => {
-                "a stretched stream has no one focal: undistort images in the proportion of the still"
+                "a stretched stream has two focal lengths: undistort images with the aspect ratio of the calibrated image"
             }
             Self::Round => {
                 "no flat image holds all that this lens shows: expected the crop \"same-focal\", or a window"
@@ -428,7 +432,8 @@ impl CameraView {
     /// Prepares the undistortion of the images of the stream.
     ///
     /// # Errors
-    /// Where the stream is stretched, where no flat image holds what the crop asks for, and for images of fewer than 2 x 2 pixels, or of 1.4 gigapixels and more.
+    /// Fails if the stream is stretched, or if no flat image contains the requested crop. Also fails for
+    /// images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more.
     pub fn straight_view(&self, crop: Crop) -> Result<StraightView, NoStraightView> {
         let (lens, size) = self.lens_in_stream().ok_or(NoStraightView::Stretched)?;
         let size @ [width, height] = size.map(|side| side as usize);
@@ -454,7 +459,7 @@ mod tests {
         }
     }
 
-    /// An image whose colours say where they are: red 0.5 u, green v, blue a mix of both.
+    /// Returns an image whose colours encode the position: red 0.5 u, green v, blue a mix of both.
     fn ramp(width: usize, height: usize) -> Vec<u8> {
         (0..height)
             .flat_map(|y| (0..width).flat_map(move |x| [(x / 2) as u8, y as u8, ((x + y) / 4) as u8]))

@@ -1,19 +1,20 @@
-//! Camera resection: position and yaw of a camera of known roll, pitch, focal and lens from control points.
+//! Camera resection: position and yaw of a camera with known roll, pitch, focal and lens, from control
+//! points.
 //!
-//! Closed form: with the ray `d` of a pixel at yaw 0 and a point (X, Y) at height h,
+//! Closed form: for the ray `d` of a pixel at yaw 0 and a point (X, Y) at height h, the equations
 //!
 //! `dz X = dz x0 + (h - z0) (dx cos yaw - dy sin yaw)` and
 //! `dz Y = dz y0 + (h - z0) (dx sin yaw + dy cos yaw)`
 //!
-//! are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`. Points of one height only
-//! determine the drop to it, so both forms, with and without a common height, are solved, and the
-//! solution with the least error in pixels is refined by Levenberg-Marquardt.
+//! are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`. Points of one height determine
+//! only the drop to it. Therefore both forms are solved, with and without a common height, and the solution
+//! with the smallest error in pixels is refined by Levenberg-Marquardt.
 
 use nalgebra::{DMatrix, DVector, Matrix4, SVD, Vector4};
 
 use crate::camera::{
     Camera, Covariance, Lens, ObservedPixel, Pixel, PosedCamera, Reprojection, UndistortedPixel, WorldPoint,
-    camera_from_world, times,
+    camera_from_world, multiply,
 };
 use crate::optimize::{LeastSquares, least_squares};
 
@@ -22,7 +23,7 @@ use crate::optimize::{LeastSquares, least_squares};
 pub struct ControlPoint {
     /// Raw pixel.
     pub pixel: Pixel,
-    /// Where it is, in metres.
+    /// Position, in metres.
     pub world: WorldPoint,
 }
 
@@ -62,7 +63,7 @@ fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
     points.iter().filter_map(|point| Some(unturned.pixel_to_ray(point.pixel)?.direction)).collect()
 }
 
-/// Of the solutions of the linear equations the one with the least error in pixels.
+/// Returns the solution of the linear equations with the smallest error in pixels.
 fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let rays = rays(camera, points);
     let count = points.len() as f64;
@@ -203,26 +204,28 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
     }
     // The derivative is by the log of the focal.
     let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };
-    Some(times(jacobian, d_camera.map(|row| scale * row[index])))
+    Some(multiply(jacobian, d_camera.map(|row| scale * row[index])))
 }
 
-/// As [`pixel_derivative`], of a wide lens: in the chart about the pixel where it shows the point.
+/// Returns the derivative for a wide lens, like [`pixel_derivative`], in the chart around the projected
+/// pixel.
 fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let camera = &pose.camera;
     let shown = camera.world_to_pixel(world)?;
-    let observed = ObservedPixel::in_chart_of(&camera.lens, shown, &camera.lens, [true; Lens::PARAMETERS])?;
+    let observed =
+        ObservedPixel::with_derivatives(&camera.lens, shown, &camera.lens, [true; Lens::PARAMETERS])?;
     if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
         let moved = observed.d_lens.map(|row| row.get(coefficient).copied());
-        return Some(observed.raw([-moved[0]?, -moved[1]?]));
+        return Some(observed.raw_offset([-moved[0]?, -moved[1]?]));
     }
     let Reprojection { d_camera, .. } = pose.reproject(world, observed.chart.as_ref())?;
     let mut by = d_camera.map(|row| row[index]);
     if index == Covariance::FOCAL {
-        let with_lens = if camera.focal_is_of_lens() { 1.0 } else { 0.0 };
+        let with_lens = if camera.shares_lens_focal() { 1.0 } else { 0.0 };
         let [u, v] = observed.d_lens.map(|row| with_lens * row[Lens::OWN_FOCAL]);
         by = [by[0] - u, by[1] - v].map(|by| by / camera.focal);
     }
-    Some(observed.raw(by))
+    Some(observed.raw_offset(by))
 }
 
 /// The least-squares problem of the distances in undistorted pixels, of a wide lens in raw ones, in x, y, z and yaw.
@@ -240,10 +243,10 @@ impl Resection<'_> {
         Camera { position: WorldPoint { x, y, z }, yaw, ..self.camera }
     }
 
-    /// Where a camera shows a point less where it was drawn, with the derivatives of u and v.
+    /// Returns the projected minus the annotated pixel, with the derivatives of u and v.
     ///
-    /// The point in camera axes changes with the position by minus the columns of the rotation R, and
-    /// with the yaw by `R (q_y, -q_x, 0)`, where q is the point relative to the camera in the base system.
+    /// The point in camera axes changes with the position by minus the columns of the rotation R, and with
+    /// the yaw by `R (q_y, -q_x, 0)`, where q is the point relative to the camera in world axes.
     fn error(
         &self,
         camera: &Camera,
@@ -269,16 +272,16 @@ impl Resection<'_> {
         Some(([shown.u - drawn.u, shown.v - drawn.v], by))
     }
 
-    /// As [`Self::error`], of a wide lens: in raw pixels.
+    /// Returns the error for a wide lens, like [`Self::error`], in raw pixels.
     fn wide_error(&self, camera: &Camera, point: &ControlPoint) -> Option<([f64; 2], [Vector4<f64>; 2])> {
         let observed = ObservedPixel::new(point.pixel, &camera.lens)?;
         let shown = PosedCamera::new(*camera).reproject(point.world, observed.chart.as_ref())?;
         let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
         let mut by = [Vector4::zeros(); 2];
         for k in (0..4).filter(|&k| !(self.hold_height && k == 2)) {
-            [by[0][k], by[1][k]] = observed.raw(shown.d_camera.map(|row| row[unknowns[k]]));
+            [by[0][k], by[1][k]] = observed.raw_offset(shown.d_camera.map(|row| row[unknowns[k]]));
         }
-        Some((observed.raw([shown.at[0] - observed.at[0], shown.at[1] - observed.at[1]]), by))
+        Some((observed.raw_offset([shown.at[0] - observed.at[0], shown.at[1] - observed.at[1]]), by))
     }
 }
 
@@ -335,8 +338,7 @@ mod tests {
     use crate::camera::any_camera;
     use proptest::prelude::*;
 
-    /// Of so many noisy placements, the seed is fixed: what would fail by chance once in a hundred thousand
-    /// seeds fails a run of many soon.
+    /// Compares with many noisy placements from a fixed seed, so that a rare chance failure cannot occur.
     #[test]
     fn the_covariance_of_a_placement_is_that_of_its_errors() {
         // Noisy placements of one camera, pitch drawn from its own sigma each time.
@@ -384,7 +386,7 @@ mod tests {
             sum += ((found.position.z - truth.position.z) / found.covariance.sigma(Covariance::Z).unwrap())
                 .powi(2);
         }
-        // A mean of so many squares of normal numbers: one, with a standard deviation of 0.01.
+        // A mean of many squares of normal numbers: one, with a standard deviation of 0.01.
         let ratio = sum / DRAWS as f64;
         assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
     }

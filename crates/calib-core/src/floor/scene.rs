@@ -10,7 +10,7 @@ pub type Polyline = Vec<WorldPoint>;
 /// Height of the top face of the EFOV prism above the floor, in metres (the paper's result section).
 pub const PRISM_HEIGHT: f64 = 2.0;
 
-/// What a virtual element looks like.
+/// Kind of a virtual element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -53,13 +53,13 @@ impl MarkKind {
 /// A virtual element of known shape in the base system.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkShape {
-    /// What it looks like.
+    /// Kind.
     pub kind: MarkKind,
-    /// Where its foot or centre is, in metres.
+    /// Position of its foot or centre, in metres.
     pub at: WorldPoint,
     /// Turn about the vertical, counter-clockwise seen from above, in radians.
     pub turn: f64,
-    /// As [`MarkKind::size_names`] says, in metres.
+    /// Sizes in the order of [`MarkKind::size_names`], in metres.
     pub size: Vec<f64>,
 }
 
@@ -137,7 +137,7 @@ impl MarkShape {
         Some(self.place(local))
     }
 
-    /// What to draw.
+    /// Returns the polylines to draw.
     #[must_use]
     pub fn polylines(&self) -> Vec<Polyline> {
         let a = self.size(0);
@@ -181,7 +181,7 @@ fn cylinder_edges(radius: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
     edges
 }
 
-/// A figure of the proportions of an adult, seen from the front, with a ring where it stands.
+/// Returns a figure with the proportions of an adult, seen from the front, with a ring at its foot.
 fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     let h = height;
     let outline = [
@@ -225,7 +225,7 @@ pub fn prism(base: &[FloorPoint]) -> Vec<Polyline> {
 /// The lines of the metre grid inside a floor polygon: every multiple of `step` metres in x and y.
 #[must_use]
 pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
-    /// Most lines in one direction: more cannot be told apart.
+    /// Limit of lines in one direction; more cannot be distinguished.
     const MOST: f64 = 400.0;
     let mut lines = Vec::new();
     for axis in 0..2 {
@@ -249,7 +249,7 @@ pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
     lines
 }
 
-/// Where the line `along = here` enters and leaves a polygon, ascending.
+/// Returns the positions where the line `along = here` crosses a polygon, ascending.
 fn crossings(
     polygon: &[FloorPoint],
     here: f64,
@@ -267,8 +267,8 @@ fn crossings(
     found
 }
 
-/// Where a camera stands: the outline of `sigmas` standard deviations of its position on the floor, as
-/// many points apart as a drawn circle; `None` where its position was not estimated.
+/// Returns the outline of `sigmas` standard deviations of the camera's position on the floor; `None` if the
+/// position was not estimated.
 #[must_use]
 pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>> {
     let axes = [Covariance::X, Covariance::Y];
@@ -276,8 +276,8 @@ pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>>
     ellipse(camera.position.on_floor(), &known, sigmas)
 }
 
-/// The outline of `sigmas` standard deviations about a point of the floor with this covariance, in square
-/// metres; `None` where there is none.
+/// Returns the outline of `sigmas` standard deviations around a floor point with this covariance, in square
+/// metres; `None` if the covariance is not positive.
 #[must_use]
 pub fn ellipse(about: FloorPoint, covariance: &[[f64; 2]; 2], sigmas: f64) -> Option<Vec<FloorPoint>> {
     let [[xx, xy], [_, yy]] = *covariance;

@@ -1,34 +1,34 @@
-//! Where the pixels of a stream lie in the still that was calibrated.
+//! Map between the pixels of a stream and the pixels of the calibrated image.
 
 use std::fmt;
 
-/// Where pixels are counted from.
+/// Origin of pixel coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum PixelOrigin {
-    /// From the corner of the image: the centre of the first pixel is (0.5, 0.5).
+    /// Corner of the image: the centre of the first pixel is (0.5, 0.5).
     #[default]
     Corner,
-    /// From the centre of the first pixel, which is (0, 0).
+    /// Centre of the first pixel: it is (0, 0).
     Centre,
 }
 
-/// How the image was brought to the size of the stream.
+/// Scaling of the image to the size of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StreamFit {
-    /// Each side by itself: the stream shows the whole image and nothing else.
+    /// Each side is scaled separately; the stream shows the complete image and nothing else.
     Stretch,
-    /// Both sides alike, with equal bars on two sides, as detectors do.
+    /// Both sides have the same scale, with equal bars on two sides, as detectors do.
     Letterbox,
 }
 
-/// Names by which an option is asked for in other languages.
+/// Names of options in other languages.
 macro_rules! named {
     ($($type:ident { $($variant:ident = $name:literal),+ })+) => {$(
         impl $type {
             /// All of them.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// As programs ask for it.
+            /// Returns the name for programs.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -36,7 +36,7 @@ macro_rules! named {
                 }
             }
 
-            /// The one of this name.
+            /// Returns the option with this name.
             #[must_use]
             pub fn of_name(name: &str) -> Option<Self> {
                 Self::ALL.iter().copied().find(|one| one.name() == name)
@@ -52,38 +52,38 @@ named! {
     StreamFit { Stretch = "stretch", Letterbox = "letterbox" }
 }
 
-/// The stream that pixels are of: how they are counted, and what it shows of the still that was calibrated.
+/// Stream to which pixels belong: its pixel origin, and its part of the calibrated image.
 ///
-/// The default is the still itself, counted from its corner.
+/// The default is the image itself with the corner as origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stream {
-    /// Where its pixels are counted from.
+    /// Origin of its pixel coordinates.
     pub origin: PixelOrigin,
-    /// Width and height, in pixels; `None` where they are those of what it shows.
+    /// Width and height, in pixels; `None` if they equal the size of the shown part.
     pub size: Option<[u32; 2]>,
-    /// Told where its sides are not in the proportion of what it shows.
+    /// Scaling, required if the aspect ratios of the stream and of the shown part differ.
     pub fit: Option<StreamFit>,
-    /// What it shows of the still: left, top, width and height, in pixels of the still; `None` for all of it.
+    /// Shown part of the image: left, top, width and height, in image pixels; `None` for the whole image.
     pub crop: Option<[f64; 4]>,
 }
 
-/// Why pixels of a stream cannot be told from those of the still.
+/// Error of a stream that does not match its image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StreamError {
     /// A side of the stream is 0.
     NoSize,
-    /// Its sides are in another proportion than those of what it shows, and nobody said how it was fitted.
+    /// The aspect ratios of the stream and of the shown part differ, and the scaling is not given.
     Proportion {
-        /// Of the stream.
+        /// Size of the stream.
         size: [u32; 2],
-        /// Of what it shows.
+        /// Size of the shown part.
         shown: [f64; 2],
     },
-    /// What it is said to show is not a part of the still.
+    /// The shown part is outside the image.
     Crop {
         /// Left, top, width and height.
         crop: [f64; 4],
-        /// Of the still.
+        /// Size of the image.
         still: [f64; 2],
     },
 }
@@ -118,21 +118,21 @@ impl fmt::Display for StreamError {
 
 impl std::error::Error for StreamError {}
 
-/// A stream beside a still: `stream = scale (still - corner) + bar`, axis by axis, from the corner.
+/// Map from an image to a stream: `stream = scale (image - corner) + bar` for each axis, from the corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamMap {
     scale: [f64; 2],
     bar: [f64; 2],
     corner: [f64; 2],
-    /// From the corner of the image to where pixels are counted from.
+    /// Offset from the corner of the image to the pixel origin.
     origin: f64,
 }
 
 impl Stream {
-    /// The map to a still of this width and height.
+    /// Returns the map to an image of this width and height.
     ///
     /// # Errors
-    /// When the size of the stream, or the part that it shows, does not go with that of the still.
+    /// When the size or the crop of the stream does not match the image.
     pub fn map(&self, still: [f64; 2]) -> Result<StreamMap, StreamError> {
         let [left, top, w, h] = self.crop.unwrap_or([0.0, 0.0, still[0], still[1]]);
         let is_part =
@@ -170,24 +170,24 @@ fn has_bars(sides: [f64; 2], shown: [f64; 2]) -> bool {
 }
 
 impl StreamMap {
-    /// Of the still itself, counted from its corner.
+    /// Map of the image to itself, with the corner as origin.
     pub const STILL: Self = Self { scale: [1.0; 2], bar: [0.0; 2], corner: [0.0; 2], origin: 0.0 };
 
-    /// A coordinate of the still from one of the stream: axis 0 is x, 1 is y.
+    /// Converts a stream coordinate to an image coordinate; axis 0 is x, axis 1 is y.
     #[inline]
     #[must_use]
     pub fn in_still(&self, axis: usize, value: f64) -> f64 {
         (value + self.origin - self.bar[axis]) / self.scale[axis] + self.corner[axis]
     }
 
-    /// A coordinate of the stream from one of the still: axis 0 is x, 1 is y.
+    /// Converts an image coordinate to a stream coordinate; axis 0 is x, axis 1 is y.
     #[inline]
     #[must_use]
     pub fn in_stream(&self, axis: usize, value: f64) -> f64 {
         self.scale[axis] * (value - self.corner[axis]) + self.bar[axis] - self.origin
     }
 
-    /// Pixels of the still that a pixel of the stream is, at most.
+    /// Returns the largest size of a stream pixel, in image pixels.
     #[must_use]
     pub fn still_pixels(&self) -> f64 {
         1.0 / self.scale[0].min(self.scale[1])

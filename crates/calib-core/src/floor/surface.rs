@@ -1,16 +1,14 @@
-//! What a pixel shows of a site of several planes: the first that its ray meets.
+//! Sites with several planes: a pixel shows the first plane that its ray meets.
 //!
-//! A plane holds inside its region. A region below the floor is a pit: the floor is not there. A region above
-//! it hides what lies behind it. Walls between a region and what surrounds it are no plane: where a ray meets
-//! only them, there is no point.
-//!
-//! Slices of pixels to the floor and to the planes besides it, each to the first that its ray meets.
+//! A plane is valid inside its region. A region below the floor is a pit, where the floor is absent. A region
+//! above the floor hides the floor behind it. Walls between a region and its surroundings are not planes: a
+//! ray that meets only a wall has no point. Slices of pixels are mapped to the first plane on each ray.
 
 use crate::camera::{Camera, FloorCovariance, FloorPoint, Pixel, Plane, WorldPoint};
 use crate::floor::extent::{Extent, Status};
 use crate::floor::projector::FloorProjector;
 
-/// A plane with the region where it holds.
+/// Plane with the region in which it is valid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     /// Height and slope.
@@ -32,7 +30,7 @@ impl Surface {
         crossed.count() % 2 == 1
     }
 
-    /// How well height, fall and the direction of the fall are known.
+    /// Returns the standard deviations of height, slope and slope direction.
     #[must_use]
     pub fn sigmas(&self) -> SurfaceSigmas {
         let [[height, ..], [_, xx, xy], [_, _, yy]] = self.covariance;
@@ -40,7 +38,7 @@ impl Surface {
         let steepness = x.hypot(y);
         let along = |a: f64, b: f64| (a * a * xx + 2.0 * a * b * xy + b * b * yy).max(0.0).sqrt();
         let height = height.max(0.0).sqrt();
-        // The fall is the arc tangent of the steepness; nothing points where there is none.
+        // The slope angle is the arc tangent of the steepness; a level plane has no slope direction.
         if steepness == 0.0 {
             return SurfaceSigmas { height, fall: xx.max(yy).max(0.0).sqrt(), toward: None };
         }
@@ -55,21 +53,22 @@ impl Surface {
         (camera.position.z > raised.height_at(camera.position.on_floor())).then_some(raised)
     }
 
-    /// Where the ray of a pixel meets the plane raised by `height` metres from above, inside the region.
+    /// Returns the intersection of a pixel's ray with the plane raised by `height` metres, from above and
+    /// inside the region.
     fn met(&self, camera: &Camera, pixel: Pixel, height: f64) -> Option<WorldPoint> {
         let at = camera.pixel_to_plane(pixel, &self.below(camera, height)?)?;
         self.holds_at(at.on_floor()).then_some(at)
     }
 }
 
-/// How well a plane is known, as standard deviations.
+/// Uncertainty of a plane, as standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceSigmas {
-    /// Of its height at its anchor, in metres.
+    /// Standard deviation of the height at the anchor, in metres.
     pub height: f64,
-    /// Of the angle by which it falls, in radians.
+    /// Standard deviation of the slope angle, in radians.
     pub fall: f64,
-    /// Of the direction that it falls toward, in radians; `None` of a level plane.
+    /// Standard deviation of the slope direction, in radians; `None` for a level plane.
     pub toward: Option<f64>,
 }
 
@@ -83,22 +82,23 @@ pub(crate) fn is_pit(surfaces: &[Surface], at: FloorPoint) -> bool {
 pub struct SurfacePoint {
     /// Index of the surface; `None` of the floor.
     pub surface: Option<usize>,
-    /// Where it is, in metres.
+    /// Position, in metres.
     pub at: WorldPoint,
 }
 
 impl SurfacePoint {
-    /// Of two points of one ray, the one that the ray from `eye` meets first: where a plane lies on
-    /// the floor or on another plane it is `other`, which is later in the list.
+    /// Returns the first of two points on one ray from `eye`. If planes coincide, it is `other`, the later
+    /// one in the list.
     pub(crate) fn or_before(self, other: Self, eye: WorldPoint) -> Self {
         if self.at.distance(eye) < other.at.distance(eye) { self } else { other }
     }
 }
 
 impl Camera {
-    /// The point that `pixel` shows `height` metres above the floor or a surface, whichever its ray meets first.
+    /// Returns the point of a pixel `height` metres above the floor or above the surface that its ray meets
+    /// first.
     ///
-    /// `None` where it meets none: above the horizon, outside the lens, or on the wall of a pit.
+    /// `None` above the horizon, outside the lens, or on the wall of a pit.
     #[must_use]
     pub fn pixel_to_surface(&self, pixel: Pixel, height: f64, surfaces: &[Surface]) -> Option<SurfacePoint> {
         let met = surfaces.iter().enumerate().filter_map(|(index, surface)| {
@@ -117,7 +117,7 @@ pub struct SurfaceProjector<'a> {
     surfaces: &'a [Surface],
 }
 
-/// Pixels that are mapped together, so that nothing is allocated.
+/// Number of pixels per chunk, so that nothing is allocated.
 const CHUNK: usize = 256;
 
 impl<'a> SurfaceProjector<'a> {
@@ -127,13 +127,12 @@ impl<'a> SurfaceProjector<'a> {
         Self { floor: FloorProjector::new(camera, height), surfaces }
     }
 
-    /// Maps raw pixels `(u, v)` to the points that they show, as [`Camera::pixel_to_surface`] does, and says of
-    /// every pixel what became of it.
+    /// Maps raw pixels `(u, v)` like [`Camera::pixel_to_surface`], with their status.
     ///
-    /// A pixel is inside the EFOV when the floor on its ray is, whatever stands before it.
+    /// A pixel is inside the EFOV if the floor point on its ray is, even if a surface hides it.
     ///
     /// # Panics
-    /// When the slices are not of one length.
+    /// When the slices differ in length.
     pub fn pixels_to_surfaces(
         &self,
         extent: &Extent<'_>,
@@ -153,7 +152,7 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// The floor, where there is one.
+    /// Maps pixels to the floor, outside pits.
     fn map_floor(
         &self,
         extent: &Extent<'_>,
@@ -173,7 +172,7 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// A surface, where it is met before what was met till now.
+    /// Maps pixels to a surface, if it is nearer than the current point.
     fn map_surface(
         &self,
         (index, surface): (usize, &Surface),
@@ -202,7 +201,7 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// How uncertain a point is that the raw pixel shows on a surface, or on the floor; see
+    /// Returns the covariance of the point of a raw pixel on a surface or on the floor; see
     /// [`Camera::covariance_on`].
     #[must_use]
     pub fn covariance(
@@ -221,8 +220,8 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// How uncertain the points are that raw pixels `(u, v)` show first, of the pixel and of the calibration, as
-    /// [`FloorCovariance::rows`] has them.
+    /// Computes the covariances of the first points on the rays of raw pixels `(u, v)`, of the pixel and of
+    /// the calibration, like [`FloorCovariance::rows`].
     pub(super) fn covariances(
         &self,
         [u, v]: [&[f64]; 2],
@@ -234,7 +233,7 @@ impl<'a> SurfaceProjector<'a> {
             let at = Pixel { u, v };
             let shown = camera.pixel_to_surface(at, height, self.surfaces);
             let found = shown.and_then(|shown| self.covariance(at, pixel_sigma, shown.surface));
-            [pixel[i], calibration[i]] = found.unwrap_or(FloorCovariance::NONE).rows();
+            [pixel[i], calibration[i]] = found.unwrap_or(FloorCovariance::NAN).rows();
         }
     }
 }
@@ -445,7 +444,7 @@ mod surface_projector_tests {
         let projector = SurfaceProjector::new(&camera, 0.0, &surfaces);
         let on = |surface| projector.covariance(pixel, 0.0, surface).unwrap().worst_sigma().unwrap();
         assert!(on(None) < 1e-9, "an exact camera and the floor");
-        // 2 cm of height move the point along its ray by what it covers of the floor per metre of drop.
+        // 2 cm of height move the point along its ray by the horizontal distance per metre of drop.
         let along = (3.0_f64.hypot(7.0)) / (4.0 - 0.8);
         assert!((on(Some(0)) - 0.02 * along).abs() < 1e-9, "{}", on(Some(0)));
         assert!(projector.covariance(pixel, 1.0, Some(9)).is_none());

@@ -1,5 +1,5 @@
-//! Windows onto what a camera shows: flat ones that look anywhere within a lens, as a pinhole in its place would, and round
-//! ones, unrolled.
+//! Windows onto the image of a camera. Flat windows look anywhere within a lens, like a pinhole camera at the
+//! same position. Cylindrical windows are unrolled.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -9,61 +9,64 @@ use crate::camera::{
 };
 use crate::floor::remap::Remap;
 
-/// Where a flat window looks from the axis of its camera, and how wide, in radians. The angles turn it as those of a
-/// [`Camera`] do, in the order yaw, pitch, roll: as if the camera stood upright and level and looked along its axis.
+/// Direction of a flat window relative to the axis of its camera, and its field of view, in radians.
+///
+/// The angles rotate the window like those of a [`Camera`], in the order yaw, pitch, roll, as if the camera
+/// were upright and level and looked along its axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Look {
-    /// Positive looks down.
+    /// Pitch; positive looks down.
     pub pitch: f64,
-    /// Positive looks to the left.
+    /// Yaw; positive looks to the left.
     pub yaw: f64,
-    /// Positive turns the window clockwise, so that what it shows turns counter-clockwise.
+    /// Roll; positive rotates the window clockwise, so that its content rotates counter-clockwise.
     pub roll: f64,
-    /// From its left to its right side.
+    /// Horizontal field of view, from the left to the right side.
     pub hfov: f64,
 }
 
-/// How a camera hangs, by which the windows round it stand upright.
+/// Mounting of a camera. It determines the upright direction of its windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mount {
     /// Under a ceiling, looking down: up is away from its axis.
     Ceiling,
-    /// On a wall: up is that of its image.
+    /// On a wall: up is the same as in the image.
     Wall,
 }
 
 impl Mount {
-    /// That of a camera that looks down by so much, in radians.
+    /// Returns the usual mounting of a camera with this pitch; positive looks down, in radians.
     #[must_use]
     pub fn of_pitch(pitch: f64) -> Self {
         if pitch > 0.25 * PI { Self::Ceiling } else { Self::Wall }
     }
 }
 
-/// A window of some pixels onto what a camera shows.
+/// Window of a given size onto the image of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Rows right, down, forward of the window in axes of the camera.
+    /// Rows right, down, forward of the window in the axes of the camera.
     rotation: [[f64; 3]; 3],
     /// Width and height, in pixels.
     pub size: [usize; 2],
-    /// Focal, in pixels; of a round window pixels for a radian round it.
+    /// Focal length, in pixels. For a cylindrical window, pixels per radian around the axis.
     pub focal: f64,
-    /// Its principal point, from its corner, in pixels.
+    /// Principal point, from the corner of the window, in pixels.
     pub principal_point: Pixel,
-    /// Whether it is a cylinder, unrolled: columns are planes through its upright axis.
+    /// Whether the window is an unrolled cylinder: its columns are planes through the upright axis.
     pub is_round: bool,
 }
 
 impl Window {
-    /// The widest flat window, in radians.
+    /// Largest horizontal field of view of a flat window, in radians.
     pub const WIDEST: f64 = 170.0 / 180.0 * PI;
 
-    /// A flat window; `None` for one without pixels, and one that is not between 0 and [`Self::WIDEST`] wide.
+    /// Returns a flat window; `None` without pixels, or if its field of view is not between 0 and
+    /// [`Self::WIDEST`].
     #[must_use]
     pub fn flat(look: Look, size: [usize; 2]) -> Option<Self> {
         let [right, down, forward] = camera_from_world(look.roll, look.pitch, look.yaw);
-        // Right, forward, up of the camera are the world of its windows.
+        // Right, forward and up of the camera are the world axes of its windows.
         let rotation = [right, down, forward].map(|[x, y, z]| [x, -z, y]);
         Self::turned(rotation, look.hfov, size)
     }
@@ -79,8 +82,10 @@ impl Window {
         Some(Self { rotation, size, focal: 0.5 * width * cos / sin, principal_point, is_round: false })
     }
 
-    /// A flat window towards a direction in axes of the camera, in which what is upright is upright; `None` of one without
-    /// pixels, or not between 0 and [`Self::WIDEST`] wide. Straight ahead under a ceiling, up is that of the image.
+    /// Returns a flat window towards a direction in the axes of the camera, with upright objects upright.
+    ///
+    /// `None` without pixels, or if its field of view is not between 0 and [`Self::WIDEST`]. Along the axis
+    /// of a camera under a ceiling, up is the same as in the image.
     #[must_use]
     pub fn toward(mount: Mount, direction: [f64; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
         let [x, y, z] = direction;
@@ -101,11 +106,13 @@ impl Window {
         }
     }
 
-    /// Four windows round the axis of a camera. Under a ceiling they look outward, with what is upright upright, to the
-    /// sides that the image has at its top, right, bottom and left; on a wall up left, up right, down left, down right.
+    /// Returns four windows around the axis of a camera.
+    ///
+    /// Under a ceiling they look outward, with upright objects upright, to the top, right, bottom and left of
+    /// the image. On a wall the order is up left, up right, down left, down right.
     #[must_use]
     pub fn quadrants(mount: Mount, size: [usize; 2]) -> Option<[Self; 4]> {
-        /// How far they look from the axis, and how wide they are.
+        /// Angle between the windows and the axis of the camera.
         const TILT: f64 = 52.0 / 180.0 * PI;
         const WIDE: f64 = 95.0 / 180.0 * PI;
         let quadrant = |index: usize| match mount {
@@ -123,12 +130,15 @@ impl Window {
         Some([quadrant(0)?, quadrant(1)?, quadrant(2)?, quadrant(3)?])
     }
 
-    /// All that a lens shows round its axis, unrolled: under a ceiling about the axis, from the rim of the image down, with
-    /// the top of the image in the middle; on a wall about the upright of the image. `reach` is how far from its axis the
-    /// camera sees, in radians: see [`lens_reach`].
+    /// Returns the whole image around the axis of the lens, unrolled; `reach` is the largest visible angle
+    /// from the axis, in radians: see [`lens_reach`].
+    ///
+    /// Under a ceiling the cylinder is around the optical axis, from the rim of the image down, with the top
+    /// of the image in the middle. On a wall it is around the vertical axis of the image.
     #[must_use]
     pub fn panorama(mount: Mount, reach: f64, size: [usize; 2]) -> Option<Self> {
-        /// Of a lens that looks higher than the camera hangs no more is shown than this, as a slope.
+        /// Largest slope above the height of the camera that is shown, for lenses that see above the
+        /// horizontal.
         const ABOVE: f64 = 0.27;
         if size.contains(&0) || !(reach > 0.0 && reach < PI) {
             return None;
@@ -150,13 +160,13 @@ impl Window {
         Some(Self { rotation, size, focal, principal_point, is_round: true })
     }
 
-    /// Rows right, down, forward of the window in axes of its camera (right, down, forward).
+    /// Returns the rows right, down, forward of the window in the axes of its camera (right, down, forward).
     #[must_use]
     pub const fn window_from_camera(&self) -> &[[f64; 3]; 3] {
         &self.rotation
     }
 
-    /// The direction that the window shows at a pixel, in axes of the camera, of any length.
+    /// Returns the direction of a pixel of the window, in the axes of the camera, with any length.
     #[must_use]
     pub fn direction(&self, pixel: Pixel) -> [f64; 3] {
         let Pixel { u: cu, v: cv } = self.principal_point;
@@ -168,8 +178,9 @@ impl Window {
         })
     }
 
-    /// Where the window shows a direction in axes of the camera; `None` beside and behind a flat window, and on the axis of
-    /// a round one.
+    /// Returns the pixel of the window for a direction in the axes of the camera.
+    ///
+    /// `None` if the direction is not in front of a flat window, or on the axis of a cylindrical one.
     #[must_use]
     pub fn pixel(&self, direction: [f64; 3]) -> Option<Pixel> {
         let [x, y, z] = self.rotation.map(|row| dot(&row, &direction));
@@ -181,29 +192,31 @@ impl Window {
         (level > 0.0).then(|| Pixel::new(cu + self.focal * x.atan2(z), cv + self.focal * y / level))
     }
 
-    /// Where the raw image of a camera shows a pixel of the window; `focal` is that of the camera, in pixels. `None` where its
-    /// lens shows nothing.
+    /// Maps a pixel of the window to the raw image of a camera with this focal length, in pixels. `None`
+    /// outside the lens.
     #[must_use]
     pub fn raw(&self, lens: &Lens, focal: f64, pixel: Pixel) -> Option<Pixel> {
         let [x, y, z] = self.direction(pixel);
-        lens.shown([focal * x, focal * y, z])
+        lens.bearing_to_pixel([focal * x, focal * y, z])
     }
 
-    /// Where the window shows a raw pixel of a camera; `None` where it does not.
+    /// Maps a raw pixel of a camera to the window; `None` if the window does not show it.
     #[must_use]
     pub fn of_raw(&self, lens: &Lens, focal: f64, raw: Pixel) -> Option<Pixel> {
         let [x, y, z] = lens.bearing(raw)?;
         self.pixel([x / focal, y / focal, z])
     }
 
-    /// The map that makes the window of raw images of `raw` pixels; `None` for a raw image of fewer than 2 x 2 pixels, and for
-    /// images of 1.4 gigapixels and more.
+    /// Builds the map from the window to raw images of `raw` pixels.
+    ///
+    /// `None` for a raw image of fewer than 2 x 2 pixels, and for images of 1.4 gigapixels and more.
     #[must_use]
     pub fn remap(&self, lens: &Lens, focal: f64, raw: [usize; 2]) -> Option<Remap> {
         Remap::new(raw, self.size, |pixel| self.raw(lens, focal, pixel))
     }
 
-    /// The pinhole camera that a flat window of a camera is; `None` of a round one. It is as sure as its numbers are written.
+    /// Returns the pinhole camera that corresponds to a flat window; `None` for a cylindrical one. Its
+    /// covariance is exact.
     #[must_use]
     pub fn camera(&self, of: &Camera) -> Option<Camera> {
         let camera = of.rotation();
@@ -218,8 +231,11 @@ impl Window {
     }
 }
 
-/// How far from its axis a camera sees at the middles of the sides of its image, at most, in radians: of a fisheye whose
-/// circle fits its image, to the rim. `focal` is that of the camera, in pixels.
+/// Returns the largest visible angle from the optical axis, in radians, at the middles of the sides of the
+/// image.
+///
+/// For a fisheye lens whose circle fits into the image, this is the angle at the rim. `focal` is the focal
+/// length of the camera, in pixels.
 #[must_use]
 pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
     let Pixel { u: cu, v: cv } = lens.principal_point;
@@ -227,10 +243,10 @@ pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
     sides.into_iter().filter_map(|side| reach_toward(lens, focal, side)).fold(0.0, f64::max)
 }
 
-/// The angle from the optical axis, in radians, that is seen at a pixel, or before it where the image ends; `None` where
-/// nothing is.
+/// Returns the angle from the optical axis to a pixel, in radians. If the lens does not show the pixel, the
+/// angle of the last visible point towards it; `None` if there is no visible point.
 fn reach_toward(lens: &Lens, focal: f64, [u, v]: [f64; 2]) -> Option<f64> {
-    /// Halvings on the way to a side before which the image ends: far below a pixel.
+    /// Number of bisections on the way to the pixel; the result is exact to far below a pixel.
     const STEPS: u32 = 20;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     let angle = |share: f64| {
@@ -246,8 +262,10 @@ fn reach_toward(lens: &Lens, focal: f64, [u, v]: [f64; 2]) -> Option<f64> {
     })
 }
 
-/// The horizontal field of view of an image, in radians: without the bend of its lens, but of a fisheye with it, as far as it
-/// sees to both sides. `focal` is that of the camera, in pixels.
+/// Returns the horizontal field of view of an image, in radians. `focal` is the focal length of the camera,
+/// in pixels.
+///
+/// Without distortion, except for a fisheye lens: there it is the sum of the visible angles to both sides.
 #[must_use]
 pub fn view_angle(lens: &Lens, focal: f64, size: [f64; 2]) -> f64 {
     if lens.distortion.is_wide() {
@@ -329,7 +347,7 @@ mod tests {
 
     #[test]
     fn windows_under_a_ceiling_have_what_is_upright_upright() {
-        // A camera that looks straight down, and the foot and head of people all round it.
+        // A camera that looks straight down, and the feet and heads of people all around it.
         let camera = Camera {
             position: WorldPoint { x: 0.0, y: 0.0, z: 4.0 },
             yaw: 0.3,
@@ -406,9 +424,9 @@ mod tests {
         let flat = Lens::pinhole(Pixel::new(500.0, 490.0));
         assert_eq!(view_angle(&flat, 500.0, [1000.0, 980.0]), FRAC_PI_2);
         assert!((lens_reach(&lens, lens.focal, [1000.0, 980.0]) - 500.0 / 300.0).abs() < 0.1);
-        // What is seen ends with the image circle.
+        // The image circle limits the visible angle.
         let half = 92.5_f64.to_radians();
-        let rim = lens.shown([lens.focal * half.sin(), 0.0, half.cos()]).unwrap();
+        let rim = lens.bearing_to_pixel([lens.focal * half.sin(), 0.0, half.cos()]).unwrap();
         let circle = ImageCircle { u: 500.0, v: 490.0, radius: rim.u - 500.0 };
         let reach = lens_reach(&Lens { image_circle: Some(circle), ..lens }, lens.focal, [1000.0, 980.0]);
         assert!((reach - half).abs() < 1e-5, "{reach} for {half}");

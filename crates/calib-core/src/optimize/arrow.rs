@@ -1,5 +1,5 @@
-//! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters in blocks, each
-//! of which is coupled with the core and with its own block only.
+//! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters in blocks. Each
+//! block is coupled only with the core and with itself.
 //!
 //! With core steps `c` and the steps `n_k` of block k the damped equations are
 //!
@@ -8,33 +8,35 @@
 //! B_k c + D_k n_k      = -h_k       D_k, B_k, h_k: of block k with itself, with the core, and J'r
 //! ```
 //!
-//! an arrow of a 4 x 4 block, a border and a diagonal of small blocks. Elimination of
-//! `n_k = -D_k^-1 (h_k + B_k c)` leaves
+//! This is an arrow of a 4 x 4 block, a border and a diagonal of small blocks. Elimination of
+//! `n_k = -D_k^-1 (h_k + B_k c)` gives
 //!
-//! `(A - sum_k B_k' D_k^-1 B_k) c = -g + sum_k B_k' D_k^-1 h_k`,
+//! `(A - sum_k B_k' D_k^-1 B_k) c = -g + sum_k B_k' D_k^-1 h_k`.
 //!
-//! 4 x 4 whatever was drawn: the Schur complement (see `schur_complement.rs`). With the Cholesky factor
-//! `D_k = L L'`, `W = L^-1 B_k` and `w = L^-1 h_k` its terms are `W' W` and `W' w`. Its matrix without damping
-//! is the information about the core; the inverse is the covariance of the core with the nuisances free.
+//! This Schur complement (see `schur_complement.rs`) is 4 x 4 for any number of annotations. With the
+//! Cholesky factor `D_k = L L'`, `W = L^-1 B_k` and `w = L^-1 h_k` its terms are `W' W` and `W' w`. Its
+//! matrix without damping is the information matrix of the core. The inverse is the covariance of the core
+//! with free nuisance parameters.
 
 use nalgebra::{Matrix4, SymmetricEigen};
 
 /// Number of core parameters.
 const CORE: usize = 4;
 
-/// The block of every nuisance parameter, and its place there.
+/// Blocks of the nuisance parameters.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NuisanceLayout {
-    /// Of every nuisance parameter.
-    pub(crate) places: Vec<(usize, usize)>,
-    /// Of every block.
+    /// Block of every nuisance parameter, and its index in the block.
+    pub(crate) positions: Vec<(usize, usize)>,
+    /// Size of every block.
     pub(crate) sizes: Vec<usize>,
 }
 
-/// The most nuisance parameters that a residual depends on.
+/// Largest number of nuisance parameters that a residual depends on.
 const MOST: usize = 5;
 
-/// Derivatives of a residual by at most [`MOST`] nuisance parameters of one block: index and derivative.
+/// Derivatives of a residual by at most [`MAX_DERIVATIVES`] nuisance parameters of one block, as pairs of
+/// index and derivative.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NuisanceJacobian {
     count: usize,
@@ -42,18 +44,18 @@ pub(crate) struct NuisanceJacobian {
 }
 
 impl NuisanceJacobian {
-    /// Of a residual that depends on none.
+    /// Derivatives of a residual without nuisance parameters.
     pub(crate) const NONE: Self = Self { count: 0, by: [(0, 0.0); MOST] };
 
-    /// Of a residual that depends on one.
+    /// Creates the derivative of a residual that depends on one nuisance parameter.
     #[inline]
-    pub(crate) fn of(index: usize, derivative: f64) -> Self {
-        Self::NONE.and(index, derivative)
+    pub(crate) fn new(index: usize, derivative: f64) -> Self {
+        Self::NONE.with_derivative(index, derivative)
     }
 
-    /// With one more; at most [`MOST`] are kept.
+    /// Adds one derivative. Derivatives beyond [`MAX_DERIVATIVES`] are dropped.
     #[inline]
-    pub(crate) fn and(mut self, index: usize, derivative: f64) -> Self {
+    pub(crate) fn with_derivative(mut self, index: usize, derivative: f64) -> Self {
         if let Some(entry) = self.by.get_mut(self.count) {
             *entry = (index, derivative);
             self.count += 1;
@@ -61,10 +63,10 @@ impl NuisanceJacobian {
         self
     }
 
-    /// With those of another.
+    /// Adds the derivatives of another list.
     #[inline]
-    pub(crate) fn with(self, other: &Self) -> Self {
-        other.entries().iter().fold(self, |all, &(index, derivative)| all.and(index, derivative))
+    pub(crate) fn with_all(self, other: &Self) -> Self {
+        other.entries().iter().fold(self, |all, &(index, derivative)| all.with_derivative(index, derivative))
     }
 
     #[inline]
@@ -81,13 +83,13 @@ pub(crate) struct Normal {
     gradient: [f64; CORE],
     places: Vec<(usize, usize)>,
     blocks: Vec<Block>,
-    /// The rows of all blocks, one after the other.
+    /// Rows of all blocks, concatenated.
     rows: Vec<Row>,
-    /// The squares of all blocks, one after the other, by rows.
+    /// Square matrices of all blocks, concatenated, row by row.
     squares: Vec<f64>,
 }
 
-/// Where a block of nuisance parameters has its rows and its square.
+/// Offsets of the rows and of the square matrix of a block of nuisance parameters.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     size: usize,
@@ -95,14 +97,14 @@ struct Block {
     square: usize,
 }
 
-/// A nuisance parameter with the core, and its gradient: a row of `B` and an entry of `h`.
+/// Row of `B` and entry of `h` for one nuisance parameter: its coupling with the core, and its gradient.
 #[derive(Clone, Copy, Debug, Default)]
 struct Row {
     cross: [f64; CORE],
     gradient: f64,
 }
 
-/// All blocks eliminated, one after the other as [`Normal`] has them: `L`, by rows, and the rows of `W` with `w`.
+/// Eliminated blocks, concatenated as in [`Normal`]: `L`, row by row, and the rows of `W` with `w`.
 struct Eliminated {
     lower: Vec<f64>,
     rows: Vec<Row>,
@@ -122,20 +124,21 @@ impl Normal {
             cost: 0.0,
             core: [[0.0; CORE]; CORE],
             gradient: [0.0; CORE],
-            places: layout.places,
+            places: layout.positions,
             blocks,
             rows: vec![Row::default(); row],
             squares: vec![0.0; square],
         }
     }
 
-    /// Adds a residual with its derivatives, of which the first four are those by the core.
+    /// Adds a residual with its derivatives. The first four entries of `gradient` are the derivatives by the
+    /// core.
     #[inline]
     pub(crate) fn add(&mut self, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
         self.add_weighted(1.0, residual, gradient, nuisance);
     }
 
-    /// Takes a residual out again that was added.
+    /// Removes a residual that was added before.
     pub(crate) fn remove(&mut self, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
         self.add_weighted(-1.0, residual, gradient, nuisance);
     }
@@ -166,8 +169,8 @@ impl Normal {
         }
     }
 
-    /// Eliminates all blocks with `scaling` times their diagonals. A parameter on which nothing depends, or that the
-    /// others of its block determine, stays where it is.
+    /// Eliminates all blocks, with their diagonals multiplied by `scaling`. A parameter does not move if no
+    /// residual depends on it, or if the others of its block determine it.
     fn eliminated(&self, scaling: f64) -> Eliminated {
         let (mut rows, mut lower) = (self.rows.clone(), self.squares.clone());
         for &Block { size, row, square } in &self.blocks {
@@ -190,8 +193,8 @@ impl Normal {
         Eliminated { lower, rows }
     }
 
-    /// The equations of the core with every nuisance parameter eliminated, `damping` times the diagonal
-    /// added, and the eliminated blocks; a fixed parameter has a row of the identity.
+    /// Returns the equations of the core with all nuisance parameters eliminated, and the eliminated blocks.
+    /// The diagonal is multiplied by `1 + damping`. A fixed parameter has a row of the identity.
     fn reduced(&self, damping: f64, free: [bool; CORE]) -> ([[f64; CORE]; CORE], [f64; CORE], Eliminated) {
         let scaling = 1.0 + damping;
         let mut matrix = self.core;
@@ -222,8 +225,8 @@ impl Normal {
         (matrix, right, eliminated)
     }
 
-    /// Moves core and nuisances by the step with `damping` times the diagonal added. The decrease of the cost
-    /// that the linear model predicts for it, and the largest change; `None` where there is no solution.
+    /// Applies the damped step to the core and the nuisance parameters. Returns the decrease of the cost that
+    /// the linear model predicts, and the largest change. Returns `None` if there is no solution.
     pub(crate) fn step(
         &self,
         core: &mut [f64; CORE],
@@ -236,7 +239,7 @@ impl Normal {
         let (mut gain, mut size) = (0.0, 0.0_f64);
         for i in 0..CORE {
             core[i] += step[i];
-            // d' (lambda D d - J'r), the decrease of the linear model.
+            // Decrease of the linear model: d' (lambda D d - J'r).
             gain += step[i] * (damping * self.core[i][i] * step[i] - self.gradient[i]);
             size = size.max(step[i].abs());
         }
@@ -252,7 +255,7 @@ impl Normal {
         Some((gain, size))
     }
 
-    /// The steps of all blocks from that of the core: `L' n = -(w + W c)`.
+    /// Returns the steps of all blocks for the step of the core: `L' n = -(w + W c)`.
     fn back(&self, eliminated: &Eliminated, core: &[f64; CORE]) -> Vec<f64> {
         let Eliminated { lower, rows } = eliminated;
         let coupled = |row: &Row| row.cross.iter().zip(core).map(|(c, s)| c * s).sum::<f64>();
@@ -268,8 +271,8 @@ impl Normal {
         steps
     }
 
-    /// Log of the determinant of the whole matrix, core and nuisances, of the parameters that residuals depend
-    /// on.
+    /// Returns the log of the determinant of the whole matrix, over the core and the nuisance parameters that
+    /// residuals depend on.
     pub(crate) fn log_determinant(&self, free: [bool; CORE]) -> f64 {
         let (matrix, _, eliminated) = self.reduced(0.0, free);
         let core = Matrix4::from_fn(|i, j| matrix[i][j]).symmetric_eigenvalues();
@@ -279,7 +282,8 @@ impl Normal {
         core.iter().copied().chain(pivots).filter(|&value| value > 0.0).map(f64::ln).sum()
     }
 
-    /// Information matrix of the core, the inverse of its covariance; rows of zeros for fixed parameters.
+    /// Returns the information matrix of the core, the inverse of its covariance. Fixed parameters have zero
+    /// rows.
     pub(crate) fn information(&self, free: [bool; CORE]) -> Matrix4<f64> {
         let (matrix, ..) = self.reduced(0.0, free);
         let mut information = Matrix4::from_fn(|i, j| matrix[i][j]);
@@ -290,7 +294,7 @@ impl Normal {
     }
 }
 
-/// Forward substitution of the last of these rows of `B` and `h`, `lower` its row of `L`.
+/// Applies forward substitution to the last of the given rows of `B` and `h`. `lower` is its row of `L`.
 #[inline]
 fn substitute(rows: &mut [Row], lower: &[f64]) {
     let i = lower.len() - 1;
@@ -305,21 +309,21 @@ fn substitute(rows: &mut [Row], lower: &[f64]) {
     rows[i] = Row { cross: own.cross.map(|c| c * inverse), gradient: own.gradient * inverse };
 }
 
-/// The covariance of the core.
+/// Covariance of the core.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Uncertainty {
-    /// Of roll, pitch, log focal, log height; zeros for those that are not free. A direction that the
-    /// residuals do not determine has a large variance, not an infinite one.
+    /// Covariance of roll, pitch, log focal length and log height; zero for fixed parameters. A direction
+    /// that the residuals do not determine has a large, finite variance.
     pub(crate) covariance: Matrix4<f64>,
-    /// Whether a direction is not determined by the residuals.
-    pub(crate) singular: bool,
+    /// Whether the residuals leave a direction undetermined.
+    pub(crate) is_singular: bool,
 }
 
 impl Uncertainty {
-    /// From information with rows of zeros for what is not free.
+    /// Inverts an information matrix with zero rows for fixed parameters.
     pub(crate) fn new(information: &Matrix4<f64>, free: [bool; 4]) -> Self {
-        /// Least eigenvalue relative to the largest: below it the inverse is rounding.
-        const SINGULAR: f64 = 1e-13;
+        /// Minimum eigenvalue relative to the largest. Below it the inverse is dominated by rounding.
+        const MIN_EIGENVALUE_RATIO: f64 = 1e-13;
         let scale: [f64; 4] = std::array::from_fn(|i| {
             let diagonal = information[(i, i)];
             if free[i] && diagonal > 0.0 { diagonal.sqrt().recip() } else { 0.0 }
@@ -334,17 +338,17 @@ impl Uncertainty {
         });
         let eigen = SymmetricEigen::new(scaled);
         let most = eigen.eigenvalues.max();
-        let least = SINGULAR * most;
-        let singular = is_unobserved || eigen.eigenvalues.min() < least;
+        let least = MIN_EIGENVALUE_RATIO * most;
+        let is_singular = is_unobserved || eigen.eigenvalues.min() < least;
         let inverse = eigen.eigenvectors
             * Matrix4::from_diagonal(&eigen.eigenvalues.map(|value| value.max(least).recip()))
             * eigen.eigenvectors.transpose();
         let mut covariance = Matrix4::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
         for i in (0..4).filter(|&i| free[i] && scale[i] == 0.0) {
-            // No residual depends on it: a standard deviation of 1000 radians or log units.
+            // No residual depends on the parameter: a standard deviation of 1000 radians or log units.
             covariance[(i, i)] = 1e6;
         }
-        Self { covariance, singular }
+        Self { covariance, is_singular }
     }
 
     pub(crate) fn sigma(&self, index: usize) -> f64 {
@@ -352,7 +356,8 @@ impl Uncertainty {
     }
 }
 
-/// Solves a symmetric positive definite system by Cholesky; `None` when it is not positive definite.
+/// Solves a symmetric positive definite system by Cholesky. Returns `None` if the matrix is not positive
+/// definite.
 fn solve_4(matrix: &[[f64; 4]; 4], right: &[f64; 4]) -> Option<[f64; 4]> {
     let mut lower = [[0.0; 4]; 4];
     for i in 0..4 {

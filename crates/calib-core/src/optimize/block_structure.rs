@@ -1,5 +1,5 @@
-//! Normal equations in parameter blocks: which blocks there are, which of them residuals couple, and the
-//! sums of products of Jacobians.
+//! Normal equations in parameter blocks: the blocks, the pairs that residuals couple, and the sums of
+//! products of Jacobians.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -7,56 +7,58 @@ use std::sync::Arc;
 
 use crate::camera::dispatch;
 use crate::optimize::dense::add_outer;
-use crate::optimize::sparse_cholesky::{Entry, SparseStructure, make_set, running_sums};
+use crate::optimize::sparse_cholesky::{Entry, SparseStructure, sort_and_dedup, running_sums};
 
-/// Parameter blocks, which of them are eliminated, and which have residuals in common.
+/// Parameter blocks, divided into kept and eliminated blocks, and the couplings between them. Two blocks are
+/// coupled if they share a residual.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockStructure {
     pub(crate) sizes: Vec<usize>,
-    /// First parameter of every block in the state, and how many there are.
+    /// First parameter of every block in the state, followed by the total number of parameters.
     pub(crate) offsets: Vec<usize>,
     pub(crate) roles: Vec<Role>,
-    /// Kept blocks in the order of the reduced system.
+    /// Kept blocks, in the order of the reduced system.
     pub(crate) kept: Vec<usize>,
     pub(crate) eliminated: Vec<Eliminated>,
-    /// Pairs of kept blocks that have residuals in common: every one with itself, in their order, and then others.
+    /// Coupled pairs of kept blocks: first every block with itself, in order, then the pairs of different
+    /// blocks.
     pub(crate) coupled: Vec<Coupled>,
-    /// Which of these two different blocks are, the lower first.
+    /// Index in `coupled` of every pair of different blocks, the lower block first.
     coupling: HashMap<[usize; 2], usize>,
-    /// Of the reduced system.
+    /// Sparse structure of the reduced system.
     pub(crate) sparse: Arc<SparseStructure>,
 }
 
-/// Two kept blocks that have residuals in common, or one with itself.
+/// Pair of kept blocks that share residuals, or one block with itself.
 #[derive(Clone, Debug)]
 pub(crate) struct Coupled {
-    /// Where their matrix, row by row, is among those of all.
+    /// Range of its matrix among the values of all pairs, row by row.
     pub(crate) at: Range<usize>,
-    /// Columns of it.
+    /// Number of columns of the matrix.
     pub(crate) width: usize,
-    /// Where it is in the reduced system.
+    /// Position in the reduced system.
     pub(crate) entry: Entry,
 }
 
-/// Whether a block stays in the reduced system, and its number there or among those that do not.
+/// Role of a block, with its index among the kept or the eliminated blocks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Role {
     Kept(usize),
     Eliminated(usize),
 }
 
-/// A block that is eliminated.
+/// Block that is eliminated.
 #[derive(Clone, Debug)]
 pub(crate) struct Eliminated {
     pub(crate) block: usize,
-    /// Kept blocks that it has residuals in common with, ascending.
+    /// Kept blocks that share residuals with it, ascending.
     pub(crate) neighbours: Vec<usize>,
-    /// Where in the reduced system every two neighbours are, each with itself, too, the first not behind the second,
-    /// in this order.
+    /// Positions in the reduced system of all pairs of neighbours, including each with itself. The pairs are
+    /// ordered, with the first not after the second.
     pub(crate) entries: Vec<Entry>,
-    /// First value of its own matrix among those of all.
+    /// Offset of its diagonal matrix among the values of all eliminated blocks.
     pub(crate) own: usize,
-    /// First value of its matrix with each of its neighbours among those of all, and the end of the last.
+    /// Offsets of its matrices with each of its neighbours, followed by the end of the last one.
     pub(crate) cross: Vec<usize>,
 }
 
@@ -74,17 +76,17 @@ pub(crate) struct NormalEquations {
     /// Number of residuals.
     pub(crate) residuals: usize,
     pub(crate) gradient: Vec<f64>,
-    /// Of the kept blocks that are coupled, row by row.
+    /// Matrices of the coupled kept blocks, row by row.
     pub(crate) kept: Vec<f64>,
-    /// Of every eliminated block with itself, row by row.
+    /// Diagonal matrices of the eliminated blocks, row by row.
     pub(crate) own: Vec<f64>,
-    /// Of every eliminated block (rows) with each of its neighbours, row by row.
+    /// Matrices of every eliminated block (rows) with each of its neighbours, row by row.
     pub(crate) cross: Vec<f64>,
 }
 
 impl BlockStructure {
-    /// Blocks of these sizes, the flagged ones kept; `coupled` lists groups of blocks that have residuals
-    /// in common. No two eliminated blocks may be in one group.
+    /// Creates the structure of blocks with the given sizes; the flagged blocks are kept. Each entry of
+    /// `coupled` is a group of blocks that share residuals. A group contains at most one eliminated block.
     pub(crate) fn new(sizes: Vec<usize>, keep: &[bool], coupled: &[Vec<usize>]) -> Self {
         let offsets = running_sums(sizes.iter().copied());
         let (roles, kept, rest) = roles(keep);
@@ -117,12 +119,12 @@ impl BlockStructure {
         Self { sizes, offsets, roles, kept, eliminated, coupled, coupling, sparse }
     }
 
-    /// Number of parameters.
+    /// Returns the number of parameters.
     pub(crate) fn unknowns(&self) -> usize {
         self.offsets[self.sizes.len()]
     }
 
-    /// Normal equations of no residuals.
+    /// Returns normal equations without residuals.
     pub(crate) fn normal(&self) -> NormalEquations {
         let last = self.eliminated.last();
         let end = |out: &Eliminated| out.own + self.sizes[out.block].pow(2);
@@ -145,7 +147,7 @@ impl BlockStructure {
         );
     }
 
-    /// Takes a residual out again that was added.
+    /// Removes a residual that was added before.
     pub(crate) fn remove(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
         normal.residuals -= 1;
         self.add_weighted(normal, -1.0, residual, jacobian);
@@ -171,7 +173,7 @@ impl BlockStructure {
         }
     }
 
-    /// Adds the product of the derivatives by two blocks, or by one with itself.
+    /// Adds the product of the derivatives by two blocks, or by one block with itself.
     #[inline(always)]
     fn add_product(&self, normal: &mut NormalEquations, weight: f64, a: &JacobianBlock, b: &JacobianBlock) {
         match (self.roles[a.block], self.roles[b.block]) {
@@ -184,7 +186,7 @@ impl BlockStructure {
                 }
             }
             (Role::Eliminated(e), Role::Eliminated(_)) => {
-                add_outer(&mut normal.own[self.own(&self.eliminated[e])], weight, a.by, b.by);
+                add_outer(&mut normal.own[self.diagonal_range(&self.eliminated[e])], weight, a.by, b.by);
             }
             (Role::Eliminated(e), Role::Kept(i)) => self.add_cross(normal, [e, i], weight, [a.by, b.by]),
             (Role::Kept(i), Role::Eliminated(e)) => self.add_cross(normal, [e, i], weight, [b.by, a.by]),
@@ -201,34 +203,34 @@ impl BlockStructure {
     ) {
         let out = &self.eliminated[e];
         if let Some(at) = out.neighbours.iter().position(|&neighbour| neighbour == i) {
-            add_outer(&mut normal.cross[out.cross(at)], weight, rows, columns);
+            add_outer(&mut normal.cross[out.cross_range(at)], weight, rows, columns);
         }
     }
 
-    /// Where the own matrix of an eliminated block is.
-    pub(crate) fn own(&self, out: &Eliminated) -> Range<usize> {
+    /// Returns the range of the diagonal matrix of an eliminated block.
+    pub(crate) fn diagonal_range(&self, out: &Eliminated) -> Range<usize> {
         out.own..out.own + self.sizes[out.block].pow(2)
     }
 
-    /// Where a place of a block is in a vector over all parameters.
-    pub(crate) fn at(&self, (block, place): (usize, usize)) -> usize {
+    /// Returns the index of a parameter of a block in a vector over all parameters.
+    pub(crate) fn parameter_index(&self, (block, place): (usize, usize)) -> usize {
         self.offsets[block] + place
     }
 
-    /// The values of a block in a vector over all parameters.
-    pub(crate) fn of<'a>(&self, values: &'a [f64], block: usize) -> &'a [f64] {
+    /// Returns the values of a block from a vector over all parameters.
+    pub(crate) fn block_values<'a>(&self, values: &'a [f64], block: usize) -> &'a [f64] {
         &values[self.offsets[block]..][..self.sizes[block]]
     }
 }
 
 impl Eliminated {
-    /// Where the matrix with one of its neighbours is.
-    pub(crate) fn cross(&self, neighbour: usize) -> Range<usize> {
+    /// Returns the range of the matrix with one of its neighbours.
+    pub(crate) fn cross_range(&self, neighbour: usize) -> Range<usize> {
         self.cross[neighbour]..self.cross[neighbour + 1]
     }
 }
 
-/// The role of every block, and the blocks of either role.
+/// Returns the role of every block, the kept blocks and the eliminated blocks.
 fn roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
     let (mut kept, mut rest) = (Vec::new(), Vec::new());
     let role = |(block, &is_kept): (usize, &bool)| {
@@ -241,15 +243,15 @@ fn roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
     (roles, kept, rest)
 }
 
-/// The kept neighbours of every eliminated block, and all pairs of different kept blocks that residuals couple, each
-/// ascending.
+/// Returns the kept neighbours of every eliminated block, and all coupled pairs of different kept blocks.
+/// Both are in ascending order.
 fn couplings(roles: &[Role], rest: usize, coupled: &[Vec<usize>]) -> (Vec<Vec<usize>>, Vec<[usize; 2]>) {
     let mut neighbours: Vec<Vec<usize>> = vec![Vec::new(); rest];
     let mut pairs: Vec<[usize; 2]> = Vec::new();
     for group in coupled {
         let of_kept = |&block: &usize| if let Role::Kept(i) = roles[block] { Some(i) } else { None };
         let mut among: Vec<usize> = group.iter().filter_map(of_kept).collect();
-        make_set(&mut among);
+        sort_and_dedup(&mut among);
         pairs.extend(pairs_among(&among).filter(|[a, b]| a != b));
         for &block in group {
             if let Role::Eliminated(e) = roles[block] {
@@ -257,12 +259,12 @@ fn couplings(roles: &[Role], rest: usize, coupled: &[Vec<usize>]) -> (Vec<Vec<us
             }
         }
     }
-    neighbours.iter_mut().for_each(make_set);
-    make_set(&mut pairs);
+    neighbours.iter_mut().for_each(sort_and_dedup);
+    sort_and_dedup(&mut pairs);
     (neighbours, pairs)
 }
 
-/// Every two of a list, and every one with itself, the first not behind the second.
+/// Iterates over all pairs of a list, including each element with itself; the first is not after the second.
 fn pairs_among(list: &[usize]) -> impl Iterator<Item = [usize; 2]> + '_ {
     list.iter().enumerate().flat_map(|(i, &a)| list[i..].iter().map(move |&b| [a, b]))
 }

@@ -1,26 +1,26 @@
-//! A number with its derivatives: what analytic Jacobians of long formulas are made of.
+//! Dual numbers: values with their derivatives, for the analytic Jacobians of long formulas.
 //!
-//! Formulas of stage 1 have two kinds of arguments: the parameters of the camera, and the end points of what
-//! was drawn, which depend on the lens. The hot path takes derivatives by the former ([`Dual`] parameters,
-//! `f64` end points); a bundle adjustment with a free lens takes those by the latter as well ([`ByLens`] for
-//! both). [`NumberOver`] is what a formula asks for.
+//! Formulas of stage 1 have two kinds of arguments: the camera parameters, and the end points of the
+//! annotations, which depend on the lens. The hot path needs only the derivatives by the camera parameters
+//! ([`Dual`] parameters, `f64` end points). A bundle adjustment with a free lens also needs those by the lens
+//! ([`ByLens`] for both). [`NumberOver`] is the bound of a formula.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Derivatives with respect to roll, pitch, log focal, log height and the two tilts of the floor.
+/// Derivatives by roll, pitch, log focal length, log height and the two tilts of the floor.
 pub(crate) type Gradient = [f64; PARAMETERS];
 
-/// Number of parameters of stage 1 that a formula may depend on, its own nuisance parameters apart.
+/// Number of parameters of stage 1 in a formula, without its nuisance parameters.
 const PARAMETERS: usize = 6;
 
-/// A value with its derivatives by the parameters of a lens.
+/// Value with its derivatives by the lens parameters.
 pub(crate) type ByLens = Dual<LENS>;
 
-/// Number of parameters of a lens.
+/// Number of lens parameters.
 pub(crate) const LENS: usize = 7;
 
-/// What a formula is evaluated in: values alone, or values with their derivatives. Searches ask for
-/// the values of many states, and for the derivatives of few.
+/// Number type of a formula: a plain value, or a value with derivatives. A search evaluates many states, but
+/// needs the derivatives of only a few.
 pub(crate) trait Number:
     Copy
     + Add<Output = Self>
@@ -32,29 +32,31 @@ pub(crate) trait Number:
     + Sub<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// Whether it carries derivatives by the parameters.
+    /// Whether the number has derivatives by the parameters.
     const HAS_GRADIENT: bool;
 
-    /// A value with its derivatives by the parameters, which a number without them drops.
+    /// Creates a number from a value and its derivatives by the parameters. A plain value drops the
+    /// derivatives.
     fn new(value: f64, gradient: Gradient) -> Self;
     fn value(self) -> f64;
-    /// The derivatives by the parameters; zeros of a number without them.
+    /// Returns the derivatives by the parameters; zeros for a plain value.
     fn gradient(self) -> Gradient {
         [0.0; PARAMETERS]
     }
-    /// This number with other derivatives by the parameters, where it carries them.
+    /// Returns this number with other derivatives by the parameters, if it has any.
     fn with_gradient(self, gradient: Gradient) -> Self {
         if Self::HAS_GRADIENT { Self::new(self.value(), gradient) } else { self }
     }
-    /// A function of this number, with its value and derivative here.
+    /// Applies the chain rule: returns a function of this number, from its value and its derivative at this
+    /// number.
     fn chain(self, value: f64, derivative: f64) -> Self;
 
     fn constant(value: f64) -> Self {
         Self::new(value, [0.0; PARAMETERS])
     }
 
-    /// The parameter of this index.
-    fn unknown(value: f64, index: usize) -> Self {
+    /// Creates the parameter with this index.
+    fn parameter(value: f64, index: usize) -> Self {
         let mut gradient = [0.0; PARAMETERS];
         gradient[index] = 1.0;
         Self::new(value, gradient)
@@ -83,21 +85,21 @@ pub(crate) trait Number:
         (self.chain(sin, cos), self.chain(cos, -sin))
     }
 
-    /// The angle of the point `(x, self)`.
+    /// Returns the angle of the point `(x, self)`.
     #[inline]
     fn atan2(self, x: Self) -> Self {
         let (y, square) = (self.value(), x.value() * x.value() + self.value() * self.value());
         self.chain(y.atan2(x.value()), x.value() / square) + x.chain(0.0, -y / square)
     }
 
-    /// This number, or the constant `least` where it is less.
+    /// Returns the larger of this number and the constant `least`.
     #[inline]
     fn at_least(self, least: f64) -> Self {
         if self.value() > least { self } else { Self::constant(least) }
     }
 }
 
-/// A number that formulas may mix with end points of coordinates `E`.
+/// Number that a formula can combine with end points of the coordinate type `E`.
 pub(crate) trait NumberOver<E>:
     Number + From<E> + Add<E, Output = Self> + Sub<E, Output = Self> + Mul<E, Output = Self>
 {
@@ -127,7 +129,7 @@ impl Number for f64 {
     }
 }
 
-/// A value with its derivatives (forward differentiation): by the parameters of stage 1, or by others.
+/// Value with its derivatives (forward differentiation), by the parameters of stage 1 or by others.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dual<const K: usize = PARAMETERS> {
     pub(crate) value: f64,
@@ -221,7 +223,7 @@ impl<const K: usize> Div for Dual<K> {
     #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
     #[inline]
     fn div(self, other: Self) -> Self {
-        // One division; the derivatives are multiplied.
+        // A single division; the derivatives are multiplied by the inverse.
         let (value, inverse) = (self.value / other.value, other.value.recip());
         let gradient = |i: usize| (self.gradient[i] - value * other.gradient[i]) * inverse;
         Self { value, gradient: std::array::from_fn(gradient) }

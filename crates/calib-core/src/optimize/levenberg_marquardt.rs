@@ -1,41 +1,45 @@
-//! Levenberg-Marquardt for sums of squares, whatever the structure of their normal equations.
+//! Levenberg-Marquardt minimiser for sums of squares with normal equations of any structure.
 //!
 //! At a state with residuals `r` and Jacobian `J` the step `d` solves
 //!
-//! `(J'J + lambda D) d = -J'r`, `D = diag(J'J)`,
+//! `(J'J + lambda D) d = -J'r`, `D = diag(J'J)`.
 //!
-//! between Gauss-Newton's step (`lambda = 0`) and a short one downhill; with the diagonal as metric it does
-//! not depend on the units of the unknowns (Marquardt 1963, "An Algorithm for Least-Squares Estimation of
-//! Nonlinear Parameters"). A step is accepted when the cost `F = r'r` falls; one that is next to nothing is the last, and
-//! is believed. The damping follows Nielsen
-//! (1999, "Damping Parameter in Marquardt's Method", report IMM-REP-1999-05): with the gain ratio
+//! It is between the Gauss-Newton step (`lambda = 0`) and a short gradient step. With the diagonal as metric,
+//! it does not depend on the units of the parameters (Marquardt 1963, "An Algorithm for Least-Squares
+//! Estimation of Nonlinear Parameters"). A step is accepted if the cost `F = r'r` decreases. A sufficiently
+//! small undamped step is accepted as the last one without an evaluation. The damping follows Nielsen (1999,
+//! "Damping Parameter in Marquardt's Method", report IMM-REP-1999-05), with the gain ratio
 //!
-//! `rho = (F(x) - F(x + d)) / (L(0) - L(d))`, `L(0) - L(d) = d'(lambda D d - J'r)`,
+//! `rho = (F(x) - F(x + d)) / (L(0) - L(d))`, `L(0) - L(d) = d'(lambda D d - J'r)`
 //!
-//! of the true decrease to that of the linear model, an accepted step multiplies `lambda` by
-//! `max(1 - (2 rho - 1)^3, floor)`, and every rejected one in a row by 2, 4, 8, ... Nielsen's floor is 1/3;
-//! here it is 1/100: where the linear model was right, the next steps are Gauss-Newton's soon, and they have to
-//! be, for what holds a hall of cameras to one scale is a millionth of what holds a camera to the next.
+//! of the true decrease to the decrease of the linear model. An accepted step multiplies `lambda` by
+//! `max(1 - (2 rho - 1)^3, floor)`. Consecutive rejected steps multiply it by 2, 4, 8, ... Nielsen's floor is
+//! 1/3; here it is 1/100, so that the steps are soon Gauss-Newton steps where the linear model is accurate.
+//! This is necessary. The constraint of the scale of a large hall of cameras is a millionth of the constraint
+//! between neighbouring cameras.
 
 use argmin::core::{Error, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus};
 
-/// A sum of squares.
+/// Sum of squares.
 pub(crate) trait LeastSquares {
-    /// A value for every unknown.
+    /// Values of all parameters.
     type State: Clone;
-    /// The normal equations at a state.
+    /// Normal equations at a state.
     type Normal;
 
-    /// Damping of the first step. Where less than usual leads nowhere, the usual one is tried next.
+    /// Returns the damping of the first step. If a smaller value than the default fails, the default is tried
+    /// next.
     fn first_damping(&self) -> f64 {
         FIRST_DAMPING
     }
 
-    /// Cost (sum of squares) and normal equations; `None` where the model is impossible.
+    /// Returns the cost (sum of squares) and the normal equations. Returns `None` if the model is not defined
+    /// at the state.
     fn linearize(&self, state: &Self::State) -> Option<(f64, Self::Normal)>;
 
-    /// The state after a step with `damping` times the diagonal added, the decrease of the cost that the
-    /// linear model predicts, and the largest change of an unknown; `None` when there is no solution.
+    /// Returns the state after a step, with the diagonal multiplied by `1 + damping`. Also returns the
+    /// decrease of the cost that the linear model predicts, and the largest change of a parameter. Returns
+    /// `None` if there is no solution.
     fn step(
         &self,
         state: &Self::State,
@@ -44,76 +48,75 @@ pub(crate) trait LeastSquares {
     ) -> Option<(Self::State, f64, f64)>;
 }
 
-/// How a Levenberg-Marquardt run ended.
+/// Reason for the end of a Levenberg-Marquardt run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Termination {
-    /// The relative decrease of the cost, made or promised, or the step is below its tolerance.
+    /// The step, or the actual or predicted relative decrease of the cost, is below its tolerance.
     Converged,
-    /// The steps that were allowed are used up.
+    /// The maximum number of steps is reached.
     MaxSteps,
-    /// No damping gives a lower cost: rounding near the minimum, or a start without a downhill step.
+    /// No damping decreases the cost: rounding errors near the minimum, or a start without a descent step.
     NoDecrease,
 }
 
-/// A run at one of its states.
+/// Current state of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct LevenbergMarquardt<P: LeastSquares> {
     pub(crate) state: P::State,
     pub(crate) cost: f64,
-    /// The normal equations there, or before a last step that was too small to change them.
+    /// Normal equations at the state, or before a last step that was too small to change them.
     pub(crate) normal: P::Normal,
     damping: f64,
     growth: f64,
-    /// Until a step is accepted, what damping is not below after a rejection.
+    /// Minimum damping after a rejection, until a step is accepted.
     least_after_rejection: f64,
 }
 
-/// Damping of a first step from a start that may be anywhere near: a small share of the diagonal leaves it almost
-/// Gauss-Newton's.
+/// Default damping of the first step. A small fraction of the diagonal keeps the step close to Gauss-Newton.
 const FIRST_DAMPING: f64 = 1e-4;
 /// Factor of the damping at the first rejection after an accepted step.
 const GROWTH: f64 = 2.0;
 
 impl<P: LeastSquares> LevenbergMarquardt<P> {
-    /// `None` when the start is impossible.
+    /// Starts a run. Returns `None` if the model is not defined at the start.
     pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
         let (cost, normal) = problem.linearize(&start)?;
         Some(Self::at(problem, start, cost, normal))
     }
 
-    /// From a state of which the normal equations are known.
+    /// Starts a run at a state with known normal equations.
     pub(crate) fn at(problem: &P, state: P::State, cost: f64, normal: P::Normal) -> Self {
         let damping = problem.first_damping();
         Self { state, cost, normal, damping, growth: GROWTH, least_after_rejection: FIRST_DAMPING }
     }
 
-    /// Whether the next step is nearly Gauss-Newton's, and none was rejected after the last.
+    /// Whether the next step is almost a Gauss-Newton step, with no rejection since the last accepted step.
     pub(crate) fn is_undamped(&self) -> bool {
-        /// A tenth of what holds the softest to the rest.
-        const UNDAMPED: f64 = 1e-7;
-        self.damping <= UNDAMPED && self.growth <= GROWTH
+        /// A tenth of the weakest constraint, relative to the diagonal.
+        const MAX_UNDAMPED: f64 = 1e-7;
+        self.damping <= MAX_UNDAMPED && self.growth <= GROWTH
     }
 
-    /// Makes one accepted step; how the run ended, where it did.
+    /// Makes one accepted step. Returns the reason for the end of the run if it ended.
     pub(crate) fn advance(&mut self, problem: &P) -> Option<Termination> {
-        /// Least relative decrease of the cost, that a step made or that the linear model promises; exact scenes go down
-        /// to rounding.
+        /// Minimum relative decrease of the cost, actual or predicted. The cost of an exact scene decreases
+        /// to rounding errors.
         const COST_TOLERANCE: f64 = 1e-13;
-        /// Least step in radians and log units, far below the accuracy that pixels give.
+        /// Minimum step in radians and log units, far below the accuracy that pixels allow.
         const STEP_TOLERANCE: f64 = 1e-11;
         const MAX_DAMPING: f64 = 1e12;
-        /// Least factor of the damping after a step.
-        const FLOOR: f64 = 1e-2;
-        /// Relative decrease of the cost, and step, up to which an undamped step is believed without looking where it ends:
-        /// what is left after it is a small share of them.
-        const LAST: [f64; 2] = [1e-9, 1e-4];
+        /// Minimum factor of the damping after a step.
+        const MIN_DAMPING_FACTOR: f64 = 1e-2;
+        /// Maximum relative decrease of the cost, and maximum step, of an undamped step that is accepted
+        /// without evaluation. The remaining error is a small fraction of them.
+        const MAX_LAST_STEP: [f64; 2] = [1e-9, 1e-4];
         while self.damping < MAX_DAMPING {
             if let Some((next, predicted, size)) = problem.step(&self.state, &self.normal, self.damping) {
                 let promises_nothing = (0.0..=COST_TOLERANCE * self.cost).contains(&predicted);
                 if size < STEP_TOLERANCE || promises_nothing {
                     return Some(Termination::Converged);
                 }
-                let is_last = size < LAST[1] && (0.0..=LAST[0] * self.cost).contains(&predicted);
+                let is_last = size < MAX_LAST_STEP[1] && (0.0..=MAX_LAST_STEP[0] * self.cost).contains(&predicted);
                 if is_last && self.is_undamped() {
                     (self.state, self.cost) = (next, self.cost - predicted);
                     return Some(Termination::Converged);
@@ -121,7 +124,7 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                 if let Some((cost, normal)) = problem.linearize(&next).filter(|(cost, _)| *cost < self.cost) {
                     let gain = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
                     let done = self.cost - cost <= COST_TOLERANCE * self.cost;
-                    self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(FLOOR);
+                    self.damping *= (1.0 - (2.0 * gain - 1.0).powi(3)).max(MIN_DAMPING_FACTOR);
                     (self.state, self.cost, self.normal) = (next, cost, normal);
                     (self.growth, self.least_after_rejection) = (GROWTH, 0.0);
                     return done.then_some(Termination::Converged);
@@ -137,26 +140,26 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
         Some(Termination::NoDecrease)
     }
 
-    /// Makes so many accepted steps, or fewer; how it ended.
+    /// Makes at most `max_steps` accepted steps. Returns the reason for the end of the run.
     pub(crate) fn run(&mut self, problem: &P, max_steps: usize) -> Termination {
         (0..max_steps).find_map(|_| self.advance(problem)).unwrap_or(Termination::MaxSteps)
     }
 }
 
-/// The end of a run.
+/// Result of a run.
 pub(crate) struct Summary<P: LeastSquares> {
-    /// The lowest state, or a last step from there.
+    /// State with the lowest cost, or the state one last step after it.
     pub(crate) state: P::State,
     pub(crate) cost: f64,
-    /// The normal equations there, or before a last step.
+    /// Normal equations at the state, or before a last step.
     pub(crate) normal: P::Normal,
     #[cfg_attr(not(test), expect(dead_code, reason = "tests ask whether it converged"))]
     pub(crate) ending: Termination,
 }
 
-/// The lowest state reached from `start`; `None` when the start is impossible.
+/// Minimises the sum of squares from `start`. Returns `None` if the model is not defined there.
 ///
-/// It runs without argmin's executor, which costs more than a whole solve of one camera.
+/// It does not use argmin's executor, whose overhead exceeds the whole solve of one camera.
 pub(crate) fn least_squares<P: LeastSquares>(
     problem: &P,
     start: P::State,
@@ -165,7 +168,8 @@ pub(crate) fn least_squares<P: LeastSquares>(
     least_squares_unless(problem, start, max_steps, |_, _| false)
 }
 
-/// The same; `None` also when a run comes to a state, of this cost, from which it is known where it leads.
+/// Minimises as [`least_squares`]. Also returns `None` if the run reaches a state for which `is_known`,
+/// called with state and cost, is true.
 pub(crate) fn least_squares_unless<P: LeastSquares>(
     problem: &P,
     start: P::State,
@@ -187,7 +191,7 @@ pub(crate) fn least_squares_unless<P: LeastSquares>(
     Some(Summary { state, cost, normal, ending: ending.unwrap_or(Termination::MaxSteps) })
 }
 
-/// Runs inside argmin's executor, one accepted step an iteration.
+/// Runs inside argmin's executor, with one accepted step for each iteration.
 impl<P> Solver<P, IterState<P::State, (), (), (), (), f64>> for LevenbergMarquardt<P>
 where
     P: LeastSquares,
@@ -221,8 +225,8 @@ mod tests {
     use proptest::prelude::*;
     use std::cell::Cell;
 
-    /// One unknown, of which the arc tangent should be nothing, and so should a share of it that disagrees by 1: beyond 1.39
-    /// Gauss-Newton's steps lead away from the minimum.
+    /// Problem with one parameter x and two residuals: its arc tangent, and `share x - 1`. For x above 1.39,
+    /// Gauss-Newton steps of the arc tangent diverge.
     struct ArcTangent {
         first_damping: f64,
         share: f64,

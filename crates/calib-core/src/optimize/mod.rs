@@ -1,14 +1,17 @@
 //! Minimisers and the linear algebra of their normal equations.
 //!
-//! Law: no geometry. Problems come as residuals with Jacobians; what they mean, the caller knows.
+//! Rule: no geometry. Problems are residuals with Jacobians; only the caller interprets them. The files:
 //!
-//! - `nelder_mead` for the paper's criterion, which has no derivatives; `levenberg_marquardt` for every sum of
-//!   squares ([`LeastSquares`], [`least_squares`]);
-//! - `sparse_structure`, `packed_product`, `sparse_cholesky`, `selected_inverse` sparse systems in blocks: order,
-//!   factor, solution, inverse; `dense_block`, `block_structure`, `schur_complement` the normal equations of a bundle
-//!   adjustment in parameter blocks: elimination of landmarks, step, covariance;
-//! - `dual` dual numbers, for the Jacobians of stage 1; `arrow` its normal equations, four core parameters and
-//!   nuisance parameters in blocks.
+//! - `statistics`: normal and chi-square statistics.
+//! - `nelder_mead`: minimiser for the criterion of the paper, which has no derivatives.
+//! - `levenberg_marquardt`: minimiser for sums of squares ([`LeastSquares`], [`least_squares`]).
+//! - `dense`: arithmetic of small dense blocks, and products of large matrices.
+//! - `sparse_cholesky`: sparse systems in blocks: order, factor and solution.
+//! - `selected_inverse`: the blocks of the inverse of a sparse matrix within the pattern of its factor.
+//! - `block_structure`: the normal equations of a bundle adjustment, in parameter blocks.
+//! - `schur_complement`: elimination of landmarks, step and covariance of a bundle adjustment.
+//! - `dual`: dual numbers for the Jacobians of stage 1.
+//! - `arrow`: the normal equations of stage 1, with four core parameters and blocks of nuisance parameters.
 
 mod statistics;
 mod nelder_mead;

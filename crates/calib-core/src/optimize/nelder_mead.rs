@@ -1,13 +1,13 @@
-//! The simplex method of Nelder and Mead (1965) in two unknowns, for costs without derivatives.
+//! Simplex method of Nelder and Mead (1965) in two parameters, for costs without derivatives.
 
 use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::Vector2;
 
-/// Cost in place of infinity and NaN, from which argmin would compute NaN.
-const IMPOSSIBLE: f64 = 1e30;
+/// Cost that replaces infinity and NaN. From these, argmin would compute NaN.
+const UNDEFINED_COST: f64 = 1e30;
 
-/// A point of two unknowns, with the three operations a simplex needs.
+/// Point in two dimensions, with the three operations of the simplex method.
 #[derive(Clone, Copy, Debug)]
 struct Vertex(Vector2<f64>);
 
@@ -36,27 +36,28 @@ impl<F: Fn([f64; 2]) -> f64> CostFunction for Cost<F> {
     type Output = f64;
     fn cost(&self, vertex: &Vertex) -> Result<f64, Error> {
         let cost = (self.0)([vertex.0.x, vertex.0.y]);
-        Ok(if cost.is_finite() { cost.min(IMPOSSIBLE) } else { IMPOSSIBLE })
+        Ok(if cost.is_finite() { cost.min(UNDEFINED_COST) } else { UNDEFINED_COST })
     }
 }
 
-/// The lowest point found by Nelder-Mead from a simplex at `start` with edges `size`, and its cost.
+/// Returns the best point found by Nelder-Mead from a simplex at `start` with edges `size`, and its cost.
 ///
-/// An unknown of `size` 0 is not moved. `None` when every vertex of the simplex is impossible.
+/// A parameter of `size` 0 does not move. Returns `None` if the cost of all vertices is undefined.
 pub(crate) fn nelder_mead(
     cost: impl Fn([f64; 2]) -> f64,
     start: [f64; 2],
     size: [f64; 2],
 ) -> Option<([f64; 2], f64)> {
-    /// Standard deviation of the costs in the simplex at which it has converged. The paper's
-    /// criterion is first order in some angles: 1e-13 of it is 1e-13 rad.
+    /// Standard deviation of the costs in a converged simplex. The paper's criterion is first order in some
+    /// angles: a difference of 1e-13 corresponds to 1e-13 rad.
     const TOLERANCE: f64 = 1e-13;
-    /// The simplex may collapse before a minimum: it is started again at the best point, a tenth in size.
-    const RESTARTS: usize = 4;
+    /// Number of runs. The simplex may collapse before a minimum, so it is restarted at the best point with a
+    /// tenth of its size.
+    const MAX_RUNS: usize = 4;
     const MAX_ITERATIONS: u64 = 400;
 
     let mut best = (start, cost(start));
-    for restart in 0..RESTARTS {
+    for restart in 0..MAX_RUNS {
         let shrink = 0.1_f64.powi(i32::try_from(restart).unwrap_or(0));
         let corner = Vector2::from(best.0);
         let mut simplex = vec![Vertex(corner)];
@@ -79,7 +80,7 @@ pub(crate) fn nelder_mead(
             break;
         }
     }
-    (best.1 < IMPOSSIBLE).then_some(best)
+    (best.1 < UNDEFINED_COST).then_some(best)
 }
 
 #[cfg(test)]

@@ -1,36 +1,36 @@
 //! Elimination of parameter blocks by the Schur complement: the reduced system, the step, the covariance.
 //!
-//! Landmarks and the nuisance parameters of stage 1 are many, but each is coupled with a few cameras and
-//! none with another of its kind. With the parameters split into kept ones `y` (cameras, shared lenses) and
-//! eliminated ones `z`, the normal equations are
+//! Landmarks and nuisance parameters of stage 1 are numerous. Each is coupled with a few cameras, and with no
+//! other landmark or nuisance block. With the parameters split into kept ones `y` (cameras, shared lenses)
+//! and eliminated ones `z`, the normal equations are
 //!
 //! ```text
 //! [ A   C' ] [ y ]   [ a ]      A: kept blocks            a = -J_y' r
 //! [ C   D  ] [ z ] = [ b ]      D: eliminated blocks      b = -J_z' r
 //! ```
 //!
-//! and D is block diagonal, with blocks of up to three rows that are inverted one by one. Elimination of
-//! `z = D^-1 (b - C y)` leaves the reduced system
+//! D is block diagonal, and its blocks of up to three rows are inverted separately. Elimination of
+//! `z = D^-1 (b - C y)` gives the reduced system
 //!
-//! `(A - C' D^-1 C) y = a - C' D^-1 b`,
+//! `(A - C' D^-1 C) y = a - C' D^-1 b`.
 //!
-//! whose matrix S is the Schur complement of D. Its block for the cameras i and j is
-//! `A_ij - sum_e C_ei' D_e^-1 C_ej` over the landmarks e that both observe: it is as sparse as the view
-//! graph, and is factored by the sparse Cholesky factorisation. S, with D, is positive definite exactly
-//! where the whole is (Triggs et al. 1999, "Bundle Adjustment - A Modern Synthesis", section 6).
+//! Its matrix S is the Schur complement of D. The block of S for the cameras i and j is
+//! `A_ij - sum_e C_ei' D_e^-1 C_ej` over the landmarks e that both observe. S is as sparse as the view graph,
+//! and is factored by sparse Cholesky. S and D are positive definite exactly if the whole matrix is (Triggs
+//! et al. 1999, "Bundle Adjustment - A Modern Synthesis", section 6).
 //!
-//! Under damping the diagonals of A and D are multiplied by `1 + lambda` before.
+//! With damping, the diagonals of A and D are first multiplied by `1 + lambda`.
 //!
-//! The inverse of the whole, which is the covariance, has the same structure. With `Z = S^-1` and
+//! The covariance is the inverse of the whole matrix and has the same structure. With `Z = S^-1` and
 //! `G = D^-1 C`, its blocks are
 //!
 //! - kept with kept: `Z`;
 //! - eliminated with kept: `-G Z`;
 //! - eliminated with itself: `D^-1 + G Z G'`.
 //!
-//! Of Z only the blocks of neighbours are needed there, and only those of coupled cameras are asked for:
-//! the selected inverse has them all. Those of cameras that nothing couples directly are solved for, column by
-//! column, where they are wanted.
+//! Only the blocks of Z for neighbours and for coupled cameras are needed. The selected inverse contains them
+//! all. The covariance of cameras without a direct coupling is computed on request, by a solution for each
+//! column.
 
 use std::collections::HashMap;
 
@@ -42,17 +42,17 @@ use crate::optimize::dense::{damp_diagonal, product, pseudo_invert};
 use crate::optimize::selected_inverse::SelectedInverse;
 use crate::optimize::sparse_cholesky::running_sums;
 
-/// The system of the kept blocks.
+/// Reduced system of the kept blocks.
 struct Reduced {
-    /// The matrix, in the layout of its factor.
+    /// Matrix, in the layout of its factor.
     values: Vec<f64>,
     right: Vec<f64>,
-    /// Inverse of the own matrix of every eliminated block, in the layout of these.
+    /// Inverse of the diagonal matrix of every eliminated block, in the layout of `own`.
     inverses: Vec<f64>,
 }
 
 impl BlockStructure {
-    /// The reduced system; `damping` multiplies the diagonal.
+    /// Returns the reduced system, with the diagonals multiplied by `1 + damping`.
     fn reduced(&self, normal: &NormalEquations, damping: f64) -> Reduced {
         dispatch(
             #[inline(always)]
@@ -70,11 +70,11 @@ impl BlockStructure {
             self.sparse.diagonal(block).for_each(|at| values[at] *= 1.0 + damping);
         }
         let right: Vec<f64> =
-            self.kept.iter().flat_map(|&b| self.of(&normal.gradient, b).iter().map(|g| -g)).collect();
+            self.kept.iter().flat_map(|&b| self.block_values(&normal.gradient, b).iter().map(|g| -g)).collect();
         let mut reduced = Reduced { values, right, inverses: normal.own.clone() };
         let (starts, mut weighed) = (self.starts(), Vec::new());
         for out in &self.eliminated {
-            let own = &mut reduced.inverses[self.own(out)];
+            let own = &mut reduced.inverses[self.diagonal_range(out)];
             damp_diagonal(own, damping);
             pseudo_invert(own, self.sizes[out.block]);
             self.eliminate(normal, out, &starts, (&mut reduced, &mut weighed));
@@ -82,8 +82,8 @@ impl BlockStructure {
         reduced
     }
 
-    /// Subtracts `C' D^-1 C` of one eliminated block from the matrix and adds `C' D^-1` times its gradient
-    /// to the right-hand side; with room for the product of two of these.
+    /// Subtracts `C' D^-1 C` of one eliminated block from the matrix. Adds `C' D^-1` times its gradient to
+    /// the right-hand side. `weighed` is a buffer for the product of D^-1 and C.
     #[inline(always)]
     fn eliminate(
         &self,
@@ -93,24 +93,24 @@ impl BlockStructure {
         (reduced, weighed): (&mut Reduced, &mut Vec<f64>),
     ) {
         let size = self.sizes[out.block];
-        let gradient = self.of(&normal.gradient, out.block);
+        let gradient = self.block_values(&normal.gradient, out.block);
         let mut entries = out.entries.iter();
         for (k, &a) in out.neighbours.iter().enumerate() {
-            product(&reduced.inverses[self.own(out)], &normal.cross[out.cross(k)], size, weighed);
+            product(&reduced.inverses[self.diagonal_range(out)], &normal.cross[out.cross_range(k)], size, weighed);
             let width = self.sizes[self.kept[a]];
             for j in 0..width {
                 let sum: f64 = (0..size).map(|i| weighed[i * width + j] * gradient[i]).sum();
                 reduced.right[starts[a] + j] += sum;
             }
             for (other, entry) in (k..out.neighbours.len()).zip(&mut entries) {
-                let other = &normal.cross[out.cross(other)];
+                let other = &normal.cross[out.cross_range(other)];
                 let rows = weighed.chunks_exact(width).zip(other.chunks_exact(other.len() / size));
                 rows.for_each(|(a, b)| entry.add_outer(&mut reduced.values, -1.0, a, b));
             }
         }
     }
 
-    /// The step in every parameter and the decrease of the cost that the linear model predicts.
+    /// Returns the step in all parameters, and the decrease of the cost that the linear model predicts.
     pub(crate) fn step(&self, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64)> {
         let Reduced { values, right, inverses } = self.reduced(normal, damping);
         let solution = self.sparse.factor(values)?.solve(&right);
@@ -124,29 +124,29 @@ impl BlockStructure {
         let (mut right, mut solved) = (Vec::new(), Vec::new());
         for out in &self.eliminated {
             self.right_side(normal, out, &step, &mut right);
-            product(&inverses[self.own(out)], &right, right.len(), &mut solved);
+            product(&inverses[self.diagonal_range(out)], &right, right.len(), &mut solved);
             step[self.offsets[out.block]..][..solved.len()].copy_from_slice(&solved);
         }
-        // d' (lambda D d - J'r), the decrease of the linear model.
+        // Decrease of the linear model: d' (lambda D d - J'r).
         let diagonal = self.diagonal(normal);
         let predicted =
             (0..step.len()).map(|i| step[i] * (damping * diagonal[i] * step[i] - normal.gradient[i])).sum();
         Some((step, predicted))
     }
 
-    /// `b - C y` of one eliminated block, in place of that of another.
+    /// Computes `b - C y` of one eliminated block. It replaces the contents of `right`.
     fn right_side(&self, normal: &NormalEquations, out: &Eliminated, step: &[f64], right: &mut Vec<f64>) {
         right.clear();
-        right.extend(self.of(&normal.gradient, out.block).iter().map(|g| -g));
+        right.extend(self.block_values(&normal.gradient, out.block).iter().map(|g| -g));
         for (k, &neighbour) in out.neighbours.iter().enumerate() {
-            let (moved, cross) = (self.of(step, self.kept[neighbour]), &normal.cross[out.cross(k)]);
+            let (moved, cross) = (self.block_values(step, self.kept[neighbour]), &normal.cross[out.cross_range(k)]);
             for (value, row) in right.iter_mut().zip(cross.chunks_exact(moved.len())) {
                 *value -= row.iter().zip(moved).map(|(c, m)| c * m).sum::<f64>();
             }
         }
     }
 
-    /// The diagonal of `J'J`.
+    /// Returns the diagonal of `J'J`.
     fn diagonal(&self, normal: &NormalEquations) -> Vec<f64> {
         let mut diagonal = vec![0.0; self.unknowns()];
         for block in 0..self.sizes.len() {
@@ -158,7 +158,7 @@ impl BlockStructure {
                     to.iter_mut().zip(own).for_each(|(to, own)| *to = *own);
                 }
                 Role::Eliminated(e) => {
-                    let own = normal.own[self.own(&self.eliminated[e])].iter().step_by(size + 1);
+                    let own = normal.own[self.diagonal_range(&self.eliminated[e])].iter().step_by(size + 1);
                     to.iter_mut().zip(own).for_each(|(to, own)| *to = *own);
                 }
             }
@@ -166,29 +166,29 @@ impl BlockStructure {
         diagonal
     }
 
-    /// The covariance of blocks that have residuals in common.
+    /// Returns the covariance of blocks that share residuals.
     ///
-    /// Regularised: the diagonal of every kept block of `J'J` is multiplied by `1 + regularization`, so that
-    /// what the residuals do not determine has a large variance, not an infinite one.
+    /// The diagonal of every kept block of `J'J` is multiplied by `1 + regularization`. A direction that the
+    /// residuals do not determine therefore has a large, finite variance.
     pub(crate) fn covariance(
         &self,
         normal: &NormalEquations,
         regularization: f64,
     ) -> Option<BlockCovariance> {
-        let (values, inverses) = self.regular(normal, regularization);
+        let (values, inverses) = self.regularized(normal, regularization);
         let inverse = self.sparse.factor(values)?.inverse();
         Some(BlockCovariance { cross: normal.cross.clone(), inverses, inverse })
     }
 
-    /// The covariance of kept blocks with each other, whether anything couples them or not, by their pairs: as
-    /// [`Self::covariance`], column by column of the inverse.
+    /// Returns the covariances of all pairs of the given kept blocks, coupled or not, computed from columns
+    /// of the inverse. The regularisation is the one of [`Self::covariance`].
     pub(crate) fn covariance_between(
         &self,
         normal: &NormalEquations,
         regularization: f64,
         wanted: &[usize],
     ) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
-        let (values, _) = self.regular(normal, regularization);
+        let (values, _) = self.regularized(normal, regularization);
         let factor = self.sparse.factor(values)?;
         let starts = self.starts();
         let place = |&block: &usize| match self.roles[block] {
@@ -212,8 +212,8 @@ impl BlockStructure {
         Some(found)
     }
 
-    /// The values of the regularised matrix, and `D^-1` of every eliminated block.
-    fn regular(&self, normal: &NormalEquations, regularization: f64) -> (Vec<f64>, Vec<f64>) {
+    /// Returns the values of the regularised matrix, and `D^-1` of every eliminated block.
+    fn regularized(&self, normal: &NormalEquations, regularization: f64) -> (Vec<f64>, Vec<f64>) {
         let Reduced { mut values, inverses, .. } = self.reduced(normal, 0.0);
         for (block, coupled) in self.coupled[..self.kept.len()].iter().enumerate() {
             let own = normal.kept[coupled.at.clone()].iter().step_by(coupled.width + 1);
@@ -224,16 +224,16 @@ impl BlockStructure {
         (values, inverses)
     }
 
-    /// First row of every kept block in the reduced system, and how many there are.
+    /// Returns the first row of every kept block in the reduced system, followed by the number of rows.
     fn starts(&self) -> Vec<usize> {
         running_sums(self.kept.iter().map(|&block| self.sizes[block]))
     }
 }
 
-/// Covariance of blocks, as far as they have residuals in common.
+/// Covariance of blocks that share residuals.
 #[derive(Debug)]
 pub(crate) struct BlockCovariance {
-    /// Of every eliminated block (rows) with each of its neighbours, as the normal equations have it.
+    /// Matrices of every eliminated block (rows) with each of its neighbours, as in the normal equations.
     cross: Vec<f64>,
     /// `D^-1` of every eliminated block.
     inverses: Vec<f64>,
@@ -242,7 +242,8 @@ pub(crate) struct BlockCovariance {
 }
 
 impl BlockCovariance {
-    /// Of two blocks that are coupled, or of one; zeros for two eliminated blocks.
+    /// Returns the covariance of two coupled blocks, or of one block with itself. It is zero for two
+    /// different eliminated blocks.
     pub(crate) fn block(&self, blocks: &BlockStructure, a: usize, b: usize) -> DMatrix<f64> {
         match (blocks.roles[a], blocks.roles[b]) {
             (Role::Kept(i), Role::Kept(j)) => self.inverse.block(i, j),
@@ -257,12 +258,12 @@ impl BlockCovariance {
         }
     }
 
-    /// `D^-1 + G Z G'`.
+    /// Returns `D^-1 + G Z G'` of an eliminated block.
     fn eliminated(&self, blocks: &BlockStructure, e: usize) -> DMatrix<f64> {
         let out = &blocks.eliminated[e];
         let size = blocks.sizes[out.block];
         let gain = self.gain(blocks, e);
-        let mut found = DMatrix::from_row_slice(size, size, &self.inverses[blocks.own(out)]);
+        let mut found = DMatrix::from_row_slice(size, size, &self.inverses[blocks.diagonal_range(out)]);
         let mut at = 0;
         for &neighbour in &out.neighbours {
             let columns = self.neighbours_with(blocks, e, neighbour);
@@ -273,16 +274,16 @@ impl BlockCovariance {
         found
     }
 
-    /// `G = D^-1 C` over all neighbours of an eliminated block.
+    /// Returns `G = D^-1 C` over all neighbours of an eliminated block.
     fn gain(&self, blocks: &BlockStructure, e: usize) -> DMatrix<f64> {
         let out = &blocks.eliminated[e];
         let size = blocks.sizes[out.block];
-        let own = DMatrix::from_row_slice(size, size, &self.inverses[blocks.own(out)]);
+        let own = DMatrix::from_row_slice(size, size, &self.inverses[blocks.diagonal_range(out)]);
         let width = out.neighbours.iter().map(|&neighbour| blocks.sizes[blocks.kept[neighbour]]).sum();
         let mut all = DMatrix::zeros(size, width);
         let mut at = 0;
         for k in 0..out.neighbours.len() {
-            let cross = &self.cross[out.cross(k)];
+            let cross = &self.cross[out.cross_range(k)];
             let part = DMatrix::from_row_slice(size, cross.len() / size, cross);
             all.columns_mut(at, part.ncols()).copy_from(&part);
             at += part.ncols();
@@ -290,7 +291,7 @@ impl BlockCovariance {
         own * all
     }
 
-    /// Covariance of all neighbours of an eliminated block with one kept block.
+    /// Returns the covariance of all neighbours of an eliminated block with one kept block.
     fn neighbours_with(&self, blocks: &BlockStructure, e: usize, kept: usize) -> DMatrix<f64> {
         let near = &blocks.eliminated[e].neighbours;
         let parts: Vec<DMatrix<f64>> = near.iter().map(|&n| self.inverse.block(n, kept)).collect();
@@ -325,7 +326,7 @@ mod tests {
             let count = kept.len();
             let sizes: Vec<usize> = kept.iter().copied().chain(rest.iter().map(|r| r.0)).collect();
             let keep: Vec<bool> = (0..sizes.len()).map(|i| i < count).collect();
-            // Together, or coupled by elimination only.
+            // Coupled directly in one group, or only by elimination.
             let mut common: Vec<Vec<usize>> = rest.iter().enumerate().flat_map(|(i, r)| {
                 let (near, out) = (BTreeSet::from([r.1 % count, r.2 % count]), count + i);
                 if i % 2 == 0 {

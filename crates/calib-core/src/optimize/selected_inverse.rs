@@ -1,15 +1,16 @@
-//! The blocks of the inverse of a sparse matrix, where its factor has some.
+//! Selected inverse: the blocks of the inverse of a sparse matrix within the pattern of its factor.
 //!
-//! Of the inverse `Z = S^-1` only the blocks where L has some are computed, the selected inverse (Takahashi, Fagan
-//! and Chen 1973; Erisman and Tinney 1975). `S Z = I` is `Z L = L'^-1`, and L'^-1 is upper triangular; its column
-//! j, with the rows R below the diagonal, reads
+//! Only the blocks of `Z = S^-1` in the pattern of the factor L are computed (Takahashi, Fagan and Chen 1973;
+//! Erisman and Tinney 1975). `S Z = I` is `Z L = L'^-1`, and L'^-1 is upper triangular. Its column j, with
+//! the rows R below the diagonal, is
 //!
 //! - `Z_RR L_Rj + Z_Rj L_jj = 0`,
 //! - `Z_jR L_Rj + Z_jj L_jj = L_jj'^-1`,
 //!
-//! so that the panels of Z follow from the last to the first. Any two rows of a column are an entry of L
-//! themselves (elimination of j fills it in): whatever `Z_RR` asks for is there. The cost grows with the factor,
-//! not with the square of the size. The covariance of coupled cameras lies within the pattern, for that of S does.
+//! so the panels of Z follow from the last to the first. Any two rows of a column are an entry of L, because
+//! the elimination of j fills it in. `Z_RR` is therefore always within the pattern. The cost grows with the
+//! size of the factor, not with the square of the matrix size. The covariance of coupled cameras is within
+//! the pattern, as it is within the pattern of S.
 
 use std::sync::Arc;
 
@@ -20,7 +21,7 @@ use crate::optimize::dense::{Packed, Part, Product};
 use crate::optimize::sparse_cholesky::{CholeskyFactor, add_scaled, dot};
 use crate::optimize::sparse_cholesky::{SparseStructure, Supernode};
 
-/// The inverse where the factor has entries.
+/// Inverse of a sparse matrix within the pattern of its factor.
 #[derive(Debug)]
 pub(crate) struct SelectedInverse {
     sparse: Arc<SparseStructure>,
@@ -28,7 +29,7 @@ pub(crate) struct SelectedInverse {
 }
 
 impl CholeskyFactor {
-    /// The inverse, where the factor has entries.
+    /// Returns the inverse within the pattern of the factor.
     pub(crate) fn inverse(self) -> SelectedInverse {
         let mut values = vec![0.0; self.values.len()];
         self.invert(&mut values);
@@ -54,7 +55,8 @@ impl CholeskyFactor {
 }
 
 impl SparseStructure {
-    /// `Z_RR` of the rows R below a supernode: where everything is coupled, twice as large as the factor.
+    /// Gathers `Z_RR` for the rows R below a supernode. For a fully coupled matrix it is twice as large as
+    /// the factor.
     fn gather(&self, supernode: &Supernode, values: &[f64], inverse: &mut Packed) {
         let width = supernode.width;
         inverse.clear(supernode.height() - width, supernode.height() - width);
@@ -77,7 +79,7 @@ impl SparseStructure {
     }
 }
 
-/// `[Z_jj; Z_Rj]` from `[L_jj; L_Rj]` and `Z_RR L_Rj`.
+/// Computes `[Z_jj; Z_Rj]` from `[L_jj; L_Rj]` and `Z_RR L_Rj`.
 #[inline(always)]
 fn invert_panel(panel: &mut [f64], factor: &[f64], products: &Product, width: usize) {
     let height = panel.len() / width;
@@ -97,7 +99,7 @@ fn invert_panel(panel: &mut [f64], factor: &[f64], products: &Product, width: us
         let diagonal = factor[c * height + c];
         for i in (c..width).rev() {
             let below = dot(&panel[i * height + width..(i + 1) * height], &factor[c * height + width..]);
-            // What was found of column i, which is its row, too.
+            // Known part of column i, which is also its row.
             let beside = dot(&panel[i * height + c + 1..i * height + width], &factor[c * height + c + 1..]);
             let right = if i == c { diagonal.recip() } else { 0.0 };
             let value = (right - below - beside) / diagonal;
@@ -108,7 +110,7 @@ fn invert_panel(panel: &mut [f64], factor: &[f64], products: &Product, width: us
 }
 
 impl SelectedInverse {
-    /// A block, row by row; zeros for two blocks that nothing couples.
+    /// Returns a block, row by row; zeros for two blocks without coupling.
     pub(crate) fn block(&self, a: usize, b: usize) -> DMatrix<f64> {
         let entry = self.sparse.entry([a, b]);
         DMatrix::from_fn(self.sparse.size(a), self.sparse.size(b), |i, j| {

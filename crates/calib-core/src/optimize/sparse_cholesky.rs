@@ -1,20 +1,24 @@
-//! The pattern of a sparse symmetric matrix of blocks, and of its factor.
+//! Sparse Cholesky factorisation of a symmetric positive definite matrix of blocks: pattern, factor and
+//! solution.
 //!
-//! The blocks are ordered for little fill by approximate minimum degree (Amestoy, Davis and Duff 1996). In this
-//! order the rows of a block are those that the matrix has below its diagonal, and those of every block whose
-//! first row below its diagonal this one is (Davis 2006, "Direct Methods for Sparse Linear Systems", section 4.1).
-//! Blocks that follow each other and have all further rows in common make a supernode (Liu, Ng and Peyton 1993, "On
-//! Finding Supernodes for Sparse Matrix Computations").
+//! # Pattern
 //!
-//! Matrix, factor and inverse have one layout: for every supernode a panel of its rows, column by column, its own
-//! blocks first.
+//! The blocks are ordered for little fill by approximate minimum degree (Amestoy, Davis and Duff 1996). In
+//! this order, the rows of a block are the union of two sets. The first contains the rows of the matrix below
+//! the diagonal of the block. The second contains the rows of every block whose first row below the diagonal
+//! is this block (Davis 2006, "Direct Methods for Sparse Linear Systems", section 4.1). Consecutive blocks
+//! with the same further rows form a supernode (Liu, Ng and Peyton 1993, "On Finding Supernodes for Sparse
+//! Matrix Computations").
 //!
-//! A sparse symmetric positive definite system in blocks: its factor, and its solution.
+//! Matrix, factor and inverse have the same layout: a panel for every supernode with its rows, column by
+//! column, its own blocks first.
 //!
-//! The factor, `S = L L'`, is computed in place, supernode by supernode: the panel of supernode j becomes
-//! `[L_jj; S_Rj L_jj'^-1]`, and `L_Rj L_Rj'` is subtracted from the panels of its rows R. Unlike a factorisation
-//! entry by entry, this works on dense panels (Ng and Peyton 1993, "Block Sparse Cholesky Algorithms on Advanced
-//! Uniprocessor Computers").
+//! # Factor
+//!
+//! The factor, `S = L L'`, is computed in place, supernode by supernode. The panel of supernode j is replaced
+//! by `[L_jj; S_Rj L_jj'^-1]`, and `L_Rj L_Rj'` is subtracted from the panels of its rows R. Unlike a
+//! factorisation of single entries, this works on dense panels (Ng and Peyton 1993, "Block Sparse Cholesky
+//! Algorithms on Advanced Uniprocessor Computers").
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -22,53 +26,53 @@ use std::sync::Arc;
 use crate::camera::dispatch;
 use crate::optimize::dense::{Packed, Part, Product};
 
-/// The pattern of the factor of a matrix of blocks.
+/// Pattern of the factor of a matrix of blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct SparseStructure {
-    /// Of every block, its place in the order of the factor.
-    places: Vec<usize>,
-    /// First unknown of every place, in the order of the factor, and their number.
+    /// Position of every block in the order of the factor.
+    positions: Vec<usize>,
+    /// First parameter of every position in the order of the factor, followed by the number of parameters.
     pub(super) starts: Vec<usize>,
-    /// Of every place, its supernode.
+    /// Supernode of every position.
     owners: Vec<usize>,
-    /// In the order of the factor.
+    /// Supernodes, in the order of the factor.
     pub(super) supernodes: Vec<Supernode>,
 }
 
-/// Blocks that have their rows in common.
+/// Consecutive blocks with the same rows.
 #[derive(Clone, Debug)]
 pub(super) struct Supernode {
-    /// Unknowns.
+    /// Number of parameters.
     pub(super) width: usize,
-    /// First value of its panel.
+    /// Offset of its panel among the values.
     pub(super) offset: usize,
-    /// How many blocks it has.
+    /// Number of its blocks.
     pub(super) blocks: usize,
-    /// Places of the blocks of its rows, ascending; its own first.
+    /// Positions of the blocks of its rows, ascending; its own blocks first.
     pub(super) rows: Vec<usize>,
-    /// First row of each in the panel, and the height of the panel.
+    /// First row of each block in the panel, followed by the height of the panel.
     pub(super) tops: Vec<usize>,
 }
 
-/// Where in the values the block of two blocks is.
+/// Position of a block of the matrix among the values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
     offset: usize,
-    /// From one column of the panel to the next.
+    /// Offset from one column of the panel to the next.
     stride: usize,
     /// Whether the second block is the column.
     is_transposed: bool,
 }
 
 impl Entry {
-    /// Where the value of a row of the first block and a column of the second is.
+    /// Returns the index of the value in a row of the first block and a column of the second.
     #[inline]
     pub(super) fn at(self, row: usize, column: usize) -> usize {
         let (across, down) = if self.is_transposed { (column, row) } else { (row, column) };
         self.offset + across * self.stride + down
     }
 
-    /// Adds a matrix of so many columns, row by row.
+    /// Adds a matrix with `width` columns, stored row by row.
     pub(crate) fn add(self, values: &mut [f64], matrix: &[f64], width: usize) {
         for (i, row) in matrix.chunks_exact(width).enumerate() {
             for (j, value) in row.iter().enumerate() {
@@ -91,14 +95,15 @@ impl Entry {
 }
 
 impl SparseStructure {
-    /// The structure of a matrix of blocks of these sizes, one unknown at least, that couples these pairs of blocks.
+    /// Creates the pattern of a matrix with blocks of the given sizes, at least 1, and the given coupled
+    /// pairs of blocks.
     pub(crate) fn new(sizes: &[usize], pairs: impl Iterator<Item = [usize; 2]>) -> Arc<Self> {
         let mut neighbours: Vec<Vec<usize>> = (0..sizes.len()).map(|block| vec![block]).collect();
         for [a, b] in pairs {
             neighbours[a].push(b);
             neighbours[b].push(a);
         }
-        neighbours.iter_mut().for_each(make_set);
+        neighbours.iter_mut().for_each(sort_and_dedup);
         let order = order(&neighbours);
         let mut places = vec![0; sizes.len()];
         order.iter().enumerate().for_each(|(place, &block)| places[block] = place);
@@ -106,43 +111,43 @@ impl SparseStructure {
         let rows = factor_rows(&neighbours, &order, &places);
         let mut owners = Vec::with_capacity(sizes.len());
         let mut supernodes: Vec<Supernode> = Vec::new();
-        for places in supernode_places(&rows, &starts) {
+        for places in supernode_positions(&rows, &starts) {
             owners.resize(places.end, supernodes.len());
             let offset = supernodes.last().map_or(0, Supernode::end);
             supernodes.push(Supernode::new(places.len(), &rows[places.start], &starts, offset));
         }
-        Arc::new(Self { places, starts, owners, supernodes })
+        Arc::new(Self { positions: places, starts, owners, supernodes })
     }
 
-    /// Room for the values of a matrix.
+    /// Returns a vector of zeros for the values of a matrix.
     pub(crate) fn zeros(&self) -> Vec<f64> {
         vec![0.0; self.supernodes.last().map_or(0, Supernode::end)]
     }
 
-    /// Number of unknowns.
+    /// Returns the number of parameters.
     pub(super) fn unknowns(&self) -> usize {
         self.starts[self.blocks()]
     }
 
-    /// Unknowns of a block.
+    /// Returns the number of parameters of a block.
     pub(super) fn size(&self, block: usize) -> usize {
-        let place = self.places[block];
+        let place = self.positions[block];
         self.starts[place + 1] - self.starts[place]
     }
 
-    /// First unknown of a block in the order of the factor.
+    /// Returns the first parameter of a block in the order of the factor.
     pub(super) fn start(&self, block: usize) -> usize {
-        self.starts[self.places[block]]
+        self.starts[self.positions[block]]
     }
 
-    /// How many blocks there are.
+    /// Returns the number of blocks.
     pub(super) fn blocks(&self) -> usize {
-        self.places.len()
+        self.positions.len()
     }
 
-    /// Where the block of two blocks is, if they are coupled.
+    /// Returns the position of the matrix of two blocks, if they are coupled.
     pub(crate) fn entry(&self, [a, b]: [usize; 2]) -> Option<Entry> {
-        let (first, second) = (self.places[a], self.places[b]);
+        let (first, second) = (self.positions[a], self.positions[b]);
         let supernode = &self.supernodes[self.owners[first.min(second)]];
         let row = supernode.rows.binary_search(&first.max(second)).ok()?;
         let column = supernode.tops[first.min(second) - supernode.rows[0]];
@@ -151,15 +156,16 @@ impl SparseStructure {
         Some(Entry { offset, stride, is_transposed: second < first })
     }
 
-    /// Where the diagonal of a block is.
+    /// Iterates over the indices of the diagonal of a block.
     pub(crate) fn diagonal(&self, block: usize) -> impl Iterator<Item = usize> + use<> {
-        let supernode = &self.supernodes[self.owners[self.places[block]]];
-        let first = supernode.tops[self.places[block] - supernode.rows[0]];
+        let supernode = &self.supernodes[self.owners[self.positions[block]]];
+        let first = supernode.tops[self.positions[block] - supernode.rows[0]];
         let (offset, step) = (supernode.offset, supernode.height() + 1);
         (first..first + self.size(block)).map(move |i| offset + i * step)
     }
 
-    /// The supernodes of the rows below one, each with the first of its blocks there and the one behind the last.
+    /// Iterates over the supernodes of the rows below a supernode. Each comes with the range of its block
+    /// rows there.
     pub(super) fn targets<'a>(
         &'a self,
         supernode: &'a Supernode,
@@ -175,7 +181,7 @@ impl SparseStructure {
 }
 
 impl Supernode {
-    /// Of so many blocks, with the rows of the first.
+    /// Creates a supernode with the given number of blocks, and the rows of the first.
     fn new(blocks: usize, rows: &[usize], starts: &[usize], offset: usize) -> Self {
         let tops = running_sums(rows.iter().map(|&row| starts[row + 1] - starts[row]));
         Self { width: tops[blocks], offset, blocks, rows: rows.to_vec(), tops }
@@ -185,19 +191,20 @@ impl Supernode {
         self.tops[self.rows.len()]
     }
 
-    /// The value behind the last of its panel.
+    /// Returns the end of its panel.
     pub(super) fn end(&self) -> usize {
         self.offset + self.width * self.height()
     }
 
-    /// Columns of one of its own blocks, by its place.
+    /// Returns the columns of one of its own blocks, by its position.
     pub(super) fn columns(&self, place: usize) -> Range<usize> {
         let own = place - self.rows[0];
         self.tops[own]..self.tops[own + 1]
     }
 
-    /// Rows of this panel from its block row `k` on, as runs that another panel, which has them all, has in one
-    /// piece: first row here, first row there, length.
+    /// Iterates over the rows of this panel from block row `k`, as runs that are contiguous in another panel.
+    /// The other panel must contain all of these rows. A run is its first row here, its first row there, and
+    /// its length.
     pub(super) fn runs_in<'a>(&'a self, k: usize, other: &'a Self) -> impl Iterator<Item = [usize; 3]> + 'a {
         let (mut from, mut at) = (k, 0);
         std::iter::from_fn(move || {
@@ -211,13 +218,13 @@ impl Supernode {
     }
 }
 
-/// Of every place the places of the rows that the factor has in its columns, ascending, itself first.
+/// Returns the rows of the factor for every position, ascending, starting with the position itself.
 fn factor_rows(neighbours: &[Vec<usize>], order: &[usize], places: &[usize]) -> Vec<Vec<usize>> {
     let mut rows: Vec<Vec<usize>> = vec![Vec::new(); order.len()];
     for (place, &block) in order.iter().enumerate() {
         let mut own = std::mem::take(&mut rows[place]);
         own.extend(neighbours[block].iter().map(|&other| places[other]).filter(|&other| other >= place));
-        make_set(&mut own);
+        sort_and_dedup(&mut own);
         if let [_, parent, others @ ..] = &own[..] {
             rows[*parent].extend(others);
         }
@@ -226,23 +233,25 @@ fn factor_rows(neighbours: &[Vec<usize>], order: &[usize], places: &[usize]) -> 
     rows
 }
 
-/// Sorts a list, each once.
-pub(super) fn make_set<T: Ord>(list: &mut Vec<T>) {
+/// Sorts a list and removes duplicates.
+pub(super) fn sort_and_dedup<T: Ord>(list: &mut Vec<T>) {
     list.sort_unstable();
     list.dedup();
 }
 
-/// Runs of places that make a supernode: each place the first row below the one before it, and with all its others.
-fn supernode_places(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize>> {
-    /// Unknowns of a supernode: what is done within a panel stays little beside what is subtracted from others.
-    const WIDEST: usize = 56;
+/// Returns the runs of positions that form supernodes. In a run, each position is the first row below the
+/// previous one and has all of its other rows.
+fn supernode_positions(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize>> {
+    /// Maximum number of parameters of a supernode. It keeps the work within a panel small compared with the
+    /// updates of other panels.
+    const MAX_WIDTH: usize = 56;
     let mut found: Vec<Range<usize>> = Vec::new();
     for (place, own) in rows.iter().enumerate() {
         let follows = |last: &Range<usize>| {
             let before = &rows[place - 1];
             before.get(1) == Some(&place)
                 && before.len() == own.len() + 1
-                && starts[place + 1] - starts[last.start] <= WIDEST
+                && starts[place + 1] - starts[last.start] <= MAX_WIDTH
         };
         match found.last_mut() {
             Some(last) if follows(last) => last.end = place + 1,
@@ -252,7 +261,7 @@ fn supernode_places(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize>> 
     found
 }
 
-/// From 0, where each of these sizes starts, and where the last ends.
+/// Returns the start of each size in a running sum from 0, followed by the total.
 pub(super) fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
     let mut sums = vec![0];
     let mut end = 0;
@@ -263,7 +272,7 @@ pub(super) fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
     sums
 }
 
-/// An order of the blocks with little fill.
+/// Returns an order of the blocks with little fill.
 fn order(neighbours: &[Vec<usize>]) -> Vec<usize> {
     let mut offsets = vec![0];
     let mut rows = Vec::new();
@@ -272,11 +281,11 @@ fn order(neighbours: &[Vec<usize>]) -> Vec<usize> {
         offsets.push(rows.len());
     }
     let found = amd::order::<usize>(neighbours.len(), &offsets, &rows, &amd::Control::default());
-    // The pattern is valid by construction; the order as it is would be right, too, only slower.
+    // The pattern is valid by construction. The original order would also be correct, only slower.
     found.map_or_else(|_| (0..neighbours.len()).collect(), |(order, _, _)| order)
 }
 
-/// The factor L of one matrix.
+/// Factor L of a matrix.
 #[derive(Clone, Debug)]
 pub(crate) struct CholeskyFactor {
     pub(super) sparse: Arc<SparseStructure>,
@@ -284,7 +293,8 @@ pub(crate) struct CholeskyFactor {
 }
 
 impl SparseStructure {
-    /// `None` when the matrix is not positive definite. Of a block of the diagonal its upper triangle counts.
+    /// Factors a matrix. Returns `None` if it is not positive definite. Only the upper triangle of a diagonal
+    /// block is used.
     pub(crate) fn factor(self: &Arc<Self>, mut values: Vec<f64>) -> Option<CholeskyFactor> {
         self.factor_in_place(&mut values)?;
         Some(CholeskyFactor { sparse: Arc::clone(self), values })
@@ -313,7 +323,8 @@ impl SparseStructure {
 }
 
 impl Supernode {
-    /// Subtracts `L_Rj L_kj'`, of the rows R from those between `k` and `end` on, from the panel of these.
+    /// Subtracts `L_Rj L_kj'` from the panel of another supernode. R are the rows from block row `k` on; the
+    /// block rows from `k` to `end` are in the other supernode.
     fn subtract(&self, product: &Product, [k, end]: [usize; 2], target: &Self, values: &mut [f64]) {
         let height = target.height();
         for row in k..end {
@@ -330,7 +341,7 @@ impl Supernode {
     }
 }
 
-/// Adds `factor` times values to as many.
+/// Adds `factor` times the values.
 #[inline(always)]
 pub(super) fn add_scaled(to: &mut [f64], factor: f64, values: &[f64]) {
     for (to, value) in to.iter_mut().zip(values) {
@@ -338,7 +349,7 @@ pub(super) fn add_scaled(to: &mut [f64], factor: f64, values: &[f64]) {
     }
 }
 
-/// The sum of products, in eight parts.
+/// Returns the dot product, summed in eight independent parts.
 #[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let length = a.len().min(b.len());
@@ -352,7 +363,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest.iter().zip(other).map(|(a, b)| a * b).sum::<f64>()
 }
 
-/// `[S_jj; S_Rj]` becomes `[L_jj; S_Rj L_jj'^-1]`; `None` when `S_jj` is not positive definite.
+/// Replaces `[S_jj; S_Rj]` by `[L_jj; S_Rj L_jj'^-1]`. Returns `None` if `S_jj` is not positive definite.
 #[inline(always)]
 fn factor_panel(panel: &mut [f64], height: usize) -> Option<()> {
     for c in 0..panel.len() / height {
@@ -369,10 +380,10 @@ fn factor_panel(panel: &mut [f64], height: usize) -> Option<()> {
     Some(())
 }
 
-/// Subtracts columns from row `top` on, each times its value there.
+/// Subtracts columns from row `top` on, each multiplied by its value in that row.
 #[inline(always)]
 fn subtract_columns(to: &mut [f64], columns: &[f64], height: usize, top: usize) {
-    // Several in one pass: what they are subtracted from is loaded and stored once.
+    // Four columns in one pass load and store the target once.
     let mut several = columns.chunks_exact(4 * height);
     for four in &mut several {
         let [a, b, c, d] = [0, 1, 2, 3].map(|q| &four[q * height + top..(q + 1) * height]);
@@ -387,7 +398,7 @@ fn subtract_columns(to: &mut [f64], columns: &[f64], height: usize, top: usize) 
 }
 
 impl CholeskyFactor {
-    /// Number of unknowns.
+    /// Returns the number of parameters.
     pub(crate) fn unknowns(&self) -> usize {
         self.sparse.unknowns()
     }
@@ -396,14 +407,14 @@ impl CholeskyFactor {
         &self.values[supernode.offset..supernode.end()]
     }
 
-    /// The solution for a right-hand side with the blocks one after the other as they are numbered.
+    /// Solves for a right-hand side whose blocks are in their original order.
     pub(crate) fn solve(&self, right: &[f64]) -> Vec<f64> {
-        let mut found = self.sparse.ordered(right);
+        let mut found = self.sparse.to_factor_order(right);
         dispatch(
             #[inline(always)]
             || self.solve_in_place(&mut found),
         );
-        self.sparse.numbered(&found)
+        self.sparse.to_original_order(&found)
     }
 
     #[inline(always)]
@@ -443,8 +454,8 @@ impl CholeskyFactor {
 }
 
 impl SparseStructure {
-    /// Values of all unknowns as the blocks are numbered, in the order of the factor.
-    fn ordered(&self, values: &[f64]) -> Vec<f64> {
+    /// Permutes the values of all parameters from the original order to the order of the factor.
+    fn to_factor_order(&self, values: &[f64]) -> Vec<f64> {
         let mut ordered = vec![0.0; values.len()];
         let mut rest = values;
         for block in 0..self.blocks() {
@@ -455,8 +466,8 @@ impl SparseStructure {
         ordered
     }
 
-    /// The same back.
-    fn numbered(&self, ordered: &[f64]) -> Vec<f64> {
+    /// Permutes the values of all parameters from the order of the factor to the original order.
+    fn to_original_order(&self, ordered: &[f64]) -> Vec<f64> {
         let mut values = Vec::with_capacity(ordered.len());
         for block in 0..self.blocks() {
             values.extend_from_slice(&ordered[self.start(block)..][..self.size(block)]);
@@ -477,7 +488,7 @@ mod tests {
     proptest! {
         #[test]
         fn solution_and_inverse_are_those_of_the_dense_matrix(
-            // Some alone, and several together, wider than a supernode.
+            // Mostly small blocks, and some that are wider than a supernode.
             sizes in proptest::collection::vec(prop_oneof![20 => 1..10_usize, 1 => 57..60_usize], 0..14),
             pairs in proptest::collection::vec((0..14_usize, 0..14_usize), 0..60),
             seed in 0_u64..1000,
@@ -504,7 +515,8 @@ mod tests {
                     }
                 }
             }
-            // More than the sum of what stands beside it: positive.
+            // The diagonal exceeds the sum of the other values of its row, so the matrix is positive
+            // definite.
             for block in 0..count {
                 for (i, at) in sparse.diagonal(block).enumerate() {
                     values[at] += 300.0;

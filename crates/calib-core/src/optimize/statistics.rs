@@ -6,7 +6,7 @@
 /// Normal quantile of the misfit test, 1 % one-sided. At 5 % too many inliers are rejected, which costs accuracy.
 pub const MISFIT_SCORE: f64 = 2.326;
 
-/// Fewer degrees of freedom than this count as none. Estimated degrees of freedom need not be whole.
+/// Minimum degrees of freedom of a test. Estimated degrees of freedom may be fractions.
 const MIN_DOF: f64 = 0.5;
 
 /// Returns the standard normal score of a chi-square with `dof` degrees of freedom; 0 without degrees of freedom.
@@ -66,8 +66,9 @@ mod tests {
 
     #[test]
     fn scores_agree_with_tables() {
-        // Upper tails of 2.3e-2 and 3.2e-5: chi-square of four degrees exceeds 11.3 and 25.9 as often. So far out the
-        // approximation is a tenth of a sigma short, which raises no false alarm.
+        // Upper tails of 2.3e-2 and 3.2e-5: chi-square of four degrees exceeds 11.3 and 25.9 with these
+        // probabilities. So far out, the approximation is a tenth of a sigma too small, which raises no false
+        // alarm.
         assert!((chi2_score(11.3, 4.0) - 2.0).abs() < 0.03);
         assert!((3.88..4.0).contains(&chi2_score(25.9, 4.0)));
         assert!(chi2_score(3.0, 4.0) < 0.0);

@@ -81,7 +81,7 @@ pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
 
 /// Returns an end as an undistorted pixel, if a pinhole camera can show it.
 fn pinhole_point(chart: Option<&Chart>, point: [f64; 2]) -> Option<[f64; 2]> {
-    chart.map_or(Some(point), |chart| chart.ahead(point))
+    chart.map_or(Some(point), |chart| chart.undistorted(point))
 }
 
 /// Returns the spread of the image directions of lines, times their mean length.

@@ -140,13 +140,13 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
     let fitted: [bool; Lens::PARAMETERS] =
         std::array::from_fn(|k| camera.covariance.sigma(Covariance::LENS + k).is_some());
-    let has_one_focal = camera.focal_is_of_lens();
+    let has_one_focal = camera.shares_lens_focal();
     let point = |&bearing: &[f64; 3]| {
         let floor = FloorJacobian::new(&parameters, bearing)?;
         let mut jacobian = [[0.0; 2]; N];
         jacobian[..3].copy_from_slice(&floor.by);
         if fitted.contains(&true) || has_one_focal {
-            let by_lens = camera.lens.bearing_by_parameters(camera.lens.shown(bearing)?, bearing);
+            let by_lens = camera.lens.bearing_by_parameters(camera.lens.bearing_to_pixel(bearing)?, bearing);
             let [by_x, by_y, by_w] = floor.by_bearing;
             let moved = |k: usize| {
                 let [dx, dy, dw] = by_lens[k].at;

@@ -278,7 +278,7 @@ fn scale_variance<E: Number>(end: &mut Endpoint<E>, times: f64) {
 /// Returns both ends in an image that all lines share: undistorted pixels, or equidistant for a wide lens.
 fn polyline<E: Number>(chart: Option<&Chart>, ends: [&Endpoint<E>; 2]) -> Vec<[f64; 2]> {
     let points = ends.map(|end| end.point.map(Number::value));
-    points.map(|point| chart.map_or(point, |chart| chart.flat(point))).to_vec()
+    points.map(|point| chart.map_or(point, |chart| chart.equidistant_point(point))).to_vec()
 }
 
 /// Sum of the shares of the members of every group, and their number.
@@ -461,7 +461,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
     ) {
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation, segment };
-            let chart = Chart::toward(self.charts, points);
+            let chart = Chart::centred_on(self.charts, points);
             let ends = equivalent_ends(points, self.lens, chart.as_ref());
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_distinct_ends) {
                 Ok(ends) => {
@@ -486,7 +486,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         let is_mark = is_along && segments.len() > 1 && plane.is_none();
         for (segment, points) in segments.iter().enumerate() {
             let source = Source { annotation: index, segment };
-            let chart = Chart::toward(self.charts, points);
+            let chart = Chart::centred_on(self.charts, points);
             let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
             let ends = points.first().zip(points.last()).and_then(|(&a, &b)| Some([end(a)?, end(b)?]));
             match ends.ok_or(InvalidSegment::OutsideLens).and_then(with_distinct_ends) {
@@ -513,7 +513,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
             return;
         };
         let plane = self.plane(annotation);
-        let chart = Chart::toward(self.charts, &[foot, head]);
+        let chart = Chart::centred_on(self.charts, &[foot, head]);
         let end = |pixel: Pixel| E::endpoint(pixel, self.lens, chart.as_ref());
         match (end(foot), end(head)) {
             (Some(foot), Some(head)) => {
@@ -578,15 +578,15 @@ trait LensNumber: Number {
 
 impl LensNumber for f64 {
     fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint> {
-        let point = lens.in_chart(pixel, chart)?;
+        let point = lens.pixel_to_chart(pixel, chart)?;
         Some(Endpoint { point: point.at, covariance: covariance_of_unit_noise(point.jacobian) })
     }
 }
 
 impl LensNumber for ByLens {
     fn endpoint(pixel: Pixel, lens: &Lens, chart: Option<&Chart>) -> Option<Endpoint<Self>> {
-        let found = lens.in_chart(pixel, chart)?;
-        let by = lens.in_chart_by_parameters(pixel, &found, chart);
+        let found = lens.pixel_to_chart(pixel, chart)?;
+        let by = lens.pixel_to_chart_by_parameters(pixel, &found, chart);
         let point = [0, 1].map(|axis| Self { value: found.at[axis], gradient: by.map(|by| by.at[axis]) });
         let jacobian = [0, 1].map(|row| {
             [0, 1].map(|column| Self {

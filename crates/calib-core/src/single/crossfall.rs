@@ -84,16 +84,16 @@ impl<E: Number> Problem<'_, E> {
         let tilt = self.nuisances().tilt();
         if !self.constraints.has_crossfall() {
             for at in [tilt, tilt + 1] {
-                sink(N::constant(state.nuisance[at] / level), NuisanceJacobian::of(at, level.recip()));
+                sink(N::constant(state.nuisance[at] / level), NuisanceJacobian::new(at, level.recip()));
             }
             return;
         }
         let Some(LeanSpread { right, ahead_by_right, ahead }) = self.lean_spread(at) else { return };
         let first = N::constant(state.nuisance[tilt]) / right;
-        sink(first, NuisanceJacobian::of(tilt, right.value().recip()));
+        sink(first, NuisanceJacobian::new(tilt, right.value().recip()));
         let second = (N::constant(state.nuisance[tilt + 1]) - ahead_by_right * first) / ahead;
         let by_right = -ahead_by_right.value() / (right.value() * ahead.value());
-        sink(second, NuisanceJacobian::of(tilt, by_right).and(tilt + 1, ahead.value().recip()));
+        sink(second, NuisanceJacobian::new(tilt, by_right).with_derivative(tilt + 1, ahead.value().recip()));
     }
 }
 

@@ -82,13 +82,14 @@ impl<'a, E> Directions<'a, E> {
     ) -> NuisanceJacobian {
         let Direction::Floor { group, .. } = line.direction else {
             let tilt = self.nuisances.tilt();
-            let by_tilt = NuisanceJacobian::of(tilt, first).and(tilt + 1, second);
+            let by_tilt = NuisanceJacobian::new(tilt, first).with_derivative(tilt + 1, second);
             return if self.has_tilt { by_tilt } else { NuisanceJacobian::NONE };
         };
-        let by_group = NuisanceJacobian::of(group, first);
+        let by_group = NuisanceJacobian::new(group, first);
         let Some(index) = line.deviation else { return by_group };
         let (at, deviation) = (self.nuisances.deviation(index), &self.constraints.deviations[index]);
-        let with_azimuth = if deviation.azimuth > 0.0 { by_group.and(at, first) } else { by_group };
-        if deviation.level > 0.0 { with_azimuth.and(at + 1, second) } else { with_azimuth }
+        let with_azimuth =
+            if deviation.azimuth > 0.0 { by_group.with_derivative(at, first) } else { by_group };
+        if deviation.level > 0.0 { with_azimuth.with_derivative(at + 1, second) } else { with_azimuth }
     }
 }

@@ -396,7 +396,7 @@ fn check_determined(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Resu
     const MAX_SINGULAR_FLOOR_ERROR: f64 = 0.5;
     /// Relative error of floor lengths below which a regular fit is accepted.
     const MAX_REGULAR_FLOOR_ERROR: f64 = 10.0;
-    let is_determined = !best.uncertainty.singular && rel.is_none_or(|rel| rel < MAX_REGULAR_FLOOR_ERROR);
+    let is_determined = !best.uncertainty.is_singular && rel.is_none_or(|rel| rel < MAX_REGULAR_FLOOR_ERROR);
     if is_determined || rel.is_some_and(|rel| rel < MAX_SINGULAR_FLOOR_ERROR) {
         return Ok(());
     }

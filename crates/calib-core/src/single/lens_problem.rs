@@ -226,7 +226,7 @@ impl LensProblem<'_> {
     pub(super) fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (lens, start) = (self.lens(values), self.start());
         let indices = &self.indices()[..values.len()];
-        if !lens.shows_image(self.size) {
+        if !lens.covers_image(self.size) {
             return None;
         }
         let edges: Vec<(Vec<f64>, Vec<Vec<f64>>)> = self
@@ -293,7 +293,7 @@ impl LensProblem<'_> {
     /// half the longer side.
     pub(super) fn reference_pixels(&self) -> [Pixel; 3] {
         let [w, h] = self.size;
-        let whole = ImageCircle::around(self.size);
+        let whole = ImageCircle::default_for(self.size);
         let circle = if self.fitted.is_wide() { self.circle.unwrap_or(whole) } else { whole };
         let (right, down) = (f64::from(u8::from(w > h)), f64::from(u8::from(w <= h)));
         let edge = Pixel { u: circle.u + right * circle.radius, v: circle.v + down * circle.radius };
@@ -386,9 +386,9 @@ pub(super) fn undistorted_by_parameters(lens: &Lens, place: Pixel) -> Option<ByP
     };
     let tried = if lens.distortion.is_wide() { STEPS } else { 1 };
     (0..tried).map(toward).find_map(|pixel| {
-        let chart = Chart::toward(lens, &[pixel]);
-        let point = lens.in_chart(pixel, chart.as_ref())?;
-        Some(lens.in_chart_by_parameters(pixel, &point, chart.as_ref()))
+        let chart = Chart::centred_on(lens, &[pixel]);
+        let point = lens.pixel_to_chart(pixel, chart.as_ref())?;
+        Some(lens.pixel_to_chart_by_parameters(pixel, &point, chart.as_ref()))
     })
 }
 

@@ -312,7 +312,7 @@ impl<'a, E: Number> Problem<'a, E> {
         self.each_prior(parameters, |residual| sink(residual, NuisanceJacobian::NONE, None));
         self.each_lean_prior(state, &at, |residual, by| sink(residual, by, None));
         self.constraints.each_scene_prior(|index, sigma| {
-            let by = NuisanceJacobian::of(index, sigma.recip());
+            let by = NuisanceJacobian::new(index, sigma.recip());
             sink(N::constant(state.nuisance[index] / sigma), by, None);
         });
         Some(())
@@ -351,7 +351,7 @@ impl<'a, E: Number> Problem<'a, E> {
                 let of_plane = PlaneNuisances { foot: None, ..of_plane };
                 let (carried, jacobian) = frame.propagated(&gradient, DistanceKind::OnPlane, &of_plane);
                 gradient = carried;
-                nuisance = nuisance.with(&jacobian);
+                nuisance = nuisance.with_all(&jacobian);
             }
             sink(N::new(value.value(), gradient), nuisance, Some(line.source));
         }
@@ -366,7 +366,7 @@ impl<'a, E: Number> Problem<'a, E> {
                 sink((value - mean) * sigma.recip());
             }
         };
-        let unknown = |index: usize| N::unknown(parameters[index], index);
+        let unknown = |index: usize| N::parameter(parameters[index], index);
         add(roll, unknown(ROLL));
         add(pitch, unknown(PITCH));
         add(focal, unknown(LOG_FOCAL).exp());

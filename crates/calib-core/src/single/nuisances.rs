@@ -82,7 +82,7 @@ impl Nuisances {
             (block, sizes[block] - 1)
         };
         let places = block_of.iter().map(place).collect();
-        NuisanceLayout { places, sizes }
+        NuisanceLayout { positions: places, sizes }
     }
 }
 

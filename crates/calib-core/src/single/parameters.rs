@@ -69,7 +69,7 @@ pub struct FittedCoefficients {
     /// Distortion model.
     pub model: DistortionModel,
     /// Flag for every coefficient that is fitted, in the order of [`Distortion::coefficients`].
-    pub which: [bool; Distortion::MOST],
+    pub which: [bool; Distortion::MAX_COEFFICIENTS],
 }
 
 impl FittedCoefficients {
@@ -85,12 +85,12 @@ impl FittedCoefficients {
 
     /// Returns the indices of the fitted coefficients in the model.
     pub(crate) fn indices(&self) -> Vec<usize> {
-        (0..Distortion::MOST).filter(|&k| self.which[k]).collect()
+        (0..Distortion::MAX_COEFFICIENTS).filter(|&k| self.which[k]).collect()
     }
 
     /// Whether the coefficients refer to a focal length that must be known beforehand.
     pub fn has_own_focal(&self) -> bool {
-        self.model.row().powers.is_none()
+        self.model.row().focal_powers.is_none()
     }
 
     /// Whether the lens also shows rays from beside and behind the camera.
@@ -100,7 +100,7 @@ impl FittedCoefficients {
 
     /// Returns the distortion with these values of the fitted coefficients.
     pub(super) fn distortion(&self, values: &[f64]) -> Distortion {
-        let mut full = [0.0; Distortion::MOST];
+        let mut full = [0.0; Distortion::MAX_COEFFICIENTS];
         for (&value, k) in values.iter().zip(self.indices()) {
             full[k] = value;
         }

@@ -106,15 +106,19 @@ impl PlaneFrame {
         gradient[LOG_HEIGHT] = of[LOG_HEIGHT] * self.by_log_height;
         let mut jacobian = NuisanceJacobian::NONE;
         if let Some(at) = nuisances.tilt {
-            jacobian =
-                TILT_SLOTS.iter().enumerate().fold(jacobian, |all, (k, &slot)| all.and(at + k, by(slot)));
+            jacobian = TILT_SLOTS
+                .iter()
+                .enumerate()
+                .fold(jacobian, |all, (k, &slot)| all.with_derivative(at + k, by(slot)));
         }
         if let Some(at) = nuisances.slope {
-            jacobian =
-                SLOPE_SLOTS.iter().enumerate().fold(jacobian, |all, (k, &slot)| all.and(at + k, by(slot)));
+            jacobian = SLOPE_SLOTS
+                .iter()
+                .enumerate()
+                .fold(jacobian, |all, (k, &slot)| all.with_derivative(at + k, by(slot)));
         }
         if let Some(at) = nuisances.foot {
-            jacobian = jacobian.and(at, of[LOG_HEIGHT] * self.by_foot);
+            jacobian = jacobian.with_derivative(at, of[LOG_HEIGHT] * self.by_foot);
         }
         (gradient, jacobian)
     }
@@ -125,9 +129,9 @@ impl PlaneFrame {
 ///
 /// The roll is relative to the floor. The distances are across the plane and along the verticals.
 fn relative(pitch: f64, tilt: Tilt, slope: [f64; 2]) -> [Dual; 6] {
-    let (sp, cp) = Dual::unknown(pitch, PITCH_SLOT).sin_cos();
-    let [t0, t1] = [0, 1].map(|k| Dual::unknown(tilt[k], TILT_SLOTS[k]));
-    let [s0, s1] = [0, 1].map(|k| Dual::unknown(slope[k], SLOPE_SLOTS[k]));
+    let (sp, cp) = Dual::parameter(pitch, PITCH_SLOT).sin_cos();
+    let [t0, t1] = [0, 1].map(|k| Dual::parameter(tilt[k], TILT_SLOTS[k]));
+    let [s0, s1] = [0, 1].map(|k| Dual::parameter(slope[k], SLOPE_SLOTS[k]));
     let (across, up, forward) = (s0, cp - s1 * sp, sp + s1 * cp);
     let level = (across * across + up * up).sqrt();
     let (turn, pitch) = (across.atan2(up), forward.atan2(level));

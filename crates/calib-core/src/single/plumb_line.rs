@@ -131,7 +131,10 @@ impl LensFit {
                 let model = select_model(undistorted, redundancy, &problem);
                 let fisheye = || {
                     let row = KannalaBrandt.row();
-                    FittedModel::solved(problem(FittedCoefficients::first(KannalaBrandt, row.usual)), options)
+                    FittedModel::solved(
+                        problem(FittedCoefficients::first(KannalaBrandt, row.default_count)),
+                        options,
+                    )
                 };
                 let fisheye = model.may_be_fisheye(redundancy, options).then(fisheye).flatten();
                 fisheye.filter(|fisheye| fisheye.is_better_than(&model, redundancy, options)).unwrap_or(model)

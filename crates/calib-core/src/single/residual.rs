@@ -77,8 +77,8 @@ impl VanishingPoint {
         let Some(chart) = chart else { return self };
         let Self { at, d_roll, d_pitch, d_log_focal, d_own } = self;
         let [at, d_roll, d_pitch, d_log_focal] =
-            [at, d_roll, d_pitch, d_log_focal].map(|vector| chart.carried(vector));
-        Self { at, d_roll, d_pitch, d_log_focal, d_own: d_own.map(|vector| chart.carried(vector)) }
+            [at, d_roll, d_pitch, d_log_focal].map(|vector| chart.bearing_to_chart(vector));
+        Self { at, d_roll, d_pitch, d_log_focal, d_own: d_own.map(|vector| chart.bearing_to_chart(vector)) }
     }
 }
 

@@ -31,11 +31,11 @@ pub(crate) struct CameraTerms<N> {
 impl<N: Number> CameraTerms<N> {
     pub(crate) fn new(parameters: &Parameters, tilt: Tilt) -> Self {
         Self {
-            roll: N::unknown(parameters[ROLL], ROLL).sin_cos(),
-            pitch: N::unknown(parameters[PITCH], PITCH).sin_cos(),
-            focal: N::unknown(parameters[LOG_FOCAL], LOG_FOCAL).exp(),
-            per_height: (-N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)).exp(),
-            tilt: [N::unknown(tilt[0], TILT), N::unknown(tilt[1], TILT + 1)],
+            roll: N::parameter(parameters[ROLL], ROLL).sin_cos(),
+            pitch: N::parameter(parameters[PITCH], PITCH).sin_cos(),
+            focal: N::parameter(parameters[LOG_FOCAL], LOG_FOCAL).exp(),
+            per_height: (-N::parameter(parameters[LOG_HEIGHT], LOG_HEIGHT)).exp(),
+            tilt: [N::parameter(tilt[0], TILT), N::parameter(tilt[1], TILT + 1)],
         }
     }
 }
@@ -183,7 +183,7 @@ fn rows<N: Number>(matrix: &[[f64; 3]; 3], [x, y, w]: [N; 3]) -> [N; 3] {
 
 /// Returns the columns u and v of the map from a chart to bearings.
 fn columns(chart: &Chart) -> [[f64; 3]; 2] {
-    [0, 1].map(|k| chart.rows_back().map(|row| row[k]))
+    [0, 1].map(|k| chart.bearing_from_chart().map(|row| row[k]))
 }
 
 /// Lengths and uprights in the chart of a wide lens.
@@ -249,13 +249,13 @@ impl<N: Number> CameraTerms<N> {
         let up = [cr * right - sr * up_y, -(sr * right) - cr * up_y, -(up_w / f)];
         let per_depth = per_height * upright.height.value;
         let k = depth * per_depth;
-        let head = rows(chart.rows_forth(), [0, 1, 2].map(|i| foot[i] + k * up[i]));
+        let head = rows(chart.chart_from_bearing(), [0, 1, 2].map(|i| foot[i] + k * up[i]));
         if head[2].value() <= 1e-6 {
             return None;
         }
         let at = [head[0] / head[2], head[1] / head[2]];
         let moved = |change: [N; 3]| {
-            let [x, y, w] = rows(chart.rows_forth(), change);
+            let [x, y, w] = rows(chart.chart_from_bearing(), change);
             [(x - at[0] * w) / head[2], (y - at[1] * w) / head[2]]
         };
         let by_foot = columns(chart).map(|column| {
@@ -279,7 +279,7 @@ impl<N: Number> CameraTerms<N> {
 
 /// Returns the bearing of a chart point.
 fn bearing<E: Number, N: NumberOver<E>>(chart: &Chart, [u, v]: [E; 2]) -> [N; 3] {
-    chart.rows_back().map(|[a, b, c]| N::from(u * a + v * b + c))
+    chart.bearing_from_chart().map(|[a, b, c]| N::from(u * a + v * b + c))
 }
 
 fn product<N: Number>(form: [N; 3], [x, y, w]: [N; 3]) -> N {

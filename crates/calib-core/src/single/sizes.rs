@@ -32,7 +32,7 @@ impl<E: Number> Problem<'_, E> {
                 frame.propagated(&residual.gradient(), DistanceKind::OnPlane, &nuisances);
             // The log length of the group is in units of the height above the floor.
             nuisance.entries().iter().for_each(|(_, by_length)| gradient[LOG_HEIGHT] += by_length);
-            sink(residual.with_gradient(gradient), nuisance.with(&jacobian), Some(length.source));
+            sink(residual.with_gradient(gradient), nuisance.with_all(&jacobian), Some(length.source));
         }
         Some(())
     }
@@ -58,10 +58,10 @@ impl<E: Number> Problem<'_, E> {
         let mut expected = N::constant(state.nuisance[index]);
         if length.plane.is_some() {
             expected =
-                expected + state.parameters[LOG_HEIGHT] - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT);
+                expected + state.parameters[LOG_HEIGHT] - N::parameter(parameters[LOG_HEIGHT], LOG_HEIGHT);
         }
         let residual = (log_length - expected) / noise * scale;
-        Some((residual, NuisanceJacobian::of(index, -scale / noise.value())))
+        Some((residual, NuisanceJacobian::new(index, -scale / noise.value())))
     }
 
     /// Passes the two residuals of every upright to `sink`.
@@ -79,7 +79,7 @@ impl<E: Number> Problem<'_, E> {
             let Some(plane) = upright.plane else {
                 for residual in upright_residuals(at, upright, sigma)? {
                     let [.., right, ahead] = residual.gradient();
-                    let by_tilt = NuisanceJacobian::of(tilt, right).and(tilt + 1, ahead);
+                    let by_tilt = NuisanceJacobian::new(tilt, right).with_derivative(tilt + 1, ahead);
                     let by_tilt = if has_tilt { by_tilt } else { NuisanceJacobian::NONE };
                     sink(residual, by_tilt, Some(upright.source));
                 }
@@ -106,7 +106,7 @@ impl<E: Number> Problem<'_, E> {
         for (group, value, relative) in self.lengths_known_about() {
             let index = self.nuisances().length(group);
             let residual = N::constant(state.nuisance[index]) - in_heights::<N>(value, &state.parameters);
-            sink(residual * relative.recip(), NuisanceJacobian::of(index, relative.recip()), None);
+            sink(residual * relative.recip(), NuisanceJacobian::new(index, relative.recip()), None);
         }
     }
 
@@ -126,7 +126,7 @@ impl<E: Number> Problem<'_, E> {
 /// Returns the log of a length in metres, in units of the camera height.
 #[inline]
 fn in_heights<N: Number>(metres: f64, parameters: &Parameters) -> N {
-    N::constant(metres.ln()) - N::unknown(parameters[LOG_HEIGHT], LOG_HEIGHT)
+    N::constant(metres.ln()) - N::parameter(parameters[LOG_HEIGHT], LOG_HEIGHT)
 }
 
 /// Adds the spread of true lengths to the noise of a log length.

@@ -80,7 +80,8 @@ pub(crate) fn straightness_with_jacobian(
     let distances = polyline.distances();
     let mut changes = vec![Vec::with_capacity(points.len()); parameters.len()];
     for (&raw, (&at, &jacobian)) in points.iter().zip(polyline.points.iter().zip(&polyline.jacobians)) {
-        let by = lens.in_chart_by_parameters(raw, &ChartPoint { at, jacobian }, polyline.chart.as_ref());
+        let by =
+            lens.pixel_to_chart_by_parameters(raw, &ChartPoint { at, jacobian }, polyline.chart.as_ref());
         changes.iter_mut().zip(parameters).for_each(|(changes, &k)| changes.push(by[k]));
     }
     let columns = changes.iter().map(|changes| polyline.jacobian_column(changes)).collect();
@@ -109,9 +110,9 @@ impl UndistortedPolyline {
     fn new([lens, start]: [&Lens; 2], raw: &[Pixel]) -> Option<Self> {
         let mut points: Vec<[f64; 2]> = Vec::with_capacity(raw.len());
         let mut jacobians = Vec::with_capacity(raw.len());
-        let chart = Chart::toward(start, raw);
+        let chart = Chart::centred_on(start, raw);
         for &point in raw {
-            let ChartPoint { at, jacobian } = lens.in_chart(point, chart.as_ref())?;
+            let ChartPoint { at, jacobian } = lens.pixel_to_chart(point, chart.as_ref())?;
             points.push(at);
             jacobians.push(jacobian);
         }

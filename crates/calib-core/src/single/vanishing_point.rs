@@ -14,7 +14,7 @@ pub(crate) fn line_through<E: Number>([x1, y1]: [E; 2], [x2, y2]: [E; 2]) -> [E;
 /// Returns the homogeneous line of bearings through the ends of a segment.
 fn of_bearings(line: &LineConstraint) -> [f64; 3] {
     let through = line_through(line.ends[0].point, line.ends[1].point);
-    line.chart.map_or(through, |chart| chart.line_of_bearings(through))
+    line.chart.map_or(through, |chart| chart.line_to_bearings(through))
 }
 
 /// Returns the homogeneous line through the ends of a segment, rotated into unrolled axes; the array is the

@@ -67,7 +67,7 @@ fn circles(lens: &Lens, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     let rim = rim(lens, size);
     let shown = |[x, y, w]: [f64; 3]| {
         let within = x.hypot(y).atan2(w) <= rim;
-        lens.shown([lens.focal * x, lens.focal * y, w]).filter(|_| within)
+        lens.bearing_to_pixel([lens.focal * x, lens.focal * y, w]).filter(|_| within)
     };
     let mut found = Vec::new();
     for turn in (0..count).map(|i| (f64::from(i) * step).to_radians()) {

@@ -4,7 +4,7 @@
 //! Every edge of the old image is searched in the new image, across itself, to a fraction of a pixel.
 
 use calib_core::Camera;
-use calib_core::camera::Turn;
+use calib_core::camera::RotationZoom;
 
 use crate::compare::feature::Luma;
 use crate::compare::motion::{Motion, MovedCamera};
@@ -180,11 +180,20 @@ fn is_near(row: &EdgeOffset, fit: &RotationFit) -> bool {
 }
 
 /// Returns the fraction of samples found by chance: the mean over a few deliberately wrong rotations.
-pub(crate) fn chance_fraction(camera: &Camera, luma: &Luma, places: &[EdgeSample], turn: &Turn) -> f64 {
+pub(crate) fn chance_fraction(
+    camera: &Camera,
+    luma: &Luma,
+    places: &[EdgeSample],
+    turn: &RotationZoom,
+) -> f64 {
     const ASIDE: [[f64; 2]; 4] = [[37.0, 23.0], [-41.0, 29.0], [31.0, -37.0], [-29.0, -31.0]];
     let of = |aside: [f64; 2]| {
         let [u, v] = aside.map(|pixels| pixels / camera.focal);
-        let search = Search::new(camera, luma, &turn.then(&Turn::of([v, u, 0.0, 0.0])).into());
+        let search = Search::new(
+            camera,
+            luma,
+            &turn.followed_by(&RotationZoom::from_parameters([v, u, 0.0, 0.0])).into(),
+        );
         let shown: Vec<&EdgeSample> = places.iter().filter(|place| search.is_visible(place)).collect();
         let near = |place: &&&EdgeSample| {
             search.offset(place, 3).is_some_and(|row| row.offset.abs() < MAX_INLIER_OFFSET_PX)

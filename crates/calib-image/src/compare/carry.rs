@@ -3,7 +3,7 @@
 
 use calib_core::{Camera, Pixel};
 
-use calib_core::camera::{Turn, Turned};
+use calib_core::camera::{RotatedCamera, RotationZoom};
 
 use calib_site::ImageTransfer;
 use image::RgbImage;
@@ -19,8 +19,8 @@ use crate::pull::snap_polyline;
 #[derive(Debug)]
 pub(crate) struct AnnotationTransfer<'a> {
     camera: &'a Camera,
-    turn: Turn,
-    turned: Turned,
+    turn: RotationZoom,
+    turned: RotatedCamera,
     old: Luma,
     new: Luma,
     image: &'a RgbImage,
@@ -31,9 +31,9 @@ const MIN_LENGTH_PX: f64 = 16.0;
 
 impl<'a> AnnotationTransfer<'a> {
     /// Creates the transfer between two images of the same size, between which the camera rotated by `turn`.
-    pub(crate) fn new(camera: &'a Camera, turn: Turn, old: &RgbImage, new: &'a RgbImage) -> Self {
+    pub(crate) fn new(camera: &'a Camera, turn: RotationZoom, old: &RgbImage, new: &'a RgbImage) -> Self {
         let [before, after] = [old, new].map(|image| Luma::new(image).smoothed(SMOOTHING_PX));
-        Self { camera, turn, turned: turn.at(camera), old: before, new: after, image: new }
+        Self { camera, turn, turned: turn.for_camera(camera), old: before, new: after, image: new }
     }
 }
 
@@ -74,12 +74,12 @@ impl ImageTransfer for AnnotationTransfer<'_> {
             let bend = before - 2.0 * here + after;
             best[axis] + if bend < -1e-9 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
         };
-        let at = self.turned.pixel(old)?;
+        let at = self.turned.map_pixel(old)?;
         Some(Pixel::new(at.u + vertex(0), at.v + vertex(1)))
     }
 
     fn corner(&self, old: Pixel) -> Option<Pixel> {
-        self.turned.pixel(old)
+        self.turned.map_pixel(old)
     }
 }
 
@@ -89,7 +89,7 @@ impl AnnotationTransfer<'_> {
         const HALF: i32 = 6;
         let pair = |x: i32, y: i32| {
             let before = Pixel::new(old.u + f64::from(x), old.v + f64::from(y));
-            let after = self.turned.pixel(before)?;
+            let after = self.turned.map_pixel(before)?;
             Some([self.old.at(before.u, before.v)?, self.new.at(after.u + step[0], after.v + step[1])?])
         };
         let cells = (-HALF..=HALF).flat_map(|y| (-HALF..=HALF).map(move |x| (x, y)));
@@ -100,7 +100,7 @@ impl AnnotationTransfer<'_> {
     }
 
     fn all(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
-        points.iter().map(|&point| self.turned.pixel(point).filter(|&at| self.is_inside(at))).collect()
+        points.iter().map(|&point| self.turned.map_pixel(point).filter(|&at| self.is_inside(at))).collect()
     }
 
     /// Returns the longest visible part of a line: a section of a two-point line, or a run of points of a
@@ -114,8 +114,10 @@ impl AnnotationTransfer<'_> {
                 .collect(),
             _ => points.to_vec(),
         };
-        let carried: Vec<Option<Pixel>> =
-            dense.iter().map(|&point| self.turned.pixel(point).filter(|&at| self.is_inside(at))).collect();
+        let carried: Vec<Option<Pixel>> = dense
+            .iter()
+            .map(|&point| self.turned.map_pixel(point).filter(|&at| self.is_inside(at)))
+            .collect();
         let runs =
             carried.split(Option::is_none).map(|run| run.iter().flatten().copied().collect::<Vec<Pixel>>());
         let longest = runs.max_by(|a, b| length(a).total_cmp(&length(b)))?;

@@ -14,7 +14,7 @@
 
 use calib_core::{Camera, Pixel, UndistortedPixel};
 
-use calib_core::camera::{Turn, Turned};
+use calib_core::camera::{RotatedCamera, RotationZoom};
 
 use crate::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
 
@@ -67,7 +67,7 @@ pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<CornerMatc
 }
 
 /// Estimates rotation and zoom from matched corners; `None` if too few agree.
-pub(crate) fn coarse_rotation(camera: &Camera, seen: &[CornerMatch]) -> Option<Turn> {
+pub(crate) fn coarse_rotation(camera: &Camera, seen: &[CornerMatch]) -> Option<RotationZoom> {
     /// Smallest count of agreeing corners; fewer agree by chance.
     const LEAST: usize = 8;
     let (turn, count) = best_pair(camera, seen)?;
@@ -75,11 +75,11 @@ pub(crate) fn coarse_rotation(camera: &Camera, seen: &[CornerMatch]) -> Option<T
 }
 
 /// Returns the rotation of the pair with the highest inlier count, and that count.
-fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(Turn, usize)> {
+fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(RotationZoom, usize)> {
     /// Number of least ambiguous matches that form the first pairs.
     const FIRST: usize = 20;
     let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
-    let mut best: Option<(Turn, usize)> = None;
+    let mut best: Option<(RotationZoom, usize)> = None;
     for round in 0..PAIRS {
         let among = (FIRST + round * seen.len() / (PAIRS / 2)).min(seen.len());
         if among < 2 {
@@ -87,7 +87,7 @@ fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(Turn, usize)> {
         }
         let (a, b) = (chance.below(among), chance.below(among));
         for turn in rotations_from_pair(camera, &seen[a], &seen[b]) {
-            let count = inlier_coverage(&turn.at(camera), seen);
+            let count = inlier_coverage(&turn.for_camera(camera), seen);
             if best.is_none_or(|(_, most)| count > most) {
                 best = Some((turn, count));
             }
@@ -96,7 +96,7 @@ fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(Turn, usize)> {
     best
 }
 
-fn inlier_coverage(camera: &Turned, seen: &[CornerMatch]) -> usize {
+fn inlier_coverage(camera: &RotatedCamera, seen: &[CornerMatch]) -> usize {
     coverage(seen.iter().filter(|seen| agrees(camera, seen)))
 }
 
@@ -109,12 +109,14 @@ pub(crate) fn coverage<'a>(seen: impl Iterator<Item = &'a CornerMatch>) -> usize
     parts.iter().map(|&count: &usize| count.min(MAX_INLIERS_PER_PART)).sum()
 }
 
-fn agrees(turned: &Turned, seen: &CornerMatch) -> bool {
-    turned.shown_undistorted(seen.sight.ray).is_some_and(|shown| shown.distance(seen.new) < seen.max_distance)
+fn agrees(turned: &RotatedCamera, seen: &CornerMatch) -> bool {
+    turned
+        .ray_to_undistorted(seen.sight.ray)
+        .is_some_and(|shown| shown.distance(seen.new) < seen.max_distance)
 }
 
 /// Computes the rotations and zooms that map two rays to their new pixels.
-fn rotations_from_pair(camera: &Camera, a: &CornerMatch, b: &CornerMatch) -> Vec<Turn> {
+fn rotations_from_pair(camera: &Camera, a: &CornerMatch, b: &CornerMatch) -> Vec<RotationZoom> {
     let centre = camera.lens.principal_point;
     let [p, q] = [a.new, b.new].map(|pixel| [pixel.u - centre.u, pixel.v - centre.v]);
     let flat = |p: [f64; 2], q: [f64; 2]| p[0] * q[0] + p[1] * q[1];
@@ -132,7 +134,7 @@ fn rotations_from_pair(camera: &Camera, a: &CornerMatch, b: &CornerMatch) -> Vec
     let is_near = |focal: &f64| (MAX_ZOOM_RATIO.recip()..MAX_ZOOM_RATIO).contains(&(focal / camera.focal));
     let turn = |focal: f64| {
         let [x, y] = [p, q].map(|p| unit([p[0], p[1], focal]));
-        Some(Turn::of_rotation(&leading([r, s], [x, y])?, (focal / camera.focal).ln()))
+        Some(RotationZoom::from_rotation(&leading([r, s], [x, y])?, (focal / camera.focal).ln()))
     };
     focals.filter(is_near).filter_map(turn).collect()
 }
@@ -150,28 +152,30 @@ fn leading(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
 }
 
 /// Refines rotation and zoom with all inliers.
-fn refined(camera: &Camera, seen: &[CornerMatch], mut turn: Turn) -> Turn {
+fn refined(camera: &Camera, seen: &[CornerMatch], mut turn: RotationZoom) -> RotationZoom {
     for _ in 0..4 {
-        let turned = turn.at(camera);
+        let turned = turn.for_camera(camera);
         let rows =
             seen.iter().filter(|seen| agrees(&turned, seen)).flat_map(|seen| rows(camera, &turn, seen));
         let rows: Vec<EdgeOffset> = rows.flatten().collect();
         let Some(fit) = RotationFit::new(&rows, FitParameters::Rotation) else { return turn };
-        turn = turn.then(&fit.rotation());
+        turn = turn.followed_by(&fit.rotation());
     }
     turn
 }
 
 /// Converts the two coordinates of a match to two edge offsets.
-fn rows(camera: &Camera, turn: &Turn, seen: &CornerMatch) -> [Option<EdgeOffset>; 2] {
+fn rows(camera: &Camera, turn: &RotationZoom, seen: &CornerMatch) -> [Option<EdgeOffset>; 2] {
     const ASIDE: f64 = 1e-5;
-    let shown = |turn: &Turn| turn.at(camera).shown_undistorted(seen.sight.ray);
+    let shown = |turn: &RotationZoom| turn.for_camera(camera).ray_to_undistorted(seen.sight.ray);
     let Some(here) = shown(turn) else { return [None; 2] };
-    let mut by = [[0.0; Turn::SIZE]; 2];
-    for k in 0..Turn::SIZE {
-        let mut step = [0.0; Turn::SIZE];
+    let mut by = [[0.0; RotationZoom::SIZE]; 2];
+    for k in 0..RotationZoom::SIZE {
+        let mut step = [0.0; RotationZoom::SIZE];
         step[k] = ASIDE;
-        let Some(there) = shown(&turn.then(&Turn::of(step))) else { return [None; 2] };
+        let Some(there) = shown(&turn.followed_by(&RotationZoom::from_parameters(step))) else {
+            return [None; 2];
+        };
         by[0][k] = (there.u - here.u) / ASIDE;
         by[1][k] = (there.v - here.v) / ASIDE;
     }

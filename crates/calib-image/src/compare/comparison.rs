@@ -6,7 +6,7 @@ use std::fmt;
 
 use calib_core::{Camera, Covariance, Pixel};
 
-use calib_core::camera::{Movement, Turn};
+use calib_core::camera::{PanTiltZoom, RotationZoom};
 
 use calib_site::SiteCamera;
 
@@ -142,12 +142,12 @@ pub struct Comparison {
     /// Detected change.
     pub change: CameraChange,
     /// Rotation and zoom; zero if the images could not be aligned.
-    pub rotation: Turn,
+    pub rotation: RotationZoom,
     /// Covariance of rotation vector and zoom.
-    pub covariance: [[f64; Turn::SIZE]; Turn::SIZE],
+    pub covariance: [[f64; RotationZoom::SIZE]; RotationZoom::SIZE],
     /// Covariance if only samples of the same edge had a common shift: a lower bound for estimates from these
     /// edges.
-    pub bound: [[f64; Turn::SIZE]; Turn::SIZE],
+    pub bound: [[f64; RotationZoom::SIZE]; RotationZoom::SIZE],
     /// Significance of the motion, as a z-score.
     pub z_score: f64,
     /// Displacement of the image, RMS over it, in pixels.
@@ -200,21 +200,21 @@ impl Comparison {
     ///
     /// Edges measure the rotation in pixels. The uncertainty of the focal length therefore increases the uncertainty of pan and tilt.
     #[must_use]
-    pub fn movement(&self, camera: &Camera) -> [(f64, f64); Movement::SIZE] {
+    pub fn movement(&self, camera: &Camera) -> [(f64, f64); PanTiltZoom::SIZE] {
         const ASIDE: f64 = 1e-6;
-        let of = |turn: &Turn| {
-            let Movement { pan, tilt, roll, zoom } = turn.movement(camera);
+        let of = |turn: &RotationZoom| {
+            let PanTiltZoom { pan, tilt, roll, zoom } = turn.pan_tilt_zoom(camera);
             [pan, tilt, roll, zoom]
         };
         let here = of(&self.rotation);
-        let slope = |turn: &Turn, i: usize| (of(turn)[i] - here[i]) / ASIDE;
-        let perturbed: [Turn; Turn::SIZE] = std::array::from_fn(|k| {
-            let mut step = [0.0; Turn::SIZE];
+        let slope = |turn: &RotationZoom, i: usize| (of(turn)[i] - here[i]) / ASIDE;
+        let perturbed: [RotationZoom; RotationZoom::SIZE] = std::array::from_fn(|k| {
+            let mut step = [0.0; RotationZoom::SIZE];
             step[k] = ASIDE;
-            self.rotation.then(&Turn::of(step))
+            self.rotation.followed_by(&RotationZoom::from_parameters(step))
         });
         let [x, y, z] = self.rotation.vector;
-        let larger = Turn { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.rotation };
+        let larger = RotationZoom { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.rotation };
         std::array::from_fn(|i| {
             let slopes = perturbed.map(|turn| slope(&turn, i));
             let variance = self.variance(slopes) + (slope(&larger, i) * focal_sigma(camera)).powi(2);
@@ -223,9 +223,9 @@ impl Comparison {
     }
 
     /// Returns the variance of a quantity with these derivatives with respect to rotation and zoom.
-    fn variance(&self, slopes: [f64; Turn::SIZE]) -> f64 {
-        let row = |j: usize| (0..Turn::SIZE).map(|k| self.covariance[j][k] * slopes[k]).sum::<f64>();
-        (0..Turn::SIZE).map(|j| slopes[j] * row(j)).sum::<f64>().max(0.0)
+    fn variance(&self, slopes: [f64; RotationZoom::SIZE]) -> f64 {
+        let row = |j: usize| (0..RotationZoom::SIZE).map(|k| self.covariance[j][k] * slopes[k]).sum::<f64>();
+        (0..RotationZoom::SIZE).map(|j| slopes[j] * row(j)).sum::<f64>().max(0.0)
     }
 
     /// Returns the rotation angle and its standard deviation along the axis, in radians; for no rotation, the
@@ -295,11 +295,11 @@ impl ImagePair<'_> {
         /// Fraction of samples found again above which no second alignment is tried. In repetitive scenes an
         /// alignment that is off by one period finds about half of the samples.
         const SUFFICIENT_FRACTION: f64 = 0.8;
-        let from = |turn: Turn, reaches: &[usize]| {
+        let from = |turn: RotationZoom, reaches: &[usize]| {
             let of = FitParameters::RotationAndTone;
             Alignment::new(self.camera, &self.later, &self.places, turn.into(), of, reaches)
         };
-        let unmoved = from(Turn::default(), &[5, 3, 2, 2]);
+        let unmoved = from(RotationZoom::default(), &[5, 3, 2, 2]);
         if unmoved.as_ref().is_some_and(|found| found.found_fraction() > SUFFICIENT_FRACTION) {
             return unmoved;
         }
@@ -347,8 +347,8 @@ impl ImagePair<'_> {
     fn z_score(&self, found: &Alignment) -> f64 {
         let [x, y, z] = found.motion.turn.vector;
         let mut whole = found.fit.clone();
-        whole.estimate.rows_mut(0, Turn::SIZE).copy_from_slice(&[x, y, z, found.motion.turn.zoom]);
-        whole.z_score(0, Turn::SIZE)
+        whole.estimate.rows_mut(0, RotationZoom::SIZE).copy_from_slice(&[x, y, z, found.motion.turn.zoom]);
+        whole.z_score(0, RotationZoom::SIZE)
     }
 
     /// Returns the corners matched between both images; computed on first use.
@@ -363,9 +363,10 @@ impl ImagePair<'_> {
     }
 
     /// Returns the displacement of the image by the rotation, RMS in pixels.
-    fn shift(&self, turn: &Turn) -> f64 {
-        let turned = turn.at(self.camera);
-        let moved = |place: &EdgeSample| Some(turned.shown(place.sights[0].ray)?.distance(place.at).powi(2));
+    fn shift(&self, turn: &RotationZoom) -> f64 {
+        let turned = turn.for_camera(self.camera);
+        let moved =
+            |place: &EdgeSample| Some(turned.ray_to_pixel(place.sights[0].ray)?.distance(place.at).powi(2));
         let squares: Vec<f64> = self.places.iter().filter_map(moved).collect();
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
@@ -373,7 +374,7 @@ impl ImagePair<'_> {
     fn unaligned(&self, change: CameraChange, chance_fraction: f64) -> Comparison {
         Comparison {
             change,
-            rotation: Turn::default(),
+            rotation: RotationZoom::default(),
             covariance: [[UNKNOWN_VARIANCE; 4]; 4],
             bound: [[UNKNOWN_VARIANCE; 4]; 4],
             z_score: 0.0,

@@ -2,7 +2,7 @@
 
 use calib_core::{Camera, Pixel};
 
-use calib_core::camera::{Turn, Turned, floor_nearness, ray_in_camera};
+use calib_core::camera::{RotatedCamera, RotationZoom, inverse_floor_depth, pixel_to_camera_ray};
 
 use crate::{RotationFit, STEP_SIZE};
 
@@ -22,34 +22,34 @@ pub(crate) struct Sight {
 /// Rotation with zoom, and a step.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Motion {
-    pub(crate) turn: Turn,
+    pub(crate) turn: RotationZoom,
     /// Step in the axes of the old camera, in metres.
     pub(crate) step: [f64; STEP_SIZE],
 }
 
 /// Camera after a motion, with cameras rotated slightly from it for finite differences.
 pub(crate) struct MovedCamera {
-    here: Turned,
-    perturbed: [Turned; Turn::SIZE],
+    here: RotatedCamera,
+    perturbed: [RotatedCamera; RotationZoom::SIZE],
     step: [f64; STEP_SIZE],
 }
 
 /// Derivatives of a pixel.
 #[derive(Default)]
 pub(crate) struct PixelDerivatives {
-    pub(crate) turn: [[f64; 2]; Turn::SIZE],
+    pub(crate) turn: [[f64; 2]; RotationZoom::SIZE],
     pub(crate) step: [[f64; 2]; STEP_SIZE],
 }
 
 impl Sight {
     pub(crate) fn new(camera: &Camera, at: Pixel) -> Option<Self> {
-        let ray = ray_in_camera(camera, at)?;
-        Some(Self { ray, nearness: floor_nearness(camera, ray) })
+        let ray = pixel_to_camera_ray(camera, at)?;
+        Some(Self { ray, nearness: inverse_floor_depth(camera, ray) })
     }
 }
 
-impl From<Turn> for Motion {
-    fn from(turn: Turn) -> Self {
+impl From<RotationZoom> for Motion {
+    fn from(turn: RotationZoom) -> Self {
         Self { turn, ..Self::default() }
     }
 }
@@ -58,23 +58,26 @@ impl Motion {
     /// Composes this motion with the remaining motion of a fit.
     pub(crate) fn then(&self, fit: &RotationFit) -> Self {
         let step = fit.step();
-        Self { turn: self.turn.then(&fit.rotation()), step: std::array::from_fn(|k| self.step[k] + step[k]) }
+        Self {
+            turn: self.turn.followed_by(&fit.rotation()),
+            step: std::array::from_fn(|k| self.step[k] + step[k]),
+        }
     }
 
     pub(crate) fn at(&self, camera: &Camera) -> MovedCamera {
         let perturbed = std::array::from_fn(|k| {
-            let mut step = [0.0; Turn::SIZE];
+            let mut step = [0.0; RotationZoom::SIZE];
             step[k] = DIFFERENCE_STEP;
-            self.turn.then(&Turn::of(step)).at(camera)
+            self.turn.followed_by(&RotationZoom::from_parameters(step)).for_camera(camera)
         });
-        MovedCamera { here: self.turn.at(camera), perturbed, step: self.step }
+        MovedCamera { here: self.turn.for_camera(camera), perturbed, step: self.step }
     }
 }
 
 impl MovedCamera {
     /// Projects into the new image.
     pub(crate) fn project(&self, sight: &Sight) -> Option<Pixel> {
-        self.here.shown(self.ray(sight))
+        self.here.ray_to_pixel(self.ray(sight))
     }
 
     /// Computes the derivatives of the projection with respect to rotation, zoom and step.
@@ -83,12 +86,12 @@ impl MovedCamera {
         let slope = |to: Pixel| [(to.u - at.u) / DIFFERENCE_STEP, (to.v - at.v) / DIFFERENCE_STEP];
         let mut slopes = PixelDerivatives::default();
         for (by, camera) in slopes.turn.iter_mut().zip(&self.perturbed) {
-            *by = slope(camera.shown(ray)?);
+            *by = slope(camera.ray_to_pixel(ray)?);
         }
         for (k, by) in slopes.step.iter_mut().enumerate() {
             let mut perturbed = ray;
             perturbed[k] -= DIFFERENCE_STEP;
-            *by = slope(self.here.shown(perturbed)?).map(|c| sight.nearness * c);
+            *by = slope(self.here.ray_to_pixel(perturbed)?).map(|c| sight.nearness * c);
         }
         Some(slopes)
     }

@@ -85,7 +85,7 @@ pub fn recover(
     if (carried.carried as f64) < MIN_TRANSFERRED_FRACTION * all as f64 {
         return Err(RecoveryError::TooFewFound(carried.carried, all));
     }
-    let predicted = comparison.rotation.applied(&camera);
+    let predicted = comparison.rotation.apply_to(&camera);
     Ok(Recovered { site: solve(&carried.site, index, &camera, &predicted)?, ..carried })
 }
 

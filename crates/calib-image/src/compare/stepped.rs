@@ -7,7 +7,7 @@
 
 use calib_core::Camera;
 
-use calib_core::camera::Turn;
+use calib_core::camera::RotationZoom;
 
 use crate::{EdgeOffset, FitParameters, RotationFit, STEP_SIZE, TONE_SIZE};
 use nalgebra::{DMatrix, DVector};
@@ -73,7 +73,7 @@ impl StepAlignment {
     }
 
     fn z_score(&self) -> f64 {
-        let from = Turn::SIZE + TONE_SIZE;
+        let from = RotationZoom::SIZE + TONE_SIZE;
         let mut whole = self.0.fit.clone();
         whole.estimate.rows_mut(from, STEP_SIZE).copy_from_slice(&self.0.motion.step);
         whole.z_score(from, from + STEP_SIZE)

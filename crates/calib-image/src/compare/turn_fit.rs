@@ -55,7 +55,7 @@
 
 use std::collections::BTreeMap;
 
-use calib_core::camera::Turn;
+use calib_core::camera::RotationZoom;
 use calib_core::optimize::chi2_score;
 use nalgebra::{DMatrix, DVector, Matrix2, OMatrix, Vector2};
 
@@ -74,7 +74,7 @@ pub struct EdgeOffset {
     /// Standard deviation of the offset, in pixels.
     pub sigma: f64,
     /// Derivatives of the offset with respect to rotation and zoom.
-    pub by_rotation: [f64; Turn::SIZE],
+    pub by_rotation: [f64; RotationZoom::SIZE],
     /// Sensitivity to lighting: contrast towards the positive side, times the powers 0, 1 and 2 of the
     /// brightness level.
     pub by_tone: [f64; TONE_SIZE],
@@ -89,10 +89,10 @@ pub struct EdgeOffset {
 impl EdgeOffset {
     /// Returns the derivative with respect to parameter `k`: rotation and zoom, then tone, then step.
     pub(super) fn derivative(&self, k: usize) -> f64 {
-        const FROM: usize = Turn::SIZE + TONE_SIZE;
+        const FROM: usize = RotationZoom::SIZE + TONE_SIZE;
         match k {
-            0..Turn::SIZE => self.by_rotation[k],
-            Turn::SIZE..FROM => self.by_tone[k - Turn::SIZE],
+            0..RotationZoom::SIZE => self.by_rotation[k],
+            RotationZoom::SIZE..FROM => self.by_tone[k - RotationZoom::SIZE],
             _ => self.by_step[k - FROM],
         }
     }
@@ -245,7 +245,7 @@ impl NormalEquations {
     /// Returns the information including the tone prior.
     fn information_with_prior(&self) -> DMatrix<f64> {
         let mut information = self.information.clone();
-        let tone = (Turn::SIZE..Turn::SIZE + TONE_SIZE).filter(|&i| i < self.score.len());
+        let tone = (RotationZoom::SIZE..RotationZoom::SIZE + TONE_SIZE).filter(|&i| i < self.score.len());
         tone.for_each(|i| information[(i, i)] += TONE_PRIOR_SIGMA_PX.powi(-2));
         information
     }
@@ -323,9 +323,9 @@ const ITERATIONS: usize = 12;
 impl FitParameters {
     const fn unknowns(self) -> usize {
         match self {
-            Self::Rotation => Turn::SIZE,
-            Self::RotationAndTone => Turn::SIZE + TONE_SIZE,
-            Self::RotationToneAndStep => Turn::SIZE + TONE_SIZE + STEP_SIZE,
+            Self::Rotation => RotationZoom::SIZE,
+            Self::RotationAndTone => RotationZoom::SIZE + TONE_SIZE,
+            Self::RotationToneAndStep => RotationZoom::SIZE + TONE_SIZE + STEP_SIZE,
         }
     }
 }
@@ -364,14 +364,14 @@ impl RotationFit {
 
     /// Returns the fitted rotation and zoom.
     #[must_use]
-    pub fn rotation(&self) -> Turn {
-        Turn::of(std::array::from_fn(|i| self.estimate[i]))
+    pub fn rotation(&self) -> RotationZoom {
+        RotationZoom::from_parameters(std::array::from_fn(|i| self.estimate[i]))
     }
 
     /// Returns the fitted step, in metres; zero if it is not estimated.
     #[must_use]
     pub fn step(&self) -> [f64; STEP_SIZE] {
-        const FROM: usize = Turn::SIZE + TONE_SIZE;
+        const FROM: usize = RotationZoom::SIZE + TONE_SIZE;
         std::array::from_fn(|k| self.estimate.get(FROM + k).copied().unwrap_or_default())
     }
 
@@ -539,7 +539,7 @@ fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint, ray_in_camera};
+    use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint, pixel_to_camera_ray};
     use rand::{Rng as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
@@ -581,12 +581,12 @@ mod tests {
     /// Creates a sample of an edge; `angle` is the direction of positive offsets.
     fn place(camera: &Camera, block: usize, [u, v]: [f64; 2], angle: f64, contrast: f64) -> EdgeOffset {
         const ASIDE: f64 = 1e-6;
-        let ray = ray_in_camera(camera, Pixel { u, v }).unwrap();
+        let ray = pixel_to_camera_ray(camera, Pixel { u, v }).unwrap();
         let (sin, cos) = angle.sin_cos();
         let slope = |k: usize| {
-            let mut step = [0.0; Turn::SIZE];
+            let mut step = [0.0; RotationZoom::SIZE];
             step[k] = ASIDE;
-            let there = Turn::of(step).at(camera).shown(ray).unwrap();
+            let there = RotationZoom::from_parameters(step).for_camera(camera).ray_to_pixel(ray).unwrap();
             ((there.u - u) * cos + (there.v - v) * sin) / ASIDE
         };
         EdgeOffset {
@@ -675,7 +675,7 @@ mod tests {
             let fit =
                 RotationFit::new(&edges(&[0.0; 4], 0.2, 6, &mut random), FitParameters::RotationAndTone)
                     .unwrap();
-            fit.z_score(0, Turn::SIZE) > 3.0
+            fit.z_score(0, RotationZoom::SIZE) > 3.0
         };
         let alarms = (0..TRIALS).map(clear).filter(|alarm| *alarm).count();
         assert!(alarms <= 2, "{alarms} of {TRIALS}");

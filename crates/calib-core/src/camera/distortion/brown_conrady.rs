@@ -1,5 +1,5 @@
-//! Radial polynomial with decentring: D. C. Brown, "Decentering distortion of lenses", 1966, after
-//! A. E. Conrady, 1919, in the terms of OpenCV.
+//! Brown-Conrady model, a radial polynomial with decentring: D. C. Brown, "Decentering distortion of lenses",
+//! 1966, after A. E. Conrady, 1919, in the notation of OpenCV.
 //!
 //! With `r^2 = x^2 + y^2` and `R = 1 + k1 r^2 + k2 r^4 + k3 r^6`:
 //!
@@ -8,19 +8,21 @@
 //! y' = y R + p1 (r^2 + 2 y^2) + 2 p2 x y
 //! ```
 //!
-//! There is no closed inverse. Its derivatives are those of the implicit function: with the Jacobian A of
-//! the formula at the undistorted point u, `d u / d x' = A^-1`, and at a distorted point that stays
-//! `d u / d k = -A^-1 (d x' / d k)`, `d A^-1 / d k = -A^-1 (d A / d k + (d A / d u) (d u / d k)) A^-1`.
-//! A is symmetric, for the formula is the gradient of a function, so that it is kept as three numbers.
+//! The inverse has no closed form. Its derivatives follow from the implicit function theorem. With the
+//! Jacobian A of the formula at the undistorted point u, `d u / d x' = A^-1`. At a fixed distorted point,
+//! `d u / d k = -A^-1 (d x' / d k)` and `d A^-1 / d k = -A^-1 (d A / d k + (d A / d u) (d u / d k)) A^-1`.
+//! The formula is the gradient of a function, so A is symmetric and stored as three numbers.
 //!
-//! Brown-Conrady inverted for many points at once, in step, so that the compiler can use vector instructions.
+//! # Inversion of many points
 //!
-//! The radial part alone has an inverse `g(d) = d P(|d|^2)` whose polynomial P is interpolated when a camera is
-//! prepared. With the tangential part t, `u = g(d - t(g(d)))` is right to some 1e-5; one step of Newton's method from
-//! there and one of the chord method, with the same Jacobian J, end at the accuracy of the numbers. What is left of
-//! the error is at most `|J^-1| H |first| |second|`, H the largest second derivative within the image: where that is
-//! more than 1e-13, at the rim of a lens, the point is solved by itself, so that no result depends on the points
-//! beside it.
+//! [`BrownInverse`] inverts several points in lockstep, so that the compiler can use vector instructions.
+//!
+//! The radial part alone has an inverse `g(d) = d P(|d|^2)`. The polynomial P is interpolated once for each
+//! camera. With the tangential part t, `u = g(d - t(g(d)))` is accurate to about 1e-5. One step of Newton's
+//! method and one step of the chord method with the same Jacobian J then reach machine accuracy. The
+//! remaining error is at most `|J^-1| H |first| |second|`, with the largest second derivative H within the
+//! image. If this bound exceeds 1e-13, as at the rim of a lens, the point is solved separately. The result
+//! for a point therefore does not depend on the other points.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -32,41 +34,41 @@ pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::BrownConrady,
     name: "brown-conrady",
     coefficients: &[Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::P1, Coefficient::P2],
-    powers: Some([2, 4, 6, 1, 1]),
+    focal_powers: Some([2, 4, 6, 1, 1]),
     in_order: false,
     is_wide: false,
     is_fitted: true,
-    usual: 2,
+    default_count: 2,
     zero: Distortion::BrownConrady(BrownConrady { k1: 0.0, k2: 0.0, k3: 0.0, p1: 0.0, p2: 0.0 }),
 };
 
-/// Coefficients of the Brown-Conrady model, as OpenCV names them.
+/// Coefficients of the Brown-Conrady model, with the names of OpenCV.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BrownConrady {
-    /// Radial, with r^2.
+    /// Radial coefficient of r^2.
     pub k1: f64,
-    /// Radial, with r^4.
+    /// Radial coefficient of r^4.
     pub k2: f64,
-    /// Radial, with r^6.
+    /// Radial coefficient of r^6.
     pub k3: f64,
-    /// Tangential: vertical decentring.
+    /// Tangential coefficient of vertical decentring.
     pub p1: f64,
-    /// Tangential: horizontal decentring.
+    /// Tangential coefficient of horizontal decentring.
     pub p2: f64,
 }
 
-/// A symmetric matrix: `[xx, xy, yy]`.
+/// Symmetric matrix: `[xx, xy, yy]`.
 type Symmetric = [f64; 3];
 
 impl BrownConrady {
-    /// The radial part, as a polynomial of the radius.
+    /// Returns the radial part as a polynomial of the radius.
     pub(crate) fn radial(&self) -> OddPolynomial {
         OddPolynomial([self.k1, self.k2, self.k3, 0.0])
     }
 
-    /// The formula, also where the model folds back on itself.
+    /// Evaluates the formula, also beyond the fold of the model.
     #[inline]
-    pub(crate) fn distort_anywhere(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    pub(crate) fn evaluate(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let square = x * x + y * y;
         let radial = 1.0 + square * (self.k1 + square * (self.k2 + square * self.k3));
         [
@@ -75,10 +77,13 @@ impl BrownConrady {
         ]
     }
 
-    /// Derivative of the formula by every coefficient, the undistorted point staying.
+    /// Returns the derivatives of the formula by every coefficient, at a fixed undistorted point.
     #[inline(always)]
     #[expect(clippy::unused_self, reason = "the formula is linear in its coefficients")]
-    pub(crate) fn distorted_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+    pub(crate) fn distorted_by_coefficients(
+        &self,
+        [x, y]: [f64; 2],
+    ) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
         let square = x * x + y * y;
         let (fourth, sixth, cross) = (square * square, square * square * square, 2.0 * x * y);
         let radial = [square, fourth, sixth].map(|power| [x * power, y * power]);
@@ -86,7 +91,7 @@ impl BrownConrady {
         [radial[0], radial[1], radial[2], decentring[0], decentring[1]]
     }
 
-    /// Derivative of the formula, which is symmetric: `[dx'/dx, dx'/dy, dy'/dy]`.
+    /// Returns the Jacobian of the formula, which is symmetric: `[dx'/dx, dx'/dy, dy'/dy]`.
     #[inline(always)]
     pub(crate) fn jacobian(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         let square = x * x + y * y;
@@ -99,12 +104,12 @@ impl BrownConrady {
         ]
     }
 
-    /// Change of [`Self::jacobian`] with the point: by x, and by y.
+    /// Returns the derivatives of [`Self::jacobian`] by x and by y.
     fn jacobian_by_point(&self, [x, y]: [f64; 2]) -> [Symmetric; 2] {
         let square = x * x + y * y;
         let d_radial = self.k1 + square * (2.0 * self.k2 + 3.0 * self.k3 * square);
         let dd_radial = 4.0 * (2.0 * self.k2 + 6.0 * self.k3 * square);
-        // The formula is the gradient of a function of x and y, whose third derivatives are four numbers.
+        // The formula is the gradient of a function of x and y, which has four third derivatives.
         let xxx = 6.0 * x * d_radial + x * x * x * dd_radial + 6.0 * self.p2;
         let xxy = 2.0 * y * d_radial + x * x * y * dd_radial + 2.0 * self.p1;
         let xyy = 2.0 * x * d_radial + x * y * y * dd_radial + 2.0 * self.p2;
@@ -112,48 +117,50 @@ impl BrownConrady {
         [[xxx, xxy, xyy], [xxy, xyy, yyy]]
     }
 
-    /// The smallest radius at which the model stops growing in some direction; infinite if there is none.
+    /// Returns the smallest radius at which the model stops growing in some direction, or infinity.
     ///
-    /// Across a radius the tangential part is `3 r^2 (p1 sin + p2 cos)` of its direction.
-    fn fold(&self) -> f64 {
+    /// Perpendicular to the radius, the tangential part is `3 r^2 (p1 sin + p2 cos)` of the direction of the
+    /// radius.
+    fn fold_radius(&self) -> f64 {
         let tangential = hypot(self.p1, self.p2);
         if tangential == 0.0 {
-            return self.radial().first_turn();
+            return self.radial().first_maximum();
         }
         let derivative = [1.0, -6.0 * tangential, 3.0 * self.k1, 0.0, 5.0 * self.k2, 0.0, 7.0 * self.k3];
         positive_roots(&derivative).first().copied().unwrap_or(f64::INFINITY)
     }
 
-    /// Whether the map can be inverted within the radius of this undistorted point.
+    /// Whether the map can be inverted up to the radius of this undistorted point.
     fn is_regular(&self, [x, y]: [f64; 2]) -> bool {
         let radius = hypot(x, y);
-        self.surely_grows(radius) || radius <= self.fold()
+        self.is_surely_increasing(radius) || radius <= self.fold_radius()
     }
 
-    /// Whether the model grows up to this radius by what only takes from its derivative: where even that
-    /// leaves some, no root need be looked for.
-    fn surely_grows(&self, radius: f64) -> bool {
-        self.radial().least_derivative(radius) > 6.0 * hypot(self.p1, self.p2) * radius
+    /// Whether a lower bound of the derivative is positive up to this radius. If it is, no root has to be
+    /// computed.
+    fn is_surely_increasing(&self, radius: f64) -> bool {
+        self.radial().derivative_lower_bound(radius) > 6.0 * hypot(self.p1, self.p2) * radius
     }
 
-    /// Where Newton's method starts, and whether that is the answer: the solution of the radial part, which a
-    /// bracket guards.
+    /// Returns the start radius of Newton's method, and whether it is already the solution. It is the
+    /// solution of the radial part, which is computed inside a bracket.
     fn start(&self, radius: f64) -> Option<(f64, bool)> {
         let tangential = self.p1 != 0.0 || self.p2 != 0.0;
         match self.radial().inverse(radius) {
             Some(straight) if !tangential => Some((straight, true)),
             None if !tangential => None,
-            Some(straight) if self.surely_grows(1.1 * straight) => Some((straight, false)),
-            // From within: beyond the fold Newton's method runs away, up to it it never oversteps.
-            straight => Some((straight.unwrap_or(f64::INFINITY).min(0.99 * self.fold()), false)),
+            Some(straight) if self.is_surely_increasing(1.1 * straight) => Some((straight, false)),
+            // The start is inside the fold. Newton's method diverges from beyond the fold, and never
+            // overshoots from inside.
+            straight => Some((straight.unwrap_or(f64::INFINITY).min(0.99 * self.fold_radius()), false)),
         }
     }
 }
 
-/// `d A / d coefficient` of the Jacobian A of the formula: `[xx, xy, yy]`.
-fn jacobian_by_coefficients([x, y]: [f64; 2]) -> [Symmetric; Distortion::MOST] {
+/// Returns `d A / d coefficient` of the Jacobian A of the formula: `[xx, xy, yy]`.
+fn jacobian_by_coefficients([x, y]: [f64; 2]) -> [Symmetric; Distortion::MAX_COEFFICIENTS] {
     let square = x * x + y * y;
-    // Of x r^2m: r^2m + 2 m x^2 r^(2m - 2).
+    // The derivative of x r^2m is r^2m + 2 m x^2 r^(2m - 2).
     let radial = |m: i32| {
         let (value, d_radial) = (square.powi(m), 2.0 * f64::from(m) * square.powi(m - 1));
         [value + x * x * d_radial, x * y * d_radial, value + y * y * d_radial]
@@ -161,13 +168,13 @@ fn jacobian_by_coefficients([x, y]: [f64; 2]) -> [Symmetric; Distortion::MOST] {
     [radial(1), radial(2), radial(3), [2.0 * y, 2.0 * x, 6.0 * y], [6.0 * x, 2.0 * y, 2.0 * x]]
 }
 
-/// Of a symmetric matrix, as a matrix.
+/// Returns the inverse of a symmetric matrix, as a full matrix.
 fn inverse([a, b, d]: Symmetric) -> Matrix2 {
     let determinant = a * d - b * b;
     [[d / determinant, -b / determinant], [-b / determinant, a / determinant]]
 }
 
-/// `-B C B` of symmetric matrices.
+/// Returns `-B C B` of symmetric matrices B and C.
 fn sandwiched([[a, b], [_, d]]: Matrix2, [p, q, s]: Symmetric) -> Matrix2 {
     let (left, right) = ([a * p + b * q, a * q + b * s], [b * p + d * q, b * q + d * s]);
     let cross = -(left[0] * b + left[1] * d);
@@ -176,19 +183,19 @@ fn sandwiched([[a, b], [_, d]]: Matrix2, [p, q, s]: Symmetric) -> Matrix2 {
 
 impl Model for BrownConrady {
     fn max_radius(&self) -> f64 {
-        self.fold()
+        self.fold_radius()
     }
 
     fn distort(&self, straight: [f64; 2]) -> Option<[f64; 2]> {
-        self.is_regular(straight).then(|| self.distort_anywhere(straight))
+        self.is_regular(straight).then(|| self.evaluate(straight))
     }
 
-    /// Newton's method from the solution of the radial part.
+    /// Solves the formula by Newton's method, from the solution of the radial part.
     fn undistort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-        /// Newton doubles its digits: the tangential part is small, five steps are many; at the very fold
-        /// it only halves the error.
-        const ROUNDS: usize = 50;
-        /// Of the focal-normalised coordinates; a millionth of a millionth of the focal.
+        /// Maximum number of Newton steps. The tangential part is small, so five steps usually suffice.
+        /// Convergence is only linear at the fold, where each step halves the error.
+        const MAX_STEPS: usize = 50;
+        /// Accepted step, in coordinates divided by the focal length.
         const TOLERANCE: f64 = 1e-13;
         let radius = hypot(x, y);
         let (straight, is_radial) = self.start(radius)?;
@@ -197,15 +204,15 @@ impl Model for BrownConrady {
         if is_radial {
             return Some(point);
         }
-        for _ in 0..ROUNDS {
-            let bent = self.distort_anywhere(point);
+        for _ in 0..MAX_STEPS {
+            let bent = self.evaluate(point);
             let (ex, ey) = (bent[0] - x, bent[1] - y);
             let [a, b, d] = self.jacobian(point);
             let determinant = a * d - b * b;
             let step = [(d * ex - b * ey) / determinant, (a * ey - b * ex) / determinant];
             point = [point[0] - step[0], point[1] - step[1]];
             if step[0].abs().max(step[1].abs()) < TOLERANCE * (1.0 + radius) {
-                let bent = self.distort_anywhere(point);
+                let bent = self.evaluate(point);
                 let close = (bent[0] - x).hypot(bent[1] - y) < 1e-12 * (1.0 + radius);
                 return (close && self.is_regular(point)).then_some(point);
             }
@@ -218,7 +225,7 @@ impl Model for BrownConrady {
         [[a, b], [b, d]]
     }
 
-    fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+    fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
         self.distorted_by_coefficients(straight)
     }
 
@@ -239,34 +246,35 @@ impl Model for BrownConrady {
     }
 }
 
-/// Points that are inverted together.
+/// Number of points that are inverted in lockstep.
 pub(crate) const LANES: usize = 8;
-/// Longest first step for which the bound on the error holds.
-const NEAR: f64 = 1e-3;
-/// Coefficients of the polynomial.
+/// Maximum length of the first step for which the error bound is valid.
+const MAX_FIRST_STEP: f64 = 1e-3;
+/// Number of coefficients of the polynomial P.
 const TERMS: usize = 8;
 
-/// A lens prepared for inverting many points.
+/// Brown-Conrady lens, prepared for the inversion of many points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BrownInverse {
     brown: BrownConrady,
-    /// Of P, by powers of the square radius over the square of the reach.
+    /// Coefficients of P, by powers of the squared radius over the squared reach.
     radial: [f64; TERMS],
-    /// `1 / reach^2` of the distorted radius up to which P holds.
+    /// `1 / reach^2`; the reach is the largest distorted radius at which P is valid.
     scale: f64,
-    /// Largest square radius of undistorted points: just within the fold, and not far beyond the reach.
-    most: f64,
-    /// Of H, a bound on the second derivatives, by powers of the square radius.
+    /// Largest squared radius of undistorted points: just inside the fold, and not far beyond the reach.
+    max_square: f64,
+    /// Coefficients of H, a bound of the second derivatives, by powers of the squared radius.
     curvature: [f64; 4],
 }
 
 impl BrownInverse {
-    /// For distorted points within `reach` of the principal point, in focals; farther ones take longer.
+    /// Prepares the inversion of distorted points within `reach` of the principal point, in units of the
+    /// focal length. More distant points take longer.
     pub(crate) fn new(brown: &BrownConrady, reach: f64) -> Self {
         let (fold, radial) = (brown.max_radius(), brown.radial());
         let reach = reach.min(0.97 * radial.value(0.97 * fold.min(1e3)).abs());
         let straight = radial.inverse(reach);
-        // Chebyshev's nodes, of the square radius.
+        // Chebyshev nodes of the squared radius.
         let node = |i: usize| 0.5 - 0.5 * sin_cos(std::f64::consts::PI * (i as f64 + 0.5) / TERMS as f64).1;
         let powers = SMatrix::<f64, TERMS, TERMS>::from_fn(|i, k| node(i).powi(k as i32));
         let ratios = SVector::<f64, TERMS>::from_fn(|i, _| {
@@ -276,12 +284,12 @@ impl BrownInverse {
         let radial = powers.lu().solve(&ratios).map_or([0.0; TERMS], Into::into);
         let most = (fold * (1.0 - 1e-6)).min(1.1 * straight.unwrap_or(reach));
         let curvature = curvature(brown, straight.unwrap_or(reach));
-        Self { brown: *brown, radial, scale: (reach * reach).recip(), most: most * most, curvature }
+        Self { brown: *brown, radial, scale: (reach * reach).recip(), max_square: most * most, curvature }
     }
 
-    /// The inverse of the radial part.
+    /// Inverts the radial part.
     #[inline(always)]
-    fn without_radial(&self, x: f64, y: f64) -> (f64, f64) {
+    fn invert_radial(&self, x: f64, y: f64) -> (f64, f64) {
         let square = (x * x + y * y) * self.scale;
         let factor = self.radial.iter().rev().fold(0.0, |sum, &term| sum * square + term);
         (x * factor, y * factor)
@@ -290,21 +298,21 @@ impl BrownInverse {
     #[inline(always)]
     fn start(&self, bent_x: f64, bent_y: f64) -> (f64, f64) {
         let BrownConrady { p1, p2, .. } = self.brown;
-        let (x, y) = self.without_radial(bent_x, bent_y);
+        let (x, y) = self.invert_radial(bent_x, bent_y);
         let (square, cross) = (x * x + y * y, 2.0 * x * y);
         let across = [p1 * cross + p2 * (square + 2.0 * x * x), p1 * (square + 2.0 * y * y) + p2 * cross];
-        self.without_radial(bent_x - across[0], bent_y - across[1])
+        self.invert_radial(bent_x - across[0], bent_y - across[1])
     }
 
-    /// H on the way from a start of this square radius, which is no longer than twice [`NEAR`].
+    /// Returns H on the path from a start with this squared radius. The path is at most twice [`NEAR`] long.
     #[inline(always)]
     fn curvature_at(&self, square: f64) -> f64 {
         // (r + d)^2 <= 1.01 r^2 + 101 d^2.
-        let square = 1.01 * square + 404.0 * NEAR * NEAR;
+        let square = 1.01 * square + 404.0 * MAX_FIRST_STEP * MAX_FIRST_STEP;
         self.curvature.iter().rev().fold(0.0, |sum, &term| sum * square + term)
     }
 
-    /// A point after both steps, and whether the bound on its error is small enough.
+    /// Returns the point after both steps, and whether the bound of its error is small enough.
     #[inline(always)]
     fn two_steps(&self, bent_x: f64, bent_y: f64) -> (f64, f64, bool) {
         let start = self.start(bent_x, bent_y);
@@ -312,7 +320,7 @@ impl BrownInverse {
         let scale = (a * d - b * b).recip();
         let inverse = (a * a + 2.0 * b * b + d * d) * scale * scale;
         let step = |(x, y): (f64, f64)| {
-            let bent = self.brown.distort_anywhere([x, y]);
+            let bent = self.brown.evaluate([x, y]);
             let (ex, ey) = (bent[0] - bent_x, bent[1] - bent_y);
             ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale)
         };
@@ -322,12 +330,14 @@ impl BrownInverse {
         let (x, y) = (near.0 - second.0, near.1 - second.1);
         let [first, second] = [first, second].map(|(dx, dy)| dx * dx + dy * dy);
         let h = self.curvature_at(start.0 * start.0 + start.1 * start.1);
-        let is_near = (inverse * h * h * first * second <= 1e-26) & (first <= NEAR * NEAR);
+        let is_near =
+            (inverse * h * h * first * second <= 1e-26) & (first <= MAX_FIRST_STEP * MAX_FIRST_STEP);
         let has_converged = is_near | (second < 1e-28);
-        (x, y, has_converged & (x * x + y * y <= self.most))
+        (x, y, has_converged & (x * x + y * y <= self.max_square))
     }
 
-    /// Undistorts points, divided by the focal, in place; one outside the lens becomes NaN.
+    /// Undistorts points in place; coordinates are divided by the focal length. A point outside the lens is
+    /// set to NaN.
     #[inline(always)]
     pub(crate) fn undistort(&self, x: &mut [f64; LANES], y: &mut [f64; LANES]) {
         let (bent_x, bent_y) = (*x, *y);
@@ -347,9 +357,10 @@ impl BrownInverse {
     }
 }
 
-/// A bound on the second derivatives at the radius r, by powers of r^2: of the part `k r^2n` they are at most
-/// `2n (2n + 1) |k| r^(2n - 1)`, along the radius, of each tangential part 6 times its coefficient. It is a polynomial
-/// by `r <= (r^2 / c + c) / 2`, for any c; with `about` for it, it is exact there.
+/// Returns a bound of the second derivatives at the radius r, by powers of r^2. For the term `k r^2n` they
+/// are at most `2n (2n + 1) |k| r^(2n - 1)`, along the radius. For each tangential term they are at most 6
+/// times its coefficient. The bound is a polynomial because `r <= (r^2 / c + c) / 2` for any c. It is exact
+/// at r = c = `about`.
 fn curvature(brown: &BrownConrady, about: f64) -> [f64; 4] {
     let [k1, k2, k3, p1, p2] = [brown.k1, brown.k2, brown.k3, brown.p1, brown.p2].map(f64::abs);
     let by_radius = [6.0 * k1, 20.0 * k2, 42.0 * k3];
@@ -375,8 +386,8 @@ mod tests {
         assert_eq!(Distortion::BrownConrady(b).distort([turn * 1.01, 0.0]), None);
         let last = b.radial().value(turn);
         assert_eq!(Distortion::BrownConrady(b).undistort([last * 1.01, 0.0]), None);
-        assert!(Distortion::BrownConrady(b).reaches([0.0, last * 0.99]));
-        assert!(!Distortion::BrownConrady(b).reaches([0.0, last * 1.01]));
+        assert!(Distortion::BrownConrady(b).has_ray([0.0, last * 0.99]));
+        assert!(!Distortion::BrownConrady(b).has_ray([0.0, last * 1.01]));
     }
 
     proptest! {
@@ -392,7 +403,7 @@ mod tests {
             for i in 0..LANES {
                 match lens.undistort(at[i].into()) {
                     None => prop_assert!(x[i].is_nan() && y[i].is_nan(), "{:?} {} {}", at[i], x[i], y[i]),
-                    // At the very fold digits vanish with the derivative.
+                    // The derivative vanishes at the fold, so digits are lost there.
                     Some(alone) if alone[0].hypot(alone[1]) > 0.98 * lens.max_radius() => {}
                     Some(alone) => prop_assert!((alone[0] - x[i]).hypot(alone[1] - y[i]) < 1e-12, "{alone:?} {} {}", x[i], y[i]),
                 }

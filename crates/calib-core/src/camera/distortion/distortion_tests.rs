@@ -1,4 +1,4 @@
-//! Properties that every model of distortion has.
+//! Tests of properties that all distortion models share.
 
 use super::*;
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ pub(crate) fn any_distortion() -> impl Strategy<Value = Distortion> {
     prop_oneof![brown, division, fisheye, unified, double]
 }
 
-/// Step of differences: half the digits are rounding, the other half truncation.
+/// Step of finite differences, a balance of rounding and truncation errors.
 const STEP: f64 = 1e-6;
 
 fn nudged(distortion: &Distortion, coefficient: usize, by: f64) -> Distortion {
@@ -23,8 +23,9 @@ fn nudged(distortion: &Distortion, coefficient: usize, by: f64) -> Distortion {
     distortion.with_coefficients(coefficients)
 }
 
-/// Central differences of a pair of numbers, extrapolated from two steps (Richardson), so that the error
-/// in the square of the step is gone; `None` just inside a fold, where they have not converged.
+/// Returns central differences of a pair of numbers, extrapolated from two steps (Richardson). This removes
+/// the error term in the square of the step. Returns `None` just inside a fold, where the differences have
+/// not converged.
 fn difference_quotient(at: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]> {
     let central = |step: f64| {
         let (ahead, behind) = (at(step)?, at(-step)?);
@@ -35,7 +36,7 @@ fn difference_quotient(at: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]>
     has_converged.then(|| [0, 1].map(|i| (4.0 * half[i] - whole[i]) / 3.0))
 }
 
-/// Whether an analytic derivative is that of differences, or these leave the lens.
+/// Whether an analytic derivative agrees with the finite differences, or the differences leave the lens.
 fn agrees(analytic: [f64; 2], numeric: Option<[f64; 2]>) -> bool {
     let size = analytic[0].abs().max(analytic[1].abs());
     numeric.is_none_or(|n| [0, 1].iter().all(|&i| (n[i] - analytic[i]).abs() < 1e-5 * (1.0 + size)))
@@ -50,7 +51,10 @@ fn the_table_is_in_the_order_of_the_models() {
     for row in &MODELS {
         assert_eq!(row.model.row().name, row.name);
         assert_eq!(row.zero.model(), Some(row.model));
-        assert!(row.coefficients.len() <= Distortion::MOST && row.usual <= row.coefficients.len());
+        assert!(
+            row.coefficients.len() <= Distortion::MAX_COEFFICIENTS
+                && row.default_count <= row.coefficients.len()
+        );
     }
 }
 
@@ -68,11 +72,11 @@ proptest! {
                 prop_assert!(lens.distort([x, y]).is_none_or(|at| is_number(&at)));
                 prop_assert!(lens.undistort([x, y]).is_none_or(|at| is_number(&at)));
                 prop_assert!(lens.ray([x, y]).is_none_or(|at| is_number(&at)));
-                prop_assert!(lens.shown([x, y, w]).is_none_or(|at| is_number(&at)));
+                prop_assert!(lens.ray_to_distorted([x, y, w]).is_none_or(|at| is_number(&at)));
                 prop_assert!(lens.max_radius() >= 0.0);
                 let is_double = matches!(lens, Distortion::DoubleSphere { .. });
                 if xi.is_nan() || xi <= -1.0 || is_double && !(0.0..=1.0).contains(&alpha) {
-                    prop_assert!(lens.ray([x, y]).is_none() && lens.shown([x, y, w]).is_none());
+                    prop_assert!(lens.ray([x, y]).is_none() && lens.ray_to_distorted([x, y, w]).is_none());
                     prop_assert!(lens.distort([x, y]).is_none() && lens.undistort([x, y]).is_none());
                 }
             }
@@ -84,7 +88,7 @@ proptest! {
         distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
     ) {
         if let Some(bent) = distortion.distort([x, y]) {
-            // At the very fold the derivative vanishes, and digits with it.
+            // The derivative vanishes at the fold, so digits are lost there.
             prop_assume!(x.hypot(y) < 0.98 * distortion.max_radius());
             let back = distortion.undistort(bent);
             let near = |back: [f64; 2]| (back[0] - x).hypot(back[1] - y) < 1e-10;
@@ -110,10 +114,11 @@ proptest! {
     fn a_ray_is_shown_where_it_was_found(distortion in any_distortion(), x in -2.5..2.5_f64, y in -2.5..2.5_f64) {
         let Some(ray) = distortion.ray([x, y]) else { return Ok(()) };
         let [a, b, w] = ray;
-        // At the very fold the derivative vanishes, and digits with it; far away a pinhole has none.
+        // The derivative vanishes at the fold, so digits are lost there. A pinhole loses digits far from the
+        // axis.
         let jacobian = distortion.ray_jacobian([x, y], ray);
         prop_assume!(jacobian.iter().flatten().all(|slope| slope.abs() < 50.0));
-        let back = distortion.shown([3.0 * a, 3.0 * b, 3.0 * w]);
+        let back = distortion.ray_to_distorted([3.0 * a, 3.0 * b, 3.0 * w]);
         prop_assert!(back.is_some_and(|back| (back[0] - x).hypot(back[1] - y) < 1e-11), "{back:?} {x} {y}");
         prop_assert!(distortion.is_wide() || w == 1.0);
     }
@@ -147,7 +152,7 @@ proptest! {
     fn derivatives_of_distortion_are_those_of_differences(
         distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
     ) {
-        // Up to the fold all of them grow without bound.
+        // Near the fold all derivatives grow without bound.
         prop_assume!(x.hypot(y) < 0.9 * distortion.max_radius());
         let (jacobian, by) = (distortion.distort_jacobian([x, y]), distortion.distort_by_coefficients([x, y]));
         prop_assert!(agrees(column(jacobian, 0), difference_quotient(|d| distortion.distort([x + d, y]))), "x");

@@ -1,8 +1,8 @@
-//! One coefficient and a closed inverse: A. Fitzgibbon, "Simultaneous linear estimation of multiple view
-//! geometry and lens distortion", 2001, equation 6.
+//! Division model with one coefficient and a closed inverse: A. Fitzgibbon, "Simultaneous linear estimation
+//! of multiple view geometry and lens distortion", 2001, equation 6.
 //!
-//! With the distorted radius r: `x = x' / D`, `D = 1 + lambda r^2`. The other way, with the undistorted
-//! radius s and `q = sqrt(1 - 4 lambda s^2)`: `x' = 2 x / (1 + q)`.
+//! With the distorted radius r: `x = x' / D`, `D = 1 + lambda r^2`. In the other direction, with the
+//! undistorted radius s and `q = sqrt(1 - 4 lambda s^2)`: `x' = 2 x / (1 + q)`.
 
 use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
@@ -11,29 +11,30 @@ pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::Division,
     name: "division",
     coefficients: &[Coefficient::Lambda],
-    powers: Some([2, 0, 0, 0, 0]),
+    focal_powers: Some([2, 0, 0, 0, 0]),
     in_order: true,
     is_wide: false,
     is_fitted: true,
-    usual: 1,
+    default_count: 1,
     zero: Distortion::Division { lambda: 0.0 },
 };
 
-/// The division model.
+/// Division model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Division {
     pub(super) lambda: f64,
 }
 
 impl Division {
-    /// `sqrt(1 - 4 lambda s^2)` and `2 / (1 + q)`; `None` beyond the largest radius.
+    /// Returns `q = sqrt(1 - 4 lambda s^2)` and `2 / (1 + q)`. Returns `None` beyond the largest radius.
     fn root_and_scale(&self, [x, y]: [f64; 2]) -> Option<(f64, f64)> {
         let square = 1.0 - 4.0 * self.lambda * (x * x + y * y);
         let root = (square >= 0.0).then(|| square.sqrt())?;
         Some((root, 2.0 / (1.0 + root)))
     }
 
-    /// `d x' / d (lambda s^2)` over x: `scale^2 / q`, infinite at the largest radius.
+    /// Returns `scale = 2 / (1 + q)` and `d x' / d (lambda s^2)` over x: `scale^2 / q`, infinite at the
+    /// largest radius.
     fn growth(&self, straight: [f64; 2]) -> (f64, f64) {
         let (root, scale) = self.root_and_scale(straight).unwrap_or((0.0, f64::INFINITY));
         (scale, scale * scale / root)
@@ -66,10 +67,10 @@ impl Model for Division {
         [[scale + bend * x * x, bend * x * y], [bend * x * y, scale + bend * y * y]]
     }
 
-    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
         let (_, growth) = self.growth([x, y]);
         let along = growth * (x * x + y * y);
-        let mut by = [[0.0; 2]; Distortion::MOST];
+        let mut by = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
         by[0] = [along * x, along * y];
         by
     }
@@ -86,7 +87,7 @@ impl Model for Division {
         let radius = x * x + y * y;
         let divisor = 1.0 + self.lambda * radius;
         let square = divisor * divisor;
-        // Of I / D - 2 lambda x x' / D^2.
+        // Derivative of I / D - 2 lambda x x' / D^2.
         let (same, outer) = (-radius / square, (4.0 * self.lambda * radius / divisor - 2.0) / square);
         let jacobian = [[same + outer * x * x, outer * x * y], [outer * x * y, same + outer * y * y]];
         let mut by = ByCoefficients::default();

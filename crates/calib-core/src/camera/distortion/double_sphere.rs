@@ -1,18 +1,22 @@
-//! Two spheres in a row: V. Usenko, N. Demmel, D. Cremers, "The double sphere camera model", 2018, equations 40 to 51.
+//! Double-sphere model: V. Usenko, N. Demmel, D. Cremers, "The double sphere camera model", 2018, equations
+//! 40 to 51.
 //!
-//! A ray meets a unit sphere, is seen from `xi` behind its centre, and from there by a unified camera of `alpha`:
-//! `u = fx x / (alpha d2 + (1 - alpha) (xi d1 + z))` with `d1 = |(x, y, z)|` and `d2 = |(x, y, xi d1 + z)|`. Of a unit ray
-//! at the angle theta `x = sin theta`, `z = cos theta`; near the axis `d2` and with it the whole denominator is
-//! `1 + xi` for every alpha, so that the focal there is `fx / (1 + xi)`. Over this one
+//! A ray meets a unit sphere. A point `xi` behind its centre observes the intersection, and a unified camera
+//! with `alpha` is placed there: `u = fx x / (alpha d2 + (1 - alpha) (xi d1 + z))` with `d1 = |(x, y, z)|`
+//! and `d2 = |(x, y, xi d1 + z)|`. A unit ray at the angle theta has `x = sin theta`, `z = cos theta`. Near
+//! the axis, `d2` and the denominator are `1 + xi` for every alpha, so the focal length there is
+//! `fx / (1 + xi)`. Relative to it,
 //!
-//! `P = (1 + xi) sin theta / D`, `D = alpha d2 + (1 - alpha) (xi + cos theta)`, `d2^2 = 1 + 2 xi cos theta + xi^2`.
+//! `P = (1 + xi) sin theta / D`, `D = alpha d2 + (1 - alpha) (xi + cos theta)`,
+//! `d2^2 = 1 + 2 xi cos theta + xi^2`.
 //!
 //! With `d2' = -xi sin theta / d2` and `g = alpha xi / d2 + 1 - alpha`, `D' = -g sin theta`, and
 //! `P' = (1 + xi) Q / D^2` with `Q = D cos theta + g sin^2 theta`.
 //!
-//! Seen from the second centre a ray is at the angle phi, `tan phi = sin theta / (xi + cos theta)`. P grows with phi
-//! while `cos phi > -w`, `w` the smaller of `alpha / (1 - alpha)` and its inverse, and phi with theta while
-//! `1 + xi cos theta > 0`. (Equation 44 of the paper bounds theta a little tighter or wider.)
+//! From the second centre, a ray is at the angle phi with `tan phi = sin theta / (xi + cos theta)`. P grows
+//! with phi while `cos phi > -w`, where w is the smaller of `alpha / (1 - alpha)` and its inverse. Phi grows
+//! with theta while `1 + xi cos theta > 0`. (The bound of equation 44 of the paper is slightly tighter or
+//! wider.)
 
 use crate::camera::distortion::profile::Profile;
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
@@ -22,28 +26,28 @@ pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::DoubleSphere,
     name: "double-sphere",
     coefficients: &[Coefficient::Xi, Coefficient::Alpha],
-    powers: None,
+    focal_powers: None,
     in_order: true,
     is_wide: true,
     is_fitted: false,
-    usual: 2,
+    default_count: 2,
     zero: Distortion::DoubleSphere { xi: 0.0, alpha: 0.0 },
 };
 
-/// The double sphere model.
+/// Double-sphere model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DoubleSphere {
     pub(super) xi: f64,
     pub(super) alpha: f64,
 }
 
-/// What the formulas of one angle have in common.
+/// Common terms of the formulas at one angle.
 struct Terms {
     sin: f64,
     cos: f64,
     d2: f64,
     /// D.
-    below: f64,
+    denominator: f64,
     /// `-D' / sin theta`.
     g: f64,
     /// Q.
@@ -51,7 +55,7 @@ struct Terms {
 }
 
 impl DoubleSphere {
-    /// Whether the coefficients are those of a lens.
+    /// Whether the coefficients describe a lens.
     fn is_lens(&self) -> bool {
         Coefficient::Xi.holds(self.xi) && Coefficient::Alpha.holds(self.alpha)
     }
@@ -62,7 +66,7 @@ impl DoubleSphere {
         let d2 = hypot(sin, xi + cos);
         let below = alpha * d2 + (1.0 - alpha) * (xi + cos);
         let g = alpha * xi / d2 + (1.0 - alpha);
-        Terms { sin, cos, d2, below, g, q: below * cos + g * sin * sin }
+        Terms { sin, cos, d2, denominator: below, g, q: below * cos + g * sin * sin }
     }
 }
 
@@ -70,28 +74,28 @@ impl Profile for DoubleSphere {
     const COEFFICIENTS: usize = 2;
 
     fn radius(&self, theta: f64) -> f64 {
-        let Terms { sin, below, .. } = self.terms(theta);
+        let Terms { sin, denominator: below, .. } = self.terms(theta);
         (1.0 + self.xi) * sin / below.max(0.0)
     }
 
     fn slope(&self, theta: f64) -> f64 {
-        let Terms { below, q, .. } = self.terms(theta);
+        let Terms { denominator: below, q, .. } = self.terms(theta);
         (1.0 + self.xi) * q / (below * below)
     }
 
     fn curvature(&self, theta: f64) -> f64 {
         let Self { xi, alpha } = *self;
-        let Terms { sin, cos, d2, below, g, q } = self.terms(theta);
+        let Terms { sin, cos, d2, denominator: below, g, q } = self.terms(theta);
         let g_turn = alpha * xi * xi * sin / d2.powi(3);
         let q_turn = sin * (cos * g - below + sin * g_turn);
         (1.0 + xi) * (q_turn + 2.0 * q * sin * g / below) / (below * below)
     }
 
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MOST] {
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
         let Self { xi, alpha } = *self;
-        let Terms { sin, cos, d2, below, q, .. } = self.terms(theta);
+        let Terms { sin, cos, d2, denominator: below, q, .. } = self.terms(theta);
         let square = below * below;
-        // Of D and of g, by xi and by alpha.
+        // Derivatives of D and of g, by xi and by alpha.
         let by_xi = [alpha * (xi + cos) / d2 + (1.0 - alpha), alpha * (1.0 + xi * cos) / d2.powi(3)];
         let by_alpha = [d2 - (xi + cos), xi / d2 - 1.0];
         let by = |[d_below, d_g]: [f64; 2]| {
@@ -99,13 +103,13 @@ impl Profile for DoubleSphere {
             [-sin * d_below / square, (d_q - 2.0 * q * d_below / below) / square].map(|by| (1.0 + xi) * by)
         };
         let [radius, slope] = by(by_xi);
-        let mut all = [[0.0; 2]; Distortion::MOST];
+        let mut all = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
         all[0] = [radius + sin / below, slope + q / square];
         all[1] = by(by_alpha);
         all
     }
 
-    /// Equations 46 to 51, with the second centre's angle phi instead of its tangent:
+    /// Inverts P by equations 46 to 51, with the angle phi at the second centre instead of its tangent:
     /// `d2 = xi cos phi + sqrt(1 - xi^2 sin^2 phi)`, `sin theta = d2 sin phi` and
     /// `cos theta = d2 cos phi - xi`.
     fn inverse(&self, radius: f64) -> Option<f64> {
@@ -121,14 +125,14 @@ impl Profile for DoubleSphere {
         let beside = xi * sin;
         let root = (1.0 - beside * beside >= 0.0).then(|| (1.0 - beside * beside).sqrt())?;
         let d2 = xi * cos + root;
-        // Of a ray on the axis nothing is across.
+        // The formula is not defined on the axis.
         let theta = if r > 0.0 { angle_from_axis(d2 * sin, d2 * cos - xi) } else { 0.0 };
         theta.is_finite().then_some(theta)
     }
 
-    fn turn(&self) -> f64 {
-        /// The formulas end there, and lose their digits shortly before.
-        const SHORT: f64 = 1e-12;
+    fn max_angle(&self) -> f64 {
+        /// Relative margin below the largest angle, because the formulas lose digits there.
+        const MARGIN: f64 = 1e-12;
         let Self { xi, alpha } = *self;
         if !self.is_lens() {
             return -1.0;
@@ -141,7 +145,7 @@ impl Profile for DoubleSphere {
             -xi * square - w * (1.0 - xi * xi * square).max(0.0).sqrt()
         };
         let up = (1.0 - across * across).max(0.0).sqrt();
-        angle_from_axis(up, across) * (1.0 - SHORT)
+        angle_from_axis(up, across) * (1.0 - MARGIN)
     }
 }
 
@@ -156,17 +160,17 @@ mod tests {
             xi in -0.6..1.5_f64, alpha in 0.0..1.0_f64, fx in 100.0..900.0_f64, x in -1.0..1.0_f64, y in -1.0..1.0_f64,
             z in -1.0..1.0_f64,
         ) {
-            // Equations 40 to 44, in pixels.
+            // Equations 40 to 44 of the paper, in pixels.
             let d1 = (x * x + y * y + z * z).sqrt();
             let d2 = (x * x + y * y + (xi * d1 + z).powi(2)).sqrt();
             let below = alpha * d2 + (1.0 - alpha) * (xi * d1 + z);
             let w1 = if alpha <= 0.5 { alpha / (1.0 - alpha) } else { (1.0 - alpha) / alpha };
             let w2 = (w1 + xi) / (2.0 * w1 * xi + xi * xi + 1.0).sqrt();
             prop_assume!(z > -w2.min(0.7) * d1 && below > 0.05 * d1 && d1 > 0.1);
-            let shown = Distortion::DoubleSphere { xi, alpha }.shown([x, y, z]);
+            let shown = Distortion::DoubleSphere { xi, alpha }.ray_to_distorted([x, y, z]);
             let Some([u, v]) = shown.map(|at| at.map(|c| fx / (1.0 + xi) * c)) else {
-                // The paper's bound is wider than where the model grows.
-                let (theta, turn) = (angle_from_axis(hypot(x, y), z), DoubleSphere { xi, alpha }.turn());
+                // The bound of the paper is wider than the range in which the model grows.
+                let (theta, turn) = (angle_from_axis(hypot(x, y), z), DoubleSphere { xi, alpha }.max_angle());
                 prop_assert!(theta > 0.999 * turn, "{theta} of {turn}: {xi} {alpha} {z}");
                 return Ok(());
             };
@@ -176,21 +180,21 @@ mod tests {
         #[test]
         fn it_grows_up_to_its_turn_and_not_beyond(xi in -0.9..3.0_f64, alpha in 0.0..1.0_f64) {
             let lens = DoubleSphere { xi, alpha };
-            let turn = lens.turn();
+            let turn = lens.max_angle();
             for step in 0..200 {
                 let theta = turn * f64::from(step) / 200.0;
-                prop_assert!(lens.slope(theta) > 0.0 && lens.terms(theta).below > 0.0, "{theta} of {turn}");
+                prop_assert!(lens.slope(theta) > 0.0 && lens.terms(theta).denominator > 0.0, "{theta} of {turn}");
             }
             let beyond = lens.terms(turn + 1e-4);
-            prop_assert!(turn > 0.999 * std::f64::consts::PI || beyond.q < 0.0 || beyond.below < 0.0, "{turn}");
+            prop_assert!(turn > 0.999 * std::f64::consts::PI || beyond.q < 0.0 || beyond.denominator < 0.0, "{turn}");
         }
 
         #[test]
         fn its_inverse_is_one(xi in -0.9..3.0_f64, alpha in 0.0..1.0_f64, share in 0.0..1.0_f64) {
             let lens = DoubleSphere { xi, alpha };
-            let theta = share * lens.turn().min(2.5);
+            let theta = share * lens.max_angle().min(2.5);
             let slope = lens.slope(theta);
-            // Where it hardly grows the inverse has no digits.
+            // The inverse is not accurate where the radius hardly grows.
             prop_assume!(slope > 1e-2 && lens.radius(theta) < 100.0);
             let back = lens.inverse(lens.radius(theta));
             let off = 1e-12 * (1.0 + slope.recip() + slope);

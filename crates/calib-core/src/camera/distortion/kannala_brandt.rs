@@ -1,5 +1,6 @@
-//! The fisheye of OpenCV: J. Kannala, S. Brandt, "A generic camera model and calibration method for
-//! conventional, wide-angle, and fish-eye lenses", 2006, equation 6, without its asymmetric part.
+//! Kannala-Brandt model, the fisheye model of OpenCV: J. Kannala, S. Brandt, "A generic camera model and
+//! calibration method for conventional, wide-angle, and fish-eye lenses", 2006, equation 6, without its
+//! asymmetric part.
 //!
 //! `P = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)`.
 
@@ -11,21 +12,21 @@ pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::KannalaBrandt,
     name: "kannala-brandt",
     coefficients: &[Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::K4],
-    powers: None,
+    focal_powers: None,
     in_order: true,
     is_wide: true,
     is_fitted: true,
-    usual: 2,
+    default_count: 2,
     zero: Distortion::KannalaBrandt { k: [0.0; 4] },
 };
 
-/// The Kannala-Brandt model: k1 to k4.
+/// Kannala-Brandt model with the coefficients k1 to k4.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KannalaBrandt {
     pub(super) k: [f64; 4],
 }
 
-/// Powers of theta, one a coefficient.
+/// Power of theta for each coefficient.
 const POWERS: [i32; 4] = [3, 5, 7, 9];
 
 impl KannalaBrandt {
@@ -49,8 +50,8 @@ impl Profile for KannalaBrandt {
         self.polynomial().curvature(theta)
     }
 
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MOST] {
-        let mut by = [[0.0; 2]; Distortion::MOST];
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+        let mut by = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
         for (by, power) in by.iter_mut().zip(POWERS) {
             *by = [theta.powi(power), f64::from(power) * theta.powi(power - 1)];
         }
@@ -61,7 +62,7 @@ impl Profile for KannalaBrandt {
         self.polynomial().inverse(radius)
     }
 
-    fn turn(&self) -> f64 {
-        self.polynomial().first_turn()
+    fn max_angle(&self) -> f64 {
+        self.polynomial().first_maximum()
     }
 }

@@ -1,8 +1,9 @@
-//! Distortion: the models, both maps of each, and their derivatives.
+//! Distortion models: the maps in both directions, and their derivatives.
 //!
-//! A model is one file: its formula with its source, the maps, their derivatives ([`Model`]) and its row
-//! of [`MODELS`]. Here it is named: its module, its arm of [`Distortion`], its [`DistortionModel`]. What
-//! else depends on the model reads the row; which formats of other programs hold it, their table says.
+//! Each model has its own file with the formula, its source, the maps, their derivatives ([`Model`]) and its
+//! row of [`MODELS`]. A new model also needs three entries here: its module, its variant of [`Distortion`]
+//! and its [`DistortionModel`]. All other code reads the properties of a model from its row. The table of
+//! each external format lists the models that the format supports.
 
 mod model;
 mod brown_conrady;
@@ -24,39 +25,42 @@ use crate::camera::distortion::unified::Unified;
 pub use brown_conrady::BrownConrady;
 pub(crate) use brown_conrady::{BrownInverse, LANES};
 pub(crate) use model::{
-    ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayCurvature, RayMatrix, times,
+    ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayCurvature, RayMatrix, multiply,
 };
 
-/// Distortion of coordinates divided by the focal, in the terms of OpenCV.
+/// Lens distortion, on coordinates divided by the focal length. The coefficients follow OpenCV.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Distortion {
-    /// A perfect pinhole.
+    /// No distortion: a perfect pinhole.
     #[default]
     None,
-    /// Radial k1, k2, k3 and tangential p1, p2; OpenCV's order of a vector is k1, k2, p1, p2, k3.
+    /// Radial coefficients k1, k2, k3 and tangential p1, p2. The order of OpenCV's vector is k1, k2, p1, p2,
+    /// k3.
     BrownConrady(BrownConrady),
     /// `x_undistorted = x_distorted / (1 + lambda r_distorted^2)` (Fitzgibbon 2001).
     Division {
-        /// The one coefficient; negative for barrel distortion.
+        /// Single coefficient; negative for barrel distortion.
         lambda: f64,
     },
-    /// OpenCV's fisheye: `theta_distorted = theta (1 + k1 theta^2 + ... + k4 theta^8)`.
+    /// OpenCV's fisheye model: `theta_distorted = theta (1 + k1 theta^2 + ... + k4 theta^8)`.
     KannalaBrandt {
-        /// k1 to k4.
+        /// Coefficients k1 to k4.
         k: [f64; 4],
     },
-    /// Mei's, Kalibr's `omni`: `radius = (1 + xi) sin theta / (xi + cos theta)`, over the focal of the middle of the image,
-    /// which is Mei's gamma over `1 + xi`.
+    /// Mei's model, Kalibr's `omni`: `radius = (1 + xi) sin theta / (xi + cos theta)`. The radius is relative
+    /// to the focal length at the image centre, which is Mei's gamma divided by `1 + xi`.
     Unified {
-        /// How far behind the centre of the sphere the pinhole is; above -1.
+        /// Distance of the pinhole behind the centre of the unit sphere; above -1.
         xi: f64,
     },
-    /// Kalibr's and Basalt's `ds`: `radius = (1 + xi) sin theta / (alpha d2 + (1 - alpha) (xi + cos theta))` with
-    /// `d2^2 = 1 + 2 xi cos theta + xi^2`, over the focal of the middle of the image, which is theirs over `1 + xi`.
+    /// Double-sphere model, `ds` of Kalibr and Basalt:
+    /// `radius = (1 + xi) sin theta / (alpha d2 + (1 - alpha) (xi + cos theta))` with
+    /// `d2^2 = 1 + 2 xi cos theta + xi^2`. The radius is relative to the focal length at the image centre,
+    /// which is Kalibr's focal length divided by `1 + xi`.
     DoubleSphere {
-        /// Between the centres of the spheres; above -1.
+        /// Distance between the centres of the two spheres; above -1.
         xi: f64,
-        /// Of the second sphere, between 0 and 1.
+        /// Weight of the second sphere, between 0 and 1.
         alpha: f64,
     },
 }
@@ -66,15 +70,15 @@ pub enum Distortion {
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum DistortionModel {
-    /// k1, k2, k3, p1, p2 in OpenCV's terms.
+    /// Coefficients k1, k2, k3, p1, p2 of OpenCV.
     BrownConrady,
-    /// lambda.
+    /// Division model with the coefficient lambda.
     Division,
-    /// k1 to k4, OpenCV's fisheye.
+    /// OpenCV's fisheye model with the coefficients k1 to k4.
     KannalaBrandt,
-    /// xi, Mei's unified or omnidirectional model.
+    /// Mei's unified (omnidirectional) model with the coefficient xi.
     Unified,
-    /// xi and alpha.
+    /// Double-sphere model with the coefficients xi and alpha.
     DoubleSphere,
 }
 
@@ -95,36 +99,38 @@ pub enum Coefficient {
     Alpha,
 }
 
-/// A row of the table of models.
+/// Row of properties of one distortion model.
+///
+/// [`MODELS`]: the
 #[derive(Clone, Copy, Debug)]
 pub struct ModelRow {
-    /// Which model.
+    /// Model that the row describes.
     pub model: DistortionModel,
-    /// Its name in files.
+    /// Name in files.
     pub name: &'static str,
-    /// Its coefficients, in the order of [`Distortion::coefficients`].
+    /// Coefficients, in the order of [`Distortion::coefficients`].
     pub coefficients: &'static [Coefficient],
-    /// With which power of the focal every coefficient grows when the map of pixels stays what it is;
-    /// `None` where a map of pixels has one focal only, so that the coefficients have a focal of their own.
-    pub powers: Option<[i32; Distortion::MOST]>,
-    /// Whether a coefficient is fitted only with all those before it.
+    /// Power of the focal length by which each coefficient scales if the map of pixels stays the same. `None`
+    /// if a map of pixels determines the focal length of its coefficients.
+    pub focal_powers: Option<[i32; Distortion::MAX_COEFFICIENTS]>,
+    /// Whether a coefficient is fitted only together with all coefficients before it.
     pub in_order: bool,
-    /// Whether it shows rays from beside and behind the camera, too, which no pinhole does.
+    /// Whether the model shows rays 90° or more from the optical axis.
     pub is_wide: bool,
-    /// Whether it is fitted to lines: else its coefficients are given.
+    /// Whether the model can be fitted to straight edges. Otherwise its coefficients must be given.
     pub is_fitted: bool,
-    /// How many are fitted, from the first, where it is not said which.
-    pub usual: usize,
-    /// The model with coefficients of zero.
+    /// Number of coefficients, from the first, that are fitted by default.
+    pub default_count: usize,
+    /// Model with all coefficients zero.
     pub zero: Distortion,
 }
 
-/// Every model of distortion, in the order of [`DistortionModel`].
+/// All distortion models, in the order of [`DistortionModel`].
 pub const MODELS: [ModelRow; 5] =
     [brown_conrady::ROW, division::ROW, kannala_brandt::ROW, unified::ROW, double_sphere::ROW];
 
 impl DistortionModel {
-    /// This model's row in [`MODELS`].
+    /// Returns the row of this model in [`MODELS`].
     #[must_use]
     pub const fn row(self) -> &'static ModelRow {
         &MODELS[self as usize]
@@ -132,11 +138,11 @@ impl DistortionModel {
 }
 
 impl Coefficient {
-    /// All of them, in the order of files.
+    /// All coefficients, in the order of files.
     pub const ALL: [Self; 9] =
         [Self::K1, Self::K2, Self::K3, Self::K4, Self::P1, Self::P2, Self::Lambda, Self::Xi, Self::Alpha];
 
-    /// Its name in files.
+    /// Returns the name in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -152,7 +158,7 @@ impl Coefficient {
         }
     }
 
-    /// Its name on screen.
+    /// Returns the name on screen.
     #[must_use]
     pub const fn title(self) -> &'static str {
         match self {
@@ -163,7 +169,7 @@ impl Coefficient {
         }
     }
 
-    /// The values with which it is one of a lens, least and most.
+    /// Returns the minimum and maximum of the values that describe a lens.
     #[must_use]
     pub const fn bounds(self) -> [f64; 2] {
         match self {
@@ -181,9 +187,9 @@ impl Coefficient {
 
 impl Distortion {
     /// Number of coefficients of the largest model.
-    pub const MOST: usize = 5;
+    pub const MAX_COEFFICIENTS: usize = 5;
 
-    /// Which model it is; `None` without distortion.
+    /// Returns the name of the model, or `None` without distortion.
     #[must_use]
     pub const fn model(&self) -> Option<DistortionModel> {
         match self {
@@ -196,9 +202,9 @@ impl Distortion {
         }
     }
 
-    /// Asks the model; `None` without distortion.
+    /// Calls a function with the model. Returns `None` without distortion.
     #[inline]
-    fn ask<T>(&self, question: impl FnOnce(&dyn Model) -> T) -> Option<T> {
+    fn with_model<T>(&self, question: impl FnOnce(&dyn Model) -> T) -> Option<T> {
         Some(match *self {
             Self::None => return None,
             Self::BrownConrady(brown) => question(&brown),
@@ -209,11 +215,11 @@ impl Distortion {
         })
     }
 
-    /// The coefficients; zeros beyond those the model has.
+    /// Returns the coefficients, padded with zeros.
     #[must_use]
-    pub const fn coefficients(&self) -> [f64; Self::MOST] {
+    pub const fn coefficients(&self) -> [f64; Self::MAX_COEFFICIENTS] {
         match *self {
-            Self::None => [0.0; Self::MOST],
+            Self::None => [0.0; Self::MAX_COEFFICIENTS],
             Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => [k1, k2, k3, p1, p2],
             Self::Division { lambda } => [lambda, 0.0, 0.0, 0.0, 0.0],
             Self::KannalaBrandt { k: [k1, k2, k3, k4] } => [k1, k2, k3, k4, 0.0],
@@ -222,9 +228,9 @@ impl Distortion {
         }
     }
 
-    /// The same model with other coefficients.
+    /// Returns the same model with other coefficients.
     #[must_use]
-    pub const fn with_coefficients(&self, [a, b, c, d, e]: [f64; Self::MOST]) -> Self {
+    pub const fn with_coefficients(&self, [a, b, c, d, e]: [f64; Self::MAX_COEFFICIENTS]) -> Self {
         match self {
             Self::None => Self::None,
             Self::BrownConrady(_) => Self::BrownConrady(BrownConrady { k1: a, k2: b, k3: c, p1: d, p2: e }),
@@ -235,120 +241,130 @@ impl Distortion {
         }
     }
 
-    /// Names of the coefficients, in the order of [`Self::coefficients`].
+    /// Returns the names of the coefficients, in the order of [`Self::coefficients`].
     #[must_use]
     pub fn names(&self) -> &'static [Coefficient] {
         self.model().map_or(&[], |model| model.row().coefficients)
     }
 
-    /// Whether it bends no line: none, or coefficients of zero in a model that is a pinhole then.
+    /// Whether straight lines stay straight: no distortion, or zero coefficients in a model that is then a
+    /// pinhole.
     #[must_use]
     pub fn is_pinhole(&self) -> bool {
         const POINT: [f64; 2] = [0.5, 0.25];
-        // To rounding: the way of a wide lens leads over angles.
+        // Wide lenses are computed with angles, so the comparison allows for rounding.
         let is_there = |[x, y]: [f64; 2]| (x - POINT[0]).abs() + (y - POINT[1]).abs() < 1e-12;
         let is_plain = |model: DistortionModel| model.row().zero.distort(POINT).is_some_and(is_there);
-        self.coefficients() == [0.0; Self::MOST] && self.model().is_none_or(is_plain)
+        self.coefficients() == [0.0; Self::MAX_COEFFICIENTS] && self.model().is_none_or(is_plain)
     }
 
-    /// Radius of the largest disc of undistorted, focal-normalised coordinates on which the model grows
-    /// in every direction; infinite where it always does. Beyond it the model is not a lens.
+    /// Returns the radius of the largest disc of undistorted coordinates, divided by the focal length, on
+    /// which the map is increasing in every direction. It is infinite if the map is increasing everywhere.
+    /// Beyond the disc the model does not describe a lens.
     #[must_use]
     pub fn max_radius(&self) -> f64 {
-        self.ask(|model| model.max_radius()).unwrap_or(f64::INFINITY)
+        self.with_model(|model| model.max_radius()).unwrap_or(f64::INFINITY)
     }
 
-    /// Distorted from undistorted, both divided by the focal. `None` beyond [`Self::max_radius`].
+    /// Maps an undistorted point to the distorted one, both divided by the focal length. Returns `None`
+    /// beyond [`Self::max_radius`].
     #[must_use]
     pub fn distort(&self, straight: [f64; 2]) -> Option<[f64; 2]> {
-        self.ask(|model| model.distort(straight)).unwrap_or(Some(straight)).filter(is_finite)
+        self.with_model(|model| model.distort(straight)).unwrap_or(Some(straight)).filter(is_finite)
     }
 
-    /// Undistorted from distorted, both divided by the focal, to 1e-12.
+    /// Maps a distorted point to the undistorted one, both divided by the focal length, to 1e-12.
     ///
-    /// `None` where no undistorted point inside [`Self::max_radius`] leads here.
+    /// Returns `None` if no undistorted point within [`Self::max_radius`] maps to this point.
     #[must_use]
     pub fn undistort(&self, bent: [f64; 2]) -> Option<[f64; 2]> {
-        self.ask(|model| model.undistort(bent)).unwrap_or(Some(bent)).filter(is_finite)
+        self.with_model(|model| model.undistort(bent)).unwrap_or(Some(bent)).filter(is_finite)
     }
 
-    /// The ray that is shown at this distorted point, homogeneous: x right, y down, and w ahead, which is not
-    /// positive beside and behind the camera; both divided by the focal. `None` where no ray leads here.
+    /// Returns the ray at a distorted point as a homogeneous vector, divided by the focal length: x right, y
+    /// down, w forward. The component w is not positive 90° or more from the axis. Returns `None` if no ray
+    /// reaches the point.
     #[must_use]
     pub fn ray(&self, bent: [f64; 2]) -> Option<[f64; 3]> {
-        self.ask(|model| model.ray(bent)).unwrap_or(Some([bent[0], bent[1], 1.0]))
+        self.with_model(|model| model.ray(bent)).unwrap_or(Some([bent[0], bent[1], 1.0]))
     }
 
-    /// Where a ray, of any length, is shown: the inverse of [`Self::ray`]. `None` where the lens does not show it.
+    /// Maps a ray of any length to its distorted point: the inverse of [`Self::ray`]. Returns `None` if the
+    /// lens does not show the ray.
     #[must_use]
-    pub fn shown(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
+    pub fn ray_to_distorted(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
         let straight = || if w > 0.0 { Some([x / w, y / w]) } else { None };
-        self.ask(|model| model.shown([x, y, w])).unwrap_or_else(straight).filter(is_finite)
+        self.with_model(|model| model.ray_to_distorted([x, y, w])).unwrap_or_else(straight).filter(is_finite)
     }
 
-    /// Whether it shows rays from beside and behind the camera, too.
+    /// Whether the model shows rays 90° or more from the optical axis.
     #[must_use]
     pub fn is_wide(&self) -> bool {
         self.model().is_some_and(|model| model.row().is_wide)
     }
 
-    /// `d ray / d distorted` at `bent`, which shows `ray`.
+    /// Returns `d ray / d distorted` at the distorted point `bent`, whose ray is `ray`.
     pub(crate) fn ray_jacobian(&self, bent: [f64; 2], ray: [f64; 3]) -> RayMatrix {
-        self.ask(|model| model.ray_jacobian(bent, ray)).unwrap_or([[1.0, 0.0], [0.0, 1.0], [0.0; 2]])
+        self.with_model(|model| model.ray_jacobian(bent, ray)).unwrap_or([[1.0, 0.0], [0.0, 1.0], [0.0; 2]])
     }
 
-    /// How [`Self::ray_jacobian`] changes with `bent`, which shows `ray`, of a wide lens.
+    /// Returns the derivatives of [`Self::ray_jacobian`] by the distorted point `bent`, whose ray is `ray`,
+    /// for a wide lens.
     pub(crate) fn ray_curvature(&self, bent: [f64; 2], ray: [f64; 3]) -> RayCurvature {
-        self.ask(|model| model.ray_curvature(bent, ray)).unwrap_or_default()
+        self.with_model(|model| model.ray_curvature(bent, ray)).unwrap_or_default()
     }
 
-    /// How `ray` and [`Self::ray_jacobian`] change with every coefficient, `bent` staying.
+    /// Returns the derivatives of `ray` and [`Self::ray_jacobian`] by every coefficient, at a fixed distorted
+    /// point `bent`.
     pub(crate) fn ray_by_coefficients(
         &self,
         bent: [f64; 2],
         ray: [f64; 3],
-    ) -> [RayByCoefficient; Self::MOST] {
-        self.ask(|model| model.ray_by_coefficients(bent, ray)).unwrap_or_default()
+    ) -> [RayByCoefficient; Self::MAX_COEFFICIENTS] {
+        self.with_model(|model| model.ray_by_coefficients(bent, ray)).unwrap_or_default()
     }
 
-    /// Whether the model still grows at this distorted point, so that a ray of the scene leads there:
-    /// for a fisheye also one from beside or behind the camera, which no pinhole sees.
-    pub(crate) fn reaches(&self, bent: [f64; 2]) -> bool {
-        self.ask(|model| model.reaches(bent)).unwrap_or_else(|| is_finite(&bent))
+    /// Whether a ray of the scene reaches this distorted point. A ray of a fisheye may be 90° or more from
+    /// the axis.
+    pub(crate) fn has_ray(&self, bent: [f64; 2]) -> bool {
+        self.with_model(|model| model.has_ray(bent)).unwrap_or_else(|| is_finite(&bent))
     }
 
-    /// `d distorted / d undistorted`.
+    /// Returns `d distorted / d undistorted`.
     pub(crate) fn distort_jacobian(&self, straight: [f64; 2]) -> Matrix2 {
-        self.ask(|model| model.distort_jacobian(straight)).unwrap_or(IDENTITY)
+        self.with_model(|model| model.distort_jacobian(straight)).unwrap_or(IDENTITY)
     }
 
-    /// `d distorted / d coefficient`, the undistorted point staying.
-    pub(crate) fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Self::MOST] {
-        self.ask(|model| model.distort_by_coefficients(straight)).unwrap_or_default()
+    /// Returns `d distorted / d coefficient` at a fixed undistorted point.
+    pub(crate) fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Self::MAX_COEFFICIENTS] {
+        self.with_model(|model| model.distort_by_coefficients(straight)).unwrap_or_default()
     }
 
-    /// `d undistorted / d distorted` at `bent`, which undistorts to `straight`.
+    /// Returns `d undistorted / d distorted` at the distorted point `bent`, whose undistorted point is
+    /// `straight`.
     pub(crate) fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2 {
-        self.ask(|model| model.undistort_jacobian(bent, straight)).unwrap_or(IDENTITY)
+        self.with_model(|model| model.undistort_jacobian(bent, straight)).unwrap_or(IDENTITY)
     }
 
-    /// How `straight` and [`Self::undistort_jacobian`] change with every coefficient, `bent` staying.
+    /// Returns the derivatives of the undistorted point `straight` and of [`Self::undistort_jacobian`] by
+    /// every coefficient, at a fixed distorted point `bent`.
     pub(crate) fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
-        self.ask(|model| model.undistort_by_coefficients(bent, straight)).unwrap_or_default()
+        self.with_model(|model| model.undistort_by_coefficients(bent, straight)).unwrap_or_default()
     }
 
-    /// With which power of the focal every coefficient grows when the map of pixels stays what it is.
-    pub fn powers(&self) -> [i32; Self::MOST] {
-        self.model().and_then(|model| model.row().powers).unwrap_or_default()
+    /// Returns the power of the focal length by which each coefficient scales if the map of pixels stays the
+    /// same.
+    pub fn focal_powers(&self) -> [i32; Self::MAX_COEFFICIENTS] {
+        self.model().and_then(|model| model.row().focal_powers).unwrap_or_default()
     }
 
-    /// The coefficients of the same map of pixels when the focal is multiplied by `ratio`.
+    /// Returns the coefficients of the same map of pixels for a focal length that is multiplied by `ratio`.
     ///
-    /// `None` for a model whose map of pixels exists at one focal only.
+    /// Returns `None` for a model whose map of pixels determines its focal length.
     #[must_use]
     pub fn rescaled(&self, ratio: f64) -> Option<Self> {
         let Some(model) = self.model() else { return Some(*self) };
-        let Some(powers) = model.row().powers else { return (ratio == 1.0).then_some(*self) };
+        let Some(powers) = model.row().focal_powers else { return (ratio == 1.0).then_some(*self) };
         let coefficients = self.coefficients();
         Some(self.with_coefficients(std::array::from_fn(|i| coefficients[i] * ratio.powi(powers[i]))))
     }

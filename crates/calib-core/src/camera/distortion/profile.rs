@@ -1,11 +1,13 @@
-//! What all lenses share that are symmetric about their axis and look beside and behind themselves: each adds its
-//! profile, the radius at which a ray at an angle from the axis is shown.
+//! Common part of wide lenses that are symmetric about their axis. Each model adds only its profile: the
+//! image radius of a ray as a function of its angle from the axis.
 //!
-//! A ray at the angle theta is shown at the radius P(theta), and by a pinhole at `tan theta`. The direction of the
-//! radius stays, so that every derivative is that of a radius; with `d tan theta = (1 + tan^2 theta) d theta`, and at
-//! a radius that stays `d theta = -dP/dk / P' d k` for a coefficient k. Rays, unit vectors
-//! `(sin theta n, cos theta)` with the direction n of the radius, are regular across theta = 90 degrees and beyond,
-//! where a pinhole has no image.
+//! A ray at the angle theta has the radius P(theta), and the radius `tan theta` in a pinhole. The direction
+//! of the radius does not change, so every derivative follows from the derivative of a radius. We use
+//! `d tan theta = (1 + tan^2 theta) d theta`. At a fixed radius, a coefficient k changes the angle by
+//! `d theta = -dP/dk / P' d k`.
+//!
+//! Rays are unit vectors `(sin theta n, cos theta)` with the direction n of the radius. They are regular at
+//! theta = 90° and beyond, where a pinhole has no image.
 
 use crate::camera::distortion::Distortion;
 use crate::camera::distortion::model::{
@@ -13,55 +15,58 @@ use crate::camera::distortion::model::{
 };
 use crate::camera::numerics::{angle_from_axis, atan, hypot, sin_cos, tan};
 
-/// Radii nearer to the axis than this have no direction.
-const AXIS: f64 = 1e-9;
+/// Minimum radius with a defined direction.
+const MIN_RADIUS: f64 = 1e-9;
 
-/// Largest angle from the axis, in radians: no lens that is built looks farther round than 288 degrees.
-const WIDEST: f64 = 0.8 * std::f64::consts::PI;
+/// Largest angle from the axis, in radians. No lens on the market has a field of view above 288°.
+const MAX_ANGLE: f64 = 0.8 * std::f64::consts::PI;
 
-/// The radius P, over the focal, at which a lens shows a ray at the angle theta from its axis, in radians: with
-/// `P(0) = 0` and `P'(0) = 1`, so that the focal is that of the middle of the image.
+/// Radius P, divided by the focal length, at which a lens shows a ray at the angle theta from its axis, in
+/// radians. `P(0) = 0` and `P'(0) = 1`, so the focal length is the one at the image centre.
 pub(super) trait Profile {
     /// Number of coefficients.
     const COEFFICIENTS: usize;
 
-    /// P.
+    /// Returns P.
     fn radius(&self, theta: f64) -> f64;
 
-    /// P'.
+    /// Returns P'.
     fn slope(&self, theta: f64) -> f64;
 
-    /// P''.
+    /// Returns P''.
     fn curvature(&self, theta: f64) -> f64;
 
-    /// How P and P' change with every coefficient.
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MOST];
+    /// Returns the derivatives of P and P' by every coefficient.
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
 
-    /// The angle below [`Self::turn`] that is shown at a radius: the inverse of P.
+    /// Returns the angle at a radius, below inverse of P.
+    ///
+    /// [`Self::max_angle`]: the
     fn inverse(&self, radius: f64) -> Option<f64>;
 
-    /// The angle at which P stops growing, infinite if it never does; negative of what is no lens at all.
-    fn turn(&self) -> f64;
+    /// Returns the angle at which P stops growing, or infinity if it always grows. It is negative if the
+    /// coefficients do not describe a lens.
+    fn max_angle(&self) -> f64;
 }
 
-/// The angle from the axis that is shown at a radius.
+/// Returns the angle from the axis at a radius.
 fn angle(profile: &impl Profile, radius: f64) -> Option<f64> {
-    profile.inverse(radius).filter(|&theta| theta <= WIDEST)
+    profile.inverse(radius).filter(|&theta| theta <= MAX_ANGLE)
 }
 
 impl<P: Profile> Model for P {
     fn max_radius(&self) -> f64 {
-        let theta = self.turn();
+        let theta = self.max_angle();
         if theta < std::f64::consts::FRAC_PI_2 { tan(theta).max(0.0) } else { f64::INFINITY }
     }
 
     fn distort(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let radius = hypot(x, y);
         let theta = atan(radius);
-        if theta > self.turn() {
+        if theta > self.max_angle() {
             return None;
         }
-        let scale = if radius < AXIS { 1.0 } else { self.radius(theta) / radius };
+        let scale = if radius < MIN_RADIUS { 1.0 } else { self.radius(theta) / radius };
         Some([scale * x, scale * y])
     }
 
@@ -71,35 +76,35 @@ impl<P: Profile> Model for P {
         if theta >= std::f64::consts::FRAC_PI_2 {
             return None;
         }
-        let scale = if radius < AXIS { 1.0 } else { tan(theta) / radius };
+        let scale = if radius < MIN_RADIUS { 1.0 } else { tan(theta) / radius };
         Some([scale * x, scale * y])
     }
 
-    /// Also one from beside or behind the camera, which no pinhole sees.
-    fn reaches(&self, [x, y]: [f64; 2]) -> bool {
+    /// Whether a ray reaches this distorted point, including rays 90° or more from the axis.
+    fn has_ray(&self, [x, y]: [f64; 2]) -> bool {
         angle(self, hypot(x, y)).is_some()
     }
 
     fn ray(&self, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
         let radius = hypot(x, y);
         let (sin, cos) = sin_cos(angle(self, radius)?);
-        let scale = if radius < AXIS { 1.0 } else { sin / radius };
+        let scale = if radius < MIN_RADIUS { 1.0 } else { sin / radius };
         Some([scale * x, scale * y, cos])
     }
 
-    fn shown(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
+    fn ray_to_distorted(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
         let across = hypot(x, y);
         let theta = angle_from_axis(across, w);
-        if theta > WIDEST || theta > self.turn() {
+        if theta > MAX_ANGLE || theta > self.max_angle() {
             return None;
         }
-        let scale = if across < AXIS * w { w.recip() } else { self.radius(theta) / across };
+        let scale = if across < MIN_RADIUS * w { w.recip() } else { self.radius(theta) / across };
         Some([scale * x, scale * y])
     }
 
     fn ray_jacobian(&self, bent: [f64; 2], [x, y, w]: [f64; 3]) -> RayMatrix {
         let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
-        if radius < AXIS {
+        if radius < MIN_RADIUS {
             return [[1.0, 0.0], [0.0, 1.0], [0.0; 2]];
         }
         let turn = self.slope(angle_from_axis(sin, w)).recip();
@@ -107,20 +112,21 @@ impl<P: Profile> Model for P {
         [u, v, bent.map(|c| -sin * turn * c / radius)]
     }
 
-    /// Of `(s q, cos theta)` with `s = sin theta / r` at the radius r of the point q, whose direction is n: with slashes
-    /// for derivatives by r, `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k` and
+    /// Returns the derivatives of the Jacobian of `(s q, cos theta)`, with `s = sin theta / r` at the radius
+    /// r of the point q, whose direction is n. With primes for derivatives by r, they are
+    /// `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k` and
     /// `cos' (I_jk - n_j n_k) / r + cos'' n_j n_k`, where `r s' = cos theta theta' - s` and
     /// `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
     fn ray_curvature(&self, bent: [f64; 2], [x, y, w]: [f64; 3]) -> RayCurvature {
         let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
-        if radius < AXIS {
+        if radius < MIN_RADIUS {
             return [[[0.0; 2], [0.0; 2], [-1.0, 0.0]], [[0.0; 2], [0.0; 2], [0.0, -1.0]]];
         }
         let theta = angle_from_axis(sin, w);
-        // Of theta by r, once and twice.
+        // First and second derivative of theta by r.
         let turn = self.slope(theta).recip();
         let bend = -self.curvature(theta) * turn * turn * turn;
-        // s', and r s'' - s'.
+        // s' and r s'' - s'.
         let slope = (w * turn - sin / radius) / radius;
         let cubic = w * bend - sin * turn * turn - 3.0 * slope;
         let of_cos = radial(bent, -sin * turn / radius, -w * turn * turn - sin * bend);
@@ -140,10 +146,10 @@ impl<P: Profile> Model for P {
         &self,
         bent: [f64; 2],
         [x, y, w]: [f64; 3],
-    ) -> [RayByCoefficient; Distortion::MOST] {
+    ) -> [RayByCoefficient; Distortion::MAX_COEFFICIENTS] {
         let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
-        let mut by = [RayByCoefficient::default(); Distortion::MOST];
-        if radius < AXIS {
+        let mut by = [RayByCoefficient::default(); Distortion::MAX_COEFFICIENTS];
+        if radius < MIN_RADIUS {
             return by;
         }
         let theta = angle_from_axis(sin, w);
@@ -152,7 +158,7 @@ impl<P: Profile> Model for P {
         for (by, [d_radius, d_slope]) in by.iter_mut().zip(self.by_coefficients(theta)).take(P::COEFFICIENTS)
         {
             let d_theta = -d_radius * turn;
-            // Of 1 / P'.
+            // Derivative of 1 / P'.
             let d_turn = -(second * d_theta + d_slope) * turn * turn;
             let [u, v] = radial(bent, w * d_theta / radius, w * d_turn - sin * turn * d_theta);
             let ahead = -(w * turn * d_theta + sin * d_turn) / radius;
@@ -165,14 +171,14 @@ impl<P: Profile> Model for P {
     fn distort_jacobian(&self, [x, y]: [f64; 2]) -> Matrix2 {
         let radius = hypot(x, y);
         let theta = atan(radius);
-        let across = if radius < AXIS { 1.0 } else { self.radius(theta) / radius };
+        let across = if radius < MIN_RADIUS { 1.0 } else { self.radius(theta) / radius };
         radial([x, y], across, self.slope(theta) / (1.0 + radius * radius))
     }
 
-    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MOST] {
+    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
         let radius = hypot(x, y);
-        let mut by = [[0.0; 2]; Distortion::MOST];
-        if radius >= AXIS {
+        let mut by = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
+        if radius >= MIN_RADIUS {
             let terms = self.by_coefficients(atan(radius));
             for (by, [d_radius, _]) in by.iter_mut().zip(terms).take(P::COEFFICIENTS) {
                 let along = d_radius / radius;
@@ -184,14 +190,14 @@ impl<P: Profile> Model for P {
 
     fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2 {
         let (radius, tangent) = (hypot(bent[0], bent[1]), hypot(straight[0], straight[1]));
-        let across = if radius < AXIS { 1.0 } else { tangent / radius };
+        let across = if radius < MIN_RADIUS { 1.0 } else { tangent / radius };
         radial(bent, across, (1.0 + tangent * tangent) / self.slope(atan(tangent)))
     }
 
     fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
         let (radius, tangent) = (hypot(bent[0], bent[1]), hypot(straight[0], straight[1]));
         let mut by = ByCoefficients::default();
-        if radius < AXIS {
+        if radius < MIN_RADIUS {
             return by;
         }
         let (theta, gain) = (atan(tangent), 1.0 + tangent * tangent);
@@ -201,7 +207,7 @@ impl<P: Profile> Model for P {
             let d_theta = -d_radius / derivative;
             let d_derivative = second * d_theta + d_slope;
             let across = gain * d_theta / radius;
-            // Of (1 + tan^2 theta) / P'.
+            // Derivative of (1 + tan^2 theta) / P'.
             let along = gain * (2.0 * tangent * d_theta - d_derivative / derivative) / derivative;
             *by = ByCoefficient { at: bent.map(|c| across * c), jacobian: radial(bent, across, along) };
         }

@@ -1,9 +1,11 @@
-//! One sphere: C. Geyer, K. Daniilidis, "A unifying theory for central panoramic systems", 2000; C. Mei, P. Rives,
-//! "Single view point omnidirectional camera calibration from planar grids", 2007, without its distortion.
+//! Unified model with one sphere: C. Geyer, K. Daniilidis, "A unifying theory for central panoramic systems",
+//! 2000; C. Mei, P. Rives, "Single view point omnidirectional camera calibration from planar grids", 2007,
+//! without its distortion.
 //!
-//! A ray meets a unit sphere and is seen by a pinhole `xi` behind its centre: `u = gamma x / (xi |(x, y, z)| + z)`. It
-//! is the [`DoubleSphere`] whose second one has no part in it: `P = (1 + xi) sin theta / (xi + cos theta)` over the focal
-//! `gamma / (1 + xi)` of the middle of the image.
+//! A ray meets a unit sphere, which a pinhole observes from `xi` behind its centre:
+//! `u = gamma x / (xi |(x, y, z)| + z)`. The model is a [`DoubleSphere`] with alpha = 0:
+//! `P = (1 + xi) sin theta / (xi + cos theta)`, relative to the focal length `gamma / (1 + xi)` at the image
+//! centre.
 
 use crate::camera::distortion::double_sphere::DoubleSphere;
 use crate::camera::distortion::profile::Profile;
@@ -13,15 +15,15 @@ pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::Unified,
     name: "unified",
     coefficients: &[Coefficient::Xi],
-    powers: None,
+    focal_powers: None,
     in_order: true,
     is_wide: true,
     is_fitted: false,
-    usual: 1,
+    default_count: 1,
     zero: Distortion::Unified { xi: 0.0 },
 };
 
-/// The unified model.
+/// Unified model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Unified {
     pub(super) xi: f64,
@@ -48,7 +50,7 @@ impl Profile for Unified {
         self.as_double_sphere().curvature(theta)
     }
 
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MOST] {
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
         self.as_double_sphere().by_coefficients(theta)
     }
 
@@ -56,8 +58,8 @@ impl Profile for Unified {
         self.as_double_sphere().inverse(radius)
     }
 
-    fn turn(&self) -> f64 {
-        self.as_double_sphere().turn()
+    fn max_angle(&self) -> f64 {
+        self.as_double_sphere().max_angle()
     }
 }
 
@@ -73,10 +75,11 @@ mod tests {
         ) {
             let length = (x * x + y * y + z * z).sqrt();
             let below = xi * length + z;
-            // What it shows of a ray: as long as it grows, and not farther round than any lens.
+            // Rays that the model shows: the radius still grows, and the angle is within the limit of all
+            // lenses.
             let is_shown = below > 1e-3 * length && length + xi * z > 1e-6 && z > -0.8 * length;
             prop_assume!(is_shown && length > 0.1);
-            let shown = Distortion::Unified { xi }.shown([x, y, z]).map(|at| at.map(|c| gamma / (1.0 + xi) * c));
+            let shown = Distortion::Unified { xi }.ray_to_distorted([x, y, z]).map(|at| at.map(|c| gamma / (1.0 + xi) * c));
             let [u, v] = shown.ok_or_else(|| TestCaseError::fail("not shown"))?;
             let size = 1.0 + (u.hypot(v) / gamma).powi(2);
             prop_assert!((u - gamma * x / below).hypot(v - gamma * y / below) < 1e-12 * gamma * size, "{u} {v}");
@@ -88,7 +91,7 @@ mod tests {
             for other in [lens.distort([x, y]), lens.undistort([x, y])] {
                 prop_assert!(other.is_some_and(|[a, b]| (a - x).hypot(b - y) < 1e-13 * (1.0 + x * x + y * y)));
             }
-            prop_assert!(lens.is_pinhole() && lens.shown([x, y, -0.01]).is_none());
+            prop_assert!(lens.is_pinhole() && lens.ray_to_distorted([x, y, -0.01]).is_none());
         }
 
         #[test]
@@ -97,7 +100,7 @@ mod tests {
         ) {
             let ray = Distortion::Unified { xi }.ray([x, y]);
             prop_assert_eq!(ray, Distortion::DoubleSphere { xi, alpha: 0.0 }.ray([x, y]));
-            // And the double sphere whose first has none, with another parameter.
+            // The model also equals a double sphere with xi = 0 and another alpha.
             let ray = Distortion::Unified { xi: alpha / (1.0 - alpha) }.ray([x, y]);
             let other = Distortion::DoubleSphere { xi: 0.0, alpha }.ray([x, y]);
             match (ray, other) {
