@@ -47,7 +47,7 @@ impl Bend {
         match self {
             Self::Lens(lens) => lens.undistort(at).map(|pixel| [pixel.u, pixel.v]),
             Self::Window { lens, focal, window } if window.is_round => {
-                window.of_raw(lens, *focal, at).map(Into::into)
+                window.raw_to_window(lens, *focal, at).map(Into::into)
             }
             Self::Window { lens, focal, window } => {
                 // Margin around a window, as a fraction of its size, beyond which points are not clamped to
@@ -295,7 +295,7 @@ mod tests {
                     "{there:?} {at:?}"
                 );
             }
-            let path = mapping.path(&calib_core::floor::drawn_line(&lens, &ends.map(Pixel::from)));
+            let path = mapping.path(&calib_core::floor::annotated_line_curve(&lens, &ends.map(Pixel::from)));
             let (a, b) = (path[0], path[path.len() - 1]);
             let along = (b - a).normalized();
             let off = |at: &Pos2| ((*at - a).x * along.y - (*at - a).y * along.x).abs();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use calib_core::{Distortion, Pixel};
 
-use calib_core::floor::drawn_line;
+use calib_core::floor::annotated_line_curve;
 use calib_editor::{Action, Pane, Phase, Pointer, hit, snap};
 use egui::{CursorIcon, Event, Modifiers, Painter, Pos2, Rect, Role, Sense, Ui, Vec2, WidgetInfo};
 
@@ -251,7 +251,11 @@ fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &M
     let colour = app.editor.tool_kind().map_or(on_image::WHITE, theme::kind);
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let lens = hit::shown_lens(entry, app.editor.session().solved.pose(camera));
-    line(painter, &mapping.path(&drawn_line(&lens, &edge)), Pen::new(colour, 2.25).dashed(&[3.0, 6.0]));
+    line(
+        painter,
+        &mapping.path(&annotated_line_curve(&lens, &edge)),
+        Pen::new(colour, 2.25).dashed(&[3.0, 6.0]),
+    );
     for end in edge.map(|pixel| mapping.screen(pixel.into())) {
         painter.circle_stroke(end, 4.0, egui::Stroke::new(1.25, colour));
     }

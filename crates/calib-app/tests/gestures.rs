@@ -217,7 +217,7 @@ fn without_plan() -> (Site, Vec<calib_site::Link>) {
     (site.marks, site.distances) = (Vec::new(), Vec::new());
     for (index, camera) in site.cameras.iter_mut().enumerate() {
         camera.control_points.clear();
-        let mut placement = calib_core::Placement::of(&in_first(&truth, index));
+        let mut placement = calib_core::Placement::from_camera(&in_first(&truth, index));
         if index > 0 {
             placement.by.x += 0.6;
             placement.turn += 0.1;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use calib_core::{Camera, Distortion, Lens, Pixel, Plane, Window};
 
-use calib_core::floor::{Look, Mount, lens_reach};
+use calib_core::floor::{Mount, ViewDirection, lens_reach};
 
 use calib_formats::remap_npy;
 use calib_report::camera_lens;
@@ -34,7 +34,7 @@ pub(crate) struct WindowArgs {
     /// Write a flat view: its direction from the camera's axis and its width, in degrees (repeat for more).
     /// As in a site, pitch is positive down and yaw positive to the left; a roll may follow
     #[arg(long, value_name = "PITCH,YAW,HFOV", value_parser = look, allow_hyphen_values = true, conflicts_with = "crop")]
-    look: Vec<Look>,
+    look: Vec<ViewDirection>,
     /// Write four flat views around the camera's axis
     #[arg(long, conflicts_with = "crop")]
     quadrants: bool,
@@ -54,7 +54,7 @@ pub(crate) struct WindowArgs {
 }
 
 /// Parses a view direction, such as 45,-90,80.
-fn look(text: &str) -> Result<Look, String> {
+fn look(text: &str) -> Result<ViewDirection, String> {
     let wrong = || {
         "expected PITCH,YAW,HFOV or PITCH,YAW,HFOV,ROLL in degrees, such as 45,-90,80; HFOV up to 170"
             .to_owned()
@@ -67,7 +67,7 @@ fn look(text: &str) -> Result<Look, String> {
         _ => return Err(wrong()),
     };
     let [pitch, yaw, hfov, roll] = [pitch, yaw, hfov, roll].map(f64::to_radians);
-    let direction = Look { pitch, yaw, roll, hfov };
+    let direction = ViewDirection { pitch, yaw, roll, hfov };
     Window::flat(direction, [1, 1]).map(|_| direction).ok_or_else(wrong)
 }
 
@@ -135,7 +135,7 @@ pub(crate) fn run(
     let mount = match (args.mount, &camera) {
         (Some(MountArg::Ceiling), _) => Mount::Ceiling,
         (Some(MountArg::Wall), _) => Mount::Wall,
-        (None, Some(camera)) => Mount::of_pitch(camera.pitch),
+        (None, Some(camera)) => Mount::from_pitch(camera.pitch),
         (None, None) => Mount::Ceiling,
     };
     let (width, height) = image.dimensions();

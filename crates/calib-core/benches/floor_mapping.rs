@@ -1,4 +1,4 @@
-//! Pixels to the floor, a million at once: without distortion, and with the lens of the peers.
+//! Benchmark of a million pixels to the floor, without distortion and with the lens of `peers.py`.
 
 mod measure;
 
@@ -26,7 +26,7 @@ fn camera(distortion: Distortion) -> Camera {
     }
 }
 
-/// Nanoseconds a pixel.
+/// Returns the time for each pixel, in nanoseconds.
 fn pixels_to_floor(distortion: Distortion) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
     let u: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1920.0)).collect();
@@ -37,7 +37,7 @@ fn pixels_to_floor(distortion: Distortion) -> f64 {
     1e9 * all / COUNT as f64
 }
 
-/// Nanoseconds a pixel, with what became of each.
+/// Returns the time for each pixel with its status, in nanoseconds.
 fn pixels_to_floor_within(distortion: Distortion) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
     let u: Vec<f64> = (0..COUNT).map(|_| random.random_range(0.0..1920.0)).collect();
@@ -50,7 +50,7 @@ fn pixels_to_floor_within(distortion: Distortion) -> f64 {
     1e9 * all / COUNT as f64
 }
 
-/// Nanoseconds a point of space.
+/// Returns the time for each world point, in nanoseconds.
 fn points_to_pixels(distortion: Distortion) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
     let mut values = |range: std::ops::Range<f64>| -> Vec<f64> {
@@ -64,8 +64,8 @@ fn points_to_pixels(distortion: Distortion) -> f64 {
     1e9 * all / COUNT as f64
 }
 
-/// Nanoseconds a pixel: how sure its point of the floor is, with all uncertain but the principal point, which is fitted of
-/// fisheyes alone.
+/// Returns the time for the covariance of each floor point, in nanoseconds. All parameters are uncertain
+/// except the principal point, which is fitted only for fisheyes.
 fn floor_covariances(distortion: Distortion) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(0);
     let count = COUNT / 10;

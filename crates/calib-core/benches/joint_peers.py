@@ -1,9 +1,9 @@
-"""What SciPy and COLMAP take to refine a hall of cameras together, on one thread: prints a JSON object.
+"""Benchmark of SciPy and COLMAP, which refine a hall of cameras jointly on one thread. Prints a JSON object.
 
-The hall is that of `bundle_adjustment`: cameras over the squares of a grid that look the same way, eight points of the
-floor between neighbours, one pixel of noise; roll, pitch and focal known about from lines, the first camera held.
-Processor time in milliseconds from a start that is as far off as ours; a package that is not there is left out. SciPy
-is given what it needs to be as fast as it can be, the sparsity of its Jacobian; COLMAP knows of no lines and no floor.
+The hall is the one of the benchmark `bundle_adjustment`: cameras on a grid with the same viewing direction, eight floor
+points between neighbours, and one pixel of noise. Lines determine roll, pitch and focal length approximately. The first
+camera is fixed. The result is the processor time in milliseconds, from a start with the errors of our benchmark.
+Missing packages are skipped. SciPy receives the sparsity of its Jacobian. COLMAP uses neither lines nor the floor.
 
 Usage: joint_peers.py [cameras along one side and along the other] [packages]
 """
@@ -19,12 +19,12 @@ import numpy as np
 SIZE = (1920.0, 1080.0)
 STEP = 4.0
 POINTS = 8
-# Of pitch, roll and the logarithm of the focal, as lines tell them.
+# Standard deviations of pitch, roll and the log of the focal length, as determined by lines.
 LINES = np.array([0.003, 0.002, 0.01])
 
 
 def axes(cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Right, down and forward of cameras: x, y, z, yaw, pitch, roll, log focal."""
+    """Return the right, down and forward axes of cameras (x, y, z, yaw, pitch, roll, log focal length)."""
     yaw, pitch, roll = cameras[:, 3], cameras[:, 4], cameras[:, 5]
     none = np.zeros_like(yaw)
     ahead = np.stack([-np.sin(yaw), np.cos(yaw), none], 1)
@@ -37,14 +37,14 @@ def axes(cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def shown(cameras: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Pixels of points of the floor, each in a camera of its own, from the middle of the image."""
+    """Project floor points, each to its own camera. Pixels are relative to the image centre."""
     off = np.concatenate([points, np.zeros((len(points), 1))], 1) - cameras[:, :3]
     u, v, w = (np.einsum("ij,ij->i", axis, off) for axis in axes(cameras))
     return np.exp(cameras[:, 6])[:, None] * np.stack([u / w, v / w], 1)
 
 
 class Hall:
-    """The truth, what is seen of it, and where to start."""
+    """Ground truth, observations and initial values."""
 
     def __init__(self, side: int, rows: int) -> None:
         random = np.random.default_rng(900)
@@ -79,7 +79,7 @@ class Hall:
 
 
 def by_scipy(hall: Hall) -> tuple[float, float]:
-    """Milliseconds, and how far cameras are off, in metres."""
+    """Return the time in milliseconds and the RMS position error of the cameras in metres."""
     from scipy.optimize import least_squares
     from scipy.sparse import lil_matrix
 
@@ -90,8 +90,8 @@ def by_scipy(hall: Hall) -> tuple[float, float]:
         cameras, points = state[: 7 * count].reshape(-1, 7), state[7 * count :].reshape(-1, 2)
         seen = shown(cameras[views[:, 0]], points[views[:, 1]]) - hall.pixels
         lines = (cameras[:, 4:] - hall.lines) / LINES
-        held = (cameras[0] - hall.cameras[0]) * 1e4
-        return np.concatenate([seen.ravel(), lines.ravel(), held])
+        fixed = (cameras[0] - hall.cameras[0]) * 1e4
+        return np.concatenate([seen.ravel(), lines.ravel(), fixed])
 
     sparsity = lil_matrix((2 * len(views) + 3 * count + 7, unknowns), dtype=int)
     for row, (camera, point) in enumerate(views):
@@ -111,7 +111,7 @@ def by_scipy(hall: Hall) -> tuple[float, float]:
 
 
 def by_colmap(hall: Hall) -> tuple[float, float]:
-    """Milliseconds, and how far cameras are off, in metres, once laid on the truth."""
+    """Return the time in milliseconds and the RMS position error in metres, after alignment to the ground truth."""
     import pycolmap
 
     scene = pycolmap.Reconstruction()
@@ -158,11 +158,11 @@ def by_colmap(hall: Hall) -> tuple[float, float]:
 
 if __name__ == "__main__":
     sides = [int(side) for side in sys.argv[1:3]] or [10, 10]
-    asked = sys.argv[3:] or ["scipy", "colmap"]
+    packages = sys.argv[3:] or ["scipy", "colmap"]
     hall = Hall(*sides)
     measured = {}
     for name, work in (("scipy", by_scipy), ("colmap", by_colmap)):
-        if name in asked:
+        if name in packages:
             try:
                 measured[f"{name}_ms"], measured[f"{name}_off_m"] = work(hall)
             except ImportError as error:

@@ -1,6 +1,7 @@
-"""What OpenCV takes for what `floor_mapping` and `undistortion` measure, on one thread: prints a JSON object.
+"""Benchmark of OpenCV for the tasks of `floor_mapping` and `undistortion`, on one thread. Prints a JSON object.
 
-Processor time, nanoseconds a point and milliseconds an image of 1920 x 1080, under the keys of those benchmarks.
+The keys are those of the two benchmarks: processor time in nanoseconds per point, or in milliseconds per image of
+1920 x 1080 pixels.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ LENS = np.array([-0.2, 0.05, 0.001, -0.001, 0.01])
 
 
 def median(work: Callable[[], object], runs: int = 9) -> float:
-    """Processor seconds, after one run to warm up."""
+    """Return the median processor time in seconds, after one run to warm up."""
     work()
     took = []
     for _ in range(runs):

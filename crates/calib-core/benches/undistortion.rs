@@ -1,4 +1,4 @@
-//! An image of 1920 x 1080 RGB pixels without its lens distortion, with and without a kept map.
+//! Benchmark of the undistortion of an image of 1920 x 1080 RGB pixels, with and without a stored map.
 
 mod measure;
 
@@ -23,7 +23,7 @@ fn view() -> Undistortion {
     Undistortion::new(&lens, SIZE[0], SIZE[1], Crop::SameFocal).expect("the lens shows the whole image")
 }
 
-/// Milliseconds an image.
+/// Returns the time for each image, in milliseconds.
 fn undistort(apply: impl Fn(&[u8], &mut [u8]) -> bool) -> f64 {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
     let image: Vec<u8> = (0..SIZE[0] * SIZE[1] * 3).map(|_| random.random()).collect();

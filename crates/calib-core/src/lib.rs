@@ -1,40 +1,32 @@
-//! Camera calibration from scene geometry: one still image per camera, without patterns.
+//! Camera calibration from scene geometry: one image per camera, without patterns.
 //!
 //! The method is A. Abramov's "Two-Stage Camera Calibration Method for Multi-Camera Systems Using Scene
 //! Geometry":
 //!
 //! 1. Lens distortion is fitted to straight edges ([`LensFit`]) or given ([`Lens`]).
 //! 2. Stage 1 estimates one camera. Lines of the operator ([`Annotation`]) determine roll, pitch and focal
-//!    ([`Fit`]). The effective field of view (EFOV) is projected to the floor ([`efov_on_floor`]), with the
-//!    camera 3 m above (0, 0).
+//!    length ([`Fit`]). The effective field of view (EFOV) is projected to the floor ([`efov_on_floor`]),
+//!    with the camera 3 m above (0, 0).
 //! 3. Stage 2 estimates all cameras in one coordinate system. The placement of the EFOV on a plan
 //!    ([`Placement`]) or control points determine x0, y0, z0 and yaw. Points, posts and lines that several
 //!    cameras observe, and known distances, refine all cameras jointly ([`BundleAdjustment::solve`]).
 //! 4. A [`Camera`] maps pixels to the floor, and points in space to pixels.
 //!
 //! This crate takes values and returns values. The site file, its checks and its messages are in
-//! `calib-site`.
+//! `calib-site`, drift detection is in `calib-health`.
 //!
 //! # Modules, in data-flow order
 //!
-//! - by space, distortion models, the pinhole, reprojection with Jacobians, covariances;
-//!
-//! [`camera`]: points
-//! - -Marquardt, Nelder-Mead, normal equations, Schur complement, sparse Cholesky, statistics;
-//!
-//! [`optimize`]: Levenberg
-//! - floor seen by a calibrated camera: projection, EFOV, resection, undistorted images;
-//!
-//! [`floor`]: the
-//! - as values: findings, failures, residuals, suggestions;
-//!
-//! [`outcome`]: results
-//! - 1: plumb-line lens fit, maximum-likelihood fit, the paper's criterion, outliers, accuracy;
-//!
-//! [`single`]: stage
-//! - 2: landmarks, view graph, triangulation, bundle adjustment.
-//!
-//! [`bundle`]: stage
+//! - Module [`camera`] contains points by space, distortion models, the pinhole, reprojection with Jacobians,
+//!   and covariances.
+//! - Module [`optimize`] contains Levenberg-Marquardt, Nelder-Mead, normal equations, Schur complement,
+//!   sparse Cholesky, and statistics.
+//! - Module [`floor`] contains the floor seen by a calibrated camera: projection, EFOV, resection, and
+//!   undistorted images.
+//! - Module [`outcome`] contains results as values: findings, failures, residuals, and suggestions.
+//! - Module [`single`] is stage 1: plumb-line lens fit, maximum-likelihood fit, the paper's criterion,
+//!   outliers, and accuracy.
+//! - Module [`bundle`] is stage 2: landmarks, view graph, triangulation, and bundle adjustment.
 //!
 //! A module uses only modules above it. The residual of every annotation is derived in `single/residual.rs`
 //! and evaluated in `single/likelihood.rs`. Reprojection errors are in `bundle/landmark.rs`. The predicted

@@ -113,7 +113,7 @@ pub(crate) fn without_plan(mut site: Site) -> Site {
     site.georeference = None;
     for (index, (camera, (_, truth, _))) in site.cameras.iter_mut().zip(cameras()).enumerate() {
         camera.control_points.clear();
-        camera.placement = (index == 0).then(|| Placement::of(&truth).into());
+        camera.placement = (index == 0).then(|| Placement::from_camera(&truth).into());
     }
     let mut hands: Vec<(&str, Operator)> = cameras()
         .into_iter()
@@ -338,7 +338,7 @@ fn placement_entry(hand: &mut Operator) -> PlacementEntry {
     const MOVE: f64 = 0.035;
     const TURN: f64 = 0.2;
     const SCALE: f64 = 0.003;
-    let truth = Placement::of(&hand.camera);
+    let truth = Placement::from_camera(&hand.camera);
     let mut off = |sigma: f64, digits: f64, value: f64| {
         // Errors over two standard deviations would be visible to the operator.
         let error = sigma * normal(&mut hand.random).clamp(-2.0, 2.0);

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use calib_core::{FloorPoint, MarkKind, Pixel, WorldPoint};
 
-use calib_core::floor::drawn_line;
+use calib_core::floor::annotated_line_curve;
 
 use calib_core::single::{KINDS, Shape};
 
@@ -73,7 +73,7 @@ fn every_annotated_line_appears_exactly_once() {
         let lens = entry.solution.as_ref().unwrap().lens();
         // A fisheye curves them between the annotated points; other lenses do not.
         let drawn = entry.annotations.iter().flat_map(|a| a.polylines());
-        let drawn: Vec<Vec<Pixel>> = drawn.map(|points| drawn_line(&lens, &points)).collect();
+        let drawn: Vec<Vec<Pixel>> = drawn.map(|points| annotated_line_curve(&lens, &points)).collect();
         let lines = polylines(&items);
         assert_eq!(lines.iter().map(|(_, points)| points.clone()).collect::<Vec<_>>(), drawn);
         for (meaning, points) in lines {
@@ -81,7 +81,7 @@ fn every_annotated_line_appears_exactly_once() {
             let annotation = &entry.annotations[line.annotation];
             assert_eq!((line.kind, line.is_off), (annotation.kind, annotation.off));
             let drawn = annotation.polylines().nth(line.segment);
-            assert_eq!(drawn.map(|drawn| drawn_line(&lens, &drawn)), Some(points));
+            assert_eq!(drawn.map(|drawn| annotated_line_curve(&lens, &drawn)), Some(points));
         }
         assert!(labels(&items).is_empty(), "names are optional");
         let named = on_image(&view.with_labels(1.0), &[ImageLayer::Annotations(Signs::All)]);

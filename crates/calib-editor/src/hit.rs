@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use calib_core::{Camera, Lens, Pixel, on_image};
 
-use calib_core::floor::drawn_line;
+use calib_core::floor::annotated_line_curve;
 
 pub use calib_image::distance_to_segment;
 use calib_site::{Site, SiteCamera};
@@ -173,7 +173,7 @@ pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f
     if !lens.distortion.is_wide() {
         return nearest(line, at);
     }
-    let curve = |pair: &[Pixel]| nearest(&drawn_line(lens, pair), at).map(|(_, distance)| distance);
+    let curve = |pair: &[Pixel]| nearest(&annotated_line_curve(lens, pair), at).map(|(_, distance)| distance);
     let edges = line.windows(2).enumerate().filter_map(|(edge, pair)| Some((edge, curve(pair)?)));
     edges.min_by(|a, b| a.1.total_cmp(&b.1))
 }
@@ -225,7 +225,7 @@ mod tests {
         });
         let ends = [Pixel::new(120.0, 60.0), Pixel::new(520.0, 60.0)];
         entry.annotations[0] = Annotation::from_segments(Kind::Parallel, vec![ends.to_vec()]);
-        let curve = drawn_line(&entry.likely_lens(), &ends);
+        let curve = annotated_line_curve(&entry.likely_lens(), &ends);
         let middle = curve[curve.len() / 2];
         assert!(middle.v < 40.0, "distortion curves it away from the centre: {middle:?}");
         let part = |at: Pixel| pick(&site, 0, None, at, 8.0, &BTreeSet::new()).map(|hit| hit.part);

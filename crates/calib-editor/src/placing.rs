@@ -11,7 +11,7 @@ impl Session {
     /// Returns the placement of a camera for editing: as entered, or derived from its pose.
     #[must_use]
     pub fn placement(&self, index: usize) -> Option<Placement> {
-        let now = self.solved.pose(index).map(Placement::of);
+        let now = self.solved.pose(index).map(Placement::from_camera);
         let Some(entry) = &self.site.cameras.get(index)?.placement else { return now };
         let scale = entry.scale.or_else(|| Some(now?.scale)).unwrap_or(1.0);
         Some(Placement { scale, ..entry.placement() })

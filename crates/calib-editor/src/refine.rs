@@ -14,7 +14,7 @@ pub fn refined(mut site: Site) -> Site {
         if let Some(pose) = pose.and_then(Solution::camera) {
             let entry = &mut site.cameras[*index];
             entry.placement =
-                Some(keep_fixed_numbers(entry.placement.as_ref(), rounded(Placement::of(&pose))));
+                Some(keep_fixed_numbers(entry.placement.as_ref(), rounded(Placement::from_camera(&pose))));
         }
     }
     for (mark, found) in site.marks.iter_mut().zip(&report.marks) {

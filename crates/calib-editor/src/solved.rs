@@ -495,7 +495,7 @@ mod tests {
         };
         let corners = [[100.0, 1000.0], [1800.0, 1000.0], [1500.0, 600.0]].map(Pixel::from);
         let kept = keep_polygon(&camera, &camera, &corners).unwrap();
-        let own = Placement::of(&camera);
+        let own = Placement::from_camera(&camera);
         assert!(kept.by.distance(own.by) < 1e-9 && (kept.turn - own.turn).abs() < 1e-9);
         assert!((kept.scale - own.scale).abs() < 1e-9);
     }

@@ -194,7 +194,7 @@ fn site_is_placed_linked_refined_saved_and_reopened() {
     let mut operator = drawn();
     let (_, truth) = two();
     for (camera, truth) in truth.iter().enumerate() {
-        operator.place(camera, Placement::of(truth));
+        operator.place(camera, Placement::from_camera(truth));
         assert_eq!(operator.stage(camera), Some(Stage::Placed));
         let off = operator.pose(camera).position.on_floor().distance(truth.position.on_floor());
         assert!(off < 0.2, "camera {camera} is {off} m off");

@@ -62,9 +62,7 @@ pub struct Format {
 }
 
 impl Format {
-    /// Defaults of the rows of without lenses, no export and no import.
-    ///
-    /// [`FORMATS`]: poses
+    /// Defaults of the rows of [`FORMATS`]. They contain poses without lenses, no export and no import.
     const PLAIN: Self = Self {
         name: "",
         about: "",

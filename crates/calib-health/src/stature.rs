@@ -3,7 +3,7 @@
 //!
 //! The ray of the foot meets the floor at `P`. The head is above `P`, at the height at which its ray passes
 //! closest to the vertical through `P`, seen from above. A rotation of the camera about the vertical changes
-//! no height. Heights therefore determine three of the four parameters of a [`Movement`].
+//! no height. Heights therefore determine three of the four parameters of a [`PanTiltZoom`].
 //!
 //! Normal equations collect the evidence of heights for one camera in one window of time. The features of a
 //! row are the factors of the coefficients that can change:

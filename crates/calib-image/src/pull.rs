@@ -2,7 +2,7 @@
 //!
 //! Under a fisheye lens, a straight line is snapped to the curved image of a straight edge.
 
-use calib_core::floor::drawn_line;
+use calib_core::floor::annotated_line_curve;
 use calib_core::{Lens, Pixel};
 use image::RgbImage;
 
@@ -255,7 +255,7 @@ impl<'a> Curve<'a> {
         let [a, b] = [ray(lens, line[0])?, ray(lens, line[1])?];
         let normal = unit(cross(a, b)).filter(|_| length(cross(a, b)) > CLOSE)?;
         let middle = unit(std::array::from_fn(|i| a[i] + b[i]))?;
-        let curve = drawn_line(lens, &line);
+        let curve = annotated_line_curve(lens, &line);
         let length: f64 = curve.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
         let half = 0.5 * dot(a, b).clamp(-1.0, 1.0).acos();
         let is_long = (4.0..1e5).contains(&length);

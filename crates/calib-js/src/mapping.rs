@@ -69,7 +69,7 @@ fn columns<T: JsCast>(names: [&str; 2], values: [&[f64]; 2], status: &[u8]) -> T
 
 /// Returns the form and the boxes, four numbers each.
 fn boxes_of<'a>(form: &str, boxes: &'a [f64]) -> Result<(BoxForm, &'a [[f64; 4]]), JsError> {
-    let form = BoxForm::of_name(form)
+    let form = BoxForm::from_name(form)
         .ok_or_else(|| JsError::new("form: expected \"xywh\", \"xyxy\" or \"cxcywh\""))?;
     match boxes.as_chunks() {
         (boxes, []) => Ok((form, boxes)),

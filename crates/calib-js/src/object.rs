@@ -156,11 +156,11 @@ impl PeriodAndStream {
         let name = value.as_string();
         match field {
             "origin" => {
-                let origin = name.as_deref().and_then(PixelOrigin::of_name);
+                let origin = name.as_deref().and_then(PixelOrigin::from_name);
                 self.stream.origin = origin.ok_or_else(|| option_error(field, "\"corner\" or \"centre\""))?;
             }
             "fit" => {
-                let fit = name.as_deref().and_then(StreamFit::of_name);
+                let fit = name.as_deref().and_then(StreamFit::from_name);
                 self.stream.fit =
                     Some(fit.ok_or_else(|| option_error(field, "\"stretch\" or \"letterbox\""))?);
             }

@@ -127,7 +127,7 @@ impl Site {
     ) -> Result<Option<FloorPoint>, JsError> {
         let (view, sigma) = (self.view_at(camera, at)?, finite("sigmaPx", sigma_px.unwrap_or(1.0))?);
         let (mut point, mut status) = ([None], [Status::Ok]);
-        view.to_shown(0.0, [&[u], &[v]], &mut point, &mut status);
+        view.to_surfaces_with_status(0.0, [&[u], &[v]], &mut point, &mut status);
         let [Some(SurfacePoint { surface, at })] = point else { return Ok(None) };
         let covariance = view.covariance(At { u, v }, sigma, surface);
         let found = FloorPoint::new([at.x, at.y], covariance.and_then(|both| both.worst_sigma()), status[0]);

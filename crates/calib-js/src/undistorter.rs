@@ -35,7 +35,7 @@ pub struct Undistorter(StraightView);
 impl Undistorter {
     pub(crate) fn of(camera: &CameraView, view: Option<&View>) -> Result<Self, JsError> {
         let name = view.map_or_else(|| Some(Crop::default().name().to_owned()), |view| view.as_string());
-        let crop = name.as_deref().and_then(Crop::of_name);
+        let crop = name.as_deref().and_then(Crop::from_name);
         let crop =
             crop.ok_or_else(|| option_error("view", "\"same-focal\", \"all-valid\" or \"all-pixels\""))?;
         Ok(Self(camera.straight_view(crop)?))

@@ -27,7 +27,7 @@ impl Camera {
         form: &str,
     ) -> PyResult<(BoxForm, Doubles<'py>, Vec<usize>)> {
         let (py, id) = (boxes.py(), Some(self.id()));
-        let form = named(py, id, "form", form, BoxForm::of_name, "\"xywh\", \"xyxy\" or \"cxcywh\"")?;
+        let form = named(py, id, "form", form, BoxForm::from_name, "\"xywh\", \"xyxy\" or \"cxcywh\"")?;
         let boxes = array::doubles(boxes, "boxes")?;
         let shape = match boxes.shape() {
             [shape @ .., 4] => shape.to_vec(),

@@ -4,7 +4,7 @@
 
 use std::borrow::Cow;
 
-use calib_core::floor::{Crop, NoStraightView, StraightView};
+use calib_core::floor::{Crop, StraightView, StraightViewError};
 use calib_core::{CameraView, Code, Pixel};
 use calib_site::{Site, SiteCamera, SiteSolution, Solution};
 use numpy::{PyArray2, PyArrayDyn, PyArrayMethods as _, PyUntypedArrayMethods as _};
@@ -34,13 +34,13 @@ impl Undistorter {
     /// Prepares the undistortion of images of the camera's stream.
     pub(crate) fn of(py: Python<'_>, camera: Camera, view: &str) -> PyResult<Self> {
         let expected = "\"same-focal\", \"all-valid\" or \"all-pixels\"";
-        let crop = named(py, Some(camera.id()), "view", view, Crop::of_name, expected)?;
+        let crop = named(py, Some(camera.id()), "view", view, Crop::from_name, expected)?;
         let made = py.detach(|| camera.view().straight_view(crop));
         let straight = made.map_err(|why| {
             let field = match why {
-                NoStraightView::Stretched => "fit",
-                NoStraightView::Round => "view",
-                NoStraightView::Size => "size",
+                StraightViewError::Stretched => "fit",
+                StraightViewError::Round => "view",
+                StraightViewError::Size => "size",
             };
             value_error(py, Some(camera.id()), field, why)
         })?;

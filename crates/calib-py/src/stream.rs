@@ -64,10 +64,11 @@ impl PixelKeywords {
     /// Applies the keywords to a stream.
     fn apply_to(&self, py: Python<'_>, id: Option<&str>, mut stream: Stream) -> PyResult<Stream> {
         if let Some(name) = &self.origin {
-            stream.origin = named(py, id, "origin", name, PixelOrigin::of_name, "\"corner\" or \"centre\"")?;
+            stream.origin =
+                named(py, id, "origin", name, PixelOrigin::from_name, "\"corner\" or \"centre\"")?;
         }
         if let Some(name) = &self.fit {
-            let fit = named(py, id, "fit", name, StreamFit::of_name, "\"stretch\" or \"letterbox\"")?;
+            let fit = named(py, id, "fit", name, StreamFit::from_name, "\"stretch\" or \"letterbox\"")?;
             stream.fit = Some(fit);
         }
         if let Some((width, height)) = self.stream_size {
@@ -111,7 +112,7 @@ pub(crate) fn to_still<'py>(
         let field = if stream.size.is_none() { "crop" } else { "stream_size" };
         value_error(u.py(), None, field, why)
     })?;
-    array::each(u.py(), [u, v], ["u", "v"], |u, v| [map.in_still(0, u), map.in_still(1, v)])
+    array::each(u.py(), [u, v], ["u", "v"], |u, v| [map.to_image(0, u), map.to_image(1, v)])
 }
 
 /// Extracts the value of a keyword.
@@ -132,10 +133,10 @@ pub(crate) fn named<T>(
     id: Option<&str>,
     field: &str,
     name: &str,
-    of_name: fn(&str) -> Option<T>,
+    from_name: fn(&str) -> Option<T>,
     expected: &str,
 ) -> PyResult<T> {
-    of_name(name)
+    from_name(name)
         .ok_or_else(|| value_error(py, id, field, format_args!("found {name:?}, expected {expected}")))
 }
 

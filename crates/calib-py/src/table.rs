@@ -195,11 +195,11 @@ impl TableOptions {
 fn choice<T>(
     value: &Bound<'_, PyAny>,
     field: &str,
-    of_name: impl Fn(&str) -> Option<T>,
+    from_name: impl Fn(&str) -> Option<T>,
     expected: &str,
 ) -> PyResult<T> {
     let name: String = value.extract()?;
-    of_name(&name).ok_or_else(|| {
+    from_name(&name).ok_or_else(|| {
         value_error(value.py(), None, field, format_args!("found {name:?}, expected {expected}"))
     })
 }

@@ -37,7 +37,7 @@ impl Sigmas {
         sigma: f64,
         covariance: impl Fn(usize, Pixel, f64) -> Option<FloorCovariance>,
     ) -> Self {
-        let sigma = sigma * calibration.stream.still_pixels();
+        let sigma = sigma * calibration.stream.max_pixel_size();
         let mut sigmas = Self::unknown(u.len());
         for (row, (&u, &v)) in u.iter().zip(v).enumerate() {
             let Some(found) = covariance(row, Pixel { u, v }, sigma) else { continue };
@@ -315,7 +315,7 @@ impl Points {
     fn to_floor(&self, mapping: &Mapping, calibration: &Calibration, planes: &Planes) -> MappedPoints {
         let stream = calibration.stream;
         let in_still = |axis, values: &[f64]| -> Vec<f64> {
-            values.iter().map(|&value| stream.in_still(axis, value)).collect()
+            values.iter().map(|&value| stream.to_image(axis, value)).collect()
         };
         let scaled = (stream != StreamMap::STILL).then(|| [in_still(0, &self.a), in_still(1, &self.b)]);
         let [u, v] = scaled.as_ref().map_or([&self.a, &self.b], |[u, v]| [u, v]);
@@ -342,8 +342,8 @@ impl Points {
             let (pixel, status) = extent.to_pixel(calibration.projector.camera(), point);
             mapped.status[i] = status;
             if let Some(Pixel { u, v }) = pixel {
-                mapped.x[i] = calibration.stream.in_stream(0, u);
-                mapped.y[i] = calibration.stream.in_stream(1, v);
+                mapped.x[i] = calibration.stream.to_stream(0, u);
+                mapped.y[i] = calibration.stream.to_stream(1, v);
             }
         }
         mapped

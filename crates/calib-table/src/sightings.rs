@@ -82,12 +82,12 @@ impl SightingColumns {
             let Some(calibration) = calibrations.list.get(index as usize) else { continue };
             let (Some(at), false) = (times[row], (rows.is_incomplete)(row)) else { continue };
             let in_still = |[u, v]: [f64; 2]| {
-                Pixel::new(calibration.stream.in_still(0, u), calibration.stream.in_still(1, v))
+                Pixel::new(calibration.stream.to_image(0, u), calibration.stream.to_image(1, v))
             };
             let Detection { foot, head, width } = boxes.at(row);
             let [foot, head] = [foot, head].map(in_still);
             if foot.is_finite() {
-                let width = (width * calibration.stream.still_pixels()).max(0.0);
+                let width = (width * calibration.stream.max_pixel_size()).max(0.0);
                 let head = head.is_finite().then_some(head);
                 seen.push(Sighting { at, camera: index as usize, foot, head, width, person: people[row] });
             }

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 use calib_core::{Camera, Kind, Pixel, Plane};
 
-use calib_core::floor::drawn_line;
+use calib_core::floor::annotated_line_curve;
 
 use calib_draw::{
     Geometry, ImageLayer, ImageView, Item, Look, Meaning, Scene, Signs, diagonal, guide,
@@ -103,7 +103,10 @@ impl Overlay<'_> {
     /// Returns lines given by their ends as they appear in the distorted image.
     pub(crate) fn curve(&self, pixels: &[Pixel]) -> Vec<Pos2> {
         let Some(entry) = self.entry() else { return self.path(pixels) };
-        self.path(&drawn_line(&hit::shown_lens(entry, self.session.solved.pose(self.camera)), pixels))
+        self.path(&annotated_line_curve(
+            &hit::shown_lens(entry, self.session.solved.pose(self.camera)),
+            pixels,
+        ))
     }
 
     pub(crate) fn entry(&self) -> Option<&SiteCamera> {

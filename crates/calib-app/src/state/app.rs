@@ -391,7 +391,7 @@ impl App {
         let session = self.editor.session();
         let pose = session.solved.pose(camera);
         let lens = hit::lens_of(&session.site, camera, pose).filter(|lens| lens.distortion.is_wide())?;
-        let mount = pose.map_or(Mount::Ceiling, |pose| Mount::of_pitch(pose.pitch));
+        let mount = pose.map_or(Mount::Ceiling, |pose| Mount::from_pitch(pose.pitch));
         Some((lens, pose.map_or(lens.focal, |pose| pose.focal), mount))
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use calib_core::floor::{Look, Mount};
+use calib_core::floor::{Mount, ViewDirection};
 use calib_core::{FloorPoint, Window, WorldPoint};
 use calib_editor::{Pane, Session};
 use egui::{Pos2, Rect, Vec2};
@@ -371,7 +371,9 @@ impl Looking {
             Self::Whole => None,
             Self::Quadrant(index) => Window::quadrants(mount, FLAT)?.get(index).copied(),
             Self::Panorama => Window::panorama(mount, reach, ROUND),
-            Self::Toward([0.0, 0.0, _]) => Window::flat(Look { hfov: WIDE, ..Look::default() }, FLAT),
+            Self::Toward([0.0, 0.0, _]) => {
+                Window::flat(ViewDirection { hfov: WIDE, ..ViewDirection::default() }, FLAT)
+            }
             Self::Toward(direction) => Window::toward(mount, direction, WIDE, FLAT),
         }
     }

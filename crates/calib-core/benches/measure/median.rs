@@ -1,8 +1,8 @@
-//! How much processor time work takes: what other programs do meanwhile does not count.
+//! Measurement of processor time, which excludes other programs.
 
 use cpu_time::ProcessTime;
 
-/// Median seconds of `work` over some runs, after one to warm up.
+/// Returns the median time of `work` over several runs, in seconds, after one run to warm up.
 pub(crate) fn median(runs: usize, mut work: impl FnMut()) -> f64 {
     work();
     let mut took: Vec<f64> = (0..runs)

@@ -1,4 +1,4 @@
-//! What the benchmarks share: medians of one thread, one JSON object on stdout.
+//! Common part of the benchmarks: single-threaded medians, and one JSON object on stdout.
 
 mod median;
 
@@ -6,7 +6,7 @@ use std::io::Write as _;
 
 pub(crate) use median::median;
 
-/// Prints `{"key": value, ...}` of the benchmarks whose key contains the first argument that is no flag.
+/// Prints `{"key": value, ...}` for the benchmarks whose key contains the first argument that is not a flag.
 pub(crate) fn report(benches: &[(&str, &dyn Fn() -> f64)]) {
     let filter = std::env::args().skip(1).find(|argument| !argument.starts_with('-')).unwrap_or_default();
     let chosen = benches.iter().filter(|(key, _)| key.contains(&filter));

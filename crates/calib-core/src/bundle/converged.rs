@@ -226,7 +226,7 @@ impl<'a> Converged<'a> {
     pub(crate) fn without_weak_priors(self) -> Option<Self> {
         let Self { mut problem, run: LevenbergMarquardt { state, mut normal, .. }, .. } = self;
         problem.drop_weak_priors(&state, &mut normal);
-        let mut run = LevenbergMarquardt::at(&problem, state, normal.cost, normal);
+        let mut run = LevenbergMarquardt::from_normal(&problem, state, normal.cost, normal);
         run.run(&problem, MAX_STEPS);
         Self::new(problem, run)
     }

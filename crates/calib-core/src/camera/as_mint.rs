@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_go_there_and_back() {
+    fn points_convert_to_mint_and_back() {
         let point = WorldPoint::new(1.0, 2.0, 3.0);
         let there = mint::Point3::from(point);
         assert_eq!((there.x, there.y, there.z), (1.0, 2.0, 3.0));

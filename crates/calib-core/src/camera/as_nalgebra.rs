@@ -65,7 +65,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn pose_and_matrix_say_what_the_camera_says(
+        fn pose_and_matrix_agree_with_the_camera(
             camera in any_camera(), x in -50.0..50.0_f64, y in -50.0..50.0_f64, z in -1.0..3.0_f64,
         ) {
             let point = WorldPoint { x, y, z };

@@ -133,9 +133,9 @@ impl Lens {
     /// Maps a raw pixel to a chart; `None` outside the lens or the chart.
     pub(crate) fn pixel_to_chart(&self, pixel: Pixel, chart: Option<&Chart>) -> Option<ChartPoint> {
         let Some(chart) = chart else {
-            let (straight, jacobian) = self.undistort_with_jacobian(pixel)?;
+            let (undistorted, jacobian) = self.undistort_with_jacobian(pixel)?;
             let Pixel { u: cu, v: cv } = self.principal_point;
-            return Some(ChartPoint { at: [straight.u - cu, straight.v - cv], jacobian });
+            return Some(ChartPoint { at: [undistorted.u - cu, undistorted.v - cv], jacobian });
         };
         let (bearing, by_raw) = self.bearing_with_jacobian(pixel)?;
         let [x, y, w] = chart.bearing_to_chart(bearing);
@@ -148,7 +148,7 @@ impl Lens {
         Some(ChartPoint { at, jacobian: [0, 1].map(|row| columns.map(|column| column[row])) })
     }
 
-    /// Returns the derivatives of [`Self::in_chart`] with respect to every lens parameter, for a fixed chart.
+    /// Returns the derivatives of [`Self::pixel_to_chart`] with respect to every lens parameter, for a fixed chart.
     pub(crate) fn pixel_to_chart_by_parameters(
         &self,
         pixel: Pixel,
@@ -203,7 +203,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn derivatives_in_a_chart_are_those_of_differences(
+        fn chart_derivatives_agree_with_finite_differences(
             k in [-0.03..0.03_f64, -0.005..0.005_f64], at in [100.0..1900.0_f64, 100.0..1900.0_f64],
             off in [-400.0..400.0_f64, -400.0..400.0_f64],
         ) {
@@ -248,7 +248,7 @@ mod tests {
         }
 
         #[test]
-        fn a_chart_and_its_bearings_are_inverse_to_each_other(at in [0.0..2000.0_f64, 0.0..2000.0_f64], v in [-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64]) {
+        fn chart_and_bearing_maps_are_inverse(at in [0.0..2000.0_f64, 0.0..2000.0_f64], v in [-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64]) {
             let lens = fisheye([0.0; 4]);
             let chart = Chart::centred_on(&lens, &[at.into()]).unwrap();
             let carried = chart.bearing_to_chart([600.0 * v[0], 600.0 * v[1], v[2]]);

@@ -256,7 +256,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn derivatives_of_the_floor_are_those_of_differences(
+        fn floor_derivatives_agree_with_finite_differences(
             camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.9_f64,
             slope in [-0.1..0.1_f64, -0.1..0.1_f64], is_level in proptest::bool::ANY,
         ) {
@@ -316,7 +316,7 @@ mod tests {
         }
 
         #[test]
-        fn a_floor_point_is_as_uncertain_as_its_pixel_times_the_map(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+        fn pixel_covariance_is_propagated_to_the_floor(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
             let pixel = Pixel { u, v };
             let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(pixel, 0.0), camera.floor_covariance(pixel, 0.5)) else { return Ok(()) };
             prop_assume!(floor.distance(camera.position.on_floor()) < 50.0);
@@ -332,7 +332,7 @@ mod tests {
         }
 
         #[test]
-        fn a_height_that_is_uncertain_scales_the_floor(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
+        fn height_error_scales_floor_distances(camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64) {
             let mut camera = camera;
             camera.covariance.0[Covariance::Z][Covariance::Z] = 0.01_f64.powi(2);
             let (Some(floor), Some(covariance)) = (camera.pixel_to_floor(Pixel { u, v }, 0.0), camera.floor_covariance(Pixel { u, v }, 0.0)) else { return Ok(()) };

@@ -78,8 +78,8 @@ impl Lens {
     #[must_use]
     pub fn bearing(&self, pixel: Pixel) -> Option<[f64; 3]> {
         if !self.distortion.is_wide() {
-            let (straight, Pixel { u: cu, v: cv }) = (self.undistort(pixel)?, self.principal_point);
-            return Some([straight.u - cu, straight.v - cv, 1.0]);
+            let (undistorted, Pixel { u: cu, v: cv }) = (self.undistort(pixel)?, self.principal_point);
+            return Some([undistorted.u - cu, undistorted.v - cv, 1.0]);
         }
         if !self.is_in_image_circle(pixel) {
             return None;
@@ -93,8 +93,8 @@ impl Lens {
     pub fn bearing_to_pixel(&self, [x, y, w]: [f64; 3]) -> Option<Pixel> {
         let Pixel { u: cu, v: cv } = self.principal_point;
         if !self.distortion.is_wide() {
-            let straight = UndistortedPixel { u: cu + x / w, v: cv + y / w };
-            return if w > 0.0 { self.distort(straight) } else { None };
+            let undistorted = UndistortedPixel { u: cu + x / w, v: cv + y / w };
+            return if w > 0.0 { self.distort(undistorted) } else { None };
         }
         let [a, b] = self.distortion.ray_to_distorted([x / self.focal, y / self.focal, w])?;
         Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b })
@@ -109,16 +109,16 @@ impl Lens {
     /// Returns [`Self::bearing`] and its derivatives by u and v.
     pub(crate) fn bearing_with_jacobian(&self, pixel: Pixel) -> Option<([f64; 3], RayMatrix)> {
         if !self.distortion.is_wide() {
-            let (straight, [u, v]) = self.undistort_with_jacobian(pixel)?;
+            let (undistorted, [u, v]) = self.undistort_with_jacobian(pixel)?;
             let Pixel { u: cu, v: cv } = self.principal_point;
-            return Some(([straight.u - cu, straight.v - cv, 1.0], [u, v, [0.0; 2]]));
+            return Some(([undistorted.u - cu, undistorted.v - cv, 1.0], [u, v, [0.0; 2]]));
         }
         if !self.is_in_image_circle(pixel) {
             return None;
         }
-        let bent = self.normalised(pixel.into());
-        let ray = self.distortion.ray(bent)?;
-        let [u, v, ahead] = self.distortion.ray_jacobian(bent, ray);
+        let distorted = self.normalised(pixel.into());
+        let ray = self.distortion.ray(distorted)?;
+        let [u, v, ahead] = self.distortion.ray_jacobian(distorted, ray);
         let [x, y, w] = ray;
         Some(([self.focal * x, self.focal * y, w], [u, v, ahead.map(|by| by / self.focal)]))
     }
@@ -131,15 +131,15 @@ impl Lens {
         [x, y, w]: [f64; 3],
     ) -> [RayByCoefficient; Self::PARAMETERS] {
         let ray = [x / self.focal, y / self.focal, w];
-        let bent = self.normalised(pixel.into());
+        let distorted = self.normalised(pixel.into());
         let mut by = [RayByCoefficient::default(); Self::PARAMETERS];
-        for (by, of) in by.iter_mut().zip(&self.distortion.ray_by_coefficients(bent, ray)) {
+        for (by, of) in by.iter_mut().zip(&self.distortion.ray_by_coefficients(distorted, ray)) {
             let ([x, y, w], [u, v, ahead]) = (of.at, of.jacobian);
             by.at = [self.focal * x, self.focal * y, w];
             by.jacobian = [u, v, [ahead[0] / self.focal, ahead[1] / self.focal]];
         }
         if self.distortion.is_wide() {
-            let [focal, u, v] = self.bearing_by_scale_and_centre(bent, ray);
+            let [focal, u, v] = self.bearing_by_scale_and_centre(distorted, ray);
             by[Self::OWN_FOCAL] = focal;
             [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
         }
@@ -152,12 +152,13 @@ impl Lens {
     /// The bearing is `(f x, f y, w)(q)` with `q = (pixel - c) / f`. Its Jacobian is `(J, J_w / f)`, where J
     /// is the Jacobian of the ray by q. A change of log f has `dq = -q`. A change of c along the axis e has
     /// `f dq = -e`.
-    fn bearing_by_scale_and_centre(&self, bent: [f64; 2], ray: [f64; 3]) -> [RayByCoefficient; 3] {
+    fn bearing_by_scale_and_centre(&self, distorted: [f64; 2], ray: [f64; 3]) -> [RayByCoefficient; 3] {
         let focal = self.focal;
-        let jacobian = self.distortion.ray_jacobian(bent, ray);
-        let curvature = self.distortion.ray_curvature(bent, ray);
-        let along = |row: usize| jacobian[row][0] * bent[0] + jacobian[row][1] * bent[1];
-        let bend = |row: usize, k: usize| curvature[0][row][k] * bent[0] + curvature[1][row][k] * bent[1];
+        let jacobian = self.distortion.ray_jacobian(distorted, ray);
+        let curvature = self.distortion.ray_curvature(distorted, ray);
+        let along = |row: usize| jacobian[row][0] * distorted[0] + jacobian[row][1] * distorted[1];
+        let bend =
+            |row: usize, k: usize| curvature[0][row][k] * distorted[0] + curvature[1][row][k] * distorted[1];
         let by_focal = RayByCoefficient {
             at: [focal * (ray[0] - along(0)), focal * (ray[1] - along(1)), -along(2)],
             jacobian: [
@@ -168,10 +169,10 @@ impl Lens {
         };
         let by_centre = |axis: usize| {
             let [x, y, ahead] = jacobian.map(|row| row[axis]);
-            let [u, v, bent_ahead] = curvature[axis];
+            let [u, v, distorted_ahead] = curvature[axis];
             RayByCoefficient {
                 at: [-x, -y, -ahead / focal],
-                jacobian: [u, v, bent_ahead.map(|by| by / focal)].map(|row| row.map(|by| -by / focal)),
+                jacobian: [u, v, distorted_ahead.map(|by| by / focal)].map(|row| row.map(|by| -by / focal)),
             }
         };
         [by_focal, by_centre(0), by_centre(1)]
@@ -246,35 +247,39 @@ impl Lens {
     /// Returns [`Self::undistort`] and [`Self::undistort_jacobian`].
     #[must_use]
     pub fn undistort_with_jacobian(&self, pixel: Pixel) -> Option<(UndistortedPixel, [[f64; 2]; 2])> {
-        let straight = self.undistort(pixel)?;
+        let undistorted = self.undistort(pixel)?;
         let jacobian = self
             .distortion
-            .undistort_jacobian(self.normalised(pixel.into()), self.normalised(straight.into()));
-        Some((straight, jacobian))
+            .undistort_jacobian(self.normalised(pixel.into()), self.normalised(undistorted.into()));
+        Some((undistorted, jacobian))
     }
 
     /// Returns the derivatives of [`Self::undistort`] and of its Jacobian by every coefficient at `pixel`,
-    /// whose undistorted pixel is `straight`. They are zero for focal length and principal point.
-    pub(crate) fn undistort_by_parameters(&self, pixel: Pixel, straight: UndistortedPixel) -> ByParameters {
-        let (bent, straight) = (self.normalised(pixel.into()), self.normalised(straight.into()));
+    /// whose undistorted pixel is `undistorted`. They are zero for focal length and principal point.
+    pub(crate) fn undistort_by_parameters(
+        &self,
+        pixel: Pixel,
+        undistorted: UndistortedPixel,
+    ) -> ByParameters {
+        let (distorted, undistorted) = (self.normalised(pixel.into()), self.normalised(undistorted.into()));
         let mut by = ByParameters::default();
-        let coefficients = self.distortion.undistort_by_coefficients(bent, straight);
+        let coefficients = self.distortion.undistort_by_coefficients(distorted, undistorted);
         for (by, of) in by.iter_mut().zip(coefficients) {
             *by = ByCoefficient { at: of.at.map(|change| self.focal * change), ..of };
         }
         by
     }
 
-    /// Returns the derivatives of [`Self::distort`] at `straight`: `d raw / d undistorted` with rows u and v,
+    /// Returns the derivatives of [`Self::distort`] at `undistorted`: `d raw / d undistorted` with rows u and v,
     /// and by every coefficient.
     pub(crate) fn distort_derivatives(
         &self,
-        straight: UndistortedPixel,
+        undistorted: UndistortedPixel,
     ) -> (Matrix2, [[f64; 2]; Distortion::MAX_COEFFICIENTS]) {
-        let straight = self.normalised(straight.into());
-        let by = self.distortion.distort_by_coefficients(straight);
+        let undistorted = self.normalised(undistorted.into());
+        let by = self.distortion.distort_by_coefficients(undistorted);
         let by = by.map(|by| by.map(|change| self.focal * change));
-        (self.distortion.distort_jacobian(straight), by)
+        (self.distortion.distort_jacobian(undistorted), by)
     }
 
     /// Returns coordinates relative to the principal point, divided by the focal length.
@@ -301,14 +306,14 @@ mod tests {
             distortion in any_distortion(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, focal in 600.0..3000.0_f64,
         ) {
             let lens = lens_of(distortion);
-            if let (Some(other), Some(straight)) = (lens.at_focal(focal), lens.undistort(Pixel { u, v })) {
+            if let (Some(other), Some(undistorted)) = (lens.at_focal(focal), lens.undistort(Pixel { u, v })) {
                 let again = other.undistort(Pixel { u, v });
-                prop_assert!(again.is_some_and(|p| p.distance(straight) < 1e-7 * (1.0 + straight.u.abs())));
+                prop_assert!(again.is_some_and(|p| p.distance(undistorted) < 1e-7 * (1.0 + undistorted.u.abs())));
             }
         }
 
         #[test]
-        fn the_jacobian_of_undistortion_is_that_of_differences(
+        fn undistortion_jacobian_agrees_with_finite_differences(
             distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
             /// Step in pixels: truncation 1e-4 px^2 times the third derivative, rounding 1e-11.
@@ -327,18 +332,18 @@ mod tests {
         }
 
         #[test]
-        fn what_distorting_takes_undistorting_gives_back(
+        fn derivatives_of_distortion_and_undistortion_are_inverse(
             distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
             let lens = lens_of(distortion);
-            let Some((straight, inverse)) = lens.undistort_with_jacobian(Pixel { u, v }) else { return Ok(()) };
-            let (jacobian, by) = lens.distort_derivatives(straight);
+            let Some((undistorted, inverse)) = lens.undistort_with_jacobian(Pixel { u, v }) else { return Ok(()) };
+            let (jacobian, by) = lens.distort_derivatives(undistorted);
             prop_assume!(inverse.iter().flatten().all(|slope| slope.abs() < 100.0));
             for (column, unit) in [[1.0, 0.0], [0.0, 1.0]].into_iter().enumerate() {
                 let back = multiply(inverse, [jacobian[0][column], jacobian[1][column]]);
                 prop_assert!((back[0] - unit[0]).hypot(back[1] - unit[1]) < 1e-9, "{back:?}");
             }
-            let back = lens.undistort_by_parameters(Pixel { u, v }, straight);
+            let back = lens.undistort_by_parameters(Pixel { u, v }, undistorted);
             for (forward, back) in by.iter().zip(back) {
                 // By the implicit function theorem, a coefficient moves the point by opposite amounts in the
                 // two directions.

@@ -207,7 +207,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn they_are_those_of_the_system_to_the_last_bits(x in -7.0..7.0_f64, y in -7.0..7.0_f64) {
+        fn functions_agree_with_the_system_to_the_last_bits(x in -7.0..7.0_f64, y in -7.0..7.0_f64) {
             let near = |a: f64, b: f64| (a - b).abs() <= 4.0 * f64::EPSILON * (1e-3 + b.abs());
             let ((sin, cos), expected) = (sin_cos(x), x.sin_cos());
             prop_assert!(near(sin, expected.0) && near(cos, expected.1));
@@ -217,7 +217,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_first_turn_is_where_the_derivative_vanishes_first(
+        fn first_maximum_is_the_first_root_of_the_derivative(
             k in [-0.5..0.5_f64, -0.3..0.3_f64, -0.1..0.1_f64, -0.05..0.05_f64],
         ) {
             let polynomial = OddPolynomial(k);

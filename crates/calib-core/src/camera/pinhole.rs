@@ -255,9 +255,9 @@ pub(crate) mod tests {
             (-50.0..50.0_f64, -50.0..50.0_f64, 2.0..8.0_f64, -3.1..3.1_f64, -0.2..1.5_f64, -0.6..0.6_f64);
         let brown = (-0.3..0.1_f64, -0.05..0.1_f64, -0.01..0.01_f64, -0.002..0.002_f64, -0.002..0.002_f64);
         (pose, 600.0..2500.0_f64, brown, any::<bool>()).prop_map(
-            |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), bent)| {
+            |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), distorted)| {
                 let brown = Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
-                let distortion = if bent { brown } else { Distortion::None };
+                let distortion = if distorted { brown } else { Distortion::None };
                 let lens =
                     Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion, image_circle: None };
                 let covariance = Covariance::EXACT;
@@ -279,7 +279,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_axes_are_those_of_the_conventions() {
+    fn axes_follow_the_conventions() {
         let at = |camera: Camera, x, y, z| camera.world_to_pixel(WorldPoint { x, y, z }).unwrap();
         assert_eq!(at(level(), 0.0, 5.0, 3.0), Pixel::new(960.0, 540.0));
         assert!(at(level(), 1.0, 5.0, 3.0).u > 960.0, "world x is to the right");
@@ -306,7 +306,7 @@ pub(crate) mod tests {
 
     proptest! {
         #[test]
-        fn what_a_pixel_shows_on_the_floor_is_shown_at_that_pixel(
+        fn floor_point_of_a_pixel_maps_back_to_the_pixel(
             camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.9_f64,
         ) {
             if let Some(floor) = camera.pixel_to_floor(Pixel { u, v }, height) {
@@ -318,7 +318,7 @@ pub(crate) mod tests {
         }
 
         #[test]
-        fn the_matrices_say_what_the_maps_say(
+        fn matrices_agree_with_the_maps(
             camera in any_camera(), x in -60.0..60.0_f64, y in -60.0..60.0_f64, z in -1.0..1.9_f64,
         ) {
             let point = WorldPoint { x, y, z };
@@ -333,7 +333,7 @@ pub(crate) mod tests {
         }
 
         #[test]
-        fn a_fisheye_maps_beside_and_behind_it_and_back(
+        fn fisheye_maps_rays_beyond_90_degrees_and_back(
             camera in any_camera(), k in [-0.03..0.03_f64, -0.004..0.004_f64], angle in 0.0..1.66_f64, turn in -3.2..3.2_f64,
         ) {
             let lens = Lens { distortion: Distortion::KannalaBrandt { k: [k[0], k[1], 0.0, 0.0] }, ..camera.lens };
@@ -358,7 +358,7 @@ pub(crate) mod tests {
         }
 
         #[test]
-        fn the_vertical_vanishes_where_the_formula_says(camera in any_camera()) {
+        fn vertical_vanishing_point_agrees_with_the_formula(camera in any_camera()) {
             let [x, y, w] = camera.vanishing_point([0.0, 0.0, -1.0]);
             let (f, p, r) = (camera.focal, camera.pitch, camera.roll);
             let expected = [f * p.cos() * r.sin(), f * p.cos() * r.cos(), p.sin()];

@@ -149,7 +149,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_point_of_a_plane_is_where_its_pixel_meets_it(
+        fn plane_point_of_a_pixel_maps_back_to_the_pixel(
             camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64,
             toward in -3.0..3.0_f64, fall in 0.0..0.2_f64,
         ) {
@@ -162,7 +162,7 @@ mod tests {
         }
 
         #[test]
-        fn the_homography_of_a_plane_is_its_map(
+        fn plane_homography_agrees_with_the_ray_intersection(
             camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64,
             slope in [-0.1..0.1_f64, -0.1..0.1_f64],
         ) {
@@ -170,15 +170,15 @@ mod tests {
             let Some(at) = camera.pixel_to_plane(Pixel { u, v }, &plane) else { return Ok(()) };
             prop_assume!(at.on_floor().distance(camera.position.on_floor()) < 100.0);
             prop_assume!(camera.position.z > plane.height_at(camera.position.on_floor()));
-            let straight = camera.undistort(Pixel { u, v }).unwrap();
-            let [x, y, w] = camera.homography_plane_from_pixel(&plane).map(|[a, b, c]| a * straight.u + b * straight.v + c);
+            let undistorted = camera.undistort(Pixel { u, v }).unwrap();
+            let [x, y, w] = camera.homography_plane_from_pixel(&plane).map(|[a, b, c]| a * undistorted.u + b * undistorted.v + c);
             prop_assert!(w > 0.0);
             let mapped = FloorPoint { x: x / w, y: y / w };
             prop_assert!(mapped.distance(at.on_floor()) < 1e-6);
         }
 
         #[test]
-        fn a_level_plane_is_the_floor_at_its_height(
+        fn level_plane_agrees_with_the_floor_at_its_height(
             camera in any_camera(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64,
         ) {
             let on_plane = camera.pixel_to_plane(Pixel { u, v }, &Plane::level(height));

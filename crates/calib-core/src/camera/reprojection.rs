@@ -286,7 +286,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_jacobian_of_a_point_is_that_of_differences(
+        fn point_jacobian_agrees_with_finite_differences(
             camera in any_camera(), ahead in 2.0..30.0_f64, side in -5.0..5.0_f64, z in 0.0..2.5_f64,
         ) {
             let (sin, cos) = camera.yaw.sin_cos();
@@ -318,7 +318,7 @@ mod tests {
         }
 
         #[test]
-        fn the_jacobian_of_a_line_is_that_of_differences(
+        fn line_jacobian_agrees_with_finite_differences(
             camera in any_camera(), origin in [-9.0..9.0_f64, -9.0..9.0_f64], offset in -2.0..2.0_f64, angle in -3.0..3.0_f64,
             u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, height in -1.0..1.0_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
         ) {
@@ -352,7 +352,7 @@ mod tests {
         }
 
         #[test]
-        fn a_pixel_of_the_line_is_on_it(camera in any_camera(), along in 1.0..20.0_f64, angle in -3.0..3.0_f64) {
+        fn pixel_of_a_line_point_is_on_the_image_line(camera in any_camera(), along in 1.0..20.0_f64, angle in -3.0..3.0_f64) {
             let foot = camera.position.on_floor();
             let (sin, cos) = camera.yaw.sin_cos();
             let origin = [foot.x - along * sin, foot.y + along * cos];

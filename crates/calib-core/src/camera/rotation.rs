@@ -200,9 +200,9 @@ impl RotatedCamera {
 /// Returns the ray of a pixel in camera axes, with depth 1. Returns `None` outside the lens.
 #[must_use]
 pub fn pixel_to_camera_ray(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
-    let straight = camera.undistort(pixel)?;
+    let undistorted = camera.undistort(pixel)?;
     let Pixel { u, v } = camera.lens.principal_point;
-    Some([(straight.u - u) / camera.focal, (straight.v - v) / camera.focal, 1.0])
+    Some([(undistorted.u - u) / camera.focal, (undistorted.v - v) / camera.focal, 1.0])
 }
 
 /// Returns the inverse of the depth at which a ray in camera axes meets the floor, in 1/m. Returns 0 at and
@@ -231,7 +231,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_the_old_camera_shows_the_new_one_shows_where_the_turn_says(
+        fn rotation_maps_old_pixels_to_the_new_camera(
             camera in any_camera(), x in -0.2..0.2_f64, y in -0.2..0.2_f64, z in -0.3..0.3_f64, zoom in -0.4..0.4_f64,
             u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
@@ -252,7 +252,7 @@ mod tests {
         }
 
         #[test]
-        fn turns_follow_one_another(
+        fn rotations_compose(
             camera in any_camera(), a in -0.2..0.2_f64, b in -0.2..0.2_f64, u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
         ) {
             let (first, then) = (RotationZoom::from_parameters([a, b, 0.1, 0.05]), RotationZoom::from_parameters([b, 0.0, a, -0.1]));

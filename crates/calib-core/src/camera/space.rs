@@ -212,13 +212,13 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn world_x_points_right_on_an_unturned_plan_and_y_up() {
+    fn world_x_is_right_and_y_up_on_an_unrotated_plan() {
         let plan = PlanScale { metres_per_px: 0.02, origin: PlanPixel::new(100.0, 700.0), x_axis: 0.0 };
         assert_eq!(plan.plan_from_floor(FloorPoint::new(2.0, 4.0)), PlanPixel::new(200.0, 500.0));
     }
 
     #[test]
-    fn a_quarter_turn_of_the_x_axis_points_world_x_up_the_plan() {
+    fn x_axis_of_90_degrees_points_up_the_plan() {
         let plan =
             PlanScale { metres_per_px: 0.01, origin: PlanPixel::new(0.0, 0.0), x_axis: 90_f64.to_radians() };
         assert!(plan.plan_from_floor(FloorPoint::new(1.0, 0.0)).distance(PlanPixel::new(0.0, -100.0)) < 1e-9);
@@ -226,7 +226,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_plan_and_the_floor_are_inverse_to_each_other(
+        fn plan_and_floor_maps_are_inverse(
             x in -1e3..1e3_f64, y in -1e3..1e3_f64, turn in -4.0..4.0_f64, scale in 1e-3..1.0_f64,
         ) {
             let plan = PlanScale { metres_per_px: scale, origin: PlanPixel::new(31.0, -7.0), x_axis: turn };

@@ -85,7 +85,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_top_of_the_image_heads_where_it_is_said(
+        fn heading_is_the_floor_direction_of_the_image_top(
             roll in -PI..PI, tilt in -0.17..0.17, yaw in -PI..PI, step in prop::array::uniform3(-1e-3..1e-3),
         ) {
             let own = camera(roll, FRAC_PI_2 - tilt, yaw);
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn roll_and_yaw_trade_places_and_their_turn_stays_known() {
+    fn heading_is_determined_where_roll_and_yaw_are_not() {
         let mut own = camera(0.3, FRAC_PI_2 - 0.01, 1.1);
         let (wide, narrow) = (0.07_f64.powi(2), 0.001_f64.powi(2));
         own.covariance.0[Covariance::YAW][Covariance::YAW] = wide + narrow;

@@ -1,7 +1,7 @@
-//! A calibrated camera and its stream, as the bindings for other languages use it: columns of pixels in,
-//! columns of results out.
+//! Calibrated camera for applications: columns of pixels of one of its streams.
 //!
-//! The bindings pass arrays and their meaning. All computations and their names are defined here once.
+//! All bindings for other languages use this interface. They pass arrays with their options. The computation
+//! and the names are defined only here.
 
 use std::ops::Range;
 
@@ -15,20 +15,20 @@ use crate::floor::stream::{PixelOrigin, Stream, StreamError, StreamMap};
 use crate::floor::surface::SurfaceProjector;
 use crate::floor::surface::{Surface, SurfacePoint};
 
-/// Calibrated camera with the stream whose pixels it maps.
+/// Calibrated camera with the stream to which its pixels belong.
 ///
-/// All columns of a call have the same length. A result that does not exist is NaN. Its status, an index into
-/// [`Status::ALL`], gives the reason.
+/// All columns of a call have the same length. A result that does not exist is NaN, and its status, an index
+/// of [`Status::ALL`], gives the reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraView {
     floor: FloorProjector,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
-    /// Planes in addition to the floor; empty if the floor is the only plane.
+    /// Planes other than the floor; empty if only the floor is covered.
     surfaces: Vec<Surface>,
     stream: Stream,
     map: StreamMap,
-    /// Whether the scale of the calibration is known.
+    /// Whether the scale of the points is determined.
     scale_is_known: bool,
 }
 
@@ -36,8 +36,8 @@ pub struct CameraView {
 const CHUNK: usize = 512;
 
 impl CameraView {
-    /// Returns a camera with an image of this width and height in pixels that covers this polygon of the
-    /// floor.
+    /// Creates the view of a camera with an image of this width and height, and with this floor polygon as
+    /// EFOV.
     #[must_use]
     pub fn new(camera: &Camera, size: [f64; 2], efov: Vec<FloorPoint>) -> Self {
         let (stream, map) = (Stream::default(), StreamMap::STILL);
@@ -45,27 +45,27 @@ impl CameraView {
         Self { floor, size, efov, surfaces, stream, map, scale_is_known: true }
     }
 
-    /// Returns the same camera with planes in addition to the floor. A pixel maps to the first of these
-    /// planes and the floor that its ray meets.
+    /// Returns the same view with planes that cover parts of the plan. A pixel is mapped to the plane or
+    /// floor that its ray meets first.
     #[must_use]
     pub fn with_surfaces(self, surfaces: Vec<Surface>) -> Self {
         Self { surfaces, ..self }
     }
 
-    /// Returns the same camera, with a flag whether its scale is known.
+    /// Returns the same view with a flag that states whether its scale is determined.
     pub fn with_scale(self, scale_is_known: bool) -> Self {
         Self { scale_is_known, ..self }
     }
 
-    /// Returns the same camera for the pixels of another stream.
+    /// Returns the same view for the pixels of another stream.
     ///
     /// # Errors
-    /// Fails if the stream does not fit the size of the calibrated image.
+    /// If the stream does not match the size of the calibrated image.
     pub fn with_stream(&self, stream: Stream) -> Result<Self, StreamError> {
         Ok(Self { map: stream.map(self.size)?, stream, ..self.clone() })
     }
 
-    /// Returns the planes in addition to the floor; empty if the floor is the only plane.
+    /// Returns the planes other than the floor; empty if only the floor is covered.
     #[must_use]
     pub fn surfaces(&self) -> &[Surface] {
         &self.surfaces
@@ -83,50 +83,45 @@ impl CameraView {
         self.size
     }
 
-    /// Returns the stream whose pixels are mapped.
+    /// Returns the stream to which the pixels belong.
     #[must_use]
     pub const fn stream(&self) -> &Stream {
         &self.stream
     }
 
-    /// Whether the scale of the calibration is known.
-    ///
-    /// If it is unknown, the camera is assumed to be 3 m high. Only the proportions of the points are then
-    /// correct, and the calibration part of every covariance is unknown.
+    /// Whether the scale of the points is determined. Otherwise the camera is assumed to be 3 m high. The
+    /// points then have correct proportions only, and the calibration part of every covariance is unknown.
     #[must_use]
     pub const fn scale_is_known(&self) -> bool {
         self.scale_is_known
     }
 
-    /// Returns the lens for the images of the stream, and their width and height. Its pixels are counted from
-    /// the corner.
-    ///
-    /// `None` if the stream is stretched, because it then has two focal lengths.
+    /// Returns the lens for the images of the stream, with pixel coordinates from the corner, and their width
+    /// and height. Returns `None` if the stream is stretched and has two focal lengths.
     #[must_use]
     pub fn lens_in_stream(&self) -> Option<(Lens, [f64; 2])> {
         let corner = Stream { origin: PixelOrigin::Corner, ..self.stream };
         let (map, lens) = (corner.map(self.size).ok()?, self.camera().lens);
-        let [right, down] = [0, 1].map(|axis| map.in_stream(axis, 1.0) - map.in_stream(axis, 0.0));
+        let [right, down] = [0, 1].map(|axis| map.to_stream(axis, 1.0) - map.to_stream(axis, 0.0));
         // Scalers round to whole pixels.
         let is_stretched = (right / down - 1.0).abs() > 2e-3;
         let Pixel { u, v } = lens.principal_point;
-        let principal_point = Pixel { u: map.in_stream(0, u), v: map.in_stream(1, v) };
+        let principal_point = Pixel { u: map.to_stream(0, u), v: map.to_stream(1, v) };
         let shown = self.stream.crop.map_or(self.size, |[_, _, width, height]| [width, height]);
         let size = self.stream.size.map_or(shown, |size| size.map(f64::from));
         let focal = 0.5 * (right + down) * lens.focal;
         let circle = |ImageCircle { u, v, radius }| ImageCircle {
-            u: map.in_stream(0, u),
-            v: map.in_stream(1, v),
+            u: map.to_stream(0, u),
+            v: map.to_stream(1, v),
             radius: 0.5 * (right + down) * radius,
         };
         let image_circle = lens.image_circle.map(circle);
         (!is_stretched).then_some((Lens { principal_point, focal, image_circle, ..lens }, size))
     }
 
-    /// Returns the camera for the images of the stream, with pixels counted as in the stream.
-    ///
-    /// Its covariance is copied from the calibrated image. `None` if the stream is stretched, because it then
-    /// has two focal lengths.
+    /// Returns the camera for the images of the stream, with the pixel coordinates of the stream. Its
+    /// covariance is the one of the calibrated image. Returns `None` if the stream is stretched and has two
+    /// focal lengths.
     #[must_use]
     pub fn camera_in_stream(&self) -> Option<Camera> {
         let camera = self.camera();
@@ -135,7 +130,7 @@ impl CameraView {
         }
         let (mut lens, _) = self.lens_in_stream()?;
         let Pixel { u, v } = camera.lens.principal_point;
-        lens.principal_point = Pixel { u: self.map.in_stream(0, u), v: self.map.in_stream(1, v) };
+        lens.principal_point = Pixel { u: self.map.to_stream(0, u), v: self.map.to_stream(1, v) };
         Some(Camera { lens, focal: camera.focal / camera.lens.focal * lens.focal, ..*camera })
     }
 
@@ -145,7 +140,7 @@ impl CameraView {
         &self.efov
     }
 
-    /// Returns the area that the camera covers, in pixels of the calibrated image.
+    /// Returns the image and EFOV, in pixels of the calibrated image.
     #[must_use]
     pub fn extent(&self) -> Extent<'_> {
         Extent { size: self.size, efov: &self.efov }
@@ -155,9 +150,8 @@ impl CameraView {
         if height == 0.0 { self.floor } else { FloorProjector::new(self.camera(), height) }
     }
 
-    /// Converts columns of pixels to pixels of the calibrated image and passes them to `each`, chunk by
-    /// chunk.
-    fn in_still(&self, [u, v]: [&[f64]; 2], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
+    /// Calls a function for chunks of pixel columns, converted to pixels of the calibrated image.
+    fn each_image_chunk(&self, [u, v]: [&[f64]; 2], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
         assert!(u.len() == v.len(), "columns of one length");
         let is_still = self.map == StreamMap::STILL;
         let ranges = (0..u.len()).step_by(CHUNK).map(|first| first..u.len().min(first + CHUNK));
@@ -169,24 +163,22 @@ impl CameraView {
         for range in ranges {
             for (axis, (still, values)) in still.iter_mut().zip([u, v]).enumerate() {
                 for (still, &value) in still.iter_mut().zip(&values[range.clone()]) {
-                    *still = self.map.in_still(axis, value);
+                    *still = self.map.to_image(axis, value);
                 }
             }
             each(range.clone(), [&still[0][..range.len()], &still[1][..range.len()]]);
         }
     }
 
-    /// Maps pixels to points of the plane at `height` metres above the floor, each with its status.
-    ///
-    /// If there are other planes, each pixel maps to the point `height` metres above the first plane that its
-    /// ray meets.
+    /// Maps pixels to points of the plane at `height`, in metres, with a status for each. With other planes,
+    /// the points are `height` metres above the plane or floor that the ray meets first.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn to_floor(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [u8]) {
         let (plane, extent) = (self.plane(height), self.extent());
         assert!(status.len() == pixels[0].len(), "columns of one length");
-        self.in_still(pixels, |range, still| {
+        self.each_image_chunk(pixels, |range, still| {
             let mut found = [Status::Ok; CHUNK];
             let found = &mut found[..range.len()];
             let at = [&mut x[range.clone()], &mut y[range.clone()]];
@@ -199,10 +191,10 @@ impl CameraView {
         });
     }
 
-    /// Maps boxes to the floor points below the objects in them, like [`Self::to_floor`].
+    /// Maps the foot points of detection boxes as [`Self::to_floor`].
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn boxes_to_floor(
         &self,
         height: f64,
@@ -217,11 +209,11 @@ impl CameraView {
         });
     }
 
-    /// Computes the covariances of the floor points of boxes, like [`Self::covariances`]. `sigma` is the
-    /// standard deviation of each coordinate of the middle of the lower edge.
+    /// Computes the covariances of the foot points of detection boxes as [`Self::covariances`]. `sigma` is
+    /// the standard deviation of each coordinate of the middle of the lower edge, in pixels.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn boxes_covariances(
         &self,
         height: f64,
@@ -236,12 +228,12 @@ impl CameraView {
         });
     }
 
-    /// Maps each pixel to the point `height` metres above the first plane that its ray meets, with that plane
-    /// and the status.
+    /// Maps pixels to points `height` metres above the plane or floor that the ray meets first, with a status
+    /// for each.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
-    pub fn to_shown(
+    /// If the columns differ in length.
+    pub fn to_surfaces_with_status(
         &self,
         height: f64,
         pixels: [&[f64]; 2],
@@ -250,25 +242,22 @@ impl CameraView {
     ) {
         let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
         assert!(points.len() == pixels[0].len() && points.len() == status.len(), "columns of one length");
-        self.in_still(pixels, |range, still| {
+        self.each_image_chunk(pixels, |range, still| {
             let found = (&mut points[range.clone()], &mut status[range]);
             projector.pixels_to_surfaces(&self.extent(), still, found.0, found.1);
         });
     }
 
-    /// Returns the covariance of the point of a surface that a pixel shows; `None` for `surface` is the
-    /// floor.
-    ///
-    /// `sigma` is the standard deviation of each coordinate, in pixels of the stream; see
-    /// [`SurfaceProjector::covariance`].
+    /// Returns the covariance of the point at a pixel on a surface, or on the floor. `sigma` is the standard
+    /// deviation of each coordinate, in pixels of the stream. See [`SurfaceProjector::covariance`].
     #[must_use]
     pub fn covariance(&self, pixel: Pixel, sigma: f64, surface: Option<usize>) -> Option<FloorCovariance> {
-        let still = Pixel { u: self.map.in_still(0, pixel.u), v: self.map.in_still(1, pixel.v) };
+        let still = Pixel { u: self.map.to_image(0, pixel.u), v: self.map.to_image(1, pixel.v) };
         let projector = SurfaceProjector::new(self.camera(), 0.0, &self.surfaces);
-        projector.covariance(still, sigma * self.map.still_pixels(), surface)
+        projector.covariance(still, sigma * self.map.max_pixel_size(), surface)
     }
 
-    /// Maps at most [`CHUNK`] pixels of the calibrated image to the first plane that each ray meets.
+    /// Maps at most [`CHUNK`] pixels of the calibrated image to the surface that each ray meets first.
     fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
         let mut points = [None; CHUNK];
         let points = &mut points[..status.len()];
@@ -279,18 +268,17 @@ impl CameraView {
         }
     }
 
-    /// Maps pixels to points like [`Self::to_floor`], without the status. A pixel without a point becomes
-    /// NaN.
+    /// Maps pixels as [`Self::to_floor`], without status. A pixel without a point has NaN.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn to_floor_points(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let plane = self.plane(height);
         if self.surfaces.is_empty() && self.map == StreamMap::STILL {
-            // There is no status to compute, so all points are mapped at once.
+            // Without surfaces and stream, all pixels are mapped at once.
             return plane.pixels_to_floor(pixels[0], pixels[1], x, y);
         }
-        self.in_still(pixels, |range, [u, v]| {
+        self.each_image_chunk(pixels, |range, [u, v]| {
             let (x, y) = (&mut x[range.clone()], &mut y[range]);
             if self.surfaces.is_empty() {
                 plane.pixels_to_floor(u, v, x, y);
@@ -300,14 +288,12 @@ impl CameraView {
         });
     }
 
-    /// Computes the covariances of the points of the plane at `height` metres that pixels show, as xx, xy,
-    /// yx, yy in square metres.
-    ///
-    /// There are two parts: from the pixel and from the calibration. `sigma` is the standard deviation of
-    /// each coordinate, in pixels of the stream.
+    /// Computes the covariances of the points of the plane at `height`, as xx, xy, yx, yy in square metres.
+    /// The pixel part and the calibration part are separate. `sigma` is the standard deviation of each
+    /// coordinate, in pixels of the stream.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn covariances(
         &self,
         height: f64,
@@ -315,9 +301,9 @@ impl CameraView {
         sigma: f64,
         [pixel, calibration]: [&mut [[f64; 4]]; 2],
     ) {
-        let (plane, sigma) = (self.plane(height), sigma * self.map.still_pixels());
+        let (plane, sigma) = (self.plane(height), sigma * self.map.max_pixel_size());
         assert!(pixel.len() == pixels[0].len(), "columns of one length");
-        self.in_still(pixels, |range, still| {
+        self.each_image_chunk(pixels, |range, still| {
             let (pixel, calibration) = (&mut pixel[range.clone()], &mut calibration[range.clone()]);
             if !self.surfaces.is_empty() {
                 let surfaces = SurfaceProjector::new(self.camera(), height, &self.surfaces);
@@ -333,14 +319,14 @@ impl CameraView {
         });
     }
 
-    /// Computes the derivatives of the floor point of every pixel with respect to the parameters of the
-    /// camera: row x, then row y.
+    /// Computes the derivatives of the floor point of every pixel by the parameters of the camera: row x and
+    /// row y.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn floor_jacobians(&self, pixels: [&[f64]; 2], of: &mut [[[f64; Covariance::SIZE]; 2]]) {
         assert!(of.len() == pixels[0].len(), "columns of one length");
-        self.in_still(pixels, |range, [u, v]| {
+        self.each_image_chunk(pixels, |range, [u, v]| {
             for ((of, &u), &v) in of[range].iter_mut().zip(u).zip(v) {
                 let found = self.camera().floor_jacobian(Pixel { u, v });
                 let columns = found.unwrap_or([[f64::NAN; 2]; Covariance::SIZE]);
@@ -349,10 +335,10 @@ impl CameraView {
         });
     }
 
-    /// Maps points in space, in metres, to pixels, each with its status.
+    /// Maps world points, in metres, to pixels, with a status for each.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2], status: &mut [u8]) {
         assert!(x.len() == y.len() && x.len() == z.len() && x.len() == status.len(), "columns of one length");
         assert!(x.len() == u.len() && x.len() == v.len(), "columns of one length");
@@ -369,18 +355,18 @@ impl CameraView {
                     let at = first + i;
                     extent.to_pixel(self.camera(), WorldPoint { x: x[at], y: y[at], z: z[at] }).1
                 } as u8;
-                (*u, *v) = (self.map.in_stream(0, *u), self.map.in_stream(1, *v));
+                (*u, *v) = (self.map.to_stream(0, *u), self.map.to_stream(1, *v));
             }
         }
     }
 
-    /// Computes the unit vectors of the rays of pixels, from the camera, in the axes of the site.
+    /// Computes the unit vectors of the rays of pixels, in world axes.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn rays(&self, pixels: [&[f64]; 2], directions: &mut [[f64; 3]]) {
         assert!(directions.len() == pixels[0].len(), "columns of one length");
-        self.in_still(pixels, |range, [u, v]| {
+        self.each_image_chunk(pixels, |range, [u, v]| {
             for ((direction, &u), &v) in directions[range].iter_mut().zip(u).zip(v) {
                 let ray = self.camera().pixel_to_ray(Pixel { u, v });
                 *direction = ray.map_or([f64::NAN; 3], |ray| ray.direction);
@@ -388,18 +374,17 @@ impl CameraView {
         });
     }
 
-    /// Undistorts pixels: computes the pixels of the stream at which a pinhole camera would show the same
-    /// rays.
+    /// Maps pixels to undistorted pixels of the stream.
     ///
     /// # Panics
-    /// Panics if the columns have different lengths.
+    /// If the columns differ in length.
     pub fn undistort(&self, pixels: [&[f64]; 2], [u, v]: [&mut [f64]; 2]) {
-        self.in_still(pixels, |range, [raw_u, raw_v]| {
+        self.each_image_chunk(pixels, |range, [raw_u, raw_v]| {
             let (u, v) = (&mut u[range.clone()], &mut v[range]);
             self.floor.undistort_pixels(raw_u, raw_v, u, v);
             if self.map != StreamMap::STILL {
-                u.iter_mut().for_each(|u| *u = self.map.in_stream(0, *u));
-                v.iter_mut().for_each(|v| *v = self.map.in_stream(1, *v));
+                u.iter_mut().for_each(|u| *u = self.map.to_stream(0, *u));
+                v.iter_mut().for_each(|v| *v = self.map.to_stream(1, *v));
             }
         });
     }
@@ -415,7 +400,7 @@ mod tests {
 
     const SIZE: [f64; 2] = [1920.0, 1080.0];
 
-    /// Every NaN counts as the same value.
+    /// All NaN values have the same bits here.
     fn bits(x: &[f64], y: &[f64]) -> Vec<u64> {
         let bits = |value: &f64| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() };
         x.iter().chain(y).map(bits).collect()
@@ -423,7 +408,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_stream_maps_as_its_pixels_do_in_the_still(
+        fn stream_pixels_map_like_calibrated_image_pixels(
             camera in any_camera(), height in -0.5..1.5_f64,
             at in proptest::collection::vec((-50.0..700.0_f64, -50.0..700.0_f64), 1..1200),
         ) {
@@ -436,7 +421,7 @@ mod tests {
             let (u, v): (Vec<f64>, Vec<f64>) = at.iter().copied().unzip();
             let map = stream.map(SIZE).unwrap();
             let in_still: [Vec<f64>; 2] = [(0, &u), (1, &v)]
-                .map(|(axis, values)| values.iter().map(|&value| map.in_still(axis, value)).collect());
+                .map(|(axis, values)| values.iter().map(|&value| map.to_image(axis, value)).collect());
             let mapped = |view: &CameraView, u: &[f64], v: &[f64]| {
                 let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
                 view.to_floor(height, [u, v], [&mut x, &mut y], &mut status);
@@ -448,7 +433,7 @@ mod tests {
             view.to_floor_points(height, [&u, &v], [&mut a, &mut b]);
             prop_assert_eq!(bits(&a, &b), mapped(&view, &u, &v).0);
             view.undistort([&u, &v], [&mut a, &mut b]);
-            // Counted from the centre of the first pixel.
+            // Pixel coordinates from the centre of the first pixel.
             let (lens, shown) = view.lens_in_stream().unwrap();
             let in_stream = view.camera_in_stream().unwrap();
             let (mut x, mut y, mut status) = (vec![0.0; u.len()], vec![0.0; u.len()], vec![0; u.len()]);
@@ -465,13 +450,13 @@ mod tests {
                 let range = floor.map_or(0.0, |floor| floor.distance(camera.position.on_floor()));
                 let off = floor.map_or(0.0, |floor| (floor.x - x[i]).hypot(floor.y - y[i]));
                 prop_assert!(off < 1e-9 * (1.0 + range).powi(2), "{off} at {range}");
-                let off = straight.map_or(0.0, |s| (map.in_still(0, a[i]) - s.u).hypot(map.in_still(1, b[i]) - s.v));
+                let off = straight.map_or(0.0, |s| (map.to_image(0, a[i]) - s.u).hypot(map.to_image(1, b[i]) - s.v));
                 prop_assert!(off < 1e-6, "{off}");
             }
         }
 
         #[test]
-        fn a_view_with_planes_maps_to_what_a_pixel_shows_first(
+        fn pixels_map_to_first_plane_on_ray(
             camera in any_camera(), at in proptest::collection::vec((0.0..1920.0_f64, 300.0..1080.0_f64), 1..700),
         ) {
             let foot = camera.position.on_floor();
@@ -486,7 +471,7 @@ mod tests {
             let (mut pixel, mut calibration) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
             view.covariances(0.0, [&u, &v], 0.0, [&mut pixel, &mut calibration]);
             let (mut shown, mut of_shown) = (vec![None; u.len()], vec![Status::Ok; u.len()]);
-            view.to_shown(0.0, [&u, &v], &mut shown, &mut of_shown);
+            view.to_surfaces_with_status(0.0, [&u, &v], &mut shown, &mut of_shown);
             for i in 0..u.len() {
                 let at = shown[i].map_or([f64::NAN; 2], |shown| [shown.at.x, shown.at.y]);
                 prop_assert_eq!(bits(&at[..1], &at[1..]), bits(&x[i..=i], &y[i..=i]));
@@ -499,16 +484,16 @@ mod tests {
                     continue;
                 }
                 prop_assert!((deck.x - x[i]).hypot(deck.y - y[i]) < 1e-7, "{deck:?}");
-                // 2 cm of height move the point along its ray.
+                // A height error of 2 cm moves the point along its ray.
                 let along = 0.02 * deck.distance(foot) / (camera.position.z - 0.7);
-                // The whole covariance is along the ray: its trace is its only variance.
+                // The whole error is along the ray, so the trace is its only variance.
                 let variance = calibration[i][0] + calibration[i][3];
                 prop_assert!(variance.is_nan() || (variance.sqrt() - along).abs() < 1e-6);
             }
         }
 
         #[test]
-        fn the_floor_goes_back_to_the_pixels_of_the_stream(camera in any_camera(), u in 0.0..1280.0_f64, v in 0.0..720.0_f64) {
+        fn floor_points_map_back_to_stream_pixels(camera in any_camera(), u in 0.0..1280.0_f64, v in 0.0..720.0_f64) {
             let still = CameraView::new(&camera, SIZE, Vec::new());
             let stream = Stream { origin: PixelOrigin::Centre, size: Some([1280, 720]), ..Stream::default() };
             let view = still.with_stream(stream).unwrap();

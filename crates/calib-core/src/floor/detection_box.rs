@@ -1,4 +1,4 @@
-//! Detection boxes and their foot points.
+//! Boxes of detectors, and their foot points.
 
 use std::ops::Range;
 
@@ -18,8 +18,8 @@ pub enum BoxForm {
 named! { BoxForm { CornerSize = "xywh", Corners = "xyxy", CentreSize = "cxcywh" } }
 
 impl BoxForm {
-    /// Returns the middle of the lower edge, the foot point of an upright object. NaN for a box with negative
-    /// width or height.
+    /// Returns the middle of the lower edge, which is the foot point of the object. Returns NaN if the width
+    /// or height is negative.
     #[inline]
     #[must_use]
     pub fn foot(self, [a, b, c, d]: [f64; 4]) -> [f64; 2] {
@@ -31,7 +31,7 @@ impl BoxForm {
         if width >= 0.0 && height >= 0.0 { foot } else { [f64::NAN; 2] }
     }
 
-    /// Iterates over the foot points of boxes, in chunks that fit the first-level cache.
+    /// Calls a function for chunks of foot points that fit into the fastest cache.
     pub(crate) fn each_foot(self, boxes: &[[f64; 4]], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
         const CHUNK: usize = 512;
         let mut feet = [[0.0; CHUNK]; 2];
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_box_stands_in_one_place_however_it_is_written() {
+    fn foot_is_the_same_in_every_box_form() {
         let feet = [
             BoxForm::CornerSize.foot([100.0, 200.0, 40.0, 120.0]),
             BoxForm::Corners.foot([100.0, 200.0, 140.0, 320.0]),
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_box_stands_nowhere() {
+    fn invalid_box_has_no_foot() {
         let is_nowhere = |[u, v]: [f64; 2]| u.is_nan() && v.is_nan();
         assert!(is_nowhere(BoxForm::Corners.foot([140.0, 320.0, 100.0, 200.0])));
         assert!(is_nowhere(BoxForm::CornerSize.foot([100.0, 200.0, -1.0, 120.0])));

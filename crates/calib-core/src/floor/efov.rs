@@ -1,45 +1,45 @@
-//! The effective field of view: the polygon on the image, and the part of it that lies on the floor.
+//! Effective field of view (EFOV): the polygon on the image, and its part on the floor.
 
 use std::f64::consts::TAU;
 
 use crate::camera::{Camera, FloorPoint, Pixel, Plane};
 
-/// The floor polygon that an image polygon shows.
+/// EFOV on the floor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Efov {
-    /// Corners on the floor, in metres, in the order drawn.
+    /// Corners on the floor, in metres, in the order of the annotation.
     pub polygon: Vec<FloorPoint>,
-    /// Whether a part of the polygon was cut off at the horizon, at the reach, or outside the lens.
+    /// Whether a part of the polygon was clipped at the horizon, at the reach, or outside the lens.
     pub clipped: bool,
 }
 
-/// Largest distance of a drawn and of a default EFOV from the foot of the camera, in camera heights. Beyond
-/// it, a pixel covers more floor than any object.
-const REACH_DRAWN: f64 = 50.0;
-const REACH_DEFAULT: f64 = 5.0;
-/// Points per edge of the image polygon, so that curved edges stay curved on the floor.
+/// Largest distance of an EFOV from the camera on the floor, in camera heights, for an annotated and for a
+/// default EFOV. Beyond it a pixel covers more floor than any object.
+const MAX_ANNOTATED_REACH: f64 = 50.0;
+const MAX_DEFAULT_REACH: f64 = 5.0;
+/// Number of points for each edge of the image polygon, so that the distorted edge is followed on the floor.
 const STEPS: usize = 8;
 
 /// Projects the part of an image polygon that is on the floor and nearer than 50 camera heights.
 ///
-/// The edges follow the lens; points are added where they are curved.
+/// Points are added between the corners if the lens has distortion.
 #[must_use]
 pub fn efov_on_floor(camera: &Camera, corners: &[Pixel]) -> Efov {
     efov_on_plane(camera, corners, &Plane::FLOOR)
 }
 
-/// Projects a polygon that is on a plane, like [`efov_on_floor`]; returns its corners seen from above.
+/// Projects an image polygon to a plane as [`efov_on_floor`]. The corners are seen from above.
 #[must_use]
 pub fn efov_on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Efov {
-    on_plane(camera, corners, plane, REACH_DRAWN)
+    on_plane(camera, corners, plane, MAX_ANNOTATED_REACH)
 }
 
-/// Returns the default EFOV: the visible floor nearer than five camera heights.
+/// Returns the default EFOV: the floor within the image that is nearer than five camera heights.
 #[must_use]
 pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
     let [w, h] = size;
     let corners = [[0.0, h], [w, h], [w, 0.0], [0.0, 0.0]].map(Pixel::from);
-    Efov { clipped: false, ..on_plane(camera, &corners, &Plane::FLOOR, REACH_DEFAULT) }
+    Efov { clipped: false, ..on_plane(camera, &corners, &Plane::FLOOR, MAX_DEFAULT_REACH) }
 }
 
 fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
@@ -51,7 +51,7 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
     let lost = outline.iter().any(|&pixel| camera.lens.bearing(pixel).is_none());
     let seen = |&pixel: &Pixel| camera.lens.bearing(last_seen(camera, pixel)?);
     let bearings: Vec<[f64; 3]> = outline.iter().filter_map(seen).collect();
-    // In homogeneous floor coordinates (x w, y w, w) the horizon is w = 0 and clipping is linear.
+    // In homogeneous floor coordinates (x w, y w, w) the horizon is w = 0, and clipping is linear.
     let h = camera.homography_plane_from_pixel(plane);
     let drop = camera.position.z - plane.height_at(camera.position.on_floor());
     let Pixel { u: cu, v: cv } = camera.lens.principal_point;
@@ -59,16 +59,16 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
         .iter()
         .map(|[x, y, w]| {
             let [x, y, w] = h.map(|row| row[0] * (x + cu * w) + row[1] * (y + cv * w) + row[2] * w);
-            // Relative to the foot of the camera, so that the reach is a circle about the origin.
+            // The origin is the foot of the camera, so the reach is a circle around the origin.
             [x - w * camera.position.x, y - w * camera.position.y, w]
         })
         .collect();
-    // First clip at w of the floor point at the reach straight ahead, then at the circle itself.
+    // First clip at a minimum w, below the w of a floor point at the reach. Then clip at the circle.
     let ahead = homogeneous.iter().fold(0.0_f64, |most, [x, y, _]| most.max(x.hypot(*y)));
     let least = ahead / (drop.abs() * reach * 1e3) + f64::MIN_POSITIVE;
     let in_front = clip(&homogeneous, |[_, _, w]| w - least);
     let mut polygon: Vec<[f64; 3]> = in_front.clone();
-    // The circle is approximated by a regular polygon of half planes.
+    // A regular polygon of half planes approximates the circle.
     const SIDES: usize = 32;
     for side in 0..SIDES {
         let (sin, cos) = (TAU * side as f64 / SIDES as f64).sin_cos();
@@ -83,7 +83,7 @@ fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Ef
     Efov { polygon, clipped }
 }
 
-/// Returns the outline of a polygon with `steps` points per edge.
+/// Returns the outline of a polygon, with `steps` points for each edge.
 fn outline(corners: &[Pixel], steps: usize) -> Vec<Pixel> {
     let edges = corners.iter().zip(corners.iter().cycle().skip(1));
     edges.flat_map(|(&a, &b)| (0..steps).map(move |step| between(a, b, step as f64 / steps as f64))).collect()
@@ -93,8 +93,8 @@ fn between(a: Pixel, b: Pixel, t: f64) -> Pixel {
     Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
 }
 
-/// Returns the pixel or, if the lens shows nothing there, the last visible one towards the principal point:
-/// the rim of a fisheye's circle.
+/// Returns the pixel. If the lens shows no ray there, returns the last visible pixel from the principal point
+/// towards it, at the rim of the image circle.
 fn last_seen(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
     let centre = camera.lens.principal_point;
     let is_seen = |raw: Pixel| camera.lens.bearing(raw).is_some();
@@ -104,8 +104,8 @@ fn last_seen(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
     is_seen(centre).then(|| border(centre, pixel, is_seen)[0])
 }
 
-/// Bisects the segment for the border of a condition that is true at its start and false at its end; returns
-/// the last pixel inside and the next one outside.
+/// Returns the last pixel on the way for which the condition holds, and the next one for which it does not,
+/// by bisection. It must hold at the start and not at the end.
 fn border(from: Pixel, to: Pixel, holds: impl Fn(Pixel) -> bool) -> [Pixel; 2] {
     const HALVINGS: usize = 40;
     let (mut low, mut high) = (0.0, 1.0);
@@ -116,7 +116,7 @@ fn border(from: Pixel, to: Pixel, holds: impl Fn(Pixel) -> bool) -> [Pixel; 2] {
     [low, high].map(|t| between(from, to, t))
 }
 
-/// Whether a pixel lies within a polygon.
+/// Whether a pixel is inside a polygon.
 fn is_within(pixel: Pixel, corners: &[Pixel]) -> bool {
     let crosses = |(a, b): (&Pixel, &Pixel)| {
         (a.v > pixel.v) != (b.v > pixel.v) && pixel.u < a.u + (pixel.v - a.v) / (b.v - a.v) * (b.u - a.u)
@@ -124,18 +124,18 @@ fn is_within(pixel: Pixel, corners: &[Pixel]) -> bool {
     corners.iter().zip(corners.iter().cycle().skip(1)).filter(|pair| crosses(*pair)).count() % 2 == 1
 }
 
-/// Returns twice the area of a polygon, positive from the u axis towards the v axis.
-fn turn(corners: &[Pixel]) -> f64 {
+/// Returns twice the signed area of a polygon, positive for the rotation from the u axis to the v axis.
+fn doubled_signed_area(corners: &[Pixel]) -> f64 {
     corners.iter().zip(corners.iter().cycle().skip(1)).map(|(a, b)| a.u * b.v - a.v * b.u).sum()
 }
 
-/// Projects the floor within reach for a lens that may see more than a hemisphere, where clipping at the
-/// horizon is not possible: points behind the camera can be inside the image.
+/// Projects a polygon of a wide lens to the floor within the reach. Clipping at the horizon is not possible,
+/// because points behind the camera are visible on the image.
 ///
-/// The outline is followed while its floor is within reach. Where it leaves, the circle of the reach is
-/// followed to the re-entry, in the direction of the outline, so that the interior stays on the same side.
+/// The outline is followed while its floor point is within the reach. After that, the circle of the reach is
+/// followed to the point where the outline returns, in the orientation of the outline.
 fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
-    /// Steps of the outline an edge, and of the circle all round.
+    /// Number of steps for each edge of the outline, and around the circle.
     const STEPS: usize = 32;
     const ROUND: f64 = 64.0;
     let foot = camera.position.on_floor();
@@ -151,8 +151,9 @@ fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     let drawn = outline(corners, STEPS);
     let seen: Vec<Pixel> = drawn.iter().filter_map(|&pixel| last_seen(camera, pixel)).collect();
     let clipped = drawn.iter().any(|&pixel| floor(pixel).is_none());
-    // v runs downward: seen from above the floor, the image turns the other way round.
-    let way = -(turn(corners) * drop).signum();
+    // v is downwards, so the orientation on the floor, seen from above, is opposite to the orientation on the
+    // image.
+    let way = -(doubled_signed_area(corners) * drop).signum();
     let Some(first) = seen.iter().position(|&pixel| floor(pixel).is_some()) else {
         let below = camera.world_to_pixel(foot.at_height(plane.height_at(foot)));
         let is_all = below.is_some_and(|pixel| is_within(pixel, corners));
@@ -188,7 +189,7 @@ fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     Efov { polygon, clipped }
 }
 
-/// The part of a polygon where `inside` is not negative (Sutherland and Hodgman 1974).
+/// Returns the part of a polygon where `inside` is not negative (Sutherland and Hodgman 1974).
 fn clip(polygon: &[[f64; 3]], inside: impl Fn([f64; 3]) -> f64) -> Vec<[f64; 3]> {
     let mut kept = Vec::with_capacity(polygon.len() + 2);
     for (i, &here) in polygon.iter().enumerate() {
@@ -243,12 +244,12 @@ mod tests {
         assert!(efov.clipped && efov.polygon.len() > 4);
         for point in efov.polygon {
             let range = point.distance(camera.position.on_floor());
-            assert!(range < 3.0 * REACH_DRAWN * 1.01, "{range} m is beyond the reach");
+            assert!(range < 3.0 * MAX_ANNOTATED_REACH * 1.01, "{range} m is beyond the reach");
         }
     }
 
     #[test]
-    fn a_polygon_in_the_sky_is_empty() {
+    fn polygon_above_the_horizon_is_empty() {
         let corners = [[100.0, 100.0], [1800.0, 100.0], [1800.0, 0.0]].map(Pixel::from);
         let efov = efov_on_floor(&camera(-0.3), &corners);
         assert!(efov.clipped && efov.polygon.is_empty());
@@ -271,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_ceiling_that_sees_beyond_the_horizon_the_floor_is_a_disc_and_the_horizon_a_ring() {
+    fn fisheye_beyond_the_horizon_has_disc_efov_and_ring_horizon() {
         let lens = Lens {
             focal: 300.0,
             distortion: Distortion::KannalaBrandt { k: [0.01, 0.0, 0.0, 0.0] },
@@ -297,7 +298,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_efov_of_a_wide_lens_is_the_floor_that_it_shows(
+        fn efov_of_wide_lens_is_the_visible_floor(
             (pitch, roll) in (0.0..1.57, -0.5..0.5),
             k in [-0.03..0.03, -0.01..0.01, -0.005..0.005, -0.002..0.002],
             focal in 250.0..900.0,
@@ -320,7 +321,7 @@ mod tests {
                 let off = 14.7 * (f64::from(i) / 400.0).sqrt();
                 let beside = |at: FloorPoint, angle: f64, by: f64| FloorPoint { x: at.x + by * angle.cos(), y: at.y + by * angle.sin() };
                 let at = beside(foot, 2.4 * f64::from(i), off);
-                // Between two points of the outline, the border is curved like the image edge.
+                // Between two points of the outline, the border deviates from a straight line.
                 let is_off_the_edges = camera.world_to_pixel(at.at_height(0.0)).is_none_or(|pixel| {
                     [pixel.u - left, pixel.u - right, pixel.v - top, pixel.v - bottom].iter().all(|by| by.abs() > 3.0)
                 });

@@ -1,31 +1,29 @@
-//! Area that a camera covers: its image, and the polygon of its EFOV on the floor.
-//!
-//! Status of a mapped pixel or point.
+//! Extent of a camera (its image and its EFOV on the floor), and the status of a mapped pixel or point.
 
 use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint, dispatch};
 use crate::floor::floor_covariances::{block, store};
 
-/// Result of mapping a pixel or a point.
+/// Status of a mapped pixel or point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Status {
     /// Mapped, inside the EFOV or the image.
     Ok,
-    /// The ray of the pixel does not meet the plane: there is no point.
+    /// The pixel is above the horizon of the plane and has no point.
     AboveHorizon,
     /// Mapped, but outside the effective field of view.
     OutsideEfov,
     /// Mapped, but outside the image.
     OutsideImage,
-    /// The lens shows nothing at this position: there is no point, or no pixel.
+    /// The lens shows no ray there, so there is no point or no pixel.
     OutsideLens,
-    /// The point is not in front of the camera: no pixel.
+    /// The point is not in front of the camera and has no pixel.
     BehindCamera,
-    /// The input is missing: a coordinate is absent or not finite.
+    /// A coordinate is missing or not finite.
     Missing,
-    /// There is no valid calibration for the input.
+    /// No calibration is valid for it.
     NoCalibration,
-    /// The pixel shows the wall of a pit, between its plane and the floor: no point.
+    /// The pixel shows the wall of a pit, between its plane and the floor, and has no point.
     OnWall,
 }
 
@@ -45,11 +43,11 @@ impl Status {
 
     /// Returns the status with this code.
     #[must_use]
-    pub fn of_code(code: u8) -> Option<Self> {
+    pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// Returns the name that tables contain.
+    /// Returns the name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -72,7 +70,7 @@ impl std::fmt::Display for Status {
     }
 }
 
-/// Area that a camera covers: its image, and the polygon of its EFOV on the floor.
+/// Extent of a camera: its image, and the polygon of its EFOV on the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent<'a> {
     /// Width and height of the image, in pixels.
@@ -85,14 +83,14 @@ pub struct Extent<'a> {
 const LANES: usize = 64;
 
 impl Extent<'_> {
-    /// Whether a pixel is inside the image or on its border.
+    /// Whether a pixel is inside the image, including its border.
     #[must_use]
     pub fn shows(&self, pixel: Pixel) -> bool {
         let [w, h] = self.size;
         (0.0..=w).contains(&pixel.u) && (0.0..=h).contains(&pixel.v)
     }
 
-    /// Whether a point of the floor is inside the EFOV (even-odd rule).
+    /// Whether a floor point is inside the EFOV (even-odd rule).
     #[must_use]
     pub fn contains(&self, point: FloorPoint) -> bool {
         let mut inside = [0; 1];
@@ -100,7 +98,7 @@ impl Extent<'_> {
         inside == [1]
     }
 
-    /// Returns the status of a single pixel that shows a point; see [`Self::classify`].
+    /// Returns the status of one pixel with a point; see [`Self::classify`].
     pub(crate) fn status_of(&self, eye: WorldPoint, pixel: Pixel, at: WorldPoint) -> Status {
         let mut status = [Status::Ok];
         let level = Plane::level(at.z);
@@ -108,7 +106,7 @@ impl Extent<'_> {
         status[0]
     }
 
-    /// Returns the pixel at which a camera with this extent shows a point in space, and the status.
+    /// Maps a world point to a pixel of a camera with this extent, with its status.
     #[must_use]
     pub fn to_pixel(&self, camera: &Camera, point: WorldPoint) -> (Option<Pixel>, Status) {
         if !point.is_finite() {
@@ -121,22 +119,22 @@ impl Extent<'_> {
         }
     }
 
-    /// Returns the status of a point that is shown at a pixel.
+    /// Returns the status of a point with this pixel.
     #[inline]
     pub(crate) fn status_of_pixel(&self, pixel: Pixel) -> Status {
         if self.shows(pixel) { Status::Ok } else { Status::OutsideImage }
     }
 
-    /// Returns the edges of the EFOV.
+    /// Iterates over the edges of the EFOV.
     fn edges(&self) -> impl Iterator<Item = [FloorPoint; 2]> {
         self.efov.iter().zip(self.efov.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
     }
 
-    /// Flips `inside` at every edge of the EFOV to the right of a point.
+    /// Flips `inside` for every edge of the EFOV to the right of a point.
     #[inline(always)]
     fn cross(&self, x: &[f64], y: &[f64], inside: &mut [u64]) {
         for [a, b] in self.edges() {
-            // Not finite for an edge along x, but no point is between the ends of such an edge.
+            // The value is not finite for an edge along x, but no point is between the ends of such an edge.
             let dx_by_dy = (b.x - a.x) / (b.y - a.y);
             for ((x, y), inside) in x.iter().zip(y).zip(inside.iter_mut()) {
                 let between = (a.y > *y) != (b.y > *y);
@@ -145,10 +143,8 @@ impl Extent<'_> {
         }
     }
 
-    /// Determines the status of pixels from the image and the EFOV. The floor point is on the ray from the
-    /// camera at `eye` through the point of a plane.
-    ///
-    /// Pixels without a point count as above the horizon.
+    /// Computes the status of pixels from the image and the EFOV. The floor point is on the ray from the
+    /// camera at `eye` through the point of the plane. Pixels without a point count as above the horizon.
     pub(crate) fn classify(
         &self,
         eye: WorldPoint,
@@ -179,7 +175,7 @@ impl Extent<'_> {
         );
     }
 
-    /// Returns the status of pixels, given whether the floor points on their rays are inside the EFOV.
+    /// Returns the status of pixels. `inside` flags the floor points inside the EFOV.
     #[inline(always)]
     fn by_image_and_efov(
         &self,
@@ -190,7 +186,7 @@ impl Extent<'_> {
         let [w, h] = self.size;
         let mut status = [Status::OutsideImage; LANES];
         for i in 0..LANES {
-            // Without a branch: all lanes at once.
+            // Without branches, all lanes are computed together.
             let shown = (u[i] >= 0.0) & (u[i] <= w) & (v[i] >= 0.0) & (v[i] <= h);
             let efov = if inside[i] == 1 { Status::Ok } else { Status::OutsideEfov };
             let mapped = if shown { efov } else { Status::OutsideImage };
@@ -201,10 +197,10 @@ impl Extent<'_> {
     }
 }
 
-/// Returns the floor points on the rays from the camera through points of a plane.
+/// Maps points of a plane to the floor, along the rays from the camera.
 #[inline(always)]
 fn on_floor(eye: WorldPoint, plane: &Plane, [x, y]: [&[f64; LANES]; 2]) -> [[f64; LANES]; 2] {
-    // The ray of a point above the camera does not meet the floor.
+    // The ray through a point above the camera does not meet the floor.
     let stretch = |height: f64| if height < eye.z { eye.z / (eye.z - height) } else { f64::NAN };
     let (is_level, level) = (plane.slope == [0.0; 2], stretch(plane.height));
     let mut floor = [[0.0; LANES]; 2];
@@ -221,15 +217,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_places_in_the_list() {
+    fn status_codes_are_list_indices() {
         for (code, status) in (0..).zip(Status::ALL) {
-            assert_eq!((status as u8, Status::of_code(code)), (code, Some(status)));
+            assert_eq!((status as u8, Status::from_code(code)), (code, Some(status)));
         }
-        assert_eq!(Status::of_code(Status::ALL.len() as u8), None);
+        assert_eq!(Status::from_code(Status::ALL.len() as u8), None);
     }
 
     #[test]
-    fn a_point_is_inside_when_the_polygon_goes_round_it() {
+    fn point_inside_polygon_is_contained() {
         let efov = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 1.0], [0.0, 3.0]].map(FloorPoint::from);
         let extent = Extent { size: [100.0, 50.0], efov: &efov };
         let inside = [[1.0, 1.0], [3.0, 1.5], [0.5, 2.4]];

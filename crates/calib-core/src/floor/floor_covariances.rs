@@ -1,28 +1,27 @@
-//! Covariances of many points of a plane at once, in lanes, so that the compiler can use vector instructions.
-//! [`Camera::covariance_on`] computes the same for one point.
-//!
-//! # From the errors of the camera
+//! Covariances of many points of a plane, computed in lockstep so that the compiler can use vector
+//! instructions. The results equal [`Camera::covariance_on`] for each point.
 //!
 //! Let `d = (x, y, z)` be the vector from the camera to a point of the plane, `n = (-slope, 1)` the normal of
-//! the plane, and `q = n . d` the drop to it. The drop is the same for all points. A change c of d moves the
-//! point where its ray meets the plane by `D(c) = c - d (n . c) / q`.
+//! the plane, and `q = n . d` the drop to it, which is the same for all points. A change c of d moves the
+//! intersection of the ray with the plane by `D(c) = c - d (n . c) / q`.
 //!
-//! A shift of the camera is a c that is the same for all points. A small rotation w gives `c = w x d`. A
-//! longer focal length gives `c = forward (forward . d) / f`, up to a multiple of d, and `D(d) = 0`. On the
-//! plane z is affine in x and y, and so is c. Hence
+//! # Calibration part
+//!
+//! A translation of the camera is a change c that is the same for all points. A rotation w changes d by
+//! `c = w x d`. A change of the focal length f is `c = forward (forward . d) / f`, plus a multiple of d, and
+//! `D(d) = 0`. On the plane z is affine in x and y, and so is c. Hence
 //!
 //! ```text
 //! D(c) = m + (x, y) l,    m = (m0 + m1 x + m2 y, m3 + m4 x + m5 y),    l = m6 x + m7 y,
 //! ```
 //!
-//! an infinitesimal homography of the plane with eight numbers (the "pure parameters" of Tsai and Huang
-//! 1981). The numbers are linear in the errors of the camera. Their covariance is therefore the same for all
+//! which is an infinitesimal homography of the plane with eight numbers (the "pure parameters" of Tsai and
+//! Huang 1981). They are linear in the errors of the camera. Their covariance is therefore the same for all
 //! points.
 //!
-//! With the point `p = (x, y)`, the covariance of D(c) is `cov(m + p l) = cov(m) + p k' + k p'` with
-//! `k = cov(m, l) + p var(l) / 2`. It is a polynomial of the fourth degree. To use every coefficient only
-//! once, the terms of `var(m_x)` with a factor x are added to k, and likewise the terms of `var(m_y)` with a
-//! factor y:
+//! With the point `p = (x, y)`, the covariance of D(c) is `cov(m + p l) = cov(m) + p k' + k p'`,
+//! `k = cov(m, l) + p var(l) / 2`, a polynomial of the fourth degree. To use every coefficient once, the
+//! terms of `var(m_x)` with a factor x are added to k_x, and the terms of `var(m_y)` with a factor y to k_y:
 //!
 //! ```text
 //! K_x = k_x + (terms of var(m_x) with x) / 2x,    K_y = k_y + (terms of var(m_y) with y) / 2y,
@@ -30,15 +29,15 @@
 //! xy = cov(m_x, m_y) - x (K_y - k_y) - y (K_x - k_x) + x K_y + y K_x.
 //! ```
 //!
-//! The part of K along p, which contains the terms of `K_x` with a factor x, is computed once:
+//! The part of K along p, which consists of the terms of `K_x` with a factor x, is computed once:
 //! `K_x = with_x + x along`, `K_y = with_y + y along`.
 //!
-//! # From the error of the pixel
+//! # Pixel part
 //!
-//! With a and b in pixels from the principal point, a ray is `a right + b down + f forward`. Hence
-//! `d = t (a right + b down + f forward)` with `t = q / r`, where r is affine in a and b. The point moves
-//! with (a, b) by `T = t [D(right), D(down)]`, in which the quadratic terms cancel:
-//! `T = t^2 / q (M + b K, N - a K)`. The columns M, N and K are the same for all pixels.
+//! With a and b in pixels from the principal point, a ray is `a right + b down + f forward`, and
+//! `d = t (a right + b down + f forward)` with `t = q / r`, where r is affine in a and b. The derivative of
+//! the point by (a, b) is `T = t [D(right), D(down)]`. Its quadratic terms cancel:
+//! `T = t^2 / q (M + b K, N - a K)`, with columns M, N and K that are the same for all pixels.
 
 use crate::camera::{
     BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
@@ -47,7 +46,7 @@ use crate::camera::{
 /// Values that are computed together.
 pub(super) type Lanes<const N: usize = LANES> = [f64; N];
 
-/// Returns the first values as an array, padded with `filling`.
+/// Returns the first `N` values, padded with `filling`.
 #[inline(always)]
 pub(super) fn lanes<const N: usize>(values: &[f64], filling: f64) -> [f64; N] {
     let filled = || std::array::from_fn(|i| values.get(i).copied().unwrap_or(filling));
@@ -62,8 +61,7 @@ pub(super) fn store<T: Copy, const N: usize>(values: &[T; N], to: &mut [T]) {
     }
 }
 
-/// Returns the first values as a block: a reference if there are enough, otherwise the padded copy in
-/// `spare`.
+/// Returns the first values as a block, or a padded copy of them in `spare`.
 #[inline(always)]
 pub(super) fn block<'a, const N: usize>(values: &'a [f64], spare: &'a mut [f64; N]) -> &'a [f64; N] {
     if let Some(all) = values.first_chunk() {
@@ -73,25 +71,25 @@ pub(super) fn block<'a, const N: usize>(values: &'a [f64], spare: &'a mut [f64; 
     spare
 }
 
-/// Eight numbers of an infinitesimal homography of the plane.
+/// The eight numbers m0 to m7 of an infinitesimal homography of the plane.
 type Flow = [f64; 8];
 
-/// Covariance of the infinitesimal homography that the errors of a camera cause.
+/// Covariance of the infinitesimal homography from the errors of a camera.
 #[derive(Clone, Debug)]
 pub(super) struct FlowCovariance {
-    /// Coefficients of the other terms of `var(m_x)`: of 1, y, yy.
+    /// Coefficients of the other terms of `var(m_x)`: 1, y, yy.
     xx: [f64; 3],
-    /// Coefficients of the other terms of `var(m_y)`: of 1, x, xx.
+    /// Coefficients of the other terms of `var(m_y)`: 1, x, xx.
     yy: [f64; 3],
-    /// Coefficients of `cov(m_x, m_y)` without the terms that K contains.
+    /// Coefficients of `cov(m_x, m_y)` without the terms that are in K.
     xy: Quadratic,
     /// Coefficients of 1, y, yy.
     with_x: [f64; 3],
     with_y: Quadratic,
     along: Quadratic,
-    /// Covariance of every lens coefficient with the flow; zeros for coefficients that were not estimated.
+    /// Covariance of every lens coefficient with the homography; zeros for those that were not estimated.
     lens_with_pose: [Flow; Distortion::MAX_COEFFICIENTS],
-    /// Covariance of the lens coefficients with each other.
+    /// Covariance of the lens coefficients.
     lens: [[f64; Distortion::MAX_COEFFICIENTS]; Distortion::MAX_COEFFICIENTS],
 }
 
@@ -104,7 +102,7 @@ impl FlowCovariance {
         let flows = flows(camera, plane, axes, drop);
         let is_estimated = |&index: &usize| camera.covariance.sigma(index).is_some();
         let estimated: Vec<usize> = (0..Covariance::LENS).filter(is_estimated).collect();
-        // Covariance with all estimated parameters of pose and focal length.
+        // Covariance of one parameter with the homography, over all estimated parameters.
         let with = |row: usize| -> Flow {
             std::array::from_fn(|k| {
                 estimated.iter().map(|&other| covariance[row][other] * flows[other][k]).sum()
@@ -177,7 +175,7 @@ impl FlowCovariance {
         of
     }
 
-    /// Adds the covariance from the lens coefficients, with each other and with the pose. Every pair counts
+    /// Adds the covariance of the lens coefficients, with each other and with the pose. Every pair counts
     /// twice.
     #[inline(always)]
     pub(super) fn add_lens(
@@ -189,7 +187,7 @@ impl FlowCovariance {
     ) {
         let [to_xx, to_xy, to_yy] = to;
         for i in 0..LANES {
-            // A fixed raw pixel changes its undistorted position.
+            // A change of a coefficient moves the undistorted point of a fixed raw pixel.
             let mut moves = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
             for (moved, [dx, dy]) in moves.iter_mut().zip(changes) {
                 *moved = [-(xa[i] * dx[i] + xb[i] * dy[i]), -(ya[i] * dx[i] + yb[i] * dy[i])];
@@ -209,9 +207,9 @@ impl FlowCovariance {
     }
 }
 
-/// Returns the flow of the plane for each parameter of pose and focal length.
+/// Returns the derivatives of the homography by every parameter of the pose and by the focal length.
 fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
-    // Parts of the change of d: constant, linear in x, and linear in y.
+    // Arguments: the constant change of d, and its derivatives by x and by y.
     let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {
         let [off, off_x, off_y] = [none, by_x, by_y].map(|c| plane.rise(&c) / drop);
         [none[0], by_x[0] - off, by_y[0], none[1], by_x[1], by_y[1] - off, -off_x, -off_y]
@@ -226,7 +224,7 @@ fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Fl
     let (sin, cos) = sin_cos(camera.roll);
     let level: [f64; 3] = std::array::from_fn(|i| sin * right[i] + cos * down[i]);
     let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    // Rotation from one axis towards another.
+    // Rotation from one axis to another, for each radian.
     let turned = |from: &[f64; 3], to: &[f64; 3]| {
         flow(on_plane.map(|d| std::array::from_fn(|i| dot(from, &d) * to[i] - dot(to, &d) * from[i])))
     };
@@ -241,15 +239,15 @@ fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Fl
     flows
 }
 
-/// Returns the displacement of a point by a flow.
+/// Returns the displacement of a point by an infinitesimal homography.
 #[inline(always)]
 fn moved_by(&[x0, xx, xy, y0, yx, yy, lx, ly]: &Flow, x: f64, y: f64) -> [f64; 2] {
     let along = x * lx + y * ly;
     [x0 + x * (xx + along) + y * xy, y0 + y * (yy + along) + x * yx]
 }
 
-/// Number of pixels of an undistorted lens that is fastest in lanes. With two steps of the widest
-/// instructions in parallel, neither waits for the other.
+/// Number of pixels of a lens without distortion that are computed together. Two of the widest instructions
+/// run in parallel, which is fastest.
 pub(super) const STRAIGHT_LANES: usize = 2 * LANES;
 
 /// Camera and plane, prepared for covariances.
@@ -258,25 +256,25 @@ pub(super) struct CovarianceLanes<'a> {
     camera: &'a Camera,
     /// Standard deviation of a pixel coordinate, in pixels.
     sigma: f64,
-    /// Rows right, down and f times forward; of each its x, its y and `(n . axis) / q`.
+    /// Rows right, down and f times forward, each with its x, its y and `(n . axis) / q`.
     axes: [[f64; 3]; 3],
     /// M, N and K over q, for x and for y.
     minors: [[f64; 3]; 2],
-    /// `minors` times sigma.
+    /// M, N and K over q, times sigma.
     of_sigma: [[f64; 3]; 2],
-    /// Covariance from the camera; `None` if the errors of the camera are unknown.
+    /// Covariance of the homography; `None` if the errors of the camera are unknown.
     flow: Option<FlowCovariance>,
 }
 
-/// Points of the plane, relative to the point below the camera.
+/// Points of the plane, relative to the camera.
 struct Points<const N: usize> {
     x: Lanes<N>,
     y: Lanes<N>,
-    /// Square of t; NaN where the plane is not visible.
+    /// Square of t; NaN if the plane is not visible.
     square: Lanes<N>,
 }
 
-/// Derivatives of points of the plane with respect to (a, b), as rows x and y of T, or of T over t^2.
+/// Derivatives of points of the plane by (a, b): rows x and y of T, or of T over t^2.
 #[derive(Clone, Copy, Debug)]
 struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
@@ -298,10 +296,8 @@ impl<'a> CovarianceLanes<'a> {
         Self { camera, sigma, axes, minors, of_sigma, flow }
     }
 
-    /// Computes the covariances for pixels of a lens without distortion: from the pixel and from the
-    /// calibration, each xx, xy, yy.
-    ///
-    /// NaN where the plane is not visible, and where the errors of the camera are unknown.
+    /// Returns the pixel part and the calibration part for pixels of a lens without distortion, each as xx,
+    /// xy, yy. They are NaN if the plane is not visible, or if the errors are unknown.
     #[inline(always)]
     pub(super) fn straight<const N: usize>(&self, u: &Lanes<N>, v: &Lanes<N>) -> [[Lanes<N>; 3]; 2] {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
@@ -313,14 +309,14 @@ impl<'a> CovarianceLanes<'a> {
                 column[i] *= points.square[i] * points.square[i];
             }
         }
-        // Not a closure: a closure would be compiled without the instruction set of the caller.
+        // A closure would be compiled without the vector instructions of the caller.
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
         [pixel, flow.of_pose(&points.x, &points.y)]
     }
 
-    /// Computes the same for a lens with distortion.
+    /// Returns the same covariances for a lens with distortion.
     #[inline(always)]
-    pub(super) fn bent(
+    pub(super) fn distorted(
         &self,
         (inverse, brown): (&BrownInverse, &BrownConrady),
         u: &Lanes,
@@ -355,8 +351,7 @@ impl<'a> CovarianceLanes<'a> {
 
     #[inline(always)]
     fn points<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>) -> Points<N> {
-        /// Largest distance of a point, as in the mapping of one pixel. Greater distances are rounding errors
-        /// at the horizon.
+        /// Largest distance, as for one pixel. A larger value is a rounding error at the horizon.
         const FARTHEST: f64 = 1e12;
         let [right, down, forward] = self.axes;
         let mut points = Points { x: [0.0; N], y: [0.0; N], square: [0.0; N] };
@@ -372,14 +367,14 @@ impl<'a> CovarianceLanes<'a> {
         points
     }
 
-    /// Returns the squared length of a ray; the axes are orthonormal.
+    /// Returns the squared length of a ray. The axes are orthonormal.
     #[inline(always)]
     fn square_of_ray(&self, a: f64, b: f64) -> f64 {
         a * a + b * b + self.camera.focal * self.camera.focal
     }
 }
 
-/// Computes `T / t^2` from M, N and K over q.
+/// Returns `T / t^2` from M, N and K over q.
 #[inline(always)]
 fn slopes<const N: usize>([x, y]: &[[f64; 3]; 2], a: &Lanes<N>, b: &Lanes<N>) -> Slopes<N> {
     let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
@@ -403,8 +398,8 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// Returns the derivatives with respect to the raw pixel: T times the inverse of the Jacobian of the
-    /// lens, which is symmetric.
+    /// Returns the derivatives by the raw pixel: T times the inverse of the Jacobian of the lens, which is
+    /// symmetric.
     #[inline(always)]
     fn by_raw(mut self, brown: &BrownConrady, x: &Lanes<N>, y: &Lanes<N>) -> Self {
         let mut unbend = [[0.0; N]; 3];
@@ -423,7 +418,7 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// Returns the covariance of x and y for two independent coordinates of variance 1: xx, xy, yy.
+    /// Returns the covariance of x and y for two independent coordinates with variance 1: xx, xy, yy.
     #[inline(always)]
     fn squared(&self) -> [Lanes<N>; 3] {
         let mut squared = [[0.0; N]; 3];
@@ -447,7 +442,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn covariances_in_step_are_those_of_pixels_by_themselves(
+        fn lane_covariances_equal_single_pixel_covariances(
             camera in any_camera(), factors in proptest::collection::vec(-1.0..1.0_f64, 196), is_known: bool,
             at in proptest::collection::vec((0.0..1920.0_f64, -100.0..1080.0_f64), 1..30),
             height in -1.0..1.5_f64, slope in [-0.1..0.1_f64, -0.1..0.1_f64],
@@ -474,8 +469,8 @@ mod tests {
                 match camera.covariance_on(Pixel { u: u[i], v: v[i] }, 0.7, &plane, &[[0.0; 3]; 3]) {
                     None => prop_assert!(found.iter().all(|column| column[i].is_nan())),
                     Some(alone) => {
-                        // In lanes a ray is correct to 1e-13 of a focal length. The relative error on the
-                        // floor is larger by the distance in camera heights.
+                        // In lockstep a ray is accurate to 1e-13 of the focal length. Its floor position is
+                        // accurate to 1e-13 times the distance in camera heights.
                         let range = camera.pixel_to_plane(Pixel { u: u[i], v: v[i] }, &plane).map_or(f64::NAN, |foot| {
                             foot.on_floor().distance(camera.position.on_floor()) / (camera.position.z - height)
                         });

@@ -1,16 +1,16 @@
-//! Images of straight lines in space, curved by the lens: 3-D polylines, the horizon, annotations given by
-//! their ends, and lines of the floor or of a plane.
+//! Images of straight lines of space under lens distortion: 3-D polylines, the horizon, and annotated lines
+//! between their ends. Also floor lines, and the nearest pixel on the image of a floor line.
 
 use crate::camera::{Camera, FloorPoint, Lens, Pixel, Plane, WorldPoint};
 use crate::floor::scene::Polyline;
 
-/// Projects a 3-D polyline to an image, in pieces where parts of it are invisible.
+/// Returns the image of a 3-D polyline, in pieces where parts of it are not visible.
 ///
-/// It is cut where the lens ends and, except for a fisheye that covers it, at the near plane. It follows the
-/// distortion of the lens. Parts outside the image are kept, for canvases larger than the image.
+/// The pieces follow the lens distortion. They end at the limit of the lens and, except for a wide lens, near
+/// the camera plane. Parts outside the image are included, for a canvas that is larger than the image.
 #[must_use]
 pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
-    /// Distance of the near plane, in metres.
+    /// Minimum depth of a line, in metres.
     const NEAR: f64 = 0.05;
     let mut pieces = vec![Vec::new()];
     for pair in polyline.windows(2) {
@@ -26,14 +26,14 @@ pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
         if a[2] < NEAR {
             pieces.push(Vec::new());
         }
-        bend(camera, front, &mut pieces);
+        append_distorted_segment(camera, front, &mut pieces);
     }
     pieces.retain(|piece| piece.len() > 1);
     pieces
 }
 
-/// Clips a segment to the part farther forward than `near`; points are in eye coordinates (right, down,
-/// forward).
+/// Returns the part of a straight segment with a depth above `near`. Its points are in axes right, down,
+/// forward.
 #[must_use]
 pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
     let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
@@ -48,16 +48,16 @@ pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
     }
 }
 
-/// The arc of a great circle between two rays, of any length and in any axes that keep planes planes.
+/// Great-circle arc between two rays. The rays may have any length, in any axes that map planes to planes.
 #[derive(Clone, Copy, Debug)]
 struct Arc {
     ends: [[f64; 3]; 2],
-    /// Between the ends, in radians.
+    /// Angle between the ends, in radians.
     angle: f64,
 }
 
 impl Arc {
-    /// Radians between points: of a fisheye of 180 degrees in 2000 pixels, 0.2 px off the chord.
+    /// Angle between points, in radians. For a fisheye of 180° in 2000 pixels, the chord deviates by 0.2 px.
     const STEP: f64 = 0.03;
 
     fn between(ends: [[f64; 3]; 2]) -> Self {
@@ -70,18 +70,20 @@ impl Arc {
         Self { ends: [a, b], angle: cosine.acos() }
     }
 
-    /// Returns the arc between the rays of two pixels, in normalised axes; `None` outside the lens.
+    /// Creates the arc between the rays of two pixels, in normalised axes. Returns `None` if the lens shows
+    /// no ray at one of them.
     fn of_pixels(lens: &Lens, [a, b]: [Pixel; 2]) -> Option<Self> {
         let ray = |pixel| lens.bearing(pixel).map(|[x, y, w]| [x / lens.focal, y / lens.focal, w]);
         Some(Self::between([ray(a)?, ray(b)?]))
     }
 
-    /// A line through the eye has no image; a short one consists of its ends.
+    /// Returns the number of steps along the arc, at least 1.
     fn steps(&self) -> usize {
         (self.angle / Self::STEP).ceil().max(1.0) as usize
     }
 
-    /// Returns the point at `t`: 0 and 1 are the ends, larger values continue along the circle.
+    /// Returns the ray at t along the circle: t = 0 and t = 1 are the ends, larger values continue the
+    /// circle.
     fn at(&self, t: f64) -> [f64; 3] {
         let ([a, b], angle) = (self.ends, self.angle);
         let [of_a, of_b] =
@@ -95,11 +97,11 @@ impl Arc {
     }
 }
 
-/// Returns the image curve of a line given by its points. For a fisheye, each piece is the image of the
-/// straight line in space through both points. For other lenses, and outside the lens, it is straight in the
-/// image.
+/// Returns the image of an annotated line. For a wide lens, consecutive points are connected by the distorted
+/// image of the straight line of space between them. For other lenses, or where the lens shows no rays, the
+/// points are connected directly.
 #[must_use]
-pub fn drawn_line(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
+pub fn annotated_line_curve(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
     if !lens.distortion.is_wide() {
         return points.to_vec();
     }
@@ -114,20 +116,21 @@ pub fn drawn_line(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
     line
 }
 
-/// Continues the straight line in space through two pixels beyond the second one, to the end of the lens;
-/// empty for a lens that is not a fisheye.
+/// Extends the straight line of space through two pixels beyond the second one, to the limit of the lens.
+/// Returns an empty list for a lens that is not wide.
 #[must_use]
-pub fn line_beyond(lens: &Lens, ends: [Pixel; 2]) -> Vec<Pixel> {
+pub fn line_extension(lens: &Lens, ends: [Pixel; 2]) -> Vec<Pixel> {
     let arc = Some(lens).filter(|lens| lens.distortion.is_wide());
     let arc = arc.and_then(|lens| Arc::of_pixels(lens, ends)).filter(|arc| arc.angle > 1e-6);
     let Some(arc) = arc else { return Vec::new() };
-    // Once around, without returning to the annotated part.
+    // At most once around, without the annotated part.
     let steps = ((std::f64::consts::TAU - arc.angle) / Arc::STEP) as usize;
     let beyond = |step: usize| arc.shown_at(lens, 1.0 + step as f64 * Arc::STEP / arc.angle);
     (0..steps).map_while(beyond).collect()
 }
 
-/// Appends the image in a wide lens of a straight piece in camera axes: of the arc of rays from end to end.
+/// Appends the image of a straight segment in camera axes, seen by a wide lens along the arc of rays between
+/// its ends.
 fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
     let arc = Arc::between(ends);
     let steps = arc.steps();
@@ -145,12 +148,13 @@ fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>)
     }
 }
 
-/// Appends the image of a straight segment in camera axes, in steps short enough for the distortion.
-fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
-    /// Distance between points of a curved line, in pixels; at a radius of 500 px, the curve is 0.2 px off
-    /// its chord.
+/// Appends the image of a straight segment in camera axes, in steps short enough to follow the lens
+/// distortion.
+fn append_distorted_segment(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+    /// Distance between points of a distorted line, in pixels. The chord of a curve with a radius of 500 px
+    /// deviates by 0.2 px.
     const STEP: f64 = 24.0;
-    const MOST: f64 = 256.0;
+    const MAX_STEPS: f64 = 256.0;
     let centre = camera.lens.principal_point;
     let show = |p: [f64; 3]| {
         let (u, v) = (centre.u + camera.focal * p[0] / p[2], centre.v + camera.focal * p[1] / p[2]);
@@ -159,9 +163,9 @@ fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
     let straight = [show(a), show(b)];
     let bent = camera.lens.distortion != crate::camera::Distortion::None;
     let length = straight[0].distance(straight[1]);
-    let steps = if bent { (length / STEP).clamp(1.0, MOST).ceil() as usize } else { 1 };
+    let steps = if bent { (length / STEP).clamp(1.0, MAX_STEPS).ceil() as usize } else { 1 };
     for step in 0..=steps {
-        // Equal steps on the image, not in space: perspective crowds the far end.
+        // The steps are equal on the image, not in space, because of the perspective.
         let t = step as f64 / steps as f64;
         let pixel = crate::camera::UndistortedPixel {
             u: straight[0].u + t * (straight[1].u - straight[0].u),
@@ -180,11 +184,11 @@ fn bend(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
     }
 }
 
-/// Returns the horizon across an image of this size, curved by the lens; empty if it is invisible.
+/// Returns the horizon across an image of this size, with lens distortion. It is empty if the horizon is not
+/// visible.
 #[must_use]
 pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
-    // Directions of the horizontal plane through the camera, as far points; the visible ones are in front of
-    // it.
+    // Distant points in the horizontal plane through the camera. Only those in front of it are visible.
     const STEPS: usize = 180;
     const FAR: f64 = 1e6;
     let ring: Polyline = (0..=STEPS)
@@ -200,37 +204,37 @@ pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
     on_image(camera, &ring).into_iter().filter(|piece| piece.iter().any(near_image)).collect()
 }
 
-/// A straight line, seen from above.
+/// Straight line on the plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorLine {
-    /// A point of it, in metres.
+    /// Point on the line, in metres.
     pub through: FloorPoint,
-    /// Direction, counter-clockwise from world +x, in radians.
+    /// Direction from world +x, counter-clockwise, in radians.
     pub turn: f64,
 }
 
 impl FloorLine {
-    /// Returns the line through two points; `None` if they coincide.
+    /// Returns the line through two points. Returns `None` if they coincide.
     #[must_use]
     pub fn between(a: FloorPoint, b: FloorPoint) -> Option<Self> {
         (a.distance(b) > 0.0).then(|| Self { through: a, turn: (b.y - a.y).atan2(b.x - a.x) })
     }
 
-    /// Returns the point of the line that is nearest to the point of a pixel on a plane, and the pixel of the
-    /// line's image that is nearest to the given pixel.
+    /// Returns the point of the line nearest to the projection of a pixel on a plane. Also returns the pixel
+    /// on the image of the line nearest to the given pixel.
     ///
-    /// `None` if the pixel or the nearby line is not visible.
+    /// Returns `None` if the pixel does not show the plane, or the line is not visible there.
     #[must_use]
     pub fn nearest(&self, camera: &Camera, pixel: Pixel, plane: &Plane) -> Option<(FloorPoint, Pixel)> {
-        /// Half of a piece of the line, in metres; short enough to be straight in any lens.
+        /// Half the length of a piece of the line, in metres. Distortion is negligible over this length.
         const PIECE: f64 = 1e-3;
-        /// Pieces that are looked at, each about where the one before is nearest.
+        /// Maximum number of pieces. Each is centred on the nearest point of the previous one.
         const STEPS: usize = 40;
-        /// Step after which the iteration ends, in halves of a piece.
+        /// Step at which the iteration ends, in halves of a piece.
         const NEAR: f64 = 1e-3;
-        let put = camera.pixel_to_plane(pixel, plane)?.on_floor();
+        let floor_point = camera.pixel_to_plane(pixel, plane)?.on_floor();
         let (sin, cos) = self.turn.sin_cos();
-        let along = (put.x - self.through.x) * cos + (put.y - self.through.y) * sin;
+        let along = (floor_point.x - self.through.x) * cos + (floor_point.y - self.through.y) * sin;
         let on_line =
             |along: f64| FloorPoint { x: self.through.x + along * cos, y: self.through.y + along * sin };
         let shown = |along: f64| {
@@ -260,7 +264,7 @@ mod tests {
     use super::*;
     use crate::camera::{Distortion, any_camera, dot};
 
-    /// A fisheye that shows more than the half of all directions.
+    /// Creates a fisheye with a field of view above 180°.
     fn ceiling() -> Lens {
         let distortion = Distortion::KannalaBrandt { k: [0.01, -0.002, 0.0, 0.0] };
         Lens { principal_point: Pixel::new(960.0, 950.0), focal: 580.0, distortion, image_circle: None }
@@ -268,7 +272,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_line_through_two_pixels_of_a_fisheye_lies_in_one_plane_with_its_eye(
+        fn fisheye_line_and_camera_centre_are_in_one_plane(
             a in [100.0..1800.0_f64, 100.0..1800.0_f64], b in [100.0..1800.0_f64, 100.0..1800.0_f64],
         ) {
             let (lens, ends) = (ceiling(), [Pixel::from(a), Pixel::from(b)]);
@@ -281,30 +285,31 @@ mod tests {
             let normal = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
             let length = dot(&normal, &normal).sqrt();
             prop_assume!(length > 1e-3);
-            let line = drawn_line(&lens, &ends);
+            let line = annotated_line_curve(&lens, &ends);
             prop_assert_eq!((line.first(), line.last()), (ends.first(), ends.last()));
-            let beyond = [line_beyond(&lens, ends), line_beyond(&lens, [ends[1], ends[0]])];
+            let beyond = [line_extension(&lens, ends), line_extension(&lens, [ends[1], ends[0]])];
             prop_assert!(beyond.iter().all(|side| side.len() > 1));
             for &pixel in line.iter().chain(beyond.iter().flatten()) {
                 prop_assert!(dot(&normal, &ray(pixel)).abs() / length < 1e-9, "{pixel:?}");
             }
-            // As fine as an eye: ahead of it a lens stretches a step by pi/2, and a little by its coefficients.
+            // Fine enough for the display: in front of the camera a lens stretches a step by up to pi/2, and
+            // slightly more by its coefficients.
             let ahead = line.windows(2).filter(|pair| pair.iter().all(|&pixel| ray(pixel)[2] > 0.0));
             let longest = ahead.map(|pair| pair[0].distance(pair[1])).fold(0.0, f64::max);
             prop_assert!(longest < 2.0 * lens.focal * Arc::STEP, "{longest}");
         }
 
         #[test]
-        fn a_line_drawn_under_a_lens_that_is_no_fisheye_is_its_points(
+        fn annotated_line_without_fisheye_is_unchanged(
             camera in any_camera(), points in prop::collection::vec([0.0..1920.0_f64, 0.0..1080.0_f64], 0..5),
         ) {
             prop_assume!(!camera.lens.distortion.is_wide());
             let points: Vec<Pixel> = points.into_iter().map(Pixel::from).collect();
-            prop_assert_eq!(drawn_line(&camera.lens, &points), points);
+            prop_assert_eq!(annotated_line_curve(&camera.lens, &points), points);
         }
 
         #[test]
-        fn a_line_that_passes_behind_the_camera_is_drawn_only_in_front(
+        fn line_behind_camera_is_cut(
             camera in any_camera(), far in -40.0..40.0_f64, side in -40.0..40.0_f64,
         ) {
             let foot = camera.position;
@@ -317,7 +322,7 @@ mod tests {
                     prop_assert!(pixel.is_finite());
                     if let Some(ray) = camera.pixel_to_ray(pixel) {
                         let (a, b) = (line[0], line[1]);
-                        // The ray, the line and the centre lie in one plane.
+                        // The ray, the line and the camera centre are in one plane.
                         let u = [a.x - foot.x, a.y - foot.y, a.z - foot.z];
                         let v = [b.x - foot.x, b.y - foot.y, b.z - foot.z];
                         let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
@@ -329,7 +334,7 @@ mod tests {
         }
 
         #[test]
-        fn no_pixel_of_the_horizon_shows_the_floor_much_nearer_than_infinity(camera in any_camera()) {
+        fn horizon_pixels_show_only_distant_floor(camera in any_camera()) {
             for pixel in horizon(&camera, [1920.0, 1080.0]).into_iter().flatten() {
                 if let Some(floor) = camera.pixel_to_floor(pixel, 0.0) {
                     prop_assert!(floor.distance(camera.position.on_floor()) > 1e3);
@@ -340,7 +345,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_nearest_pixel_shows_the_line_and_is_at_right_angles_to_it(
+        fn nearest_pixel_is_perpendicular_foot_on_the_line(
             camera in any_camera(), u in 200.0..1700.0_f64, v in 500.0..1000.0_f64, turn in -3.0..3.0_f64, off in -0.3..0.3_f64,
         ) {
             let pixel = Pixel { u, v };
@@ -349,12 +354,12 @@ mod tests {
             prop_assume!(range < 4.0);
             let line = FloorLine { through: FloorPoint { x: put.x - off * turn.sin(), y: put.y + off * turn.cos() }, turn };
             let Some((at, shown)) = line.nearest(&camera, pixel, &Plane::FLOOR) else { return Ok(()) };
-            // Both are on the line, the one on the floor and the other in the image.
+            // Both are on the line: one on the floor, the other in the image.
             let across = |p: FloorPoint| (p.y - line.through.y) * turn.cos() - (p.x - line.through.x) * turn.sin();
             prop_assert!(across(at).abs() < 1e-9 && (at.distance(put) - off.abs()).abs() < 1e-9);
             let back = camera.pixel_to_floor(shown, 0.0).unwrap();
             prop_assert!(across(back).abs() < 1e-4, "{} of {off}", across(back));
-            // No neighbouring point is nearer.
+            // Neighbouring points are not nearer.
             for beside in [-0.1, 0.1] {
                 let beside = FloorPoint { x: back.x + beside * turn.cos(), y: back.y + beside * turn.sin() };
                 let Some(other) = camera.world_to_pixel(beside.at_height(0.0)) else { continue };

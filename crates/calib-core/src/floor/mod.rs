@@ -1,26 +1,23 @@
-//! One calibrated camera and the floor: projection in both directions, and everything that is computed from
-//! it.
+//! One calibrated camera and the floor: projection in both directions, and quantities computed from it.
 //!
-//! Rule: roll, pitch, focal length and lens are inputs here. They are never estimated from annotations.
+//! Rule: roll, pitch, focal length and lens are given. They are never estimated from annotations here. The
+//! files, in the order of the data:
 //!
-//! The files, in the order of the data:
-//!
-//! - `placement`: stage 2 by hand, which moves, rotates and scales the EFOV; `resection`: position and yaw
-//!   from control points.
+//! - `placement`: stage 2 by hand, as a translation, rotation and scale of the EFOV.
+//! - `resection`: position and yaw from control points.
+//! - `scene`: grids, prisms, verticals and virtual elements as 3-D polylines.
+//! - `image_curve`: **the image of a 3-D line**, with lens distortion; floor lines and their nearest pixels.
 //! - `efov`: the effective field of view on the floor.
-//! - `scene`: the floor grid, prisms and virtual elements as polylines in space.
-//! - `image_curve`: **the image curves of straight lines**, of the horizon, and of a line on the floor.
-//! - `extent`: the area that a camera covers, and the status of a mapped point.
-//! - `floor_covariances`: **covariances of many floor points**, from the errors of the camera and of the
-//!   pixel.
-//! - `projector`: slices of pixels to a plane and back; `point_projector`: slices of points in space to
-//!   pixels.
-//! - `surface`: the planes of a site in addition to the floor, and the first one that the ray of a pixel
-//!   meets.
-//! - `stream`, `detection_box`, `camera_view`: the same for the pixels and the detection boxes of a stream.
-//!   The bindings for other languages use these.
-//! - `remap`: undistorted images; `window`: **flat and cylindrical windows that look anywhere within a
-//!   lens**.
+//! - `floor_covariances`: **covariances of many floor points**, from the camera and from the pixel.
+//! - `extent`: image and EFOV of a camera, and the status of a mapped pixel.
+//! - `projector`: many pixels to the floor and back.
+//! - `surface`: many pixels to the floor and to other planes.
+//! - `point_projector`: many world points to pixels.
+//! - `stream`: the pixels of a video stream in the calibrated image.
+//! - `detection_box`: the foot points of detection boxes.
+//! - `camera_view`: pixels and boxes of a stream, as the bindings for other languages use them.
+//! - `remap`: undistorted images, also of a stream.
+//! - `window`: **perspective and cylindrical views in any direction within a lens**.
 
 mod placement;
 mod resection;
@@ -42,15 +39,15 @@ pub use camera_view::CameraView;
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::{Extent, Status};
-pub use image_curve::{FloorLine, drawn_line, horizon, in_front, line_beyond, on_image};
+pub use image_curve::{FloorLine, annotated_line_curve, horizon, in_front, line_extension, on_image};
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;
 pub use projector::FloorProjector;
-pub use remap::{Crop, NoStraightView, Remap, StraightView, Undistortion};
+pub use remap::{Crop, Remap, StraightView, StraightViewError, Undistortion};
 pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
 pub use scene::{
     MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, position_ellipse, prism, vertical,
 };
 pub use stream::{PixelOrigin, Stream, StreamError, StreamFit, StreamMap};
 pub use surface::{Surface, SurfacePoint, SurfaceProjector, SurfaceSigmas};
-pub use window::{Look, Mount, Window, lens_reach, view_angle};
+pub use window::{Mount, ViewDirection, Window, lens_reach, view_angle};

@@ -1,17 +1,18 @@
-//! Slices of points of space to pixels: a camera prepared once, without allocating.
+//! Projector of slices of world points to pixels. The camera is prepared once, and mapping allocates no
+//! memory.
 
 use crate::camera::{
     BrownConrady, Camera, Distortion, MIN_DEPTH, Pixel, UndistortedPixel, WorldPoint, dispatch,
 };
 
-/// A camera prepared for mapping many points of space to pixels.
+/// Camera prepared to map many world points to pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointProjector {
     camera: Camera,
-    /// Rows right, down, forward; the first two are multiplied by the focal of the camera over the focal of
-    /// the lens.
+    /// Rows right, down, forward. The first two are multiplied by the focal length of the camera over the
+    /// focal length of the lens.
     axes: [[f64; 3]; 3],
-    /// Largest square radius of undistorted, normalised coordinates that the lens shows.
+    /// Largest squared radius of undistorted, normalised coordinates that the lens shows.
     most: f64,
 }
 
@@ -24,19 +25,19 @@ impl PointProjector {
         Self { camera: *camera, axes, most: camera.lens.distortion.max_radius().powi(2) }
     }
 
-    /// Maps points of space, in metres, to raw pixels `(u, v)`: [`Camera::world_to_pixel`].
+    /// Maps world points, in metres, to raw pixels `(u, v)`; see [`Camera::world_to_pixel`].
     ///
     /// A point behind the camera or outside the lens becomes NaN.
     ///
     /// # Panics
-    /// When the slices are not of one length.
+    /// If the slices differ in length.
     pub fn points_to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2]) {
         let of_one_length = [x.len(), y.len(), z.len(), v.len()].iter().all(|&length| length == u.len());
         assert!(of_one_length, "slices of one length");
         match self.camera.lens.distortion {
             Distortion::None => self.by_formula(None, [x, y, z], [u, v]),
             Distortion::BrownConrady(brown) => self.by_formula(Some(&brown), [x, y, z], [u, v]),
-            // Lenses without a vector version are computed point by point.
+            // Other models are mapped point by point.
             _ => {
                 for i in 0..u.len() {
                     let shown = self.world_to_pixel(WorldPoint { x: x[i], y: y[i], z: z[i] });
@@ -70,7 +71,7 @@ impl PointProjector {
         );
     }
 
-    /// Projects one point.
+    /// Maps one point.
     fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
         let from_eye = [
             point.x - self.camera.position.x,
@@ -96,7 +97,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_slice_maps_as_its_points_do(
+        fn slice_maps_like_single_points(
             camera in any_camera(), other in any_distortion(), is_other: bool,
             at in proptest::collection::vec((-40.0..40.0_f64, -40.0..40.0_f64, -3.0..9.0_f64), 1..40),
         ) {
@@ -108,7 +109,7 @@ mod tests {
             PointProjector::new(&camera).points_to_pixels([&x, &y, &z], [&mut u, &mut v]);
             for i in 0..at.len() {
                 let point = WorldPoint { x: x[i], y: y[i], z: z[i] };
-                // At the rim of the lens and to the side of the camera, rounding decides.
+                // Rounding decides at the rim of the lens, and near the camera plane.
                 let depth = camera.in_camera(point)[2];
                 match camera.world_to_pixel(point) {
                     Some(pixel) if depth > 1e-3 => {

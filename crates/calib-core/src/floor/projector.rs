@@ -1,4 +1,5 @@
-//! Slices of pixels to the floor and back: a camera prepared once, without allocating.
+//! Projector of slices of pixels to a plane and back. The camera is prepared once, and mapping allocates no
+//! memory.
 
 use crate::camera::{
     BrownInverse, Camera, Distortion, FloorCovariance, FloorPoint, LANES, Lens, Pixel, Plane, WorldPoint,
@@ -9,16 +10,16 @@ use crate::floor::extent::Status;
 use crate::floor::floor_covariances::{CovarianceLanes, STRAIGHT_LANES};
 use crate::floor::floor_covariances::{lanes, store};
 
-/// A camera prepared for mapping many pixels to one plane, and points of it to pixels.
+/// Camera prepared to map many pixels to one plane, and points of the plane to pixels.
 ///
-/// Results that do not exist are NaN: a slice has no room for `Option`.
+/// Results that do not exist are NaN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorProjector {
     camera: Camera,
     plane: Plane,
-    /// Homogeneous floor coordinates from focal-normalised, undistorted ones (of the lens's focal).
+    /// Homography from undistorted coordinates, divided by the focal length of the lens, to the floor.
     floor_from_lens: [[f64; 3]; 3],
-    /// Homogeneous lens coordinates from floor coordinates.
+    /// Homography from the floor to lens coordinates.
     lens_from_floor: [[f64; 3]; 3],
     /// Inverse of a lens without a closed form, for many points at once.
     inverse: Option<BrownInverse>,
@@ -54,19 +55,19 @@ impl FloorProjector {
         Self { camera: *camera, plane: *plane, floor_from_lens, lens_from_floor, inverse }
     }
 
-    /// The camera.
+    /// Returns the camera.
     #[must_use]
     pub const fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// Height of the plane, in metres; of one that falls, at its anchor.
+    /// Returns the height of the plane, in metres. The height of a sloping plane is the one at its anchor.
     #[must_use]
     pub const fn height(&self) -> f64 {
         self.plane.height
     }
 
-    /// The plane.
+    /// Returns the plane.
     #[must_use]
     pub const fn plane(&self) -> &Plane {
         &self.plane
@@ -77,7 +78,7 @@ impl FloorProjector {
     /// A pixel on or above the horizon or outside the lens becomes NaN.
     ///
     /// # Panics
-    /// When the slices are not of one length.
+    /// If the slices differ in length.
     pub fn pixels_to_floor(&self, u: &[f64], v: &[f64], x: &mut [f64], y: &mut [f64]) {
         assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
         match (self.camera.lens.distortion, &self.inverse) {
@@ -95,7 +96,7 @@ impl FloorProjector {
                 };
                 self.in_step(inverse, to_floor, [u, v], [x, y]);
             }
-            // Lenses without a vector version are computed pixel by pixel.
+            // Other models are mapped pixel by pixel.
             _ => {
                 for i in 0..u.len() {
                     let floor = self.pixel_to_floor(Pixel { u: u[i], v: v[i] });
@@ -105,18 +106,19 @@ impl FloorProjector {
         }
     }
 
-    /// Returns the sign of the third coordinate where the plane is visible. A plane above the camera is
-    /// visible above the horizon; a plane at its height is invisible.
+    /// Returns a number with the sign of the third coordinate of visible points. A plane above the camera is
+    /// visible above the horizon; a plane at the height of the camera is not visible.
     fn side(&self) -> f64 {
         self.camera.position.z - self.plane.height_at(self.camera.position.on_floor())
     }
 
-    /// Maps with the division model, or without distortion for 0. An undistorted point is the raw one (a, b)
-    /// divided by q, so its floor point is the image of the homogeneous (a, b, q).
+    /// Maps pixels with the division model, or without distortion if lambda is 0. The undistorted point is
+    /// the raw point (a, b) divided by q. The floor point therefore follows from the homogeneous vector (a,
+    /// b, q).
     fn by_quotient(&self, lambda: f64, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
-        // A pincushion turns back where q is 2.
+        // A pincushion lens folds back at q = 2.
         let most = if lambda > 0.0 { 2.0 } else { f64::INFINITY };
         dispatch(
             #[inline(always)]
@@ -134,7 +136,7 @@ impl FloorProjector {
         );
     }
 
-    /// Undistorts pixels, and maps the normalised coordinates with `onward`.
+    /// Undistorts pixels in lockstep, and maps the normalised points by `onward`.
     #[inline(always)]
     fn in_step(
         &self,
@@ -150,7 +152,7 @@ impl FloorProjector {
             move || {
                 let pixels = u.chunks(LANES).zip(v.chunks(LANES));
                 for ((u, v), (x, y)) in pixels.zip(x.chunks_mut(LANES).zip(y.chunks_mut(LANES))) {
-                    // The rest is padded with the principal point.
+                    // The last chunk is padded with the principal point.
                     let mut a = lanes(u, cu).map(|u| (u - cu) * inverse);
                     let mut b = lanes(v, cv).map(|v| (v - cv) * inverse);
                     lens.undistort(&mut a, &mut b);
@@ -164,12 +166,12 @@ impl FloorProjector {
         );
     }
 
-    /// Undistorts raw pixels `(u, v)`, like [`Camera::undistort`].
+    /// Maps raw pixels `(u, v)` to undistorted pixels; see [`Camera::undistort`].
     ///
-    /// Pixels outside the lens become NaN.
+    /// A pixel outside the lens becomes NaN.
     ///
     /// # Panics
-    /// When the slices differ in length.
+    /// If the slices differ in length.
     pub fn undistort_pixels(&self, u: &[f64], v: &[f64], to_u: &mut [f64], to_v: &mut [f64]) {
         assert!(u.len() == v.len() && u.len() == to_u.len() && u.len() == to_v.len(), "slices of one length");
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
@@ -191,12 +193,12 @@ impl FloorProjector {
         }
     }
 
-    /// Maps pixels like [`Self::pixels_to_floor`], with their status.
+    /// Maps pixels as [`Self::pixels_to_floor`], with a status for each.
     ///
-    /// A pixel is inside the EFOV if the floor point on its ray is, for any height of the plane.
+    /// A pixel is inside the EFOV if its floor point is, for a plane at any height.
     ///
     /// # Panics
-    /// When the slices differ in length.
+    /// If the slices differ in length.
     pub fn pixels_to_floor_within(
         &self,
         extent: &Extent<'_>,
@@ -213,13 +215,13 @@ impl FloorProjector {
         for i in 0..u.len() {
             if status[i] == Status::AboveHorizon {
                 (x[i], y[i]) = (f64::NAN, f64::NAN);
-                status[i] = self.why_none(Pixel { u: u[i], v: v[i] });
+                status[i] = self.status_without_point(Pixel { u: u[i], v: v[i] });
             }
         }
     }
 
-    /// Why a pixel shows no point.
-    fn why_none(&self, pixel: Pixel) -> Status {
+    /// Returns the reason why a pixel has no point.
+    fn status_without_point(&self, pixel: Pixel) -> Status {
         if !pixel.is_finite() {
             Status::Missing
         } else if self.camera.lens.bearing(pixel).is_none() {
@@ -229,14 +231,14 @@ impl FloorProjector {
         }
     }
 
-    /// Computes the covariances of the points of the plane at raw pixels `(u, v)`, for a standard deviation
-    /// of `pixel_sigma` pixels of each coordinate, in square metres, like [`Camera::floor_covariance`]. The
-    /// parts of the pixel and of the calibration each have the columns xx, xy, yy.
+    /// Computes the covariances of the points of the plane at raw pixels `(u, v)`, in square metres; see
+    /// [`Camera::floor_covariance`]. `pixel_sigma` is the standard deviation of each coordinate, in pixels.
+    /// The pixel part and the calibration part have the columns xx, xy, yy.
     ///
-    /// Pixels without a point get NaN. So does the calibration part if it is unknown.
+    /// A pixel without a point has NaN, and so has an unknown calibration part.
     ///
     /// # Panics
-    /// When the slices differ in length.
+    /// If the slices differ in length.
     pub fn floor_covariances(
         &self,
         [u, v]: [&[f64]; 2],
@@ -258,7 +260,7 @@ impl FloorProjector {
             ),
             (Distortion::BrownConrady(brown), Some(inverse)) => self.covariances_in_step(
                 #[inline(always)]
-                |of, u, v| of.bent((inverse, brown), u, v),
+                |of, u, v| of.distorted((inverse, brown), u, v),
                 [u, v],
                 pixel_sigma,
                 to,
@@ -299,7 +301,7 @@ impl FloorProjector {
         );
     }
 
-    /// Computes covariances for lenses without a vector version.
+    /// Computes the covariances pixel by pixel, for models without a faster method.
     fn covariances_one_by_one(&self, [u, v]: [&[f64]; 2], sigma: f64, mut to: [&mut [f64]; 6]) {
         for (i, (&u, &v)) in u.iter().zip(v).enumerate() {
             let found = self.camera.covariance_on(Pixel { u, v }, sigma, &self.plane, &[[0.0; 3]; 3]);
@@ -314,7 +316,7 @@ impl FloorProjector {
     /// A point behind the camera or outside the lens becomes NaN.
     ///
     /// # Panics
-    /// When the slices are not of one length.
+    /// If the slices differ in length.
     pub fn floor_to_pixels(&self, x: &[f64], y: &[f64], u: &mut [f64], v: &mut [f64]) {
         assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
         let h = self.lens_from_floor;
@@ -346,8 +348,8 @@ impl FloorProjector {
     }
 }
 
-/// Returns the distance from the principal point to the farthest corner, in focal lengths, for a principal
-/// point near the image centre. Only the speed depends on it.
+/// Returns the largest distance of a pixel from the principal point, in units of the focal length, for a
+/// principal point near the image centre. It affects only the time that a point takes.
 fn reach(lens: &Lens) -> f64 {
     let Pixel { u, v } = lens.principal_point;
     (1.2 * u.hypot(v) / lens.focal).clamp(0.3, 3.0)
@@ -381,7 +383,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_slice_maps_as_its_pixels_do(
+        fn slice_maps_like_single_pixels(
             camera in any_camera(), lambda in -0.3..0.1_f64, division: bool,
             at in proptest::collection::vec((-200.0..2200.0_f64, -200.0..1300.0_f64), 1..40), height in -1.0..9.0_f64,
         ) {
@@ -392,7 +394,7 @@ mod tests {
         }
 
         #[test]
-        fn a_pixel_maps_to_the_same_bits_whatever_stands_beside_it(
+        fn result_of_a_pixel_is_independent_of_its_neighbours(
             camera in any_camera(),
             at in proptest::collection::vec((-200.0..2200.0_f64, -200.0..1300.0_f64), 1..40), first in 0..40_usize,
         ) {
@@ -408,7 +410,7 @@ mod tests {
         }
 
         #[test]
-        fn every_pixel_is_judged_as_it_is_by_itself(
+        fn slice_status_equals_single_pixel_status(
             camera in any_camera(), height in -1.0..9.0_f64,
             at in proptest::collection::vec((-900.0..2800.0_f64, -900.0..1900.0_f64), 1..200),
         ) {
@@ -432,7 +434,7 @@ mod tests {
                     (_, Some(floor)) if extent.contains(floor) => Status::Ok,
                     _ => Status::OutsideEfov,
                 };
-                // On an edge of the polygon a rounding decides.
+                // Rounding decides on an edge of the polygon.
                 let on_edge = floor.is_some_and(|f| {
                     [(1e-7, 0.0), (-1e-7, 0.0), (0.0, 1e-7), (0.0, -1e-7)].iter().any(|(dx, dy)| {
                         extent.contains(FloorPoint { x: f.x + dx, y: f.y + dy }) != extent.contains(f)
@@ -443,7 +445,7 @@ mod tests {
         }
 
         #[test]
-        fn a_plane_is_as_uncertain_as_the_floor_under_a_camera_as_much_lower(
+        fn raised_plane_has_covariance_of_floor_under_lowered_camera(
             camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.5_f64,
         ) {
             let mut camera = camera;
@@ -468,7 +470,7 @@ mod tests {
         }
 
         #[test]
-        fn the_floor_goes_back_to_the_pixels(
+        fn floor_points_map_back_to_pixels(
             camera in any_camera(), at in proptest::collection::vec((0.0..1920.0_f64, 0.0..1080.0_f64), 1..20),
         ) {
             let projector = FloorProjector::new(&camera, 0.0);

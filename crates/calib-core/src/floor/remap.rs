@@ -1,5 +1,5 @@
-//! Undistortion of images: a map from every pixel of the undistorted image to the raw image. It is built once
-//! and applied to any number of images of that camera.
+//! Undistortion of images: a map from every pixel of the undistorted image to the raw image. It is computed
+//! once and applied to any number of images of a camera or a stream.
 
 use std::fmt;
 
@@ -9,50 +9,51 @@ use crate::camera::{BrownConrady, Distortion, Lens, Pixel, UndistortedPixel, dis
 use crate::floor::camera_view::CameraView;
 use crate::floor::stream::named;
 
-/// Part of the undistorted plane that the new image shows. The size of the image does not change.
+/// Part of the undistorted plane in the new image, which has the size of the raw image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Crop {
-    /// The same focal length: the centre keeps its scale.
+    /// Same focal length: the centre keeps its scale.
     #[default]
     SameFocal,
-    /// The largest view without a blank pixel.
+    /// Largest view without blank pixels.
     AllValid,
-    /// Every pixel of the raw image; pixels outside it are blank.
+    /// Every pixel of the raw image; the rest is blank.
     AllPixels,
 }
 
 named! { Crop { SameFocal = "same-focal", AllValid = "all-valid", AllPixels = "all-pixels" } }
 
-/// Number of bilinear weights per pixel: 8-bit colours do not show finer ones.
+/// Resolution of bilinear weights: 1/32 of a pixel is sufficient for 8-bit colours.
 const STEPS: f32 = 32.0;
 const STEP_BITS: u32 = 5;
 const BLANK: u32 = u32::MAX;
 
-/// Undistortion of the images of a lens for a part of the undistorted plane.
+/// Undistortion of the images of a lens, for one part of the undistorted plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Undistortion {
     lens: Lens,
     width: usize,
     height: usize,
-    /// Scale in: undistorted pixel = offset + scale * pixel of the new image.
+    /// Scale and offset of the new image: undistorted pixel = offset + scale * pixel of the new image.
     scale: f64,
     offset: [f64; 2],
     /// Largest squared radius of undistorted, normalised coordinates that the lens shows.
     most: f64,
 }
 
-/// Precomputed map from a new image to the raw one, for many images of one camera.
+/// Stored map from a new image to the raw image, for many images of one camera. An [`Undistortion`] creates
+/// it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remap {
-    /// Width of the raw image, in pixels.
+    /// Width of the raw image.
     width: usize,
     /// Number of pixels of the raw image.
     pixels: usize,
     rows: MapRows,
 }
 
-/// Position in the raw image for every pixel of the new image: the index of the raw pixel up and left of it,
-/// and the weights in x and y.
+/// Index of the raw pixel up and left of the position, and the weights in x and y, for every pixel of the new
+/// image.
 #[derive(Clone, Debug, PartialEq)]
 struct MapRows {
     index: Vec<u32>,
@@ -66,7 +67,7 @@ impl MapRows {
     }
 }
 
-/// Number of bytes per pixel.
+/// Number of bytes for each pixel.
 #[derive(Clone, Copy, Debug)]
 enum Channels {
     Grey = 1,
@@ -75,12 +76,12 @@ enum Channels {
 }
 
 impl Channels {
-    /// Returns the channels of an image with this number of pixels; `None` if its length does not fit.
+    /// Returns the channels of an image with the given number of pixels.
     fn of(raw: &[u8], pixels: usize) -> Option<Self> {
         [Self::Grey, Self::Rgb, Self::Rgba].into_iter().find(|own| raw.len() == pixels * *own as usize)
     }
 
-    /// Fills the pixels of the new image; `out` has as many pixels as the map.
+    /// Fills the pixels of the new image that are in the map.
     fn apply(self, raw: &[u8], width: usize, map: &MapRows, out: &mut [u8]) {
         let stride = width * self as usize;
         match self {
@@ -92,12 +93,11 @@ impl Channels {
 }
 
 impl Undistortion {
-    /// Prepares the undistortion of raw images of `width` x `height` pixels. The undistorted image has the
-    /// same size.
+    /// Prepares the undistortion of raw images of `width` x `height` pixels. The new image has the same size.
     ///
-    /// `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more. Also `None` for crops
-    /// that follow the sides of the image if no flat image contains one of these sides, as for an image
-    /// circle.
+    /// Returns `None` for images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more. Also returns
+    /// `None` for other crops than the same focal length if no flat image contains a side of the raw image,
+    /// as around an image circle.
     #[must_use]
     pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
         let bytes = width.checked_mul(height)?.checked_mul(3)?;
@@ -109,7 +109,7 @@ impl Undistortion {
         Some(Self { lens: *lens, width, height, scale, offset, most })
     }
 
-    /// Returns the focal length of the new image if `focal` is the focal length of the raw one, in pixels.
+    /// Returns the focal length of the new image, in pixels. `focal` is the focal length of the raw image.
     #[must_use]
     pub fn focal(&self, focal: f64) -> f64 {
         focal / self.scale
@@ -122,27 +122,26 @@ impl Undistortion {
         Pixel { u: (u - self.offset[0]) / self.scale, v: (v - self.offset[1]) / self.scale }
     }
 
-    /// Undistorts an image of 8 bits per channel, row by row: grey, RGB or RGBA, in any order of colours.
+    /// Undistorts an image of 8 bits for each channel, row by row: grey, RGB or RGBA, in any order of
+    /// colours. Pixels that the raw image does not show become black, or transparent.
     ///
-    /// Pixels outside the raw image become black, or transparent. `None` if the slice does not have 1, 3 or 4
-    /// times `width * height` bytes.
+    /// Returns `None` if the slice does not have `width * height` bytes, or three or four times as many.
     #[must_use]
     pub fn apply(&self, raw: &[u8]) -> Option<Vec<u8>> {
         let mut out = vec![0; raw.len()];
         self.apply_into(raw, &mut out).then_some(out)
     }
 
-    /// Undistorts an image like [`Self::apply`], into a buffer of the same size. Returns `false` if the size
-    /// of a slice is wrong.
+    /// Undistorts as [`Self::apply`], into a buffer of the same size. Returns `false` if a slice has another
+    /// size.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
         raw.len() == out.len() && self.apply_rows_into(raw, 0, out)
     }
 
-    /// Computes the rows of the new image from `first` on, until the buffer is full. Callers with threads
-    /// pass a separate buffer for each band of rows.
-    ///
-    /// Returns `false` if a slice does not contain whole rows, or has more rows than the image.
+    /// Undistorts as [`Self::apply_into`], for the rows of the new image from `first` on that fit into the
+    /// buffer. Several threads can share the rows. Returns `false` if a slice does not contain whole rows, or
+    /// too many of them.
     #[must_use]
     pub fn apply_rows_into(&self, raw: &[u8], first: usize, out: &mut [u8]) -> bool {
         let Some(channels) = Channels::of(raw, self.width * self.height) else { return false };
@@ -151,7 +150,7 @@ impl Undistortion {
         if !out.len().is_multiple_of(row_bytes) || rows > self.height.saturating_sub(first) {
             return false;
         }
-        // One row of the map at a time fits into the fast cache.
+        // The map is computed row by row, so it stays in the fast cache.
         let mut row = MapRows::new(self.width);
         let (mut u, mut v) = (vec![0.0; self.width], vec![0.0; self.width]);
         for (y, out) in (first..).zip(out.chunks_exact_mut(row_bytes)) {
@@ -161,7 +160,7 @@ impl Undistortion {
         true
     }
 
-    /// Computes the map for repeated use.
+    /// Computes the whole map, to be stored.
     #[must_use]
     pub fn remap(&self) -> Remap {
         let mut rows = MapRows::new(self.width * self.height);
@@ -178,8 +177,8 @@ impl Undistortion {
         pack(self.width, self.height, u, v, index, fraction);
     }
 
-    /// Computes the raw positions of a row of the new image, to a thousandth of a pixel. Pixel centres are at
-    /// halves.
+    /// Computes the raw positions of the pixels of a row of the new image, accurate to a thousandth of a
+    /// pixel. Pixel centres are at halves.
     fn raw_row(&self, row: usize, u: &mut [f32], v: &mut [f32]) {
         let lens = &self.lens;
         let Pixel { u: cu, v: cv } = lens.principal_point;
@@ -203,8 +202,8 @@ impl Undistortion {
 }
 
 impl Remap {
-    /// Builds the map of a new image of `size` (width, height) pixels. `raw_of` gives the position in the raw
-    /// image of each pixel.
+    /// Creates the map of a new image with the given width and height. `raw_of` maps its pixels to the raw
+    /// image.
     pub(crate) fn new(
         raw: [usize; 2],
         size: [usize; 2],
@@ -231,7 +230,7 @@ impl Remap {
         Some(Self { width: raw[0], pixels: raw[0] * raw[1], rows })
     }
 
-    /// Applies the map like [`Undistortion::apply_into`]. `out` has the size for which the map was built.
+    /// Applies the map as [`Undistortion::apply_into`]. The new image has the size of the map.
     #[must_use]
     pub fn apply_into(&self, raw: &[u8], out: &mut [u8]) -> bool {
         let is_whole = |own: &Channels| out.len() == self.rows.index.len() * *own as usize;
@@ -241,7 +240,7 @@ impl Remap {
     }
 }
 
-/// Fills the pixels of the new image, `C` bytes each; `out` has as many pixels as the map.
+/// Fills the pixels of the new image that are in the map, with `C` bytes each.
 fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mut [u8]) {
     dispatch(
         #[inline(always)]
@@ -259,12 +258,12 @@ fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mu
     );
 }
 
-/// Returns the weighted mean of four pixels: two neighbours, and the two below them. It first interpolates
-/// between the rows, to 11 bits, then between the columns.
+/// Returns the weighted mean of four pixels: two neighbours, and the two below them. Rows are interpolated
+/// first, to 11 bits, then columns.
 #[inline(always)]
 fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C] {
     let (fx, fy) = (u16x8::splat(fraction & 0xFF), u16x8::splat(fraction >> 8));
-    // 32 a + (b - a) f: if the difference is negative, the sum wraps back.
+    // 32 a + (b - a) f: if the difference is negative, the sum wraps around to the correct value.
     let mix = |a: u16x8, b: u16x8, f: u16x8| -> u16x8 { (a << STEP_BITS) + (b - a) * f };
     let rows: u16x8 = (mix(top, bottom, fy) + u16x8::splat(2)) >> 2;
     let lanes = rows.to_array();
@@ -275,7 +274,7 @@ fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C]
     std::array::from_fn(|i| bytes[i])
 }
 
-/// Reads two neighbouring pixels, and the bytes after them up to eight.
+/// Reads two neighbouring pixels and the bytes after them.
 #[inline(always)]
 fn pair(raw: &[u8], at: usize) -> u16x8 {
     let bytes: [u8; 8] = match raw.get(at..at + 8) {
@@ -286,14 +285,15 @@ fn pair(raw: &[u8], at: usize) -> u16x8 {
     u16x8::from_u8x16_low(u8x16::new(word.to_le_bytes()))
 }
 
-/// Reads two pixels like [`pair`] at the very end of the image, where fewer than eight bytes remain.
+/// Reads as [`pair`] at the end of the image; missing bytes are 0.
 #[cold]
 #[inline(never)]
 fn last_pair(raw: &[u8], at: usize) -> [u8; 8] {
     std::array::from_fn(|i| raw.get(at + i).copied().unwrap_or_default())
 }
 
-/// Computes the raw pixels of a row of normalised points `(first + i step, y)`; NaN outside the lens.
+/// Computes the raw pixels of a row of normalised points `(first + i step, y)`. Points beyond the lens become
+/// NaN.
 fn brown_row(
     brown: &BrownConrady,
     most: f64,
@@ -321,9 +321,9 @@ fn brown_row(
     );
 }
 
-/// Packs raw positions into the index of the pixel up and left, and the fractions.
+/// Packs raw positions as the index of the pixel up and left, and fractions.
 fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fraction: &mut [u16]) {
-    // Centres are at halves: the pixel whose centre is up and left of u has index floor(u - 0.5).
+    // Centres are at halves: the pixel with its centre up and left of u has the index floor(u - 0.5).
     let (last_x, last_y) = (width as i32 - 1, height as i32 - 1);
     let (most_x, most_y) = ((last_x * 32) as f32, (last_y * 32) as f32);
     let width = width as u32;
@@ -331,11 +331,11 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
         #[inline(always)]
         move || {
             for (((index, fraction), &u), &v) in index.iter_mut().zip(fraction).zip(u).zip(v) {
-                // Up to half a pixel outside the outer centres the edge's colour is used.
+                // Positions up to half a pixel beyond the outer centres have the colour of the edge.
                 let (x, y) = ((u - 0.5) * STEPS, (v - 0.5) * STEPS);
                 let inside = (x >= -16.0) & (x <= most_x + 16.0) & (y >= -16.0) & (y <= most_y + 16.0);
                 let (x, y) = (rounded(x, most_x), rounded(y, most_y));
-                // The last column and row use the pixel before them, with full weight on the next one.
+                // The last column and row use the pixel before, with full weight.
                 let (column, line) = ((x >> STEP_BITS).min(last_x - 1), (y >> STEP_BITS).min(last_y - 1));
                 let packed = line as u32 * width + column as u32;
                 *index = if inside { packed } else { BLANK };
@@ -345,10 +345,10 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
     );
 }
 
-/// Rounds to the nearest whole number between 0 and `most`, which is below 2^22; 0 for NaN.
+/// Returns the nearest integer between 0 and `most`, which is below 2^22. Returns 0 for NaN.
 #[inline(always)]
 fn rounded(x: f32, most: f32) -> i32 {
-    /// Offset that moves the units of a number into the last bit of its mantissa.
+    /// Offset that moves the units of a number to the last bit of its mantissa.
     const SHIFT: f32 = 12_582_912.0;
     let x = if x > 0.0 { x } else { 0.0 };
     let x = if x < most { x } else { most };
@@ -388,57 +388,57 @@ fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> Option<(f64, [f64
     (scale.is_finite() && scale > 0.0).then_some((scale, offset))
 }
 
-/// Prepared undistortion of the images of a stream, and the pinhole camera of the undistorted images.
+/// Undistortion of the images of a stream, prepared for many of them, with the equivalent pinhole.
 #[derive(Clone, Debug)]
 pub struct StraightView {
-    /// Map from the new image to the raw one.
+    /// Map from the raw image to the new image.
     pub remap: Remap,
     /// Width and height of both images, in pixels.
     pub size: [usize; 2],
     /// Focal length of the new image, in pixels.
     pub focal: f64,
-    /// Principal point of the new image, from its corner.
+    /// Principal point of the new image, from its corner, in pixels.
     pub principal_point: Pixel,
 }
 
 /// Reason why the images of a stream cannot be undistorted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoStraightView {
+pub enum StraightViewError {
     /// The stream is stretched.
     Stretched,
-    /// The crop follows the sides of the image, and no flat image contains one of them.
+    /// No flat image contains a side of the raw image, which the crop requires.
     Round,
     /// The images are too small or too large.
     Size,
 }
 
-impl fmt::Display for NoStraightView {
+impl fmt::Display for StraightViewError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Stretched => {
                 "a stretched stream has two focal lengths: undistort images with the aspect ratio of the calibrated image"
             }
             Self::Round => {
-                "no flat image holds all that this lens shows: expected the crop \"same-focal\", or a window"
+                "no flat image contains the whole view of this lens; use the crop \"same-focal\" or a window"
             }
             Self::Size => "expected images of 2 x 2 to 1.4 gigapixels",
         })
     }
 }
 
-impl std::error::Error for NoStraightView {}
+impl std::error::Error for StraightViewError {}
 
 impl CameraView {
     /// Prepares the undistortion of the images of the stream.
     ///
     /// # Errors
-    /// Fails if the stream is stretched, or if no flat image contains the requested crop. Also fails for
-    /// images of fewer than 2 x 2 pixels, and of 1.4 gigapixels and more.
-    pub fn straight_view(&self, crop: Crop) -> Result<StraightView, NoStraightView> {
-        let (lens, size) = self.lens_in_stream().ok_or(NoStraightView::Stretched)?;
+    /// If the stream is stretched, if no flat image contains the crop, and for images of fewer than 2 x 2
+    /// pixels, or of 1.4 gigapixels and more.
+    pub fn straight_view(&self, crop: Crop) -> Result<StraightView, StraightViewError> {
+        let (lens, size) = self.lens_in_stream().ok_or(StraightViewError::Stretched)?;
         let size @ [width, height] = size.map(|side| side as usize);
         let made = |crop| Undistortion::new(&lens, width, height, crop);
-        let why = || made(Crop::SameFocal).map_or(NoStraightView::Size, |_| NoStraightView::Round);
+        let why = || made(Crop::SameFocal).map_or(StraightViewError::Size, |_| StraightViewError::Round);
         let made = made(crop).ok_or_else(why)?;
         let focal = made.focal(self.camera().focal / self.camera().lens.focal * lens.focal);
         Ok(StraightView { remap: made.remap(), size, focal, principal_point: made.principal_point() })
@@ -459,7 +459,7 @@ mod tests {
         }
     }
 
-    /// Returns an image whose colours encode the position: red 0.5 u, green v, blue a mix of both.
+    /// Creates an image whose colours encode the position: red 0.5 u, green v, blue a mix of both.
     fn ramp(width: usize, height: usize) -> Vec<u8> {
         (0..height)
             .flat_map(|y| (0..width).flat_map(move |x| [(x / 2) as u8, y as u8, ((x + y) / 4) as u8]))
@@ -467,7 +467,7 @@ mod tests {
     }
 
     #[test]
-    fn bands_of_rows_are_the_image() {
+    fn bands_of_rows_equal_the_whole_image() {
         let brown = BrownConrady { k1: -0.2, k2: 0.05, ..BrownConrady::default() };
         let centre = Pixel::new(31.0, 17.5);
         let lens = Lens { focal: 50.0, distortion: Distortion::BrownConrady(brown), ..Lens::pinhole(centre) };
@@ -484,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_shows_what_the_lens_shows_there() {
+    fn undistorted_pixels_have_colour_of_raw_position() {
         let (width, height, lens) = (320, 180, barrel());
         for crop in [Crop::SameFocal, Crop::AllValid, Crop::AllPixels] {
             let view = Undistortion::new(&lens, width, height, crop).unwrap();
@@ -516,7 +516,7 @@ mod tests {
     }
 
     #[test]
-    fn grey_and_clear_images_are_mapped_as_the_channels_of_a_coloured_one() {
+    fn grey_and_rgba_images_map_like_rgb_channels() {
         let (width, height) = (320, 180);
         let view = Undistortion::new(&barrel(), width, height, Crop::SameFocal).unwrap();
         let raw = ramp(width, height);
@@ -532,7 +532,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slice_of_the_wrong_size_is_refused() {
+    fn slice_of_wrong_size_is_rejected() {
         let view = Undistortion::new(&barrel(), 32, 18, Crop::SameFocal).unwrap();
         assert_eq!(view.apply(&[0; 5]), None);
         assert!(!view.remap().apply_into(&[0; 5], &mut [0; 5]));

@@ -1,14 +1,14 @@
-//! Camera resection: position and yaw of a camera with known roll, pitch, focal and lens, from control
-//! points.
+//! Camera resection: position and yaw from control points, for a camera with known roll, pitch, focal length
+//! and lens.
 //!
-//! Closed form: for the ray `d` of a pixel at yaw 0 and a point (X, Y) at height h, the equations
+//! The closed form uses the ray `d` of a pixel at yaw 0 and a point (X, Y) at height h:
 //!
 //! `dz X = dz x0 + (h - z0) (dx cos yaw - dy sin yaw)` and
-//! `dz Y = dz y0 + (h - z0) (dx sin yaw + dy cos yaw)`
+//! `dz Y = dz y0 + (h - z0) (dx sin yaw + dy cos yaw)`.
 //!
-//! are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`. Points of one height determine
-//! only the drop to it. Therefore both forms are solved, with and without a common height, and the solution
-//! with the smallest error in pixels is refined by Levenberg-Marquardt.
+//! These equations are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`. Points of one
+//! height determine only the drop to it. Both forms, with and without a common height, are therefore solved.
+//! The solution with the smallest error in pixels is refined by Levenberg-Marquardt.
 
 use nalgebra::{DMatrix, DVector, Matrix4, SVD, Vector4};
 
@@ -18,7 +18,7 @@ use crate::camera::{
 };
 use crate::optimize::{LeastSquares, least_squares};
 
-/// A pixel that shows a point with known coordinates.
+/// Control point: a pixel and the known position that it shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlPoint {
     /// Raw pixel.
@@ -27,11 +27,11 @@ pub struct ControlPoint {
     pub world: WorldPoint,
 }
 
-/// The camera with roll, pitch, focal and lens of `camera` at the position and yaw that control points give;
-/// at `height` in metres, if given.
+/// Computes the position and yaw of a camera from control points. Roll, pitch, focal length and lens are
+/// those of `camera`; the position is at `height` metres, if given.
 ///
-/// It is the least-squares solution of the distances in undistorted pixels, started from a closed form.
-/// `None` for fewer than two points that the lens shows, and for points that do not determine it.
+/// The result minimises the squared distances in undistorted pixels, from a start in closed form. Returns
+/// `None` for fewer than two visible points, and for points that do not determine the position.
 #[must_use]
 pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let shown: Vec<ControlPoint> =
@@ -43,21 +43,21 @@ pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Opt
     let mut found = refined(start, &shown, height.is_some());
     let half = std::f64::consts::PI;
     found.yaw = (found.yaw + half).rem_euclid(2.0 * half) - half;
-    // Points at one pixel, or behind the camera, place nothing.
+    // Points at one pixel, or behind the camera, do not determine the position.
     let is_placed = square_error(&found, &shown).is_finite() && found.position.is_finite();
     let unknowns = if height.is_some() { 3 } else { 4 };
-    (is_placed && jacobian_by_place(&found, &shown).rank(1e-9) >= unknowns).then_some(found)
+    (is_placed && pose_jacobian(&found, &shown).rank(1e-9) >= unknowns).then_some(found)
 }
 
-/// Derivatives of the points' pixels by position and yaw.
-fn jacobian_by_place(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
+/// Returns the derivatives of the pixels of the points by position and yaw.
+fn pose_jacobian(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
     let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
     let columns = unknowns.map(|index| pixel_derivatives(camera, points, index));
-    // A metre and a radian are of comparable magnitude at distances of some metres.
+    // At distances of some metres, a metre and a radian have comparable effects.
     DMatrix::from_fn(2 * points.len(), unknowns.len(), |i, j| columns[j][i] / camera.focal)
 }
 
-/// Rays at yaw 0, in world axes.
+/// Returns the rays at yaw 0, in world axes.
 fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
     let unturned = Camera { yaw: 0.0, ..*camera };
     points.iter().filter_map(|point| Some(unturned.pixel_to_ray(point.pixel)?.direction)).collect()
@@ -67,7 +67,7 @@ fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
 fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let rays = rays(camera, points);
     let count = points.len() as f64;
-    // World coordinates may be large, as of a national grid: work about their mean.
+    // World coordinates may be large, as in a national grid. They are taken relative to their mean.
     let middle = |value: fn(&WorldPoint) -> f64| points.iter().map(|p| value(&p.world)).sum::<f64>() / count;
     let centre = WorldPoint::new(middle(|p| p.x), middle(|p| p.y), middle(|p| p.z));
     let candidates =
@@ -80,8 +80,8 @@ fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) ->
         .min_by(|a, b| square_error(a, points).total_cmp(&square_error(b, points)))
 }
 
-/// x, y, z and yaw above and below the points, as if all had the mean height `h`: unknowns x0, y0,
-/// `(z0 - h) cos yaw`, `(z0 - h) sin yaw`.
+/// Returns x, y, z and yaw of the solutions above and below the points, if all points are at the mean height
+/// `h`. The unknowns are x0, y0, `(z0 - h) cos yaw`, `(z0 - h) sin yaw`.
 fn one_height(
     rays: &[[f64; 3]],
     points: &[ControlPoint],
@@ -103,8 +103,8 @@ fn one_height(
     })
 }
 
-/// x, y, z and yaw by all heights: unknowns x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw` relative
-/// to the mean height.
+/// Returns x, y, z and yaw of the solution with different heights. The unknowns are x0, y0, `z0 cos yaw`,
+/// `z0 sin yaw`, `cos yaw`, `sin yaw`, with heights relative to their mean.
 fn all_heights(
     rays: &[[f64; 3]],
     points: &[ControlPoint],
@@ -120,13 +120,14 @@ fn all_heights(
         right[2 * i + 1] = dz * (point.world.y - centre.y);
     }
     let x = SVD::new(matrix, true, true).solve(&right, 1e-12).ok()?;
-    // Both pairs have the direction of the yaw; their sum weighs each by its length.
+    // Both pairs have the direction of the yaw. Their sum weights each by its length.
     let yaw = (x[3] + x[5]).atan2(x[2] + x[4]);
     let z0 = x[2] * yaw.cos() + x[3] * yaw.sin();
     Some((centre.x + x[0], centre.y + x[1], centre.z + z0, yaw))
 }
 
-/// Sum of the squared distances of the points from their pixels, in undistorted pixels; of a wide lens in raw ones.
+/// Returns the sum of the squared distances of the points from their pixels, in undistorted pixels; for a
+/// wide lens in raw pixels.
 fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
     let off = |point: &ControlPoint| camera.world_to_pixel(point.world).map(|at| at.distance(point.pixel));
     if camera.lens.distortion.is_wide() {
@@ -141,11 +142,11 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
         .sum()
 }
 
-/// The camera with the covariance of its placement by control points: from noise of `sigma` pixels in the
-/// points, and from the covariance of roll, pitch and focal, propagated.
+/// Returns the camera with the covariance of its placement by control points. It is propagated from noise of
+/// `sigma` pixels in the points, and from the covariance of roll, pitch and focal length.
 ///
-/// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal `p`,
-/// `dq = -(A'A)^-1 A' (B dp + noise)`.
+/// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal length
+/// `p`, `dq = -(A'A)^-1 A' (B dp + noise)`.
 #[must_use]
 pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma: f64) -> Camera {
     if !camera.covariance.is_known() {
@@ -181,14 +182,15 @@ pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma
     Camera { covariance, ..*camera }
 }
 
-/// Derivatives of the points' raw pixels (u, v, u, v, ...) by one unknown of the camera; 0 of a point that it
-/// does not show.
+/// Returns the derivatives of the raw pixels of the points (u, v, u, v, ...) by one parameter of the camera.
+/// They are 0 for a point that is not visible.
 fn pixel_derivatives(camera: &Camera, points: &[ControlPoint], index: usize) -> Vec<f64> {
     let pose = PosedCamera::new(*camera);
     points.iter().flat_map(|point| pixel_derivative(&pose, point.world, index).unwrap_or_default()).collect()
 }
 
-/// Through the lens `d raw = (d raw / d undistorted) d undistorted`; a coefficient moves the raw pixel alone.
+/// Returns the derivative of one raw pixel. The lens gives `d raw = (d raw / d undistorted) d undistorted`; a
+/// coefficient moves only the raw pixel.
 fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let lens = &pose.camera.lens;
     if lens.distortion.is_wide() {
@@ -202,13 +204,12 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
     if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
         return by_lens.get(coefficient).copied();
     }
-    // The derivative is by the log of the focal.
+    // The derivative is by the log of the focal length.
     let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };
     Some(multiply(jacobian, d_camera.map(|row| scale * row[index])))
 }
 
-/// Returns the derivative for a wide lens, like [`pixel_derivative`], in the chart around the projected
-/// pixel.
+/// Returns the derivative of one raw pixel of a wide lens, in the chart centred on that pixel.
 fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let camera = &pose.camera;
     let shown = camera.world_to_pixel(world)?;
@@ -228,14 +229,15 @@ fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Optio
     Some(observed.raw_offset(by))
 }
 
-/// The least-squares problem of the distances in undistorted pixels, of a wide lens in raw ones, in x, y, z and yaw.
+/// Least-squares problem in x, y, z and yaw. The residuals are distances in undistorted pixels; for a wide
+/// lens in raw pixels.
 struct Resection<'a> {
     camera: Camera,
     points: &'a [ControlPoint],
-    hold_height: bool,
+    is_height_fixed: bool,
 }
 
-/// `J'J` and `J'r` of four unknowns.
+/// `J'J` and `J'r` of four parameters.
 type Normal4 = (Matrix4<f64>, Vector4<f64>);
 
 impl Resection<'_> {
@@ -243,10 +245,11 @@ impl Resection<'_> {
         Camera { position: WorldPoint { x, y, z }, yaw, ..self.camera }
     }
 
-    /// Returns the projected minus the annotated pixel, with the derivatives of u and v.
+    /// Returns the reprojection error of a point, with the derivatives of u and v.
     ///
-    /// The point in camera axes changes with the position by minus the columns of the rotation R, and with
-    /// the yaw by `R (q_y, -q_x, 0)`, where q is the point relative to the camera in world axes.
+    /// The derivatives of the point in camera axes by the position are minus the columns of the rotation R.
+    /// The derivative by the yaw is `R (q_y, -q_x, 0)`, where q is the world vector from the camera to the
+    /// point.
     fn error(
         &self,
         camera: &Camera,
@@ -261,7 +264,7 @@ impl Resection<'_> {
         let shown = camera.world_to_undistorted(point.world)?;
         let q = [point.world.x - camera.position.x, point.world.y - camera.position.y];
         let mut by = [Vector4::zeros(); 2];
-        for k in (0..4).filter(|&k| !(self.hold_height && k == 2)) {
+        for k in (0..4).filter(|&k| !(self.is_height_fixed && k == 2)) {
             let change: [f64; 3] = match k {
                 3 => rotation.map(|row| row[0] * q[1] - row[1] * q[0]),
                 axis => rotation.map(|row| -row[axis]),
@@ -272,13 +275,13 @@ impl Resection<'_> {
         Some(([shown.u - drawn.u, shown.v - drawn.v], by))
     }
 
-    /// Returns the error for a wide lens, like [`Self::error`], in raw pixels.
+    /// Returns the reprojection error of a wide lens, in raw pixels.
     fn wide_error(&self, camera: &Camera, point: &ControlPoint) -> Option<([f64; 2], [Vector4<f64>; 2])> {
         let observed = ObservedPixel::new(point.pixel, &camera.lens)?;
         let shown = PosedCamera::new(*camera).reproject(point.world, observed.chart.as_ref())?;
         let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
         let mut by = [Vector4::zeros(); 2];
-        for k in (0..4).filter(|&k| !(self.hold_height && k == 2)) {
+        for k in (0..4).filter(|&k| !(self.is_height_fixed && k == 2)) {
             [by[0][k], by[1][k]] = observed.raw_offset(shown.d_camera.map(|row| row[unknowns[k]]));
         }
         Some((observed.raw_offset([shown.at[0] - observed.at[0], shown.at[1] - observed.at[1]]), by))
@@ -313,7 +316,7 @@ impl LeastSquares for Resection<'_> {
     ) -> Option<([f64; 4], f64, f64)> {
         let mut damped = *square;
         (0..4).for_each(|i| damped[(i, i)] *= 1.0 + damping);
-        if self.hold_height {
+        if self.is_height_fixed {
             damped[(2, 2)] = 1.0;
         }
         let step = -damped.cholesky()?.solve(gradient);
@@ -322,12 +325,12 @@ impl LeastSquares for Resection<'_> {
     }
 }
 
-/// The camera with the least sum of squared distances in undistorted pixels near `start`; never worse than
-/// that.
-fn refined(start: Camera, points: &[ControlPoint], hold_height: bool) -> Camera {
+/// Returns the camera with the smallest sum of squared distances near `start`. It is never worse than
+/// `start`.
+fn refined(start: Camera, points: &[ControlPoint], is_height_fixed: bool) -> Camera {
     const MAX_STEPS: usize = 50;
     let WorldPoint { x, y, z } = start.position;
-    let resection = Resection { camera: start, points, hold_height };
+    let resection = Resection { camera: start, points, is_height_fixed };
     least_squares(&resection, [x, y, z, start.yaw], MAX_STEPS)
         .map_or(start, |summary| resection.camera(summary.state))
 }
@@ -338,10 +341,11 @@ mod tests {
     use crate::camera::any_camera;
     use proptest::prelude::*;
 
-    /// Compares with many noisy placements from a fixed seed, so that a rare chance failure cannot occur.
+    /// The seed is fixed: a failure that happens by chance for one seed in 100,000 would otherwise soon
+    /// occur.
     #[test]
-    fn the_covariance_of_a_placement_is_that_of_its_errors() {
-        // Noisy placements of one camera, pitch drawn from its own sigma each time.
+    fn placement_covariance_matches_its_errors() {
+        // Noisy placements of one camera. Each pitch is sampled with its standard deviation.
         use rand::{Rng as _, SeedableRng as _};
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
         let mut normal = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
@@ -370,7 +374,7 @@ mod tests {
         let mut sum = 0.0;
         const DRAWS: usize = 20_000;
         for _ in 0..DRAWS {
-            let believed = Camera { pitch: truth.pitch + sigma_pitch * normal(), covariance, ..truth };
+            let assumed = Camera { pitch: truth.pitch + sigma_pitch * normal(), covariance, ..truth };
             let points: Vec<ControlPoint> = world
                 .iter()
                 .map(|&world| {
@@ -379,22 +383,22 @@ mod tests {
                 })
                 .collect();
             let found = with_placement_covariance(
-                &from_control_points(&believed, &points, None).unwrap(),
+                &from_control_points(&assumed, &points, None).unwrap(),
                 &points,
                 1.0,
             );
             sum += ((found.position.z - truth.position.z) / found.covariance.sigma(Covariance::Z).unwrap())
                 .powi(2);
         }
-        // A mean of many squares of normal numbers: one, with a standard deviation of 0.01.
+        // The mean of 20,000 squared standard normal numbers is one, with a standard deviation of 0.01.
         let ratio = sum / DRAWS as f64;
         assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
     }
 
     proptest! {
         #[test]
-        fn points_above_the_camera_leave_it_below_them(camera in any_camera(), rise in 2.0..6.0_f64) {
-            // Seen from below: a camera that looks up at a ceiling.
+        fn points_above_the_camera_give_position_below_them(camera in any_camera(), rise in 2.0..6.0_f64) {
+            // A camera that looks up at a ceiling.
             let camera = Camera { pitch: -camera.pitch.abs() - 0.3, ..camera };
             let height = camera.position.z + rise;
             let points: Vec<ControlPoint> = [(300.0, 300.0), (1600.0, 350.0), (900.0, 700.0), (400.0, 800.0)].iter().filter_map(|&(u, v)| {
@@ -409,14 +413,14 @@ mod tests {
         }
 
         #[test]
-        fn two_points_at_one_pixel_place_nothing(camera in any_camera(), u in 300.0..1500.0_f64) {
+        fn two_points_at_one_pixel_do_not_determine_pose(camera in any_camera(), u in 300.0..1500.0_f64) {
             let pixel = Pixel { u, v: 900.0 };
             let point = |x: f64| ControlPoint { pixel, world: WorldPoint::new(x, 5.0, 0.0) };
             prop_assert_eq!(from_control_points(&camera, &[point(0.0), point(4.0)], None), None);
         }
 
         #[test]
-        fn exact_control_points_give_the_camera_back(
+        fn exact_control_points_reproduce_the_camera(
             camera in any_camera(),
             at in proptest::collection::vec((0.05..0.95_f64, 0.3..0.95_f64, 0.0..1.5_f64), 3..9),
         ) {

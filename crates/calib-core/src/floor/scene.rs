@@ -1,42 +1,42 @@
-//! Things to project: floor grid, EFOV prism, verticals and virtual elements as 3-D polylines.
+//! 3-D polylines to project onto images: floor grid, EFOV prism, verticals and virtual elements.
 
 use std::borrow::Cow;
 
 use crate::camera::{Camera, Covariance, FloorPoint, WorldPoint};
 
-/// Straight pieces from point to point, in the base system.
+/// Connected straight segments in world coordinates.
 pub type Polyline = Vec<WorldPoint>;
 
 /// Height of the top face of the EFOV prism above the floor, in metres (the paper's result section).
 pub const PRISM_HEIGHT: f64 = 2.0;
 
-/// Kind of a virtual element.
+/// Shape of a virtual element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum MarkKind {
     /// Two crossed lines on the floor; size: arm.
     Cross,
-    /// An upright box about its base; size: width, depth, height.
+    /// Upright box around its base; size: width, depth, height.
     Post,
-    /// A box; size: width, depth, height.
+    /// Box; size: width, depth, height.
     Box,
-    /// An upright cylinder; size: radius, height.
+    /// Upright cylinder; size: radius, height.
     Cylinder,
-    /// A circle on the floor; size: radius.
+    /// Circle on the floor; size: radius.
     Circle,
-    /// A figure; size: height.
+    /// Human figure; size: height.
     Person,
-    /// A chequered net; size: cell, columns, rows.
+    /// Square grid; size: cell, columns, rows.
     Grid,
 }
 
 impl MarkKind {
-    /// Every kind.
+    /// All kinds.
     pub const ALL: [Self; 7] =
         [Self::Cross, Self::Post, Self::Box, Self::Cylinder, Self::Circle, Self::Person, Self::Grid];
 
-    /// The meaning of the numbers of its size, in order.
+    /// Returns the meaning of the numbers of its size, in order.
     #[must_use]
     pub const fn size_names(self) -> &'static [&'static str] {
         match self {
@@ -50,20 +50,20 @@ impl MarkKind {
     }
 }
 
-/// A virtual element of known shape in the base system.
+/// Virtual element with a known shape, in world coordinates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MarkShape {
-    /// Kind.
+    /// Kind of the element.
     pub kind: MarkKind,
     /// Position of its foot or centre, in metres.
     pub at: WorldPoint,
-    /// Turn about the vertical, counter-clockwise seen from above, in radians.
+    /// Rotation about the vertical, counter-clockwise seen from above, in radians.
     pub turn: f64,
-    /// Sizes in the order of [`MarkKind::size_names`], in metres.
+    /// Size in metres, in the order of [`MarkKind::size_names`].
     pub size: Vec<f64>,
 }
 
-/// Sides of a drawn circle.
+/// Number of sides of a circle.
 const CIRCLE_SIDES: usize = 48;
 
 impl MarkShape {
@@ -71,13 +71,14 @@ impl MarkShape {
         self.size.get(index).copied().unwrap_or(1.0)
     }
 
-    /// A point given in the element's own axes.
+    /// Converts a point from the axes of the element to the world.
     fn place(&self, [x, y, z]: [f64; 3]) -> WorldPoint {
         let (sin, cos) = self.turn.sin_cos();
         WorldPoint { x: self.at.x + cos * x - sin * y, y: self.at.y + sin * x + cos * y, z: self.at.z + z }
     }
 
-    /// The names of its points: of a grid every crossing of its lines, "column,row".
+    /// Iterates over the names of its points. The points of a grid are all crossings of its lines, named
+    /// "column,row".
     pub fn point_names(&self) -> impl Iterator<Item = Cow<'static, str>> {
         let names: &[&str] = match self.kind {
             MarkKind::Cross => &["centre", "x", "-x", "y", "-y"],
@@ -95,9 +96,9 @@ impl MarkShape {
         names.iter().copied().map(Cow::from).chain(crossings)
     }
 
-    /// A named point of the element, as the site file's `seen` refers to it.
+    /// Returns a named point of the element, as in the field `seen` of the site file.
     ///
-    /// `None` when this kind has no point of that name.
+    /// Returns `None` if this kind has no point with that name.
     #[must_use]
     pub fn point(&self, name: &str) -> Option<WorldPoint> {
         let corner = |top: bool, index: usize| {
@@ -137,7 +138,7 @@ impl MarkShape {
         Some(self.place(local))
     }
 
-    /// Returns the polylines to draw.
+    /// Returns the lines of the element.
     #[must_use]
     pub fn polylines(&self) -> Vec<Polyline> {
         let a = self.size(0);
@@ -181,7 +182,7 @@ fn cylinder_edges(radius: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
     edges
 }
 
-/// Returns a figure with the proportions of an adult, seen from the front, with a ring at its foot.
+/// Returns a figure with the proportions of an adult, seen from the front, with a circle around its foot.
 fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     let h = height;
     let outline = [
@@ -200,7 +201,7 @@ fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     vec![side(1.0), side(-1.0), circle(0.16 * h, 0.0)]
 }
 
-/// Columns and rows of a grid, bounded: a hostile file must not fill the memory.
+/// Returns the columns and rows of a grid, limited so that a malicious file cannot exhaust memory.
 fn cells(columns: f64, rows: f64) -> [usize; 2] {
     [columns, rows].map(|count| count.clamp(0.0, 1000.0) as usize)
 }
@@ -213,7 +214,8 @@ fn net(cell: f64, columns: f64, rows: f64) -> Vec<Vec<[f64; 3]>> {
     along_y.chain(along_x).collect()
 }
 
-/// The EFOV as a prism: base on the floor, top face [`PRISM_HEIGHT`] above it, edges between.
+/// Returns the EFOV as a prism: base on the floor, top face [`PRISM_HEIGHT`] above it, and the edges between
+/// them.
 #[must_use]
 pub fn prism(base: &[FloorPoint]) -> Vec<Polyline> {
     let face = |z: f64| base.iter().chain(base.first()).map(|p| p.at_height(z)).collect::<Polyline>();
@@ -222,18 +224,18 @@ pub fn prism(base: &[FloorPoint]) -> Vec<Polyline> {
     lines
 }
 
-/// The lines of the metre grid inside a floor polygon: every multiple of `step` metres in x and y.
+/// Returns the lines of a grid inside a floor polygon, at every multiple of `step` metres in x and y.
 #[must_use]
 pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
-    /// Limit of lines in one direction; more cannot be distinguished.
-    const MOST: f64 = 400.0;
+    /// Maximum number of lines in one direction. More would not be distinguishable.
+    const MAX_LINES: f64 = 400.0;
     let mut lines = Vec::new();
     for axis in 0..2 {
         let along = |p: &FloorPoint| if axis == 0 { p.x } else { p.y };
         let across = |p: &FloorPoint| if axis == 0 { p.y } else { p.x };
         let low = polygon.iter().map(along).fold(f64::INFINITY, f64::min);
         let high = polygon.iter().map(along).fold(f64::NEG_INFINITY, f64::max);
-        if !(low.is_finite() && high.is_finite() && step > 0.0 && (high - low) / step < MOST) {
+        if !(low.is_finite() && high.is_finite() && step > 0.0 && (high - low) / step < MAX_LINES) {
             continue;
         }
         let mut index = (low / step).ceil();
@@ -249,7 +251,7 @@ pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
     lines
 }
 
-/// Returns the positions where the line `along = here` crosses a polygon, ascending.
+/// Returns the crossings of the line `along = here` with a polygon, ascending.
 fn crossings(
     polygon: &[FloorPoint],
     here: f64,
@@ -267,8 +269,8 @@ fn crossings(
     found
 }
 
-/// Returns the outline of `sigmas` standard deviations of the camera's position on the floor; `None` if the
-/// position was not estimated.
+/// Returns the ellipse of `sigmas` standard deviations of the camera position on the floor, with the number
+/// of points of a circle. Returns `None` if the position was not estimated.
 #[must_use]
 pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>> {
     let axes = [Covariance::X, Covariance::Y];
@@ -276,12 +278,12 @@ pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>>
     ellipse(camera.position.on_floor(), &known, sigmas)
 }
 
-/// Returns the outline of `sigmas` standard deviations around a floor point with this covariance, in square
-/// metres; `None` if the covariance is not positive.
+/// Returns the ellipse of `sigmas` standard deviations about a floor point with this covariance, in square
+/// metres. Returns `None` if the covariance is zero or infinite.
 #[must_use]
 pub fn ellipse(about: FloorPoint, covariance: &[[f64; 2]; 2], sigmas: f64) -> Option<Vec<FloorPoint>> {
     let [[xx, xy], [_, yy]] = *covariance;
-    // Lower triangle of the root of the covariance: it takes a circle to the ellipse.
+    // The lower triangular root of the covariance maps a circle to the ellipse.
     let a = xx.sqrt();
     let b = if a > 0.0 { xy / a } else { 0.0 };
     let c = (yy - b * b).max(0.0).sqrt();
@@ -294,7 +296,7 @@ pub fn ellipse(about: FloorPoint, covariance: &[[f64; 2]; 2], sigmas: f64) -> Op
     Some(circle(1.0, 0.0).into_iter().take(CIRCLE_SIDES).map(corner).collect())
 }
 
-/// The vertical through a point of the floor, up to `height` metres.
+/// Returns the vertical line through a floor point, up to `height` metres.
 #[must_use]
 pub fn vertical(at: FloorPoint, height: f64) -> Polyline {
     vec![at.at_height(0.0), at.at_height(height)]
@@ -306,7 +308,7 @@ mod tests {
     use crate::camera::Pixel;
 
     #[test]
-    fn every_kind_of_mark_draws_its_named_points() {
+    fn every_mark_kind_has_polylines_and_named_points() {
         for kind in MarkKind::ALL {
             let size = vec![1.0, 2.0, 3.0][..kind.size_names().len()].to_vec();
             let mark = MarkShape { kind, at: WorldPoint::new(1.0, 2.0, 0.5), turn: 0.3, size };
@@ -321,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_grid_names_every_crossing_whatever_its_columns_and_rows() {
+    fn every_grid_crossing_has_a_name() {
         let at = WorldPoint::new(1.0, 2.0, 0.0);
         for [columns, rows] in [[1, 1], [4, 4], [6, 3], [2, 9]] {
             let size = vec![0.5, f64::from(columns), f64::from(rows)];
@@ -336,7 +338,7 @@ mod tests {
     }
 
     #[test]
-    fn every_point_of_the_ellipse_is_as_many_sigmas_away_as_was_asked() {
+    fn ellipse_points_are_at_the_requested_sigmas() {
         let mut camera = any_position();
         let (xx, xy, yy) = (0.04, -0.01, 0.09);
         let rows = &mut camera.covariance.0;

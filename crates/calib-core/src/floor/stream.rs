@@ -1,4 +1,4 @@
-//! Map between the pixels of a stream and the pixels of the calibrated image.
+//! Map between the pixels of a video stream and the calibrated image.
 
 use std::fmt;
 
@@ -8,27 +8,27 @@ pub enum PixelOrigin {
     /// Corner of the image: the centre of the first pixel is (0.5, 0.5).
     #[default]
     Corner,
-    /// Centre of the first pixel: it is (0, 0).
+    /// Centre of the first pixel, which is (0, 0).
     Centre,
 }
 
 /// Scaling of the image to the size of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StreamFit {
-    /// Each side is scaled separately; the stream shows the complete image and nothing else.
+    /// Separate scales for both sides: the stream shows the whole image without bars.
     Stretch,
-    /// Both sides have the same scale, with equal bars on two sides, as detectors do.
+    /// Common scale for both sides, with equal bars on two sides, as detectors use it.
     Letterbox,
 }
 
-/// Names of options in other languages.
+/// Implements the names of an option for other languages.
 macro_rules! named {
     ($($type:ident { $($variant:ident = $name:literal),+ })+) => {$(
         impl $type {
-            /// All of them.
+            /// All values.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Returns the name for programs.
+            /// Returns the name of the option in other languages.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -36,9 +36,9 @@ macro_rules! named {
                 }
             }
 
-            /// Returns the option with this name.
+            /// Returns the value with this name.
             #[must_use]
-            pub fn of_name(name: &str) -> Option<Self> {
+            pub fn from_name(name: &str) -> Option<Self> {
                 Self::ALL.iter().copied().find(|one| one.name() == name)
             }
         }
@@ -52,38 +52,39 @@ named! {
     StreamFit { Stretch = "stretch", Letterbox = "letterbox" }
 }
 
-/// Stream to which pixels belong: its pixel origin, and its part of the calibrated image.
+/// Stream of a camera: its pixel origin, its size and the part of the calibrated image that it shows.
 ///
-/// The default is the image itself with the corner as origin.
+/// The default is the calibrated image itself, with coordinates from its corner.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stream {
-    /// Origin of its pixel coordinates.
+    /// Origin of the pixel coordinates.
     pub origin: PixelOrigin,
-    /// Width and height, in pixels; `None` if they equal the size of the shown part.
+    /// Width and height, in pixels; `None` if they equal the visible part of the calibrated image.
     pub size: Option<[u32; 2]>,
-    /// Scaling, required if the aspect ratios of the stream and of the shown part differ.
+    /// Scaling; required if the aspect ratio differs from the visible part of the calibrated image.
     pub fit: Option<StreamFit>,
-    /// Shown part of the image: left, top, width and height, in image pixels; `None` for the whole image.
+    /// Visible part of the calibrated image: left, top, width and height, in its pixels; `None` for the whole
+    /// image.
     pub crop: Option<[f64; 4]>,
 }
 
-/// Error of a stream that does not match its image.
+/// Reason why the pixels of a stream cannot be mapped to the calibrated image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StreamError {
     /// A side of the stream is 0.
     NoSize,
-    /// The aspect ratios of the stream and of the shown part differ, and the scaling is not given.
+    /// The aspect ratio of the stream differs from the visible part, and the scaling is not specified.
     Proportion {
-        /// Size of the stream.
+        /// Size of the stream, in pixels.
         size: [u32; 2],
-        /// Size of the shown part.
+        /// Size of the visible part, in pixels.
         shown: [f64; 2],
     },
-    /// The shown part is outside the image.
+    /// The crop is not inside the calibrated image.
     Crop {
-        /// Left, top, width and height.
+        /// Left, top, width and height of the crop, in pixels.
         crop: [f64; 4],
-        /// Size of the image.
+        /// Size of the calibrated image, in pixels.
         still: [f64; 2],
     },
 }
@@ -97,19 +98,19 @@ impl fmt::Display for StreamError {
             Self::Proportion { size: [w, h], shown: [sw, sh] } => {
                 write!(
                     f,
-                    "a stream of {w} x {h} pixels has not the proportion of the image, {sw} x {sh} pixels; "
+                    "a stream of {w} x {h} pixels does not have the aspect ratio of the image, {sw} x {sh} pixels; "
                 )?;
                 if has_bars([*h, *w].map(f64::from), [*sw, *sh]) {
                     let height = f64::from(*w) * sh / sw;
-                    let fits = "or say how the image was fitted: stretch or letterbox";
-                    write!(f, "expected such as {w} x {height:.0}, {fits}")
+                    let fits = "or the fit \"stretch\" or \"letterbox\"";
+                    write!(f, "expected a size like {w} x {height:.0}, {fits}")
                 } else {
-                    write!(f, "{h} x {w} has: are width and height swapped?")
+                    write!(f, "{h} x {w} does: are width and height swapped?")
                 }
             }
             Self::Crop { crop: [left, top, width, height], still: [w, h] } => write!(
                 f,
-                "a crop of {width} x {height} pixels at ({left}, {top}) is no part of the image; expected one \
+                "a crop of {width} x {height} pixels at ({left}, {top}) is not inside the image; expected one \
                  within {w} x {h} pixels"
             ),
         }
@@ -118,21 +119,22 @@ impl fmt::Display for StreamError {
 
 impl std::error::Error for StreamError {}
 
-/// Map from an image to a stream: `stream = scale (image - corner) + bar` for each axis, from the corner.
+/// Map between a stream and the calibrated image: `stream = scale (image - corner) + bar`, for each axis,
+/// from the corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamMap {
     scale: [f64; 2],
     bar: [f64; 2],
     corner: [f64; 2],
-    /// Offset from the corner of the image to the pixel origin.
+    /// Offset of the pixel origin from the corner of the image.
     origin: f64,
 }
 
 impl Stream {
-    /// Returns the map to an image of this width and height.
+    /// Returns the map to a calibrated image of this width and height.
     ///
     /// # Errors
-    /// When the size or the crop of the stream does not match the image.
+    /// If the size of the stream, or its crop, does not match the size of the calibrated image.
     pub fn map(&self, still: [f64; 2]) -> Result<StreamMap, StreamError> {
         let [left, top, w, h] = self.crop.unwrap_or([0.0, 0.0, still[0], still[1]]);
         let is_part =
@@ -157,39 +159,39 @@ impl Stream {
     }
 }
 
-/// The scale of an image in a stream with bars, and the bars.
+/// Returns the scale of an image in a stream with bars, and the bars.
 fn letterboxed(sides: [f64; 2], shown: [f64; 2]) -> (f64, [f64; 2]) {
     let common = (sides[0] / shown[0]).min(sides[1] / shown[1]);
     (common, [0, 1].map(|axis| 0.5 * (sides[axis] - common * shown[axis])))
 }
 
-/// Whether an image has not the proportion of a stream.
+/// Whether the aspect ratio of an image differs from the stream.
 fn has_bars(sides: [f64; 2], shown: [f64; 2]) -> bool {
-    // Scalers round to whole pixels: less than one is no bar.
+    // Scalers round to whole pixels: less than one pixel is not a bar.
     letterboxed(sides, shown).1.iter().any(|bar| 2.0 * bar >= 1.0)
 }
 
 impl StreamMap {
-    /// Map of the image to itself, with the corner as origin.
+    /// Map of the calibrated image itself, with coordinates from its corner.
     pub const STILL: Self = Self { scale: [1.0; 2], bar: [0.0; 2], corner: [0.0; 2], origin: 0.0 };
 
-    /// Converts a stream coordinate to an image coordinate; axis 0 is x, axis 1 is y.
+    /// Maps a stream coordinate to the calibrated image. Axis 0 is x, axis 1 is y.
     #[inline]
     #[must_use]
-    pub fn in_still(&self, axis: usize, value: f64) -> f64 {
+    pub fn to_image(&self, axis: usize, value: f64) -> f64 {
         (value + self.origin - self.bar[axis]) / self.scale[axis] + self.corner[axis]
     }
 
-    /// Converts an image coordinate to a stream coordinate; axis 0 is x, axis 1 is y.
+    /// Maps a coordinate of the calibrated image to the stream. Axis 0 is x, axis 1 is y.
     #[inline]
     #[must_use]
-    pub fn in_stream(&self, axis: usize, value: f64) -> f64 {
+    pub fn to_stream(&self, axis: usize, value: f64) -> f64 {
         self.scale[axis] * (value - self.corner[axis]) + self.bar[axis] - self.origin
     }
 
-    /// Returns the largest size of a stream pixel, in image pixels.
+    /// Returns the largest size of a stream pixel, in pixels of the calibrated image.
     #[must_use]
-    pub fn still_pixels(&self) -> f64 {
+    pub fn max_pixel_size(&self) -> f64 {
         1.0 / self.scale[0].min(self.scale[1])
     }
 }
@@ -203,26 +205,26 @@ mod tests {
     }
 
     #[test]
-    fn the_corners_of_the_still_are_those_of_its_picture_in_the_stream() {
+    fn image_corners_map_to_its_corners_in_the_stream() {
         let letterbox = of([640, 640], Some(StreamFit::Letterbox)).unwrap();
-        assert_eq!([letterbox.in_stream(0, 0.0), letterbox.in_stream(1, 0.0)], [0.0, 140.0]);
-        assert_eq!([letterbox.in_stream(0, 1920.0), letterbox.in_stream(1, 1080.0)], [640.0, 500.0]);
+        assert_eq!([letterbox.to_stream(0, 0.0), letterbox.to_stream(1, 0.0)], [0.0, 140.0]);
+        assert_eq!([letterbox.to_stream(0, 1920.0), letterbox.to_stream(1, 1080.0)], [640.0, 500.0]);
         let stretch = of([640, 640], Some(StreamFit::Stretch)).unwrap();
-        assert_eq!([stretch.in_stream(0, 1920.0), stretch.in_stream(1, 1080.0)], [640.0, 640.0]);
+        assert_eq!([stretch.to_stream(0, 1920.0), stretch.to_stream(1, 1080.0)], [640.0, 640.0]);
         for stream in [letterbox, stretch] {
-            assert!((stream.in_still(1, stream.in_stream(1, 333.0)) - 333.0).abs() < 1e-9);
+            assert!((stream.to_image(1, stream.to_stream(1, 333.0)) - 333.0).abs() < 1e-9);
         }
-        assert_eq!(letterbox.still_pixels(), 3.0);
+        assert_eq!(letterbox.max_pixel_size(), 3.0);
     }
 
     #[test]
-    fn a_crop_shows_its_part_of_the_still_at_its_own_scale() {
+    fn crop_maps_to_its_part_of_the_image() {
         let crop = Stream { crop: Some([480.0, 270.0, 960.0, 540.0]), ..Stream::default() };
         let same = crop.map([1920.0, 1080.0]).unwrap();
-        assert_eq!([same.in_still(0, 0.0), same.in_still(1, 540.0)], [480.0, 810.0]);
+        assert_eq!([same.to_image(0, 0.0), same.to_image(1, 540.0)], [480.0, 810.0]);
         let half = Stream { size: Some([480, 270]), ..crop }.map([1920.0, 1080.0]).unwrap();
-        assert_eq!([half.in_still(0, 480.0), half.in_stream(0, 1440.0)], [1440.0, 480.0]);
-        assert_eq!(half.still_pixels(), 2.0);
+        assert_eq!([half.to_image(0, 480.0), half.to_stream(0, 1440.0)], [1440.0, 480.0]);
+        assert_eq!(half.max_pixel_size(), 2.0);
         for crop in [[0.0, 0.0, 1921.0, 10.0], [-1.0, 0.0, 10.0, 10.0], [0.0, 0.0, 0.0, 10.0], [f64::NAN; 4]]
         {
             let refused = Stream { crop: Some(crop), ..Stream::default() }.map([1920.0, 1080.0]);
@@ -234,26 +236,26 @@ mod tests {
     fn the_centre_of_the_first_pixel_is_half_a_pixel_of_the_stream_from_its_corner() {
         let stream = Stream { origin: PixelOrigin::Centre, size: Some([960, 540]), ..Stream::default() };
         let map = stream.map([1920.0, 1080.0]).unwrap();
-        assert_eq!((map.in_still(0, 0.0), map.in_stream(1, 1.0)), (1.0, 0.0));
+        assert_eq!((map.to_image(0, 0.0), map.to_stream(1, 1.0)), (1.0, 0.0));
     }
 
     #[test]
-    fn another_proportion_is_not_guessed() {
+    fn unknown_fit_of_other_aspect_ratio_is_rejected() {
         assert!(of([640, 360], None).is_ok());
         // Rounded to whole pixels.
         assert!(of([704, 396], None).is_ok() && of([1000, 562], None).is_ok());
         let refused = of([640, 640], None).unwrap_err();
         assert!(refused.to_string().contains("640 x 360"), "{refused}");
         let turned = of([360, 640], None).unwrap_err().to_string();
-        assert!(turned.ends_with("640 x 360 has: are width and height swapped?"), "{turned}");
+        assert!(turned.ends_with("640 x 360 does: are width and height swapped?"), "{turned}");
         assert_eq!(of([0, 360], None), Err(StreamError::NoSize));
     }
 
     #[test]
-    fn options_are_asked_for_by_their_names() {
-        assert_eq!(PixelOrigin::of_name("centre"), Some(PixelOrigin::Centre));
+    fn options_have_names() {
+        assert_eq!(PixelOrigin::from_name("centre"), Some(PixelOrigin::Centre));
         assert_eq!(
-            (PixelOrigin::of_name("center"), StreamFit::of_name("stretch")),
+            (PixelOrigin::from_name("center"), StreamFit::from_name("stretch")),
             (None, Some(StreamFit::Stretch))
         );
     }

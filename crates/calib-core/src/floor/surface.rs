@@ -1,8 +1,10 @@
-//! Sites with several planes: a pixel shows the first plane that its ray meets.
+//! Projection to a site with several planes: each pixel is mapped to the first plane that its ray meets.
 //!
-//! A plane is valid inside its region. A region below the floor is a pit, where the floor is absent. A region
-//! above the floor hides the floor behind it. Walls between a region and its surroundings are not planes: a
-//! ray that meets only a wall has no point. Slices of pixels are mapped to the first plane on each ray.
+//! A plane is valid inside its region. A region below the floor is a pit, where the floor does not exist. A
+//! region above the floor occludes the points behind it. The walls between a region and its surroundings are
+//! not modelled. A ray that meets only a wall has no point.
+//!
+//! [`SurfaceProjector`] maps slices of pixels.
 
 use crate::camera::{Camera, FloorCovariance, FloorPoint, Pixel, Plane, WorldPoint};
 use crate::floor::extent::{Extent, Status};
@@ -11,18 +13,18 @@ use crate::floor::projector::FloorProjector;
 /// Plane with the region in which it is valid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// Height and slope.
+    /// Height and slope of the plane.
     pub plane: Plane,
     /// Covariance of height and slope, in square metres and squares of rise per metre.
     pub covariance: [[f64; 3]; 3],
-    /// The polygon on the plan inside which the plane holds, in metres; nowhere if empty.
+    /// Polygon of the region on the plan, in metres; an empty polygon contains no points.
     pub region: Vec<FloorPoint>,
 }
 
 impl Surface {
-    /// Whether the plane holds above or below a point of the floor (even-odd rule).
+    /// Whether the region contains a floor point (even-odd rule).
     #[must_use]
-    pub fn holds_at(&self, at: FloorPoint) -> bool {
+    pub fn is_valid_at(&self, at: FloorPoint) -> bool {
         let FloorPoint { x, y } = at;
         let edges = self.region.iter().zip(self.region.iter().cycle().skip(1));
         let crossed =
@@ -30,7 +32,7 @@ impl Surface {
         crossed.count() % 2 == 1
     }
 
-    /// Returns the standard deviations of height, slope and slope direction.
+    /// Returns the standard deviations of height, fall and direction of the fall.
     #[must_use]
     pub fn sigmas(&self) -> SurfaceSigmas {
         let [[height, ..], [_, xx, xy], [_, _, yy]] = self.covariance;
@@ -38,7 +40,7 @@ impl Surface {
         let steepness = x.hypot(y);
         let along = |a: f64, b: f64| (a * a * xx + 2.0 * a * b * xy + b * b * yy).max(0.0).sqrt();
         let height = height.max(0.0).sqrt();
-        // The slope angle is the arc tangent of the steepness; a level plane has no slope direction.
+        // The fall is the arc tangent of the steepness. A level plane has no direction.
         if steepness == 0.0 {
             return SurfaceSigmas { height, fall: xx.max(yy).max(0.0).sqrt(), toward: None };
         }
@@ -47,77 +49,77 @@ impl Surface {
         SurfaceSigmas { height, fall, toward: Some(along(-y, x) / steepness) }
     }
 
-    /// The plane raised by `height` metres, if the camera looks at it from above.
+    /// Returns the plane raised by `height` metres, if the camera sees it from above.
     pub(crate) fn below(&self, camera: &Camera, height: f64) -> Option<Plane> {
         let raised = self.plane.raised(height);
         (camera.position.z > raised.height_at(camera.position.on_floor())).then_some(raised)
     }
 
-    /// Returns the intersection of a pixel's ray with the plane raised by `height` metres, from above and
-    /// inside the region.
-    fn met(&self, camera: &Camera, pixel: Pixel, height: f64) -> Option<WorldPoint> {
+    /// Intersects the ray of a pixel with the plane raised by `height` metres, from above and inside the
+    /// region.
+    fn intersection(&self, camera: &Camera, pixel: Pixel, height: f64) -> Option<WorldPoint> {
         let at = camera.pixel_to_plane(pixel, &self.below(camera, height)?)?;
-        self.holds_at(at.on_floor()).then_some(at)
+        self.is_valid_at(at.on_floor()).then_some(at)
     }
 }
 
-/// Uncertainty of a plane, as standard deviations.
+/// Standard deviations of a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceSigmas {
     /// Standard deviation of the height at the anchor, in metres.
     pub height: f64,
-    /// Standard deviation of the slope angle, in radians.
+    /// Standard deviation of the angle of the fall, in radians.
     pub fall: f64,
-    /// Standard deviation of the slope direction, in radians; `None` for a level plane.
+    /// Standard deviation of the direction of the fall, in radians; `None` for a level plane.
     pub toward: Option<f64>,
 }
 
-/// Whether a surface lies below the floor there, so that the floor is not.
+/// Whether a surface is below the floor at this point, so that the floor does not exist there.
 pub(crate) fn is_pit(surfaces: &[Surface], at: FloorPoint) -> bool {
-    surfaces.iter().any(|surface| surface.plane.height_at(at) < 0.0 && surface.holds_at(at))
+    surfaces.iter().any(|surface| surface.plane.height_at(at) < 0.0 && surface.is_valid_at(at))
 }
 
-/// A point of the site that a pixel shows.
+/// Point of the site at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
-    /// Index of the surface; `None` of the floor.
+    /// Index of the surface; `None` for the floor.
     pub surface: Option<usize>,
     /// Position, in metres.
     pub at: WorldPoint,
 }
 
 impl SurfacePoint {
-    /// Returns the first of two points on one ray from `eye`. If planes coincide, it is `other`, the later
-    /// one in the list.
-    pub(crate) fn or_before(self, other: Self, eye: WorldPoint) -> Self {
+    /// Returns the point that a ray from `eye` meets first, of two points on the ray. If they coincide, it is
+    /// `other`, which is later in the list.
+    pub(crate) fn first_on_ray(self, other: Self, eye: WorldPoint) -> Self {
         if self.at.distance(eye) < other.at.distance(eye) { self } else { other }
     }
 }
 
 impl Camera {
-    /// Returns the point of a pixel `height` metres above the floor or above the surface that its ray meets
-    /// first.
+    /// Returns the point of `pixel` that is `height` metres above the first surface, or above the floor, that
+    /// its ray meets.
     ///
-    /// `None` above the horizon, outside the lens, or on the wall of a pit.
+    /// Returns `None` above the horizon, outside the lens, and on the wall of a pit.
     #[must_use]
     pub fn pixel_to_surface(&self, pixel: Pixel, height: f64, surfaces: &[Surface]) -> Option<SurfacePoint> {
         let met = surfaces.iter().enumerate().filter_map(|(index, surface)| {
-            Some(SurfacePoint { surface: Some(index), at: surface.met(self, pixel, height)? })
+            Some(SurfacePoint { surface: Some(index), at: surface.intersection(self, pixel, height)? })
         });
         let on_floor = self.pixel_to_floor(pixel, height).filter(|&at| !is_pit(surfaces, at));
         let on_floor = on_floor.map(|at| SurfacePoint { surface: None, at: at.at_height(height) });
-        on_floor.into_iter().chain(met).reduce(|before, next| before.or_before(next, self.position))
+        on_floor.into_iter().chain(met).reduce(|before, next| before.first_on_ray(next, self.position))
     }
 }
 
-/// A camera prepared for mapping many pixels to the floor and the surfaces of a site.
+/// Camera prepared to map many pixels to the floor and the surfaces of a site.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceProjector<'a> {
     floor: FloorProjector,
     surfaces: &'a [Surface],
 }
 
-/// Number of pixels per chunk, so that nothing is allocated.
+/// Number of pixels that are mapped together, in buffers on the stack.
 const CHUNK: usize = 256;
 
 impl<'a> SurfaceProjector<'a> {
@@ -127,12 +129,12 @@ impl<'a> SurfaceProjector<'a> {
         Self { floor: FloorProjector::new(camera, height), surfaces }
     }
 
-    /// Maps raw pixels `(u, v)` like [`Camera::pixel_to_surface`], with their status.
+    /// Maps raw pixels `(u, v)` to points as [`Camera::pixel_to_surface`], with a status for each.
     ///
-    /// A pixel is inside the EFOV if the floor point on its ray is, even if a surface hides it.
+    /// A pixel is inside the EFOV if the floor point on its ray is, even if a surface occludes it.
     ///
     /// # Panics
-    /// When the slices differ in length.
+    /// If the slices differ in length.
     pub fn pixels_to_surfaces(
         &self,
         extent: &Extent<'_>,
@@ -152,7 +154,7 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// Maps pixels to the floor, outside pits.
+    /// Maps the pixels to the floor, except in pits.
     fn map_floor(
         &self,
         extent: &Extent<'_>,
@@ -172,7 +174,7 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// Maps pixels to a surface, if it is nearer than the current point.
+    /// Maps the pixels to a surface if their rays meet it before the points found so far.
     fn map_surface(
         &self,
         (index, surface): (usize, &Surface),
@@ -189,11 +191,11 @@ impl<'a> SurfaceProjector<'a> {
         let span = Span::of(&surface.region);
         for i in 0..u.len() {
             let at = FloorPoint { x: x[i], y: y[i] };
-            if !(span.contains(at) && surface.holds_at(at)) {
+            if !(span.contains(at) && surface.is_valid_at(at)) {
                 continue;
             }
             let met = SurfacePoint { surface: Some(index), at: at.at_height(plane.height_at(at)) };
-            let first = points[i].map_or(met, |before| before.or_before(met, camera.position));
+            let first = points[i].map_or(met, |before| before.first_on_ray(met, camera.position));
             if points[i] != Some(first) {
                 points[i] = Some(first);
                 status[i] = extent.status_of(camera.position, Pixel { u: u[i], v: v[i] }, first.at);
@@ -201,7 +203,7 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// Returns the covariance of the point of a raw pixel on a surface or on the floor; see
+    /// Returns the covariance of the point of a raw pixel on a surface, or on the floor; see
     /// [`Camera::covariance_on`].
     #[must_use]
     pub fn covariance(
@@ -220,8 +222,8 @@ impl<'a> SurfaceProjector<'a> {
         }
     }
 
-    /// Computes the covariances of the first points on the rays of raw pixels `(u, v)`, of the pixel and of
-    /// the calibration, like [`FloorCovariance::rows`].
+    /// Computes the covariances of the first points on the rays of raw pixels `(u, v)`. The pixel part and
+    /// the calibration part have the layout of [`FloorCovariance::rows`].
     pub(super) fn covariances(
         &self,
         [u, v]: [&[f64]; 2],
@@ -238,7 +240,7 @@ impl<'a> SurfaceProjector<'a> {
     }
 }
 
-/// The rectangle about a region: most points lie outside it, and outside of few corners.
+/// Bounding box of a region. It excludes most points at low cost.
 struct Span([FloorPoint; 2]);
 
 impl Span {
@@ -295,18 +297,18 @@ mod tests {
     }
 
     #[test]
-    fn there_is_no_floor_where_a_pit_is() {
+    fn pit_has_no_floor() {
         let surfaces = [square(0.0, 6.0, 1.0, Plane::level(-1.0))];
         let pixel = |at: WorldPoint| camera().world_to_pixel(at).unwrap();
         let deep = camera().pixel_to_surface(pixel(WorldPoint::new(0.0, 6.5, -1.0)), 0.0, &surfaces);
         assert_eq!(deep.unwrap().surface, Some(0));
-        // The far wall of the pit, half way down.
+        // The far wall of the pit, half-way down.
         let wall = camera().pixel_to_surface(pixel(WorldPoint::new(0.0, 7.0, -0.5)), 0.0, &surfaces);
         assert_eq!(wall, None);
     }
 
     #[test]
-    fn what_is_known_of_fall_and_direction_gives_the_slope_it_came_from() {
+    fn surface_sigmas_match_slope_covariance() {
         let plane = Plane::falling(0.4, 0.7, 0.1, FloorPoint::default());
         let ((sin, cos), [along, across]) = (0.7_f64.sin_cos(), [9e-4, 1e-4]);
         let (xx, yy) = (along * cos * cos + across * sin * sin, along * sin * sin + across * cos * cos);
@@ -315,7 +317,7 @@ mod tests {
         let surface = Surface { plane, covariance, region: Vec::new() };
         let sigmas = surface.sigmas();
         assert!((sigmas.height - 0.02).abs() < 1e-12);
-        // d atan(s) = ds / (1 + s^2), and the direction turns by the slope across over the slope along.
+        // d atan(s) = ds / (1 + s^2); the direction changes by the slope across divided by the slope along.
         let steepness = 0.1_f64.tan();
         assert!((sigmas.fall - 0.03 / (1.0 + steepness * steepness)).abs() < 1e-12);
         assert!((sigmas.toward.unwrap() - 0.01 / steepness).abs() < 1e-12);
@@ -324,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mezzanine_above_the_camera_shows_it_nothing() {
+    fn mezzanine_above_the_camera_is_not_visible() {
         let surfaces = [square(0.0, 6.0, 5.0, Plane::level(6.0))];
         let up = camera().world_to_pixel(WorldPoint::new(0.0, 9.0, 5.0)).unwrap();
         assert_eq!(camera().pixel_to_surface(up, 0.0, &surfaces), None);
@@ -347,7 +349,7 @@ mod surface_projector_tests {
         Surface { plane, covariance: [[4e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 1e-4]], region }
     }
 
-    /// A platform, a pit, and a ramp that falls to the right.
+    /// Returns a platform, a pit, and a ramp that falls to the right.
     fn surfaces() -> Vec<Surface> {
         let ramp = Plane::falling(0.4, 0.0, 0.1, FloorPoint { x: 4.0, y: 8.0 });
         vec![
@@ -377,7 +379,7 @@ mod surface_projector_tests {
 
     proptest! {
         #[test]
-        fn a_slice_maps_as_its_pixels_do(
+        fn slice_maps_like_single_pixels(
             camera in any_camera(),
             at in proptest::collection::vec((-100.0..2020.0_f64, 0.0..1100.0_f64), 1..600),
         ) {
@@ -385,7 +387,7 @@ mod surface_projector_tests {
             for (&(u, v), (found, status)) in at.iter().zip(mapped(&camera, &surfaces, &at)) {
                 let pixel = Pixel { u, v };
                 let expected = camera.pixel_to_surface(pixel, 0.0, &surfaces);
-                // On the edge of a region a rounding decides.
+                // Rounding decides on the edge of a region.
                 let nudged = [(1e-5, 0.0), (-1e-5, 0.0), (0.0, 1e-5), (0.0, -1e-5)].map(|(du, dv)| {
                     camera.pixel_to_surface(Pixel { u: u + du, v: v + dv }, 0.0, &surfaces).map(|p| p.surface)
                 });
@@ -400,7 +402,7 @@ mod surface_projector_tests {
         }
 
         #[test]
-        fn without_surfaces_there_is_the_floor_bit_by_bit(
+        fn without_surfaces_result_equals_floor_exactly(
             camera in any_camera(),
             at in proptest::collection::vec((-100.0..2020.0_f64, -100.0..1100.0_f64), 1..600),
         ) {
@@ -431,20 +433,21 @@ mod surface_projector_tests {
     }
 
     #[test]
-    fn a_wall_of_a_pit_is_called_one() {
+    fn pit_wall_has_status_on_wall() {
         let pixel = camera().world_to_pixel(WorldPoint::new(0.0, 6.5, -0.3)).unwrap();
         let found = mapped(&camera(), &surfaces(), &[(pixel.u, pixel.v)]);
         assert_eq!(found, [(None, Status::OnWall)]);
     }
 
     #[test]
-    fn what_is_not_known_of_a_plane_is_not_known_of_its_points() {
+    fn plane_covariance_propagates_to_points() {
         let (camera, surfaces) = (camera(), surfaces());
         let pixel = camera.world_to_pixel(WorldPoint::new(-3.0, 7.0, 0.8)).unwrap();
         let projector = SurfaceProjector::new(&camera, 0.0, &surfaces);
         let on = |surface| projector.covariance(pixel, 0.0, surface).unwrap().worst_sigma().unwrap();
         assert!(on(None) < 1e-9, "an exact camera and the floor");
-        // 2 cm of height move the point along its ray by the horizontal distance per metre of drop.
+        // A height error of 2 cm moves the point along its ray by 2 cm times its floor distance over the
+        // drop.
         let along = (3.0_f64.hypot(7.0)) / (4.0 - 0.8);
         assert!((on(Some(0)) - 0.02 * along).abs() < 1e-9, "{}", on(Some(0)));
         assert!(projector.covariance(pixel, 1.0, Some(9)).is_none());

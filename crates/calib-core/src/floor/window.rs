@@ -1,5 +1,4 @@
-//! Windows onto the image of a camera. Flat windows look anywhere within a lens, like a pinhole camera at the
-//! same position. Cylindrical windows are unrolled.
+//! Windows: perspective or cylindrical views in any direction within a lens, from the position of the camera.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -9,72 +8,72 @@ use crate::camera::{
 };
 use crate::floor::remap::Remap;
 
-/// Direction of a flat window relative to the axis of its camera, and its field of view, in radians.
+/// Direction and field of view of a flat window relative to the axis of its camera, in radians.
 ///
-/// The angles rotate the window like those of a [`Camera`], in the order yaw, pitch, roll, as if the camera
-/// were upright and level and looked along its axis.
+/// The angles are applied as for a [`Camera`], in the order yaw, pitch, roll, as if the camera were upright
+/// and level and looked along its axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Look {
-    /// Pitch; positive looks down.
+pub struct ViewDirection {
+    /// Pitch, positive downwards.
     pub pitch: f64,
-    /// Yaw; positive looks to the left.
+    /// Yaw, positive to the left.
     pub yaw: f64,
-    /// Roll; positive rotates the window clockwise, so that its content rotates counter-clockwise.
+    /// Roll, positive if the window is rotated clockwise, so that its image rotates counter-clockwise.
     pub roll: f64,
-    /// Horizontal field of view, from the left to the right side.
+    /// Horizontal field of view.
     pub hfov: f64,
 }
 
-/// Mounting of a camera. It determines the upright direction of its windows.
+/// Mounting of a camera, which determines the upright direction of its windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mount {
-    /// Under a ceiling, looking down: up is away from its axis.
+    /// Ceiling mount, looking down: up is away from the optical axis.
     Ceiling,
-    /// On a wall: up is the same as in the image.
+    /// Wall mount: up is the up direction of the image.
     Wall,
 }
 
 impl Mount {
-    /// Returns the usual mounting of a camera with this pitch; positive looks down, in radians.
+    /// Returns the mounting of a camera with this pitch, in radians.
     #[must_use]
-    pub fn of_pitch(pitch: f64) -> Self {
+    pub fn from_pitch(pitch: f64) -> Self {
         if pitch > 0.25 * PI { Self::Ceiling } else { Self::Wall }
     }
 }
 
-/// Window of a given size onto the image of a camera.
+/// View of a camera with its own size, direction and projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
-    /// Rows right, down, forward of the window in the axes of the camera.
+    /// Rows right, down, forward of the window in camera axes.
     rotation: [[f64; 3]; 3],
     /// Width and height, in pixels.
     pub size: [usize; 2],
-    /// Focal length, in pixels. For a cylindrical window, pixels per radian around the axis.
+    /// Focal length, in pixels; for a cylindrical window, pixels per radian around it.
     pub focal: f64,
     /// Principal point, from the corner of the window, in pixels.
     pub principal_point: Pixel,
-    /// Whether the window is an unrolled cylinder: its columns are planes through the upright axis.
+    /// Whether the window is an unrolled cylinder. Its columns are then planes through its upright axis.
     pub is_round: bool,
 }
 
 impl Window {
-    /// Largest horizontal field of view of a flat window, in radians.
-    pub const WIDEST: f64 = 170.0 / 180.0 * PI;
+    /// Maximum field of view of a flat window, in radians.
+    pub const MAX_HFOV: f64 = 170.0 / 180.0 * PI;
 
-    /// Returns a flat window; `None` without pixels, or if its field of view is not between 0 and
-    /// [`Self::WIDEST`].
+    /// Creates a flat window. Returns `None` without pixels, or if the field of view is not between 0 and
+    /// [`Self::MAX_HFOV`].
     #[must_use]
-    pub fn flat(look: Look, size: [usize; 2]) -> Option<Self> {
+    pub fn flat(look: ViewDirection, size: [usize; 2]) -> Option<Self> {
         let [right, down, forward] = camera_from_world(look.roll, look.pitch, look.yaw);
-        // Right, forward and up of the camera are the world axes of its windows.
+        // The axes right, forward, up of the camera are the world axes of its windows.
         let rotation = [right, down, forward].map(|[x, y, z]| [x, -z, y]);
-        Self::turned(rotation, look.hfov, size)
+        Self::from_rotation(rotation, look.hfov, size)
     }
 
-    fn turned(rotation: [[f64; 3]; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
+    fn from_rotation(rotation: [[f64; 3]; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
         let [width, height] = size.map(|side| side as f64);
         let is_finite = rotation.iter().flatten().all(|part| part.is_finite());
-        if size.contains(&0) || !is_finite || !(hfov > 0.0 && hfov <= Self::WIDEST) {
+        if size.contains(&0) || !is_finite || !(hfov > 0.0 && hfov <= Self::MAX_HFOV) {
             return None;
         }
         let (sin, cos) = sin_cos(0.5 * hfov);
@@ -82,10 +81,9 @@ impl Window {
         Some(Self { rotation, size, focal: 0.5 * width * cos / sin, principal_point, is_round: false })
     }
 
-    /// Returns a flat window towards a direction in the axes of the camera, with upright objects upright.
-    ///
-    /// `None` without pixels, or if its field of view is not between 0 and [`Self::WIDEST`]. Along the axis
-    /// of a camera under a ceiling, up is the same as in the image.
+    /// Creates a flat window towards a direction in camera axes, in which upright objects are upright.
+    /// Returns `None` without pixels, or if the field of view is not between 0 and [`Self::MAX_HFOV`]. Along
+    /// the axis of a ceiling camera, up is the up direction of the image.
     #[must_use]
     pub fn toward(mount: Mount, direction: [f64; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
         let [x, y, z] = direction;
@@ -93,7 +91,7 @@ impl Window {
         match mount {
             Mount::Wall => {
                 let (pitch, yaw) = (y.atan2(hypot(x, z)), (-x).atan2(z));
-                Self::flat(Look { pitch, yaw, roll: 0.0, hfov }, size)
+                Self::flat(ViewDirection { pitch, yaw, roll: 0.0, hfov }, size)
             }
             Mount::Ceiling => {
                 let length = hypot(out, z);
@@ -101,18 +99,17 @@ impl Window {
                 let [out_u, out_v] = if out > 1e-9 * length { [x / out, y / out] } else { [0.0, -1.0] };
                 let forward = [sin * out_u, sin * out_v, cos];
                 let down = [-cos * out_u, -cos * out_v, sin];
-                Self::turned([cross(down, forward), down, forward], hfov, size)
+                Self::from_rotation([cross(down, forward), down, forward], hfov, size)
             }
         }
     }
 
-    /// Returns four windows around the axis of a camera.
-    ///
-    /// Under a ceiling they look outward, with upright objects upright, to the top, right, bottom and left of
-    /// the image. On a wall the order is up left, up right, down left, down right.
+    /// Creates four windows around the axis of a camera. On a ceiling they look outwards to the top, right,
+    /// bottom and left side of the image, with upright objects upright. On a wall they look up left, up
+    /// right, down left and down right.
     #[must_use]
     pub fn quadrants(mount: Mount, size: [usize; 2]) -> Option<[Self; 4]> {
-        /// Angle between the windows and the axis of the camera.
+        /// Angle of the windows from the axis, and their field of view, in radians.
         const TILT: f64 = 52.0 / 180.0 * PI;
         const WIDE: f64 = 95.0 / 180.0 * PI;
         let quadrant = |index: usize| match mount {
@@ -123,22 +120,21 @@ impl Window {
             }
             Mount::Wall => {
                 let (side, up) = [(1.0, -1.0), (-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)][index];
-                let look = Look { yaw: 0.25 * PI * side, pitch: 0.2 * PI * up, roll: 0.0, hfov: WIDE };
+                let look =
+                    ViewDirection { yaw: 0.25 * PI * side, pitch: 0.2 * PI * up, roll: 0.0, hfov: WIDE };
                 Self::flat(look, size)
             }
         };
         Some([quadrant(0)?, quadrant(1)?, quadrant(2)?, quadrant(3)?])
     }
 
-    /// Returns the whole image around the axis of the lens, unrolled; `reach` is the largest visible angle
-    /// from the axis, in radians: see [`lens_reach`].
-    ///
-    /// Under a ceiling the cylinder is around the optical axis, from the rim of the image down, with the top
-    /// of the image in the middle. On a wall it is around the vertical axis of the image.
+    /// Creates a cylindrical window with the whole view of a lens, unrolled. On a ceiling the cylinder is
+    /// about the optical axis. It extends from the rim of the image downwards, with the top of the image in
+    /// the middle. On a wall the cylinder is about the up direction of the image. `reach` is the largest
+    /// visible angle from the axis, in radians; see [`lens_reach`].
     #[must_use]
     pub fn panorama(mount: Mount, reach: f64, size: [usize; 2]) -> Option<Self> {
-        /// Largest slope above the height of the camera that is shown, for lenses that see above the
-        /// horizontal.
+        /// Largest slope above the camera that is shown, for a lens that sees above the horizon.
         const ABOVE: f64 = 0.27;
         if size.contains(&0) || !(reach > 0.0 && reach < PI) {
             return None;
@@ -160,13 +156,13 @@ impl Window {
         Some(Self { rotation, size, focal, principal_point, is_round: true })
     }
 
-    /// Returns the rows right, down, forward of the window in the axes of its camera (right, down, forward).
+    /// Returns the rows right, down, forward of the window in camera axes (right, down, forward).
     #[must_use]
     pub const fn window_from_camera(&self) -> &[[f64; 3]; 3] {
         &self.rotation
     }
 
-    /// Returns the direction of a pixel of the window, in the axes of the camera, with any length.
+    /// Returns the direction of a window pixel in camera axes. The vector has any length.
     #[must_use]
     pub fn direction(&self, pixel: Pixel) -> [f64; 3] {
         let Pixel { u: cu, v: cv } = self.principal_point;
@@ -178,9 +174,8 @@ impl Window {
         })
     }
 
-    /// Returns the pixel of the window for a direction in the axes of the camera.
-    ///
-    /// `None` if the direction is not in front of a flat window, or on the axis of a cylindrical one.
+    /// Maps a direction in camera axes to a window pixel. Returns `None` for directions 90° or more from the
+    /// axis of a flat window, and on the axis of a cylindrical one.
     #[must_use]
     pub fn pixel(&self, direction: [f64; 3]) -> Option<Pixel> {
         let [x, y, z] = self.rotation.map(|row| dot(&row, &direction));
@@ -192,31 +187,30 @@ impl Window {
         (level > 0.0).then(|| Pixel::new(cu + self.focal * x.atan2(z), cv + self.focal * y / level))
     }
 
-    /// Maps a pixel of the window to the raw image of a camera with this focal length, in pixels. `None`
-    /// outside the lens.
+    /// Maps a window pixel to the raw image of a camera. `focal` is the focal length of the camera, in
+    /// pixels. Returns `None` if the lens does not show the direction.
     #[must_use]
     pub fn raw(&self, lens: &Lens, focal: f64, pixel: Pixel) -> Option<Pixel> {
         let [x, y, z] = self.direction(pixel);
         lens.bearing_to_pixel([focal * x, focal * y, z])
     }
 
-    /// Maps a raw pixel of a camera to the window; `None` if the window does not show it.
+    /// Maps a raw pixel of a camera to the window. Returns `None` if the window does not show it.
     #[must_use]
-    pub fn of_raw(&self, lens: &Lens, focal: f64, raw: Pixel) -> Option<Pixel> {
+    pub fn raw_to_window(&self, lens: &Lens, focal: f64, raw: Pixel) -> Option<Pixel> {
         let [x, y, z] = lens.bearing(raw)?;
         self.pixel([x / focal, y / focal, z])
     }
 
-    /// Builds the map from the window to raw images of `raw` pixels.
-    ///
-    /// `None` for a raw image of fewer than 2 x 2 pixels, and for images of 1.4 gigapixels and more.
+    /// Computes the map from raw images of `raw` pixels to the window. Returns `None` for a raw image of
+    /// fewer than 2 x 2 pixels, and for images of 1.4 gigapixels and more.
     #[must_use]
     pub fn remap(&self, lens: &Lens, focal: f64, raw: [usize; 2]) -> Option<Remap> {
         Remap::new(raw, self.size, |pixel| self.raw(lens, focal, pixel))
     }
 
-    /// Returns the pinhole camera that corresponds to a flat window; `None` for a cylindrical one. Its
-    /// covariance is exact.
+    /// Returns the pinhole camera that is equivalent to a flat window. Returns `None` for a cylindrical
+    /// window. Its covariance is zero.
     #[must_use]
     pub fn camera(&self, of: &Camera) -> Option<Camera> {
         let camera = of.rotation();
@@ -231,10 +225,8 @@ impl Window {
     }
 }
 
-/// Returns the largest visible angle from the optical axis, in radians, at the middles of the sides of the
-/// image.
-///
-/// For a fisheye lens whose circle fits into the image, this is the angle at the rim. `focal` is the focal
+/// Returns the largest angle from the axis that a camera sees at the middle of a side of its image, in
+/// radians. For a fisheye with a circle inside the image, it is the angle of the rim. `focal` is the focal
 /// length of the camera, in pixels.
 #[must_use]
 pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
@@ -243,10 +235,10 @@ pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
     sides.into_iter().filter_map(|side| reach_toward(lens, focal, side)).fold(0.0, f64::max)
 }
 
-/// Returns the angle from the optical axis to a pixel, in radians. If the lens does not show the pixel, the
-/// angle of the last visible point towards it; `None` if there is no visible point.
+/// Returns the angle from the optical axis at a pixel, in radians, or at the last visible point on the way to
+/// it. Returns `None` if no ray is visible.
 fn reach_toward(lens: &Lens, focal: f64, [u, v]: [f64; 2]) -> Option<f64> {
-    /// Number of bisections on the way to the pixel; the result is exact to far below a pixel.
+    /// Number of bisection steps to the last visible point, for an accuracy far below a pixel.
     const STEPS: u32 = 20;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     let angle = |share: f64| {
@@ -262,10 +254,9 @@ fn reach_toward(lens: &Lens, focal: f64, [u, v]: [f64; 2]) -> Option<f64> {
     })
 }
 
-/// Returns the horizontal field of view of an image, in radians. `focal` is the focal length of the camera,
-/// in pixels.
-///
-/// Without distortion, except for a fisheye lens: there it is the sum of the visible angles to both sides.
+/// Returns the horizontal field of view of an image, in radians. It excludes lens distortion, except for a
+/// wide lens, where it is the sum of the visible angles to both sides. `focal` is the focal length of the
+/// camera, in pixels.
 #[must_use]
 pub fn view_angle(lens: &Lens, focal: f64, size: [f64; 2]) -> f64 {
     if lens.distortion.is_wide() {
@@ -293,7 +284,9 @@ mod tests {
 
     fn any_window() -> impl Strategy<Value = Window> {
         let flat = [-1.5..1.5_f64, -3.0..3.0_f64, -3.0..3.0_f64, 0.2..2.8_f64].prop_map(
-            |[pitch, yaw, roll, hfov]| Window::flat(Look { pitch, yaw, roll, hfov }, [640, 480]).unwrap(),
+            |[pitch, yaw, roll, hfov]| {
+                Window::flat(ViewDirection { pitch, yaw, roll, hfov }, [640, 480]).unwrap()
+            },
         );
         let mount = prop_oneof![Just(Mount::Ceiling), Just(Mount::Wall)];
         let four = (mount.clone(), 0..4_usize)
@@ -304,14 +297,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_pixel_of_a_window_leads_to_the_raw_image_and_back(
+        fn window_pixel_maps_to_raw_image_and_back(
             window in any_window(), u in 0.02..0.98_f64, v in 0.02..0.98_f64,
         ) {
             let lens = fisheye();
             let pixel = Pixel::new(u * window.size[0] as f64, v * window.size[1] as f64);
             let raw = window.raw(&lens, lens.focal, pixel);
             prop_assume!(raw.is_some());
-            let back = window.of_raw(&lens, lens.focal, raw.unwrap()).unwrap();
+            let back = window.raw_to_window(&lens, lens.focal, raw.unwrap()).unwrap();
             prop_assert!(back.distance(pixel) < 1e-6, "{back:?} {pixel:?}");
         }
 
@@ -333,8 +326,8 @@ mod tests {
     }
 
     #[test]
-    fn a_look_turns_as_a_camera_does() {
-        let look = |pitch: f64, yaw: f64| Look { pitch, yaw, roll: 0.0, hfov: 1.0 };
+    fn view_direction_rotates_like_a_camera() {
+        let look = |pitch: f64, yaw: f64| ViewDirection { pitch, yaw, roll: 0.0, hfov: 1.0 };
         let middle = |look| {
             let window = Window::flat(look, [100, 50]).unwrap();
             window.direction(window.principal_point)
@@ -346,8 +339,8 @@ mod tests {
     }
 
     #[test]
-    fn windows_under_a_ceiling_have_what_is_upright_upright() {
-        // A camera that looks straight down, and the feet and heads of people all around it.
+    fn ceiling_windows_show_people_upright() {
+        // A camera that looks straight down, and the foot and head of people all around it.
         let camera = Camera {
             position: WorldPoint { x: 0.0, y: 0.0, z: 4.0 },
             yaw: 0.3,
@@ -374,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn a_window_towards_a_direction_has_it_in_its_middle() {
+    fn direction_is_at_the_window_centre() {
         for mount in [Mount::Ceiling, Mount::Wall] {
             for direction in [[0.0, 0.0, 2.0], [0.3, -0.4, 0.5], [-1.0, 0.2, -0.1]] {
                 let window = Window::toward(mount, direction, 1.2, [640, 480]).unwrap();
@@ -388,12 +381,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_window_is_refused() {
-        let look = |hfov: f64| Look { hfov, ..Look::default() };
+    fn invalid_windows_are_rejected() {
+        let look = |hfov: f64| ViewDirection { hfov, ..ViewDirection::default() };
         assert_eq!(Window::flat(look(0.0), [10, 10]), None);
         assert_eq!(Window::flat(look(PI), [10, 10]), None);
         assert_eq!(Window::flat(look(1.0), [0, 10]), None);
-        assert_eq!(Window::flat(Look { pitch: f64::NAN, ..look(1.0) }, [10, 10]), None);
+        assert_eq!(Window::flat(ViewDirection { pitch: f64::NAN, ..look(1.0) }, [10, 10]), None);
         assert_eq!(Window::toward(Mount::Ceiling, [0.0; 3], 1.0, [10, 10]), None);
         assert_eq!(Window::panorama(Mount::Wall, 0.0, [10, 10]), None);
         let window = Window::flat(look(1.0), [10, 10]).unwrap();
@@ -401,11 +394,11 @@ mod tests {
     }
 
     #[test]
-    fn a_window_is_made_of_the_pixels_that_the_lens_shows_there() {
+    fn window_pixels_have_colour_of_raw_position() {
         let lens = fisheye();
         let raw: Vec<u8> =
             (0..980_usize).flat_map(|y| (0..1000_usize).map(move |x| ((x + y) / 8) as u8)).collect();
-        let look = Look { pitch: 1.1, yaw: 0.7, roll: 0.2, hfov: 1.4 };
+        let look = ViewDirection { pitch: 1.1, yaw: 0.7, roll: 0.2, hfov: 1.4 };
         let window = Window::flat(look, [320, 200]).unwrap();
         let mut out = vec![0; 320 * 200];
         assert!(window.remap(&lens, lens.focal, [1000, 980]).unwrap().apply_into(&raw, &mut out));
@@ -424,7 +417,7 @@ mod tests {
         let flat = Lens::pinhole(Pixel::new(500.0, 490.0));
         assert_eq!(view_angle(&flat, 500.0, [1000.0, 980.0]), FRAC_PI_2);
         assert!((lens_reach(&lens, lens.focal, [1000.0, 980.0]) - 500.0 / 300.0).abs() < 0.1);
-        // The image circle limits the visible angle.
+        // The visible angle ends at the image circle.
         let half = 92.5_f64.to_radians();
         let rim = lens.bearing_to_pixel([lens.focal * half.sin(), 0.0, half.cos()]).unwrap();
         let circle = ImageCircle { u: 500.0, v: 490.0, radius: rim.u - 500.0 };

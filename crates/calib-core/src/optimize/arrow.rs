@@ -33,19 +33,19 @@ pub(crate) struct NuisanceLayout {
 }
 
 /// Largest number of nuisance parameters that a residual depends on.
-const MOST: usize = 5;
+const MAX_DERIVATIVES: usize = 5;
 
 /// Derivatives of a residual by at most [`MAX_DERIVATIVES`] nuisance parameters of one block, as pairs of
 /// index and derivative.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NuisanceJacobian {
     count: usize,
-    by: [(usize, f64); MOST],
+    by: [(usize, f64); MAX_DERIVATIVES],
 }
 
 impl NuisanceJacobian {
     /// Derivatives of a residual without nuisance parameters.
-    pub(crate) const NONE: Self = Self { count: 0, by: [(0, 0.0); MOST] };
+    pub(crate) const NONE: Self = Self { count: 0, by: [(0, 0.0); MAX_DERIVATIVES] };
 
     /// Creates the derivative of a residual that depends on one nuisance parameter.
     #[inline]
@@ -243,7 +243,7 @@ impl Normal {
             gain += step[i] * (damping * self.core[i][i] * step[i] - self.gradient[i]);
             size = size.max(step[i].abs());
         }
-        let steps = self.back(&eliminated, &step);
+        let steps = self.back_substitute(&eliminated, &step);
         for (value, &(block, place)) in nuisances.iter_mut().zip(&self.places) {
             let Block { size: width, row, square } = self.blocks[block];
             let own = steps[row + place];
@@ -256,7 +256,7 @@ impl Normal {
     }
 
     /// Returns the steps of all blocks for the step of the core: `L' n = -(w + W c)`.
-    fn back(&self, eliminated: &Eliminated, core: &[f64; CORE]) -> Vec<f64> {
+    fn back_substitute(&self, eliminated: &Eliminated, core: &[f64; CORE]) -> Vec<f64> {
         let Eliminated { lower, rows } = eliminated;
         let coupled = |row: &Row| row.cross.iter().zip(core).map(|(c, s)| c * s).sum::<f64>();
         let mut steps: Vec<f64> = rows.iter().map(|row| -(row.gradient + coupled(row))).collect();

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::camera::dispatch;
 use crate::optimize::dense::add_outer;
-use crate::optimize::sparse_cholesky::{Entry, SparseStructure, sort_and_dedup, running_sums};
+use crate::optimize::sparse_cholesky::{Entry, SparseStructure, running_sums, sort_and_dedup};
 
 /// Parameter blocks, divided into kept and eliminated blocks, and the couplings between them. Two blocks are
 /// coupled if they share a residual.

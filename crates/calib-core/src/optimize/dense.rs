@@ -160,7 +160,8 @@ pub(crate) fn pseudo_invert(matrix: &mut [f64], size: usize) {
     /// Largest size of a block with buffers on the stack; most blocks are smaller.
     const MAX_STACK_SIZE: usize = 3;
     if size <= MAX_STACK_SIZE {
-        let (mut left, mut right) = ([0.0; MAX_STACK_SIZE * MAX_STACK_SIZE], [0.0; MAX_STACK_SIZE * MAX_STACK_SIZE]);
+        let (mut left, mut right) =
+            ([0.0; MAX_STACK_SIZE * MAX_STACK_SIZE], [0.0; MAX_STACK_SIZE * MAX_STACK_SIZE]);
         let (left, right) = (&mut left[..size * size], &mut right[..size * size]);
         pseudo_invert_in(matrix, [left, right], &mut [false; MAX_STACK_SIZE][..size]);
     } else {

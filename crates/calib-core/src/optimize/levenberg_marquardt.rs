@@ -81,11 +81,11 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
     /// Starts a run. Returns `None` if the model is not defined at the start.
     pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
         let (cost, normal) = problem.linearize(&start)?;
-        Some(Self::at(problem, start, cost, normal))
+        Some(Self::from_normal(problem, start, cost, normal))
     }
 
     /// Starts a run at a state with known normal equations.
-    pub(crate) fn at(problem: &P, state: P::State, cost: f64, normal: P::Normal) -> Self {
+    pub(crate) fn from_normal(problem: &P, state: P::State, cost: f64, normal: P::Normal) -> Self {
         let damping = problem.first_damping();
         Self { state, cost, normal, damping, growth: GROWTH, least_after_rejection: FIRST_DAMPING }
     }
@@ -116,7 +116,8 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
                 if size < STEP_TOLERANCE || promises_nothing {
                     return Some(Termination::Converged);
                 }
-                let is_last = size < MAX_LAST_STEP[1] && (0.0..=MAX_LAST_STEP[0] * self.cost).contains(&predicted);
+                let is_last =
+                    size < MAX_LAST_STEP[1] && (0.0..=MAX_LAST_STEP[0] * self.cost).contains(&predicted);
                 if is_last && self.is_undamped() {
                     (self.state, self.cost) = (next, self.cost - predicted);
                     return Some(Termination::Converged);
@@ -258,7 +259,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_run_ends_where_no_step_is_left_and_its_cost_is_that_there(
+        fn run_converges_to_a_minimum_with_its_exact_cost(
             start in -30.0..30.0_f64, first_damping in -12.0..0.0_f64, share in 0.0..0.2_f64,
         ) {
             let first_damping = 10.0_f64.powf(first_damping);
@@ -273,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn where_hardly_damped_steps_lead_away_it_is_no_slower_than_from_the_usual_damping() {
+    fn small_first_damping_costs_at_most_one_evaluation() {
         let evaluations = |first_damping: f64| {
             let problem = ArcTangent { first_damping, share: 0.0, evaluations: Cell::new(0) };
             least_squares(&problem, 5.0, 200).unwrap();

@@ -88,21 +88,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_minimum_of_rosenbrock_is_reached() {
+    fn rosenbrock_minimum_is_found() {
         let rosenbrock = |[x, y]: [f64; 2]| (1.0 - x).powi(2) + 100.0 * (y - x * x).powi(2);
         let (lowest, _) = nelder_mead(rosenbrock, [-1.2, 1.0], [0.1, 0.1]).unwrap();
         assert!((lowest[0] - 1.0).abs() + (lowest[1] - 1.0).abs() < 1e-6, "{lowest:?}");
     }
 
     #[test]
-    fn an_unknown_of_size_zero_stays() {
+    fn parameter_of_size_zero_does_not_move() {
         let (lowest, _) = nelder_mead(|[x, y]| x * x + (y - 3.0).powi(2), [1.0, 1.0], [0.0, 0.1]).unwrap();
         assert_eq!(lowest[0], 1.0);
         assert!((lowest[1] - 3.0).abs() < 1e-6, "{lowest:?}");
     }
 
     #[test]
-    fn a_cost_that_is_impossible_everywhere_has_no_minimum() {
+    fn undefined_cost_has_no_minimum() {
         assert!(nelder_mead(|_| f64::NAN, [0.0, 0.0], [1.0, 1.0]).is_none());
     }
 }

@@ -487,7 +487,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn solution_and_inverse_are_those_of_the_dense_matrix(
+        fn solution_and_inverse_agree_with_the_dense_matrix(
             // Mostly small blocks, and some that are wider than a supernode.
             sizes in proptest::collection::vec(prop_oneof![20 => 1..10_usize, 1 => 57..60_usize], 0..14),
             pairs in proptest::collection::vec((0..14_usize, 0..14_usize), 0..60),

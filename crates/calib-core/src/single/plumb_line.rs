@@ -40,10 +40,8 @@ pub struct LensFit {
     pub straightness: [f64; 2],
     /// Root mean square distance of every polyline from straight, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Fitted parameters, in the order of coefficients, and the focal length and principal point of a fisheye
-    /// unless given.
-    ///
-    /// [`Lens::PARAMETERS`]: the
+    /// Fitted parameters, in the order of [`Lens::PARAMETERS`]. They are the coefficients, and the focal length and
+    /// principal point of a fisheye unless given.
     pub free: [bool; Lens::PARAMETERS],
     /// Covariance of the parameters; zero for parameters that are not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],

@@ -1,6 +1,6 @@
 //! Annotated lines with their residuals, signs and extensions, and control points with their reprojections.
 
-use calib_core::floor::line_beyond;
+use calib_core::floor::line_extension;
 use calib_core::single::{Shape, line_name};
 use calib_core::{Annotation, Camera, Kind, Pixel, Residual, UndistortedPixel};
 
@@ -91,7 +91,7 @@ pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixe
     let ends = points.first().zip(points.last());
     if camera.lens.distortion.is_wide() {
         let sides = ends.map_or_else(Vec::new, |(&a, &b)| vec![[b, a], [a, b]]);
-        let beyond = sides.into_iter().map(|ends| line_beyond(&camera.lens, ends));
+        let beyond = sides.into_iter().map(|ends| line_extension(&camera.lens, ends));
         return beyond.map(|line| Item::polyline(Meaning::Extension(kind), line)).collect();
     }
     let ends = ends.and_then(|(&a, &b)| camera.undistort(a).zip(camera.undistort(b)));

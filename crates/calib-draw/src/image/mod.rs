@@ -11,7 +11,7 @@ mod annotation;
 
 use calib_core::{Camera, Lens, Pixel, Plane, WorldPoint};
 
-use calib_core::floor::drawn_line;
+use calib_core::floor::annotated_line_curve;
 
 use calib_site::{Site, SiteCamera, Solution};
 
@@ -102,7 +102,7 @@ impl<'a> ImageView<'a> {
     /// Returns the image curve of a line with these annotated points.
     fn image_curve(&self, points: Vec<Pixel>) -> Vec<Pixel> {
         match self.lens() {
-            Some(lens) => drawn_line(&lens, &points),
+            Some(lens) => annotated_line_curve(&lens, &points),
             None => points,
         }
     }

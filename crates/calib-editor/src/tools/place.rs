@@ -258,7 +258,7 @@ pub(super) fn fit_pins(
             let by = FloorPoint::new(own.by.x + pin.world.x - seen.x, own.by.y + pin.world.y - seen.y);
             Some(Placement { by, ..own })
         }
-        _ => calib_core::from_control_points(&pose, pins, None).map(|placed| Placement::of(&placed)),
+        _ => calib_core::from_control_points(&pose, pins, None).map(|placed| Placement::from_camera(&placed)),
     }
 }
 
@@ -270,11 +270,11 @@ mod tests {
     fn polygon_rotated_and_scaled_about_a_pivot_keeps_the_pivot() {
         let own = Placement { by: FloorPoint::new(2.0, 1.0), turn: 0.3, scale: 1.2 };
         let on_floor = FloorPoint::new(0.7, 4.0);
-        let pivot = own.carry(on_floor);
+        let pivot = own.map_point(on_floor);
         let new = rotate_scale_about(own, pivot.into(), [5.0, 5.0], [3.0, 9.0], [true, true]);
-        assert!(new.carry(on_floor).distance(pivot) < 1e-12);
-        let corner = own.carry(FloorPoint::new(-1.0, 2.0));
+        assert!(new.map_point(on_floor).distance(pivot) < 1e-12);
+        let corner = own.map_point(FloorPoint::new(-1.0, 2.0));
         let moved = rotate_scale_about(own, pivot.into(), corner.into(), [0.0, 0.0], [true, true]);
-        assert!(moved.carry(FloorPoint::new(-1.0, 2.0)).distance(FloorPoint::new(0.0, 0.0)) < 1e-9);
+        assert!(moved.map_point(FloorPoint::new(-1.0, 2.0)).distance(FloorPoint::new(0.0, 0.0)) < 1e-9);
     }
 }

@@ -136,14 +136,14 @@ fn columns(
 /// Computes all columns for one pixel of the stream.
 fn row(projector: &FloorProjector, extent: &Extent<'_>, map: &StreamMap, [u, v]: [f64; 2]) -> [f64; COLUMNS] {
     let (camera, height) = (projector.camera(), projector.height());
-    let still = Pixel::new(map.in_still(0, u), map.in_still(1, v));
+    let still = Pixel::new(map.to_image(0, u), map.to_image(1, v));
     let (mut x, mut y, mut status) = ([0.0], [0.0], [Status::Ok]);
     projector.pixels_to_floor_within(extent, [&[still.u], &[still.v]], [&mut x, &mut y], &mut status);
     let mut covariance = [[[0.0]; 3]; 2];
     let to = covariance.each_mut().map(|part| part.each_mut().map(|column| &mut column[..]));
-    projector.floor_covariances([&[still.u], &[still.v]], SIGMA * map.still_pixels(), to);
+    projector.floor_covariances([&[still.u], &[still.v]], SIGMA * map.max_pixel_size(), to);
     let [noise, calibration] = covariance.map(|[[xx], [xy], [yy]]| [xx, xy, xy, yy]);
-    let in_stream = |[u, v]: [f64; 2]| [map.in_stream(0, u), map.in_stream(1, v)];
+    let in_stream = |[u, v]: [f64; 2]| [map.to_stream(0, u), map.to_stream(1, v)];
     let (mut back_u, mut back_v) = ([0.0], [0.0]);
     let points = PointProjector::new(camera);
     points.points_to_pixels([&x, &y, &[height]], [&mut back_u, &mut back_v]);

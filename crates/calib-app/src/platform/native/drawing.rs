@@ -119,7 +119,7 @@ mod tests {
             assert!(error.contains("10000 x 10000") && error.contains("scale it down"), "{error}");
         }
         let error = with(&href("image/webp", b"RIFF")).unwrap_err();
-        assert!(error.contains("image/webp is not read"), "{error}");
+        assert!(error.contains("image/webp is not supported"), "{error}");
     }
 
     /// Returns nested groups, each as large as the drawing.

@@ -147,12 +147,12 @@ impl BrownConrady {
     fn start(&self, radius: f64) -> Option<(f64, bool)> {
         let tangential = self.p1 != 0.0 || self.p2 != 0.0;
         match self.radial().inverse(radius) {
-            Some(straight) if !tangential => Some((straight, true)),
+            Some(undistorted) if !tangential => Some((undistorted, true)),
             None if !tangential => None,
-            Some(straight) if self.is_surely_increasing(1.1 * straight) => Some((straight, false)),
+            Some(undistorted) if self.is_surely_increasing(1.1 * undistorted) => Some((undistorted, false)),
             // The start is inside the fold. Newton's method diverges from beyond the fold, and never
             // overshoots from inside.
-            straight => Some((straight.unwrap_or(f64::INFINITY).min(0.99 * self.fold_radius()), false)),
+            undistorted => Some((undistorted.unwrap_or(f64::INFINITY).min(0.99 * self.fold_radius()), false)),
         }
     }
 }
@@ -186,8 +186,8 @@ impl Model for BrownConrady {
         self.fold_radius()
     }
 
-    fn distort(&self, straight: [f64; 2]) -> Option<[f64; 2]> {
-        self.is_regular(straight).then(|| self.evaluate(straight))
+    fn distort(&self, undistorted: [f64; 2]) -> Option<[f64; 2]> {
+        self.is_regular(undistorted).then(|| self.evaluate(undistorted))
     }
 
     /// Solves the formula by Newton's method, from the solution of the radial part.
@@ -198,50 +198,50 @@ impl Model for BrownConrady {
         /// Accepted step, in coordinates divided by the focal length.
         const TOLERANCE: f64 = 1e-13;
         let radius = hypot(x, y);
-        let (straight, is_radial) = self.start(radius)?;
-        let scale = if radius > 0.0 { straight / radius } else { 1.0 };
+        let (undistorted, is_radial) = self.start(radius)?;
+        let scale = if radius > 0.0 { undistorted / radius } else { 1.0 };
         let mut point = [scale * x, scale * y];
         if is_radial {
             return Some(point);
         }
         for _ in 0..MAX_STEPS {
-            let bent = self.evaluate(point);
-            let (ex, ey) = (bent[0] - x, bent[1] - y);
+            let distorted = self.evaluate(point);
+            let (ex, ey) = (distorted[0] - x, distorted[1] - y);
             let [a, b, d] = self.jacobian(point);
             let determinant = a * d - b * b;
             let step = [(d * ex - b * ey) / determinant, (a * ey - b * ex) / determinant];
             point = [point[0] - step[0], point[1] - step[1]];
             if step[0].abs().max(step[1].abs()) < TOLERANCE * (1.0 + radius) {
-                let bent = self.evaluate(point);
-                let close = (bent[0] - x).hypot(bent[1] - y) < 1e-12 * (1.0 + radius);
+                let distorted = self.evaluate(point);
+                let close = (distorted[0] - x).hypot(distorted[1] - y) < 1e-12 * (1.0 + radius);
                 return (close && self.is_regular(point)).then_some(point);
             }
         }
         None
     }
 
-    fn distort_jacobian(&self, straight: [f64; 2]) -> Matrix2 {
-        let [a, b, d] = self.jacobian(straight);
+    fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2 {
+        let [a, b, d] = self.jacobian(undistorted);
         [[a, b], [b, d]]
     }
 
-    fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
-        self.distorted_by_coefficients(straight)
+    fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+        self.distorted_by_coefficients(undistorted)
     }
 
-    fn undistort_jacobian(&self, _: [f64; 2], straight: [f64; 2]) -> Matrix2 {
-        inverse(self.jacobian(straight))
+    fn undistort_jacobian(&self, _: [f64; 2], undistorted: [f64; 2]) -> Matrix2 {
+        inverse(self.jacobian(undistorted))
     }
 
-    fn undistort_by_coefficients(&self, _: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
-        let by_bent = inverse(self.jacobian(straight));
-        let bent = self.distort_by_coefficients(straight);
-        let (direct, by_point) = (jacobian_by_coefficients(straight), self.jacobian_by_point(straight));
+    fn undistort_by_coefficients(&self, _: [f64; 2], undistorted: [f64; 2]) -> ByCoefficients {
+        let by_distorted = inverse(self.jacobian(undistorted));
+        let distorted = self.distort_by_coefficients(undistorted);
+        let (direct, by_point) = (jacobian_by_coefficients(undistorted), self.jacobian_by_point(undistorted));
         std::array::from_fn(|k| {
-            let [x, y] = bent[k];
-            let at = by_bent.map(|row| -(row[0] * x + row[1] * y));
+            let [x, y] = distorted[k];
+            let at = by_distorted.map(|row| -(row[0] * x + row[1] * y));
             let change = |i: usize| direct[k][i] + by_point[0][i] * at[0] + by_point[1][i] * at[1];
-            ByCoefficient { at, jacobian: sandwiched(by_bent, std::array::from_fn(change)) }
+            ByCoefficient { at, jacobian: sandwiched(by_distorted, std::array::from_fn(change)) }
         })
     }
 }
@@ -273,17 +273,17 @@ impl BrownInverse {
     pub(crate) fn new(brown: &BrownConrady, reach: f64) -> Self {
         let (fold, radial) = (brown.max_radius(), brown.radial());
         let reach = reach.min(0.97 * radial.value(0.97 * fold.min(1e3)).abs());
-        let straight = radial.inverse(reach);
+        let undistorted = radial.inverse(reach);
         // Chebyshev nodes of the squared radius.
         let node = |i: usize| 0.5 - 0.5 * sin_cos(std::f64::consts::PI * (i as f64 + 0.5) / TERMS as f64).1;
         let powers = SMatrix::<f64, TERMS, TERMS>::from_fn(|i, k| node(i).powi(k as i32));
         let ratios = SVector::<f64, TERMS>::from_fn(|i, _| {
-            let bent = reach * node(i).sqrt();
-            radial.inverse(bent).map_or(1.0, |straight| straight / bent)
+            let distorted = reach * node(i).sqrt();
+            radial.inverse(distorted).map_or(1.0, |undistorted| undistorted / distorted)
         });
         let radial = powers.lu().solve(&ratios).map_or([0.0; TERMS], Into::into);
-        let most = (fold * (1.0 - 1e-6)).min(1.1 * straight.unwrap_or(reach));
-        let curvature = curvature(brown, straight.unwrap_or(reach));
+        let most = (fold * (1.0 - 1e-6)).min(1.1 * undistorted.unwrap_or(reach));
+        let curvature = curvature(brown, undistorted.unwrap_or(reach));
         Self { brown: *brown, radial, scale: (reach * reach).recip(), max_square: most * most, curvature }
     }
 
@@ -296,12 +296,12 @@ impl BrownInverse {
     }
 
     #[inline(always)]
-    fn start(&self, bent_x: f64, bent_y: f64) -> (f64, f64) {
+    fn start(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64) {
         let BrownConrady { p1, p2, .. } = self.brown;
-        let (x, y) = self.invert_radial(bent_x, bent_y);
+        let (x, y) = self.invert_radial(distorted_x, distorted_y);
         let (square, cross) = (x * x + y * y, 2.0 * x * y);
         let across = [p1 * cross + p2 * (square + 2.0 * x * x), p1 * (square + 2.0 * y * y) + p2 * cross];
-        self.invert_radial(bent_x - across[0], bent_y - across[1])
+        self.invert_radial(distorted_x - across[0], distorted_y - across[1])
     }
 
     /// Returns H on the path from a start with this squared radius. The path is at most twice [`NEAR`] long.
@@ -314,14 +314,14 @@ impl BrownInverse {
 
     /// Returns the point after both steps, and whether the bound of its error is small enough.
     #[inline(always)]
-    fn two_steps(&self, bent_x: f64, bent_y: f64) -> (f64, f64, bool) {
-        let start = self.start(bent_x, bent_y);
+    fn two_steps(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64, bool) {
+        let start = self.start(distorted_x, distorted_y);
         let [a, b, d] = self.brown.jacobian(start.into());
         let scale = (a * d - b * b).recip();
         let inverse = (a * a + 2.0 * b * b + d * d) * scale * scale;
         let step = |(x, y): (f64, f64)| {
-            let bent = self.brown.evaluate([x, y]);
-            let (ex, ey) = (bent[0] - bent_x, bent[1] - bent_y);
+            let distorted = self.brown.evaluate([x, y]);
+            let (ex, ey) = (distorted[0] - distorted_x, distorted[1] - distorted_y);
             ((d * ex - b * ey) * scale, (a * ey - b * ex) * scale)
         };
         let first = step(start);
@@ -340,17 +340,17 @@ impl BrownInverse {
     /// set to NaN.
     #[inline(always)]
     pub(crate) fn undistort(&self, x: &mut [f64; LANES], y: &mut [f64; LANES]) {
-        let (bent_x, bent_y) = (*x, *y);
+        let (distorted_x, distorted_y) = (*x, *y);
         let mut is_solved = [false; LANES];
         for i in 0..LANES {
-            (x[i], y[i], is_solved[i]) = self.two_steps(bent_x[i], bent_y[i]);
+            (x[i], y[i], is_solved[i]) = self.two_steps(distorted_x[i], distorted_y[i]);
         }
         if is_solved.iter().all(|&solved| solved) {
             return;
         }
         for i in 0..LANES {
             if !is_solved[i] {
-                let solved = Distortion::BrownConrady(self.brown).undistort([bent_x[i], bent_y[i]]);
+                let solved = Distortion::BrownConrady(self.brown).undistort([distorted_x[i], distorted_y[i]]);
                 [x[i], y[i]] = solved.unwrap_or([f64::NAN; 2]);
             }
         }
@@ -379,7 +379,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_barrel_lens_says_where_it_folds() {
+    fn barrel_lens_has_a_fold_radius() {
         let b = BrownConrady { k1: -0.35, ..BrownConrady::default() };
         let turn = Distortion::BrownConrady(b).max_radius();
         assert!((1.0 - 3.0 * 0.35 * turn * turn).abs() < 1e-12);
@@ -392,7 +392,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn points_in_step_are_those_that_are_solved_alone(
+        fn points_in_lockstep_agree_with_separate_solutions(
             k1 in -0.4..0.3_f64, k2 in -0.2..0.2_f64, k3 in -0.05..0.05_f64, p1 in -0.01..0.01_f64, p2 in -0.01..0.01_f64,
             reach in 0.2..2.0_f64, at in proptest::collection::vec((-1.5..1.5_f64, -1.5..1.5_f64), LANES),
         ) {
@@ -411,7 +411,7 @@ mod tests {
         }
 
         #[test]
-        fn but_for_its_corners_no_point_of_the_image_of_a_usual_lens_is_solved_alone(x in -0.7..0.7_f64, y in -0.38..0.38_f64) {
+        fn points_of_a_typical_image_are_solved_in_lockstep(x in -0.7..0.7_f64, y in -0.38..0.38_f64) {
             let brown = BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 };
             let inverse = BrownInverse::new(&brown, 1.1);
             let start = inverse.start(x, y);
@@ -421,7 +421,7 @@ mod tests {
         }
 
         #[test]
-        fn no_second_derivative_is_larger_than_its_bound(
+        fn second_derivatives_are_within_their_bound(
             k in [-0.4..0.3_f64, -0.2..0.2_f64, -0.05..0.05_f64], p in [-0.01..0.01_f64, -0.01..0.01_f64],
             radius in 0.01..1.5_f64, about in 0.2..2.0_f64, angle in 0.0..6.3_f64, way in 0.0..6.3_f64,
         ) {

@@ -47,7 +47,7 @@ fn column(matrix: Matrix2, k: usize) -> [f64; 2] {
 }
 
 #[test]
-fn the_table_is_in_the_order_of_the_models() {
+fn table_has_the_order_of_the_models() {
     for row in &MODELS {
         assert_eq!(row.model.row().name, row.name);
         assert_eq!(row.zero.model(), Some(row.model));
@@ -60,7 +60,7 @@ fn the_table_is_in_the_order_of_the_models() {
 
 proptest! {
     #[test]
-    fn no_coefficients_make_a_lens_panic_or_answer_with_what_is_no_number(
+    fn any_coefficients_give_finite_results_without_panic(
         xi in any::<f64>(), alpha in prop_oneof![any::<f64>(), 0.0..1.0_f64], near in -2.0..2.0_f64,
         x in prop_oneof![any::<f64>(), -3.0..3.0_f64, Just(0.0)], y in prop_oneof![-3.0..3.0_f64, Just(0.0)],
         w in prop_oneof![any::<f64>(), -1.0..1.0_f64],
@@ -84,26 +84,26 @@ proptest! {
     }
 
     #[test]
-    fn undistorting_a_distorted_point_gives_it_back(
+    fn undistortion_inverts_distortion(
         distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
     ) {
-        if let Some(bent) = distortion.distort([x, y]) {
+        if let Some(distorted) = distortion.distort([x, y]) {
             // The derivative vanishes at the fold, so digits are lost there.
             prop_assume!(x.hypot(y) < 0.98 * distortion.max_radius());
-            let back = distortion.undistort(bent);
+            let back = distortion.undistort(distorted);
             let near = |back: [f64; 2]| (back[0] - x).hypot(back[1] - y) < 1e-10;
             prop_assert!(back.is_some_and(near), "{back:?} {x} {y}");
         }
     }
 
     #[test]
-    fn distorting_an_undistorted_point_gives_it_back(
+    fn distortion_inverts_undistortion(
         distortion in any_distortion(), x in -1.0..1.0_f64, y in -1.0..1.0_f64,
     ) {
-        if let Some(straight) = distortion.undistort([x, y]) {
-            prop_assume!(straight[0].hypot(straight[1]) < 100.0);
-            let back = distortion.distort(straight);
-            prop_assert!(back.is_some(), "undistorted out of the domain: {straight:?}");
+        if let Some(undistorted) = distortion.undistort([x, y]) {
+            prop_assume!(undistorted[0].hypot(undistorted[1]) < 100.0);
+            let back = distortion.distort(undistorted);
+            prop_assert!(back.is_some(), "undistorted out of the domain: {undistorted:?}");
             if let Some(back) = back {
                 prop_assert!((back[0] - x).hypot(back[1] - y) < 1e-11, "{back:?} {x} {y}");
             }
@@ -111,7 +111,7 @@ proptest! {
     }
 
     #[test]
-    fn a_ray_is_shown_where_it_was_found(distortion in any_distortion(), x in -2.5..2.5_f64, y in -2.5..2.5_f64) {
+    fn ray_maps_back_to_its_distorted_point(distortion in any_distortion(), x in -2.5..2.5_f64, y in -2.5..2.5_f64) {
         let Some(ray) = distortion.ray([x, y]) else { return Ok(()) };
         let [a, b, w] = ray;
         // The derivative vanishes at the fold, so digits are lost there. A pinhole loses digits far from the
@@ -124,7 +124,7 @@ proptest! {
     }
 
     #[test]
-    fn derivatives_of_rays_are_those_of_differences(
+    fn ray_derivatives_agree_with_finite_differences(
         distortion in any_distortion(), x in -1.8..1.8_f64, y in -1.8..1.8_f64,
     ) {
         let Some(ray) = distortion.ray([x, y]) else { return Ok(()) };
@@ -149,7 +149,7 @@ proptest! {
     }
 
     #[test]
-    fn derivatives_of_distortion_are_those_of_differences(
+    fn distortion_derivatives_agree_with_finite_differences(
         distortion in any_distortion(), x in -1.5..1.5_f64, y in -1.5..1.5_f64,
     ) {
         // Near the fold all derivatives grow without bound.
@@ -164,18 +164,18 @@ proptest! {
     }
 
     #[test]
-    fn derivatives_of_undistortion_are_those_of_differences(
+    fn undistortion_derivatives_agree_with_finite_differences(
         distortion in any_distortion(), x in -1.2..1.2_f64, y in -1.2..1.2_f64,
     ) {
-        let Some(straight) = distortion.undistort([x, y]) else { return Ok(()) };
-        prop_assume!(straight[0].hypot(straight[1]) < (0.9 * distortion.max_radius()).min(4.0));
+        let Some(undistorted) = distortion.undistort([x, y]) else { return Ok(()) };
+        prop_assume!(undistorted[0].hypot(undistorted[1]) < (0.9 * distortion.max_radius()).min(4.0));
         let jacobian_of = |lens: &Distortion| {
             Some(lens.undistort_jacobian([x, y], lens.undistort([x, y])?))
         };
-        let jacobian = distortion.undistort_jacobian([x, y], straight);
+        let jacobian = distortion.undistort_jacobian([x, y], undistorted);
         prop_assert!(agrees(column(jacobian, 0), difference_quotient(|d| distortion.undistort([x + d, y]))), "x");
         prop_assert!(agrees(column(jacobian, 1), difference_quotient(|d| distortion.undistort([x, y + d]))), "y");
-        let by = distortion.undistort_by_coefficients([x, y], straight);
+        let by = distortion.undistort_by_coefficients([x, y], undistorted);
         for (k, name) in distortion.names().iter().enumerate() {
             let numeric = difference_quotient(|d| nudged(&distortion, k, d).undistort([x, y]));
             prop_assert!(agrees(by[k].at, numeric), "{name:?}: {:?} {numeric:?}", by[k]);

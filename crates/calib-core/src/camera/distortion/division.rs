@@ -35,8 +35,8 @@ impl Division {
 
     /// Returns `scale = 2 / (1 + q)` and `d x' / d (lambda s^2)` over x: `scale^2 / q`, infinite at the
     /// largest radius.
-    fn growth(&self, straight: [f64; 2]) -> (f64, f64) {
-        let (root, scale) = self.root_and_scale(straight).unwrap_or((0.0, f64::INFINITY));
+    fn growth(&self, undistorted: [f64; 2]) -> (f64, f64) {
+        let (root, scale) = self.root_and_scale(undistorted).unwrap_or((0.0, f64::INFINITY));
         (scale, scale * scale / root)
     }
 }

@@ -57,7 +57,7 @@ struct Terms {
 impl DoubleSphere {
     /// Whether the coefficients describe a lens.
     fn is_lens(&self) -> bool {
-        Coefficient::Xi.holds(self.xi) && Coefficient::Alpha.holds(self.alpha)
+        Coefficient::Xi.is_valid(self.xi) && Coefficient::Alpha.is_valid(self.alpha)
     }
 
     fn terms(&self, theta: f64) -> Terms {
@@ -156,7 +156,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_is_the_formula_of_the_paper(
+        fn model_agrees_with_the_formula_of_the_paper(
             xi in -0.6..1.5_f64, alpha in 0.0..1.0_f64, fx in 100.0..900.0_f64, x in -1.0..1.0_f64, y in -1.0..1.0_f64,
             z in -1.0..1.0_f64,
         ) {
@@ -178,7 +178,7 @@ mod tests {
         }
 
         #[test]
-        fn it_grows_up_to_its_turn_and_not_beyond(xi in -0.9..3.0_f64, alpha in 0.0..1.0_f64) {
+        fn radius_grows_exactly_up_to_the_largest_angle(xi in -0.9..3.0_f64, alpha in 0.0..1.0_f64) {
             let lens = DoubleSphere { xi, alpha };
             let turn = lens.max_angle();
             for step in 0..200 {
@@ -190,7 +190,7 @@ mod tests {
         }
 
         #[test]
-        fn its_inverse_is_one(xi in -0.9..3.0_f64, alpha in 0.0..1.0_f64, share in 0.0..1.0_f64) {
+        fn inverse_of_the_radius_returns_the_angle(xi in -0.9..3.0_f64, alpha in 0.0..1.0_f64, share in 0.0..1.0_f64) {
             let lens = DoubleSphere { xi, alpha };
             let theta = share * lens.max_angle().min(2.5);
             let slope = lens.slope(theta);

@@ -99,9 +99,7 @@ pub enum Coefficient {
     Alpha,
 }
 
-/// Row of properties of one distortion model.
-///
-/// [`MODELS`]: the
+/// Row of [`MODELS`], the properties of one distortion model.
 #[derive(Clone, Copy, Debug)]
 pub struct ModelRow {
     /// Model that the row describes.
@@ -179,7 +177,7 @@ impl Coefficient {
         }
     }
 
-    pub(crate) fn holds(self, value: f64) -> bool {
+    pub(crate) fn is_valid(self, value: f64) -> bool {
         let [least, most] = self.bounds();
         value >= least && value <= most
     }
@@ -269,32 +267,34 @@ impl Distortion {
     /// Maps an undistorted point to the distorted one, both divided by the focal length. Returns `None`
     /// beyond [`Self::max_radius`].
     #[must_use]
-    pub fn distort(&self, straight: [f64; 2]) -> Option<[f64; 2]> {
-        self.with_model(|model| model.distort(straight)).unwrap_or(Some(straight)).filter(is_finite)
+    pub fn distort(&self, undistorted: [f64; 2]) -> Option<[f64; 2]> {
+        self.with_model(|model| model.distort(undistorted)).unwrap_or(Some(undistorted)).filter(is_finite)
     }
 
     /// Maps a distorted point to the undistorted one, both divided by the focal length, to 1e-12.
     ///
     /// Returns `None` if no undistorted point within [`Self::max_radius`] maps to this point.
     #[must_use]
-    pub fn undistort(&self, bent: [f64; 2]) -> Option<[f64; 2]> {
-        self.with_model(|model| model.undistort(bent)).unwrap_or(Some(bent)).filter(is_finite)
+    pub fn undistort(&self, distorted: [f64; 2]) -> Option<[f64; 2]> {
+        self.with_model(|model| model.undistort(distorted)).unwrap_or(Some(distorted)).filter(is_finite)
     }
 
     /// Returns the ray at a distorted point as a homogeneous vector, divided by the focal length: x right, y
     /// down, w forward. The component w is not positive 90° or more from the axis. Returns `None` if no ray
     /// reaches the point.
     #[must_use]
-    pub fn ray(&self, bent: [f64; 2]) -> Option<[f64; 3]> {
-        self.with_model(|model| model.ray(bent)).unwrap_or(Some([bent[0], bent[1], 1.0]))
+    pub fn ray(&self, distorted: [f64; 2]) -> Option<[f64; 3]> {
+        self.with_model(|model| model.ray(distorted)).unwrap_or(Some([distorted[0], distorted[1], 1.0]))
     }
 
     /// Maps a ray of any length to its distorted point: the inverse of [`Self::ray`]. Returns `None` if the
     /// lens does not show the ray.
     #[must_use]
     pub fn ray_to_distorted(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
-        let straight = || if w > 0.0 { Some([x / w, y / w]) } else { None };
-        self.with_model(|model| model.ray_to_distorted([x, y, w])).unwrap_or_else(straight).filter(is_finite)
+        let undistorted = || if w > 0.0 { Some([x / w, y / w]) } else { None };
+        self.with_model(|model| model.ray_to_distorted([x, y, w]))
+            .unwrap_or_else(undistorted)
+            .filter(is_finite)
     }
 
     /// Whether the model shows rays 90° or more from the optical axis.
@@ -303,53 +303,64 @@ impl Distortion {
         self.model().is_some_and(|model| model.row().is_wide)
     }
 
-    /// Returns `d ray / d distorted` at the distorted point `bent`, whose ray is `ray`.
-    pub(crate) fn ray_jacobian(&self, bent: [f64; 2], ray: [f64; 3]) -> RayMatrix {
-        self.with_model(|model| model.ray_jacobian(bent, ray)).unwrap_or([[1.0, 0.0], [0.0, 1.0], [0.0; 2]])
+    /// Returns `d ray / d distorted` at the distorted point `distorted`, whose ray is `ray`.
+    pub(crate) fn ray_jacobian(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayMatrix {
+        self.with_model(|model| model.ray_jacobian(distorted, ray)).unwrap_or([
+            [1.0, 0.0],
+            [0.0, 1.0],
+            [0.0; 2],
+        ])
     }
 
-    /// Returns the derivatives of [`Self::ray_jacobian`] by the distorted point `bent`, whose ray is `ray`,
+    /// Returns the derivatives of [`Self::ray_jacobian`] by the distorted point `distorted`, whose ray is `ray`,
     /// for a wide lens.
-    pub(crate) fn ray_curvature(&self, bent: [f64; 2], ray: [f64; 3]) -> RayCurvature {
-        self.with_model(|model| model.ray_curvature(bent, ray)).unwrap_or_default()
+    pub(crate) fn ray_curvature(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayCurvature {
+        self.with_model(|model| model.ray_curvature(distorted, ray)).unwrap_or_default()
     }
 
     /// Returns the derivatives of `ray` and [`Self::ray_jacobian`] by every coefficient, at a fixed distorted
-    /// point `bent`.
+    /// point `distorted`.
     pub(crate) fn ray_by_coefficients(
         &self,
-        bent: [f64; 2],
+        distorted: [f64; 2],
         ray: [f64; 3],
     ) -> [RayByCoefficient; Self::MAX_COEFFICIENTS] {
-        self.with_model(|model| model.ray_by_coefficients(bent, ray)).unwrap_or_default()
+        self.with_model(|model| model.ray_by_coefficients(distorted, ray)).unwrap_or_default()
     }
 
     /// Whether a ray of the scene reaches this distorted point. A ray of a fisheye may be 90° or more from
     /// the axis.
-    pub(crate) fn has_ray(&self, bent: [f64; 2]) -> bool {
-        self.with_model(|model| model.has_ray(bent)).unwrap_or_else(|| is_finite(&bent))
+    pub(crate) fn has_ray(&self, distorted: [f64; 2]) -> bool {
+        self.with_model(|model| model.has_ray(distorted)).unwrap_or_else(|| is_finite(&distorted))
     }
 
     /// Returns `d distorted / d undistorted`.
-    pub(crate) fn distort_jacobian(&self, straight: [f64; 2]) -> Matrix2 {
-        self.with_model(|model| model.distort_jacobian(straight)).unwrap_or(IDENTITY)
+    pub(crate) fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2 {
+        self.with_model(|model| model.distort_jacobian(undistorted)).unwrap_or(IDENTITY)
     }
 
     /// Returns `d distorted / d coefficient` at a fixed undistorted point.
-    pub(crate) fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Self::MAX_COEFFICIENTS] {
-        self.with_model(|model| model.distort_by_coefficients(straight)).unwrap_or_default()
+    pub(crate) fn distort_by_coefficients(
+        &self,
+        undistorted: [f64; 2],
+    ) -> [[f64; 2]; Self::MAX_COEFFICIENTS] {
+        self.with_model(|model| model.distort_by_coefficients(undistorted)).unwrap_or_default()
     }
 
-    /// Returns `d undistorted / d distorted` at the distorted point `bent`, whose undistorted point is
-    /// `straight`.
-    pub(crate) fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2 {
-        self.with_model(|model| model.undistort_jacobian(bent, straight)).unwrap_or(IDENTITY)
+    /// Returns `d undistorted / d distorted` at the distorted point `distorted`, whose undistorted point is
+    /// `undistorted`.
+    pub(crate) fn undistort_jacobian(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> Matrix2 {
+        self.with_model(|model| model.undistort_jacobian(distorted, undistorted)).unwrap_or(IDENTITY)
     }
 
-    /// Returns the derivatives of the undistorted point `straight` and of [`Self::undistort_jacobian`] by
-    /// every coefficient, at a fixed distorted point `bent`.
-    pub(crate) fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
-        self.with_model(|model| model.undistort_by_coefficients(bent, straight)).unwrap_or_default()
+    /// Returns the derivatives of the undistorted point `undistorted` and of [`Self::undistort_jacobian`] by
+    /// every coefficient, at a fixed distorted point `distorted`.
+    pub(crate) fn undistort_by_coefficients(
+        &self,
+        distorted: [f64; 2],
+        undistorted: [f64; 2],
+    ) -> ByCoefficients {
+        self.with_model(|model| model.undistort_by_coefficients(distorted, undistorted)).unwrap_or_default()
     }
 
     /// Returns the power of the focal length by which each coefficient scales if the map of pixels stays the

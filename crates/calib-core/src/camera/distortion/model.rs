@@ -39,33 +39,33 @@ pub(crate) trait Model {
     fn max_radius(&self) -> f64;
 
     /// See [`Distortion::distort`].
-    fn distort(&self, straight: [f64; 2]) -> Option<[f64; 2]>;
+    fn distort(&self, undistorted: [f64; 2]) -> Option<[f64; 2]>;
 
     /// See [`Distortion::undistort`].
-    fn undistort(&self, bent: [f64; 2]) -> Option<[f64; 2]>;
+    fn undistort(&self, distorted: [f64; 2]) -> Option<[f64; 2]>;
 
     /// Whether a ray of the scene reaches this distorted point.
-    fn has_ray(&self, bent: [f64; 2]) -> bool {
-        self.undistort(bent).is_some()
+    fn has_ray(&self, distorted: [f64; 2]) -> bool {
+        self.undistort(distorted).is_some()
     }
 
     /// Returns `d distorted / d undistorted`.
-    fn distort_jacobian(&self, straight: [f64; 2]) -> Matrix2;
+    fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2;
 
     /// Returns `d distorted / d coefficient` at a fixed undistorted point.
-    fn distort_by_coefficients(&self, straight: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
+    fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
 
-    /// Returns `d undistorted / d distorted` at the distorted point `bent`, whose undistorted point is
-    /// `straight`.
-    fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2;
+    /// Returns `d undistorted / d distorted` at the distorted point `distorted`, whose undistorted point is
+    /// `undistorted`.
+    fn undistort_jacobian(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> Matrix2;
 
-    /// Returns the derivatives of `straight` and [`Self::undistort_jacobian`] by every coefficient, at a
-    /// fixed distorted point `bent`.
-    fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients;
+    /// Returns the derivatives of `undistorted` and [`Self::undistort_jacobian`] by every coefficient, at a
+    /// fixed distorted point `distorted`.
+    fn undistort_by_coefficients(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> ByCoefficients;
 
     /// See [`Distortion::ray`].
-    fn ray(&self, bent: [f64; 2]) -> Option<[f64; 3]> {
-        self.undistort(bent).map(|[x, y]| [x, y, 1.0])
+    fn ray(&self, distorted: [f64; 2]) -> Option<[f64; 3]> {
+        self.undistort(distorted).map(|[x, y]| [x, y, 1.0])
     }
 
     /// See [`Distortion::ray_to_distorted`].
@@ -73,26 +73,26 @@ pub(crate) trait Model {
         if w > 0.0 { self.distort([x / w, y / w]) } else { None }
     }
 
-    /// Returns `d ray / d distorted` at the distorted point `bent`, whose ray is `ray`.
-    fn ray_jacobian(&self, bent: [f64; 2], [x, y, _]: [f64; 3]) -> RayMatrix {
-        let [u, v] = self.undistort_jacobian(bent, [x, y]);
+    /// Returns `d ray / d distorted` at the distorted point `distorted`, whose ray is `ray`.
+    fn ray_jacobian(&self, distorted: [f64; 2], [x, y, _]: [f64; 3]) -> RayMatrix {
+        let [u, v] = self.undistort_jacobian(distorted, [x, y]);
         [u, v, [0.0; 2]]
     }
 
-    /// Returns the derivatives of [`Self::ray_jacobian`] by the distorted point `bent`, whose ray is `ray`.
+    /// Returns the derivatives of [`Self::ray_jacobian`] by the distorted point `distorted`, whose ray is `ray`.
     /// Only wide models define it.
     fn ray_curvature(&self, _bent: [f64; 2], _ray: [f64; 3]) -> RayCurvature {
         RayCurvature::default()
     }
 
     /// Returns the derivatives of `ray` and [`Self::ray_jacobian`] by every coefficient, at a fixed distorted
-    /// point `bent`.
+    /// point `distorted`.
     fn ray_by_coefficients(
         &self,
-        bent: [f64; 2],
+        distorted: [f64; 2],
         [x, y, _]: [f64; 3],
     ) -> [RayByCoefficient; Distortion::MAX_COEFFICIENTS] {
-        self.undistort_by_coefficients(bent, [x, y]).map(|by| {
+        self.undistort_by_coefficients(distorted, [x, y]).map(|by| {
             let ([x, y], [u, v]) = (by.at, by.jacobian);
             RayByCoefficient { at: [x, y, 0.0], jacobian: [u, v, [0.0; 2]] }
         })

@@ -39,9 +39,7 @@ pub(super) trait Profile {
     /// Returns the derivatives of P and P' by every coefficient.
     fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
 
-    /// Returns the angle at a radius, below inverse of P.
-    ///
-    /// [`Self::max_angle`]: the
+    /// Returns the angle at a radius, below [`Self::max_angle`]. This is the inverse of P.
     fn inverse(&self, radius: f64) -> Option<f64>;
 
     /// Returns the angle at which P stops growing, or infinity if it always grows. It is negative if the
@@ -102,14 +100,14 @@ impl<P: Profile> Model for P {
         Some([scale * x, scale * y])
     }
 
-    fn ray_jacobian(&self, bent: [f64; 2], [x, y, w]: [f64; 3]) -> RayMatrix {
-        let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
+    fn ray_jacobian(&self, distorted: [f64; 2], [x, y, w]: [f64; 3]) -> RayMatrix {
+        let (radius, sin) = (hypot(distorted[0], distorted[1]), hypot(x, y));
         if radius < MIN_RADIUS {
             return [[1.0, 0.0], [0.0, 1.0], [0.0; 2]];
         }
         let turn = self.slope(angle_from_axis(sin, w)).recip();
-        let [u, v] = radial(bent, sin / radius, w * turn);
-        [u, v, bent.map(|c| -sin * turn * c / radius)]
+        let [u, v] = radial(distorted, sin / radius, w * turn);
+        [u, v, distorted.map(|c| -sin * turn * c / radius)]
     }
 
     /// Returns the derivatives of the Jacobian of `(s q, cos theta)`, with `s = sin theta / r` at the radius
@@ -117,8 +115,8 @@ impl<P: Profile> Model for P {
     /// `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k` and
     /// `cos' (I_jk - n_j n_k) / r + cos'' n_j n_k`, where `r s' = cos theta theta' - s` and
     /// `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
-    fn ray_curvature(&self, bent: [f64; 2], [x, y, w]: [f64; 3]) -> RayCurvature {
-        let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
+    fn ray_curvature(&self, distorted: [f64; 2], [x, y, w]: [f64; 3]) -> RayCurvature {
+        let (radius, sin) = (hypot(distorted[0], distorted[1]), hypot(x, y));
         if radius < MIN_RADIUS {
             return [[[0.0; 2], [0.0; 2], [-1.0, 0.0]], [[0.0; 2], [0.0; 2], [0.0, -1.0]]];
         }
@@ -129,8 +127,8 @@ impl<P: Profile> Model for P {
         // s' and r s'' - s'.
         let slope = (w * turn - sin / radius) / radius;
         let cubic = w * bend - sin * turn * turn - 3.0 * slope;
-        let of_cos = radial(bent, -sin * turn / radius, -w * turn * turn - sin * bend);
-        let n = bent.map(|c| c / radius);
+        let of_cos = radial(distorted, -sin * turn / radius, -w * turn * turn - sin * bend);
+        let n = distorted.map(|c| c / radius);
         let one = |i: usize, k: usize| f64::from(u8::from(i == k));
         let of_point = |i: usize, j: usize, k: usize| {
             let linear = n[i] * one(j, k) + n[j] * one(i, k) + n[k] * one(i, j);
@@ -144,10 +142,10 @@ impl<P: Profile> Model for P {
 
     fn ray_by_coefficients(
         &self,
-        bent: [f64; 2],
+        distorted: [f64; 2],
         [x, y, w]: [f64; 3],
     ) -> [RayByCoefficient; Distortion::MAX_COEFFICIENTS] {
-        let (radius, sin) = (hypot(bent[0], bent[1]), hypot(x, y));
+        let (radius, sin) = (hypot(distorted[0], distorted[1]), hypot(x, y));
         let mut by = [RayByCoefficient::default(); Distortion::MAX_COEFFICIENTS];
         if radius < MIN_RADIUS {
             return by;
@@ -160,10 +158,13 @@ impl<P: Profile> Model for P {
             let d_theta = -d_radius * turn;
             // Derivative of 1 / P'.
             let d_turn = -(second * d_theta + d_slope) * turn * turn;
-            let [u, v] = radial(bent, w * d_theta / radius, w * d_turn - sin * turn * d_theta);
+            let [u, v] = radial(distorted, w * d_theta / radius, w * d_turn - sin * turn * d_theta);
             let ahead = -(w * turn * d_theta + sin * d_turn) / radius;
-            let [x, y] = bent.map(|c| w * d_theta * c / radius);
-            *by = RayByCoefficient { at: [x, y, -sin * d_theta], jacobian: [u, v, bent.map(|c| ahead * c)] };
+            let [x, y] = distorted.map(|c| w * d_theta * c / radius);
+            *by = RayByCoefficient {
+                at: [x, y, -sin * d_theta],
+                jacobian: [u, v, distorted.map(|c| ahead * c)],
+            };
         }
         by
     }
@@ -188,14 +189,14 @@ impl<P: Profile> Model for P {
         by
     }
 
-    fn undistort_jacobian(&self, bent: [f64; 2], straight: [f64; 2]) -> Matrix2 {
-        let (radius, tangent) = (hypot(bent[0], bent[1]), hypot(straight[0], straight[1]));
+    fn undistort_jacobian(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> Matrix2 {
+        let (radius, tangent) = (hypot(distorted[0], distorted[1]), hypot(undistorted[0], undistorted[1]));
         let across = if radius < MIN_RADIUS { 1.0 } else { tangent / radius };
-        radial(bent, across, (1.0 + tangent * tangent) / self.slope(atan(tangent)))
+        radial(distorted, across, (1.0 + tangent * tangent) / self.slope(atan(tangent)))
     }
 
-    fn undistort_by_coefficients(&self, bent: [f64; 2], straight: [f64; 2]) -> ByCoefficients {
-        let (radius, tangent) = (hypot(bent[0], bent[1]), hypot(straight[0], straight[1]));
+    fn undistort_by_coefficients(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> ByCoefficients {
+        let (radius, tangent) = (hypot(distorted[0], distorted[1]), hypot(undistorted[0], undistorted[1]));
         let mut by = ByCoefficients::default();
         if radius < MIN_RADIUS {
             return by;
@@ -209,7 +210,10 @@ impl<P: Profile> Model for P {
             let across = gain * d_theta / radius;
             // Derivative of (1 + tan^2 theta) / P'.
             let along = gain * (2.0 * tangent * d_theta - d_derivative / derivative) / derivative;
-            *by = ByCoefficient { at: bent.map(|c| across * c), jacobian: radial(bent, across, along) };
+            *by = ByCoefficient {
+                at: distorted.map(|c| across * c),
+                jacobian: radial(distorted, across, along),
+            };
         }
         by
     }

@@ -70,7 +70,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_is_the_formula_of_the_paper(
+        fn model_agrees_with_the_formula_of_the_paper(
             xi in -0.6..3.0_f64, gamma in 100.0..900.0_f64, x in -1.0..1.0_f64, y in -1.0..1.0_f64, z in -1.0..1.0_f64,
         ) {
             let length = (x * x + y * y + z * z).sqrt();
@@ -86,7 +86,7 @@ mod tests {
         }
 
         #[test]
-        fn without_its_sphere_it_is_a_pinhole(x in -3.0..3.0_f64, y in -3.0..3.0_f64) {
+        fn model_is_a_pinhole_for_xi_zero(x in -3.0..3.0_f64, y in -3.0..3.0_f64) {
             let lens = Distortion::Unified { xi: 0.0 };
             for other in [lens.distort([x, y]), lens.undistort([x, y])] {
                 prop_assert!(other.is_some_and(|[a, b]| (a - x).hypot(b - y) < 1e-13 * (1.0 + x * x + y * y)));
@@ -95,7 +95,7 @@ mod tests {
         }
 
         #[test]
-        fn it_is_the_double_sphere_of_which_one_has_no_part(
+        fn unified_model_is_a_double_sphere_with_one_parameter_zero(
             xi in -0.9..3.0_f64, alpha in 0.0..0.8_f64, x in -2.0..2.0_f64, y in -2.0..2.0_f64,
         ) {
             let ray = Distortion::Unified { xi }.ray([x, y]);
