@@ -202,7 +202,7 @@ fn every_key_runs_its_own_command() {
 fn palette_finds_and_runs_a_command() {
     let mut desk = Desk::new(demo());
     desk.keys(Modifiers::COMMAND, Key::K);
-    desk.harness.event(egui::Event::Text("view plan".into()));
+    desk.harness.event(egui::Event::Text("view: plan".into()));
     desk.harness.run_steps(3);
     desk.key(Key::Enter);
     assert_eq!(desk.app().view.mode, Mode::Plan);

@@ -21,7 +21,7 @@
 //!
 //! With the point `p = (x, y)`, the covariance of D(c) is `cov(m + p l) = cov(m) + p k' + k p'`,
 //! `k = cov(m, l) + p var(l) / 2`, a polynomial of the fourth degree. To use every coefficient once, the
-//! terms of `var(m_x)` with a factor x are added to k_x, and the terms of `var(m_y)` with a factor y to k_y:
+//! terms of `var(m_x)` with a factor x are added to `k_x`, and the terms of `var(m_y)` with a factor y to `k_y`:
 //!
 //! ```text
 //! K_x = k_x + (terms of var(m_x) with x) / 2x,    K_y = k_y + (terms of var(m_y) with y) / 2y,
