@@ -109,7 +109,7 @@ fn has_warning(solution: &Solution, code: Code) -> bool {
 pub struct FindingEntry<'a> {
     /// Id of the camera; `None` for a finding about the site.
     pub camera: Option<&'a str>,
-    /// Code as in files: of [`Code`](calib_core::outcome::Code) or
+    /// Code as in files: of [`Code`] or
     /// [`FailureCode`](calib_core::outcome::FailureCode).
     pub code: &'static str,
     /// Severity; a camera without a result is an error.

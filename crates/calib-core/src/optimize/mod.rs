@@ -4,7 +4,7 @@
 //!
 //! - `statistics`: normal and chi-square statistics.
 //! - `nelder_mead`: minimiser for the criterion of the paper, which has no derivatives.
-//! - `levenberg_marquardt`: minimiser for sums of squares ([`LeastSquares`], [`least_squares`]).
+//! - `levenberg_marquardt`: minimiser for sums of squares (`LeastSquares`, `least_squares`).
 //! - `dense`: arithmetic of small dense blocks, and products of large matrices.
 //! - `sparse_cholesky`: sparse systems in blocks: order, factor and solution.
 //! - `selected_inverse`: the blocks of the inverse of a sparse matrix within the pattern of its factor.

@@ -118,7 +118,7 @@ fn length_rel<const N: usize>(
     variance.is_finite().then(|| variance.max(0.0).sqrt())
 }
 
-/// Computes the floor error of a placed camera like [`floor_length_rel`], with its whole covariance,
+/// Computes the floor error of a placed camera like `floor_length_rel`, with its whole covariance,
 /// including its lens.
 ///
 /// Also `None` if the uncertainty of the camera is unknown.

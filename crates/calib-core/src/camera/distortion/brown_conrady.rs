@@ -304,7 +304,7 @@ impl BrownInverse {
         self.invert_radial(distorted_x - across[0], distorted_y - across[1])
     }
 
-    /// Returns H on the path from a start with this squared radius. The path is at most twice [`NEAR`] long.
+    /// Returns H on the path from a start with this squared radius. The path is at most twice `NEAR` long.
     #[inline(always)]
     fn curvature_at(&self, square: f64) -> f64 {
         // (r + d)^2 <= 1.01 r^2 + 101 d^2.
