@@ -151,7 +151,7 @@ fn wrong() -> Vec<Wrong> {
             "/cameras/0/annotations/1/at_right_angles_to",
             json!("kerb"),
             "/cameras/0/annotations/1/at_right_angles_to",
-            "circle",
+            "cycle",
         ),
         (
             "/cameras/0/annotations/7/height_m",

@@ -30,7 +30,7 @@ macro_rules! keys {
     ($($name:ident $word:literal),* $(,)?) => {
         /// Key that runs a command or selects a tool.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[expect(missing_docs, reason = "the names are those of the keys")]
+        #[expect(missing_docs, reason = "the names equal the key names")]
         pub enum Key { $($name),* }
 
         impl Key {

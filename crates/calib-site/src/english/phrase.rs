@@ -301,9 +301,7 @@ impl SentenceContext<'_> {
             UnusedReason::UnknownLengthOrEnd => {
                 "an end has no position, or the length has neither \"sigma\" nor \"fixed\""
             }
-            UnusedReason::NoPoses => {
-                "no camera position was found from which all links and marks are visible"
-            }
+            UnusedReason::NoPoses => "no camera position makes all links and marks visible",
         };
         format!("Not used: {}; {why}.", enumerated(&names))
     }
