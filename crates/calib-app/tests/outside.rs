@@ -94,7 +94,7 @@ fn outside_images_are_read_only_with_permission_and_skipping_loses_nothing() {
         assert!(is_read(&mut desk, "own.png"), "{round}");
         for name in elsewhere {
             let error = desk.app().pictures.error(name).unwrap_or_default();
-            assert!(error.contains("outside the folder"), "{round}, {name}: {error:?}");
+            assert!(error.contains("Outside the site"), "{round}, {name}: {error:?}");
         }
         assert_eq!(report(&mut desk, &scratch), 1, "{round}: the report holds the own one alone");
         if desk.harness.query_by_label("Skip").is_some() {
@@ -190,7 +190,7 @@ fn start_page_shows_no_outside_image() {
     desk.wait(|app| app.pictures.loading() == 0);
     let shown = desk.app().storage.recent[0].image.clone().unwrap().to_string_lossy().into_owned();
     let error = desk.app().pictures.error(&shown).unwrap_or_default();
-    assert!(error.contains("outside the folder"), "{shown}: {error:?}");
+    assert!(error.contains("Outside the site"), "{shown}: {error:?}");
 }
 
 #[test]

@@ -247,7 +247,7 @@ fn rotation_handle_shows_the_change_and_the_old_value() {
     desk.press(from, Modifiers::NONE);
     desk.harness.event(egui::Event::PointerMoved(from + Vec2::new(50.0, 30.0)));
     desk.harness.run_steps(2);
-    let tag = texts(&desk).into_iter().find(|(text, _)| text.starts_with("turn ") && text.contains(", was "));
+    let tag = texts(&desk).into_iter().find(|(text, _)| text.starts_with("yaw ") && text.contains(", was "));
     assert!(tag.is_some(), "{:?}", texts(&desk));
 }
 

@@ -357,7 +357,7 @@ fn replaced_image_keeps_annotations_and_overlays_the_old_image() {
     assert_eq!(drawn(&desk), before, "annotations are not rescaled");
     desk.harness.run_steps(3);
     assert!(desk.harness.query_by_label("Old image").is_some(), "old and new are blended");
-    desk.harness.get_by_label_contains("Rescale the annotations").click();
+    desk.harness.get_by_label_contains("Rescale the annotations to").click();
     desk.harness.run_steps(3);
     for (now, before) in drawn(&desk).iter().zip(before) {
         assert!(now.distance(Pixel::new(0.5 * before.u, 0.5 * before.v)) < 1e-9, "{now:?}");
