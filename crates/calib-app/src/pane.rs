@@ -68,7 +68,7 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
         events.into_iter().filter(|e| is_move(e) || matches!(e, Event::PointerButton { .. })).peekable();
     while let Some(event) = events.next() {
         match event {
-            // Of consecutive moves only the last one is handled.
+            // Only the last of several consecutive moves is handled.
             Event::PointerMoved(_) if events.peek().is_some_and(is_move) => {}
             Event::PointerMoved(at) => moved(app, ui, key, mapping, at, modifiers),
             Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: true, modifiers } => {

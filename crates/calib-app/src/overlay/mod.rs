@@ -247,7 +247,7 @@ impl Overlay<'_> {
     fn paint_label(&self, painter: &Painter, at: Pos2, text: &str, meaning: Meaning) {
         let is_selected = self.is_selected(meaning);
         let (is_shown, by, align) = match meaning {
-            // Where cameras are compared, names identify an element in all views.
+            // When several cameras are shown, names identify an element in all views.
             Meaning::Mark(_) => {
                 let is_shown = is_selected || self.names_elements || self.says_name(at, false);
                 (is_shown, Vec2::new(0.0, 6.0), Align2::CENTER_TOP)

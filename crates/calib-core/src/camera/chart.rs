@@ -215,8 +215,8 @@ mod tests {
             let here = lens.pixel_to_chart(pixel, chart.as_ref());
             prop_assume!(here.is_some_and(|here| here.at[0].hypot(here.at[1]) < 3.0 * lens.focal));
             let Some(here) = here else { return Ok(()) };
-            // Where the lens folds back, and where the last coefficients dominate, finite differences are
-            // inaccurate.
+            // Finite differences are inaccurate near the fold of the lens, and if the last coefficients
+            // dominate.
             prop_assume!(here.jacobian.iter().flatten().all(|slope| slope.abs() < 10.0));
             prop_assume!((at[0] - 1000.0).hypot(at[1] - 990.0) < 1.9 * lens.focal);
             let near = |a: f64, b: f64, size: f64| (a - b).abs() < 1e-4 * (1.0 + size);

@@ -62,7 +62,7 @@ point!(
 point!(
     /// Point of the undistorted image, as a perfect pinhole would show it, in pixels.
     ///
-    /// Principal point, and scale at the principal point, are those of the raw image.
+    /// The raw image has the same principal point, and the same scale there.
     UndistortedPixel {
         /// Coordinate to the right, in pixels.
         u,

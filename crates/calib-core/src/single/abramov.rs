@@ -58,9 +58,9 @@ pub fn minimum(
 
 /// Returns roll, pitch and focal length from two vanishing points, by `f^2 = -v . h`.
 ///
-/// `v` is the vanishing point of the verticals, and `h` that of a group of parallel floor lines. Among
-/// several groups, the one with the largest spread of image directions is used. `None` if no group gives a
-/// focal length.
+/// `v` is the vanishing point of the verticals. `h` is the vanishing point of a group of parallel floor lines;
+/// if there are several groups, the group with the largest spread of image directions is used. `None` if no
+/// group gives a focal length.
 #[must_use]
 pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
     let nadir =
@@ -175,7 +175,7 @@ impl Criterion {
             }
         }
         for length in &constraints.lengths {
-            // The criterion cannot use points beside the camera.
+            // The criterion cannot use points at or behind the plane of the camera.
             if let [Some(a), Some(b)] = length.ends.map(|end| pinhole_point(length.chart.as_ref(), end.point))
             {
                 criterion.lengths[length.group].push([unroll(a), unroll(b)]);
