@@ -474,7 +474,8 @@ fn table_of_rotations_and_zooms() {
     }
 }
 
-/// Prints which disturbances cause errors beyond the bound, because they move neighbouring edge points together.
+/// Prints which disturbances cause errors beyond the bound, because they move neighbouring edge points
+/// together.
 #[test]
 #[ignore = "takes minutes: `cargo xtask accuracy --compare`"]
 fn table_of_correlated_disturbances() {
@@ -861,7 +862,7 @@ fn periodic_textures_do_not_mislead() {
 fn image_of_another_size_is_refused_with_advice() {
     let (still, camera) = (RgbImage::new(64, 48), calib_demo::demo_site().truth[0].1);
     let error = Comparison::new(&camera, &[], &still, &RgbImage::new(48, 64)).unwrap_err();
-    assert!(error.to_string().contains("48 x 64") && error.to_string().contains("take a still"), "{error}");
+    assert!(error.to_string().contains("48 x 64") && error.to_string().contains("take an image"), "{error}");
 }
 
 #[test]

@@ -100,9 +100,9 @@ fn python(script: &str, arguments: &[&str]) -> Option<Value> {
 
 /// Returns the two stated errors of a fitted lens: in pixels, and in metres within the EFOV.
 fn stated_error(stderr: &str) -> [f64; 2] {
-    let line = stderr.lines().find(|line| line.contains("px off")).unwrap();
-    let last = |text: &str| text.rsplit(' ').next().unwrap().parse().unwrap();
-    [last(line.split(" px off").next().unwrap()), last(line.trim_end().strip_suffix(" m").unwrap())]
+    let (_, stated) = stderr.split_once("an error of at most ").unwrap();
+    let before = |unit: &str| stated.split(unit).next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+    [before(" px"), before(" m ")]
 }
 
 #[test]

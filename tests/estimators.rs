@@ -515,10 +515,10 @@ fn advice_is_to_measure_a_size_if_the_scale_is_the_limit() {
     };
     assert_eq!(advice(0.02, &base), None);
     let limited = advice(0.2, &base).expect("six per cent are too much");
-    assert!(limited.contains("Measure one") && limited.contains("\u{b1} 5."), "{limited}");
+    assert!(limited.contains("Measure a length") && limited.contains("\u{b1} 5."), "{limited}");
     // If the camera's shape is undetermined, too, the advice is to draw lines.
     let open = advice(0.1, &few);
-    assert!(open.as_ref().is_some_and(|advice| !advice.contains("Measure one")), "{open:?}");
+    assert!(open.as_ref().is_some_and(|advice| !advice.contains("Measure a length")), "{open:?}");
 }
 
 #[test]

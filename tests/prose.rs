@@ -1,8 +1,9 @@
 //! Plain English: riddling phrases per 1,000 words of comments in each crate, and in user-facing strings.
 //!
-//! The rules and the glossary are in `docs/glossary.md`. The patterns catch what a pattern can catch: comments that start
-//! with a free relative, data that speak, words outside the glossary, and sentences of more than 28 words. A hit is not
-//! always wrong, therefore comments have a small budget. Strings that users read have none.
+//! The rules and the glossary are in `docs/glossary.md`. The patterns catch what a pattern can catch:
+//! comments that start with a free relative, data that speak, words outside the glossary, and sentences of
+//! more than 28 words. A hit is not always wrong, therefore comments have a small budget. Strings that users
+//! read have none.
 
 #![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
 
@@ -101,7 +102,8 @@ fn comments(source: &str) -> Vec<Text> {
     blocks
 }
 
-/// Returns the string literals of the code of a source that read as text: three words or more, outside its tests.
+/// Returns the string literals of the code of a source that read as text: three words or more, outside its
+/// tests.
 fn strings(source: &str) -> Vec<Text> {
     let code = source.split("#[cfg(test)]").next().unwrap_or_default();
     let literal = Regex::new(r#""((?:[^"\\]|\\.)*)""#).unwrap();

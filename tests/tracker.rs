@@ -192,7 +192,7 @@ fn program_reads_detections_and_writes_tracks() {
     scratch.write("detections.csv", rows);
     let run = |detections: &str| {
         let mut command = Command::new(env!("CARGO"));
-        command.args(["run", "--quiet", "--package", "calib-core", "--example", "fuse_tracks", "--"]);
+        command.args(["run", "--quiet", "--package", "calib-site", "--example", "fuse_tracks", "--"]);
         let paths = ["site.json", detections, "tracks.csv"].map(|name| scratch.path(name));
         command.args(paths).current_dir(root()).output().unwrap()
     };

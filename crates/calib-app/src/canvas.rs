@@ -3,38 +3,40 @@
 use calib_core::{Lens, Pixel, UndistortedPixel, Window};
 use egui::{Pos2, Rect, Vec2};
 
-/// View of a canvas. Document units are pixels of an image, or metres of the floor.
+/// Pan and zoom of a canvas, in canvas units. These are metres of the floor, or pixels of the raw image, the
+/// undistorted image or a fisheye window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Document point in the middle of the canvas.
+    /// Point in the middle of the canvas, in canvas units.
     pub centre: [f64; 2],
-    /// Screen points per document unit.
+    /// Screen points per canvas unit.
     pub zoom: f64,
     /// Whether the second axis points up, as on the floor.
     pub y_up: bool,
 }
 
-/// View in its rectangle; maps document points to the screen and back.
+/// View of a canvas in its rectangle; maps document points to the screen and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mapping {
-    /// View.
+    /// Pan and zoom of the canvas.
     pub view: View,
-    /// Rectangle on the screen.
+    /// Rectangle of the canvas on the screen, in points.
     pub rect: Rect,
-    /// Undistortion or window that is applied to the image.
+    /// Undistortion or fisheye window that is applied to the image; `None` for raw images and the plan.
     pub bend: Option<Bend>,
 }
 
 /// Map from raw pixels to a canvas on which straight lines in space are straight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bend {
-    /// Undistortion by a lens.
+    /// Undistortion of the image of this lens; document points are raw pixels.
     Lens(Lens),
-    /// Virtual view of a fisheye image; document points are pixels of the window.
+    /// Virtual view of a fisheye image; document points are raw pixels, canvas points are pixels of the
+    /// window.
     Window {
         /// Lens of the camera.
         lens: Lens,
-        /// Focal of the camera, in pixels.
+        /// Focal length of the camera, in pixels.
         focal: f64,
         /// Flat or cylindrical window.
         window: Window,
@@ -42,17 +44,17 @@ pub enum Bend {
 }
 
 impl Bend {
-    /// Maps a raw pixel to the canvas; `None` if the canvas does not show it.
-    fn straight(&self, at: Pixel) -> Option<[f64; 2]> {
+    /// Maps a raw pixel to the canvas; `None` if the lens or the window does not map it.
+    fn canvas_from_raw(&self, at: Pixel) -> Option<[f64; 2]> {
         match self {
             Self::Lens(lens) => lens.undistort(at).map(|pixel| [pixel.u, pixel.v]),
             Self::Window { lens, focal, window } if window.is_round => {
                 window.raw_to_window(lens, *focal, at).map(Into::into)
             }
             Self::Window { lens, focal, window } => {
-                // Margin around a window, as a fraction of its size, beyond which points are not clamped to
-                // its border.
-                const BESIDE: f64 = 0.02;
+                // Smallest ratio of depth to distance from the axis. It keeps points finite in directions of
+                // 90° and more.
+                const MIN_DEPTH_RATIO: f64 = 0.02;
                 let [x, y, z] = lens.bearing(at)?;
                 let direction = [x / focal, y / focal, z];
                 let [x, y, z] = window
@@ -61,16 +63,17 @@ impl Bend {
                 let Pixel { u, v } = window.principal_point;
                 let beside = x.hypot(y);
                 if z <= 0.0 && beside < 1e-9 {
-                    return Some([u + window.focal / BESIDE, v]);
+                    return Some([u + window.focal / MIN_DEPTH_RATIO, v]);
                 }
-                let depth = z.max(BESIDE * beside);
+                let depth = z.max(MIN_DEPTH_RATIO * beside);
                 Some([u + window.focal * x / depth, v + window.focal * y / depth])
             }
         }
     }
 
-    /// Maps a canvas point to the raw pixel; `None` if no pixel is there.
-    fn bent(&self, [x, y]: [f64; 2]) -> Option<Pixel> {
+    /// Maps a canvas point to the raw pixel that the canvas shows there; `None` if the canvas shows no pixel
+    /// there.
+    fn raw_from_canvas(&self, [x, y]: [f64; 2]) -> Option<Pixel> {
         match self {
             Self::Lens(lens) => lens.distort(UndistortedPixel::new(x, y)),
             Self::Window { lens, focal, window } => window.raw(lens, *focal, Pixel::new(x, y)),
@@ -86,8 +89,8 @@ impl Bend {
         }
     }
 
-    /// Returns the pixels of a full circle for a panorama.
-    fn round(&self) -> Option<f64> {
+    /// Returns the width of a full circle in a panorama, in canvas pixels; `None` for other views.
+    fn period_px(&self) -> Option<f64> {
         match self {
             Self::Window { window, .. } if window.is_round => Some(std::f64::consts::TAU * window.focal),
             _ => None,
@@ -96,51 +99,56 @@ impl Bend {
 }
 
 /// Fraction of the canvas that a fitted document fills.
-const ROOM: f64 = 0.94;
+const FITTED_FRACTION: f64 = 0.94;
 
-/// Zoom range; beyond it, screen coordinates lose precision.
-const ZOOMS: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
+/// Zoom range, in screen points per canvas unit; screen coordinates lose precision outside it.
+const ZOOM_RANGE: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
 impl View {
-    /// Returns the view that shows `[low, high]` completely or, with `fill`, fills the rectangle with its
-    /// middle.
+    /// Returns the view that shows the area from `low` to `high`, in canvas units, completely. With `fill`,
+    /// the middle of the area fills the whole rectangle.
     #[must_use]
     pub fn of(low: [f64; 2], high: [f64; 2], rect: Rect, y_up: bool, fill: bool) -> Self {
         let size = [(high[0] - low[0]).abs().max(1e-6), (high[1] - low[1]).abs().max(1e-6)];
         let fits = [f64::from(rect.width()) / size[0], f64::from(rect.height()) / size[1]];
-        let zoom = if fill { fits[0].max(fits[1]) } else { ROOM * fits[0].min(fits[1]) };
+        let zoom = if fill { fits[0].max(fits[1]) } else { FITTED_FRACTION * fits[0].min(fits[1]) };
         let centre = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
-        Self { centre, zoom: zoom.clamp(*ZOOMS.start(), *ZOOMS.end()), y_up }
+        Self { centre, zoom: zoom.clamp(*ZOOM_RANGE.start(), *ZOOM_RANGE.end()), y_up }
     }
 
-    /// Pans by screen points.
+    /// Pans the view by a distance on the screen, in points.
     pub fn pan(&mut self, by: Vec2) {
         self.centre[0] -= f64::from(by.x) / self.zoom;
         self.centre[1] -= self.sign() * f64::from(by.y) / self.zoom;
     }
 
+    /// Returns the sign of the second screen axis relative to the second document axis.
     const fn sign(&self) -> f64 {
         if self.y_up { -1.0 } else { 1.0 }
     }
 }
 
 impl Mapping {
-    /// Creates the mapping of a view in its rectangle, without undistortion.
+    /// Creates the mapping of a view in the rectangle of its canvas, without undistortion.
     #[must_use]
     pub const fn new(view: View, rect: Rect) -> Self {
         Self { view, rect, bend: None }
     }
 
-    /// Maps a document point to the undistorted canvas; far away for points outside a window.
+    /// Maps a document point to canvas units: undistorted pixels, window pixels or metres. A point outside a
+    /// window is mapped far away.
     #[must_use]
     pub fn flat(&self, at: [f64; 2]) -> [f64; 2] {
-        const OFF: [f64; 2] = [-1e6, -1e6];
+        /// Canvas position of points that a window does not show, far outside every canvas.
+        const FAR_OFF_CANVAS: [f64; 2] = [-1e6, -1e6];
         let is_window = self.bend.is_some_and(|bend| bend.size().is_some());
-        self.in_bend(at).unwrap_or(if is_window { OFF } else { at })
+        self.flat_through_bend(at).unwrap_or(if is_window { FAR_OFF_CANVAS } else { at })
     }
 
-    fn in_bend(&self, at: [f64; 2]) -> Option<[f64; 2]> {
-        self.bend.and_then(|bend| bend.straight(at.into()))
+    /// Maps a document point through the undistortion or the window; `None` without one, or if it does not
+    /// map the point.
+    fn flat_through_bend(&self, at: [f64; 2]) -> Option<[f64; 2]> {
+        self.bend.and_then(|bend| bend.canvas_from_raw(at.into()))
     }
 
     /// Maps a document point to the screen.
@@ -149,16 +157,16 @@ impl Mapping {
         self.screen_of_flat(self.flat(at))
     }
 
-    /// Maps a line to the screen. In a panorama it is split at the seam. In a window, straight lines of the
-    /// image are curved, and end where the window ends.
+    /// Maps a line of the image to the screen. A window curves straight lines of the image and omits their
+    /// invisible points. In a panorama, lines continue across the seam.
     #[must_use]
     pub fn path(&self, points: &[Pixel]) -> Vec<Pos2> {
         let Some(bend) = self.bend.filter(|bend| bend.size().is_some()) else {
             return points.iter().map(|&at| self.screen(at.into())).collect();
         };
         let mut before: Option<[f64; 2]> = None;
-        let flat = fine(points).filter_map(|at| self.in_bend(at.into())).map(|mut flat| {
-            if let (Some(round), Some([x, _])) = (bend.round(), before) {
+        let flat = subdivided(points).filter_map(|at| self.flat_through_bend(at.into())).map(|mut flat| {
+            if let (Some(round), Some([x, _])) = (bend.period_px(), before) {
                 flat[0] += round * ((x - flat[0]) / round).round();
             }
             before = Some(flat);
@@ -175,20 +183,21 @@ impl Mapping {
         self.rect.center() + Vec2::new(clamp(dx), clamp(dy))
     }
 
-    /// Maps a screen point to the document.
+    /// Maps a screen point to document units. A point without a pixel is mapped off the image.
     #[must_use]
     pub fn document(&self, at: Pos2) -> [f64; 2] {
-        self.bent_at(at).map_or_else(|| self.beyond(at), Into::into)
+        self.bent_at(at).map_or_else(|| self.off_image(at), Into::into)
     }
 
-    /// Maps a screen point to the raw pixel of an undistorted image or window; `None` if no pixel is there.
+    /// Maps a screen point to the raw pixel that an undistorted image or a window shows there. Returns `None`
+    /// without a pixel, and for canvases without undistortion.
     #[must_use]
     pub fn bent_at(&self, at: Pos2) -> Option<Pixel> {
-        self.bend.and_then(|bend| bend.bent(self.flat_at(at)))
+        self.bend.and_then(|bend| bend.raw_from_canvas(self.flat_at(at)))
     }
 
     /// Returns a document point off the image for a screen point without a pixel.
-    fn beyond(&self, at: Pos2) -> [f64; 2] {
+    fn off_image(&self, at: Pos2) -> [f64; 2] {
         match self.bend {
             Some(Bend::Window { lens, .. }) => {
                 let Pixel { u, v } = lens.principal_point;
@@ -198,14 +207,14 @@ impl Mapping {
         }
     }
 
-    /// Maps a screen point to the undistorted canvas.
+    /// Maps a screen point to canvas units: undistorted pixels, window pixels or metres.
     fn flat_at(&self, at: Pos2) -> [f64; 2] {
         let View { centre, zoom, .. } = self.view;
         let by = at - self.rect.center();
         [centre[0] + f64::from(by.x) / zoom, centre[1] + self.view.sign() * f64::from(by.y) / zoom]
     }
 
-    /// Converts screen points to document units.
+    /// Converts a distance in screen points to document units.
     #[must_use]
     pub fn units(&self, points: f32) -> f64 {
         let units = f64::from(points) / self.view.zoom;
@@ -215,25 +224,27 @@ impl Mapping {
         }
     }
 
-    /// Returns the view zoomed by `factor` about `at`.
+    /// Returns the view zoomed by `factor`; the content at the screen point `at` stays there.
     #[must_use]
     pub fn zoomed(&self, at: Pos2, factor: f64) -> View {
         let fixed = self.flat_at(at);
         let mut view = self.view;
-        view.zoom = (view.zoom * factor).clamp(*ZOOMS.start(), *ZOOMS.end());
+        view.zoom = (view.zoom * factor).clamp(*ZOOM_RANGE.start(), *ZOOM_RANGE.end());
         let now = Self { view, ..*self }.flat_at(at);
         view.centre = [view.centre[0] + fixed[0] - now[0], view.centre[1] + fixed[1] - now[1]];
         view
     }
 }
 
-/// Subdivides a line so that a window can curve it.
-fn fine(points: &[Pixel]) -> impl Iterator<Item = Pixel> {
-    const STEP: f64 = 16.0;
-    const MOST: f64 = 400.0;
+/// Subdivides a line into short segments, so that a window can curve the line.
+fn subdivided(points: &[Pixel]) -> impl Iterator<Item = Pixel> {
+    /// Longest segment, in raw pixels.
+    const STEP_PX: f64 = 16.0;
+    /// Largest number of segments between two points of the line.
+    const MAX_STEPS: f64 = 400.0;
     let between = points.windows(2).flat_map(|pair| {
         let (a, b) = (pair[0], pair[1]);
-        let steps = (a.distance(b) / STEP).clamp(1.0, MOST).ceil();
+        let steps = (a.distance(b) / STEP_PX).clamp(1.0, MAX_STEPS).ceil();
         (1..=steps as usize).map(move |step| {
             let t = step as f64 / steps;
             Pixel::new(a.u + t * (b.u - a.u), a.v + t * (b.v - a.v))

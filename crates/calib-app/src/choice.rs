@@ -7,40 +7,40 @@ use calib_editor::images::has_ending;
 /// Purpose of the chosen files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// Site to open.
+    /// Site file to open.
     OpenSite,
-    /// File for the site.
+    /// File to which the site is saved.
     SaveSite,
-    /// File for the site without its images.
+    /// File to which the site is saved without its images.
     SavePlain,
     /// Images of new cameras.
     AddImages,
-    /// Floor plan.
+    /// Image of the floor plan, with its world file.
     LoadPlan,
     /// Replacement for the image of the current camera.
     ReplaceStill,
-    /// Newer images of cameras.
+    /// Newer images of calibrated cameras, for a comparison.
     NewerStill,
-    /// Saved version to compare with.
+    /// Saved version of the site, to compare the open site with.
     Compare,
-    /// Lenses or cameras of another program.
+    /// Files of another program with lenses or cameras.
     Import,
-    /// Folder for exported files.
+    /// Folder into which files are exported.
     Export,
-    /// File for a screenshot.
+    /// File to which a screenshot is saved.
     SavePicture,
-    /// File for the report.
+    /// File to which the report is saved.
     SaveReport,
 }
 
-/// Chosen file.
+/// File that the operator chose or dropped.
 #[derive(Clone, Debug)]
 pub struct Chosen {
-    /// Name without folders.
+    /// Name of the file without folders.
     pub name: String,
-    /// Path; `None` in the browser.
+    /// Path of the file; `None` in the browser.
     pub path: Option<PathBuf>,
-    /// Content; only in the browser.
+    /// Content of the file, in the browser only.
     pub bytes: Option<Vec<u8>>,
 }
 
@@ -51,15 +51,15 @@ impl Chosen {
         Self { name, path: Some(path), bytes: None }
     }
 
-    /// Whether the file is a site, by its ending.
+    /// Whether the file is a site file, judged by its ending.
     pub(crate) fn is_site(&self) -> bool {
         has_ending(Path::new(&self.name), "json")
     }
 }
 
-/// Endings of images.
+/// File name endings of images.
 pub(crate) const IMAGES: &[&str] = &["png", "jpg", "jpeg"];
-/// Endings of plans.
+/// File name endings of floor plans.
 pub(crate) const PLANS: &[&str] = &["png", "jpg", "jpeg", "svg"];
-/// Endings of sites.
+/// File name endings of site files.
 pub(crate) const SITE: &[&str] = &["json"];

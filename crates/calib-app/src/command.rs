@@ -18,13 +18,13 @@ pub fn is_enabled(app: &App, command: Command) -> bool {
     app.is_enabled(command)
 }
 
-/// Returns the current label of a command; undo names the change it reverts.
+/// Returns the current label of a command. The label of undo names the change that undo would revert.
 #[must_use]
 pub fn words(app: &App, command: Command) -> String {
     app.editor.command_text(command)
 }
 
-/// Runs a command. All commands are run here.
+/// Runs a command if it has an effect now. Buttons, menus and keys all run their commands here.
 pub fn run(app: &mut App, ctx: &Context, command: Command, modifiers: Modifiers) {
     if !app.is_enabled(command) {
         return;
@@ -136,15 +136,16 @@ fn nudge(app: &mut App, step: Nudge, coarse: bool) {
     }
 }
 
-/// Orbits or pans the scene with the arrow keys, like a short drag.
+/// Orbits or pans the 3-D scene by one press of an arrow key. The effect is that of a short drag in direction
+/// `by`.
 fn orbit_by(app: &mut App, by: [f32; 2], pans: bool) {
-    /// Length of that drag, in points.
-    const DRAG: f32 = 12.0;
+    /// Length of the drag that one press of an arrow key replaces, in points.
+    const DRAG_LENGTH: f32 = 12.0;
     if !app.editor.tool().is_idle() {
         app.act(Action::CancelGesture);
     }
     let mut orbit = app.view.orbit.unwrap_or_else(|| Orbit::of(app.editor.session()));
-    let by = Vec2::new(-DRAG * by[0], -DRAG * by[1]);
+    let by = Vec2::new(-DRAG_LENGTH * by[0], -DRAG_LENGTH * by[1]);
     if pans {
         orbit.pan(by);
     } else {
@@ -214,7 +215,7 @@ fn on_solving(app: &mut App, ctx: &Context, command: Solving) {
 
 fn switch(app: &mut App, ctx: &Context, command: Switch) {
     if command == Switch::Straighten && app.is_fisheye(app.editor.session().camera) {
-        // The undistorted view has its own pixels, so a fisheye window is left.
+        // The undistorted view and a fisheye window exclude each other, so the window is left.
         app.look(Looking::Whole);
     }
     let layers = &mut app.view.layers;

@@ -26,7 +26,7 @@ pub struct Edges {
 }
 
 impl Edges {
-    /// Returns the edges of an image; the first call starts the detection.
+    /// Returns the edges of an image, none until they are detected. The first call starts the detection.
     pub fn of(&mut self, ctx: &Context, name: &str, image: &Arc<RgbImage>) -> &[Edge] {
         if self.stopped && !self.stills.contains_key(name) {
             return &[];
@@ -55,18 +55,18 @@ impl Edges {
         self.stills.values().filter(|state| matches!(state, State::Looking(_))).count()
     }
 
-    /// Starts no more detections until `resume`.
+    /// Cancels running detections; no detection starts until `resume` is called.
     pub fn stop(&mut self) {
         self.stopped = true;
         self.stills.retain(|_, state| matches!(state, State::Found(_)));
     }
 
-    /// Allows detections again.
+    /// Allows edge detections again after `stop`.
     pub const fn resume(&mut self) {
         self.stopped = false;
     }
 
-    /// Removes all edges.
+    /// Removes the edges of all images, and allows detections.
     pub fn clear(&mut self) {
         self.stills.clear();
         self.stopped = false;
@@ -76,7 +76,7 @@ impl Edges {
 /// Joint refinement that is running.
 #[derive(Debug)]
 pub(crate) struct Refining {
-    /// The site at its start.
+    /// Site at the start of the refinement.
     pub from: Site,
     task: Task<Result<Site, String>>,
 }
@@ -88,7 +88,7 @@ impl Refining {
         Self { from: site.clone(), task: Here::refine(ctx, site.clone()) }
     }
 
-    /// Returns the refined site once.
+    /// Returns the refined site when the refinement has ended; call it no more afterwards.
     #[must_use]
     pub(crate) fn poll(&self) -> Option<Result<Site, String>> {
         let lost = |_| "The refinement failed. Please report this.".to_owned();
@@ -104,56 +104,59 @@ impl Drop for Refining {
 
 #[derive(Debug)]
 enum Step {
-    /// The image is being read.
+    /// Reading and decoding of the image.
     Reading,
+    /// Measurement of the edges.
     Measuring(Task<Result<Vec<LineSegment>, String>>),
+    /// Grouping of the edges by direction, and calibration.
     Grouping(Task<Result<AutomaticCalibration, String>>),
 }
 
 /// Automatic calibration that is running.
 #[derive(Debug)]
 pub(crate) struct Proposing {
-    /// The camera without annotations.
+    /// Camera entry without annotations.
     camera: SiteCamera,
     image: String,
     step: Step,
 }
 
 impl Proposing {
-    /// Starts the calibration as soon as the image is decoded.
+    /// Creates a calibration that starts as soon as the image is decoded.
     #[must_use]
     pub(crate) const fn new(camera: SiteCamera, image: String) -> Self {
         Self { camera, image, step: Step::Reading }
     }
 
-    /// Returns the camera period.
+    /// Returns the camera period that is being calibrated.
     #[must_use]
     pub(crate) fn of(&self) -> Period {
         Period::from_camera(&self.camera)
     }
 
-    /// Returns the image names that it contains, to rename them.
+    /// Returns the image names in the running calibration, to rename them after a save to another folder.
     pub(crate) fn images_mut(&mut self) -> impl Iterator<Item = &mut String> {
         self.camera.image.iter_mut().chain([&mut self.image])
     }
 
-    /// Returns the name of its image.
+    /// Returns the name of the image that is being calibrated.
     #[must_use]
     pub(crate) fn image(&self) -> &str {
         &self.image
     }
 
-    /// Returns the running step as a phrase.
+    /// Returns the running step as a phrase for the status line.
     #[must_use]
     pub(crate) const fn doing(&self) -> &'static str {
         match self.step {
             Step::Reading => "calibrating: reading the image",
-            Step::Measuring(_) => "calibrating: measuring edges, 1 of 2",
-            Step::Grouping(_) => "calibrating: finding directions, 2 of 2",
+            Step::Measuring(_) => "calibrating: measuring edges (step 1 of 2)",
+            Step::Grouping(_) => "calibrating: finding directions (step 2 of 2)",
         }
     }
 
-    /// Advances the calibration, and returns its result once.
+    /// Advances the calibration; returns its result when it has ended. `picture` is the image once it is
+    /// decoded.
     pub(crate) fn poll(
         &mut self,
         ctx: &Context,
@@ -161,11 +164,11 @@ impl Proposing {
     ) -> Option<Result<AutomaticCalibration, String>> {
         match &self.step {
             Step::Reading => self.step = Step::Measuring(Here::measure_edges(ctx, picture?)),
-            Step::Measuring(task) => match ended(task)? {
+            Step::Measuring(task) => match finished_result(task)? {
                 Ok(edges) => self.step = Step::Grouping(Here::propose(ctx, self.camera.clone(), edges)),
                 Err(error) => return Some(Err(error)),
             },
-            Step::Grouping(task) => return ended(task),
+            Step::Grouping(task) => return finished_result(task),
         }
         None
     }
@@ -177,6 +180,7 @@ impl Drop for Proposing {
     }
 }
 
-fn ended<T: Send + 'static>(task: &Task<Result<T, String>>) -> Option<Result<T, String>> {
+/// Returns the result of a task that has ended; a panic becomes an error.
+fn finished_result<T: Send + 'static>(task: &Task<Result<T, String>>) -> Option<Result<T, String>> {
     Some(task.outcome()?.map_err(|Lost| "it failed without a result".to_owned()).flatten())
 }

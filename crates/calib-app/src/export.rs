@@ -9,12 +9,12 @@ use crate::platform::Task;
 use crate::state::{App, Asked, formats};
 use crate::theme::{self, Palette};
 
-/// Shows the sheet if it is open.
+/// Shows the export sheet if it is open.
 pub fn export_ui(app: &mut App, ctx: &Context) {
     if !app.dialogs.export.is_open {
         return;
     }
-    make(app, ctx);
+    update_export(app, ctx);
     let mut open = true;
     Window::new("Export")
         .open(&mut open)
@@ -33,8 +33,8 @@ pub fn export_ui(app: &mut App, ctx: &Context) {
     }
 }
 
-/// Starts the export in the background when the request changed.
-fn make(app: &mut App, ctx: &Context) {
+/// Starts the export in the background if the site or an option changed, and collects the result.
+fn update_export(app: &mut App, ctx: &Context) {
     let Some(format) = formats().nth(app.dialogs.export.format) else { return };
     let plan = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let plan = plan.filter(|_| format.shows_plan);
@@ -57,7 +57,7 @@ fn make(app: &mut App, ctx: &Context) {
         let one = asked.one.and_then(|index| site.cameras.get(index)).map(|camera| camera.id.clone());
         let extension = format.extensions.get(asked.extension).map(|extension| (*extension).to_owned());
         sheet.making = Some(Task::spawn(ctx, move || {
-            let plan = plan.map(|image| picture(&image)).transpose()?;
+            let plan = plan.map(|image| plan_image(&image)).transpose()?;
             let options = ExportOptions {
                 rectified: asked.rectified,
                 rescale: None,
@@ -74,7 +74,8 @@ fn make(app: &mut App, ctx: &Context) {
     }
 }
 
-fn picture(image: &image::RgbImage) -> Result<PlanImage, String> {
+/// Encodes the image of the floor plan as PNG for the export.
+fn plan_image(image: &image::RgbImage) -> Result<PlanImage, String> {
     let mut png = std::io::Cursor::new(Vec::new());
     image.write_to(&mut png, image::ImageFormat::Png).map_err(|error| error.to_string())?;
     Ok(PlanImage { png: png.into_inner(), size: image.dimensions().into() })
@@ -137,7 +138,7 @@ fn outcome(app: &mut App, ui: &mut Ui) {
         }
         Some(Ok(export)) => export,
     };
-    ScrollArea::vertical().max_height(260.0).show(ui, |ui| told(ui, palette, export));
+    ScrollArea::vertical().max_height(260.0).show(ui, |ui| export_contents(ui, palette, export));
     if !export.losses.is_empty() {
         ui.checkbox(&mut sheet.agreed, "Export anyway; the lost data is not needed");
     }
@@ -150,8 +151,8 @@ fn outcome(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Lists losses, notes, omitted cameras and the files to write.
-fn told(ui: &mut Ui, palette: &Palette, export: &Export) {
+/// Shows losses, notes, omitted cameras and the files to write.
+fn export_contents(ui: &mut Ui, palette: &Palette, export: &Export) {
     if !export.losses.is_empty() {
         egui::Frame::NONE.fill(palette.warn_bg).corner_radius(4).inner_margin(8).show(ui, |ui| {
             ui.set_width(ui.available_width());

@@ -1,4 +1,4 @@
-//! Sequence of a frame.
+//! Sequence of the work in a frame.
 
 use egui::{Context, Ui};
 
@@ -17,7 +17,7 @@ impl App {
         self.view.panes.begin_frame();
         shell::window_ui(self, ui);
         self.hover.was_typing = ui.ctx().text_edit_focused();
-        self.grant(&ui.ctx().clone());
+        self.apply_requests(&ui.ctx().clone());
         self.remember();
     }
 
@@ -44,8 +44,8 @@ impl App {
         }
     }
 
-    /// Carries out the requests of the panels.
-    fn grant(&mut self, ctx: &Context) {
+    /// Carries out the requests that the panels queued in this frame.
+    fn apply_requests(&mut self, ctx: &Context) {
         let sent = std::mem::take(&mut self.sent);
         if !sent.is_empty() {
             ctx.request_repaint();

@@ -11,7 +11,7 @@ use crate::command::{COMMANDS, Command};
 use crate::state::{App, Place};
 use crate::{keys, theme};
 
-/// Registers the handles of an image under their names.
+/// Registers the handles of a camera's image as widgets with names.
 pub(crate) fn on_image(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping) {
     let list = hit::handles(&app.editor.session().site, camera);
     let mut chosen = None;
@@ -40,6 +40,7 @@ pub(crate) fn on_image(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping)
     }
 }
 
+/// Returns the name of a handle for screen readers.
 fn handle_name(app: &App, part: Part) -> String {
     let name = app.editor.session().part_name(part);
     match part {
@@ -49,7 +50,7 @@ fn handle_name(app: &App, part: Part) -> String {
     }
 }
 
-/// Registers the handles of the current camera on the plan.
+/// Registers the handles of the current camera on the plan as widgets with names.
 pub(crate) fn on_plan(app: &App, ui: &Ui, mapping: &Mapping) {
     let Some(entry) = app.editor.session().entry() else { return };
     for (handle, at) in plan_handles(app.editor.session(), app.editor.session().camera) {
@@ -70,7 +71,7 @@ pub(crate) fn on_plan(app: &App, ui: &Ui, mapping: &Mapping) {
     }
 }
 
-/// Shows the commands of a menu, one per row.
+/// Shows a group of commands in a menu, one per row; a click sets `chosen`.
 pub(crate) fn rows(app: &App, ui: &mut Ui, group: &[Command], chosen: &mut Option<Command>) {
     ui.set_min_width(260.0);
     let rows = group.iter().filter_map(|command| COMMANDS.iter().find(|row| row.command == *command));
@@ -108,12 +109,14 @@ pub(crate) fn shortcut_text(ui: &Ui, keys: KeyboardShortcut) -> String {
     }
 }
 
-const ON_PLAN: [&[Command]; 3] = [
+/// Commands of the context menu of the plan, in groups.
+const PLAN_MENU: [&[Command]; 3] = [
     &[Command::FixPlacement, Command::ResetPlacement, Command::Refine],
     &[Command::Coverage, Command::Blend, Command::Snap, Command::Beside],
     &[Command::Fit, Command::SavePicture],
 ];
-const ON_IMAGE: [&[Command]; 5] = [
+/// Commands of the context menu of an image, in groups.
+const IMAGE_MENU: [&[Command]; 5] = [
     &[Command::Accept, Command::StepBack, Command::Cancel],
     &[Command::UseAnyway, Command::OnOff, Command::PullOntoEdge, Command::Duplicate, Command::Delete],
     &[Command::AcceptGroup, Command::FlipGroup, Command::DeleteGroup, Command::AcceptProposed],
@@ -121,7 +124,7 @@ const ON_IMAGE: [&[Command]; 5] = [
     &[Command::Fit, Command::SavePicture],
 ];
 
-/// Shows the context menu of a canvas while it is open.
+/// Shows the context menu of a canvas while the menu is open.
 pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mapping: &Mapping) {
     if response.long_touched() && app.view.panes.was_idle {
         // A long press must not draw.
@@ -149,9 +152,9 @@ pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mappi
             ui.label(RichText::new(title).font(theme::medium(12.0)));
         }
         let mut is_first = true;
-        for group in if on_plan { &ON_PLAN[..] } else { &ON_IMAGE[..] } {
+        for group in if on_plan { &PLAN_MENU[..] } else { &IMAGE_MENU[..] } {
             let offered: Vec<Command> =
-                group.iter().copied().filter(|&command| is_offered(app, command)).collect();
+                group.iter().copied().filter(|&command| is_in_menu(app, command)).collect();
             if offered.is_empty() {
                 continue;
             }
@@ -166,7 +169,8 @@ pub(crate) fn show(app: &mut App, response: &Response, key: (Place, Pane), mappi
     }
 }
 
-fn is_offered(app: &App, command: Command) -> bool {
+/// Whether the context menu shows a command now.
+fn is_in_menu(app: &App, command: Command) -> bool {
     let makes_sense = match command {
         Command::Accept | Command::StepBack | Command::Cancel => !app.editor.tool().is_idle(),
         Command::UseAnyway => is_suspected(app),

@@ -4,7 +4,7 @@ use egui::{Color32, CornerRadius, Pos2, Rect, Response, Role, Sense, Stroke, Ui,
 
 use crate::theme;
 
-/// Stroke, ring or dot of an icon.
+/// Stroke, ring or dot of an icon, on the grid of 16 units.
 #[derive(Clone, Copy, Debug)]
 enum Piece {
     Line(&'static [[f32; 2]]),
@@ -78,7 +78,7 @@ icons! {
     Region = [Line(&[[2.0, 12.5], [14.0, 12.5]]), Line(&[[2.0, 12.5], [9.5, 5.0], [14.0, 5.0], [14.0, 12.5]]), Dot([9.5, 5.0], 1.2)],
     /// Two crossed lines.
     Cross = [Line(&[[8.0, 2.5], [8.0, 13.5]]), Line(&[[2.5, 8.0], [13.5, 8.0]])],
-    /// A post.
+    /// A vertical post on the floor.
     Post = [Line(&[[8.0, 13.5], [8.0, 3.0]]), Dot([8.0, 3.0], 1.8), Line(&[[5.5, 13.5], [10.5, 13.5]])],
     /// A box.
     Box = [Line(&[[2.5, 5.0], [8.0, 2.5], [13.5, 5.0], [8.0, 7.5], [2.5, 5.0], [2.5, 11.0], [8.0, 13.5], [13.5, 11.0], [13.5, 5.0]]), Line(&[[8.0, 7.5], [8.0, 13.5]])],
@@ -88,15 +88,15 @@ icons! {
     Person = [Ring([8.0, 3.5], 1.7), Line(&[[4.5, 6.5], [11.5, 6.5]]), Line(&[[8.0, 6.5], [8.0, 9.5], [5.5, 14.0]]), Line(&[[8.0, 9.5], [10.5, 14.0]])],
     /// A circle on the floor.
     Circle = [Line(&[[2.0, 8.0], [3.5, 5.9], [6.5, 4.8], [9.5, 4.8], [12.5, 5.9], [14.0, 8.0], [12.5, 10.1], [9.5, 11.2], [6.5, 11.2], [3.5, 10.1], [2.0, 8.0]])],
-    /// A net.
+    /// Crossed grid lines.
     Grid = [Line(&[[5.5, 2.5], [5.5, 13.5]]), Line(&[[10.5, 2.5], [10.5, 13.5]]), Line(&[[2.5, 5.5], [13.5, 5.5]]), Line(&[[2.5, 10.5], [13.5, 10.5]])],
     /// A photograph.
     Image = [Line(&[[2.0, 3.5], [14.0, 3.5], [14.0, 12.5], [2.0, 12.5], [2.0, 3.5]]), Line(&[[2.5, 12.0], [6.5, 7.5], [9.0, 10.0], [11.0, 8.5], [13.5, 11.5]]), Dot([10.5, 6.0], 1.0)],
     /// A floor plan.
     Plan = [Line(&[[2.5, 2.5], [13.5, 2.5], [13.5, 13.5], [2.5, 13.5], [2.5, 2.5]]), Line(&[[2.5, 7.5], [6.5, 7.5]]), Line(&[[9.0, 2.5], [9.0, 7.5], [13.5, 7.5]]), Line(&[[7.0, 13.5], [7.0, 10.5]])],
-    /// Many views.
+    /// Four tiles: the view of all cameras.
     All = [Line(&[[2.5, 2.5], [7.0, 2.5], [7.0, 7.0], [2.5, 7.0], [2.5, 2.5]]), Line(&[[9.0, 2.5], [13.5, 2.5], [13.5, 7.0], [9.0, 7.0], [9.0, 2.5]]), Line(&[[2.5, 9.0], [7.0, 9.0], [7.0, 13.5], [2.5, 13.5], [2.5, 9.0]]), Line(&[[9.0, 9.0], [13.5, 9.0], [13.5, 13.5], [9.0, 13.5], [9.0, 9.0]])],
-    /// The scene in space.
+    /// A cube: the 3-D scene.
     Scene = [Line(&[[8.0, 2.0], [13.5, 5.0], [13.5, 11.0], [8.0, 14.0], [2.5, 11.0], [2.5, 5.0], [8.0, 2.0]]), Line(&[[2.5, 5.0], [8.0, 8.0], [13.5, 5.0]]), Line(&[[8.0, 8.0], [8.0, 14.0]])],
     /// A closed lock.
     Locked = [Line(&[[4.0, 7.5], [12.0, 7.5], [12.0, 13.5], [4.0, 13.5], [4.0, 7.5]]), Line(&[[5.5, 7.5], [5.5, 5.0], [6.5, 3.0], [9.5, 3.0], [10.5, 5.0], [10.5, 7.5]]), Dot([8.0, 10.5], 1.2)],
@@ -106,9 +106,9 @@ icons! {
     Undo = [Line(&[[6.0, 3.0], [3.0, 6.0], [6.0, 9.0]]), Line(&[[3.0, 6.0], [10.0, 6.0], [12.5, 7.5], [13.0, 10.0], [12.0, 12.0], [10.0, 12.8], [7.0, 12.8]])],
     /// Arrow forward.
     Redo = [Line(&[[10.0, 3.0], [13.0, 6.0], [10.0, 9.0]]), Line(&[[13.0, 6.0], [6.0, 6.0], [3.5, 7.5], [3.0, 10.0], [4.0, 12.0], [6.0, 12.8], [9.0, 12.8]])],
-    /// Pause.
+    /// Two bars: pause.
     Pause = [Line(&[[5.5, 3.0], [5.5, 13.0]]), Line(&[[10.5, 3.0], [10.5, 13.0]])],
-    /// Play.
+    /// Triangle: play.
     Play = [Line(&[[4.5, 3.0], [12.5, 8.0], [4.5, 13.0], [4.5, 3.0]])],
     /// A magnifier.
     Search = [Ring([7.0, 7.0], 4.3), Line(&[[10.2, 10.2], [14.0, 14.0]])],
@@ -116,13 +116,13 @@ icons! {
     Warn = [Line(&[[8.0, 2.5], [14.0, 13.0], [2.0, 13.0], [8.0, 2.5]]), Line(&[[8.0, 6.5], [8.0, 9.5]]), Dot([8.0, 11.3], 0.9)],
     /// Check mark.
     Check = [Line(&[[3.0, 8.5], [6.5, 12.0], [13.0, 4.5]])],
-    /// Chevron.
+    /// Chevron that points right.
     Chevron = [Line(&[[6.0, 4.0], [10.0, 8.0], [6.0, 12.0]])],
     /// Empty circle.
     Open = [Ring([8.0, 8.0], 4.5)],
-    /// Plus.
+    /// Plus sign.
     Plus = [Line(&[[8.0, 3.0], [8.0, 13.0]]), Line(&[[3.0, 8.0], [13.0, 8.0]])],
-    /// Cross.
+    /// Diagonal cross.
     Close = [Line(&[[4.0, 4.0], [12.0, 12.0]]), Line(&[[12.0, 4.0], [4.0, 12.0]])],
     /// Three lines of a menu.
     Menu = [Line(&[[2.5, 4.5], [13.5, 4.5]]), Line(&[[2.5, 8.0], [13.5, 8.0]]), Line(&[[2.5, 11.5], [13.5, 11.5]])],
@@ -130,7 +130,7 @@ icons! {
     Sun = [Ring([8.0, 8.0], 2.8), Line(&[[8.0, 1.8], [8.0, 3.4]]), Line(&[[8.0, 12.6], [8.0, 14.2]]), Line(&[[1.8, 8.0], [3.4, 8.0]]), Line(&[[12.6, 8.0], [14.2, 8.0]]), Line(&[[3.6, 3.6], [4.7, 4.7]]), Line(&[[11.3, 11.3], [12.4, 12.4]]), Line(&[[3.6, 12.4], [4.7, 11.3]]), Line(&[[11.3, 4.7], [12.4, 3.6]])],
 }
 
-/// Paints an icon in the middle of a rectangle.
+/// Paints an icon in the middle of a rectangle; `size` is its side in points.
 pub fn paint(painter: &egui::Painter, icon: Icon, rect: Rect, size: f32, colour: Color32) {
     let unit = size / 16.0;
     let corner = rect.center() - Vec2::splat(0.5 * size);
@@ -161,13 +161,13 @@ pub fn inline(ui: &mut Ui, icon: Icon, colour: Color32) -> Response {
 /// Appearance of an icon button.
 #[derive(Clone, Copy, Debug)]
 pub struct Look {
-    /// Size, in points.
+    /// Size of the button, in points.
     pub size: Vec2,
-    /// Whether it is selected.
+    /// Whether the button is selected.
     pub chosen: bool,
-    /// Whether it is enabled.
+    /// Whether the button is enabled.
     pub enabled: bool,
-    /// Colour of the icon; by default the text colour.
+    /// Colour of the icon; `None` for the text colour.
     pub colour: Option<Color32>,
 }
 

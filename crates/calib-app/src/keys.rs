@@ -6,7 +6,7 @@ use egui::{Context, KeyboardShortcut};
 use crate::command::{self, Command};
 use crate::platform::{Here, Platform as _};
 
-/// Converts the modifier keys.
+/// Converts the modifier keys from the window to the document.
 pub(crate) const fn held(modifiers: egui::Modifiers) -> Modifiers {
     let egui::Modifiers { alt, ctrl, shift, mac_cmd: _, command } = modifiers;
     Modifiers { shift, ctrl, alt, command }
@@ -19,7 +19,7 @@ pub fn key(key: Key) -> egui::Key {
     egui::Key::from_name(key.name()).unwrap_or(egui::Key::F35)
 }
 
-/// Converts a shortcut of a command.
+/// Converts the shortcut of a command from keys of the document to keys of the window.
 #[must_use]
 pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
     let Modifiers { shift, ctrl, alt, command: cmd } = keys.modifiers;
@@ -30,8 +30,8 @@ pub fn shortcut(command: Command, keys: Shortcut) -> KeyboardShortcut {
 
 /// Returns the commands whose keys were pressed, except while a text field has the focus.
 ///
-/// `was_typing`: whether a text field had the focus in the last frame. The Escape that left it belongs to the
-/// field, as the Escape that closes a menu belongs to the menu.
+/// `was_typing` is true if a text field had the focus in the last frame. The Escape key that left the field
+/// then belongs to the field. An Escape key that closes a menu belongs to the menu.
 pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers)> {
     if ctx.text_edit_focused() {
         return Vec::new();
@@ -42,8 +42,8 @@ pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers
         input.events.retain(|event| {
             let egui::Event::Key { key, pressed: true, modifiers, .. } = event else { return true };
             let matches = |row: &command::Row| {
-                row.keys.is_some_and(|keys| fits(shortcut(row.command, keys), *key, *modifiers))
-                    || row.command == Command::Redo && fits(OTHER_REDO, *key, *modifiers)
+                row.keys.is_some_and(|keys| is_pressed(shortcut(row.command, keys), *key, *modifiers))
+                    || row.command == Command::Redo && is_pressed(OTHER_REDO, *key, *modifiers)
             };
             let Some(row) = command::all().find(matches) else { return true };
             if !(is_others && *key == egui::Key::Escape) {
@@ -56,13 +56,14 @@ pub fn pressed(ctx: &Context, was_typing: bool) -> Vec<(Command, egui::Modifiers
     found
 }
 
-/// Second shortcut for redo, known from other programs.
+/// Second shortcut for redo, as in other programs.
 const OTHER_REDO: KeyboardShortcut = KeyboardShortcut::new(egui::Modifiers::COMMAND, egui::Key::Y);
 
-fn fits(keys: KeyboardShortcut, key: egui::Key, modifiers: egui::Modifiers) -> bool {
+/// Whether a pressed key with its modifiers is the shortcut `keys`.
+fn is_pressed(keys: KeyboardShortcut, key: egui::Key, modifiers: egui::Modifiers) -> bool {
     use egui::Key;
     let is_nudge = matches!(key, Key::ArrowLeft | Key::ArrowRight | Key::ArrowUp | Key::ArrowDown);
-    // Whether Shift is needed for a sign depends on the keyboard layout.
+    // The keyboard layout determines whether a sign needs Shift.
     let is_sign = matches!(key, Key::Questionmark | Key::Plus);
     let same_key = keys.logical_key == key
         || keys.logical_key == Key::Plus && key == Key::Equals

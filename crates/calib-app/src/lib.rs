@@ -1,12 +1,15 @@
 //! The app: annotate images, see the site solved while drawing, place cameras, and check them in every view.
 //!
-//! The document and its tools are in `calib_editor`; this crate is the window. A module uses only modules above it in
-//! the list below: the platform and storage first, then the [`state`], then features (annotate, plan, files, compare,
-//! propose, export), then canvases ([`pane`]) and the window ([`shell`]).
+//! The document and its tools are in `calib_editor`; this crate is the window. A module uses only modules
+//! above it in the list below. The order is: platform, storage, [`state`], features (annotate, plan, files,
+//! compare, propose, export), canvases ([`pane`]), window ([`shell`]).
 //!
-//! Sequence of a frame ([`App::logic`], [`App::show_ui`]): finished work is collected, keys become commands
-//! ([`command`]), pointer events go through a canvas to the current tool, everything is painted, requests of panels are
-//! carried out, and a finished gesture is autosaved ([`storage::autosave`]).
+//! Sequence of a frame ([`App::logic`], [`App::show_ui`]):
+//! 1. Finished work is collected.
+//! 2. Keys become commands ([`command`]).
+//! 3. Pointer events go through a canvas to the current tool, and everything is painted.
+//! 4. Requests of panels are carried out.
+//! 5. A finished gesture is autosaved ([`storage::autosave`]).
 
 pub mod choice;
 mod drawing;

@@ -5,12 +5,13 @@ use egui::{Align2, Color32, CornerRadius, Painter, Pos2, Rect, Shape, Stroke, Ve
 
 use crate::theme::{self, on_image};
 
-/// Whether a line that started to blink at `since` is lit now: it blinks once a second for a while, then
-/// stays lit. With reduced motion it is lit at once.
+/// Whether a blinking line is lit now, `since` seconds after its blinking started. The line blinks once a
+/// second for three seconds, then stays lit. With reduced motion it is always lit.
 #[must_use]
 pub fn is_lit(ctx: &egui::Context, since: f64) -> bool {
-    const BLINKS: f64 = 3.0;
-    if since > BLINKS || theme::is_still(ctx) {
+    /// Duration of the blinking, in seconds.
+    const BLINK_DURATION_S: f64 = 3.0;
+    if since > BLINK_DURATION_S || theme::is_still(ctx) {
         return true;
     }
     ctx.request_repaint_after(std::time::Duration::from_millis(100));
@@ -20,24 +21,24 @@ pub fn is_lit(ctx: &egui::Context, since: f64) -> bool {
 /// Appearance of a line.
 #[derive(Clone, Copy, Debug)]
 pub struct Pen {
-    /// Colour.
+    /// Colour of the line.
     pub colour: Color32,
-    /// Width, in points.
+    /// Width of the line, in points.
     pub width: f32,
-    /// Lengths of dashes and gaps, in points; solid if empty.
+    /// Lengths of dashes and gaps, in points; empty for a solid line.
     pub dash: &'static [f64],
-    /// Colour of the outline.
+    /// Colour of the outline below the line.
     pub below: Color32,
 }
 
 impl Pen {
-    /// Creates a solid pen.
+    /// Creates a pen for solid lines with a dark outline; `width` is in points.
     #[must_use]
     pub const fn new(colour: Color32, width: f32) -> Self {
         Self { colour, width, dash: &[], below: on_image::OUTLINE }
     }
 
-    /// Creates the pen of a look.
+    /// Creates the pen that draws a line with this appearance.
     #[must_use]
     pub fn of(look: Look) -> Self {
         let colour = theme::colour(look.colour);
@@ -55,7 +56,7 @@ impl Pen {
         Self { colour: colour.gamma_multiply(f32::from(self.colour.a()) / 255.0), ..self }
     }
 
-    /// Returns the pen with dashes.
+    /// Returns the pen with dashes and gaps of these lengths, in points.
     #[must_use]
     pub const fn dashed(self, dash: &'static [f64]) -> Self {
         Self { dash, ..self }
@@ -74,12 +75,12 @@ impl Pen {
     }
 }
 
-/// Margin around the visible area to which lines are clipped, in points.
-const MARGIN: f32 = 64.0;
+/// Margin around the visible area that clipped lines may enter, in points.
+const CLIP_MARGIN: f32 = 64.0;
 
-/// Paints a polyline, clipped to the visible area.
+/// Paints a polyline of screen points, clipped to the visible area.
 pub fn line(painter: &Painter, points: &[Pos2], pen: Pen) {
-    for piece in clipped(points, painter.clip_rect().expand(MARGIN)) {
+    for piece in clipped(points, painter.clip_rect().expand(CLIP_MARGIN)) {
         if pen.below != Color32::TRANSPARENT {
             let below = Stroke::new(pen.width + 2.0, pen.below);
             painter.add(dashes(&piece, pen.dash, below));
@@ -88,6 +89,7 @@ pub fn line(painter: &Painter, points: &[Pos2], pen: Pen) {
     }
 }
 
+/// Returns the dashes of a polyline.
 fn dashes(points: &[Pos2], dash: &[f64], stroke: Stroke) -> Shape {
     if dash.len() < 2 {
         return Shape::line(points.to_vec(), stroke);
@@ -97,7 +99,7 @@ fn dashes(points: &[Pos2], dash: &[f64], stroke: Stroke) -> Shape {
     Shape::Vec(Shape::dashed_line_with_offset(points, stroke, &strokes, &gaps, 0.0))
 }
 
-/// Clips a polyline to a rectangle (Liang and Barsky 1984).
+/// Clips a polyline to a rectangle (Liang and Barsky 1984); returns the visible pieces.
 fn clipped(points: &[Pos2], rect: Rect) -> Vec<Vec<Pos2>> {
     let mut pieces: Vec<Vec<Pos2>> = Vec::new();
     for pair in points.windows(2) {
@@ -110,6 +112,7 @@ fn clipped(points: &[Pos2], rect: Rect) -> Vec<Vec<Pos2>> {
     pieces
 }
 
+/// Clips a line segment to a rectangle; `None` if the segment is outside.
 fn clip(a: Pos2, b: Pos2, rect: Rect) -> Option<[Pos2; 2]> {
     if !(a.is_finite() && b.is_finite()) {
         return None;
@@ -160,7 +163,7 @@ pub fn ring(painter: &Painter, at: Pos2, colour: Color32, held: bool) {
     painter.circle_filled(at, 2.0, Color32::WHITE);
 }
 
-/// Paints a label with a dark background.
+/// Paints a label with a dark background; returns its rectangle.
 pub fn tag(painter: &Painter, at: Pos2, align: Align2, text: &str, colour: Color32) -> Rect {
     let galley = painter.layout_no_wrap(text.to_owned(), theme::regular(11.0), colour);
     let size = galley.size() + Vec2::new(12.0, 4.0);
@@ -172,7 +175,7 @@ pub fn tag(painter: &Painter, at: Pos2, align: Align2, text: &str, colour: Color
     rect
 }
 
-/// Paints a camera's letter on its colour.
+/// Paints the letter of a camera on its colour; returns the rectangle.
 pub fn chip(painter: &Painter, at: Pos2, camera: usize) -> Rect {
     let rect = Rect::from_center_size(at, Vec2::new(16.0, 16.0));
     painter.rect_filled(rect, CornerRadius::same(3), theme::camera(camera));

@@ -20,11 +20,12 @@ use crate::plan::floor::Floor;
 use crate::state::{App, Place};
 use crate::theme::{self, on_image};
 
-/// Movement below which a press counts as a click, in points.
-const CLICK: f32 = 4.0;
-/// Interval of a double click, in seconds.
-const DOUBLE: f64 = 0.4;
+/// Largest movement of the pointer during a click, in points.
+const MAX_CLICK_MOVEMENT: f32 = 4.0;
+/// Longest interval between the two presses of a double click, in seconds.
+const DOUBLE_CLICK_S: f64 = 0.4;
 
+/// Pans and zooms a canvas by wheel, drag and touch.
 fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mapping) {
     let pointer = ui.input(|i| i.pointer.hover_pos());
     let is_over = pointer.is_some_and(|at| is_over(ui, mapping.rect, at));
@@ -38,7 +39,7 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
         let (middle, by) = (i.pointer.middle_down(), i.pointer.delta());
         (i.smooth_scroll_delta(), f64::from(i.zoom_delta()), by, space, middle, touch)
     });
-    // If tiles overflow, the wheel scrolls them, and zooms with Ctrl.
+    // If the tiles overflow the window, the wheel scrolls them; Ctrl and the wheel zoom a tile.
     let scroll = if key.0 == Place::Tile && app.view.panes.tiles_overflow { Vec2::ZERO } else { scroll };
     let at = pointer.unwrap_or_else(|| mapping.rect.center());
     let factor = zoom * (f64::from(scroll.y) / 240.0).exp();
@@ -56,11 +57,12 @@ fn pan_and_zoom(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &mut Mappin
     app.view.panes.views.insert(key, mapping.view);
 }
 
+/// Whether a screen point is on a visible part of the canvas `rect`.
 fn is_over(ui: &Ui, rect: Rect, at: Pos2) -> bool {
     rect.contains(at) && ui.clip_rect().contains(at) && ui.ctx().layer_id_at(at) == Some(ui.layer_id())
 }
 
-/// Sends the pointer events on this canvas to the tool.
+/// Sends the pointer events on a canvas to the current tool.
 fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping) {
     let (events, time, modifiers) = ui.input(|i| (i.events.clone(), i.time, i.modifiers));
     let is_move = |event: &Event| matches!(event, Event::PointerMoved(_));
@@ -70,15 +72,15 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
         match event {
             // Only the last of several consecutive moves is handled.
             Event::PointerMoved(_) if events.peek().is_some_and(is_move) => {}
-            Event::PointerMoved(at) => moved(app, ui, key, mapping, at, modifiers),
+            Event::PointerMoved(at) => handle_move(app, ui, key, mapping, at, modifiers),
             Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: true, modifiers } => {
-                pressed(app, ui, key, mapping, (pos, time), modifiers);
+                handle_press(app, ui, key, mapping, (pos, time), modifiers);
             }
             Event::PointerButton { pos, button: egui::PointerButton::Primary, pressed: false, modifiers }
                 if app.view.panes.captured == Some(key) =>
             {
-                app.view.panes.moved |= pos.distance(app.view.panes.pressed) > CLICK;
-                send(app, ui, key.1, mapping, pos, Phase::Release, modifiers);
+                app.view.panes.moved |= pos.distance(app.view.panes.pressed) > MAX_CLICK_MOVEMENT;
+                send_pointer(app, ui, key.1, mapping, pos, Phase::Release, modifiers);
                 app.view.panes.captured = None;
             }
             _ => {}
@@ -86,14 +88,22 @@ fn pointer_events(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping)
     }
 }
 
-fn moved(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2, modifiers: Modifiers) {
+/// Handles a movement of the pointer.
+fn handle_move(
+    app: &mut App,
+    ui: &Ui,
+    key: (Place, Pane),
+    mapping: &Mapping,
+    at: Pos2,
+    modifiers: Modifiers,
+) {
     let holds = app.view.panes.captured == Some(key);
     let is_covered = app.view.panes.is_covered(key, at);
     if holds || (app.view.panes.captured.is_none() && !is_covered && is_over(ui, mapping.rect, at)) {
-        app.view.panes.moved |= holds && at.distance(app.view.panes.pressed) > CLICK;
+        app.view.panes.moved |= holds && at.distance(app.view.panes.pressed) > MAX_CLICK_MOVEMENT;
         app.view.panes.cursor = Some((key.1, mapping.document(at)));
         let phase = if holds { Phase::Drag } else { Phase::Hover };
-        send(app, ui, key.1, mapping, at, phase, modifiers);
+        send_pointer(app, ui, key.1, mapping, at, phase, modifiers);
     } else if app.view.panes.cursor.is_some_and(|(pane, _)| pane == key.1)
         && (is_covered || !mapping.rect.contains(at))
     {
@@ -101,7 +111,8 @@ fn moved(app: &mut App, ui: &Ui, key: (Place, Pane), mapping: &Mapping, at: Pos2
     }
 }
 
-fn pressed(
+/// Handles a press of the primary button.
+fn handle_press(
     app: &mut App,
     ui: &Ui,
     key: (Place, Pane),
@@ -115,21 +126,31 @@ fn pressed(
         return;
     }
     let panes = &mut app.view.panes;
-    let recent = panes
-        .last_press
-        .is_some_and(|(when, before)| time - when < DOUBLE && before.distance(at) < 2.0 * CLICK);
+    let recent = panes.last_press.is_some_and(|(when, before)| {
+        time - when < DOUBLE_CLICK_S && before.distance(at) < 2.0 * MAX_CLICK_MOVEMENT
+    });
     panes.double = recent;
     panes.was_idle = app.editor.tool().is_idle();
     panes.last_press = (!recent).then_some((time, at));
     (panes.captured, panes.active) = (Some(key), Some(key));
     (panes.pressed, panes.moved) = (at, false);
     panes.cursor = Some((key.1, mapping.document(at)));
-    send(app, ui, key.1, mapping, at, Phase::Press, modifiers);
+    send_pointer(app, ui, key.1, mapping, at, Phase::Press, modifiers);
 }
 
-fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: Phase, modifiers: Modifiers) {
+/// Sends a pointer event at a screen point to the tool.
+fn send_pointer(
+    app: &mut App,
+    ui: &Ui,
+    pane: Pane,
+    mapping: &Mapping,
+    at: Pos2,
+    phase: Phase,
+    modifiers: Modifiers,
+) {
     let is_black = mapping.bend.is_some_and(|bend| bend.size().is_some()) && mapping.bent_at(at).is_none();
-    // A gesture cannot start outside a fisheye window; a running one stays at its last point.
+    // A gesture cannot start outside the image of a fisheye window; a running gesture stays at its last
+    // point.
     let at_px = match phase {
         Phase::Press if is_black => return,
         Phase::Drag | Phase::Release if is_black => app.view.panes.pointed,
@@ -157,7 +178,8 @@ fn send(app: &mut App, ui: &Ui, pane: Pane, mapping: &Mapping, at: Pos2, phase: 
     app.act(Action::Pointer(pointer));
 }
 
-/// Pans and zooms a canvas, sends the pointer to the tool, and clears the canvas for painting.
+/// Pans and zooms a canvas, sends the pointer events to the tool, and clears the canvas. Returns the new
+/// mapping and the painter.
 fn canvas(
     app: &mut App,
     ui: &Ui,
@@ -178,7 +200,7 @@ fn canvas(
     (mapping, painter)
 }
 
-/// Returns the undistortion of a camera's image if it is switched on, or the window of a fisheye.
+/// Returns the undistortion of a camera's image if that layer is on, or the window of a fisheye image.
 fn bend(app: &App, camera: usize) -> Option<Bend> {
     if app.is_fisheye(camera) {
         return app.window(camera);
@@ -188,7 +210,7 @@ fn bend(app: &App, camera: usize) -> Option<Bend> {
     lens.filter(|lens| lens.distortion != Distortion::None).map(Bend::Lens)
 }
 
-/// Shows the image of a camera.
+/// Shows the canvas with the image of a camera.
 pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return };
     let (size, name) = (entry.size(), entry.image.clone());
@@ -219,7 +241,7 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
         let points = if is_box { overlay.path(&pixels) } else { overlay.curve(&pixels) };
         line(&painter, &points, Pen::new(on_image::WHITE, 1.5).dashed(&[4.0, 4.0]));
     }
-    offered(app, ui, &painter, camera, &mapping);
+    paint_edge_under_pointer(app, ui, &painter, camera, &mapping);
     if place != Place::Tile {
         handles::on_image(app, ui, camera, &mapping);
     }
@@ -239,8 +261,8 @@ pub fn image(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place
     }
 }
 
-/// Paints the detected edge under the pointer as a ghost that a click accepts.
-fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &Mapping) {
+/// Paints the detected edge under the pointer as a dashed line; a click accepts the edge as an annotation.
+fn paint_edge_under_pointer(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &Mapping) {
     let Some((_, at)) = app.view.panes.cursor.filter(|(pane, _)| *pane == Pane::Image(camera)) else {
         return;
     };
@@ -261,6 +283,7 @@ fn offered(app: &mut App, ui: &Ui, painter: &Painter, camera: usize, mapping: &M
     }
 }
 
+/// Sets the shape of the pointer on a canvas.
 fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
     let over = ui.input(|i| i.pointer.hover_pos()).filter(|&at| is_over(ui, mapping.rect, at));
     let Some(at) = over else { return };
@@ -292,10 +315,10 @@ fn cursor(app: &App, ui: &Ui, pane: Pane, mapping: &Mapping) {
     ui.ctx().set_cursor_icon(icon);
 }
 
-/// Shows the plan.
+/// Shows the canvas with the floor plan.
 pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     let key = (place, Pane::Plan);
-    // A plan image that has just arrived is shown completely.
+    // A plan image that has just been loaded is shown completely.
     let shown = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
     let shown = shown.filter(|name| app.pictures.ready(name).is_some() && app.editor.tool().is_idle());
     if shown.is_some()
@@ -309,7 +332,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     }
     let [low, high] = app.floor_bounds();
     let whole = View::of(low, high, rect, true, false);
-    // Once cameras were moved, the view of the plan stays.
+    // After the first change of the site, pan and zoom of the plan stay.
     let view = match app.view.panes.views.get(&key) {
         Some(view) if app.editor.session().history.depth() > 0 => *view,
         _ => app.view.panes.fitted_or_chosen(key, whole),
@@ -331,7 +354,7 @@ pub fn plan(app: &mut App, ui: &mut Ui, rect: Rect, place: Place) {
     floor.paint_images(&painter, &app.pictures);
     let cursor = app.view.panes.cursor.and_then(|(pane, at)| (pane == Pane::Plan).then_some(at));
     floor.paint_cameras(&painter, cursor);
-    // During a drag, labels would hide its numbers.
+    // During a drag, labels of elements would hide the numbers of the dragged camera.
     floor.paint_elements(&painter, cursor.filter(|_| app.editor.tool().is_idle()));
     for points in app.editor.tool().preview_lines(Pane::Plan) {
         let points: Vec<Pos2> = points.into_iter().map(|at| mapping.screen(at)).collect();

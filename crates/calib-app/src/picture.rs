@@ -11,13 +11,14 @@ use crate::canvas::Mapping;
 use crate::platform::{Here, Platform as _, Task};
 
 /// Whether memory is limited to 4 GB, as in a browser.
-const IS_SMALL: bool = cfg!(target_pointer_width = "32");
-/// Side of a tile, in pixels; WebGL2 guarantees no more.
-const TILE: u32 = 2048;
-/// Longer side of the small copy, in pixels.
-const OVERVIEW: u32 = 1024;
-/// Budget for decoded images, in bytes. Images that were not shown for the longest time are dropped first.
-const BUDGET: usize = if IS_SMALL { 1 << 28 } else { 1 << 30 };
+const HAS_SMALL_MEMORY: bool = cfg!(target_pointer_width = "32");
+/// Largest side of a tile, in pixels; WebGL2 guarantees no larger textures.
+const MAX_TILE_SIDE_PX: u32 = 2048;
+/// Longer side of the small copy of an image, in pixels.
+const OVERVIEW_SIDE_PX: u32 = 1024;
+/// Memory budget for decoded images, in bytes. The images that were not shown for the longest time are
+/// dropped first.
+const MEMORY_BUDGET_BYTES: usize = if HAS_SMALL_MEMORY { 1 << 28 } else { 1 << 30 };
 
 /// Decoded image, cut into tiles that are not uploaded yet.
 struct Decoded {
@@ -26,9 +27,9 @@ struct Decoded {
     overview: ColorImage,
 }
 
-/// Image with its textures.
+/// Decoded image with its textures.
 pub struct Picture {
-    /// Pixels.
+    /// Pixels of the image.
     pub image: Arc<RgbImage>,
     /// Small copy of the whole image.
     pub overview: TextureHandle,
@@ -42,14 +43,14 @@ impl std::fmt::Debug for Picture {
     }
 }
 
-/// Texture with the pixels that it covers.
+/// Texture with the rectangle of image pixels that it covers.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece {
-    /// First pixel.
+    /// Upper left corner of the covered rectangle, in image pixels.
     pub low: [f64; 2],
-    /// Number of pixels.
+    /// Width and height of the covered rectangle, in image pixels.
     pub size: [f64; 2],
-    /// Texture id.
+    /// Id of the texture.
     pub texture: egui::TextureId,
 }
 
@@ -61,11 +62,11 @@ enum State {
 
 struct Slot {
     state: State,
-    /// Last frame that showed the image.
+    /// Number of the last frame that showed the image.
     shown: u64,
 }
 
-/// Images that were requested, by their name in the site.
+/// Requested images and their decoding, by their name in the site.
 #[derive(Default)]
 pub struct Pictures {
     slots: BTreeMap<String, Slot>,
@@ -78,53 +79,55 @@ impl std::fmt::Debug for Pictures {
     }
 }
 
-fn cut(image: RgbImage) -> Decoded {
+/// Cuts an image into tiles, and makes its small copy.
+fn cut_into_tiles(image: RgbImage) -> Decoded {
     let (width, height) = image.dimensions();
     let mut tiles = Vec::new();
-    for y in (0..height).step_by(TILE as usize - 2) {
-        for x in (0..width).step_by(TILE as usize - 2) {
+    for y in (0..height).step_by(MAX_TILE_SIDE_PX as usize - 2) {
+        for x in (0..width).step_by(MAX_TILE_SIDE_PX as usize - 2) {
             // Neighbouring tiles overlap by two pixels, so that filtering shows no seam.
-            let (w, h) = (TILE.min(width - x), TILE.min(height - y));
+            let (w, h) = (MAX_TILE_SIDE_PX.min(width - x), MAX_TILE_SIDE_PX.min(height - y));
             let tile = image::imageops::crop_imm(&image, x, y, w, h).to_image();
             tiles.push(([x, y], ColorImage::from_rgb([w as usize, h as usize], &tile)));
         }
     }
-    let ratio = (f64::from(OVERVIEW) / f64::from(width.max(height).max(1))).min(1.0);
+    let ratio = (f64::from(OVERVIEW_SIDE_PX) / f64::from(width.max(height).max(1))).min(1.0);
     let size = [width, height].map(|side| ((f64::from(side) * ratio) as u32).max(1));
     let small = image::imageops::thumbnail(&image, size[0], size[1]);
     let overview = ColorImage::from_rgb(size.map(|side| side as usize), &small);
     Decoded { image, tiles, overview }
 }
 
-fn options() -> TextureOptions {
+fn texture_options() -> TextureOptions {
     TextureOptions { mipmap_mode: Some(egui::TextureFilter::Linear), ..TextureOptions::LINEAR }
 }
 
 impl Picture {
     fn upload(ctx: &Context, name: &str, decoded: Decoded) -> Self {
-        let overview = ctx.load_texture(format!("{name} small"), decoded.overview, options());
+        let overview = ctx.load_texture(format!("{name} small"), decoded.overview, texture_options());
         Self { image: Arc::new(decoded.image), overview, waiting: decoded.tiles, tiles: Vec::new() }
     }
 
-    /// Returns the size, in pixels.
+    /// Returns width and height of the image, in pixels.
     #[must_use]
     pub fn size(&self) -> [u32; 2] {
         self.image.dimensions().into()
     }
 
+    /// Returns the estimated memory of the image with its textures, in bytes.
     fn bytes(&self) -> usize {
         self.image.len() + 4 * self.image.len() / 3
     }
 
-    /// Uploads one more tile; all tiles in one frame would cause a delay.
+    /// Uploads one more tile. Uploading all tiles in one frame would cause a delay.
     fn next_tile(&mut self, ctx: &Context) {
         let Some((at, tile)) = self.waiting.pop() else { return };
         let size = tile.size.map(|side| side as u32);
-        self.tiles.push((at, size, ctx.load_texture("tile", tile, options())));
+        self.tiles.push((at, size, ctx.load_texture("tile", tile, texture_options())));
         ctx.request_repaint();
     }
 
-    /// Returns the textures with the pixels that they cover; the small copy until all tiles are uploaded.
+    /// Returns the tiles of the image, or its small copy until all tiles are uploaded.
     pub fn pieces(&mut self, ctx: &Context) -> Vec<Piece> {
         self.next_tile(ctx);
         if !self.waiting.is_empty() {
@@ -142,10 +145,10 @@ impl Picture {
         self.tiles.iter().map(piece).collect()
     }
 
-    /// Paints the image at its position on the canvas.
+    /// Paints the image at its position on the canvas, multiplied by the colour `tint`.
     pub fn paint(&mut self, painter: &Painter, mapping: &Mapping, tint: Color32) {
         if mapping.bend.is_some_and(|bend| bend.size().is_some()) {
-            // Black, like the area outside an image circle.
+            // Areas without pixels are black, like the area outside an image circle.
             painter.rect_filled(mapping.rect.intersect(painter.clip_rect()), 0.0, Color32::BLACK);
             // The small copy is painted below the tiles, for cells that cross two of them.
             let size = self.size().map(f64::from);
@@ -163,9 +166,11 @@ impl Picture {
 }
 
 impl Piece {
-    /// Paints the texture at its position on the canvas; an undistorted image is painted in small cells.
+    /// Paints the texture at its position on the canvas, multiplied by the colour `tint`. An undistorted
+    /// image is painted as a mesh of cells.
     pub fn paint(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
-        const CELLS: u32 = 32;
+        /// Number of cells along each side of the mesh of an undistorted image.
+        const CELLS_PER_SIDE: u32 = 32;
         let at =
             |s: f64, t: f64| mapping.screen([self.low[0] + s * self.size[0], self.low[1] + t * self.size[1]]);
         if mapping.bend.is_some_and(|bend| bend.size().is_some()) {
@@ -179,35 +184,39 @@ impl Piece {
             return;
         }
         let mut mesh = egui::Mesh::with_texture(self.texture);
-        for row in 0..=CELLS {
-            for column in 0..=CELLS {
-                let (s, t) = (f64::from(column) / f64::from(CELLS), f64::from(row) / f64::from(CELLS));
+        for row in 0..=CELLS_PER_SIDE {
+            for column in 0..=CELLS_PER_SIDE {
+                let (s, t) = (
+                    f64::from(column) / f64::from(CELLS_PER_SIDE),
+                    f64::from(row) / f64::from(CELLS_PER_SIDE),
+                );
                 let uv = Pos2::new(s as f32, t as f32);
                 mesh.vertices.push(egui::epaint::Vertex { pos: at(s, t), uv, color: tint });
             }
         }
-        for row in 0..CELLS {
-            for column in 0..CELLS {
-                let first = row * (CELLS + 1) + column;
-                mesh.add_triangle(first, first + 1, first + CELLS + 1);
-                mesh.add_triangle(first + 1, first + CELLS + 2, first + CELLS + 1);
+        for row in 0..CELLS_PER_SIDE {
+            for column in 0..CELLS_PER_SIDE {
+                let first = row * (CELLS_PER_SIDE + 1) + column;
+                mesh.add_triangle(first, first + 1, first + CELLS_PER_SIDE + 1);
+                mesh.add_triangle(first + 1, first + CELLS_PER_SIDE + 2, first + CELLS_PER_SIDE + 1);
             }
         }
         painter.add(egui::Shape::mesh(mesh));
     }
 
-    /// Paints the part that a fisheye window shows, in small cells whose corners are looked up in the image.
+    /// Paints the part that a fisheye window shows as a mesh of screen cells. The corners of the cells are
+    /// mapped to image pixels.
     fn paint_window(&self, painter: &Painter, mapping: &Mapping, tint: Color32) {
         /// Side of a cell, in points.
-        const CELL: f32 = 12.0;
-        /// Number of halvings of a cell on the border of the visible area; the last cells are smaller than a
-        /// point.
-        const FINER: u32 = 4;
+        const CELL_SIDE: f32 = 12.0;
+        /// Largest number of halvings of a cell on the border of the visible area. The smallest cells are
+        /// smaller than a point.
+        const MAX_HALVINGS: u32 = 4;
         let rect = mapping.rect.intersect(painter.clip_rect());
         if !rect.is_positive() {
             return;
         }
-        let [columns, rows] = [rect.width(), rect.height()].map(|side| (side / CELL).ceil() as u32);
+        let [columns, rows] = [rect.width(), rect.height()].map(|side| (side / CELL_SIDE).ceil() as u32);
         let mut mesh = egui::Mesh::with_texture(self.texture);
         let mut is_shown = Vec::new();
         for row in 0..=rows {
@@ -230,15 +239,20 @@ impl Piece {
                 } else if shown > 0 {
                     let [low, high] =
                         [corners[0], corners[3]].map(|corner| mesh.vertices[corner as usize].pos);
-                    self.add_finer(&mut mesh, mapping, (Rect::from_min_max(low, high), tint), FINER);
+                    self.add_subdivided_cell(
+                        &mut mesh,
+                        mapping,
+                        (Rect::from_min_max(low, high), tint),
+                        MAX_HALVINGS,
+                    );
                 }
             }
         }
         painter.add(egui::Shape::mesh(mesh));
     }
 
-    /// Subdivides a cell that crosses the border of the visible area.
-    fn add_finer(
+    /// Adds a cell that crosses the border of the visible area to the mesh, in smaller cells.
+    fn add_subdivided_cell(
         &self,
         mesh: &mut egui::Mesh,
         mapping: &Mapping,
@@ -258,12 +272,12 @@ impl Piece {
                 mesh.add_triangle(first, first + 1, first + 2);
                 mesh.add_triangle(first + 1, first + 3, first + 2);
             } else if halvings > 1 && shown.iter().any(Option::is_some) {
-                self.add_finer(mesh, mapping, (quarter, tint), halvings - 1);
+                self.add_subdivided_cell(mesh, mapping, (quarter, tint), halvings - 1);
             }
         }
     }
 
-    /// Returns the texture coordinates at a screen point of a window; `None` outside the image.
+    /// Returns the texture coordinates (0 to 1) at a screen point of a window; `None` outside the texture.
     fn uv(&self, mapping: &Mapping, pos: Pos2) -> Option<Pos2> {
         let at = mapping.bent_at(pos)?;
         let uv = [(at.u - self.low[0]) / self.size[0], (at.v - self.low[1]) / self.size[1]];
@@ -273,7 +287,7 @@ impl Piece {
 }
 
 impl Pictures {
-    /// Collects finished images, and drops images that were not shown for long.
+    /// Collects decoded images, and drops images if they exceed the memory budget.
     pub fn begin_frame(&mut self, ctx: &Context) {
         self.frame += 1;
         for (name, slot) in &mut self.slots {
@@ -289,13 +303,14 @@ impl Pictures {
         self.evict();
     }
 
+    /// Drops the images that were not shown for the longest time until the memory budget suffices.
     fn evict(&mut self) {
         let size = |slot: &Slot| match &slot.state {
             State::Ready(picture) => picture.bytes(),
             _ => 0,
         };
         let mut total: usize = self.slots.values().map(size).sum();
-        while total > BUDGET {
+        while total > MEMORY_BUDGET_BYTES {
             let is_idle = |slot: &&Slot| size(slot) > 0 && slot.shown + 1 < self.frame;
             let oldest = self.slots.iter().filter(|(_, s)| is_idle(s)).min_by_key(|(_, slot)| slot.shown);
             let Some((name, freed)) = oldest.map(|(name, slot)| (name.clone(), size(slot))) else { return };
@@ -304,11 +319,11 @@ impl Pictures {
         }
     }
 
-    /// Returns an image; the first call starts decoding the bytes.
+    /// Returns an image once it is decoded; the first call starts the decoding.
     pub fn get(&mut self, ctx: &Context, name: &str, bytes: impl FnOnce() -> Source) -> Option<&mut Picture> {
         let frame = self.frame;
         let slot = self.slots.entry(name.to_owned()).or_insert_with(|| Slot {
-            state: State::Loading(Here::picture(ctx, bytes(), cut)),
+            state: State::Loading(Here::picture(ctx, bytes(), cut_into_tiles)),
             shown: frame,
         });
         slot.shown = frame;
@@ -318,7 +333,7 @@ impl Pictures {
         }
     }
 
-    /// Returns an image that is already decoded.
+    /// Returns an image if it is already decoded.
     #[must_use]
     pub fn ready(&self, name: &str) -> Option<&Picture> {
         match &self.slots.get(name)?.state {
@@ -342,14 +357,14 @@ impl Pictures {
         self.slots.values().filter(|slot| matches!(slot.state, State::Loading(_))).count()
     }
 
-    /// Cancels decoding; cancelled images show an error.
+    /// Cancels the decoding of images; the cancelled images show an error.
     pub fn stop(&mut self) {
         for slot in self.slots.values_mut().filter(|slot| matches!(slot.state, State::Loading(_))) {
             slot.state = State::Failed("Reading was cancelled.".into());
         }
     }
 
-    /// Drops failed images, so that they are read again.
+    /// Drops the images that could not be decoded, so that they are read again.
     pub fn retry(&mut self) {
         self.slots.retain(|_, slot| !matches!(slot.state, State::Failed(_)));
     }
@@ -359,13 +374,14 @@ impl Pictures {
         self.slots.clear();
     }
 
-    /// Drops one image, so that it is read again.
+    /// Drops the image with this name, so that it is read again.
     pub fn forget(&mut self, name: &str) {
         self.slots.remove(name);
     }
 }
 
-/// Returns the texture coordinates that crop `size` to the aspect ratio of `rect`.
+/// Returns the texture coordinates (0 to 1) of the middle of an image of this size, in the aspect ratio of
+/// `rect`.
 #[must_use]
 pub fn cropped(size: Vec2, rect: Rect) -> Rect {
     let (image, wanted) = (size.x / size.y.max(1.0), rect.width() / rect.height().max(1.0));
@@ -383,10 +399,10 @@ mod tests {
 
     #[test]
     fn tiles_cover_an_image_larger_than_one() {
-        let decoded = cut(RgbImage::new(2 * TILE + 100, 50));
+        let decoded = cut_into_tiles(RgbImage::new(2 * MAX_TILE_SIDE_PX + 100, 50));
         let widths: Vec<usize> = decoded.tiles.iter().map(|(_, tile)| tile.size[0]).collect();
-        assert!(widths.iter().all(|&width| width <= TILE as usize), "{widths:?}");
+        assert!(widths.iter().all(|&width| width <= MAX_TILE_SIDE_PX as usize), "{widths:?}");
         let (at, last) = decoded.tiles.last().unwrap();
-        assert_eq!(at[0] as usize + last.size[0], 2 * TILE as usize + 100);
+        assert_eq!(at[0] as usize + last.size[0], 2 * MAX_TILE_SIDE_PX as usize + 100);
     }
 }

@@ -1,9 +1,10 @@
-//! Panel: the automatic calibration of an image, with its confidence and a row per group to accept, flip or
-//! delete.
+//! Panel with the automatic calibration of an image: its confidence, and its groups of lines to accept, flip
+//! or delete.
 
 use calib_core::Kind;
 use calib_editor::{Action, CalibrationDecision, Hypothesis, PendingCalibration, PendingGroup, TOOLS};
 use calib_image::{Confidence, EdgeClass};
+use calib_site::counted;
 use egui::{Color32, ComboBox, RichText, Ui, WidgetInfo};
 
 use crate::command::Command;
@@ -12,7 +13,7 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, section};
 
-/// Shows the panel while an automatic calibration is pending.
+/// Shows the panel while an automatic calibration waits for a decision.
 pub fn propose_ui(app: &mut App, ui: &mut Ui) {
     app.editor.find_preview();
     app.hover.lit_group = None;
@@ -44,7 +45,7 @@ pub fn propose_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows the confidence and its reason.
+/// Shows the confidence of the automatic calibration and its reason.
 fn judgement(app: &App, ui: &mut Ui, proposed: &PendingCalibration) {
     let palette = theme::palette(ui.ctx());
     let solution = app.editor.preview().and_then(|preview| preview.solution.as_ref());
@@ -57,7 +58,7 @@ fn judgement(app: &App, ui: &mut Ui, proposed: &PendingCalibration) {
         Confidence::Sure => (palette.raised, palette.ok, Icon::Check, "Sure"),
         Confidence::Check => (palette.warn_bg, palette.warn, Icon::Warn, "Likely; check it"),
         Confidence::None if proposed.alternative.is_some() => {
-            (palette.warn_bg, palette.warn, Icon::Warn, "One of two cameras")
+            (palette.warn_bg, palette.warn, Icon::Warn, "Two possible solutions")
         }
         Confidence::None => (palette.bad_bg, palette.bad, Icon::Warn, "The camera could not be calibrated"),
     };
@@ -87,11 +88,11 @@ fn hypotheses(app: &App, ui: &mut Ui, proposed: &PendingCalibration, wish: &mut 
     let (Some(own), Some(other), Some(entry)) = (&proposed.orientation, &proposed.alternative, entry) else {
         return;
     };
-    ui.label("Which camera is it?");
+    ui.label("Which solution is correct?");
     ui.horizontal_wrapped(|ui| {
         for (orientation, other) in [(own, false), (&other.orientation, true)] {
             let words = Hypothesis::description(orientation, entry.size()[0]);
-            let tip = format!("Use this camera (focal {:.0} px)", orientation.focal);
+            let tip = format!("Use this solution (focal length {:.0} px)", orientation.focal);
             if ui.button(words).on_hover_text(tip).clicked() {
                 *wish = Some(CalibrationDecision::Decide { other });
             }
@@ -100,14 +101,14 @@ fn hypotheses(app: &App, ui: &mut Ui, proposed: &PendingCalibration, wish: &mut 
     ui.add_space(4.0);
 }
 
-/// Returns the text with a capital letter and a full stop.
+/// Returns a text with a capital first letter and a full stop.
 fn sentence(words: &str) -> String {
     let mut letters = words.chars();
     let first = letters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
     format!("{first}{}.", letters.as_str())
 }
 
-/// Row of a group.
+/// Table row of a group of lines with the same direction.
 struct Row<'a> {
     index: usize,
     group: &'a PendingGroup,
@@ -117,7 +118,7 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Shows the row; returns whether the pointer is over it.
+    /// Shows the row; returns whether the pointer is over the row.
     fn show(&self, ui: &mut Ui, wish: &mut Option<CalibrationDecision>) -> bool {
         let palette = theme::palette(ui.ctx());
         let fill = if self.is_picked { palette.accent_bg } else { Color32::TRANSPARENT };
@@ -159,7 +160,7 @@ impl Row<'_> {
                     let share = 100.0 * self.group.probability();
                     let lying = |so: EdgeClass, words: &str| match self.group.count_of_class(so) {
                         0 => String::new(),
-                        count => format!("; {count} {words}"),
+                        count => format!("; {} {words}", counted(count, "line", "lines")),
                     };
                     label.on_hover_text(format!(
                         "Probability of this group: {share:.0} %{}{}",
@@ -198,7 +199,7 @@ impl Row<'_> {
         }
     }
 
-    /// Shows the choice of the floor direction.
+    /// Shows the choice of the floor direction of the group.
     fn direction(&self, ui: &mut Ui, wish: &mut Option<CalibrationDecision>) {
         let mut chosen = self.group.direction.clone();
         let salt = ui.scope_id().with(("direction", self.index));
@@ -219,7 +220,7 @@ fn capital(words: &str) -> String {
     sentence(words).trim_end_matches('.').to_owned()
 }
 
-/// Shows the buttons that accept or discard everything.
+/// Shows the buttons that accept or discard the whole automatic calibration.
 fn whole(app: &mut App, ui: &mut Ui, proposed: &PendingCalibration) {
     ui.horizontal_wrapped(|ui| {
         let is_offered = proposed.confidence != Confidence::None && !proposed.groups.is_empty();

@@ -13,7 +13,7 @@ use crate::plan::floor::{MAGNIFIED, SIGMAS};
 use crate::state::{NEAR, Orbit};
 use crate::theme::{self, on_image};
 
-/// Paints the scene; `plan` is the texture of the plan with its size in pixels.
+/// Paints the 3-D scene; `plan` is the texture of the plan with its size in pixels.
 pub fn paint(
     painter: &Painter,
     rect: Rect,
@@ -35,6 +35,7 @@ pub fn paint(
     }
 }
 
+/// Paints the part of a polyline that is in front of the eye.
 fn polyline(painter: &Painter, rect: Rect, orbit: &Orbit, points: &[WorldPoint], pen: Pen) {
     for pair in points.windows(2) {
         let Some([a, b]) = in_front(orbit.seen(pair[0]), orbit.seen(pair[1]), NEAR) else { continue };
@@ -42,15 +43,17 @@ fn polyline(painter: &Painter, rect: Rect, orbit: &Orbit, points: &[WorldPoint],
     }
 }
 
+/// Paints the grid of the floor.
 fn paint_ground(painter: &Painter, rect: Rect, orbit: &Orbit, is_dark: bool) {
-    const LINES: i32 = 20;
+    /// Number of grid lines on each side of the middle.
+    const LINES_PER_SIDE: i32 = 20;
     let step =
         [0.5, 1.0, 2.0, 5.0, 10.0, 50.0].into_iter().find(|s| s * 16.0 > orbit.distance).unwrap_or(100.0);
     let middle = [0, 1].map(|axis| (orbit.target[axis] / step).round() * step);
-    let reach = step * f64::from(LINES);
+    let reach = step * f64::from(LINES_PER_SIDE);
     let faint = if is_dark { Color32::from_white_alpha(26) } else { Color32::from_black_alpha(30) };
     let pen = Pen::new(faint, 1.0).bare();
-    for i in -LINES..=LINES {
+    for i in -LINES_PER_SIDE..=LINES_PER_SIDE {
         let off = step * f64::from(i);
         let (x, y) = (middle[0] + off, middle[1] + off);
         let lines = [
@@ -71,13 +74,15 @@ fn paint_plan(
     texture: egui::TextureId,
     size: [u32; 2],
 ) {
-    const CELLS: u32 = 24;
+    /// Number of mesh cells along each side of the plan.
+    const CELLS_PER_SIDE: u32 = 24;
     let scale = calib_editor::plan_scale(&session.site);
     let mut mesh = egui::Mesh::with_texture(texture);
     let mut seen = Vec::new();
-    for row in 0..=CELLS {
-        for column in 0..=CELLS {
-            let (s, t) = (f64::from(column) / f64::from(CELLS), f64::from(row) / f64::from(CELLS));
+    for row in 0..=CELLS_PER_SIDE {
+        for column in 0..=CELLS_PER_SIDE {
+            let (s, t) =
+                (f64::from(column) / f64::from(CELLS_PER_SIDE), f64::from(row) / f64::from(CELLS_PER_SIDE));
             let at = calib_core::PlanPixel::new(s * f64::from(size[0]), t * f64::from(size[1]));
             let at = orbit.project(rect, scale.floor_from_plan(at).at_height(0.0));
             seen.push(at.is_some());
@@ -85,10 +90,10 @@ fn paint_plan(
             mesh.vertices.push(egui::epaint::Vertex { pos, uv, color: Color32::from_white_alpha(150) });
         }
     }
-    for row in 0..CELLS {
-        for column in 0..CELLS {
-            let i = row * (CELLS + 1) + column;
-            let quad = [i, i + 1, i + CELLS + 1, i + CELLS + 2];
+    for row in 0..CELLS_PER_SIDE {
+        for column in 0..CELLS_PER_SIDE {
+            let i = row * (CELLS_PER_SIDE + 1) + column;
+            let quad = [i, i + 1, i + CELLS_PER_SIDE + 1, i + CELLS_PER_SIDE + 2];
             if quad.iter().all(|&k| seen.get(k as usize) == Some(&true)) {
                 mesh.add_triangle(quad[0], quad[1], quad[2]);
                 mesh.add_triangle(quad[1], quad[3], quad[2]);
@@ -124,7 +129,7 @@ fn paint_camera(
     for edge in session.prism_edges(index) {
         polyline(painter, rect, orbit, &edge, thin(1.25));
     }
-    // The frustum ends a little in front of the camera.
+    // The frustum ends at a depth of a quarter of the camera height.
     let depth = 0.25 * pose.position.z.abs().clamp(1.0, 6.0);
     let ends = frustum(entry, pose, depth);
     let pen = Pen::new(colour, if is_own { 2.5 } else { 1.5 });
@@ -151,10 +156,11 @@ fn paint_camera(
     }
 }
 
-/// Returns the outline of the image at a distance: its four corners, or the rim of the image circle if the
-/// corners are dark.
+/// Returns the outline of the image at a distance from the camera, in metres. The outline is the rim of the
+/// image circle if the corners are dark, otherwise the four corners.
 fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> {
-    const RIM: u32 = 48;
+    /// Number of points on the rim of an image circle.
+    const RIM_POINTS: u32 = 48;
     let end = |pixel: Pixel| {
         let [x, y, z] = pose.pixel_to_ray(pixel)?.direction.map(|d| distance * d);
         let WorldPoint { x: x0, y: y0, z: z0 } = pose.position;
@@ -169,17 +175,17 @@ fn frustum(entry: &SiteCamera, pose: &Camera, distance: f64) -> Vec<WorldPoint> 
     let inscribed = ImageCircle { u, v, radius: 0.5 * w.min(h) };
     let ImageCircle { u, v, radius } = entry.image_circle().unwrap_or(inscribed);
     let on_rim = |step: u32| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(RIM)).sin_cos();
-        // From the rim inwards to the first radius that the lens maps.
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(RIM_POINTS)).sin_cos();
+        // The lens may not map the rim; the search goes inwards to the first radius that it maps.
         (90..=99).rev().find_map(|share| {
             let radius = 0.01 * f64::from(share) * radius;
             end(Pixel::new(u + radius * cos, v + radius * sin))
         })
     };
-    (0..RIM).filter_map(on_rim).collect()
+    (0..RIM_POINTS).filter_map(on_rim).collect()
 }
 
-/// Returns the camera near a screen point.
+/// Returns the index of the camera near a screen point of the 3-D scene.
 #[must_use]
 pub fn pick(rect: Rect, orbit: &Orbit, session: &Session, at: Pos2) -> Option<usize> {
     let shown = (0..session.site.cameras.len()).filter_map(|index| {

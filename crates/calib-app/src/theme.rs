@@ -17,31 +17,31 @@ pub struct Palette {
     pub panel: Color32,
     /// Background of buttons and fields.
     pub raised: Color32,
-    /// Lines between panels.
+    /// Colour of lines between panels.
     pub line: Color32,
     /// Background around images.
     pub canvas: Color32,
-    /// Main text.
+    /// Colour of main text.
     pub text: Color32,
-    /// Secondary text.
+    /// Colour of secondary text.
     pub text2: Color32,
-    /// Captions.
+    /// Colour of captions.
     pub text3: Color32,
-    /// Selection and focus.
+    /// Colour of selection and focus.
     pub accent: Color32,
     /// Background of a selection.
     pub accent_bg: Color32,
-    /// Done.
+    /// Colour of finished steps and good results.
     pub ok: Color32,
-    /// Warning.
+    /// Colour of warnings.
     pub warn: Color32,
     /// Background of a warning.
     pub warn_bg: Color32,
-    /// Error.
+    /// Colour of errors.
     pub bad: Color32,
     /// Background of an error.
     pub bad_bg: Color32,
-    /// Residuals: as expected, large, suspicious.
+    /// Colours of residuals: as expected, large (above 1.5 sigmas), suspicious (above 3 sigmas).
     pub residual: [Color32; 3],
 }
 
@@ -49,14 +49,14 @@ const fn hex(rgb: u32) -> Color32 {
     Color32::from_rgb((rgb >> 16) as u8, (rgb >> 8) as u8, rgb as u8)
 }
 
-/// Converts a colour.
+/// Converts a colour of the drawings to a colour of the window.
 #[must_use]
 pub const fn colour(Rgb([red, green, blue]): Rgb) -> Color32 {
     Color32::from_rgb(red, green, blue)
 }
 
-/// Converts a colour with opacity `alpha`, 0 to 255.
-const fn over(Rgb(rgb): Rgb, alpha: u8) -> Color32 {
+/// Converts a colour of the drawings, with opacity `alpha` from 0 to 255.
+const fn with_alpha(Rgb(rgb): Rgb, alpha: u8) -> Color32 {
     const fn share(value: u8, alpha: u8) -> u8 {
         ((value as u32 * alpha as u32 + 127) / 255) as u8
     }
@@ -64,7 +64,7 @@ const fn over(Rgb(rgb): Rgb, alpha: u8) -> Color32 {
     Color32::from_rgba_premultiplied(share(red, alpha), share(green, alpha), share(blue, alpha), alpha)
 }
 
-/// Dark theme.
+/// Colours of the dark theme.
 pub const DARK: Palette = Palette {
     bg: hex(0x0F1113),
     panel: hex(0x191C1F),
@@ -84,7 +84,7 @@ pub const DARK: Palette = Palette {
     residual: [hex(0x5F8FAE), hex(0xFFB020), hex(0xFF5470)],
 };
 
-/// Light theme.
+/// Colours of the light theme.
 pub const LIGHT: Palette = Palette {
     bg: hex(0xE9EBED),
     panel: hex(0xF7F8F9),
@@ -109,22 +109,22 @@ pub mod on_image {
     use calib_draw::Rgb;
     use egui::Color32;
 
-    use super::{colour, over};
+    use super::{colour, with_alpha};
 
-    /// Control points, marks, links, grid, horizon.
+    /// Colour of control points, marks, links, grid and horizon.
     pub const WHITE: Color32 = colour(Rgb::WHITE);
-    /// Link that needs another view, and its epipolar line.
+    /// Colour of a link that needs another view, and of its epipolar line.
     pub const WAITING: Color32 = colour(Rgb::INCOMPLETE);
-    /// Uncertain value.
+    /// Colour of uncertain values.
     pub const DOUBT: Color32 = colour(Rgb::UNKNOWN);
-    /// Suspicious line.
+    /// Colour of suspicious lines.
     pub const BAD: Color32 = colour(Rgb::BAD);
-    /// Dragged or focused handle.
+    /// Colour of dragged, selected or focused handles.
     pub const ACCENT: Color32 = colour(Rgb::ACCENT);
-    /// Outline of every line, 1 px on each side.
-    pub const OUTLINE: Color32 = over(Rgb::OUTLINE, 153);
-    /// Background of labels.
-    pub const TAG: Color32 = over(Rgb::TAG, 209);
+    /// Colour of the outline of every line, 1 point on each side.
+    pub const OUTLINE: Color32 = with_alpha(Rgb::OUTLINE, 153);
+    /// Background colour of labels.
+    pub const TAG: Color32 = with_alpha(Rgb::TAG, 209);
 }
 
 /// Radius of a handle, in points.
@@ -145,7 +145,7 @@ pub fn kind_icon(kind: Kind, dark: bool) -> Color32 {
     colour(if dark { look.colour } else { look.on_light })
 }
 
-/// Returns the colour of a camera.
+/// Returns the colour of the camera with this index.
 #[must_use]
 pub fn camera(index: usize) -> Color32 {
     colour(Rgb::camera(index))
@@ -170,19 +170,19 @@ pub fn palette(ctx: &egui::Context) -> &'static Palette {
     }
 }
 
-/// Returns the colour of a residual, given in sigmas.
+/// Returns the colour of a residual; `over_sigma` is the residual divided by its sigma.
 #[must_use]
 pub fn residual(palette: &Palette, over_sigma: f64) -> Color32 {
     palette.residual[if over_sigma > 3.0 { 2 } else { usize::from(over_sigma > 1.5) }]
 }
 
-/// Returns the medium font.
+/// Returns the medium font at a size in points.
 #[must_use]
 pub fn medium(size: f32) -> FontId {
     FontId::new(size, FontFamily::Name("medium".into()))
 }
 
-/// Returns the regular font.
+/// Returns the regular font at a size in points.
 #[must_use]
 pub fn regular(size: f32) -> FontId {
     FontId::proportional(size)
@@ -229,7 +229,7 @@ pub fn install(ctx: &egui::Context) {
     }
 }
 
-/// Whether animations are off.
+/// Whether animations are off, as with reduced motion.
 #[must_use]
 pub fn is_still(ctx: &egui::Context) -> bool {
     ctx.global_style().animation_time <= 0.0
@@ -265,7 +265,7 @@ fn visuals(base: Visuals, p: &Palette) -> Visuals {
         state.corner_radius = radius;
         state.expansion = 0.0;
     }
-    // Focused widgets have this state, too, so that keyboard focus is visible.
+    // Focused widgets are painted like active ones, so that the keyboard focus is visible.
     w.active.bg_stroke = Stroke::new(1.5, p.accent);
     v
 }

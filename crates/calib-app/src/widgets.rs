@@ -1,4 +1,5 @@
-//! Widgets that several panels share: sections, headings, length fields, and the widths at which the layout changes.
+//! Widgets that several panels share: sections, headings and length fields. Also the window widths at which
+//! the layout changes.
 
 use calib_editor::Units;
 use egui::{Align2, DragValue, Frame, Margin, RichText, Sense, Stroke, Ui, Vec2};
@@ -14,7 +15,7 @@ pub(crate) const PHONE: f32 = 640.0;
 /// Window width below which the camera list is a rail and icons replace labels, in points.
 pub(crate) const NARROW: f32 = 1000.0;
 
-/// Shows a section of a panel with a line below it.
+/// Shows a section of a panel with a separator line below the section.
 pub fn section(ui: &mut Ui, contents: impl FnOnce(&mut Ui)) {
     let palette = theme::palette(ui.ctx());
     Frame::NONE.inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
@@ -37,9 +38,11 @@ pub fn heading(ui: &mut Ui, text: &str, right: &str) {
     });
 }
 
-/// Creates a field for a length of at least `low` metres, in the units of the site.
+/// Creates a field that shows a length in metres in the units of the site; `low` is the smallest length, in
+/// metres.
 pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
-    const MOST: f64 = 1e5;
+    /// Largest length, in the units of the site.
+    const MAX_LENGTH: f64 = 1e5;
     let unit = units.metres();
     let exchange = move |typed: Option<f64>| {
         if let Some(typed) = typed {
@@ -49,13 +52,13 @@ pub fn length_field(units: Units, metres: &mut f64, low: f64) -> DragValue<'_> {
     };
     DragValue::from_get_set(exchange)
         .speed(0.01)
-        .range(low / unit..=MOST)
+        .range(low / unit..=MAX_LENGTH)
         .suffix(format!(" {}", units.symbol()))
         .max_decimals(3)
         .update_while_editing(false)
 }
 
-/// Shows a row of title, number, ± and unit in columns.
+/// Shows a row with the columns title, value, ± (one sigma) and unit.
 pub(crate) fn cells(ui: &mut Ui, title: &str, value: &str, sigma: Option<String>, unit: &str) {
     let palette = theme::palette(ui.ctx());
     let width = (ui.available_width() - 26.0).max(120.0);

@@ -156,16 +156,16 @@ fn sigma_and_scene_can_be_set_per_annotation_and_camera() {
     desk.harness.get_by_label("Exact").click_accesskit();
     desk.harness.run_steps(3);
     assert!(drawn(&desk).exact);
-    desk.harness.get_by_label("Default").click_accesskit();
+    desk.harness.get_by_label("Reset").click_accesskit();
     desk.harness.run_steps(3);
-    assert!(!drawn(&desk).exact && desk.harness.query_by_label("Default").is_none());
+    assert!(!drawn(&desk).exact && desk.harness.query_by_label("Reset").is_none());
     desk.undo();
     assert!(drawn(&desk).exact);
     desk.undo();
     assert!(!drawn(&desk).exact);
-    desk.harness.get_by_role_and_label(Role::ComboBox, "This camera").click_accesskit();
+    desk.harness.get_by_role_and_label(Role::ComboBox, "Scene of this camera").click_accesskit();
     desk.harness.run_steps(3);
-    desk.harness.get_by_label("Level").click_accesskit();
+    desk.harness.get_by_label("Level floor").click_accesskit();
     desk.harness.run_steps(3);
     let errors = |desk: &Desk, camera: usize| desk.site().scene_errors(&desk.site().cameras[camera]);
     assert!(

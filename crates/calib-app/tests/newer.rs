@@ -220,10 +220,10 @@ fn cameras_are_listed_with_the_age_of_calibration_and_newest_image() {
     let words = desk.words();
     for expected in [
         "Calibrations",
-        "of 31 days ago",
-        "of 3 days ago",
+        "from 31 days ago",
+        "from 3 days ago",
         "age unknown",
-        "Unclear: few edges",
+        "Unclear: too few edges",
         "no newer image",
     ] {
         assert!(words.iter().any(|word| word == expected), "{expected}: {words:?}");

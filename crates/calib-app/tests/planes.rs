@@ -89,7 +89,7 @@ fn region_is_drawn_and_height_is_entered() {
     assert_eq!((region.len(), desk.site().planes.len()), (3, 1), "the region of the selected plane");
     assert!(region[1].distance([14.0, 5.0].into()) < 0.05);
     let id = desk.site().planes[0].id.clone();
-    assert!(desk.words().iter().any(|word| word.contains("Region of 3 corners")));
+    assert!(desk.words().iter().any(|word| word.contains("Region with 3 corners")));
     // Its height is set to known, in the combo box of its label.
     open(&mut desk, "Height above the floor");
     click(&mut desk, "known");

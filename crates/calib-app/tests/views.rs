@@ -177,7 +177,7 @@ fn warnings_and_list_use_the_same_names() {
     let annotations = &desk.site().cameras[0].annotations;
     let last = annotations[name].segments.as_ref().unwrap().len() - 1;
     let name = calib_core::single::line_name(annotations, name, last);
-    assert!(words.contains(&format!("{name} contradicts the others")), "{name}: {words}");
+    assert!(words.contains(&format!("{name} contradicts the other lines")), "{name}: {words}");
     assert!(!words.contains("(annotation"), "{words}");
 }
 

@@ -50,7 +50,7 @@ pub unsafe extern "C" fn calib_site_floor_to_plan(
     catch_panic(|| {
         let map = |plan: &PlanScale, [x, y]: [f64; 2]| plan.plan_from_floor(FloorPoint { x, y }).into();
         // SAFETY: guaranteed by the caller.
-        unsafe { each(site, count, [x, y], [px, py], map) }
+        unsafe { map_points(site, count, [x, y], [px, py], map) }
     })
 }
 
@@ -70,7 +70,7 @@ pub unsafe extern "C" fn calib_site_plan_to_floor(
     catch_panic(|| {
         let map = |plan: &PlanScale, pixel: [f64; 2]| plan.floor_from_plan(pixel.into()).into();
         // SAFETY: guaranteed by the caller.
-        unsafe { each(site, count, [px, py], [x, y], map) }
+        unsafe { map_points(site, count, [px, py], [x, y], map) }
     })
 }
 
@@ -78,12 +78,13 @@ fn scale(site: &Site) -> Result<PlanScale, CallError> {
     Ok(site.plan.as_ref().map(Plan::scale).ok_or(CalibResult::Refused)?)
 }
 
-/// Maps pairs of numbers one by one.
+/// Applies `map` to `count` points, given and returned as two arrays of coordinates. `map` also receives the
+/// scale of the plan.
 ///
 /// # Safety
 /// `site` is a handle that is not freed during the call. `count` values can be read from `from` and written
 /// to `to`.
-unsafe fn each(
+unsafe fn map_points(
     site: *const CalibSite,
     count: usize,
     from: [*const f64; 2],

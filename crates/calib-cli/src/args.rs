@@ -131,9 +131,9 @@ pub(crate) enum PixelOrigin {
 /// Scaling of the image to the size of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Fit {
-    /// Each side is scaled separately: the stream shows the whole image without bars
+    /// Width and height are scaled separately: the image fills the stream without bars
     Stretch,
-    /// Both sides are scaled equally, with equal bars on two sides, as detectors do
+    /// Width and height are scaled equally, with equal bars on two sides (letterboxing of detectors)
     Letterbox,
 }
 

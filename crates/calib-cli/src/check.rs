@@ -64,7 +64,7 @@ impl Fault {
         Self { code: None, message: message.into(), advice: advice.into() }
     }
 
-    /// Formats the failure for a report: code and message.
+    /// Formats the reason for a report: code and message.
     fn summary(&self) -> String {
         match self.code {
             Some(code) => format!("{code}: {}", self.message.trim_end_matches('.')),
@@ -195,7 +195,8 @@ fn as_json(results: &[CameraResult], of_site: Option<&[String]>, args: &Args) ->
     value
 }
 
-/// Returns the reasons why the positions of the cameras in the site are not reliable.
+/// Returns the reasons why the positions of the cameras in the site are not reliable. `most` is the allowed
+/// distance on the floor between the positions of one link from two cameras, in metres.
 fn site_faults(file: &SiteFile, most: f64, allow: &[Code]) -> Vec<String> {
     let solution = file.site.solution.as_ref();
     let overlaps = solution.map_or(&[][..], |solution| &solution.overlaps[..]);
@@ -259,12 +260,12 @@ fn findings(site: &Site, index: usize, camera: &SiteCamera, solution: &Solution)
 /// Formats the checked numbers of a camera.
 fn checked_numbers(solution: &Solution) -> String {
     let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);
-    let floor = floor.map_or_else(String::new, |rel| format!(", floor \u{b1} {:.1} %", 100.0 * rel));
+    let floor = floor.map_or_else(String::new, |rel| format!(", floor lengths \u{b1} {:.1} %", 100.0 * rel));
     let rms = solution.rms_px.map_or_else(String::new, |rms| format!(", RMS residual {rms:.2} px"));
     format!(" ({}{floor}{rms})", crate::solve::stage_name(solution.stage))
 }
 
-/// Returns the failures for numbers that exceed their limits.
+/// Returns the faults of a camera for numbers that exceed their limits.
 fn over_limit(solution: &Solution, args: &Args) -> Vec<Fault> {
     let mut faults = Vec::new();
     let floor = solution.sigma.as_ref().and_then(|sigma| sigma.floor_length_rel);

@@ -92,7 +92,7 @@ impl CameraComparison {
     }
 }
 
-/// Compares, reports and recovers cameras.
+/// Compares the cameras with the newer images, reports the changes, and recovers cameras if requested.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
@@ -189,7 +189,7 @@ fn compare(
     Ok(CameraComparison { index, id: entry.id.clone(), camera, images })
 }
 
-/// Renders the newest image of every camera.
+/// Writes the newest image of every camera with its matched and missing edges into a folder.
 fn draw(
     file: &SiteFile,
     compared: &[CameraComparison],
@@ -303,7 +303,8 @@ fn text(compared: &[CameraComparison]) -> String {
     out
 }
 
-/// Formats a value and its standard deviation, with two significant digits of the latter.
+/// Formats a value and its standard deviation with equal decimals, so that the standard deviation has two
+/// significant digits.
 fn with_sigma(value: f64, sigma: f64) -> String {
     /// Number of decimals of a value without uncertainty.
     const DEFAULT_DECIMALS: usize = 7;
@@ -348,13 +349,15 @@ pub(crate) fn draw_edges(of: &CameraComparison, seen: &ImageComparison, mut imag
     let turned = seen.comparison.rotation.for_camera(&of.camera);
     for (place, found) in &seen.comparison.samples {
         if let (Some(found), Some(at)) = (found, turned.map_pixel(*place)) {
-            dot(&mut image, at, if *found { FOUND_COLOUR } else { MISSING_COLOUR });
+            draw_dot(&mut image, at, if *found { FOUND_COLOUR } else { MISSING_COLOUR });
         }
     }
     image
 }
 
-fn dot(image: &mut RgbImage, at: Pixel, colour: Rgb<u8>) {
+/// Draws a square of 3 x 3 pixels.
+fn draw_dot(image: &mut RgbImage, at: Pixel, colour: Rgb<u8>) {
+    /// Distance of the square's border from its centre, in pixels.
     const HALF: i64 = 1;
     for (x, y) in (-HALF..=HALF).flat_map(|x| (-HALF..=HALF).map(move |y| (x, y))) {
         let (x, y) = (at.u as i64 + x, at.v as i64 + y);

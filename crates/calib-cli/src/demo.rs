@@ -171,11 +171,11 @@ struct Errors {
     pitch_deg: (f64, Option<f64>),
     focal_percent: (f64, Option<f64>),
     yaw_deg: Option<(f64, Option<f64>)>,
-    /// Position error, in metres; absent if the position is unknown.
+    /// Position error and its standard deviation, in metres; absent if the position is unknown.
     position_m: Option<(f64, Option<f64>)>,
     floor_m: Option<f64>,
-    /// Error of the heading of the image's top edge, in degrees, for a camera that looks straight down. Roll
-    /// and yaw are then one rotation.
+    /// Error and standard deviation, in degrees, of the heading of the image's top edge. It replaces roll and
+    /// yaw for a camera that looks straight down, whose roll and yaw are one rotation.
     image_top_deg: Option<(f64, Option<f64>)>,
 }
 

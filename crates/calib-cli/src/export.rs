@@ -39,7 +39,8 @@ pub(crate) struct Args {
     /// Export for a stream of this size, in pixels
     #[arg(long, value_name = "WxH", value_parser = size)]
     rescale: Option<[u32; 2]>,
-    /// File type of the format (a table may also be parquet); by default the extension of PATH, otherwise the format's first type
+    /// File type of the format (a table may also be parquet); by default the extension of PATH, otherwise the
+    /// format's first type
     #[arg(long, value_name = "EXTENSION")]
     file_type: Option<String>,
     /// Overwrite existing files

@@ -72,7 +72,8 @@ pub(crate) fn write_through(
     })
 }
 
-/// stdout that records a closed pipe, for writers that wrap its errors in their own.
+/// Standard output that records a closed pipe. It is for writers that wrap the error of a closed pipe in
+/// their own error.
 #[derive(Clone, Default)]
 pub(crate) struct Stdout(Arc<AtomicBool>);
 

@@ -21,6 +21,7 @@ pub(crate) fn encode(image: &RgbImage, name: &str) -> Result<Vec<u8>, CommandErr
 
 /// Encodes an image as JPEG, in a quality that preserves lines.
 pub(crate) fn jpeg(image: &RgbImage) -> Result<Vec<u8>, CommandError> {
+    /// JPEG quality, from 1 to 100.
     const QUALITY: u8 = 88;
     let mut bytes = Vec::new();
     image.write_with_encoder(image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, QUALITY))?;

@@ -36,7 +36,7 @@ impl Progress {
         Self { start, bytes: bytes_read, total, rows: 0, bar: None, last_message }
     }
 
-    /// Adds `rows` to the progress.
+    /// Adds a number of rows to the progress, and updates the bar or prints a message.
     pub(crate) fn step(&mut self, rows: usize) {
         self.rows += rows as u64;
         if let Some(line) = &mut self.last_message {
@@ -55,7 +55,7 @@ impl Progress {
         }
     }
 
-    /// Returns the progress in the unit of `all`.
+    /// Returns the progress in the unit of `total`: rows or bytes.
     fn done(&self) -> u64 {
         self.bytes.as_ref().map_or(self.rows, |bytes| bytes.get())
     }

@@ -79,7 +79,7 @@ struct ImageCalibration {
     is_accepted: bool,
 }
 
-/// Calibrates the images, writes the site and reports.
+/// Calibrates the images automatically, writes the site, and prints the report.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if let Some(output) = &args.output {
         files::check_free(output, args.force)?;
@@ -293,7 +293,7 @@ fn check_all_accepted(site: &Site, results: &[ImageCalibration]) -> Result<(), C
     )))
 }
 
-/// Progress of a batch: a bar on a terminal, otherwise a message every few seconds.
+/// Progress of a batch of images: a bar on a terminal, otherwise a message every 10 seconds.
 struct BatchProgress {
     bar: ProgressBar,
     done: usize,

@@ -9,9 +9,10 @@ use image::RgbImage;
 
 /// Side of a coloured cell, in pixels.
 const CELL_PX: u32 = 4;
-/// Opacity of the colours over the image.
+/// Opacity of the colours over the image, from 0 to 1.
 const OPACITY: f64 = 0.55;
-/// Errors in the legend, in centimetres: from below the length of a foot to unusable.
+/// Errors that the legend shows, in centimetres. The smallest is below the length of a foot; the largest is
+/// too large for most uses.
 const LEGEND_STEPS_CM: [f64; 6] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0];
 /// Colours from small to large error, light to dark, distinguishable with colour blindness (viridis,
 /// reversed).
@@ -26,7 +27,7 @@ const COLOURS: [Rgb; 7] = [
 ];
 
 /// Colours the floor of an image by the standard deviation of its points in their worst direction, and adds
-/// the legend. A detection is assumed to be as precise as an annotation.
+/// the legend. A detection is assumed to have the same noise as an annotation.
 pub(crate) fn shade(image: &mut RgbImage, svg: &mut Svg, entry: &SiteCamera, camera: &Camera) {
     let sigma = entry.sigma_px.unwrap_or(1.0);
     let (width, height) = image.dimensions();

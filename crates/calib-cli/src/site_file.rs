@@ -96,7 +96,7 @@ impl SiteFile {
         Err(CommandError::Usage(format!("--camera {id}: unknown camera; {} has {has}", self.path)))
     }
 
-    /// Returns the only camera with this id.
+    /// Returns the camera with this id; fails if the id is unknown or has several periods.
     pub(crate) fn camera(&self, id: &str) -> Result<&SiteCamera, CommandError> {
         self.has_camera(id)?;
         let found: Vec<&SiteCamera> = self.site.cameras.iter().filter(|camera| camera.id == id).collect();
@@ -171,8 +171,9 @@ impl SiteFile {
             .map_err(|error| CommandError::invalid(path.display(), error))
     }
 
-    /// Returns the reason why an image is not read: it is missing, or its real path is outside the site's
-    /// folder. Otherwise a site from a stranger could copy any image of this machine into the output.
+    /// Returns the reason why an image of the site must not be read: it is missing, or its real path is
+    /// outside the site's folder. Without this check, a site from a stranger could copy any image of this
+    /// machine into the output.
     fn unreadable_reason(&self, image: &str) -> Option<String> {
         if image.starts_with("data:") {
             return None;
@@ -274,7 +275,7 @@ fn image_label(name: &str) -> &str {
     if name.starts_with("data:") { "data: image" } else { name }
 }
 
-/// Formats a file error; for a pipe it advises stdin, because a site is read whole and a pipe has no length.
+/// Formats a file error. For a pipe the message advises stdin, because a site file must have a known length.
 fn file_error_message(error: FileError) -> String {
     match error {
         FileError::NotAFile("a pipe") => format!("{error}; pass the site on stdin, with -"),

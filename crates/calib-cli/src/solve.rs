@@ -17,7 +17,7 @@ use crate::site_file::SiteFile;
 use crate::stop::{CommandError, escape_control_characters};
 use crate::{files, site_file};
 
-/// Maximum number of rows of a table in the summary; the worst rows are shown.
+/// Maximum number of rows of each table in the summary of the site. The worst rows are shown.
 const MAX_ROWS: usize = 5;
 
 /// Formats the joint solution: connected cameras, disagreement between cameras, the worst links, and
@@ -29,13 +29,13 @@ pub(crate) fn site_summary(site: &Site) -> String {
     if let Some(line) = connectivity_text(solution) {
         let _ = writeln!(out, "  {line}");
     }
-    overlaps(&mut out, &solution.overlaps);
-    errors(&mut out, &elements(site));
-    warnings(&mut out, &solution.warnings);
+    write_overlaps(&mut out, &solution.overlaps);
+    write_errors(&mut out, &elements(site));
+    write_warnings(&mut out, &solution.warnings);
     out
 }
 
-fn overlaps(out: &mut String, overlaps: &[Overlap]) {
+fn write_overlaps(out: &mut String, overlaps: &[Overlap]) {
     if overlaps.is_empty() {
         return;
     }
@@ -56,7 +56,8 @@ fn overlaps(out: &mut String, overlaps: &[Overlap]) {
     );
 }
 
-/// Writes the number of rows that are not shown.
+/// Writes the number of rows that a table does not show. `one` and `many` are the noun in singular and
+/// plural.
 fn write_hidden_rows(out: &mut String, hidden: usize, one: &str, many: &str) {
     if hidden > 0 {
         let what = if hidden == 1 { one } else { many };
@@ -73,7 +74,7 @@ fn worst_views<'a>(elements: &'a [Element<'a>]) -> Vec<(&'a Element<'a>, &'a Vie
     views
 }
 
-fn errors(out: &mut String, elements: &[Element]) {
+fn write_errors(out: &mut String, elements: &[Element]) {
     let views = worst_views(elements);
     if views.is_empty() {
         return;
@@ -92,7 +93,7 @@ fn errors(out: &mut String, elements: &[Element]) {
     write_hidden_rows(out, views.len() - shown.len(), "view", "views");
 }
 
-fn warnings(out: &mut String, warnings: &[Warning]) {
+fn write_warnings(out: &mut String, warnings: &[Warning]) {
     for (index, kind) in group_warnings(warnings).iter().enumerate() {
         if index == 0 && !out.ends_with("site\n") {
             out.push('\n');
@@ -260,8 +261,8 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     );
     for CameraReport { camera, .. } in reports {
         match (&camera.solution, &camera.error) {
-            (Some(solution), _) => row(&mut out, width, camera, solution, site.scale_is_known(camera)),
-            (None, Some(failure)) => failed(&mut out, width, camera, failure),
+            (Some(solution), _) => write_row(&mut out, width, camera, solution, site.scale_is_known(camera)),
+            (None, Some(failure)) => write_unsolved(&mut out, width, camera, failure),
             (None, None) => {}
         }
     }
@@ -277,14 +278,14 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     }
     for CameraReport { camera, findings } in reports {
         let Some(solution) = &camera.solution else { continue };
-        remarks(&mut out, camera, solution, findings);
+        write_remarks(&mut out, camera, solution, findings);
     }
     out.push_str(&planes_text(site));
     out.push_str(&site_summary(site));
     escape_control_characters(&out).into_owned()
 }
 
-/// Returns the name of a stage.
+/// Returns the name of a stage of calibration, for reports.
 pub(crate) fn stage_name(stage: Stage) -> &'static str {
     match stage {
         Stage::Lens => "lens",
@@ -294,7 +295,7 @@ pub(crate) fn stage_name(stage: Stage) -> &'static str {
     }
 }
 
-fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution, scale_is_known: bool) {
+fn write_row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution, scale_is_known: bool) {
     let sigma = solution.sigma.as_ref();
     let number = |value: Option<f64>, sigma: Option<f64>, digits: usize| match (value, sigma) {
         (Some(value), Some(sigma)) => format!("{value:.digits$} \u{b1} {sigma:.digits$}"),
@@ -328,11 +329,13 @@ fn row(out: &mut String, width: usize, camera: &SiteCamera, solution: &Solution,
     );
 }
 
-fn failed(out: &mut String, width: usize, camera: &SiteCamera, failure: &FailureEntry) {
+/// Writes the table row of a camera that could not be solved.
+fn write_unsolved(out: &mut String, width: usize, camera: &SiteCamera, failure: &FailureEntry) {
     let _ = writeln!(out, "{:width$}  not solved: {} {}", camera.id, failure.message, failure.advice);
 }
 
-fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, findings: &[Finding]) {
+/// Writes the warnings and the advice for a camera.
+fn write_remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, findings: &[Finding]) {
     let worst = worst_control_point(camera, &solution.residuals);
     if solution.warnings.is_empty() && worst.is_none() && solution.draw_next.is_none() {
         return;
@@ -350,7 +353,8 @@ fn remarks(out: &mut String, camera: &SiteCamera, solution: &Solution, findings:
     }
 }
 
-/// Returns the RMS and largest residual, in pixels, and the number of used control points.
+/// Returns the RMS and the largest residual of the control points, in pixels, and the number of used control
+/// points.
 fn worst_control_point(camera: &SiteCamera, residuals: &[Residual]) -> Option<(f64, f64, usize)> {
     let off = camera.control_points.iter().enumerate().filter(|(_, point)| point.off);
     let off: Vec<String> = off.map(|(index, point)| point.label(index)).collect();

@@ -79,7 +79,7 @@ struct Limits {
 /// Minimum number of times when two or more cameras detect the person.
 const MIN_MOMENTS: usize = 20;
 
-/// Tested walk.
+/// Result of a walk test, with its limits.
 pub(crate) struct WalkTest {
     title: String,
     names: Vec<String>,
@@ -88,7 +88,7 @@ pub(crate) struct WalkTest {
     faults: Vec<String>,
 }
 
-/// Reads the walk, tests it and reports.
+/// Reads the detections of a walk, tests them against the limits, and reports the result.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     args.limits.check()?;
     if let Some(output) = &args.output {
@@ -136,7 +136,7 @@ fn test_walk(file: &SiteFile, mut detections: Detections, limits: &Limits) -> Re
 }
 
 impl WalkTest {
-    /// Returns the data of the HTML page.
+    /// Returns the data of the HTML acceptance report.
     pub(crate) fn page(&self) -> WalkPage<'_> {
         let Self { title, names, result, zones, faults } = self;
         WalkPage { title, names, result, zones, faults }
@@ -153,7 +153,8 @@ impl WalkTest {
 
 /// Refuses a table of several people, because detections of two cameras could then be of different people.
 fn check_single_person(names: &[String], result: &WalkResult) -> Result<(), CommandError> {
-    /// Maximum fraction of a camera's detections with a second person at the same time; fewer may be duplicate boxes.
+    /// Maximum fraction of a camera's detections with a second person at the same time; fewer may be
+    /// duplicate boxes.
     const MAX_CROWDED_FRACTION: f64 = 0.02;
     let is_crowd = |&camera: &usize| {
         result.crowded_moments[camera] as f64 > MAX_CROWDED_FRACTION * result.seen[camera] as f64
@@ -166,7 +167,7 @@ fn check_single_person(names: &[String], result: &WalkResult) -> Result<(), Comm
     )))
 }
 
-/// Returns the reasons why the walk fails.
+/// Returns the reasons why the walk test fails; empty if it passes.
 fn faults(limits: &Limits, names: &[String], result: &WalkResult, zones: &Zones) -> Vec<String> {
     let mut faults = Vec::new();
     let together = result.moments.iter().filter(|moment| moment.seen.len() > 1).count();

@@ -43,7 +43,7 @@ const SAVE_INTERVAL_ROWS: u64 = 1 << 21;
 /// Largest accepted state file, in bytes.
 const MAX_STATE_BYTES: u64 = 1 << 30;
 
-/// Saved state for the next run.
+/// Accumulated statistics that one run saves for the next run.
 #[derive(Debug, Serialize, Deserialize)]
 struct State {
     format: String,
@@ -56,7 +56,7 @@ struct State {
     memory: Memory,
 }
 
-/// Reads the table and reports.
+/// Reads the table of detections and reports the cameras that moved.
 pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
     if args.site.is_stdin() && args.detections.input == "-" {
         let what = "the site and the table cannot both come from stdin; give --input FILE";

@@ -53,7 +53,7 @@ pub(crate) struct WindowArgs {
     remap: bool,
 }
 
-/// Parses a view direction, such as 45,-90,80.
+/// Parses a view direction `PITCH,YAW,HFOV[,ROLL]` in degrees, such as 45,-90,80.
 fn look(text: &str) -> Result<ViewDirection, String> {
     let wrong = || {
         "expected PITCH,YAW,HFOV or PITCH,YAW,HFOV,ROLL in degrees, such as 45,-90,80; HFOV up to 170"
@@ -167,14 +167,14 @@ fn companion_path(file: &str, extension: &str) -> String {
     Path::new(file).with_extension(extension).to_string_lossy().into_owned()
 }
 
-/// View of one camera.
+/// Virtual view of one camera, with the lens and the entry of this camera.
 struct View<'a> {
     window: &'a Window,
     lens: &'a Lens,
     focal: f64,
     camera: Option<&'a Camera>,
     entry: &'a SiteCamera,
-    /// Largest angle of the image from the optical axis, in radians.
+    /// Largest angle between the optical axis and a ray of the image, in radians.
     reach: f64,
 }
 
@@ -214,18 +214,20 @@ impl View<'_> {
         Ok(())
     }
 
+    /// Returns the raw pixel that a pixel of the view shows; `None` outside the lens.
     fn to_raw(&self, pixel: Pixel) -> Option<Pixel> {
         self.window.raw(self.lens, self.focal, pixel)
     }
 
     /// Refuses a view that contains no part of the raw image.
     fn check(&self, [width, height]: [u32; 2]) -> Result<(), CommandError> {
-        const STEPS: u32 = 24;
-        let [w, h] = self.window.size.map(|side| side as f64 / f64::from(STEPS));
+        /// Number of samples along each side of the view.
+        const SAMPLES: u32 = 24;
+        let [w, h] = self.window.size.map(|side| side as f64 / f64::from(SAMPLES));
         let within =
             |p: Pixel| p.u >= 0.0 && p.v >= 0.0 && p.u <= f64::from(width) && p.v <= f64::from(height);
-        let at = |i: u32| Pixel::new(w * (f64::from(i % STEPS) + 0.5), h * (f64::from(i / STEPS) + 0.5));
-        if (0..STEPS * STEPS).any(|i| self.to_raw(at(i)).is_some_and(within)) {
+        let at = |i: u32| Pixel::new(w * (f64::from(i % SAMPLES) + 0.5), h * (f64::from(i / SAMPLES) + 0.5));
+        if (0..SAMPLES * SAMPLES).any(|i| self.to_raw(at(i)).is_some_and(within)) {
             return Ok(());
         }
         let (id, reach) = (&self.entry.id, self.reach.to_degrees());

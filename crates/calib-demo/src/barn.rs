@@ -11,9 +11,9 @@ use crate::vector::{Vec3, vec3};
 
 /// Range of y of the aisle between the kerbs, in metres.
 pub(crate) const AISLE: [f32; 2] = [-8.25, -4.25];
-/// Width and height of the kerbs, in metres.
+/// Width and height of the cross section of a kerb, in metres.
 pub(crate) const KERB: [f32; 2] = [0.18, 0.16];
-/// Distance between timber posts along the aisle, and x of the first one, in metres.
+/// Distance between the timber posts along the aisle, in metres. The first post is at x = `BAY`.
 pub(crate) const BAY: f32 = 5.0;
 /// Side of a timber post, in metres.
 pub(crate) const POST: f32 = 0.2;
@@ -31,11 +31,11 @@ const SIDES: [(f32, f32, f32); 2] = [(AISLE[0], -1.0, WALLS[0]), (AISLE[1], 1.0,
 pub(crate) fn build(stage: &mut Stage) {
     let mut random = ChaCha8Rng::seed_from_u64(77);
     kerbs(stage);
-    frames(stage);
+    add_frames(stage);
     for (y, side, wall) in SIDES {
-        fence(stage, y + side * 0.09, [y, wall]);
+        add_fence(stage, y + side * 0.09, [y, wall]);
         bedding(stage, &mut random, y, side, wall);
-        feed(stage, &mut random, y, side);
+        add_hay(stage, &mut random, y, side);
     }
     bales(stage);
     for (x, y, turn) in [
@@ -46,9 +46,9 @@ pub(crate) fn build(stage: &mut Stage) {
         (6.6, -2.4, 1.9),
         (24.6, -9.8, 3.5),
     ] {
-        cow(stage, [x, y], turn, x as u32 * 31 + 7);
+        add_cow(stage, [x, y], turn, x as u32 * 31 + 7);
     }
-    tools(stage);
+    add_tools(stage);
 }
 
 fn steel() -> Material {
@@ -71,8 +71,8 @@ fn kerbs(stage: &mut Stage) {
     }
 }
 
-/// Adds posts along the aisle, ties across it, purlins and rafters under the roof.
-fn frames(stage: &mut Stage) {
+/// Adds the timber frame: posts along the aisle, ties across it, purlins and rafters under the roof.
+fn add_frames(stage: &mut Stage) {
     let wood = timber();
     let [ridge_y, ridge_z] = RIDGE;
     let underside = |y: f32| {
@@ -114,8 +114,9 @@ fn rafter(stage: &mut Stage, from: [f32; 3], to: [f32; 3], wood: Material) {
     );
 }
 
-/// Adds posts and rails along the pens, and rails between neighbouring pens.
-fn fence(stage: &mut Stage, y: f32, [kerb, wall]: [f32; 2]) {
+/// Adds the fence at `y`, in metres: posts and rails along the pens. Also adds rails from `kerb` to `wall` (y
+/// in metres) between neighbouring pens.
+fn add_fence(stage: &mut Stage, y: f32, [kerb, wall]: [f32; 2]) {
     let [from, to] = PENS;
     let count = ((to - from) / 2.65).round() as usize;
     for i in 0..=count {
@@ -153,7 +154,7 @@ fn bedding(stage: &mut Stage, random: &mut ChaCha8Rng, y: f32, side: f32, wall: 
 }
 
 /// Adds a windrow of hay along the kerb, on the aisle's side, and scattered stalks.
-fn feed(stage: &mut Stage, random: &mut ChaCha8Rng, y: f32, side: f32) {
+fn add_hay(stage: &mut Stage, random: &mut ChaCha8Rng, y: f32, side: f32) {
     let hay = Material::matt(0xb9_a568).with(Finish::Straw);
     let mut x = PENS[0] + 0.2;
     while x < PENS[1] - 0.3 {
@@ -223,7 +224,7 @@ fn bales(stage: &mut Stage) {
 }
 
 /// Adds a cow with its feet around `[x, y]`. Its head points `turn` radians counter-clockwise from +x.
-fn cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
+fn add_cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
     let (sin, cos) = turn.sin_cos();
     let at =
         |ahead: f32, left: f32, up: f32| vec3(x + cos * ahead - sin * left, y + sin * ahead + cos * left, up);
@@ -254,7 +255,7 @@ fn cow(stage: &mut Stage, [x, y]: [f32; 2], turn: f32, seed: u32) {
 }
 
 /// Adds a barrow, buckets and a fork by the wall.
-fn tools(stage: &mut Stage) {
+fn add_tools(stage: &mut Stage) {
     for ([x, y], rgb) in [([3.2, -5.0], 0x3f_6a8c), ([3.6, -4.8], 0x9c_3a30), ([15.3, -7.7], 0x55_5a5e)] {
         let foot = vec3(x, y, 0.0);
         stage.add(

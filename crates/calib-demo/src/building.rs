@@ -8,8 +8,8 @@ use crate::vector::vec3;
 /// Filling of a hole in a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Filling {
-    /// Closed leaf, hinged at the end with the lower coordinate; `positive` states the side to which it
-    /// opens.
+    /// Closed door leaf, hinged at the end with the lower coordinate. If `positive`, it opens toward the
+    /// positive side of the wall, otherwise toward the negative side.
     Door { positive: bool },
     /// Closed shutter.
     Shutter,
@@ -20,9 +20,9 @@ pub(crate) enum Filling {
 /// Hole in a wall, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Opening {
-    /// Range along the wall.
+    /// Range of the opening along the wall.
     pub(crate) span: [f32; 2],
-    /// Heights of the lower and the upper edge.
+    /// Height of the lower edge of the opening above the floor.
     pub(crate) sill: f32,
     pub(crate) head: f32,
     pub(crate) filling: Filling,
@@ -44,7 +44,7 @@ impl Wall {
         x1 - x0 > y1 - y0
     }
 
-    /// Returns the footprint of a part of the wall, as x0, y0, x1, y1.
+    /// Returns the footprint (x0, y0, x1, y1) of the part of the wall between two coordinates along it.
     pub(crate) fn stretch(&self, from: f32, to: f32) -> [f32; 4] {
         let [x0, y0, x1, y1] = self.foot;
         if self.is_along_x() { [from, y0, to, y1] } else { [x0, from, x1, to] }
@@ -63,7 +63,7 @@ const fn vent(from: f32) -> Opening {
     hole(from, from + 3.0, 1.9, 2.9, Filling::Open)
 }
 
-/// All walls.
+/// All walls of the building.
 pub(crate) const WALLS: [Wall; 9] = [
     Wall {
         foot: [-0.3, 14.4, 30.3, 14.7],
@@ -129,15 +129,15 @@ const EAVES: f32 = 3.4;
 
 /// Adds the building to the stage.
 pub(crate) fn build(stage: &mut Stage) {
-    floors(stage);
+    add_floors(stage);
     for wall in &WALLS {
         build_wall(stage, wall);
     }
-    lining(stage);
-    columns(stage);
-    ceilings(stage);
-    roof(stage);
-    outside(stage);
+    add_linings(stage);
+    add_columns(stage);
+    add_ceilings(stage);
+    add_roof(stage);
+    add_surroundings(stage);
 }
 
 fn plaster() -> Material {
@@ -148,7 +148,7 @@ fn steel() -> Material {
     Material::matt(0x4a_4f54).gloss(0.03)
 }
 
-fn floors(stage: &mut Stage) {
+fn add_floors(stage: &mut Stage) {
     let tiles = Material::matt(0xc9_c3b8).with(Finish::Tiles { pitch: TILE }).gloss(0.05);
     stage.block([0.0, 0.0, -0.2], [24.0, 14.4, 0.0], tiles);
     let store = Material::matt(0xa3_a19b).with(Finish::Concrete { pitch: 2.8 }).gloss(0.02);
@@ -176,14 +176,17 @@ fn build_wall(stage: &mut Stage, wall: &Wall) {
     }
     part(here, end, -0.2, wall.height);
     for opening in wall.openings {
-        fill(stage, wall, opening);
+        add_opening(stage, wall, opening);
     }
 }
 
-/// Adds the frame and the leaf of an opening. The frame projects slightly on both sides of the wall.
-fn fill(stage: &mut Stage, wall: &Wall, opening: &Opening) {
-    const FRAME: f32 = 0.07;
-    const PROUD: f32 = 0.02;
+/// Adds the frame of an opening to the stage, and its leaf, shutter or bars. The frame projects from both
+/// faces of the wall.
+fn add_opening(stage: &mut Stage, wall: &Wall, opening: &Opening) {
+    /// Width of the frame in the plane of the wall, in metres.
+    const FRAME_WIDTH: f32 = 0.07;
+    /// Distance by which the frame projects from each face of the wall, in metres.
+    const FRAME_PROJECTION: f32 = 0.02;
     let [from, to] = opening.span;
     let frame = if opening.filling == Filling::Open { steel() } else { Material::matt(0x6c_7378) };
     let mut piece = |a: f32, b: f32, low: f32, high: f32, proud: f32, material: Material| {
@@ -191,19 +194,19 @@ fn fill(stage: &mut Stage, wall: &Wall, opening: &Opening) {
         let (px, py) = if wall.is_along_x() { (0.0, proud) } else { (proud, 0.0) };
         stage.block([x0 - px, y0 - py, low], [x1 + px, y1 + py, high], material);
     };
-    piece(from, from + FRAME, opening.sill, opening.head, PROUD, frame);
-    piece(to - FRAME, to, opening.sill, opening.head, PROUD, frame);
-    piece(from, to, opening.head - FRAME, opening.head, PROUD, frame);
-    let (a, b) = (from + FRAME, to - FRAME);
+    piece(from, from + FRAME_WIDTH, opening.sill, opening.head, FRAME_PROJECTION, frame);
+    piece(to - FRAME_WIDTH, to, opening.sill, opening.head, FRAME_PROJECTION, frame);
+    piece(from, to, opening.head - FRAME_WIDTH, opening.head, FRAME_PROJECTION, frame);
+    let (a, b) = (from + FRAME_WIDTH, to - FRAME_WIDTH);
     match opening.filling {
         Filling::Door { .. } => {
             let leaf = Material::matt(0x8f_a3a0).gloss(0.02);
-            piece(a, b, 0.01, opening.head - FRAME, -0.03, leaf);
+            piece(a, b, 0.01, opening.head - FRAME_WIDTH, -0.03, leaf);
             piece(b - 0.16, b - 0.06, 1.0, 1.06, 0.03, steel());
         }
         Filling::Shutter => {
             let sheet = Material::matt(0xb9_bfc2).with(Finish::Ribs { pitch: 0.12 });
-            piece(a, b, 0.0, opening.head - FRAME, -0.06, sheet);
+            piece(a, b, 0.0, opening.head - FRAME_WIDTH, -0.06, sheet);
         }
         Filling::Open if opening.sill > 0.0 => {
             piece(from, to, opening.sill, opening.sill + 0.05, 0.06, Material::matt(0xd8_d5ce));
@@ -217,20 +220,21 @@ fn fill(stage: &mut Stage, wall: &Wall, opening: &Opening) {
     }
 }
 
-/// Adds the skirting, the coloured band of the shop, and the boards of the barn.
-fn lining(stage: &mut Stage) {
-    const THICK: f32 = 0.02;
+/// Adds the linings of the walls: the skirting and the coloured band of the shop, and the boards of the barn.
+fn add_linings(stage: &mut Stage) {
+    /// Thickness of the skirting, in metres.
+    const THICKNESS: f32 = 0.02;
     let skirting = Material::matt(0x7d_7a75);
     let [w, d] = [24.0, 14.4];
     for (a, b) in [(0.0, 13.2), (14.4, w)] {
-        stage.block([a, 0.0, 0.0], [b, THICK, 0.12], skirting);
+        stage.block([a, 0.0, 0.0], [b, THICKNESS, 0.12], skirting);
     }
     for (a, b) in [(0.0, 2.4), (4.8, w)] {
-        stage.block([a, d - THICK, 0.0], [b, d, 0.12], skirting);
+        stage.block([a, d - THICKNESS, 0.0], [b, d, 0.12], skirting);
     }
-    stage.block([0.0, 0.0, 0.0], [THICK, d, 0.12], skirting);
+    stage.block([0.0, 0.0, 0.0], [THICKNESS, d, 0.12], skirting);
     for (a, b) in [(0.0, 6.0), (7.2, d)] {
-        stage.block([w - THICK, a, 0.0], [w, b, 0.12], skirting);
+        stage.block([w - THICKNESS, a, 0.0], [w, b, 0.12], skirting);
     }
     let band = Material::matt(0x5f_7f5c);
     stage.block([0.0, 0.0, 3.55], [w, 0.015, 4.1], band);
@@ -249,7 +253,7 @@ fn lining(stage: &mut Stage) {
     stage.block([29.96, -8.0, 3.4], [30.0, -4.5, 6.2], boards);
 }
 
-fn columns(stage: &mut Stage) {
+fn add_columns(stage: &mut Stage) {
     let paint = Material::matt(0xdd_d9d0);
     for [x, y] in COLUMNS {
         stage.block([x - COLUMN, y - COLUMN, 0.0], [x + COLUMN, y + COLUMN, CEILING], paint);
@@ -261,41 +265,43 @@ fn columns(stage: &mut Stage) {
     }
 }
 
-fn ceilings(stage: &mut Stage) {
+fn add_ceilings(stage: &mut Stage) {
     let panels = Material::matt(0xe6_e5e1).with(Finish::Panels { pitch: 0.6 });
     stage.block([0.0, 0.0, CEILING], [24.0, 14.4, 4.9], panels);
     stage.block([24.2, 0.0, 4.0], [30.0, 14.4, 4.9], Material::matt(0xd9_d7d2));
     for y in [2.7, 7.2, 11.7] {
         for x in [2.4, 7.2, 12.0, 16.8, 21.6] {
-            lamp(stage, [x, y, CEILING], [0.9, 0.15], 16.0);
+            add_lamp(stage, [x, y, CEILING], [0.9, 0.15], 16.0);
         }
     }
     for y in [2.2, 6.2] {
-        lamp(stage, [27.1, y, 4.0], [0.9, 0.15], 13.0);
+        add_lamp(stage, [27.1, y, 4.0], [0.9, 0.15], 13.0);
     }
     for x in [7.5, 12.5, 17.5, 22.5] {
-        lamp(stage, [x, RIDGE[0], 4.1], [0.7, 0.12], 12.0);
+        add_lamp(stage, [x, RIDGE[0], 4.1], [0.7, 0.12], 12.0);
         stage.rod([x, RIDGE[0], 4.2], [x, RIDGE[0], 5.9], 0.012, steel());
     }
 }
 
-/// Adds a luminaire with its upper side at `top`.
-fn lamp(stage: &mut Stage, top: [f32; 3], [hx, hy]: [f32; 2], radiance: f32) {
-    const THICK: f32 = 0.06;
+/// Adds a luminaire. `top` is the centre of its upper side, and `hx` and `hy` are its half lengths, in
+/// metres.
+fn add_lamp(stage: &mut Stage, top: [f32; 3], [hx, hy]: [f32; 2], radiance: f32) {
+    /// Thickness of the housing, in metres.
+    const THICKNESS: f32 = 0.06;
     let [x, y, z] = top;
     stage.block(
-        [x - hx - 0.03, y - hy - 0.03, z - THICK],
+        [x - hx - 0.03, y - hy - 0.03, z - THICKNESS],
         [x + hx + 0.03, y + hy + 0.03, z],
         Material::matt(0xee_eeee),
     );
-    let low = z - THICK - 0.01;
-    stage.block([x - hx, y - hy, low], [x + hx, y + hy, z - THICK], Material::matt(0xff_ffff).glow(4.0));
+    let low = z - THICKNESS - 0.01;
+    stage.block([x - hx, y - hy, low], [x + hx, y + hy, z - THICKNESS], Material::matt(0xff_ffff).glow(4.0));
     let colour = vec3(1.0, 0.965, 0.91);
     stage.lamps.push(Lamp { centre: vec3(x, y, low - 0.005), half: [hx, hy], radiance: colour * radiance });
 }
 
 /// Adds the two slopes of the roof. The slope toward the shop has gaps for daylight.
-fn roof(stage: &mut Stage) {
+fn add_roof(stage: &mut Stage) {
     let sheet = Material::matt(0x8d_9094).with(Finish::Ribs { pitch: 0.3 });
     let [ridge_y, ridge_z] = RIDGE;
     for (eaves_y, gaps) in [(-0.15, true), (-12.35, false)] {
@@ -327,7 +333,7 @@ fn roof(stage: &mut Stage) {
 }
 
 /// Adds the surroundings in view of windows and gate: paving, a lawn, a hedge, houses.
-fn outside(stage: &mut Stage) {
+fn add_surroundings(stage: &mut Stage) {
     let paving = Material::matt(0xa8_a49c).with(Finish::Concrete { pitch: 1.0 });
     let lawn = Material::matt(0xa3_b088).with(Finish::Green);
     stage.block([-0.3, 14.7, -0.3], [30.3, 22.0, -0.02], paving);

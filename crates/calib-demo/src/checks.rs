@@ -15,16 +15,19 @@ use crate::site::{KnownLens, site};
 use crate::vector::{Vec3, vec3};
 use crate::world::{is_inside, world};
 
-/// Largest angle error by rounding to a hundredth of a pixel, for lines of at least a hundred pixels.
-const ANGLE: f64 = 2e-3;
+/// Largest direction error, in radians, that rounding to a hundredth of a pixel causes. It applies to lines
+/// of at least a hundred pixels.
+const MAX_ROUNDING_ERROR_RAD: f64 = 2e-3;
 
-fn clean() -> Vec<(Camera, SiteCamera)> {
+/// Returns the true cameras, and the site entries with annotations without tremor.
+fn exact_entries() -> Vec<(Camera, SiteCamera)> {
     let truth = cameras().into_iter().map(|(_, camera, _)| camera);
     truth.zip(site(KnownLens::Given, 0.0).cameras).collect()
 }
 
-/// Returns the direction of a level line in the plane of two rays.
-fn level(camera: &Camera, segment: &[Pixel]) -> [f64; 2] {
+/// Returns the direction of a level line in the plane of the rays of a segment's ends: a unit vector of x and
+/// y.
+fn level_direction(camera: &Camera, segment: &[Pixel]) -> [f64; 2] {
     let ray = |pixel: &Pixel| camera.pixel_to_ray(*pixel).unwrap().direction;
     let (a, b) = (ray(&segment[0]), ray(segment.last().unwrap()));
     let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]];
@@ -32,12 +35,14 @@ fn level(camera: &Camera, segment: &[Pixel]) -> [f64; 2] {
     [-normal[1] / length, normal[0] / length]
 }
 
+/// Returns the absolute cross product of two directions.
 fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] * b[1] - a[1] * b[0]).abs()
 }
 
-/// Returns the largest angle of a point's ray from the plane of the end points' rays, in pixels at the axis.
-fn bend(camera: &Camera, points: &[Pixel]) -> f64 {
+/// Returns the largest deviation of points from a straight line after undistortion. It is the angle between
+/// the ray of a point and the plane of the rays of both end points, times the focal length, in pixels.
+fn straightness_error(camera: &Camera, points: &[Pixel]) -> f64 {
     let rays: Vec<Vec3> = points.iter().map(|&p| ray(camera, p)).collect();
     let plane = normal(rays[0], rays[rays.len() - 1]);
     rays.iter().map(|ray| f64::from(ray.dot(plane).abs()) * camera.focal).fold(0.0, f64::max)
@@ -72,7 +77,7 @@ fn the_tremor_is_within_four_sigmas() {
         camera.annotations.iter().flat_map(Annotation::polylines).flatten().collect()
     };
     let shaken = site(KnownLens::Given, TREMOR);
-    for ((_, clean), shaken) in clean().iter().zip(&shaken.cameras) {
+    for ((_, clean), shaken) in exact_entries().iter().zip(&shaken.cameras) {
         assert_eq!(pixels(clean).len(), pixels(shaken).len(), "{}", clean.id);
         for (a, b) in pixels(clean).iter().zip(pixels(shaken)) {
             let off = (a.u - b.u).abs().max((a.v - b.v).abs());
@@ -83,25 +88,25 @@ fn the_tremor_is_within_four_sigmas() {
 
 #[test]
 fn verticals_are_vertical_and_parallels_are_parallel() {
-    for (camera, entry) in clean() {
+    for (camera, entry) in exact_entries() {
         for segment in of_kind(&entry, Kind::Vertical).flat_map(Annotation::polylines) {
             let plane = normal(ray(&camera, segment[0]), ray(&camera, segment[segment.len() - 1]));
-            assert!(plane.z.abs() < ANGLE as f32, "{} on {}", plane.z, entry.id);
+            assert!(plane.z.abs() < MAX_ROUNDING_ERROR_RAD as f32, "{} on {}", plane.z, entry.id);
         }
         let directions: Vec<Vec<[f64; 2]>> = of_kind(&entry, Kind::Parallel)
-            .map(|annotation| annotation.polylines().map(|line| level(&camera, &line)).collect())
+            .map(|annotation| annotation.polylines().map(|line| level_direction(&camera, &line)).collect())
             .collect();
         let (along, across) = ([1.0, 0.0], [0.0, 1.0]);
         for (direction, axis) in directions.iter().zip([along, across]) {
             assert!((3..=4).contains(&direction.len()), "{} has {} lines", entry.id, direction.len());
             for line in direction {
-                assert!(cross(*line, axis) < 5.0 * ANGLE, "{line:?} on {}", entry.id);
+                assert!(cross(*line, axis) < 5.0 * MAX_ROUNDING_ERROR_RAD, "{line:?} on {}", entry.id);
             }
         }
         for pair in of_kind(&entry, Kind::Perpendicular) {
-            let lines: Vec<[f64; 2]> = pair.polylines().map(|line| level(&camera, &line)).collect();
+            let lines: Vec<[f64; 2]> = pair.polylines().map(|line| level_direction(&camera, &line)).collect();
             assert!(
-                (lines[0][0] * lines[1][0] + lines[0][1] * lines[1][1]).abs() < 5.0 * ANGLE,
+                (lines[0][0] * lines[1][0] + lines[0][1] * lines[1][1]).abs() < 5.0 * MAX_ROUNDING_ERROR_RAD,
                 "{}",
                 entry.id
             );
@@ -111,7 +116,7 @@ fn verticals_are_vertical_and_parallels_are_parallel() {
 
 #[test]
 fn lengths_and_heights_match_their_stated_values() {
-    for (camera, entry) in clean() {
+    for (camera, entry) in exact_entries() {
         let length = |line: &[Pixel]| {
             let floor = |p: &Pixel| camera.pixel_to_floor(*p, 0.0).unwrap();
             floor(&line[0]).distance(floor(line.last().unwrap()))
@@ -136,20 +141,24 @@ fn lengths_and_heights_match_their_stated_values() {
 
 #[test]
 fn straight_edges_are_straight_after_undistortion() {
-    for (camera, entry) in clean() {
+    for (camera, entry) in exact_entries() {
         let bent = camera.lens.distortion != Distortion::None;
         let lines: Vec<Vec<Pixel>> =
             of_kind(&entry, Kind::Straight).flat_map(Annotation::polylines).collect();
         assert_eq!(bent, (5..=9).contains(&lines.len()), "{}: {}", entry.id, lines.len());
         for line in lines {
-            assert!((6..=10).contains(&line.len()) && bend(&camera, &line) < 0.05, "{}", entry.id);
+            assert!(
+                (6..=10).contains(&line.len()) && straightness_error(&camera, &line) < 0.05,
+                "{}",
+                entry.id
+            );
         }
     }
 }
 
 #[test]
 fn placement_errors_are_small() {
-    for (camera, entry) in clean() {
+    for (camera, entry) in exact_entries() {
         let placed = entry.placement.unwrap();
         assert!(placed.move_m.distance(camera.position.on_floor()) < 0.11, "{}", entry.id);
         assert!((placed.turn_deg - camera.yaw.to_degrees()).abs() < 0.42, "{}", entry.id);
@@ -163,7 +172,7 @@ fn placement_errors_are_small() {
 
 #[test]
 fn efovs_lie_on_the_floor_and_inside_the_image() {
-    for (camera, entry) in clean() {
+    for (camera, entry) in exact_entries() {
         let corners = entry.efov_px.unwrap();
         assert!((4..=6).contains(&corners.len()));
         for corner in corners {

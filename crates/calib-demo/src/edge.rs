@@ -19,7 +19,7 @@ impl Edge {
         Self { from: from.into(), to: to.into() }
     }
 
-    /// Returns the point from one end (`t` = 0) to the other (`t` = 1).
+    /// Returns a point of the edge: its start for `t` = 0, its end for `t` = 1.
     pub(crate) fn at(&self, t: f64) -> WorldPoint {
         let mix = |a: f64, b: f64| a + t * (b - a);
         WorldPoint {
@@ -29,7 +29,7 @@ impl Edge {
         }
     }
 
-    /// Returns the length, in metres.
+    /// Returns the length of the edge, in metres.
     pub(crate) fn length(&self) -> f64 {
         self.from.distance(self.to)
     }
@@ -51,7 +51,7 @@ fn plumb(x: f64, y: f64, low: f64, high: f64) -> Edge {
     Edge::new([x, y, low], [x, y, high])
 }
 
-/// Returns all vertical edges.
+/// Returns all vertical edges of the scene.
 pub(crate) fn verticals() -> Vec<Edge> {
     let mut edges = columns();
     edges.extend(openings().into_iter().flat_map(|(edges, _)| edges));
@@ -96,13 +96,18 @@ fn columns() -> Vec<Edge> {
 /// Returns edges of every door and window, on both faces of its wall: the outer edges of its posts, and its
 /// upper edge.
 fn openings() -> Vec<([Edge; 2], Edge)> {
-    const PROUD: f64 = 0.02;
+    /// Distance by which the frame of an opening projects from the faces of its wall, in metres.
+    const PROJECTION: f64 = 0.02;
     let mut edges = Vec::new();
     for wall in &WALLS {
         let [x0, y0, x1, y1] = wall.foot.map(exact);
         for opening in wall.openings {
             let ([from, to], low, high) = (opening.span.map(exact), exact(opening.sill), exact(opening.head));
-            let faces = if wall.is_along_x() { [y0 - PROUD, y1 + PROUD] } else { [x0 - PROUD, x1 + PROUD] };
+            let faces = if wall.is_along_x() {
+                [y0 - PROJECTION, y1 + PROJECTION]
+            } else {
+                [x0 - PROJECTION, x1 + PROJECTION]
+            };
             for face in faces {
                 let at =
                     |along: f64, z: f64| if wall.is_along_x() { [along, face, z] } else { [face, along, z] };
@@ -136,13 +141,14 @@ pub(crate) fn shop_floor(axis: Axis) -> Vec<Edge> {
 
 /// Returns level edges of the store along an axis: the marked lane, saw cuts, walls, beams of the racks.
 pub(crate) fn store_floor(axis: Axis) -> Vec<Edge> {
-    const HALF: f64 = 0.04;
+    /// Half the width of the lines of the marked lane, in metres.
+    const HALF_LINE: f64 = 0.04;
     let [x0, y0, x1, y1] = LANE.map(exact);
     let [rack, side] = RACKS.map(|rack| rack.map(exact));
     match axis {
         Axis::X => {
-            let mut edges: Vec<Edge> = [y0 - HALF, y0 + HALF, y1 - HALF, y1 + HALF]
-                .map(|y| Edge::new([x0 + HALF, y, 0.002], [x1, y, 0.002]))
+            let mut edges: Vec<Edge> = [y0 - HALF_LINE, y0 + HALF_LINE, y1 - HALF_LINE, y1 + HALF_LINE]
+                .map(|y| Edge::new([x0 + HALF_LINE, y, 0.002], [x1, y, 0.002]))
                 .into();
             edges.extend(
                 [0.9, 1.9].map(|z| Edge::new([rack[0], rack[3] + 0.005, z], [rack[2], rack[3] + 0.005, z])),
@@ -150,8 +156,8 @@ pub(crate) fn store_floor(axis: Axis) -> Vec<Edge> {
             edges
         }
         Axis::Y => {
-            let mut edges: Vec<Edge> = [x0 - HALF, x0 + HALF]
-                .map(|x| Edge::new([x, y0 + HALF, 0.002], [x, y1 - HALF, 0.002]))
+            let mut edges: Vec<Edge> = [x0 - HALF_LINE, x0 + HALF_LINE]
+                .map(|x| Edge::new([x, y0 + HALF_LINE, 0.002], [x, y1 - HALF_LINE, 0.002]))
                 .into();
             edges.push(Edge::new([28.0, 1.3, 0.0], [28.0, 8.3, 0.0]));
             edges.push(Edge::new([30.0, 0.1, 0.0], [30.0, 2.4, 0.0]));

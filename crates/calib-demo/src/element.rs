@@ -1,6 +1,6 @@
 //! Marks that coincide with objects of the scene.
 //!
-//! Also points that are recognisable in images, for control points and links.
+//! Also scene points that an operator can recognise in images. They serve as control points and links.
 
 use calib_core::{MarkKind, Pixel, WorldPoint};
 use calib_site::{ControlPointEntry, Link, LinkKind, LinkObservation, Mark};
@@ -134,7 +134,7 @@ pub(crate) fn links(hands: &mut [(&str, Operator)], count: usize) -> Vec<Link> {
     let chosen = spread(&refs, count, on_floor, |item| item.1 as f64);
     let mut links: Vec<Link> =
         chosen.iter().map(|((name, point), _)| point_link(hands, name, *point)).collect();
-    links.push(pole(hands));
+    links.push(pole_link(hands));
     links
 }
 
@@ -148,7 +148,7 @@ fn point_link(hands: &mut [(&str, Operator)], name: &str, point: WorldPoint) -> 
 }
 
 /// Returns a link to the pole with the sign, from the centre of its foot to its top.
-fn pole(hands: &mut [(&str, Operator)]) -> Link {
+fn pole_link(hands: &mut [(&str, Operator)]) -> Link {
     let [x, y] = POLE.map(exact);
     let (foot, head) = (WorldPoint { x, y, z: 0.0 }, WorldPoint { x, y, z: exact(POLE_HEIGHT) });
     // The foot plate hides the centre of the foot, which is ignored.

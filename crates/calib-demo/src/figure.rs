@@ -14,9 +14,9 @@ pub(crate) struct Person {
     pub(crate) turn: f32,
     /// Height to the top of the head, in metres.
     pub(crate) height: f32,
-    /// Half a step, relative to the height; 0 for a standing person.
+    /// Half the length of a step, divided by the height of the person; 0 for a standing person.
     pub(crate) stride: f32,
-    /// Colours of jacket, trousers, skin and hair.
+    /// Colours of jacket, trousers, skin and hair, as `0xRRGGBB`.
     pub(crate) colours: [u32; 4],
 }
 
@@ -31,7 +31,7 @@ pub(crate) const PEOPLE: [Person; 7] = [
     person([11.6, -6.7], 0.2, 1.75, 0.14, [0x3f_5a7a, 0x31_3c4e, 0xd0_a184, 0x5a_4630]),
 ];
 
-/// All people a month later.
+/// All people of the scene a month later.
 pub(crate) const PEOPLE_LATER: [Person; 8] = [
     person([10.2, 9.4], 1.2, 1.81, 0.12, [0x7a_3b34, 0x30_3236, 0xd0_a184, 0x22_1c18]),
     person([16.9, 5.2], 2.9, 1.62, 0.0, [0x3e_6b8a, 0x44_4038, 0xd8_ad92, 0x8a_6a42]),
@@ -55,7 +55,8 @@ pub(crate) fn build(stage: &mut Stage, people: &[Person]) {
 }
 
 impl Person {
-    /// Returns a point of the body: ahead, to the left and up, relative to the height.
+    /// Returns a point of the body in world coordinates, in metres. Its offsets from the midpoint between the
+    /// feet, ahead, to the left and up, are fractions of the person's height.
     fn body(&self, ahead: f32, left: f32, up: f32) -> Vec3 {
         let (sin, cos) = self.turn.sin_cos();
         let h = self.height;

@@ -9,9 +9,9 @@ use crate::stage::Stage;
 /// Front edge of a shelf with goods, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
-    /// End with the lower coordinate.
+    /// End of the edge with the lower coordinate: x, y, z.
     pub(crate) start: [f32; 3],
-    /// Whether it runs along x; otherwise along y.
+    /// Whether the edge runs along x; otherwise it runs along y.
     pub(crate) along_x: bool,
     /// Whether the front faces the positive side of the other axis.
     pub(crate) faces_positive: bool,
@@ -22,7 +22,8 @@ pub(crate) struct Row {
 }
 
 impl Row {
-    /// Returns the point `along` the edge, `deep` behind it, `up` above it.
+    /// Returns a world point from its distances to the start of the edge, in metres: `along` the edge, `deep`
+    /// behind it, `up` above it.
     pub(crate) fn at(&self, along: f32, deep: f32, up: f32) -> [f32; 3] {
         let [x, y, z] = self.start;
         let back = if self.faces_positive { -deep } else { deep };
@@ -30,7 +31,7 @@ impl Row {
     }
 }
 
-/// Goods of a shelf.
+/// Kind of goods on a shelf.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Range {
     /// Packets, tins and jars.
@@ -43,16 +44,22 @@ pub(crate) enum Range {
     Bread,
 }
 
-const DRY: [u32; 12] = [
+/// Body and band colours of packets, tins and jars, as `0xRRGGBB`.
+const DRY_COLOURS: [u32; 12] = [
     0xb4_4a3a, 0xd9_a441, 0x3e_6b8a, 0x6d_8f4e, 0xe4_dcc8, 0x8a_4f6d, 0xc9_6f35, 0x35_5e58, 0xe9_e4da,
     0x7a_5b3e, 0xd8_c07a, 0x54_7aa5,
 ];
-const DRINKS: [u32; 7] = [0x3d_5a34, 0x6b_3f22, 0xc7_8a2c, 0x8f_b4a6, 0x7b_2430, 0xd9_d4b8, 0x49_6f8f];
-const CHILLED: [u32; 7] = [0xf1_efe9, 0xe7_e9ee, 0xcf_dfe9, 0xe9_cfd2, 0xdf_e6cb, 0x4f_7fae, 0xe8_d9a6];
-const BREAD: [u32; 4] = [0xa8_713a, 0x8a_5528, 0xc2_9154, 0x6e_4320];
+/// Body and band colours of bottles.
+const DRINK_COLOURS: [u32; 7] = [0x3d_5a34, 0x6b_3f22, 0xc7_8a2c, 0x8f_b4a6, 0x7b_2430, 0xd9_d4b8, 0x49_6f8f];
+/// Body and band colours of dairy products.
+const CHILLED_COLOURS: [u32; 7] =
+    [0xf1_efe9, 0xe7_e9ee, 0xcf_dfe9, 0xe9_cfd2, 0xdf_e6cb, 0x4f_7fae, 0xe8_d9a6];
+/// Body and band colours of loaves.
+const BREAD_COLOURS: [u32; 4] = [0xa8_713a, 0x8a_5528, 0xc2_9154, 0x6e_4320];
 
-/// Fills a row from end to end, with gaps for sold-out goods.
+/// Fills a row with goods of one kind from end to end, with gaps for sold-out goods.
 pub(crate) fn fill(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range: Range) {
+    /// Free length at both ends of the row, in metres.
     const MARGIN: f32 = 0.03;
     let mut along = MARGIN;
     while along < row.length - MARGIN {
@@ -60,17 +67,18 @@ pub(crate) fn fill(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range:
             along += random.random_range(0.08..0.3);
             continue;
         }
-        along = run(stage, random, row, range, along);
+        along = add_items(stage, random, row, range, along);
     }
 }
 
-/// Adds several items of one product side by side, and returns the end of the run.
-fn run(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range: Range, start: f32) -> f32 {
+/// Adds several items of one product side by side. `start` and the returned end of the items are distances
+/// from the start of the row, in metres.
+fn add_items(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range: Range, start: f32) -> f32 {
     let colours: &[u32] = match range {
-        Range::Dry => &DRY,
-        Range::Drinks => &DRINKS,
-        Range::Chilled => &CHILLED,
-        Range::Bread => &BREAD,
+        Range::Dry => &DRY_COLOURS,
+        Range::Drinks => &DRINK_COLOURS,
+        Range::Chilled => &CHILLED_COLOURS,
+        Range::Bread => &BREAD_COLOURS,
     };
     let mut pick = || colours[random.random_range(0..colours.len())];
     let (body, band) = (pick(), pick());
@@ -94,14 +102,14 @@ fn run(stage: &mut Stage, random: &mut ChaCha8Rng, row: &Row, range: Range, star
         }
         let set_back = random.random_range(0.005..0.035);
         if random.random_bool(0.96) {
-            article(stage, row, range, round, [along, set_back], [width, height], material);
+            add_item(stage, row, range, round, [along, set_back], [width, height], material);
         }
         along += width + random.random_range(0.004..0.014);
     }
     along + random.random_range(0.0..0.02)
 }
 
-fn article(
+fn add_item(
     stage: &mut Stage,
     row: &Row,
     range: Range,

@@ -13,9 +13,9 @@ use crate::figure::PEOPLE;
 use crate::random::normal;
 use crate::world::{is_shown, visible};
 
-/// Standard deviation of the usual tremor, in pixels.
+/// Usual standard deviation of the tremor: the random error of an annotated coordinate, in pixels.
 pub(crate) const TREMOR: f64 = 0.7;
-/// Distance of line ends from the image border, in pixels.
+/// Minimum distance of annotated points from the image border, in pixels.
 const MARGIN: f64 = 14.0;
 /// Length of the last part of a line of sight in which occlusion is ignored, in metres. The point itself may
 /// lie on a corner.
@@ -34,14 +34,14 @@ pub(crate) struct Operator {
 /// Visible part of an edge in an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
-    /// The visible part in space.
+    /// Visible part of the edge, in world coordinates.
     pub(crate) edge: Edge,
-    /// Its exact ends in the image.
+    /// Exact pixels of both ends, without tremor.
     pub(crate) ends: [Pixel; 2],
 }
 
 impl Run {
-    /// Returns the length in the image, in pixels.
+    /// Returns the distance between the ends in the image, in pixels.
     pub(crate) fn length(&self) -> f64 {
         self.ends[0].distance(self.ends[1])
     }
@@ -59,12 +59,12 @@ impl Operator {
             && visible(&self.camera, self.size, point, SLACK)
     }
 
-    /// Projects a point exactly.
+    /// Returns the exact pixel of a world point, without tremor.
     pub(crate) fn pixel(&self, point: WorldPoint) -> Option<Pixel> {
         self.camera.world_to_pixel(point)
     }
 
-    /// Projects a point and adds the tremor.
+    /// Returns the annotated pixel of a world point: its exact pixel plus the tremor.
     pub(crate) fn annotate_point(&mut self, point: WorldPoint) -> Option<Pixel> {
         let Pixel { u, v } = self.pixel(point)?;
         let mut shaken = |value: f64| {
@@ -76,6 +76,7 @@ impl Operator {
 
     /// Returns the longest uninterrupted visible part of an edge.
     pub(crate) fn run(&self, edge: &Edge) -> Option<Run> {
+        /// Number of intervals of the edge at whose ends the visibility is computed.
         const STEPS: usize = 160;
         let seen: Vec<bool> = (0..=STEPS).map(|i| self.sees(edge.at(i as f64 / STEPS as f64))).collect();
         let (mut best, mut start) = ((0, 0), None);
@@ -103,10 +104,12 @@ impl Operator {
     /// Annotates a run with points at equal distances in the image: two, or more on long lines of a distorted
     /// image.
     pub(crate) fn annotate_run(&mut self, run: &Run) -> Vec<Pixel> {
-        const STEP: f64 = 140.0;
-        const MOST: usize = 5;
+        /// Distance between the annotated points of a line in a distorted image, in pixels.
+        const STEP_PX: f64 = 140.0;
+        /// Maximum number of annotated points of a line.
+        const MAX: usize = 5;
         let bent = self.camera.lens.distortion != Distortion::None;
-        self.polyline(run, if bent { ((run.length() / STEP) as usize + 1).clamp(2, MOST) } else { 2 })
+        self.polyline(run, if bent { ((run.length() / STEP_PX) as usize + 1).clamp(2, MAX) } else { 2 })
     }
 
     /// Annotates a run with `count` points at equal distances in the image.
@@ -118,9 +121,10 @@ impl Operator {
 
 /// Returns `count` points of an edge at equal distances in the image.
 fn along(camera: &Camera, edge: &Edge, count: usize) -> Vec<WorldPoint> {
-    const FINE: usize = 400;
+    /// Number of intervals of the edge for measuring its length in the image.
+    const SAMPLES: usize = 400;
     let steps: Vec<Pixel> =
-        (0..=FINE).filter_map(|i| camera.world_to_pixel(edge.at(i as f64 / FINE as f64))).collect();
+        (0..=SAMPLES).filter_map(|i| camera.world_to_pixel(edge.at(i as f64 / SAMPLES as f64))).collect();
     let mut way = vec![0.0];
     way.extend(steps.windows(2).scan(0.0, |sum, pair| {
         *sum += pair[0].distance(pair[1]);
@@ -130,25 +134,29 @@ fn along(camera: &Camera, edge: &Edge, count: usize) -> Vec<WorldPoint> {
     (0..count)
         .map(|i| {
             let wanted = total * i as f64 / (count - 1) as f64;
-            let index = way.partition_point(|&w| w < wanted - 1e-9).min(FINE);
-            edge.at(index as f64 / FINE as f64)
+            let index = way.partition_point(|&w| w < wanted - 1e-9).min(SAMPLES);
+            edge.at(index as f64 / SAMPLES as f64)
         })
         .collect()
 }
 
-/// Selects up to `count` items one by one, by their worth and their distance from those selected before.
+/// Selects up to `count` items that are spread over the image. Each selection maximises the worth of the item
+/// times its distance in pixels, measured at `middle`, from the items selected before.
 pub(crate) fn spread<T: Copy>(
     items: &[T],
     count: usize,
     middle: impl Fn(&T) -> Pixel,
     worth: impl Fn(&T) -> f64,
 ) -> Vec<T> {
-    /// Distance above which more distance adds no value, in pixels.
-    const FAR: f64 = 900.0;
+    /// Distance from the selected items above which more distance adds no value, in pixels.
+    const MAX_USEFUL_DISTANCE_PX: f64 = 900.0;
     let mut chosen: Vec<T> = Vec::new();
     for _ in 0..count {
         let value = |item: &T| {
-            let gap = chosen.iter().map(|c| middle(c).distance(middle(item))).fold(FAR, f64::min);
+            let gap = chosen
+                .iter()
+                .map(|c| middle(c).distance(middle(item)))
+                .fold(MAX_USEFUL_DISTANCE_PX, f64::min);
             worth(item) * gap
         };
         let best = items.iter().max_by(|a, b| value(a).total_cmp(&value(b)));
@@ -160,25 +168,25 @@ pub(crate) fn spread<T: Copy>(
     chosen
 }
 
-/// Annotations of a camera other than verticals and two floor directions.
+/// Additional annotation of a camera, besides verticals and two groups of parallel floor lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Extra {
     /// Tile edges of equal length.
     EqualLength,
-    /// Width of the marked lane.
+    /// Known width of the marked lane.
     KnownLength,
-    /// Person with this index.
+    /// Upright person of known height, with this index in [`PEOPLE`].
     Upright(usize),
 }
 
-/// Annotations of the image of one camera.
+/// Annotations that the operator should enter on the image of one camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AnnotationPlan {
     pub(crate) floor: fn(Axis) -> Vec<Edge>,
-    /// Numbers of lines along x and along y.
+    /// Numbers of floor lines along x and along y.
     pub(crate) lines: [usize; 2],
     pub(crate) verticals: usize,
-    /// Kind of edges for the right angle.
+    /// Kind of edges for the annotation of a right angle.
     pub(crate) corner: Corner,
     pub(crate) extras: &'static [Extra],
     /// Number of polylines along straight edges.
@@ -194,7 +202,7 @@ pub(crate) enum Corner {
     Lines,
 }
 
-/// Returns the annotations for the camera with this id.
+/// Returns the plan of the annotations for the camera with this id.
 pub(crate) fn annotation_plan(id: &str) -> AnnotationPlan {
     let shop = AnnotationPlan {
         floor: shop_floor,
@@ -229,43 +237,50 @@ pub(crate) fn annotation_plan(id: &str) -> AnnotationPlan {
 }
 
 impl AnnotationPlan {
-    /// Creates the annotations in the order of a person's work.
+    /// Creates the annotations on the image of `hand`, in the order in which a person would enter them.
     pub(crate) fn annotate(&self, hand: &mut Operator) -> Vec<Annotation> {
         let mut annotations = Vec::new();
         if self.polylines > 0 && hand.camera.lens.distortion != Distortion::None {
-            annotations.extend(polylines(hand, self.polylines));
+            annotations.extend(annotate_polylines(hand, self.polylines));
         }
-        annotations.push(segments(hand, Kind::Vertical, &verticals(), self.verticals, 60.0));
+        annotations.push(annotate_segments(hand, Kind::Vertical, &verticals(), self.verticals, 60.0));
         let [x, y] = self.lines;
-        let along = segments(hand, Kind::Parallel, &(self.floor)(Axis::X), x, 90.0);
-        let across = segments(hand, Kind::Parallel, &(self.floor)(Axis::Y), y, 90.0);
+        let along = annotate_segments(hand, Kind::Parallel, &(self.floor)(Axis::X), x, 90.0);
+        let across = annotate_segments(hand, Kind::Parallel, &(self.floor)(Axis::Y), y, 90.0);
         annotations.push(Annotation { id: Some("along".into()), ..along });
         let tie = Some("along".into());
         annotations.push(Annotation { id: Some("across".into()), at_right_angles_to: tie, ..across });
-        annotations.extend(right_angle(hand, self));
+        annotations.extend(annotate_right_angle(hand, self));
         for extra in self.extras {
             annotations.extend(match extra {
-                Extra::EqualLength => equal_length(hand),
-                Extra::KnownLength => known_length(hand),
-                Extra::Upright(index) => upright(hand, *index),
+                Extra::EqualLength => annotate_equal_length(hand),
+                Extra::KnownLength => annotate_known_length(hand),
+                Extra::Upright(index) => annotate_upright(hand, *index),
             });
         }
         annotations
     }
 }
 
-/// Annotates up to `count` of the edges that are visible over at least `least` pixels.
-fn segments(hand: &mut Operator, kind: Kind, edges: &[Edge], count: usize, least: f64) -> Annotation {
-    /// Length above which a longer line adds no value, in pixels.
-    const LONG: f64 = 500.0;
+/// Annotates up to `count` of the edges whose visible part is at least `least` pixels long.
+fn annotate_segments(
+    hand: &mut Operator,
+    kind: Kind,
+    edges: &[Edge],
+    count: usize,
+    least: f64,
+) -> Annotation {
+    /// Length of a line above which more length adds no value, in pixels.
+    const MAX_USEFUL_LENGTH_PX: f64 = 500.0;
     let runs = hand.runs(edges, least);
-    let chosen = spread(&runs, count, Run::middle, |run| run.length().min(LONG));
+    let chosen = spread(&runs, count, Run::middle, |run| run.length().min(MAX_USEFUL_LENGTH_PX));
     Annotation::from_segments(kind, chosen.iter().map(|run| hand.annotate_run(run)).collect())
 }
 
 /// Annotates polylines along long straight edges, preferably near the image border.
-fn polylines(hand: &mut Operator, count: usize) -> Vec<Annotation> {
-    const STEP: f64 = 110.0;
+fn annotate_polylines(hand: &mut Operator, count: usize) -> Vec<Annotation> {
+    /// Distance between the points of a polyline, in pixels.
+    const POLYLINE_SPACING_PX: f64 = 110.0;
     let centre = hand.camera.lens.principal_point;
     let half = centre.u.hypot(centre.v);
     let runs = hand.runs(&straight(), 420.0);
@@ -274,34 +289,35 @@ fn polylines(hand: &mut Operator, count: usize) -> Vec<Annotation> {
         let out = 0.15 + run.middle().distance(centre) / half;
         // A line through the centre of a fisheye image is straight for every lens, so it does not constrain
         // the distortion.
-        run.length().min(1400.0) * if is_wide { bow(hand, run) * out } else { out }
+        run.length().min(1400.0) * if is_wide { chord_deviation(hand, run) * out } else { out }
     };
     let chosen = spread(&runs, count, Run::middle, worth);
     chosen
         .iter()
         .map(|run| {
-            let count = ((run.length() / STEP) as usize).clamp(6, 10);
+            let count = ((run.length() / POLYLINE_SPACING_PX) as usize).clamp(6, 10);
             Annotation { points: Some(hand.polyline(run, count)), ..Annotation::new(Kind::Straight) }
         })
         .collect()
 }
 
 /// Returns the largest distance between the image of a run and its chord, in pixels.
-fn bow(hand: &Operator, run: &Run) -> f64 {
+fn chord_deviation(hand: &Operator, run: &Run) -> f64 {
     let [a, b] = run.ends;
     let off = |p: Pixel| ((b.u - a.u) * (p.v - a.v) - (b.v - a.v) * (p.u - a.u)).abs() / a.distance(b);
     let inner = (1..8).filter_map(|i| hand.pixel(run.edge.at(f64::from(i) / 8.0)));
     inner.map(off).fold(0.0, f64::max)
 }
 
-/// Returns a floor segment if it is completely visible.
+/// Returns the visible part of an edge if the whole edge is visible.
 fn fully_visible(hand: &Operator, edge: &Edge) -> Option<Run> {
     let run = hand.run(edge)?;
     (run.edge == *edge).then_some(run)
 }
 
-/// Returns visible segments along the tile joints with a length of `tiles` tiles, from crossing to crossing.
-fn stretches(hand: &Operator, axis: Axis, tiles: i32) -> Vec<Run> {
+/// Returns the completely visible segments of tile joints with a length of `tiles` tiles. They start and end
+/// at crossings of joints.
+fn tile_segments(hand: &Operator, axis: Axis, tiles: i32) -> Vec<Run> {
     let tile = exact(TILE);
     let length = tile * f64::from(tiles);
     let [dx, dy] = if axis == Axis::X { [length, 0.0] } else { [0.0, length] };
@@ -313,10 +329,10 @@ fn stretches(hand: &Operator, axis: Axis, tiles: i32) -> Vec<Run> {
         .collect()
 }
 
-/// Annotates two perpendicular floor lines that are long in the image and have ends close together.
-fn right_angle(hand: &mut Operator, plot: &AnnotationPlan) -> Option<Annotation> {
+/// Annotates two perpendicular floor lines that are long in the image and close to each other.
+fn annotate_right_angle(hand: &mut Operator, plot: &AnnotationPlan) -> Option<Annotation> {
     let (xs, ys) = match plot.corner {
-        Corner::Tiles => (stretches(hand, Axis::X, 4), stretches(hand, Axis::Y, 4)),
+        Corner::Tiles => (tile_segments(hand, Axis::X, 4), tile_segments(hand, Axis::Y, 4)),
         Corner::Lines => (hand.runs(&(plot.floor)(Axis::X), 150.0), hand.runs(&(plot.floor)(Axis::Y), 90.0)),
     };
     let pairs = xs.iter().flat_map(|a| ys.iter().map(move |b| [*a, *b]));
@@ -330,11 +346,12 @@ fn right_angle(hand: &mut Operator, plot: &AnnotationPlan) -> Option<Annotation>
     ))
 }
 
-/// Annotates edges of three tiles each, near and far, in both directions.
-fn equal_length(hand: &mut Operator) -> Option<Annotation> {
+/// Annotates segments of equal length: tile joints of three tiles each, near and far, along x and y.
+fn annotate_equal_length(hand: &mut Operator) -> Option<Annotation> {
     let mut chosen = Vec::new();
     for axis in [Axis::X, Axis::Y] {
-        let long: Vec<Run> = stretches(hand, axis, 3).into_iter().filter(|run| run.length() > 60.0).collect();
+        let long: Vec<Run> =
+            tile_segments(hand, axis, 3).into_iter().filter(|run| run.length() > 60.0).collect();
         chosen.extend(spread(&long, 3, Run::middle, |run| run.length().sqrt()));
     }
     let strokes = chosen.iter().map(|run| hand.polyline(run, 2)).collect();
@@ -345,7 +362,7 @@ fn equal_length(hand: &mut Operator) -> Option<Annotation> {
 }
 
 /// Annotates the width of the store's lane, between the outer edges of its lines.
-fn known_length(hand: &mut Operator) -> Option<Annotation> {
+fn annotate_known_length(hand: &mut Operator) -> Option<Annotation> {
     let [x0, y0, _, y1] = crate::store::LANE.map(exact);
     let edge = Edge::new([x0 - 0.04, y0 - 0.04, 0.002], [x0 - 0.04, y1 + 0.04, 0.002]);
     let strokes =
@@ -354,8 +371,8 @@ fn known_length(hand: &mut Operator) -> Option<Annotation> {
     Some(Annotation { name: Some("Lane".into()), length_m: Some(edge.length()), ..annotation })
 }
 
-/// Annotates a person of approximately known height.
-fn upright(hand: &mut Operator, index: usize) -> Option<Annotation> {
+/// Annotates an upright: the person with this index in [`PEOPLE`], with a height of 1.75 m ± 0.05 m.
+fn annotate_upright(hand: &mut Operator, index: usize) -> Option<Annotation> {
     let person = PEOPLE.get(index)?;
     let [x, y] = person.at.map(exact);
     let mut touch = |z: f64| hand.annotate_point(WorldPoint { x, y, z });

@@ -13,11 +13,11 @@ use crate::random::{AnnotationSet, RandomScene, SIZE, normal};
 pub struct Layout {
     /// Site with noisy lines and links.
     pub site: Site,
-    /// The true cameras.
+    /// True cameras, in the order of the site.
     pub truth: Vec<Camera>,
 }
 
-/// Position of a camera, and the floor point that it looks at.
+/// Floor point below a camera, and the floor point that the camera looks at, in metres.
 #[derive(Clone, Copy, Debug)]
 struct Station {
     at: FloorPoint,
@@ -26,14 +26,16 @@ struct Station {
 
 impl Layout {
     /// Creates cameras on a circle with a radius of 6.35 m (11 m apart for three of them) that look at its
-    /// centre. They share `points` points there. All annotations have noise of `sigma` pixels.
+    /// centre. All cameras share `points` floor points near the centre. All annotations have noise with a
+    /// standard deviation of `sigma` pixels.
     pub fn ring(random: &mut impl Rng, cameras: usize, points: usize, sigma: f64) -> Self {
-        const RADIUS: f64 = 6.35;
+        /// Radius of the circle of cameras, in metres.
+        const RING_RADIUS: f64 = 6.35;
         let start = random.random_range(0.0..TAU);
         let stations: Vec<Station> = (0..cameras)
             .map(|i| {
                 let angle = start + TAU * i as f64 / cameras as f64 + random.random_range(-0.1..0.1);
-                let at = FloorPoint { x: RADIUS * angle.cos(), y: RADIUS * angle.sin() };
+                let at = FloorPoint { x: RING_RADIUS * angle.cos(), y: RING_RADIUS * angle.sin() };
                 Station { at, toward: FloorPoint::default() }
             })
             .collect();
@@ -47,9 +49,10 @@ impl Layout {
         layout
     }
 
-    /// Creates cameras in a row along the wall of a corridor, or around a courtyard if `closed`. Each shares
-    /// `points` points only with the next one.
+    /// Creates cameras in a row along the wall of a corridor, or around a courtyard if `closed`. Each camera
+    /// shares `points` floor points only with the next camera.
     pub fn chain(random: &mut impl Rng, cameras: usize, closed: bool, points: usize, sigma: f64) -> Self {
+        /// Distance between neighbouring cameras, in metres.
         const STEP: f64 = 4.0;
         let radius = cameras as f64 * STEP / TAU;
         let station = |i: usize| {
@@ -78,6 +81,7 @@ impl Layout {
     /// Creates cameras over the squares of a hall with the same viewing direction. Views of neighbours
     /// overlap by about a third and share `points` points.
     pub fn grid(random: &mut impl Rng, [columns, rows]: [usize; 2], points: usize, sigma: f64) -> Self {
+        /// Distance between neighbouring cameras, in metres.
         const STEP: f64 = 4.0;
         let stations: Vec<Station> = (0..columns * rows)
             .map(|i| {
@@ -97,6 +101,7 @@ impl Layout {
         layout
     }
 
+    /// Creates a site with a camera at each station, whose annotations have noise of `sigma` pixels.
     fn stations(random: &mut impl Rng, stations: &[Station], sigma: f64) -> Self {
         // Objects of these scenes have exact dimensions.
         let site = Site { scene: Some(SceneEntry::EXACT), ..Site::new() };
@@ -138,14 +143,15 @@ impl Layout {
         }
     }
 
-    /// Adds a link to a floor point if at least `least` of these cameras show it within reach.
+    /// Adds a link to a floor point if at least `least` of these cameras show it and are near enough.
     fn link(&mut self, random: &mut impl Rng, at: FloorPoint, cameras: &[usize], least: usize, sigma: f64) {
-        const REACH: f64 = 15.0;
+        /// Maximum floor distance from a camera to a link, in metres.
+        const MAX_LINK_DISTANCE: f64 = 15.0;
         let shown = |&index: &usize| {
             let camera = &self.truth[index];
             let pixel = camera.world_to_pixel(at.at_height(0.0))?;
             let inside = pixel.u > 0.0 && pixel.v > 0.0 && pixel.u < SIZE[0] && pixel.v < SIZE[1];
-            (inside && at.distance(camera.position.on_floor()) < REACH).then_some((index, pixel))
+            (inside && at.distance(camera.position.on_floor()) < MAX_LINK_DISTANCE).then_some((index, pixel))
         };
         let seen: Vec<(usize, Pixel)> = cameras.iter().filter_map(shown).collect();
         if seen.len() < least {

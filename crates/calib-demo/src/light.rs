@@ -16,7 +16,7 @@ pub(crate) enum Room {
     Outside,
 }
 
-/// Light at a point, relative to a well-lit white wall.
+/// Light that arrives at a surface point, relative to a well-lit white wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Light {
     /// Light from lamps, sky and surroundings that a white surface would reflect.
@@ -30,34 +30,35 @@ pub(crate) struct Light {
 pub(crate) struct LightQuery {
     pub(crate) point: Vec3,
     pub(crate) normal: Vec3,
-    /// Viewing direction.
+    /// Viewing direction: unit vector from the camera to the point.
     pub(crate) view: Vec3,
     /// Whether the mirror reflection is computed.
     pub(crate) mirrors: bool,
-    /// Index that selects ray directions. Neighbours with consecutive numbers use directions between each
-    /// other's.
+    /// Index that selects the ray directions. Neighbouring pixels use consecutive indices, so that their rays
+    /// interleave.
     pub(crate) turn: u32,
 }
 
 impl LightQuery {
-    /// Returns two numbers from 0 to 1 for the ray with this index. Over the values of `turn` of neighbours
-    /// they fill the square evenly (Roberts' sequence), so the mean of neighbours has little noise.
+    /// Returns two numbers from 0 to 1 for the ray with this index (Roberts' sequence). For consecutive
+    /// values of `turn` the pairs fill the square evenly, so the mean over neighbouring pixels has little
+    /// noise.
     fn even(&self, ray: u32) -> [f32; 2] {
         let turn = self.turn as f32;
         [(0.754_877_7 * turn + chance(ray)).fract(), (0.569_840_3 * turn + chance(ray ^ 0xabcd)).fract()]
     }
 }
 
-/// Direction toward the sun.
+/// Unit vector toward the sun, in world axes.
 const SUN: Vec3 = vec3(-0.4194, 0.6990, 0.5791);
-/// Sunlight on a white surface perpendicular to it.
+/// Colour of sunlight on a white surface perpendicular to the light, relative to a well-lit white wall.
 const SUNLIGHT: Vec3 = vec3(2.5, 2.25, 1.85);
-/// Distance of ray origins above their surface, in metres.
-const LIFT: f32 = 1e-3;
-/// Distance above which surroundings are replaced by the mean of their room, in metres.
-const REACH: f32 = 2.6;
-/// Distance larger than any in the scene, in metres.
-const FAR: f32 = 400.0;
+/// Distance of a ray's origin above the surface that it starts from, in metres.
+const RAY_OFFSET: f32 = 1e-3;
+/// Maximum length of a ray for indirect light, in metres. Longer rays return the mean light of the room.
+const MAX_INDIRECT_DISTANCE: f32 = 2.6;
+/// Distance that exceeds all distances in the scene, in metres.
+const BEYOND_SCENE: f32 = 400.0;
 
 /// Returns the room of a point; the space under the roof of the barn belongs to the barn.
 pub(crate) fn room_at(p: Vec3) -> Room {
@@ -99,7 +100,8 @@ fn ambient(room: Room, direction: Vec3) -> Vec3 {
     }
 }
 
-/// Returns the light on a surface: unshadowed outside, the mean inside.
+/// Returns the approximate light on a surface with this normal: unshadowed daylight outside, and the mean
+/// light of the room inside.
 fn mean_light(room: Room, normal: Vec3) -> Vec3 {
     match room {
         Room::Outside => vec3(0.95, 1.05, 1.2) + SUNLIGHT * SUN.dot(normal).max(0.0),
@@ -107,11 +109,11 @@ fn mean_light(room: Room, normal: Vec3) -> Vec3 {
     }
 }
 
-/// Returns the light along a ray without shadows, which is sufficient for indirect light and mirrors. Lamps
-/// are excluded if their light is computed separately.
+/// Returns the light along a ray, without shadows and up to `reach` metres. It is sufficient for indirect
+/// light and mirrors. `lamps` includes the light of lamps; it is false where lamps are sampled separately.
 fn trace_unshadowed(world: &World, line: &Line, reach: f32, home: Room, lamps: bool) -> Vec3 {
     match world.tree.nearest(line, reach) {
-        None if reach < FAR => {
+        None if reach < BEYOND_SCENE => {
             let end = room_at(line.at(reach));
             // Empty space between two rooms is a window or a gate.
             ambient(if end == home { home } else { end }, line.direction)
@@ -129,25 +131,25 @@ fn trace_unshadowed(world: &World, line: &Line, reach: f32, home: Room, lamps: b
     }
 }
 
-/// Computes direct sunlight on a surface with a separate ray, so that shadows are sharp.
+/// Computes the direct sunlight on a surface with one ray toward the sun, so that shadows are sharp.
 pub(crate) fn sunlight(world: &World, point: Vec3, normal: Vec3) -> Vec3 {
     let slant = SUN.dot(normal);
-    if slant <= 0.0 || !world.tree.is_clear(&Line::new(point + normal * LIFT, SUN), FAR) {
+    if slant <= 0.0 || !world.tree.is_clear(&Line::new(point + normal * RAY_OFFSET, SUN), BEYOND_SCENE) {
         return Vec3::ZERO;
     }
     SUNLIGHT * slant
 }
 
-/// Computes the light at a point with `4 x rows` rays into the half space above it, and one ray to most
-/// lamps.
+/// Computes the light at a surface point. It traces `4 x rows` rays into the half space above the surface,
+/// and one ray to each lamp that contributes enough light.
 pub(crate) fn gather(world: &World, place: &LightQuery, rows: u32) -> Light {
     let LightQuery { normal, view, .. } = *place;
-    let origin = place.point + normal * LIFT;
+    let origin = place.point + normal * RAY_OFFSET;
     let home = room_at(place.point + normal * 0.02);
     if home == Room::Outside {
         return Light { diffuse: vec3(0.95, 1.05, 1.2), mirror: Vec3::ZERO };
     }
-    let (tangent, other) = axes(normal);
+    let (tangent, other) = tangents(normal);
     let mut diffuse = Vec3::ZERO;
     for i in 0..rows {
         for j in 0..4 {
@@ -157,20 +159,24 @@ pub(crate) fn gather(world: &World, place: &LightQuery, rows: u32) -> Light {
             let ((sin, cos), radius) = (turn.sin_cos(), square.sqrt());
             let direction =
                 tangent * (radius * cos) + other * (radius * sin) + normal * (1.0 - square).sqrt();
-            diffuse += trace_unshadowed(world, &Line::new(origin, direction), REACH, home, false);
+            diffuse +=
+                trace_unshadowed(world, &Line::new(origin, direction), MAX_INDIRECT_DISTANCE, home, false);
         }
     }
     diffuse = diffuse * (0.25 / rows as f32) + lamplight(world, origin, place, home);
     let mut mirror = Vec3::ZERO;
     if place.mirrors {
-        const RAYS: u32 = 4;
-        const ROUGH: f32 = 0.05;
+        /// Number of rays for the mirror reflection.
+        const MIRROR_RAYS: u32 = 4;
+        /// Width of the reflected directions on a rough surface, as a fraction of the ray length.
+        const ROUGHNESS: f32 = 0.05;
         let ahead = view - normal * (2.0 * view.dot(normal));
-        for i in 0..RAYS {
+        for i in 0..MIRROR_RAYS {
             let [a, b] = place.even(100 + i);
-            let bent = tangent * (ROUGH * (a - 0.5)) + other * (ROUGH * (b - 0.5));
-            mirror += trace_unshadowed(world, &Line::new(origin, (ahead + bent).unit()), FAR, home, true)
-                * (1.0 / RAYS as f32);
+            let bent = tangent * (ROUGHNESS * (a - 0.5)) + other * (ROUGHNESS * (b - 0.5));
+            mirror +=
+                trace_unshadowed(world, &Line::new(origin, (ahead + bent).unit()), BEYOND_SCENE, home, true)
+                    * (1.0 / MIRROR_RAYS as f32);
         }
     }
     Light { diffuse, mirror }
@@ -178,12 +184,13 @@ pub(crate) fn gather(world: &World, place: &LightQuery, rows: u32) -> Light {
 
 /// Computes the light of the lamps of a room. Faint lamps are sampled occasionally with a higher weight.
 fn lamplight(world: &World, origin: Vec3, place: &LightQuery, home: Room) -> Vec3 {
-    const ALWAYS: f32 = 0.025;
+    /// Brightness of a lamp's light above which the lamp is always sampled.
+    const ALWAYS_SAMPLED_LIGHT: f32 = 0.025;
     let mut sum = Vec3::ZERO;
     for (i, lamp) in world.lamps.iter().enumerate().filter(|(_, lamp)| room_at(lamp.centre) == home) {
         let ray = 200 + 2 * i as u32;
-        let (way, light) = from_lamp(lamp, origin, place.normal, place.even(ray));
-        let share = (light / ALWAYS).min(1.0);
+        let (way, light) = lamp_sample(lamp, origin, place.normal, place.even(ray));
+        let share = (light / ALWAYS_SAMPLED_LIGHT).min(1.0);
         if share <= 0.0 || place.even(ray + 1)[0] >= share {
             continue;
         }
@@ -195,8 +202,9 @@ fn lamplight(world: &World, origin: Vec3, place: &LightQuery, home: Room) -> Vec
     sum
 }
 
-/// Returns the vector to a point of the lamp, and the brightness of its light without occlusion.
-fn from_lamp(lamp: &Lamp, origin: Vec3, normal: Vec3, [a, b]: [f32; 2]) -> (Vec3, f32) {
+/// Returns the vector from `origin` to a point of the lamp, and the brightness of its light without
+/// occlusion. `a` and `b`, from 0 to 1, select the point of the lamp.
+fn lamp_sample(lamp: &Lamp, origin: Vec3, normal: Vec3, [a, b]: [f32; 2]) -> (Vec3, f32) {
     let [hx, hy] = lamp.half;
     let off = vec3((2.0 * a - 1.0) * hx, (2.0 * b - 1.0) * hy, 0.0);
     let way = lamp.centre + off - origin;
@@ -207,7 +215,7 @@ fn from_lamp(lamp: &Lamp, origin: Vec3, normal: Vec3, [a, b]: [f32; 2]) -> (Vec3
 }
 
 /// Returns two directions perpendicular to a normal and to each other.
-fn axes(normal: Vec3) -> (Vec3, Vec3) {
+fn tangents(normal: Vec3) -> (Vec3, Vec3) {
     let aside = if normal.x.abs() > 0.8 { vec3(0.0, 1.0, 0.0) } else { vec3(1.0, 0.0, 0.0) };
     let tangent = normal.cross(aside).unit();
     (tangent, normal.cross(tangent))

@@ -6,10 +6,10 @@ use crate::vector::{Vec3, vec3};
 /// Material of a surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Material {
-    /// Linear reflectance.
+    /// Linear reflectance (red, green, blue), from 0 to 1.
     pub(crate) colour: Vec3,
     pub(crate) finish: Finish,
-    /// Fraction of light reflected at perpendicular incidence; 0 is matt.
+    /// Mirror reflectance at perpendicular incidence, from 0 to 1; 0 is matt.
     pub(crate) gloss: f32,
     /// Emitted light, relative to a well-lit white wall.
     pub(crate) glow: f32,
@@ -32,7 +32,7 @@ pub(crate) enum Finish {
     Panels {
         pitch: f32,
     },
-    /// Upright boards of this width.
+    /// Upright boards of this width, in metres.
     Boards {
         width: f32,
     },
@@ -45,7 +45,7 @@ pub(crate) enum Finish {
     Label {
         band: Vec3,
     },
-    /// Sheets with ribs of this pitch, horizontal on walls.
+    /// Sheets with ribs of this pitch, in metres; the ribs are horizontal on walls.
     Ribs {
         pitch: f32,
     },
@@ -55,7 +55,7 @@ pub(crate) enum Finish {
     Green,
 }
 
-/// Point on a solid, and the area that one pixel covers.
+/// Point on a solid, and the area that one pixel covers there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) point: Vec3,
@@ -64,9 +64,9 @@ pub(crate) struct Surface {
     pub(crate) local: Vec3,
     /// Size of the solid's bounds, in metres.
     pub(crate) size: Vec3,
-    /// Seed that varies solids of the same kind.
+    /// Seed that varies the pattern between solids of the same kind.
     pub(crate) seed: u32,
-    /// Extent of a pixel along every axis, in metres.
+    /// Extent of one image pixel on the surface along each world axis, in metres.
     pub(crate) footprint: Vec3,
 }
 
@@ -82,14 +82,17 @@ impl Material {
         Self { colour: paint(rgb), finish: Finish::Plain, gloss: 0.0, glow: 0.0 }
     }
 
+    /// Returns the material with this pattern.
     pub(crate) fn with(self, finish: Finish) -> Self {
         Self { finish, ..self }
     }
 
+    /// Returns the material with this mirror reflectance.
     pub(crate) const fn gloss(self, gloss: f32) -> Self {
         Self { gloss, ..self }
     }
 
+    /// Returns the material with this emitted light.
     pub(crate) const fn glow(self, glow: f32) -> Self {
         Self { glow, ..self }
     }
@@ -135,20 +138,22 @@ impl Material {
 }
 
 fn tiles(colour: Vec3, pitch: f32, s: &Surface, width: f32) -> Vec3 {
-    const GROUT: f32 = 0.009;
+    /// Width of the joints, in metres.
+    const JOINT_WIDTH: f32 = 0.009;
     let each = chance(cell((s.point.x / pitch).floor() as i32, (s.point.y / pitch).floor() as i32, 7));
     let veins = clouds(s.point + Vec3::grey(each * 31.0), 0.5, width);
     let tile = colour * (1.0 + 0.07 * (each - 0.5) + 0.045 * veins);
-    let x = joint(s.point.x, pitch, GROUT, s.footprint.x);
-    let y = joint(s.point.y, pitch, GROUT, s.footprint.y);
+    let x = joint(s.point.x, pitch, JOINT_WIDTH, s.footprint.x);
+    let y = joint(s.point.y, pitch, JOINT_WIDTH, s.footprint.y);
     tile.towards(colour * vec3(0.30, 0.285, 0.27), (x + y - x * y).min(1.0))
 }
 
 fn concrete(colour: Vec3, pitch: f32, s: &Surface, width: f32) -> Vec3 {
-    const CUT: f32 = 0.014;
+    /// Width of the saw cuts, in metres.
+    const CUT_WIDTH: f32 = 0.014;
     let stains = step(0.1, 0.55, clouds(s.point + vec3(3.1, 7.7, 0.0), 2.6, width));
     let grain = 0.10 * clouds(s.point, 0.8, width) + 0.06 * clouds(s.point, 0.06, width);
-    let cut = joint(s.point.x, pitch, CUT, s.footprint.x);
+    let cut = joint(s.point.x, pitch, CUT_WIDTH, s.footprint.x);
     colour * ((1.0 + grain) * (1.0 - 0.22 * stains) * (1.0 - 0.6 * cut))
 }
 

@@ -3,7 +3,7 @@
 //! Soft light is computed at every fourth pixel of every fourth row, and shared by pixels of the same
 //! surface. Textures, sunlight and edges are computed for every pixel.
 //!
-//! Conversion of light to image bytes: tone curve, vignetting, sensor noise.
+//! The conversion of light to image bytes applies a tone curve, vignetting and sensor noise.
 //!
 //! Rows are rendered in parallel on all threads, and in the browser on one.
 
@@ -65,6 +65,7 @@ where
 /// Applies a film-like tone curve, from linear light to display values: it keeps shadows and compresses
 /// highlights.
 pub(crate) fn tone(light: Vec3) -> Vec3 {
+    /// Factor of the light before the tone curve.
     const EXPOSURE: f32 = 1.28;
     // Narkowicz's fit to the ACES reference curve.
     let curve = |x: f32| {
@@ -76,7 +77,7 @@ pub(crate) fn tone(light: Vec3) -> Vec3 {
     Vec3::grey(shown.luminance()).towards(shown, 0.82)
 }
 
-/// Converts light to the final image.
+/// Converts display values of all pixels, row by row, to image bytes: adds vignetting and sensor noise.
 pub(crate) fn develop(picture: &[Vec3], [width, height]: [u32; 2]) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         let colour = picture[(y * width + x) as usize];
@@ -97,10 +98,10 @@ fn noise(seed: u32, brightness: f32) -> Vec3 {
     (Vec3::grey(bell(0x11)) + vec3(bell(0x23), bell(0x35), bell(0x47)) * 0.4) * (2.0 * amount)
 }
 
-/// Distance between the pixels with computed soft light.
+/// Distance between the pixels for which soft light is computed, in pixels.
 const PITCH: usize = 4;
-/// Distance larger than any in the scene, in metres.
-const FAR: f32 = 400.0;
+/// Distance that exceeds all distances in the scene, in metres.
+const BEYOND_SCENE: f32 = 400.0;
 
 /// Renders the scene for a camera with an image of `size` pixels.
 ///
@@ -123,7 +124,7 @@ fn render_world(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbIm
         for (x, hit) in row.iter_mut().enumerate() {
             *hit = view
                 .line(x as f32 + 0.5, y as f32 + 0.5)
-                .and_then(|line| view.world.tree.nearest(&line, FAR));
+                .and_then(|line| view.world.tree.nearest(&line, BEYOND_SCENE));
         }
     });
     let probes = view.probes(&hits);
@@ -146,26 +147,26 @@ fn render_world(world: &'static World, camera: &Camera, size: [u32; 2]) -> RgbIm
     develop(&smooth, size)
 }
 
-/// Soft light at a point, and the surface that it applies to.
+/// Soft light at a sampled pixel, and the surface point that it applies to.
 #[derive(Clone, Copy, Debug, Default)]
 struct Probe {
     point: Vec3,
-    /// Normal of the surface; zero without a surface.
+    /// Unit normal of the surface; zero if the ray meets no surface.
     normal: Vec3,
     light: Light,
 }
 
-/// Data shared by the steps of rendering.
+/// Scene and camera rays of one image, shared by the steps of rendering.
 struct View {
     world: &'static World,
     rays: Rays,
     width: usize,
     height: usize,
-    /// Angle of a pixel, in radians.
+    /// Viewing angle of one pixel at the optical axis, in radians.
     angle: f32,
 }
 
-/// Point where a ray meets a surface.
+/// Point where a camera ray meets a solid.
 struct Spot {
     surface: Surface,
     solid: usize,
@@ -202,18 +203,21 @@ impl View {
         Spot { surface, solid, distance: hit.distance }
     }
 
+    /// Returns the query for the light at a spot; `turn` selects the ray directions.
     fn place(&self, line: &Line, spot: &Spot, turn: u32) -> LightQuery {
         let mirrors = self.world.solids[spot.solid].material.gloss > 0.0;
         let Surface { point, normal, .. } = spot.surface;
         LightQuery { point, normal, view: line.direction, mirrors, turn }
     }
 
-    /// Returns the number of columns and rows of points with computed soft light.
+    /// Returns the number of columns and rows of probes.
     const fn grid(&self) -> [usize; 2] {
         [self.width.div_ceil(PITCH), self.height.div_ceil(PITCH)]
     }
 
+    /// Computes the probes: the soft light at every fourth pixel of every fourth row.
     fn probes(&self, hits: &[Option<Hit>]) -> Vec<Probe> {
+        /// Number of rows of rays at a point, see [`gather`].
         const ROWS: u32 = 2;
         let [columns, rows] = self.grid();
         render_rows(columns, rows, |j, row: &mut [Probe]| {
@@ -231,15 +235,17 @@ impl View {
         })
     }
 
-    /// Returns soft light at a spot, interpolated from probes on its surface, or computed if there are none.
+    /// Returns the soft light at a spot. It is interpolated from probes on the same surface, or computed if
+    /// no probe is near. `u` and `v` are the pixel of the spot.
     fn light(&self, line: &Line, spot: &Spot, [u, v]: [f32; 2], probes: &[Probe]) -> Light {
+        /// Number of rows of rays at a point, see [`gather`].
         const ROWS: u32 = 2;
         let Surface { point, normal, .. } = spot.surface;
         let [columns, rows] = self.grid().map(|n| n as i32);
         let (x, y) = ((u - 0.5) / PITCH as f32 - 0.5, (v - 0.5) / PITCH as f32 - 0.5);
         let (i0, j0) = ((x - 1.5).floor() as i32, (y - 1.5).floor() as i32);
-        // Trapezoidal weights as wide as a block: on an even surface every value of `turn` has the same
-        // weight.
+        // Trapezoidal weights as wide as a block of 4 x 4 probes. On an even surface, every value of `turn`
+        // then has the same weight.
         let share = |gap: f32| (2.5 - gap.abs()).clamp(0.0, 1.0);
         let thick = 0.012 + 0.004 * spot.distance;
         let (mut sum, mut total) = (Light::default(), 0.0);
@@ -263,6 +269,7 @@ impl View {
         Light { diffuse: sum.diffuse * total.recip(), mirror: sum.mirror * total.recip() }
     }
 
+    /// Returns the light that a camera ray receives at image position `at`, in pixels.
     fn shade(&self, line: &Line, hit: Option<Hit>, at: [f32; 2], probes: &[Probe]) -> Vec3 {
         let Some(hit) = hit else { return sky(line.direction) };
         let spot = self.spot(line, hit);
@@ -284,13 +291,14 @@ impl View {
         colour * (1.0 - share) + light.mirror * share
     }
 
-    /// Returns the mean of a pixel's centre and three more points of the pixel.
+    /// Returns the mean display value of four points of a pixel. `middle` is the value at the pixel's centre.
     fn refine(&self, middle: Vec3, x: usize, y: usize, probes: &[Probe]) -> Vec3 {
+        /// Positions of the other three points in the pixel, in pixels.
         const POINTS: [[f32; 2]; 3] = [[0.35, 0.1], [0.9, 0.45], [0.2, 0.85]];
         let more = POINTS.map(|[dx, dy]| {
             let (u, v) = (x as f32 + dx, y as f32 + dy);
             self.line(u, v).map_or(Vec3::ZERO, |line| {
-                let hit = self.world.tree.nearest(&line, FAR);
+                let hit = self.world.tree.nearest(&line, BEYOND_SCENE);
                 tone(self.shade(&line, hit, [u, v], probes))
             })
         });
@@ -300,12 +308,13 @@ impl View {
 
 /// Whether a pixel visibly differs from one of its neighbours.
 fn is_edge(picture: &[Vec3], width: usize, height: usize, x: usize, y: usize) -> bool {
-    const VISIBLE: f32 = 0.05;
+    /// Smallest visible difference of a display value.
+    const MIN_VISIBLE_STEP: f32 = 0.05;
     let here = picture[y * width + x];
     let differs = |x: usize, y: usize| {
         let d = picture[y * width + x] - here;
         let d = vec3(d.x.abs(), d.y.abs(), d.z.abs());
-        d.x.max(d.y).max(d.z) > VISIBLE
+        d.x.max(d.y).max(d.z) > MIN_VISIBLE_STEP
     };
     (x > 0 && differs(x - 1, y))
         || (x + 1 < width && differs(x + 1, y))

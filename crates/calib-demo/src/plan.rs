@@ -8,7 +8,7 @@ use crate::building::{COLUMN, COLUMNS, Filling, Opening, WALLS, Wall};
 use crate::picture::render_rows;
 use crate::world::world;
 
-/// Plan pixels in a metre.
+/// Scale of the plan, in pixels per metre.
 const SCALE: f32 = 40.0;
 /// Border around the building, in metres.
 const BORDER: f32 = 1.0;
@@ -17,9 +17,13 @@ const EXTENT: [f32; 4] = [-0.3, -12.5, 30.3, 14.7];
 /// Number of samples of a plan pixel along x and y.
 const FINE: usize = 4;
 
+/// Brightness of empty floor, from 0 (black) to 255.
 const PAPER: f32 = 255.0;
+/// Brightness of walls and columns.
 const WALL: f32 = 58.0;
+/// Brightness of the outlines of furniture.
 const FURNITURE: f32 = 176.0;
+/// Brightness of the lines of doors and windows.
 const LINE: f32 = 120.0;
 
 /// Returns the plan entry of the site file.
@@ -39,7 +43,9 @@ pub(crate) fn plan() -> RgbImage {
     let width = ((EXTENT[2] - EXTENT[0] + 2.0 * BORDER) * SCALE).round() as usize;
     let height = ((EXTENT[3] - EXTENT[1] + 2.0 * BORDER) * SCALE).round() as usize;
     let PlanPixel { x: origin_x, y: origin_y } = plan_entry().origin_px;
-    let at = |column: f32, row: f32| ink((column - origin_x as f32) / SCALE, (origin_y as f32 - row) / SCALE);
+    let at = |column: f32, row: f32| {
+        brightness((column - origin_x as f32) / SCALE, (origin_y as f32 - row) / SCALE)
+    };
     let shades = render_rows(width, height, |row, shades: &mut [u8]| {
         let corners: Vec<f32> =
             (0..2 * width + 2).map(|i| at((i / 2) as f32, (row + i % 2) as f32)).collect();
@@ -64,8 +70,8 @@ pub(crate) fn plan() -> RgbImage {
     })
 }
 
-/// Returns the brightness of the plan at a point, in metres.
-fn ink(x: f32, y: f32) -> f32 {
+/// Returns the brightness of the plan, from 0 to 255, at a floor point in metres.
+fn brightness(x: f32, y: f32) -> f32 {
     let within = |[x0, y0, x1, y1]: [f32; 4]| x >= x0 && x < x1 && y >= y0 && y < y1;
     for [cx, cy] in COLUMNS {
         if within([cx - COLUMN, cy - COLUMN, cx + COLUMN, cy + COLUMN]) {
@@ -73,7 +79,7 @@ fn ink(x: f32, y: f32) -> f32 {
         }
     }
     for wall in &WALLS {
-        if let Some(ink) = opening_ink(wall, x, y) {
+        if let Some(ink) = opening_brightness(wall, x, y) {
             return ink;
         }
         if within(wall.foot) {
@@ -81,9 +87,10 @@ fn ink(x: f32, y: f32) -> f32 {
         }
     }
     let edge = |&[x0, y0, x1, y1]: &[f32; 4]| {
-        const HALF: f32 = 0.025;
-        within([x0 - HALF, y0 - HALF, x1 + HALF, y1 + HALF])
-            && !within([x0 + HALF, y0 + HALF, x1 - HALF, y1 - HALF])
+        /// Half the width of an outline, in metres.
+        const HALF_LINE: f32 = 0.025;
+        within([x0 - HALF_LINE, y0 - HALF_LINE, x1 + HALF_LINE, y1 + HALF_LINE])
+            && !within([x0 + HALF_LINE, y0 + HALF_LINE, x1 - HALF_LINE, y1 - HALF_LINE])
     };
     let outlines = &world().outlines;
     if outlines.iter().any(edge) {
@@ -95,8 +102,9 @@ fn ink(x: f32, y: f32) -> f32 {
     }
 }
 
-/// Draws the leaf and arc of a door, the panes of a window, or the gap of a gate.
-fn opening_ink(wall: &Wall, x: f32, y: f32) -> Option<f32> {
+/// Returns the brightness at a floor point if it belongs to an opening of a wall: the leaf and arc of a door,
+/// the panes of a window, or the gap of a gate.
+fn opening_brightness(wall: &Wall, x: f32, y: f32) -> Option<f32> {
     let (along, across) = if wall.is_along_x() { (x, y) } else { (y, x) };
     let [x0, y0, x1, y1] = wall.foot;
     let (low, high) = if wall.is_along_x() { (y0, y1) } else { (x0, x1) };
@@ -106,7 +114,7 @@ fn opening_ink(wall: &Wall, x: f32, y: f32) -> Option<f32> {
         match opening.filling {
             Filling::Door { positive } => {
                 let out = if positive { across - high } else { low - across };
-                door_ink(opening, along, out).or(inside.then_some(PAPER))
+                door_brightness(opening, along, out).or(inside.then_some(PAPER))
             }
             Filling::Shutter if inside => {
                 let line = (across - 0.5 * (low + high)).abs() < 0.02 || on_rim(across, low, high);
@@ -126,9 +134,11 @@ fn on_rim(across: f32, low: f32, high: f32) -> bool {
     across - low < 0.025 || high - across < 0.025
 }
 
-/// Draws a leaf that is open at right angles to the wall; `out` counts from the wall's face.
-fn door_ink(opening: &Opening, along: f32, out: f32) -> Option<f32> {
-    const HALF: f32 = 0.02;
+/// Returns the brightness at a point on the leaf or the arc of a door that is open at right angles to the
+/// wall. `along` is the position along the wall, and `out` the distance from the wall's face, in metres.
+fn door_brightness(opening: &Opening, along: f32, out: f32) -> Option<f32> {
+    /// Half the width of the arc, in metres.
+    const HALF_LINE: f32 = 0.02;
     let [from, to] = opening.span;
     let width = to - from;
     if out < 0.0 || along < from {
@@ -136,7 +146,7 @@ fn door_ink(opening: &Opening, along: f32, out: f32) -> Option<f32> {
     }
     let (run, radius) = (along - from, (along - from).hypot(out));
     let leaf = run < 0.045 && out < width;
-    let arc = (radius - width).abs() < HALF;
+    let arc = (radius - width).abs() < HALF_LINE;
     (leaf || arc).then_some(LINE)
 }
 

@@ -11,7 +11,7 @@ pub(crate) const TABLES: [[f32; 2]; 4] = [[15.6, 3.6], [18.6, 3.6], [15.6, 6.6],
 /// Width, depth and height of a table without its crates, in metres.
 pub(crate) const TABLE: [f32; 3] = [1.8, 1.2, 0.72];
 
-/// Colour of the skin, and radius in metres.
+/// Kinds of fruit: colour of the skin as `0xRRGGBB`, and radius in metres.
 const KINDS: [(u32, f32); 9] = [
     (0xb5_2f26, 0.040),
     (0xe0_8a1e, 0.042),
@@ -57,8 +57,11 @@ pub(crate) fn build(stage: &mut Stage) {
 
 /// Adds a crate of 0.6 m x 0.6 m with a heap of fruit.
 fn add_crate(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], fruit: Material, radius: f32) {
+    /// Outer side of the crate, in metres.
     const SIDE: f32 = 0.575;
+    /// Height of the crate, in metres.
     const HEIGHT: f32 = 0.2;
+    /// Thickness of the crate's walls, in metres.
     const WALL: f32 = 0.015;
     let wood = Material::matt(0xc9_a877).with(Finish::Timber);
     let (a, b) = (x + 0.0125, y + 0.0125);

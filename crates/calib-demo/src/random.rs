@@ -10,7 +10,7 @@ use rand::Rng;
 /// Width and height of every image, in pixels.
 pub const SIZE: [f64; 2] = [1920.0, 1080.0];
 
-/// Kind of annotations.
+/// Kind of annotations of a random scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnnotationSet {
     /// Option 1 of the paper: parallel and perpendicular floor lines, verticals.
@@ -31,8 +31,8 @@ pub struct RandomScene {
 }
 
 impl RandomScene {
-    /// Creates a random scene with these annotations. `hfov` and `pitch` are in degrees, and random if
-    /// absent.
+    /// Creates a random scene with these annotations. `hfov` (horizontal field of view) and `pitch` are in
+    /// degrees, and random if absent.
     pub fn new(random: &mut impl Rng, drawn: AnnotationSet, hfov: Option<f64>, pitch: Option<f64>) -> Self {
         loop {
             if let Some(scene) = Self::attempt(random, drawn, hfov, pitch) {
@@ -90,11 +90,13 @@ pub fn normal(random: &mut impl Rng) -> f64 {
     radius * (2.0 * PI * random.random::<f64>()).cos()
 }
 
+/// Room of a camera: the floor points within `depth` metres of the point below the camera.
 struct Room {
     camera: Camera,
     depth: f64,
 }
 
+/// Pixels of both ends of a line.
 type Segment = Vec<Pixel>;
 
 impl Room {
@@ -108,7 +110,8 @@ impl Room {
         (floor.x.hypot(floor.y) < self.depth).then(|| floor.at_height(height))
     }
 
-    /// Projects a segment; `None` unless both ends are in the image and more than `least` pixels apart.
+    /// Projects a segment in world coordinates to the image. Returns `None` unless both ends are in the image
+    /// and more than `least` pixels apart.
     fn shown(&self, ends: [WorldPoint; 2], least: f64) -> Option<Segment> {
         let [a, b] = ends.map(|end| self.camera.world_to_pixel(end));
         let inside = |p: &Pixel| p.u > 4.0 && p.v > 4.0 && p.u < SIZE[0] - 4.0 && p.v < SIZE[1] - 4.0;
@@ -116,6 +119,8 @@ impl Room {
         (a.distance(b) > least).then(|| vec![a, b])
     }
 
+    /// Returns a random floor segment with this azimuth (radians) and range of lengths (metres). It is more
+    /// than `least` pixels long in the image.
     fn floor(&self, random: &mut impl Rng, azimuth: f64, length: (f64, f64), least: f64) -> Option<Segment> {
         (0..3000).find_map(|_| {
             let centre = self.point(random, 0.0)?;
@@ -127,6 +132,7 @@ impl Room {
         })
     }
 
+    /// Returns a random vertical segment, more than 80 pixels long in the image.
     fn vertical(&self, random: &mut impl Rng) -> Option<Segment> {
         let top = (self.camera.position.z - 0.2).min(3.0);
         (0..3000).find_map(|_| {
@@ -137,6 +143,7 @@ impl Room {
         })
     }
 
+    /// Returns parallel and perpendicular floor lines; one direction has this azimuth, in radians.
     fn directions(&self, random: &mut impl Rng, azimuth: f64) -> Option<Vec<Annotation>> {
         let groups = random.random_range(1..3_usize);
         let count = random.random_range(2 * groups..7);
@@ -159,6 +166,7 @@ impl Room {
         Some(annotations)
     }
 
+    /// Returns floor segments of equal length; most are along or across this azimuth, in radians.
     fn lengths(&self, random: &mut impl Rng, azimuth: f64) -> Option<Annotation> {
         let length = random.random_range(0.6..2.0);
         let count = random.random_range(4..11);
@@ -175,7 +183,8 @@ impl Room {
         Some(Annotation::from_segments(Kind::EqualLength, lines?))
     }
 
-    /// Returns the bottom corners of the image, and the two corners at the far end of the room.
+    /// Returns the corners of the EFOV in pixels: the bottom corners of the image, and two corners at the far
+    /// end of the room.
     fn efov(&self) -> Option<Vec<Pixel>> {
         let far = |u: f64| {
             let rows = (0..(SIZE[1] / 5.0) as usize).map(|i| 5.0 * i as f64);

@@ -10,7 +10,7 @@ use crate::vector::{Vec3, greater, lesser, vec3};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     pub(crate) origin: Vec3,
-    /// Unit vector.
+    /// Direction: unit vector in world axes.
     pub(crate) direction: Vec3,
     /// Reciprocals of the coordinates of the direction.
     pub(crate) inverse: Vec3,
@@ -55,8 +55,8 @@ impl Bounds {
         s.x * s.y + s.y * s.z + s.z * s.x
     }
 
-    /// Returns the distances where the ray enters and leaves the box. The ray misses the box if the first is
-    /// greater.
+    /// Returns the distances along the ray, in metres, where it enters and leaves the box. The ray misses the
+    /// box if the first distance is greater.
     #[inline]
     pub(crate) fn span(&self, line: &Line) -> (f32, f32) {
         let a = (self.min - line.origin) * line.inverse;
@@ -73,13 +73,14 @@ pub(crate) enum Shape {
     Box(Bounds),
     /// Rotated box with its axes (unit vectors) and half lengths.
     RotatedBox { centre: Vec3, axes: [Vec3; 3], half: Vec3 },
-    /// Hull of two balls.
+    /// Hull of two balls (a tapering rod with round ends), or a single ball.
     Cone { from: Vec3, to: Vec3, radii: [f32; 2] },
     /// Cylinder with flat ends.
     Drum { from: Vec3, to: Vec3, radius: f32 },
 }
 
-/// Smallest distance of an intersection, in metres. Nearer ones are the surface on which the ray starts.
+/// Smallest accepted distance of an intersection along a ray, in metres. A nearer intersection belongs to the
+/// surface on which the ray starts.
 const NEAREST: f32 = 1e-4;
 
 impl Shape {
@@ -108,7 +109,8 @@ impl Shape {
         }
     }
 
-    /// Returns the distance along the ray to the surface, between 0 and `limit` metres.
+    /// Returns the distance along the ray, in metres, to the first intersection with the surface; `None` if
+    /// it is not between 0 and `limit`.
     pub(crate) fn hit(&self, line: &Line, limit: f32) -> Option<f32> {
         let distance = match *self {
             Self::Box(bounds) => {
@@ -152,7 +154,8 @@ impl Shape {
     }
 }
 
-/// Returns the normal of the nearest face of a box; `v` is relative to its centre.
+/// Returns the normal of the nearest face of a box with the half lengths `half`. The point `v` is relative to
+/// the centre of the box.
 fn box_normal(v: Vec3, half: Vec3) -> Vec3 {
     let depth = vec3(half.x - v.x.abs(), half.y - v.y.abs(), half.z - v.z.abs());
     if depth.x < depth.y && depth.x < depth.z {
@@ -240,15 +243,15 @@ fn hit_drum(line: &Line, from: Vec3, to: Vec3, radius: f32) -> Option<f32> {
     (t.is_finite() && p.dot(p) < radius * radius).then_some(shift + t)
 }
 
-/// Distance of mesh nodes, in pixels. Over this distance, interpolation errors by distortion are below 0.01
-/// pixels.
+/// Distance between neighbouring nodes of the mesh of rays, in pixels. Interpolation between the nodes has
+/// errors below 0.01 pixels for the lenses of the demonstration.
 const PITCH: usize = 4;
 
-/// Rays of one camera.
+/// Rays of one camera, interpolated between the nodes of a mesh.
 #[derive(Debug)]
 pub(crate) struct Rays {
     origin: Vec3,
-    /// Directions at the nodes, row by row; NaN outside the lens.
+    /// Ray directions at the nodes, row by row; NaN outside the lens.
     nodes: Vec<Vec3>,
     columns: usize,
     /// Centre and radius of the image circle of a fisheye, in pixels.
@@ -264,8 +267,9 @@ impl Rays {
         let beyond = Camera { lens: Lens { image_circle: None, ..camera.lens }, ..*camera };
         let direction = |i: usize| {
             let [x, y, z] = beyond.pixel_to_ray(node(i))?.direction;
-            // Directions with equal depth, not equal length, interpolate linearly. Rays to the side of a
-            // fisheye have no depth.
+            // Directions are scaled to equal depth (coordinate along the optical axis), because these
+            // interpolate linearly. Rays of a fisheye stay unit vectors, because rays to its side have no
+            // depth.
             let ahead = camera.rotation()[2];
             let depth = x * ahead[0] + y * ahead[1] + z * ahead[2];
             let depth = if camera.lens.distortion.is_wide() { 1.0 } else { depth };

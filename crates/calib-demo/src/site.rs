@@ -29,7 +29,9 @@ use crate::world::{is_shown, visible};
 
 /// Returns id, true camera and image size in pixels of every camera.
 pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
+    /// Size of the image of a rectangular sensor, in pixels.
     const HD: [u32; 2] = [1920, 1080];
+    /// Size of the image of a fisheye camera, in pixels.
     const SQUARE: [u32; 2] = [1440, 1440];
     let barrel = BrownConrady { k1: -0.25, k2: 0.06, ..BrownConrady::default() };
     let mild = BrownConrady { k1: -0.09, k2: 0.015, ..BrownConrady::default() };
@@ -43,7 +45,7 @@ pub(crate) fn cameras() -> Vec<(&'static str, Camera, [u32; 2])> {
     ]
 }
 
-/// Largest angle of the fisheye from its axis, in degrees: 185 across its image circle.
+/// Largest angle of a fisheye's rays from its axis, in degrees: the image circle has a field of view of 185°.
 const HALF_FIELD: f64 = 92.5;
 
 /// Returns a fisheye camera under the ceiling, with yaw, pitch and roll in degrees. Its image circle has a
@@ -64,20 +66,21 @@ pub(crate) fn is_in_shop(id: &str) -> bool {
     id.starts_with("shop") || id == "checkouts"
 }
 
-/// Returns the cameras that changed within the month, with their rotation and zoom: one was bumped, and one
-/// zoomed.
+/// Returns the ids of the cameras that changed within the month, with their rotation and zoom. One camera was
+/// bumped, and one zoomed.
 #[must_use]
 pub fn changed_cameras() -> [(&'static str, RotationZoom); 2] {
-    /// Angle of the bump, in degrees.
-    const BUMP: f64 = 1.3;
-    let bump = [0.6, 0.7483, -0.2828].map(|part| part * BUMP.to_radians());
+    /// Rotation of the bumped camera, in degrees.
+    const BUMP_DEG: f64 = 1.3;
+    let bump = [0.6, 0.7483, -0.2828].map(|part| part * BUMP_DEG.to_radians());
     [
         ("shop-1", RotationZoom { vector: bump, zoom: 0.0 }),
         ("store", RotationZoom { vector: [0.0; 3], zoom: 1.03_f64.ln() }),
     ]
 }
 
-/// Returns a camera at a position, with yaw, pitch and roll in degrees; `lens` refers to its focal length.
+/// Returns a camera at a position in metres, with yaw, pitch and roll in degrees and the focal length in
+/// pixels. The coefficients of `lens` refer to this focal length.
 fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady>, size: [u32; 2]) -> Camera {
     let [yaw, pitch, roll] = degrees.map(f64::to_radians);
     let principal_point = Pixel::new(f64::from(size[0]) / 2.0, f64::from(size[1]) / 2.0);
@@ -90,7 +93,7 @@ fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady
     Camera { position: WorldPoint::from(at), yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
 }
 
-/// Returns the same camera with an image `factor` times as large.
+/// Returns the same camera for an image whose sides are multiplied by `factor`.
 #[cfg(test)]
 pub(crate) fn resized(camera: &Camera, factor: f64) -> Camera {
     let Pixel { u, v } = camera.lens.principal_point;
@@ -180,24 +183,24 @@ pub struct DemoSite {
     pub plan: RgbImage,
 }
 
-/// Knowledge of the site about the distorted lenses.
+/// Distortion of the cameras with distorted lenses, as entered in the site.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KnownLens {
-    /// Fixed coefficients, with the focal length that they refer to. The camera's own focal length is
-    /// unknown.
+    /// Known distortion: fixed coefficients, with the focal length that they refer to. The focal length of
+    /// the camera is unknown.
     Given,
-    /// k1 and k2 are fitted to the `straight` annotations.
+    /// Unknown distortion: k1 and k2 are fitted to the `straight` annotations.
     #[default]
     Fitted,
 }
 
-/// Creates the demonstration site, with lenses to be fitted.
+/// Creates the demonstration site, with distortion that the solve must fit.
 #[must_use]
 pub fn demo_site() -> DemoSite {
     demo_site_with(KnownLens::default())
 }
 
-/// Creates the demonstration site with this knowledge about the lenses.
+/// Creates the demonstration site with known or unknown distortion.
 #[must_use]
 pub fn demo_site_with(lens: KnownLens) -> DemoSite {
     let truth = cameras().into_iter().map(|(id, camera, _)| (id.into(), camera)).collect();
@@ -316,9 +319,12 @@ fn covered_area(id: &str) -> &'static [[f64; 2]] {
     }
 }
 
-/// Returns the covered floor area in the image. Corners outside the image are moved toward the centre.
+/// Returns the EFOV in pixels: the image of the floor area that a camera should cover. Corners outside the
+/// image are moved toward the centre of the area.
 fn efov(id: &str, hand: &Operator) -> Vec<Pixel> {
+    /// Minimum distance of the EFOV from the image border, in pixels.
     const MARGIN: f64 = 24.0;
+    /// Number of steps in which an invisible corner moves to the centre.
     const STEPS: u32 = 50;
     let corners = covered_area(id);
     let mean = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / corners.len() as f64;
@@ -335,19 +341,22 @@ fn efov(id: &str, hand: &Operator) -> Vec<Pixel> {
 
 /// Returns a placement with the errors of an operator who drags a polygon over a plan.
 fn placement_entry(hand: &mut Operator) -> PlacementEntry {
-    const MOVE: f64 = 0.035;
-    const TURN: f64 = 0.2;
-    const SCALE: f64 = 0.003;
+    /// Standard deviation of each coordinate of the translation, in metres.
+    const MOVE_SIGMA_M: f64 = 0.035;
+    /// Standard deviation of the rotation, in degrees.
+    const TURN_SIGMA_DEG: f64 = 0.2;
+    /// Standard deviation of the scale.
+    const SCALE_SIGMA: f64 = 0.003;
     let truth = Placement::from_camera(&hand.camera);
     let mut off = |sigma: f64, digits: f64, value: f64| {
-        // Errors over two standard deviations would be visible to the operator.
+        // An operator would notice an error of more than two standard deviations.
         let error = sigma * normal(&mut hand.random).clamp(-2.0, 2.0);
         ((value + error) * digits).round() / digits
     };
     PlacementEntry {
-        move_m: FloorPoint { x: off(MOVE, 1e3, truth.by.x), y: off(MOVE, 1e3, truth.by.y) },
-        turn_deg: off(TURN, 1e2, truth.turn.to_degrees()),
-        scale: Some(off(SCALE, 1e4, hand.camera.position.z / STAGE_1_HEIGHT)),
+        move_m: FloorPoint { x: off(MOVE_SIGMA_M, 1e3, truth.by.x), y: off(MOVE_SIGMA_M, 1e3, truth.by.y) },
+        turn_deg: off(TURN_SIGMA_DEG, 1e2, truth.turn.to_degrees()),
+        scale: Some(off(SCALE_SIGMA, 1e4, hand.camera.position.z / STAGE_1_HEIGHT)),
         fixed: false,
         held: calib_site::FixedEntry::default(),
     }
@@ -355,7 +364,8 @@ fn placement_entry(hand: &mut Operator) -> PlacementEntry {
 
 /// Returns a distance across the shop, measured with a tape between the two most distant links.
 fn measured_distance(links: &[calib_site::Link]) -> Option<Distance> {
-    const TAPE: f64 = 0.01;
+    /// Standard deviation of the tape measurement, in metres.
+    const TAPE_SIGMA_M: f64 = 0.01;
     let points = shop_landmarks();
     let known: Vec<&(String, WorldPoint)> =
         points.iter().filter(|(name, _)| links.iter().any(|link| link.id.as_ref() == Some(name))).collect();
@@ -368,6 +378,6 @@ fn measured_distance(links: &[calib_site::Link]) -> Option<Distance> {
         off: false,
         keep: false,
         between: [a.0.clone(), b.0.clone()],
-        length_m: Known::prior(length, TAPE),
+        length_m: Known::prior(length, TAPE_SIGMA_M),
     })
 }

@@ -15,9 +15,9 @@ pub(crate) struct Solid {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lamp {
     pub(crate) centre: Vec3,
-    /// Half lengths along x and y, in metres.
+    /// Half lengths of the lamp along x and y, in metres.
     pub(crate) half: [f32; 2],
-    /// Emitted light, linear.
+    /// Emitted linear light, relative to a well-lit white wall.
     pub(crate) radiance: Vec3,
 }
 
@@ -43,7 +43,8 @@ impl Stage {
         self.add(Shape::Box(Bounds { min: a.min(b), max: a.max(b) }), material);
     }
 
-    /// Adds a box on `foot`, rotated counter-clockwise by `turn` radians; size is width, depth, height.
+    /// Adds a box, rotated counter-clockwise by `turn` radians. `foot` is the centre of its lower face;
+    /// `size` is width, depth and height, in metres.
     pub(crate) fn rotated_block(&mut self, foot: [f32; 3], turn: f32, size: [f32; 3], material: Material) {
         let (sin, cos) = turn.sin_cos();
         let axes = [vec3(cos, sin, 0.0), vec3(-sin, cos, 0.0), Vec3::UP];
@@ -58,7 +59,7 @@ impl Stage {
         self.add(shape, material);
     }
 
-    /// Adds a vertical cylinder on `foot`, in metres.
+    /// Adds a vertical cylinder; `foot` is the centre of its lower face, in metres.
     pub(crate) fn drum(&mut self, foot: [f32; 3], radius: f32, height: f32, material: Material) {
         let from = Vec3::from(foot);
         self.add(Shape::Drum { from, to: from + Vec3::UP * height, radius }, material);
@@ -68,7 +69,7 @@ impl Stage {
         self.add(Shape::ball(centre.into(), radius), material);
     }
 
-    /// Adds a rectangle to the plan.
+    /// Adds the outline of a piece of furniture to the plan: a rectangle, in metres.
     pub(crate) fn outline(&mut self, x0: f32, y0: f32, x1: f32, y1: f32) {
         self.outlines.push([x0, y0, x1, y1]);
     }

@@ -22,13 +22,13 @@ pub(crate) fn build(stage: &mut Stage) {
     for rack in RACKS {
         build_rack(stage, &mut random, rack);
     }
-    lane(stage);
+    add_lane_lines(stage);
     for (i, [x, y]) in PALLETS.into_iter().enumerate() {
         pallet(stage, [x, y, 0.0]);
         stage.outline(x, y, x + 1.2, y + 0.8);
-        stack(stage, &mut random, [x, y, 0.144], 2 - i);
+        add_carton_layers(stage, &mut random, [x, y, 0.144], 2 - i);
     }
-    truck(stage, [26.5, 3.2]);
+    add_pallet_truck(stage, [26.5, 3.2]);
     let bar = Material::matt(0xc9_ccce);
     for i in 0..9 {
         stage.rod([24.25, 3.2, 0.3 * i as f32 + 0.2], [24.25, 3.6, 0.3 * i as f32 + 0.2], 0.014, bar);
@@ -42,6 +42,7 @@ pub(crate) fn build(stage: &mut Stage) {
 }
 
 fn build_rack(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32; 4]) {
+    /// Side of a post of the rack, in metres.
     const POST: f32 = 0.08;
     let (blue, orange) = (Material::matt(0x2c_4f86), Material::matt(0xd9_6a1e));
     stage.outline(x0, y0, x1, y1);
@@ -76,12 +77,12 @@ fn build_rack(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32
         );
     }
     for z in [0.0, 0.9, 1.9] {
-        shelf(stage, random, [x0 + 0.1, y0 + 0.1, x1 - 0.1, y1 - 0.1], z);
+        add_shelf_cartons(stage, random, [x0 + 0.1, y0 + 0.1, x1 - 0.1, y1 - 0.1], z);
     }
 }
 
-/// Adds cartons side by side on a level of a rack.
-fn shelf(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32; 4], z: f32) {
+/// Adds cartons side by side on a level of a rack: x0, y0, x1, y1 of the level, and its height, in metres.
+fn add_shelf_cartons(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32; 4], z: f32) {
     let along_x = x1 - x0 > y1 - y0;
     let (mut here, end) = if along_x { (x0, x1) } else { (y0, y1) };
     while here < end - 0.4 {
@@ -104,8 +105,8 @@ fn shelf(stage: &mut Stage, random: &mut ChaCha8Rng, [x0, y0, x1, y1]: [f32; 4],
     }
 }
 
-/// Adds layers of cartons on a pallet.
-fn stack(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], layers: usize) {
+/// Adds layers of four cartons each on a pallet, from its lower left corner.
+fn add_carton_layers(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], layers: usize) {
     let carton = Material::matt(0xa9_8255).with(Finish::Carton);
     for layer in 0..layers {
         for i in 0..2 {
@@ -118,19 +119,21 @@ fn stack(stage: &mut Stage, random: &mut ChaCha8Rng, [x, y, z]: [f32; 3], layers
     }
 }
 
-/// Adds yellow lines along the way from the shutter.
-fn lane(stage: &mut Stage) {
-    const HALF: f32 = 0.04;
-    const THICK: f32 = 0.002;
+/// Adds the yellow lines of the lane.
+fn add_lane_lines(stage: &mut Stage) {
+    /// Half the width of a line, in metres.
+    const HALF_LINE: f32 = 0.04;
+    /// Thickness of the paint, in metres.
+    const THICKNESS: f32 = 0.002;
     let yellow = Material::matt(0xd9_b127);
     let [x0, y0, x1, y1] = LANE;
     for y in [y0, y1] {
-        stage.block([x0 - HALF, y - HALF, 0.0], [x1, y + HALF, THICK], yellow);
+        stage.block([x0 - HALF_LINE, y - HALF_LINE, 0.0], [x1, y + HALF_LINE, THICKNESS], yellow);
     }
-    stage.block([x0 - HALF, y0 - HALF, 0.0], [x0 + HALF, y1 + HALF, THICK], yellow);
+    stage.block([x0 - HALF_LINE, y0 - HALF_LINE, 0.0], [x0 + HALF_LINE, y1 + HALF_LINE, THICKNESS], yellow);
 }
 
-fn truck(stage: &mut Stage, [x, y]: [f32; 2]) {
+fn add_pallet_truck(stage: &mut Stage, [x, y]: [f32; 2]) {
     let red = Material::matt(0xb8_3527).gloss(0.03);
     for side in [-0.27, 0.11] {
         stage.block([x + 0.2, y + side, 0.06], [x + 1.35, y + side + 0.16, 0.11], red);

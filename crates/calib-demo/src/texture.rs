@@ -23,7 +23,7 @@ pub(crate) const fn cell(x: i32, y: i32, z: i32) -> u32 {
     (x as u32).wrapping_mul(0x9e37_79b1) ^ mix((y as u32).wrapping_mul(0x85eb_ca77) ^ mix(z as u32))
 }
 
-/// Computes smooth noise from 0 to 1, with a wavelength of about one unit.
+/// Computes smooth noise from 0 to 1 at a point, with a wavelength of about one unit of its coordinates.
 pub(crate) fn noise(p: Vec3) -> f32 {
     let base = p.map(f32::floor);
     let f = (p - base).map(|t| t * t * (3.0 - 2.0 * t));
@@ -34,9 +34,10 @@ pub(crate) fn noise(p: Vec3) -> f32 {
     mixed(mixed(row(0, 0), row(1, 0), f.y), mixed(row(0, 1), row(1, 1), f.y), f.z)
 }
 
-/// Computes noise of several scales, from -1 to 1. The coarsest has a scale of `scale` metres, and details
-/// below the footprint of a pixel are omitted.
+/// Computes noise of several scales at a point, from -1 to 1. The coarsest wavelength is `scale` metres.
+/// Details that are smaller than `footprint`, the extent of a pixel in metres, are omitted.
 pub(crate) fn clouds(p: Vec3, scale: f32, footprint: f32) -> f32 {
+    /// Number of scales.
     const OCTAVES: usize = 3;
     let (mut size, mut weight, mut sum) = (scale, 0.5, 0.0);
     for _ in 0..OCTAVES {
@@ -50,8 +51,8 @@ pub(crate) fn clouds(p: Vec3, scale: f32, footprint: f32) -> f32 {
     sum
 }
 
-/// Returns the fraction of a segment of `footprint` metres around `x` that joints cover; joints have this
-/// width and pitch.
+/// Returns the fraction of a segment that joints cover. The segment is `footprint` metres long with its
+/// centre at `x`. Joints have this width, and lie at the multiples of `pitch`, in metres.
 pub(crate) fn joint(x: f32, pitch: f32, width: f32, footprint: f32) -> f32 {
     let covered = |x: f32| {
         let shifted = x + 0.5 * width;

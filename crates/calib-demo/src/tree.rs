@@ -19,9 +19,9 @@ pub(crate) struct Hit {
 struct Node {
     min: [[f32; 4]; 3],
     max: [[f32; 4]; 3],
-    /// Index of another node, or of the first shape of a leaf.
+    /// Index of the child node of each box, or of the first shape of a leaf.
     first: [u32; 4],
-    /// Number of shapes in a leaf; 0 for another node.
+    /// Number of shapes of each box if it is a leaf; 0 for a child node.
     count: [u32; 4],
 }
 
@@ -30,14 +30,14 @@ struct Node {
 pub(crate) struct Tree {
     nodes: Vec<Node>,
     shapes: Vec<Shape>,
-    /// Index of every shape in the list from which the tree was made.
+    /// Indices of the shapes in the list from which the tree was made; the shapes of a leaf are consecutive.
     order: Vec<u32>,
 }
 
-/// Largest number of shapes in a leaf. A test of a shape costs about as much as a test of a node.
-const LEAF: usize = 3;
-/// Size of the traversal stack, sufficient for a million shapes.
-const DEPTH: usize = 64;
+/// Maximum number of shapes in a leaf. Intersecting a shape takes about as long as intersecting a node.
+const MAX_LEAF_SHAPES: usize = 3;
+/// Size of the traversal stack, in entries; sufficient for a million shapes.
+const STACK_SIZE: usize = 64;
 
 impl Tree {
     pub(crate) fn new(shapes: &[Shape]) -> Self {
@@ -53,7 +53,7 @@ impl Tree {
                     nodes[node].min[axis][slot] = around.min.axis(axis);
                     nodes[node].max[axis][slot] = around.max.axis(axis);
                 }
-                if part.len() <= LEAF {
+                if part.len() <= MAX_LEAF_SHAPES {
                     nodes[node].first[slot] = part.start as u32;
                     nodes[node].count[slot] = part.len() as u32;
                 } else {
@@ -93,12 +93,13 @@ impl Tree {
         clear
     }
 
-    /// Visits the leaves along the ray, nearer ones first, until `visit` returns no new limit.
+    /// Visits the leaves along the ray up to `limit` metres, nearer leaves first. `visit` receives the index
+    /// of the first shape and the number of shapes. It returns the new limit, or `None` to stop.
     #[inline]
     fn walk(&self, line: &Line, limit: f32, mut visit: impl FnMut(usize, usize) -> Option<f32>) {
         let mut limit = limit;
         // Entries: first index, count, distance.
-        let mut open = [(0_u32, 0_u32, 0.0_f32); DEPTH];
+        let mut open = [(0_u32, 0_u32, 0.0_f32); STACK_SIZE];
         let mut depth = 1;
         while depth > 0 {
             depth -= 1;
@@ -137,7 +138,8 @@ impl Node {
     const EMPTY: Self =
         Self { min: [[f32::INFINITY; 4]; 3], max: [[f32::NEG_INFINITY; 4]; 3], first: [0; 4], count: [0; 4] };
 
-    /// Returns the distances where the ray enters and leaves every box, between 0 and `limit`.
+    /// Returns the distances along the ray, in metres, where it enters and leaves each of the four boxes.
+    /// Both are between 0 and `limit`.
     #[inline(always)]
     fn spans(&self, line: &Line, limit: f32) -> ([f32; 4], [f32; 4]) {
         let (mut near, mut far) = ([0.0; 4], [limit; 4]);
@@ -157,13 +159,13 @@ impl Node {
     }
 }
 
-/// Divides a range of shapes into up to four ranges, the largest first.
+/// Divides a range of shapes into up to four ranges by dividing the largest range repeatedly.
 fn quarters(order: &mut [u32], range: Range<usize>, bounds: &[Bounds]) -> Vec<Range<usize>> {
     let mut parts = vec![range];
     while parts.len() < 4 {
         let Some(largest) = (0..parts.len()).max_by_key(|&i| parts[i].len()) else { break };
         let part = parts[largest].clone();
-        if part.len() <= LEAF {
+        if part.len() <= MAX_LEAF_SHAPES {
             break;
         }
         let middle = part.start + divide(&mut order[part.clone()], bounds);
@@ -173,7 +175,8 @@ fn quarters(order: &mut [u32], range: Range<usize>, bounds: &[Bounds]) -> Vec<Ra
     parts
 }
 
-/// Sorts two or more shapes into two parts, and returns the size of the first.
+/// Reorders two or more shapes into two parts by the surface-area heuristic. Returns the size of the first
+/// part.
 fn divide(order: &mut [u32], bounds: &[Bounds]) -> usize {
     let sorted = |order: &mut [u32], axis: usize| {
         order.sort_by(|&a, &b| {

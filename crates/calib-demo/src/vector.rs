@@ -54,13 +54,13 @@ impl Vec3 {
         self * self.length().recip()
     }
 
-    /// Returns the lesser of each coordinate.
+    /// Returns the vector of the lesser coordinates of both vectors.
     #[inline]
     pub(crate) fn min(self, o: Self) -> Self {
         vec3(lesser(self.x, o.x), lesser(self.y, o.y), lesser(self.z, o.z))
     }
 
-    /// Returns the greater of each coordinate.
+    /// Returns the vector of the greater coordinates of both vectors.
     #[inline]
     pub(crate) fn max(self, o: Self) -> Self {
         vec3(greater(self.x, o.x), greater(self.y, o.y), greater(self.z, o.z))
@@ -70,7 +70,7 @@ impl Vec3 {
         vec3(f(self.x), f(self.y), f(self.z))
     }
 
-    /// Returns coordinate 0, 1 or 2.
+    /// Returns the coordinate with index 0, 1 or 2: x, y or z.
     #[inline]
     pub(crate) const fn axis(self, index: usize) -> f32 {
         match index {

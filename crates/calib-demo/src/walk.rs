@@ -1,7 +1,7 @@
 //! Walking people in the shop, and their detections by a simulated foot detector.
 //!
-//! Also visitors over many days, with the boxes of a simulated detector. It includes hidden feet, children,
-//! seasonal changes, and noise that grows with the box.
+//! Also visitors over many days, with the boxes of a simulated detector. The simulation includes hidden feet,
+//! children, seasonal changes, and noise in proportion to the height of the box.
 
 use calib_core::camera::PanTiltZoom;
 use calib_core::{Camera, FloorPoint, Pixel, WorldPoint};
@@ -12,14 +12,14 @@ use rand_chacha::ChaCha8Rng;
 use crate::random::normal;
 use crate::world::{is_shown, visible};
 
-/// Detection of a foot by a camera.
+/// Detection of a person's foot by a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootDetection {
     /// Index of the time step.
     pub moment: usize,
     /// Index of the camera.
     pub camera: usize,
-    /// Raw pixel.
+    /// Raw pixel of the foot, with noise.
     pub pixel: Pixel,
     /// Index of the person; `None` for a false detection.
     pub person: Option<usize>,
@@ -41,9 +41,9 @@ impl Walk {
     pub const NOISE: f64 = 2.0;
 }
 
-/// Ways through the shop, in metres: along the aisles, past each other, around the tables. Shelves and tables
-/// hide people from all cameras for less than 2 s.
-const WAYS: [&[[f64; 2]]; 5] = [
+/// Paths of the people through the shop, as corners in metres: along the aisles, past each other, around the
+/// tables. Shelves and tables hide a person from all cameras for less than 2 s.
+const PATHS: [&[[f64; 2]]; 5] = [
     &[
         [4.0, 13.6],
         [5.7, 9.0],
@@ -82,23 +82,24 @@ const WAYS: [&[[f64; 2]]; 5] = [
     ],
 ];
 /// Walking speed, in m/s.
-const SPEED: f64 = 1.25;
-/// Time constant of a change of direction, in seconds.
-const TURN: f64 = 0.4;
-/// Probability that the detector misses a foot.
+const SPEED_M_PER_S: f64 = 1.25;
+/// Time constant with which a person changes direction at a corner, in seconds.
+const TURN_TIME_S: f64 = 0.4;
+/// Probability that the detector misses a visible foot.
 const MISSED: f64 = 0.05;
 /// Expected number of false detections for each camera and time step.
-const FALSE: f64 = 0.01;
+const FALSE_DETECTIONS: f64 = 0.01;
 
-/// Simulates 60 s of people walking through the shop, for these cameras with these image sizes.
+/// Simulates 60 s of people walking through the shop. `cameras` are the cameras with their image sizes, in
+/// pixels.
 #[must_use]
 pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let paths: Vec<Vec<[f64; 2]>> = WAYS.iter().map(|way| path(way)).collect();
+    let paths: Vec<Vec<[f64; 2]>> = PATHS.iter().map(|way| path(way)).collect();
     let moments = (60.0 / Walk::STEP) as usize;
     let truth: Vec<Vec<Option<FloorPoint>>> = (0..moments)
         .map(|moment| {
-            // People enter one after the other.
+            // People enter one after the other, at intervals of 10 time steps.
             let at = |(person, path): (usize, &Vec<[f64; 2]>)| {
                 let gone = moment.checked_sub(10 * person)?;
                 path.get(gone).map(|&[x, y]| FloorPoint { x, y })
@@ -119,7 +120,7 @@ pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
                     Pixel::new(u + Walk::NOISE * normal(&mut random), v + Walk::NOISE * normal(&mut random));
                 seen.push(FootDetection { moment, camera: index, pixel, person: Some(person) });
             }
-            if random.random_bool(FALSE) {
+            if random.random_bool(FALSE_DETECTIONS) {
                 let [w, h] = size.map(f64::from);
                 // False detections are below the horizon, like reflections and boxes of goods.
                 let pixel = Pixel::new(random.random_range(0.0..w), random.random_range(0.3 * h..h));
@@ -132,7 +133,7 @@ pub fn walk(cameras: &[(Camera, [u32; 2])], seed: u64) -> Walk {
     Walk { truth, detections: seen }
 }
 
-/// Returns the positions of a person along a way, for each time step.
+/// Returns the positions of a person who walks along a path, for each time step, in metres.
 fn path(way: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let Some((&first, rest)) = way.split_first() else { return Vec::new() };
     let (mut at, mut speed) = (first, [0.0; 2]);
@@ -145,8 +146,8 @@ fn path(way: &[[f64; 2]]) -> Vec<[f64; 2]> {
                 break;
             }
             for k in 0..2 {
-                let wanted = SPEED * ahead[k] / distance;
-                speed[k] += (wanted - speed[k]) * Walk::STEP / TURN;
+                let wanted = SPEED_M_PER_S * ahead[k] / distance;
+                speed[k] += (wanted - speed[k]) * Walk::STEP / TURN_TIME_S;
                 at[k] += speed[k] * Walk::STEP;
             }
             path.push(at);
@@ -158,14 +159,14 @@ fn path(way: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// Nanoseconds in a second.
 pub const SECOND: i64 = 1_000_000_000;
 
-/// Change of a camera's pose at some time.
+/// Change of a camera's pose at a point in time.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseChange {
     /// Index of the camera.
     pub camera: usize,
-    /// Time, in nanoseconds since 1970.
+    /// Time of the change, in nanoseconds since 1970.
     pub at: i64,
-    /// Change of the pose.
+    /// Pan, tilt and zoom by which the pose changes.
     pub by: PanTiltZoom,
 }
 
@@ -174,21 +175,22 @@ pub struct PoseChange {
 pub struct Crowd {
     /// Number of people.
     pub people: usize,
-    /// First and last time, in nanoseconds since 1970.
+    /// First and last time of the simulation, in nanoseconds since 1970.
     pub span: [i64; 2],
-    /// Camera in front of which all people walk; absent: the cameras in rotation.
+    /// Index of the camera in front of which all people walk. If absent, people walk in front of each camera
+    /// in rotation.
     pub camera: Option<usize>,
     /// Time between frames, in seconds.
     pub frame: f64,
     /// Fraction of children.
     pub children: f64,
-    /// Probability that a box ends above the foot although the scene does not hide it, for example behind
-    /// other people or goods.
+    /// Probability that the feet are hidden by an obstacle outside the scene model, for example other people.
+    /// The box of the person then ends above the feet.
     pub hidden: f64,
-    /// Relative increase of body heights until the end, for example by shoes and hats.
+    /// Relative increase of body heights from the first to the last time, for example by shoes and hats.
     pub season: f64,
-    /// Standard deviation of box edges, relative to the box height: of each box, and common to all boxes of a
-    /// person.
+    /// Standard deviations of box edges, divided by the box height. The first error is independent for each
+    /// box; the second is common to all boxes of a person.
     pub noise: [f64; 2],
     /// Change of a camera's pose, if any.
     pub change: Option<PoseChange>,
@@ -197,7 +199,7 @@ pub struct Crowd {
 }
 
 impl Crowd {
-    /// Returns typical visitors: this number of people in this time span.
+    /// Returns typical visitors. `span` is the first and last time, in nanoseconds since 1970.
     #[must_use]
     pub const fn new(people: usize, span: [i64; 2]) -> Self {
         Self {
@@ -214,7 +216,8 @@ impl Crowd {
         }
     }
 
-    /// Simulates the detections by cameras with these image sizes, in the order of time.
+    /// Simulates the detections by cameras with their image sizes in pixels; returns them in the order of
+    /// time.
     #[must_use]
     pub fn sightings(&self, cameras: &[(Camera, [u32; 2])], seed: u64) -> Vec<Sighting> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -234,7 +237,7 @@ impl Crowd {
         let length = (ends[1].x - ends[0].x).hypot(ends[1].y - ends[0].y);
         let seconds = (length / random.random_range(0.8..1.5)).max(2.0);
         let last = self.span[1] - (seconds * SECOND as f64) as i64;
-        // All frames use one clock.
+        // All frames use one clock: the start is a multiple of the frame interval after the first time.
         let frame = (self.frame * SECOND as f64) as i64;
         let start = random.random_range(self.span[0]..last) / frame * frame;
         let through = (start - self.span[0]) as f64 / (self.span[1] - self.span[0]) as f64;
@@ -263,6 +266,7 @@ impl Crowd {
         }
     }
 
+    /// Adds the detections of a walking person by all cameras to `seen`.
     fn follow(
         &self,
         walker: &Walker,
@@ -294,7 +298,8 @@ impl Crowd {
         }
     }
 
-    /// Returns foot, head and width of a person's box; `None` if the person is not visible.
+    /// Returns the foot and head pixels and the width, in pixels, of a person's box; `None` if the person is
+    /// not detected.
     fn detection_box(
         &self,
         of: &PersonState,
@@ -302,6 +307,7 @@ impl Crowd {
         size: [u32; 2],
         random: &mut ChaCha8Rng,
     ) -> Option<(Pixel, Pixel, f64)> {
+        /// Probability that the detector misses a visible person.
         const MISSED: f64 = 0.05;
         if random.random_bool(MISSED) {
             return None;
@@ -345,7 +351,8 @@ impl Walker {
     }
 }
 
-/// Position of a person, and the errors common to all their boxes of one camera.
+/// Position of a person on the floor, body height in metres, and the relative errors `own` of the upper and
+/// lower edges of the person's boxes in one camera.
 struct PersonState {
     floor: FloorPoint,
     tall: f64,

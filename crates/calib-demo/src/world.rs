@@ -10,7 +10,7 @@ use crate::tree::Tree;
 use crate::vector::Vec3;
 use crate::{barn, building, figure, produce, shop, store};
 
-/// Complete scene.
+/// Complete scene of the demonstration.
 #[derive(Debug)]
 pub(crate) struct World {
     pub(crate) solids: Vec<Solid>,
@@ -37,15 +37,16 @@ pub(crate) fn world() -> &'static World {
 pub(crate) fn world_later() -> &'static World {
     static WORLD: OnceLock<World> = OnceLock::new();
     WORLD.get_or_init(|| {
-        /// One in this number of lamps has failed.
-        const DARK: usize = 5;
+        /// Number of lamps per failed lamp.
+        const LAMPS_PER_FAILURE: usize = 5;
         let mut stage = build_scene(shop::GONDOLAS_LATER, &figure::PEOPLE_LATER);
         let mut number = 0..;
-        stage.lamps.retain(|_| number.next().unwrap_or(0) % DARK != 0);
+        stage.lamps.retain(|_| number.next().unwrap_or(0) % LAMPS_PER_FAILURE != 0);
         stage.into()
     })
 }
 
+/// Builds the scene with these rows of shelves and these people.
 fn build_scene(gondolas: [[f32; 3]; 2], people: &[figure::Person]) -> Stage {
     let mut stage = Stage::default();
     building::build(&mut stage);

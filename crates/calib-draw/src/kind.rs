@@ -106,7 +106,7 @@ fn lay_part(
     }
 }
 
-/// Appearance of one kind.
+/// Appearance of the annotations of one kind.
 #[derive(Clone, Copy, Debug)]
 pub struct KindLook {
     /// Kind.
@@ -138,7 +138,7 @@ pub const KIND_LOOKS: [KindLook; calib_core::single::KINDS.len()] = {
 };
 
 impl KindLook {
-    /// Returns the row of a kind.
+    /// Returns the appearance of a kind.
     #[must_use]
     pub fn of(kind: Kind) -> &'static Self {
         &KIND_LOOKS[kind as usize]

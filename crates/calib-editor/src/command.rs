@@ -169,22 +169,22 @@ commands! {
     }
     /// Small steps of the selected parts or of the camera.
     Nudge {
-        NudgeLeft "Nudge left, 0.1 px (Shift 1 px)" NONE ArrowLeft;
-        NudgeRight "Nudge right, 0.1 px (Shift 1 px)" NONE ArrowRight;
-        NudgeUp "Nudge up, 0.1 px (Shift 1 px)" NONE ArrowUp;
-        NudgeDown "Nudge down, 0.1 px (Shift 1 px)" NONE ArrowDown;
-        TurnLeft "Rotate the camera left on the plan, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowLeft;
-        TurnRight "Rotate the camera right on the plan, 0.1\u{b0} (Shift 1\u{b0})" CTRL ArrowRight;
-        Grow "Enlarge the field of view on the plan, 0.1 % (Shift 1 %)" CTRL ArrowUp;
-        Shrink "Shrink the field of view on the plan, 0.1 % (Shift 1 %)" CTRL ArrowDown;
+        NudgeLeft "Nudge left by 0.1 px (Shift: 1 px)" NONE ArrowLeft;
+        NudgeRight "Nudge right by 0.1 px (Shift: 1 px)" NONE ArrowRight;
+        NudgeUp "Nudge up by 0.1 px (Shift: 1 px)" NONE ArrowUp;
+        NudgeDown "Nudge down by 0.1 px (Shift: 1 px)" NONE ArrowDown;
+        TurnLeft "Rotate the camera left on the plan by 0.1\u{b0} (Shift: 1\u{b0})" CTRL ArrowLeft;
+        TurnRight "Rotate the camera right on the plan by 0.1\u{b0} (Shift: 1\u{b0})" CTRL ArrowRight;
+        Grow "Enlarge the field of view on the plan by 0.1 % (Shift: 1 %)" CTRL ArrowUp;
+        Shrink "Shrink the field of view on the plan by 0.1 % (Shift: 1 %)" CTRL ArrowDown;
     }
     /// Commands on annotations.
     Lines {
         NewGroup "Start a new group with the next line" NONE W;
-        RightAngle "Set the last two parallel groups at right angles";
+        RightAngle "Set the last two parallel groups at right angles to each other";
         TakeSuggestion "Select the tool for the suggested line" [Suggestion] NONE N;
         DismissSuggestion "Show another suggestion" [Suggestion] SHIFT N;
-        TakeSecondSolution "Use the second solution's field of view" [SecondSolution];
+        TakeSecondSolution "Use the focal length of the second solution" [SecondSolution];
         CopyLines "Copy this camera's annotations" [Camera] CTRL_SHIFT C;
         PasteLines "Paste annotations onto this camera" [Copied] CTRL_SHIFT V;
     }
@@ -192,7 +192,7 @@ commands! {
     Proposing {
         Propose "Calibrate automatically from the edges of this image" [Camera] SHIFT P;
         AcceptProposed "Accept all detected lines" [Proposed];
-        DismissProposed "Dismiss all detected lines" [Proposed];
+        DismissProposed "Discard all detected lines" [Proposed];
         AcceptGroup "Accept the selected group of detected lines" [Proposed];
         FlipGroup "Switch the selected group between verticals and floor lines" [Proposed];
         DeleteGroup "Delete the selected group of detected lines" [Proposed];
@@ -202,7 +202,7 @@ commands! {
         CompareStill "Compare with a newer image of this camera\u{2026}" [Camera] SHIFT C;
         NextLook "Switch the comparison: old, new, alternating, wipe" [Newer] SHIFT B;
         Recover "Recover: transfer the annotations to the newer image and solve" [Moved] SHIFT R;
-        DismissNewer "Dismiss the newer image" [Newer];
+        DismissNewer "Discard the newer image" [Newer];
     }
     /// Commands on the view.
     View {
@@ -240,11 +240,11 @@ commands! {
         Straighten "Show the image without distortion" NONE T;
         Horizon "Show or hide the horizon";
         Field "Show or hide the field of view";
-        Prism "Show or hide the prism";
+        Prism "Show or hide the prism (field of view, up to 2 m high)";
         Guide "Show or hide the person at the cursor";
         ColourByResidual "Colour lines by kind or by error";
         Above "Show or hide the top view of the floor" NONE Y;
-        Coverage "Show or hide coverage on the plan";
+        Coverage "Show or hide the coverage on the plan";
         Blend "Show the images of all cameras on the plan";
         Snap "Snap to 10 cm and 5\u{b0} on the plan";
         Feet "Switch between metres and feet";

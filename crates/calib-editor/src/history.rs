@@ -249,14 +249,14 @@ impl History {
         Some(&self.steps.get(self.done)?.name)
     }
 
-    /// Returns the site before the last gesture, and the name of the undone step.
+    /// Undoes the last gesture. Returns the site before it, and the name of the step.
     pub fn undo(&mut self) -> Option<(Site, String)> {
         let name = self.undo_name()?.to_owned();
         self.done -= 1;
         Some((self.site(), name))
     }
 
-    /// Returns the site after the gesture that was undone last, and the name of the repeated step.
+    /// Repeats the gesture that was undone last. Returns the site after it, and the name of the step.
     pub fn redo(&mut self) -> Option<(Site, String)> {
         let name = self.redo_name()?.to_owned();
         self.done += 1;

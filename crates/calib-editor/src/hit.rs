@@ -166,8 +166,8 @@ pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit
     hits.filter(|hit| hit.distance <= radius).min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// Returns the edge of a line that is closest to a pixel, and the distance in pixels. The line is shown with
-/// distortion.
+/// Returns the index of the edge of a line that is closest to a raw pixel, and the distance in pixels. Edges
+/// are curved as the distortion shows them.
 #[must_use]
 pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     if !lens.distortion.is_wide() {
@@ -178,7 +178,7 @@ pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f
     edges.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Returns the edge of a polyline that is closest to a pixel, and the distance in pixels.
+/// Returns the index of the edge of a polyline that is closest to a pixel, and the distance in pixels.
 #[must_use]
 pub fn nearest(line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     let edges = line.windows(2).map(|pair| distance_to_segment(pair[0], pair[1], at));

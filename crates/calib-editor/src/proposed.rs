@@ -22,7 +22,7 @@ use crate::{hit, suggest};
 pub struct PendingGroup {
     /// Kind of the annotation: verticals, parallels or straight edges.
     pub kind: Kind,
-    /// Name of their direction on the floor, which applies if they are floor lines.
+    /// Name of the direction of the lines on the floor; used only for floor lines.
     pub direction: String,
     /// Lines, as they would be annotated.
     pub lines: Vec<Vec<Pixel>>,
@@ -33,7 +33,7 @@ pub struct PendingGroup {
 }
 
 impl PendingGroup {
-    /// Returns the mean of the probabilities of its lines.
+    /// Returns the mean probability of the lines.
     #[must_use]
     pub fn probability(&self) -> f64 {
         self.probabilities.iter().sum::<f64>() / self.probabilities.len().max(1) as f64
@@ -48,7 +48,7 @@ impl PendingGroup {
         }
     }
 
-    /// Returns the number of its lines in a class.
+    /// Returns the number of lines in a class.
     #[must_use]
     pub fn count_of_class(&self, class: EdgeClass) -> usize {
         self.classes.iter().filter(|&&own| own == class).count()
@@ -125,7 +125,7 @@ pub enum CalibrationDecision {
 /// Undecided automatic calibration of one camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PendingCalibration {
-    /// The camera.
+    /// Camera that was calibrated, and its calibration period.
     pub of: Period,
     /// Confidence of the automatic calibration.
     pub confidence: Confidence,
@@ -137,7 +137,7 @@ pub struct PendingCalibration {
     pub orientation: Option<Orientation>,
     /// Alternative camera that explains the edges almost as well, with its own groups.
     pub alternative: Option<Box<Hypothesis>>,
-    /// Pairs of directions at right angles.
+    /// Pairs of direction names that are at right angles.
     ties: Vec<[String; 2]>,
     /// Distortion assumed for the detection of the lines.
     distortion: Option<DistortionEntry>,
@@ -146,11 +146,11 @@ pub struct PendingCalibration {
 /// Camera that would explain the edges of an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
-    /// Its roll, pitch and focal length.
+    /// Roll, pitch and focal length of this camera.
     pub orientation: Orientation,
-    /// Its groups.
+    /// Undecided groups of lines that apply if this camera is chosen.
     groups: Vec<PendingGroup>,
-    /// Pairs of its directions at right angles.
+    /// Pairs of direction names that are at right angles.
     ties: Vec<[String; 2]>,
 }
 
@@ -166,7 +166,8 @@ impl Hypothesis {
 }
 
 impl PendingCalibration {
-    /// Creates it from an automatic calibration. Lines that are annotated already are omitted.
+    /// Creates the undecided calibration from an automatic calibration. Lines that are annotated already are
+    /// omitted.
     #[must_use]
     pub fn new(entry: &SiteCamera, proposal: &AutomaticCalibration) -> Self {
         let straight =
@@ -195,8 +196,8 @@ impl PendingCalibration {
         }
     }
 
-    /// Chooses between two cameras that explain the edges equally well: this one, or the `other` one. Other
-    /// reasons against it remain.
+    /// Chooses between two cameras that explain the edges equally well: the alternative if `other` is set.
+    /// Other reasons for a reduced confidence remain.
     pub(crate) fn decide(&mut self, other: bool) {
         let Some(rival) = self.alternative.take() else { return };
         if other {
@@ -215,7 +216,8 @@ impl PendingCalibration {
         self.groups.iter().map(|group| group.lines.len()).sum()
     }
 
-    /// Returns the group and line at a pixel, as shown with distortion.
+    /// Returns the indices of the group and of the line nearest to a raw pixel; `None` if none is within
+    /// `radius` pixels. Lines are curved as the distortion shows them.
     #[must_use]
     pub fn line_at(&self, lens: &Lens, at: Pixel, radius: f64) -> Option<(usize, usize)> {
         let lines = self.groups.iter().enumerate().flat_map(|(group, of)| {
@@ -294,8 +296,8 @@ impl PendingCalibration {
     }
 }
 
-/// Names the directions of groups by ids that no annotation of the camera has. Also returns the pairs of
-/// directions at right angles.
+/// Converts groups to undecided groups, each with a new direction name. No annotation of the camera has this
+/// name as its id. Also returns the pairs of direction names that are at right angles.
 fn name_directions(entry: &SiteCamera, groups: &[Group]) -> (Vec<PendingGroup>, Vec<[String; 2]>) {
     let is_taken = |name: &String| entry.annotations.iter().any(|drawn| drawn.id.as_ref() == Some(name));
     let mut free = direction_names().filter(|name| !is_taken(name));
@@ -330,9 +332,9 @@ fn direction_names() -> impl Iterator<Item = String> {
 pub struct Preview {
     /// Inputs of the computation.
     from: (SiteCamera, PendingCalibration),
-    /// Its solution, if there is one.
+    /// Solution of the camera; `None` if it cannot be solved.
     pub solution: Option<Solution>,
-    /// Its pose.
+    /// Pose of the solution.
     pub pose: Option<Camera>,
     /// Group to decide first: it minimises the predicted error of floor lengths.
     pub next: Option<usize>,
@@ -358,7 +360,7 @@ impl Preview {
         Self { from: (entry.clone(), proposed.clone()), solution, pose, next }
     }
 
-    /// Whether it was computed from this camera and this automatic calibration.
+    /// Whether the preview was computed from this camera and this automatic calibration.
     #[must_use]
     pub fn is_current(&self, entry: &SiteCamera, proposed: &PendingCalibration) -> bool {
         self.from.0 == *entry && self.from.1 == *proposed

@@ -49,7 +49,7 @@ pub struct PendingLines {
     pub(crate) dismissed: Vec<(String, SuggestedAnnotation)>,
     /// Undecided automatic calibrations, at most one per camera.
     pub(crate) proposed: Arc<Vec<PendingCalibration>>,
-    /// Selected (group, line) of the automatic calibration of the selected camera.
+    /// Indices of the selected group and line in the automatic calibration of the selected camera.
     pub(crate) picked_line: Option<(usize, usize)>,
 }
 
@@ -176,7 +176,8 @@ impl Session {
         self.pending.proposed.iter().find(|own| own.of.matches(camera))
     }
 
-    /// Returns the selected (group, line) of that automatic calibration.
+    /// Returns the indices of the selected group and line in the automatic calibration of the selected
+    /// camera; `None` if no line is selected.
     #[must_use]
     pub const fn picked_line(&self) -> Option<(usize, usize)> {
         self.pending.picked_line

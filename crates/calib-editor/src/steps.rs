@@ -53,13 +53,13 @@ fn possible_findings<'a>(site: &'a Site, report: &'a Report) -> impl Iterator<It
 pub struct Step {
     /// Name of the step.
     pub title: &'static str,
-    /// State of the step: what it has, or needs.
+    /// Text about the state of the step: the available or the missing input.
     pub state: String,
-    /// Whether it is done.
+    /// Whether the step is done.
     pub is_done: bool,
-    /// Whether it may be skipped.
+    /// Whether the step may be skipped.
     pub is_optional: bool,
-    /// Whether it is done but contradicted by a warning.
+    /// Whether the step is done but a warning contradicts it.
     pub is_contradicted: bool,
 }
 
@@ -157,13 +157,13 @@ fn lens(session: &Session, camera: usize) -> (String, bool) {
     let is_vague = like.is_none() && solution.is_some_and(|solution| says_little(&solution.warnings));
     let drawn = counted(edges, "straight edge", "straight edges");
     if let Some(px) = nonstraightness_px(session, camera) {
-        return (format!("curved by {px:.0} px, not fitted"), false);
+        return (format!("lines curved by {px:.0} px, lens not fitted"), false);
     }
     let from = match (like, distortion, edges) {
         (Some(like), ..) => format!("same lens as {like}"),
         (_, Some(given), _) if given.distortion().is_some() => "entered".into(),
         (.., 0) if is_fisheye(session, camera) => "fisheye: needs straight edges".into(),
-        (.., 0) => "no distortion assumed".into(),
+        (.., 0) => "no distortion (assumed)".into(),
         _ if is_fitted && is_vague => format!("from {drawn}: not enough"),
         _ if is_fitted => format!("from {drawn}"),
         _ => format!("{drawn}, not fitted"),
@@ -218,7 +218,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
         step(
             PLACE,
             match (placed, session.is_fixed_by_control_points(camera)) {
-                (true, _) if session.solved.is_out_of_date(camera) => "changed since last Refine".into(),
+                (true, _) if session.solved.is_out_of_date(camera) => "changed since the last Refine".into(),
                 (true, true) => counted(entry.control_points.len(), "control point", "control points"),
                 (true, false) if solution.is_some_and(|s| s.stage == Stage::Refined) => {
                     "refined with other cameras".into()

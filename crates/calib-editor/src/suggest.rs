@@ -83,7 +83,8 @@ fn direction_sigma(camera: &Camera) -> f64 {
     camera.covariance.sigma(Covariance::PITCH).map_or(0.0, |sigma| sigma.min(MAX_SIGMA_RAD))
 }
 
-/// Whether an edge can replace the example. An image does not show which edges have equal lengths.
+/// Whether an edge can replace the suggested line `example`: it has about the same direction in space. It is
+/// false for kinds that depend on lengths, because an image does not show which lengths are equal.
 fn is_similar(kind: Kind, camera: &Camera, edge: &Edge, example: &Edge) -> bool {
     match kind {
         Kind::Vertical => {

@@ -60,7 +60,7 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
     }
     let misfit = solution.warnings.iter().find(|warning| warning.code == Code::Misfit)?;
     let text = match (nonstraightness_px(session, camera), solution.chi2, solution.dof) {
-        (Some(px), ..) => format!("curved by {px:.0} px, not fitted"),
+        (Some(px), ..) => format!("lines curved by {px:.0} px, lens not fitted"),
         // The misfit may not come from the lines alone, but from straight edges or from points of other
         // cameras.
         (None, Some(chi2), Some(dof)) if chi2 > 2.0 * dof as f64 => {
@@ -74,7 +74,10 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
 /// Returns the status of a camera whose annotations are complete but which is not fit for use.
 fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
     if let Some(px) = nonstraightness_px(session, camera) {
-        return Some(CameraStatus::new(format!("curved by {px:.0} px, not fitted"), StatusLevel::Incomplete));
+        return Some(CameraStatus::new(
+            format!("lines curved by {px:.0} px, lens not fitted"),
+            StatusLevel::Incomplete,
+        ));
     }
     let warnings = session.solved.solution(camera).map(|solution| &solution.warnings);
     let grave = warnings.into_iter().flatten().filter(|warning| is_serious(warning.code));
@@ -86,7 +89,7 @@ fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
     session
         .solved
         .is_out_of_date(camera)
-        .then(|| CameraStatus::new("changed since last Refine".into(), StatusLevel::Incomplete))
+        .then(|| CameraStatus::new("changed since the last Refine".into(), StatusLevel::Incomplete))
 }
 
 fn first_words(session: &Session, camera: usize, warning: &Warning) -> String {
@@ -195,6 +198,6 @@ mod tests {
             site.cameras[0].lens = None;
         });
         let lens = &steps(&straight, 0)[0];
-        assert!(!lens.is_done && lens.is_optional && lens.state == "no distortion assumed", "{lens:?}");
+        assert!(!lens.is_done && lens.is_optional && lens.state == "no distortion (assumed)", "{lens:?}");
     }
 }

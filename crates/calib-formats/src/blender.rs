@@ -1,7 +1,7 @@
 //! Blender script that creates the cameras.
 //!
-//! Poses are camera to world, with camera axes right, up, back. The sensor's width applies to the longer side
-//! of the image, and shifts are fractions of it.
+//! Poses are camera to world, with camera axes right, up, back. The width of the sensor belongs to the longer
+//! side of the image. Shifts of the principal point are fractions of the longer side.
 
 use serde_json::json;
 
@@ -10,9 +10,9 @@ use crate::nerfstudio::world_from_camera;
 use crate::tree::quote;
 use crate::view::View;
 
-/// Width of the sensor, in millimetres. Any width is correct, because the focal length in millimetres is
-/// scaled by it.
-const SENSOR: f64 = 36.0;
+/// Width of the sensor in the script, in millimetres. Any width is correct, because the focal length in
+/// millimetres is proportional to it.
+const SENSOR_WIDTH_MM: f64 = 36.0;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let mut rows = String::new();
@@ -32,7 +32,7 @@ fn row(view: &View) -> String {
     let longest = w.max(h);
     let camera = json!({
         "size": view.size,
-        "lens": SENSOR * fx / longest,
+        "lens": SENSOR_WIDTH_MM * fx / longest,
         "shift": [(0.5 * w - cx) / longest, (cy - 0.5 * h) / longest],
         "matrix": world_from_camera(view),
     });

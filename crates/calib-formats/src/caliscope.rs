@@ -1,5 +1,5 @@
-//! Camera arrays in TOML, as caliscope, anipose and `FreeMoCap` write them: lenses. Their poses are relative
-//! to a calibration board in an unknown unit, and are not read.
+//! Camera arrays in TOML, as caliscope, anipose and `FreeMoCap` write them. Only the lenses are read. The
+//! poses are relative to a calibration board and have an unknown unit, so they are not read.
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV.
 

@@ -57,7 +57,7 @@ fn model(terms: Terms) -> (&'static str, Vec<f64>) {
     }
 }
 
-/// Line of a file, with its number from 1.
+/// Words of a line of a file, with the number of the line, counted from 1.
 struct Line<'a> {
     file: &'a File,
     number: usize,
@@ -73,7 +73,7 @@ impl Line<'_> {
         let text = self.words.get(word).copied().unwrap_or_default();
         let value = text.parse::<f64>().ok().filter(|value| value.abs() <= 1e12);
         value.ok_or_else(|| {
-            FormatError::expected(self.place(), quoted(text), format!("a number as word {}", word + 1))
+            FormatError::expected(self.place(), quoted(text), format!("a number in field {}", word + 1))
         })
     }
 
@@ -127,7 +127,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         let stem = base.rsplit_once('.').map_or(base, |(stem, _)| stem).to_owned();
         let pose = Some((rotation, [tx, ty, tz]));
         given.push(ImportedCamera { id: stem, place: line.place(), image, pose, ..camera.clone() });
-        // Skips the line of points that follows.
+        // Skips the next line, which lists the points of the image.
         with_points += usize::from(left.next().is_some_and(|points| !points.words.is_empty()));
     }
     let mut imported = site_from_cameras(given, &file.name)?;
@@ -192,7 +192,7 @@ const fn kannala_brandt(k: [f64; 4]) -> Distortion {
     Distortion::KannalaBrandt { k }
 }
 
-/// Returns k1, k2, p1, p2, k3; fails if k4, k5 or k6 is not 0.
+/// Returns k1, k2, p1, p2, k3 of a `FULL_OPENCV` camera; fails if k4, k5 or k6 is not 0.
 fn full_opencv(line: &Line) -> Result<[f64; 5], FormatError> {
     let [k1, k2, p1, p2, k3, k4, k5, k6] = line.numbers(8)?;
     if [k4, k5, k6] == [0.0; 3] {
@@ -201,25 +201,27 @@ fn full_opencv(line: &Line) -> Result<[f64; 5], FormatError> {
     Err(FormatError::expected(line.place(), "k4, k5, k6", "zeros; other values are not supported"))
 }
 
-/// Terms of a fisheye lens that are not symmetric about its axis.
+/// Distortion terms of a fisheye lens that are not symmetric about its axis.
 struct Prism {
     /// Tangential terms p1, p2.
     p: [f64; 2],
-    /// Thin-prism terms: x by the square and the fourth power of the radius, then y.
+    /// Thin-prism terms: coefficients of r^2 and r^4 in x, then in y, where r is the radius divided by the
+    /// focal length.
     s: [f64; 4],
 }
 
 impl Prism {
-    /// Upper bound of the displacement at a radius, divided by the focal length.
-    fn most(&self, radius: f64) -> f64 {
+    /// Returns an upper bound of the displacement at a radius. Both are divided by the focal length.
+    fn max_displacement(&self, radius: f64) -> f64 {
         let (square, [px, py], [x2, x4, y2, y4]) = (radius * radius, self.p, self.s.map(f64::abs));
         let prism = (x2 + x4 * square).hypot(y2 + y4 * square);
         square * (3.0 * px.hypot(py) + prism)
     }
 }
 
-/// Returns focal lengths, principal point and lens of a fisheye with radius
-/// `theta (1 + k1 theta^2 + ... + k6 theta^12)`. Fails if the other terms move the rim visibly.
+/// Returns focal lengths, principal point and distortion of a fisheye lens. Its radius is
+/// `theta (1 + k1 theta^2 + ... + k6 theta^12)`. theta is the angle from the axis in radians. k1 to k6 are
+/// `terms`. Fails if the terms of `prism` move the rim visibly.
 fn symmetric(
     line: &Line,
     terms: [f64; 6],
@@ -233,7 +235,7 @@ fn symmetric(
         focal * theta * (1.0 + square * terms.iter().rev().fold(0.0, |sum, term| sum * square + term))
     };
     let corner = cx.max(width - cx).hypot(cy.max(height - cy));
-    // From the axis to the corners; ends early if the radius stops growing.
+    // Samples run from the axis to the corners. They end early if the radius stops growing.
     let mut samples: Vec<[f64; 2]> = Vec::new();
     for theta in (1..=400).map(|ring| MAX_ANGLE * f64::from(ring) / 400.0) {
         let at = radius(theta);
@@ -243,7 +245,7 @@ fn symmetric(
         samples.push([theta, at]);
     }
     let rim = samples.iter().map(|[_, radius]| radius / focal).fold(0.0, f64::max);
-    let moved = focal * prism.most(rim);
+    let moved = focal * prism.max_displacement(rim);
     if moved.is_nan() || moved > MAX_UNREPORTED_ERROR_PX {
         let found = format!("tangential and thin-prism terms that move the rim by up to {moved:.2} px");
         let expected = "negligible terms; calibrate it as OPENCV_FISHEYE instead";

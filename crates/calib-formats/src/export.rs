@@ -6,7 +6,7 @@ use calib_site::Site;
 use crate::file::File;
 use crate::view::{ExportOptions, Terms, View};
 
-/// Data that a format cannot represent, so that its files mislead.
+/// Data of a calibration that a format cannot represent, so that the exported files are misleading.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Loss {
     /// Id of the camera; absent for the site as a whole.
@@ -37,19 +37,19 @@ pub struct Export {
     pub unsolved: Vec<String>,
 }
 
-/// Input of a format's writer.
+/// Site and views that the writer of a format receives.
 #[derive(Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) site: &'a Site,
     pub(crate) views: Vec<View>,
     pub(crate) options: &'a ExportOptions,
-    /// Extension of the files to write.
+    /// Extension of the files to write, without the dot.
     pub(crate) extension: &'a str,
     /// Lens models that the format represents exactly.
     pub(crate) lenses: &'static [DistortionModel],
 }
 
-/// Largest error of a fitted lens, in pixels, that is a note and not a loss.
+/// Largest error of a fitted lens, in pixels, that an export reports as a note. A larger error is a loss.
 pub(crate) const MAX_UNREPORTED_ERROR_PX: f64 = 0.05;
 
 /// Returns advice for a wide-angle lens whose model the format does not support; `None` for other lenses.

@@ -9,9 +9,9 @@ use calib_site::SiteError;
 /// Error in a file that could not be read or written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FormatError {
-    /// File, and the position in it: a JSON pointer or a line.
+    /// Name of the file, and the position in the file: a JSON pointer or a line number.
     pub place: String,
-    /// Cause of the error.
+    /// Cause of the error, with its values.
     pub problem: Problem,
 }
 
@@ -41,7 +41,7 @@ pub enum Problem {
         /// Offset of the first invalid byte.
         at: usize,
     },
-    /// The text violates its syntax.
+    /// The text violates the syntax of its format.
     Syntax {
         /// Name of the syntax.
         syntax: &'static str,
@@ -57,7 +57,7 @@ pub enum Problem {
     Empty,
     /// Brackets are nested too deeply.
     DeepBrackets {
-        /// Largest depth that is read.
+        /// Largest accepted depth.
         most: usize,
     },
     /// Elements are nested too deeply.
@@ -69,9 +69,9 @@ pub enum Problem {
     },
     /// The file ends before the length that its header states.
     CutOff,
-    /// A focal length is not positive and finite.
+    /// A focal length in x or y, in pixels, is not positive and finite.
     NoFocal([f64; 2]),
-    /// The pixels are not square.
+    /// The pixels are not square: the focal lengths in x and y differ, in pixels.
     UnequalFocals([f64; 2]),
     /// The size of the image is missing and cannot be derived.
     NoSize,
@@ -149,7 +149,7 @@ impl fmt::Display for Problem {
             Self::Unrepresentable { why } => f.write_str(why),
             Self::DeepBrackets { most } => write!(f, "found brackets nested more than {most} deep"),
             Self::NoFocal([fx, fy]) => {
-                write!(f, "found focal lengths {fx} and {fy}, expected pixels above 0")
+                write!(f, "found focal lengths {fx} and {fy}, expected values above 0, in pixels")
             }
             Self::UnequalFocals([fx, fy]) => write!(
                 f,
@@ -207,26 +207,27 @@ impl Problem {
     }
 }
 
-/// Quotes a text, cut to 60 characters so that a hostile file cannot fill the screen.
+/// Quotes a text from a file for an error message. It is cut to 60 characters, so that a hostile file cannot
+/// fill the screen.
 pub(crate) fn quoted(text: &str) -> String {
     const MAX_CHARS: usize = 60;
     let short: String = text.chars().take(MAX_CHARS).collect();
     if short.len() < text.len() { format!("{short:?}...") } else { format!("{short:?}") }
 }
 
-/// Largest file that is read, in bytes.
+/// Largest accepted size of an imported file, in bytes.
 pub const MAX_BYTES: usize = 64 << 20;
-/// Largest number of files of one import.
+/// Largest accepted number of files of one import.
 pub const MAX_FILES: usize = 20_000;
-/// Longest file name that is made from an id, in characters.
-const MAX_NAME: usize = 100;
+/// Largest length of a file name that is made from a camera id, in characters.
+const MAX_NAME_CHARS: usize = 100;
 
 /// File in memory; its name may contain folders, separated by `/`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
     /// Path relative to the folder of the export.
     pub name: String,
-    /// Content.
+    /// Content of the file.
     pub bytes: Vec<u8>,
 }
 
@@ -265,10 +266,10 @@ impl File {
     }
 }
 
-/// Converts an id to a path component that is valid on every system.
+/// Converts a camera id to a file name that is valid on every operating system.
 pub(crate) fn file_name(id: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
-    let name: String = id.chars().take(MAX_NAME).map(plain).collect();
+    let name: String = id.chars().take(MAX_NAME_CHARS).map(plain).collect();
     let dots = name.chars().take_while(|&c| c == '.').count();
     if dots == 0 { name } else { format!("{}{}", "_".repeat(dots), &name[dots..]) }
 }

@@ -1,10 +1,10 @@
-//! Fit of the nearest Kannala-Brandt lens to a lens in other terms.
+//! Fit of the nearest Kannala-Brandt lens to a lens of another model.
 //!
 //! Also conversions of rotations to and from the forms of other programs: Rodrigues vectors and quaternions.
 
 use calib_core::Distortion;
 
-/// Rotation matrix, as rows.
+/// Rotation matrix, as three rows.
 pub(crate) type Rotation = [[f64; 3]; 3];
 
 /// Returns the quaternion `(w, x, y, z)` of a rotation matrix, with w not below 0. Shepperd's method: it
@@ -38,7 +38,7 @@ pub(crate) fn from_quaternion(q: [f64; 4]) -> Option<Rotation> {
     ])
 }
 
-/// Returns the Rodrigues vector: the axis times the angle, in radians.
+/// Returns the Rodrigues vector of a rotation matrix: the rotation axis times the angle, in radians.
 pub(crate) fn rodrigues(r: &Rotation) -> [f64; 3] {
     let [w, x, y, z] = quaternion(r);
     let sine = (x * x + y * y + z * z).sqrt();
@@ -53,15 +53,17 @@ pub(crate) fn from_rodrigues([x, y, z]: [f64; 3]) -> Option<Rotation> {
     from_quaternion([(0.5 * angle).cos(), factor * x, factor * y, factor * z])
 }
 
+/// Returns the transposed matrix, which is the inverse of a rotation.
 pub(crate) fn transpose(r: &Rotation) -> Rotation {
     std::array::from_fn(|i| std::array::from_fn(|j| r[j][i]))
 }
 
+/// Returns the product of a matrix and a vector.
 pub(crate) fn rotate(r: &Rotation, v: [f64; 3]) -> [f64; 3] {
     r.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
-/// Whether the rows are right-handed, orthogonal and of length 1, within 1e-4.
+/// Whether a matrix is a rotation: its rows are orthogonal unit vectors in right-handed order, within 1e-4.
 pub(crate) fn is_rotation(r: &Rotation) -> bool {
     let dot = |i: usize, j: usize| -> f64 { (0..3).map(|k| r[i][k] * r[j][k]).sum() };
     let is_unit = (0..3).all(|i| (0..3).all(|j| (dot(i, j) - f64::from(u8::from(i == j))).abs() < 1e-4));
@@ -70,10 +72,10 @@ pub(crate) fn is_rotation(r: &Rotation) -> bool {
     is_unit && cross[0] * c[0] + cross[1] * c[1] + cross[2] * c[2] > 0.0
 }
 
-/// Largest angle from the axis for the comparison of lenses, in radians (110 degrees).
+/// Largest angle from the optical axis at which lenses are compared, in radians (110 degrees).
 pub(crate) const MAX_ANGLE: f64 = 110.0 * std::f64::consts::PI / 180.0;
 
-/// Largest accepted error of a lens that was fitted in other terms, in pixels.
+/// Largest accepted error, in pixels, of a lens that was fitted to another lens model.
 pub(crate) const MAX_FIT_ERROR_PX: f64 = 1.0;
 
 /// Fitted Kannala-Brandt lens.
@@ -82,11 +84,13 @@ pub(crate) struct FittedLens {
     /// Focal length, in pixels.
     pub(crate) focal: f64,
     pub(crate) distortion: Distortion,
-    /// Largest error at the samples, in pixels; infinite if the lens does not show one of them.
+    /// Largest error of the radius over the samples, in pixels; infinite if the lens cannot show one of the
+    /// samples.
     pub(crate) max_error_px: f64,
 }
 
-/// Returns the error text for a lens without an accepted fit; `what` names its original terms.
+/// Returns the error text for a lens without an accepted fit. `what` names the original terms of the lens;
+/// `off` is the error of the fit, in pixels.
 pub(crate) fn fit_error_text(what: &str, off: f64) -> String {
     match off.is_finite() {
         true => format!("{what}; the nearest Kannala-Brandt lens has an error of {off:.2} px"),
@@ -95,8 +99,8 @@ pub(crate) fn fit_error_text(what: &str, off: f64) -> String {
 }
 
 /// Fits f and k1 to k4 by least squares of `f theta (1 + k1 theta^2 + ... + k4 theta^8) - radius`, over pairs
-/// of theta (radians) and radius (pixels). The problem is linear in f and f k. Returns `None` if the samples
-/// do not determine a lens.
+/// of theta (angle from the axis, radians) and radius (pixels). f is the focal length in pixels. The problem
+/// is linear in f and in the products f k1 to f k4. Returns `None` if the samples do not determine a lens.
 pub(crate) fn fit_lens(samples: &[[f64; 2]]) -> Option<FittedLens> {
     let widest = samples.iter().map(|[theta, _]| *theta).fold(0.0, f64::max);
     let row = |theta: f64| [1, 3, 5, 7, 9].map(|power| (theta / widest).powi(power));
@@ -128,7 +132,7 @@ pub(crate) fn fit_lens(samples: &[[f64; 2]]) -> Option<FittedLens> {
     Some(FittedLens { focal, distortion, max_error_px: samples.iter().map(off).fold(0.0, f64::max) })
 }
 
-/// Solves five linear equations by Gaussian elimination with pivoting.
+/// Solves five linear equations by Gaussian elimination with pivoting; `None` if they are singular.
 fn solve_5x5(mut square: [[f64; 5]; 5], mut right: [f64; 5]) -> Option<[f64; 5]> {
     for column in 0..5 {
         let largest = |a: &usize, b: &usize| square[*a][column].abs().total_cmp(&square[*b][column].abs());

@@ -45,7 +45,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push(format!("zones.{}", scene.extension), text);
 }
 
-/// Returns the EFOV clipped to the image, one side of the image after the other.
+/// Returns the corners of the EFOV in pixels of the stream, clipped to one border of the image after the
+/// other.
 pub(crate) fn corners(view: &View) -> Vec<Pixel> {
     let [w, h] = view.size.map(f64::from);
     let sides: [fn(Pixel, f64, f64) -> f64; 4] =

@@ -2,15 +2,17 @@
 //! alone, as fSpy exports them in JSON.
 //!
 //! Poses are camera to world, with camera axes right, up, back. The principal point is relative to the centre
-//! of the image, with y up; the longer side runs from -1 to 1.
+//! of the image, with y up. Its unit is half the longer side of the image.
 
 use crate::file::File;
 use crate::file::{FormatError, Problem};
 use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::tree::{Node, Syntax};
 
+/// First bytes of a project file.
 const MAGIC: &[u8] = b"fspy";
-const HEAD: usize = 16;
+/// Length of the header before the state, in bytes.
+const HEADER_BYTES: usize = 16;
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let mut rest = Vec::new();
@@ -57,10 +59,10 @@ fn camera(file: &File, rest: &mut Vec<String>) -> Result<ImportedCamera, FormatE
     Ok(given)
 }
 
-/// Returns the state as a separate JSON file.
+/// Returns the JSON state inside a project file as a separate file.
 fn state(file: &File) -> Result<File, FormatError> {
     let wrong = |problem: Problem| FormatError::new(&file.name, problem);
-    let head = file.bytes.get(..HEAD).ok_or_else(|| wrong(Problem::NotFspy { is_short: true }))?;
+    let head = file.bytes.get(..HEADER_BYTES).ok_or_else(|| wrong(Problem::NotFspy { is_short: true }))?;
     if !head.starts_with(MAGIC) {
         return Err(wrong(Problem::NotFspy { is_short: false }));
     }
@@ -69,7 +71,7 @@ fn state(file: &File) -> Result<File, FormatError> {
     if number(4) != 1 {
         return Err(FormatError::expected(&file.name, format!("version {}", number(4)), 1));
     }
-    let end = HEAD.saturating_add(number(8));
-    let state = file.bytes.get(HEAD..end).ok_or_else(|| wrong(Problem::CutOff))?;
+    let end = HEADER_BYTES.saturating_add(number(8));
+    let state = file.bytes.get(HEADER_BYTES..end).ok_or_else(|| wrong(Problem::CutOff))?;
     Ok(File { name: file.name.clone(), bytes: state.to_vec() })
 }

@@ -14,8 +14,9 @@ use crate::planes::covering;
 use crate::tree::pretty;
 use crate::view::View;
 
-/// WGS84 ellipsoid: semi-major axis in metres, and squared eccentricity.
+/// Semi-major axis of the WGS84 ellipsoid, in metres.
 const SEMI_MAJOR_AXIS_M: f64 = 6_378_137.0;
+/// Squared eccentricity of the WGS84 ellipsoid.
 const ECCENTRICITY_2: f64 = 0.006_694_379_990_141_316;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
@@ -38,7 +39,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         .push("the site has no georeference: coordinates are metres of the site instead of WGS84".into());
 }
 
-/// Returns descriptions of the properties, for readers without this program.
+/// Returns descriptions of the properties (member `fields`), for people who read the file without this
+/// program. `on_earth` states whether the site has a georeference.
 fn fields(on_earth: bool, has_planes: bool) -> Value {
     let direction = if on_earth {
         ("azimuth_deg", "viewing direction, in degrees clockwise from north")
@@ -65,7 +67,8 @@ fn fields(on_earth: bool, has_planes: bool) -> Value {
     fields
 }
 
-/// Returns the property for the direction of a fall, and the way it is counted.
+/// Returns the name of the property for the direction in which a plane falls. Also returns a text that states
+/// the zero and the sense of this angle.
 const fn fall_direction(on_earth: bool) -> (&'static str, &'static str) {
     if on_earth {
         ("toward_azimuth_deg", "clockwise from north")
@@ -74,7 +77,7 @@ const fn fall_direction(on_earth: bool) -> (&'static str, &'static str) {
     }
 }
 
-/// Returns the feature of a plane: its region.
+/// Returns the `GeoJSON` feature of a plane, with the region of the plane as its geometry.
 fn region(entry: &PlaneEntry, plane: &Plane, earth: Option<&Georeference>) -> Value {
     let falls = plane.toward().to_degrees();
     let falls = earth.map_or(falls, |earth| earth.x_axis_azimuth_deg - falls).rem_euclid(360.0);
@@ -100,7 +103,7 @@ fn coordinates(point: FloorPoint, earth: Option<&Georeference>) -> [f64; 2] {
 
 fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
     let position = view.camera.position;
-    // Clockwise from north with a georeference, otherwise counter-clockwise from +x.
+    // The heading counts clockwise from north with a georeference, otherwise counter-clockwise from +x.
     let heading = match earth {
         Some(earth) => json!({"azimuth_deg":
             (earth.x_axis_azimuth_deg - 90.0 - view.camera.yaw.to_degrees()).rem_euclid(360.0)}),
@@ -118,7 +121,7 @@ fn features(view: &View, earth: Option<&Georeference>) -> [Value; 2] {
     ]
 }
 
-/// Computes twice the signed area, positive if counter-clockwise.
+/// Computes twice the signed area of a ring, positive if its corners run counter-clockwise.
 fn area(ring: &[[f64; 2]]) -> f64 {
     (0..ring.len())
         .map(|i| (ring[i], ring[(i + 1) % ring.len()]))

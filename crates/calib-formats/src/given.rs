@@ -17,21 +17,21 @@ pub struct Imported {
     pub notes: Vec<String>,
 }
 
-/// World to camera: rotation, and translation in metres.
+/// Pose, world to camera: rotation, and translation in metres.
 pub(crate) type Pose = (Rotation, [f64; 3]);
 
 /// Camera as read from a file.
 #[derive(Clone, Debug)]
 pub(crate) struct ImportedCamera {
     pub(crate) id: String,
-    /// Position in the file.
+    /// Position of the camera in the file, for messages.
     pub(crate) place: String,
     pub(crate) image: Option<String>,
     /// Width and height of the image, in pixels; absent: twice the principal point.
     pub(crate) size: Option<[u32; 2]>,
     /// Focal length in x and y, in pixels.
     pub(crate) focal: [f64; 2],
-    /// Principal point, counted from the corner of the image.
+    /// Principal point, in pixels from the corner of the image.
     pub(crate) centre: [f64; 2],
     pub(crate) distortion: Distortion,
     /// Pose, world to camera (right, down, forward), in metres.
@@ -39,7 +39,8 @@ pub(crate) struct ImportedCamera {
 }
 
 impl ImportedCamera {
-    /// Returns a camera without distortion and pose, with `[fx, fy, cx, cy]` and its position in the file.
+    /// Creates a camera without distortion and pose. `place` is its position in the file; `k` is
+    /// `[fx, fy, cx, cy]`, in pixels.
     pub(crate) fn new(id: &str, place: impl Into<String>, k: [f64; 4]) -> Self {
         let [fx, fy, cx, cy] = k;
         Self {
@@ -54,14 +55,15 @@ impl ImportedCamera {
         }
     }
 
+    /// Creates an error at the camera's position in the file.
     fn wrong(&self, problem: Problem) -> FormatError {
         FormatError::new(self.place.trim_end_matches([' ', ':']), problem)
     }
 
     /// Returns the mean focal length; fails if the pixels are not square.
     fn mean_focal(&self, notes: &mut Vec<String>) -> Result<f64, FormatError> {
-        /// Largest relative difference of the two focal lengths. Above it the image is stretched, and the
-        /// difference is not an error of the calibration.
+        /// Largest relative difference of the focal lengths in x and y that an error of the calibration can
+        /// explain. With a larger difference the image is stretched.
         const MAX_RATIO: f64 = 0.02;
         let [fx, fy] = self.focal;
         if !(fx > 1e-6 && fy > 1e-6 && fx < 1e9 && fy < 1e9) {
@@ -138,7 +140,7 @@ pub(crate) fn control_point(px: Pixel, world: WorldPoint) -> ControlPointEntry {
     }
 }
 
-/// Returns a checked site with these cameras.
+/// Creates a site with these camera entries and checks it. `place` is the file for messages.
 pub(crate) fn checked_site(
     cameras: Vec<SiteCamera>,
     notes: Vec<String>,
@@ -152,8 +154,8 @@ pub(crate) fn checked_site(
     Ok(Imported { site, notes })
 }
 
-/// Returns a checked site with these cameras, and adds `rest` (the parts of the files that were not read) to
-/// the notes.
+/// Creates a site with these imported cameras and checks it. `rest` describes the parts of the files that
+/// were not read, and is added to the notes.
 pub(crate) fn site_with_notes(
     given: Vec<ImportedCamera>,
     rest: Vec<String>,
@@ -164,7 +166,7 @@ pub(crate) fn site_with_notes(
     Ok(imported)
 }
 
-/// Returns a checked site with these cameras.
+/// Creates a site with these imported cameras and checks it.
 pub(crate) fn site_from_cameras(given: Vec<ImportedCamera>, place: &str) -> Result<Imported, FormatError> {
     if given.len() > calib_site::MAX_CAMERAS {
         let found = format!("{} cameras", given.len());
@@ -190,8 +192,8 @@ pub(crate) fn intrinsics_from_matrix(k: &[[f64; 3]; 3], place: &str) -> Result<[
     Ok([fx, fy, cx, cy])
 }
 
-/// Decomposes a projection matrix of either sign into `[fx, fy, cx, cy]` and the pose. The rows of `K R` are
-/// orthogonalised from the last to the first.
+/// Decomposes a projection matrix `K [R | t]` of either sign into `[fx, fy, cx, cy]` and the pose. `K` is the
+/// intrinsic matrix. The rows of `K R` are orthogonalised from the last to the first.
 pub(crate) fn decompose_projection(p: &[[f64; 4]; 3], place: &str) -> Result<([f64; 4], Pose), FormatError> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let less = |a: [f64; 3], s: f64, b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| a[i] - s * b[i]) };

@@ -1,4 +1,5 @@
-//! Kalibr's `camchain.yaml`: lenses. Its poses are from camera to camera, without a world frame.
+//! Kalibr's `camchain.yaml` with the lenses of the cameras. Each pose is relative to the previous camera; a
+//! world frame is missing.
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV. Kalibr names cameras `cam0`, `cam1` and so
 //! on, and its lenses `pinhole-radtan`, `pinhole-equi`, `omni-none` and `ds-none`. The focal lengths of
@@ -46,7 +47,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export.push(format!("camchain.{}", scene.extension), text);
 }
 
-/// Lens in Kalibr's terms.
+/// Lens in Kalibr's terms: camera model, intrinsics in pixels, distortion model and its coefficients.
 struct KalibrLens {
     camera: &'static str,
     intrinsics: Vec<f64>,
@@ -81,7 +82,7 @@ fn kalibr_lens(view: &View, scene: &Scene, export: &mut Export) -> KalibrLens {
 /// Returns the 4 x 4 transform from the coordinates of the previous camera to the coordinates of this one.
 fn camera_from_camera(view: &View, before: &View) -> [[f64; 4]; 4] {
     let (now, then) = (view.camera.rotation(), before.camera.rotation());
-    // Rows of `R_now R_previous'`.
+    // Rows of R R'^T, with the rotations R of this camera and R' of the previous camera.
     let turn = now.map(|row| rotate(&then, row));
     let [t, back] = [view.camera.translation(), rotate(&turn, before.camera.translation())];
     let row = |i: usize| [turn[i][0], turn[i][1], turn[i][2], t[i] - back[i]];

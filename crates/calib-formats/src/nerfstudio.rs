@@ -52,7 +52,8 @@ fn frame(view: &View, terms: Terms) -> Value {
     frame
 }
 
-/// Returns the 4 x 4 pose, with columns right, up, back, position.
+/// Returns the 4 x 4 camera-to-world pose. Its columns are the camera axes right, up and back, and the
+/// position.
 pub(crate) fn world_from_camera(view: &View) -> [[f64; 4]; 4] {
     let [right, down, forward] = view.camera.rotation();
     let centre = <[f64; 3]>::from(view.camera.position);
@@ -130,7 +131,7 @@ fn lens(root: &Node, frame: &Node) -> Result<Distortion, FormatError> {
     }
 }
 
-/// Converts a camera-to-world matrix that looks along -z to a world-to-camera pose.
+/// Converts a camera-to-world matrix, whose camera looks along -z, to a world-to-camera pose.
 fn pose(matrix: &Node) -> Result<Pose, FormatError> {
     let numbers = matrix.numbers()?;
     let (12 | 16) = numbers.len() else {

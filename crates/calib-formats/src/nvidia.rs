@@ -18,10 +18,12 @@ use crate::given::{
 use crate::tree::{Node, Syntax, digits, pretty};
 use crate::view::View;
 
-/// Scale of the map without a plan image, in pixels per metre.
-const MAP_SCALE: f64 = 50.0;
+/// Scale of the map of a site without a plan image, in pixels per metre.
+const MAP_PX_PER_METRE: f64 = 50.0;
 
-/// Map: `pixel = s (x + tx), height - s (y + ty)`.
+/// Transform from the floor to the map: `pixel = (s (x + tx), height - s (y + ty))`. x and y are in metres,
+/// `s` is the scale in pixels per metre, `t` is (tx, ty) in metres, and `height` is the height of the map in
+/// pixels.
 #[derive(Clone, Copy, Debug)]
 struct Map {
     s: f64,
@@ -64,7 +66,7 @@ fn map(scene: &Scene, export: &mut Export) -> (Map, Option<f64>) {
     let points =
         || scene.views.iter().flat_map(|v| v.efov_m.iter().copied().chain([v.camera.position.on_floor()]));
     let least = |of: fn(&FloorPoint) -> f64| points().map(|p| of(&p)).fold(f64::INFINITY, f64::min);
-    (Map { s: MAP_SCALE, t: [-least(|p| p.x).floor(), -least(|p| p.y).floor()] }, None)
+    (Map { s: MAP_PX_PER_METRE, t: [-least(|p| p.x).floor(), -least(|p| p.y).floor()] }, None)
 }
 
 fn cam_info(view: &View) -> String {
@@ -139,6 +141,7 @@ fn polygon(corners: &[FloorPoint]) -> String {
 /// Returns at least four floor points that the camera shows: corners of the EFOV, and points between them and
 /// its centre.
 fn corners(view: &View) -> Vec<FloorPoint> {
+    /// Maximum number of corners of the EFOV that are used.
     const MAX_CORNERS: usize = 8;
     let all = &view.efov_m;
     let count = all.len().max(1) as f64;
@@ -168,7 +171,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     site_with_notes(given, rest, &files[0].name)
 }
 
-/// Returns a note for each file that is not read.
+/// Returns a note for each file that the import does not read.
 fn unread_notes<'a>(
     files: &'a [File],
     is_unread: impl Fn(&File) -> bool + 'a,
@@ -245,7 +248,7 @@ fn frame_size(sensor: &Node) -> Result<Option<[u32; 2]>, FormatError> {
     Ok(size[0].zip(size[1]).map(|(width, height)| [width, height]))
 }
 
-/// Returns pixels and the world points that they show.
+/// Returns the pixels of a sensor with the world points that they show.
 fn pairs(sensor: &Node) -> Result<Vec<(Pixel, WorldPoint)>, FormatError> {
     let (Some(image), Some(globe)) = (sensor.get("imageCoordinates"), sensor.get("globalCoordinates")) else {
         return Ok(Vec::new());

@@ -13,10 +13,10 @@ use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
 use crate::given::{Imported, ImportedCamera, site_with_notes};
 use crate::tree::digits;
 
-/// Largest number of coefficients of a polynomial. Fits to calibration boards have fewer.
+/// Largest accepted number of coefficients of a polynomial; calibrations with a board have fewer.
 const MAX_COEFFICIENTS: usize = 32;
 
-/// Number of sampled radii of the polynomial.
+/// Number of radii at which the polynomial is sampled.
 const RINGS: usize = 400;
 
 /// Line of numbers, with its position in the file.
@@ -26,6 +26,7 @@ struct Line {
 }
 
 impl Line {
+    /// Creates an error for a line with another number of values than expected.
     fn wrong(&self, expected: &str) -> FormatError {
         FormatError::expected(
             &self.place,
@@ -38,7 +39,7 @@ impl Line {
         self.numbers.clone().try_into().map_err(|_| self.wrong(expected))
     }
 
-    /// Returns the coefficients that follow their count.
+    /// Returns the coefficients of a line, whose first number is the number of coefficients.
     fn terms(&self) -> Result<&[f64], FormatError> {
         match &self.numbers[..] {
             [count, terms @ ..]
@@ -101,7 +102,7 @@ fn lens(file: &File, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
     let far = [row.max(height - row), column.max(width - column)];
     let samples = rings(direct, far[0].hypot(far[1]), scale)?;
     let &[theta, rim] = samples.last().ok_or_else(|| FormatError::new(&direct.place, Problem::NoCamera))?;
-    // Largest displacement of the rim by the affine parameters, in pixels.
+    // Largest displacement of a point at the rim by the affine parameters c, d and e, in pixels.
     let skew = (0..90)
         .map(|i| (f64::from(i) * 2.0).to_radians().sin_cos())
         .map(|(sin, cos)| ((c - scale) * cos + d * sin).hypot(e * cos + (1.0 - scale) * sin) * rim / scale);

@@ -14,8 +14,8 @@ use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_n
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
 use crate::view::{Terms, View};
 
-/// Numbers of distortion terms that `OpenCV` allows.
-const LENGTHS: [usize; 5] = [4, 5, 8, 12, 14];
+/// Numbers of distortion coefficients that `OpenCV` allows.
+const COEFFICIENT_COUNTS: [usize; 5] = [4, 5, 8, 12, 14];
 
 enum Entry {
     Whole(u32),
@@ -173,11 +173,13 @@ pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, Forma
         return Ok(Distortion::None);
     }
     if fisheye {
-        let Ok(k) = terms.try_into() else { return Err(node.unexpected("the four terms of a fisheye")) };
+        let Ok(k) = terms.try_into() else {
+            return Err(node.unexpected("the four coefficients of a fisheye lens"));
+        };
         return Ok(Distortion::KannalaBrandt { k });
     }
-    if !LENGTHS.contains(&terms.len()) {
-        return Err(node.unexpected(&format!("4, 5, 8, 12 or 14 terms instead of {}", terms.len())));
+    if !COEFFICIENT_COUNTS.contains(&terms.len()) {
+        return Err(node.unexpected(&format!("4, 5, 8, 12 or 14 coefficients instead of {}", terms.len())));
     }
     if terms.iter().skip(5).any(|&term| term != 0.0) {
         return Err(

@@ -11,13 +11,14 @@ use crate::export::{Export, Loss};
 pub enum PlaneTreatment {
     /// The planes are written with their regions.
     Written,
-    /// Readers map all pixels to the floor, also pixels of another plane: a loss.
+    /// Programs that read the file map all pixels to the floor, also pixels of another plane. The export
+    /// reports a loss.
     Misleading,
-    /// The file is correct without the planes: a note.
+    /// The file is correct without the planes. The export reports a note.
     LeftOut,
 }
 
-/// Returns the planes that have a region.
+/// Returns the planes of a site that have a region.
 pub(crate) fn covering(site: &Site) -> Vec<(&PlaneEntry, Plane)> {
     let entries = site.planes.iter().filter(|entry| !entry.region.is_empty());
     entries.map(|entry| (entry, site.plane_or_floor(Some(&entry.id)))).collect()

@@ -47,7 +47,7 @@ pub struct Format {
     /// File names that identify one calibration: opening one of these files also opens the others in its
     /// folder.
     pub companions: &'static [&'static str],
-    /// Whether its readers find the file of a camera by the camera's id.
+    /// Whether programs that read the format find the file of a camera by the camera's id.
     pub names_files_by_id: bool,
     /// Pixel origin: the corner of the image, or the centre of the first pixel.
     pub pixels: &'static str,
@@ -55,20 +55,21 @@ pub struct Format {
     pub units: &'static str,
     /// Axes, and the direction of the poses (world to camera or camera to world).
     pub axes: &'static str,
-    /// Data of the files that an import ignores.
+    /// Data in files of the format that an import ignores.
     pub ignored_by_import: &'static str,
     pub(crate) write: Option<Write>,
     pub(crate) read: Option<Read>,
 }
 
 impl Format {
-    /// Defaults of the rows of [`FORMATS`]. They contain poses without lenses, no export and no import.
+    /// Default values of the entries of [`FORMATS`]. They contain poses without lenses, no export and no
+    /// import.
     const PLAIN: Self = Self {
         name: "",
         about: "",
         extensions: &[],
         contains: "",
-        lacks: NOT_SIGMAS,
+        lacks: USUALLY_LACKING,
         planes: PlaneTreatment::LeftOut,
         lenses: &[],
         has_positions: true,
@@ -103,9 +104,12 @@ impl Format {
 const CORNER: &str = "corner";
 /// Pixel origin at the centre of the first pixel: our coordinates minus 0.5.
 const CENTRE: &str = "centre of the first pixel";
+/// Axes and pose direction of `OpenCV`.
 const OPENCV: &str = "world z up; camera right, down, forward; world to camera";
+/// Axes and pose direction of OpenGL.
 const OPENGL: &str = "world z up; camera right, up, back; camera to world";
-const NOT_SIGMAS: &str = "standard deviations, EFOV, planes other than the floor";
+/// Data that most formats lack.
+const USUALLY_LACKING: &str = "standard deviations, EFOV, planes other than the floor";
 /// Lens models that most programs support.
 const RADIAL_OR_FISHEYE: &[DistortionModel] =
     &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt];
@@ -375,7 +379,7 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
-/// Returns the format with this name.
+/// Returns the format with this name on the command line.
 #[must_use]
 pub fn format(name: &str) -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.name == name)

@@ -6,10 +6,11 @@ use crate::export::Export;
 use crate::file::File;
 use crate::view::View;
 
-/// Largest size of an image with a map, in pixels.
+/// Largest number of pixels of an image for which a map is written.
 const MAX_PIXELS: u64 = 64 << 20;
 
-/// Writes `<camera>.remap.npy`, for `cv2.remap(raw, numpy.load(file), None, cv2.INTER_LINEAR)`.
+/// Writes the undistortion map `<camera>.remap.npy`, for
+/// `cv2.remap(raw, numpy.load(file), None, cv2.INTER_LINEAR)`.
 ///
 /// Float32, height x width x 2 (x, y), counted from the centre of the first pixel as in OpenCV; -1 outside
 /// the lens. Focal length and principal point stay the same.

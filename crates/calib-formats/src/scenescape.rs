@@ -1,7 +1,7 @@
 //! Intel SceneScape's camera objects.
 //!
-//! Poses are camera to world, with the w of quaternions last. Camera axes and pixels are `OpenCV`'s: our
-//! principal point minus 0.5.
+//! Poses are camera to world, with the w of quaternions last. Camera axes are right, down, forward. Pixels
+//! count from the centre of the first pixel, as in `OpenCV`: our principal point minus 0.5.
 
 use serde_json::{Value, json};
 

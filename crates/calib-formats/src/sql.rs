@@ -1,9 +1,11 @@
 //! SQL views that map detections to the floor: a table of coefficients, and the expression that uses them.
 //! Every engine with double precision evaluates it. Pixels count from the corner of the image.
 //!
-//! With (a, b) = ((u - cx) / fx, (v - cy) / fy) and r^2 = a^2 + b^2 the lens is q = 1 + d1 r^2 + d2 r^4 + d3
-//! r^6, its undistorted point (a / q, b / q), and the floor G (a, b, q), homogeneous. This is exact without
-//! distortion (q = 1) and for the division model (d1). For other lenses d1, d2 and d3 are fitted, and the
+//! (u, v) is a pixel, (cx, cy) the principal point, and fx and fy are the focal lengths in pixels. The raw
+//! position is (a, b) = ((u - cx) / fx, (v - cy) / fy), with r^2 = a^2 + b^2. The distortion is the quotient
+//! q = 1 + d1 r^2 + d2 r^4 + d3 r^6, and the undistorted position is (a / q, b / q).
+//! The homogeneous floor point is G (a, b, q), with a 3 x 3 matrix G. This is exact without distortion
+//! (q = 1) and for the division model (d2 = d3 = 0). For other lenses d1, d2 and d3 are fitted, and the
 //! largest error is reported.
 
 use calib_core::{Distortion, Extent, FloorPoint, Pixel, UndistortedPixel};
@@ -12,13 +14,14 @@ use crate::export::{Export, MAX_UNREPORTED_ERROR_PX, Scene, round_up, wide_lens_
 use crate::tree::digits;
 use crate::view::{View, solve_3x3};
 
-/// Safety factor: the error between sample points, relative to the largest error at the sample points.
+/// Safety factor of the reported error: upper bound of the error between sample points, divided by the
+/// largest error at the sample points.
 const SAMPLING_SAFETY_FACTOR: f64 = 1.01;
 
-/// Row of the table for one camera.
+/// Table row of one camera.
 struct Row<'a> {
     view: &'a View,
-    /// fx, fy, in pixels of the stream.
+    /// Focal lengths fx, fy, in pixels of the stream.
     focal: [f64; 2],
     /// Coefficients d1, d2, d3 of q.
     coefficients: [f64; 3],
@@ -66,7 +69,7 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// Returns G, the homogeneous floor point from (a, b, q).
+    /// Returns the matrix G, which maps (a, b, q) to the homogeneous floor point.
     fn floor_from_lens(&self) -> [[f64; 3]; 3] {
         let ([cx, cy], [fx, fy]) = (self.view.centre(), self.focal);
         self.view.floor_from_pixel().map(|[h0, h1, h2]| [h0 * fx, h1 * fy, h0 * cx + h1 * cy + h2])
@@ -78,13 +81,14 @@ impl<'a> Row<'a> {
         (q > 0.0 && w > 0.0).then_some([x / w, y / w])
     }
 
-    /// Returns [`Self::max_error`] rounded up to the digits of the message: a thousandth of a pixel and a tenth of
-    /// a millimetre.
+    /// Returns [`Self::max_error`] rounded up to the digits of the message: a thousandth of a pixel and a
+    /// tenth of a millimetre.
     fn rounded_error(&self) -> [f64; 2] {
         [round_up(self.max_error[0], 3), round_up(self.max_error[1], 4)]
     }
 
-    /// Computes [`Self::max_error`].
+    /// Computes the largest error of the fit over the image, in undistorted pixels, and over the EFOV, in
+    /// metres.
     fn compute_max_error(&self) -> [f64; 2] {
         let view = self.view;
         let extent = Extent { size: view.size.map(f64::from), efov: &view.efov_on_floor };
@@ -106,6 +110,7 @@ impl<'a> Row<'a> {
     /// Computes the largest error along the border of the EFOV, in metres. A pixel covers the most floor at
     /// the far side.
     fn max_border_error(&self) -> f64 {
+        /// Number of samples on each side of the EFOV.
         const STEPS: usize = 16;
         let (camera, corners) = (&self.view.camera, &self.view.efov_on_floor);
         let centre = camera.lens.principal_point;
@@ -125,7 +130,7 @@ impl<'a> Row<'a> {
     }
 
     fn text(&self, has_periods: bool) -> String {
-        // In UTC, because some engines drop an offset. The times of a site are already checked.
+        // Times are written in UTC, because some engines drop an offset. The site has checked them already.
         let time = |time: &Option<String>| match time.as_ref().and_then(|time| time.parse().ok()) {
             Some(time) => format!(", TIMESTAMP '{}'", jiff::Timestamp::to_string(&time)),
             None => ", CAST(NULL AS TIMESTAMP)".into(),
@@ -146,8 +151,11 @@ impl<'a> Row<'a> {
 /// border of the image. They are evenly spaced in undistorted coordinates. Near the fold of a lens, where the
 /// undistorted radius grows fastest, a tiny part of the image covers many undistorted pixels.
 fn along_rays(view: &View) -> Vec<([f64; 2], [f64; 2])> {
+    /// Number of rays.
     const RAYS: usize = 256;
+    /// Number of samples on each ray.
     const STEPS: usize = 64;
+    /// Number of bisections for the end of a ray.
     const HALVINGS: usize = 40;
     let (camera, centre) = (&view.camera, view.camera.lens.principal_point);
     let near = |[u, v]: [f64; 2]| [(u - centre.u) / camera.focal, (v - centre.v) / camera.focal];
@@ -190,13 +198,14 @@ fn border(view: &View, count: usize) -> impl Iterator<Item = Pixel> {
     })
 }
 
-/// Evaluates q at a squared radius.
+/// Evaluates the quotient q = 1 + d1 r^2 + d2 r^4 + d3 r^6 at a squared radius r^2.
 fn quotient([d1, d2, d3]: [f64; 3], square: f64) -> f64 {
     1.0 + square * (d1 + square * (d2 + square * d3))
 }
 
-/// Fits d1, d2 and d3 to the lens over the image. Least squares of the error in undistorted pixels,
-/// `r_raw (1 / q - 1 / q_exact)`, to first order in q.
+/// Fits the coefficients d1, d2 and d3 of the quotient q to the lens over the image. It minimises the squared
+/// error of the undistorted radius, `r_raw (1 / q - 1 / q_exact)`, to first order in q. `r_raw` is the raw
+/// radius, and `q_exact` the quotient of the lens.
 fn fit_coefficients(view: &View) -> [f64; 3] {
     let samples = view.samples();
     let most = samples.iter().map(|(_, raw)| raw[0].hypot(raw[1])).fold(1e-9, f64::max);
@@ -220,8 +229,8 @@ fn fit_coefficients(view: &View) -> [f64; 3] {
     [a / most.powi(2), b / most.powi(4), c / most.powi(6)]
 }
 
-/// Formats a number with an exponent, which every engine reads as a double. A number in plain decimals may be
-/// read with few digits.
+/// Formats a number with an exponent, which every engine reads as a double. Some engines read plain decimals
+/// with fewer digits.
 fn double(value: f64) -> String {
     let text = digits(value);
     if text.contains('e') { text } else { text + "e0" }
@@ -239,7 +248,7 @@ fn text(rows: &[Row<'_>], terms: usize, has_periods: bool) -> String {
     let quotient = if terms == 0 { "1e0".into() } else { format!("(1e0 + {series})") };
     let row = |i: usize| format!("(c.g{i}1 * {a} + c.g{i}2 * {b} + c.g{i}3 * {quotient})");
     let (x, y, w) = (row(1), row(2), row(3));
-    // With a positive d1 of the division model, the undistorted radius decreases again beyond q = 2.
+    // With a positive d1 in the division model, the undistorted radius decreases again where q exceeds 2.
     let folds = rows.iter().any(|row| row.coefficients[0] > 0.0);
     let unfolded = if folds { format!("{quotient} <= 2e0 AND ") } else { String::new() };
     let shown = if terms == 0 { format!("{w} > 0") } else { format!("{quotient} > 0 AND {unfolded}{w} > 0") };

@@ -11,14 +11,15 @@ use crate::export::{Export, Scene};
 use crate::file::File;
 use crate::tree::escaped;
 
+/// Colours of the cameras. Further cameras repeat them from the first.
 const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3c8d", "#8c613c"];
-/// Size of a unit without a plan, in metres.
-const CENTIMETRE: f64 = 0.01;
+/// Size of a unit of the SVG for a site without a plan, in metres.
+const UNIT_M: f64 = 0.01;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     let scale = scene.site.plan.as_ref().map_or(
-        PlanScale { metres_per_px: CENTIMETRE, origin: PlanPixel::default(), x_axis: 0.0 },
+        PlanScale { metres_per_px: UNIT_M, origin: PlanPixel::default(), x_axis: 0.0 },
         calib_site::Plan::scale,
     );
     let at = |point: FloorPoint| <[f64; 2]>::from(scale.plan_from_floor(point));

@@ -1,7 +1,7 @@
 //! Table with one row for each camera, for trackers without a camera library. Each matrix has its direction
 //! in its name.
 //!
-//! The matrices apply to undistorted pixels, and each row also contains the lens that produces these. Pixels
+//! The matrices apply to undistorted pixels, and each row also contains the lens for the undistortion. Pixels
 //! count from the corner of the image. A pixel shows the floor only if the third coordinate of
 //! `floor_from_undistorted_px` is positive; elsewhere it is above the horizon.
 //!
@@ -43,8 +43,8 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     }
 }
 
-/// Returns the row of a plane and a camera. A reader uses it if its region contains the point, and before the
-/// floor if the plane is nearer.
+/// Returns the table row for a plane and a camera. The row applies if the region of the plane contains the
+/// point. Of two valid points on the viewing ray, the nearer one is visible: on the plane or on the floor.
 fn plane_row(view: &View, entry: &PlaneEntry, plane: &Plane) -> Map<String, Value> {
     let region: Vec<[f64; 2]> = entry.region.iter().map(|&p| p.into()).collect();
     let fields = [
@@ -92,7 +92,7 @@ fn row(view: &View) -> Map<String, Value> {
     row
 }
 
-/// Column with the camera's id.
+/// Name of the column with the camera's id.
 const ID_COLUMN: &str = "camera_id";
 
 /// Formats rows as CSV. A list becomes one cell with spaces between its numbers, and the camera's id is the

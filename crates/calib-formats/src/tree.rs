@@ -10,11 +10,11 @@ use serde_json::{Map, Number, Value};
 use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 
-/// Largest text that is parsed, in bytes. Its tree needs many times that memory.
+/// Largest accepted size of a text, in bytes. The tree of a text needs many times the memory of the text.
 const MAX_TREE_BYTES: usize = 16 << 20;
-/// Largest depth of nested brackets.
+/// Largest accepted nesting depth of brackets or blocks.
 const MAX_DEPTH: usize = 64;
-/// Largest number of elements in an XML text.
+/// Largest accepted number of elements in an XML text.
 const MAX_NODES: u32 = 1_000_000;
 
 /// Syntax of a text file.
@@ -81,7 +81,8 @@ fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
 }
 
-/// Removes leading `%` directives: OpenCV's is not valid YAML, and older versions do not end it with `---`.
+/// Removes leading lines with `%` directives from a YAML text. OpenCV's directive is not valid YAML, and
+/// older versions of OpenCV do not end it with `---`.
 fn without_directives(mut text: &str) -> &str {
     while let Some((_, rest)) = text.split_once('\n').filter(|(line, _)| line.starts_with('%')) {
         text = rest;
@@ -89,9 +90,10 @@ fn without_directives(mut text: &str) -> &str {
     text
 }
 
-/// Returns the nesting depth of brackets, or of blocks if it is larger (`- - - 1`, or a large indentation).
+/// Returns the nesting depth of a YAML or JSON text: of brackets, or of blocks (`- - - 1`, or a large
+/// indentation) if it is larger.
 fn depth(text: &str) -> usize {
-    /// Columns of indentation that count as one level of blocks.
+    /// Number of columns of indentation that count as one level of blocks.
     const COLUMNS: usize = 8;
     let blocks = text.lines().map(|line| {
         let marks = line.bytes().take_while(|c| matches!(c, b' ' | b'-' | b'?' | b':'));
@@ -162,7 +164,7 @@ fn number(text: &str) -> Option<Value> {
     Some(Value::Number(Number::from_f64(text.parse().ok()?)?))
 }
 
-/// Value and its position in the file.
+/// Value of the tree, with its position in the file.
 #[derive(Clone, Debug)]
 pub(crate) struct Node<'a> {
     value: &'a Value,
@@ -180,14 +182,14 @@ impl<'a> Node<'a> {
         Self { value, place: format!("{}/{key}", self.place), read: Rc::clone(&self.read) }
     }
 
-    /// Marks the value, with everything in it, as read.
+    /// Marks the value and all values inside it as read.
     pub(crate) fn mark_read(&self) {
         self.read.borrow_mut().insert(address(self.value));
     }
 
-    /// Returns a sentence that lists the keys that were not read; `None` if all were.
+    /// Returns a sentence that lists the keys of the file that were not read; `None` if all keys were read.
     pub(crate) fn unread_keys(&self) -> Option<String> {
-        /// Largest number of keys that are listed.
+        /// Largest number of keys that the sentence lists.
         const MAX_KEYS: usize = 16;
         let mut keys = BTreeSet::new();
         collect_unread(self.value, "", &self.read.borrow(), &mut keys);
@@ -243,7 +245,7 @@ impl<'a> Node<'a> {
         self.value == &Value::Bool(true)
     }
 
-    /// Returns a side of an image, in whole pixels.
+    /// Returns the width or height of an image, in whole pixels; fails for any other value.
     pub(crate) fn side(&self) -> Result<u32, FormatError> {
         let value = self.number()?;
         let most = f64::from(calib_site::MAX_SIDE);
@@ -310,7 +312,7 @@ fn address(value: &Value) -> usize {
     std::ptr::from_ref(value).addr()
 }
 
-/// Whether a value, or any value inside it, was read.
+/// Whether a value, or any value inside it, was read. `taken` contains the addresses of the read values.
 fn is_read(value: &Value, taken: &HashSet<usize>) -> bool {
     taken.contains(&address(value))
         || match value {
@@ -320,7 +322,8 @@ fn is_read(value: &Value, taken: &HashSet<usize>) -> bool {
         }
 }
 
-/// Collects the keys that were not read. Items of one list are merged, and empty values are ignored.
+/// Adds the paths of the keys that were not read to `keys`. Items of one list are merged, and empty values
+/// are ignored.
 fn collect_unread(value: &Value, place: &str, taken: &HashSet<usize>, keys: &mut BTreeSet<String>) {
     if taken.contains(&address(value)) {
         return;

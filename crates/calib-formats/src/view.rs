@@ -24,8 +24,8 @@ pub struct ExportOptions {
     pub camera: Option<String>,
     /// Image of the floor plan.
     pub plan: Option<PlanImage>,
-    /// Whether images are embedded in the file that shows them instead of written as separate files, if the
-    /// format allows it.
+    /// Whether images are embedded in the exported file instead of written as separate files, if the format
+    /// allows it.
     pub embeds: bool,
 }
 
@@ -56,7 +56,7 @@ pub(crate) struct View {
     pub(crate) scale: [f64; 2],
     /// EFOV in pixels of the stream: the annotated polygon, or the projection of its outline on the plan.
     pub(crate) efov_px: Vec<Pixel>,
-    /// EFOV on the plan, in metres.
+    /// Corners of the EFOV on the plan, in metres.
     pub(crate) efov_m: Vec<FloorPoint>,
     /// EFOV projected to the floor along the viewing rays; differs from `efov_m` if the EFOV is on another
     /// plane.
@@ -69,7 +69,7 @@ pub(crate) struct View {
     pub(crate) is_placed: bool,
 }
 
-/// Lens in the terms that most formats support.
+/// Distortion in the terms that most formats support.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Terms {
     None,
@@ -227,9 +227,9 @@ impl View {
         }
     }
 
-    /// Fits k1, k2 and k3 to the lens over the image, and returns them with the largest error in pixels.
-    /// Least squares of `r (k1 r^2 + k2 r^4 + k3 r^6) - (r_distorted - r)`, where r is the undistorted
-    /// radius.
+    /// Fits k1, k2 and k3 to the lens over the image, and returns the fit with its largest error in pixels.
+    /// Minimises the squares of `r (k1 r^2 + k2 r^4 + k3 r^6) - (r_distorted - r)`. r is the undistorted
+    /// radius and `r_distorted` the raw radius, both divided by the focal length.
     fn fit_brown_conrady(&self) -> (BrownConrady, f64) {
         let points = self.samples();
         let most = points.iter().map(|(s, _)| s[0].hypot(s[1])).fold(1e-9, f64::max);
@@ -261,10 +261,12 @@ impl View {
         (brown, off.fold(0.0, f64::max))
     }
 
-    /// Returns undistorted and raw positions over the image, relative to the principal point, divided by the
-    /// focal length.
+    /// Returns pairs of the undistorted and the raw position of a point, on a grid over the image. Positions
+    /// are relative to the principal point, divided by the focal length.
     pub(crate) fn samples(&self) -> Vec<([f64; 2], [f64; 2])> {
+        /// Number of samples across the image.
         const COLUMNS: usize = 33;
+        /// Number of samples from top to bottom.
         const ROWS: usize = 25;
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let f = self.camera.focal;
@@ -281,7 +283,8 @@ impl View {
     }
 }
 
-/// Solves three linear equations by Cramer's rule; returns zeros if they are singular.
+/// Solves three linear equations by Cramer's rule; returns zeros if they are singular. The last column of `m`
+/// is the right-hand side.
 pub(crate) fn solve_3x3(m: [[f64; 4]; 3]) -> [f64; 3] {
     let determinant = |c: [usize; 3]| {
         let at = |i: usize, j: usize| m[i][c[j]];
@@ -303,7 +306,8 @@ pub(crate) fn views(site: &Site, options: &ExportOptions) -> (Vec<View>, Vec<Str
         match View::new(site, entry, options) {
             Some(mut view) => {
                 let plain = view.file.clone();
-                // Periods of one camera, and ids that differ only in characters that file names replace.
+                // File names coincide for periods of one camera, and for ids that differ only in characters
+                // that a file name cannot contain.
                 for number in 2.. {
                     if taken.insert(view.file.to_lowercase()) {
                         break;

@@ -1,7 +1,8 @@
 //! Calibration of WILDTRACK: `intrinsic_zero/intr_*.xml` and `extrinsic/extr_*.xml`.
 //!
-//! Images are undistorted. Poses are world to camera, as Rodrigues vectors and centimetres. Pixels are
-//! `OpenCV`'s: our principal point minus 0.5.
+//! Images are undistorted. Poses are world to camera: rotations as Rodrigues vectors, translations in
+//! centimetres. Pixels count from the centre of the first pixel, as in `OpenCV`: our principal point minus
+//! 0.5.
 
 use crate::export::{Export, Scene};
 use crate::file::File;
@@ -11,8 +12,8 @@ use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_
 use crate::opencv::{distortion, matrix_xml};
 use crate::tree::{Node, Syntax, joined};
 
-/// Centimetres in a metre.
-const UNIT: f64 = 100.0;
+/// Number of centimetres in a metre.
+const CM_PER_M: f64 = 100.0;
 
 pub(crate) fn write(scene: &Scene, export: &mut Export) {
     for view in &scene.views {
@@ -28,15 +29,15 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
         let name = |folder: &str, kind: &str| format!("{folder}/{kind}_{}.xml", view.file);
         export.push(name("intrinsic_zero", "intr"), format!("{open}{}</opencv_storage>\n", lens.concat()));
         let rvec = joined(&rodrigues(&view.camera.rotation()), " ");
-        let tvec = joined(&view.camera.translation().map(|t| t * UNIT), " ");
+        let tvec = joined(&view.camera.translation().map(|t| t * CM_PER_M), " ");
         let pose = format!("{open}<rvec>{rvec}</rvec>\n<tvec>{tvec}</tvec>\n</opencv_storage>\n");
         export.push(name("extrinsic", "extr"), pose);
     }
 }
 
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
-    // The dataset contains the raw cameras and also the cameras of its undistorted images; the second are
-    // preferred.
+    // The dataset contains the raw cameras and the cameras of its undistorted images. The cameras of the
+    // undistorted images are preferred.
     let is_zero = |file: &File| file.name.contains("intrinsic_zero/");
     let has_zero = files.iter().any(is_zero);
     let (mut given, mut rest) = (Vec::new(), Vec::new());
@@ -69,7 +70,7 @@ fn pose(files: &[File], id: &str, rest: &mut Vec<String>) -> Result<Pose, Format
     let root = Node::root(file, &tree);
     let r = root.require(&["rvec"])?;
     let rotation = from_rodrigues(r.exactly()?).ok_or_else(|| r.unexpected("a rotation"))?;
-    let translation = root.require(&["tvec"])?.exactly::<3>()?.map(|t| t / UNIT);
+    let translation = root.require(&["tvec"])?.exactly::<3>()?.map(|t| t / CM_PER_M);
     rest.extend(root.unread_keys());
     Ok((rotation, translation))
 }

@@ -1,8 +1,8 @@
 //! World files of floor plans (`.pgw`, `.jgw`, `.wld`): six numbers, one on each line, for the position of
 //! the plan image. They have no units and no coordinate system; metres are assumed.
 //!
-//! The numbers are A, D, B, E, C, F in this order. They define x = A i + B j + C and y = D i + E j + F. i and
-//! j count pixels to the right and down from the centre of the first pixel.
+//! The numbers are A, D, B, E, C, F in this order. They define the world point x = A i + B j + C and
+//! y = D i + E j + F. i and j count pixels to the right and down from the centre of the first pixel.
 
 use calib_core::PlanPixel;
 
@@ -12,7 +12,7 @@ use crate::file::File;
 use crate::file::{FormatError, Problem, quoted};
 use crate::given::Imported;
 
-/// Extensions of world files and of their images.
+/// Extensions of a world file and of the image that it belongs to.
 const IMAGE_EXTENSIONS: [(&str, &str); 4] =
     [("pgw", "png"), ("pngw", "png"), ("jgw", "jpg"), ("jpgw", "jpg")];
 
@@ -25,7 +25,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         ));
     };
     let [a, d, b, e, c, f] = numbers(file)?;
-    // Under rotation and scale alone, right is (a, d) and down is (d, -a).
+    // For a rotation with a scale, one pixel to the right is (a, d) and one pixel down is (d, -a).
     let (right, up) = (0.5 * (a - e), 0.5 * (d + b));
     let metres_per_px = right.hypot(up);
     let skew = (a + e).hypot(d - b);

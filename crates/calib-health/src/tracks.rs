@@ -2,11 +2,11 @@
 //!
 //! Errors in successive rows are correlated: the person has the same height, and the detector places the box
 //! in the same way. A track is therefore the independent unit. Its rows are `y = f . b + a + e`, with `y` the
-//! log height, `f` the features and `b` their coefficients. The deviation of the person is
-//! `a ~ N(0, PERSON_SIGMA^2)`, and the deviation of the box is `e ~ N(0, BOX_SIGMA^2)`.
+//! log height, `f` the features and `b` their coefficients. The deviation of the person is `a ~ N(0,
+//! PERSON_SIGMA^2)`, and the deviation of the box is `e ~ N(0, BOX_SIGMA^2)`.
 //!
-//! Let `w` be the weights of a robust estimate ([`Height`]), `W` their sum and
-//! `k = PERSON_SIGMA^2 / (BOX_SIGMA^2 + W PERSON_SIGMA^2)`. The normal equations of `b` are (Harville 1977)
+//! Let `w` be the weights of a robust estimate ([`Height`]), `W` their sum and `k = PERSON_SIGMA^2 /
+//! (BOX_SIGMA^2 + W PERSON_SIGMA^2)`. The normal equations of `b` are (Harville 1977)
 //!
 //! ```text
 //! H = (sum w f f' - k (sum w f) (sum w f)') / BOX_SIGMA^2,   g = (sum w f y - k (sum w f) (sum w y)) / BOX_SIGMA^2

@@ -73,7 +73,7 @@ pub struct WalkResult {
     /// Smallest detectable error of each parameter of every camera, in the order and units of
     /// [`Disagreement::errors`]; infinite if undetermined.
     pub smallest_detectable: Vec<[f64; ERROR_PARAMS]>,
-    /// Ratio of the measured to the assumed variance of the feet.
+    /// Ratio of the measured to the assumed noise variance of the walker's feet in the images.
     pub noise_ratio: f64,
     /// Number of times that each camera saw more than one person at a moment, which a walk should not
     /// contain.
@@ -90,7 +90,7 @@ struct Equations {
 }
 
 impl Walk {
-    /// Creates an empty walk for cameras with images of these widths and heights.
+    /// Creates an empty walk for cameras, each with the width and height of its image, in pixels.
     #[must_use]
     pub fn new(cameras: &[(Camera, [f64; 2])]) -> Self {
         Self { cameras: cameras.to_vec(), seen: vec![Vec::new(); cameras.len()] }
@@ -162,8 +162,9 @@ impl Walk {
             .collect()
     }
 
-    /// Returns the normal equations, and the ratio of the measured to the assumed variance of the feet. It is
-    /// estimated from the disagreement that remains after the fit of all errors.
+    /// Returns the normal equations of the camera errors, and the ratio of the measured to the assumed noise
+    /// variance of the walker's feet. The ratio is estimated from the disagreement that remains after the fit
+    /// of all errors. The equations are divided by it.
     fn equations(&self, moments: &[(i64, Vec<View>)], claims: &[DMatrix<f64>]) -> (Equations, f64) {
         let mut all = Equations::zeros(self.cameras.len() * ERROR_PARAMS);
         moments.iter().for_each(|(_, views)| all.add(views));

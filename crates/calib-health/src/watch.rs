@@ -34,8 +34,8 @@ use crate::windows::Windows;
 /// distributed. On 15 of 18,000 simulated camera days without a movement the statistic was larger. The
 /// ignored test of `tests/watch.rs` counts them.
 pub(crate) const ALARM: f64 = 4.8;
-/// Weights of the evidence by parameter. On 6,000 of those days the 99.9 % quantiles for pan, tilt, roll and
-/// zoom were 3.4, 6.3, 4.1 and 6.6 standard deviations.
+/// Weights of the evidence for pan, tilt, roll and zoom. Without weights, the 99.9 % quantiles on 6,000 of
+/// the simulated camera days of [`ALARM`] were 3.4, 6.3, 4.1 and 6.6 standard deviations.
 const PARAMETER_WEIGHTS: [f64; PanTiltZoom::SIZE] = [1.0, 0.7, 1.1, 0.7];
 /// Weight of the joint evidence of all parameters: the smallest weight of a single parameter.
 const JOINT_WEIGHT: f64 = 0.7;
@@ -44,10 +44,10 @@ const JOINT_WEIGHT: f64 = 0.7;
 const JOINT_PENALTY: f64 = 1.5;
 /// Largest drop of the squared statistic from its maximum for a plausible time of the change.
 const MAX_PLAUSIBLE_DROP: f64 = 8.0;
-/// Standard deviation of the change of log height at a single camera without a movement, because its public
-/// changes.
+/// Standard deviation of the change of the mean log body height at a camera that did not move, because its
+/// visitors change.
 const LOCAL_HEIGHT_SIGMA: f64 = 0.003;
-/// Prior standard deviation of the change of log height common to all cameras.
+/// Prior standard deviation of the seasonal change of the mean log body height, which all cameras share.
 const SEASONAL_HEIGHT_SIGMA: f64 = 0.02;
 /// Minimum number of windows before and after a change.
 const MIN_WINDOWS: usize = 2;
@@ -102,7 +102,7 @@ impl Sources {
             }
             let change = series.change(at, end);
             let own = change.information[(SEASON, SEASON)];
-            // The public of one camera differs from the public of the site.
+            // The visitors of one camera differ from the visitors of the site.
             let share = 1.0 / (1.0 + own * LOCAL_HEIGHT_SIGMA * LOCAL_HEIGHT_SIGMA);
             [own * share, change.score[SEASON] * share]
         };
@@ -345,7 +345,7 @@ impl Watch {
     /// Threshold of the significance of a change.
     pub const ALARM: f64 = ALARM;
 
-    /// Creates a watch of cameras with images of these widths and heights.
+    /// Creates the watch of these cameras, each with the width and height of its image, in pixels.
     #[must_use]
     pub fn new(cameras: &[(Camera, [f64; 2])]) -> Self {
         let watched = |&(camera, size): &(Camera, [f64; 2])| WatchedCamera {

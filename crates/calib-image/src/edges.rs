@@ -2,10 +2,10 @@
 //!
 //! The cursor snaps to them, and the automatic calibration uses them. At samples along an edge, the position
 //! with the steepest brightness change across it deviates from the fitted line by an RMS of `r`. Neighbouring
-//! pixels share their noise, because of blur. Of `n` pixels, only `m = n / NOISE_LENGTH_PX` samples are therefore
-//! independent. The ends of the line have the standard deviation `2 r / sqrt(m)`: a fitted line has four
-//! times as much variance at its end as on average. A systematic part, for example from shading, is common to
-//! all samples of an edge and does not average out: `SYSTEMATIC_SIGMA_PX`.
+//! pixels share their noise, because of blur. Of `n` pixels, only `m = n / NOISE_LENGTH_PX` samples are
+//! therefore independent. The ends of the line have the standard deviation `2 r / sqrt(m)`: a fitted line has
+//! four times as much variance at its end as on average. A systematic part, for example from shading, is
+//! common to all samples of an edge and does not average out: `SYSTEMATIC_SIGMA_PX`.
 
 use calib_core::Pixel;
 use image::{Rgb, RgbImage};

@@ -154,8 +154,9 @@ pub(crate) fn strongest(
 /// Returns offset and tilt of the line with the most inliers, and these inliers; `None` with fewer than
 /// `least`.
 ///
-/// A line is computed through every pair of a subset of the points. The candidate with the most inliers is fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones). Between two parallel edges, a
-/// mean of both would not be an edge.
+/// A line is computed through every pair of a subset of the points. The candidate with the most inliers is
+/// fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones). Between two parallel
+/// edges, a mean of both would not be an edge.
 fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
     const PROPOSERS: usize = 32;
     let step = points.len().div_ceil(PROPOSERS).max(1);
@@ -297,7 +298,8 @@ impl<'a> Curve<'a> {
 
 /// Fits A and B of `t = a A + b B` to samples `[a, b, t]`; `None` with fewer than `least` inliers.
 ///
-/// Every pair of a subset of the samples determines a candidate. The candidate with the most inliers is fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones).
+/// Every pair of a subset of the samples determines a candidate. The candidate with the most inliers is
+/// fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones).
 fn robust(places: &[[f64; 3]], least: usize) -> Option<[f64; 2]> {
     const PROPOSERS: usize = 32;
     let step = places.len().div_ceil(PROPOSERS).max(1);

@@ -69,7 +69,7 @@ fn time_at(text: &str) -> Option<Timestamp> {
     let (year, month, day) = (number(4)?, number(2)?, number(2)?);
     let (hour, minute) = (number(2)?, number(2)?);
     let second = number(2);
-    // Digits followed by other characters, as in 1080p, are not seconds.
+    // Digits that are followed by a letter, as in 1080p, are not seconds.
     let ends = !rest.starts_with(|next: char| next.is_alphanumeric() && next != 'Z');
     let second = second.filter(|&second| ends && second < 60).unwrap_or(0);
     let is_of_now = (1990..2200).contains(&year);
@@ -81,7 +81,7 @@ fn time_at(text: &str) -> Option<Timestamp> {
 mod tests {
     use super::*;
 
-    /// Tag of the EXIF directory in the TIFF directory.
+    /// TIFF tag that points to the EXIF directory.
     const CAMERA: u16 = 0x8769;
 
     /// Builds EXIF data with a time and an offset.

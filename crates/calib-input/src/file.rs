@@ -18,7 +18,7 @@ impl fmt::Display for DocumentError {
 
 impl std::error::Error for DocumentError {}
 
-/// First bytes of other file types.
+/// First bytes of file types other than JSON, with a description of each type.
 const FILE_SIGNATURES: [(&[u8], &str); 9] = [
     (b"\x89PNG", "a PNG image"),
     (b"\xff\xd8\xff", "a JPEG image"),
@@ -94,25 +94,25 @@ impl fmt::Display for FileError {
 
 impl std::error::Error for FileError {}
 
-/// Reads a regular file of at most `most` bytes.
+/// Reads a regular file of at most `max_bytes` bytes.
 ///
 /// # Errors
 ///
 /// Fails if it is not a regular file, is longer, or cannot be read.
 pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>, FileError> {
     // The type is checked before opening, because opening a pipe waits for its other end.
-    regular(&path.metadata().map_err(FileError::System)?)?;
+    check_is_regular(&path.metadata().map_err(FileError::System)?)?;
     let file = File::open(path).map_err(FileError::System)?;
     // The file may have been replaced after the check.
     let about = file.metadata().map_err(FileError::System)?;
-    regular(&about)?;
+    check_is_regular(&about)?;
     if about.len() > max_bytes {
         return Err(FileError::TooLong { max_bytes });
     }
     read_into(allocate(about.len() + 1).map_err(FileError::Memory)?, file, max_bytes)
 }
 
-/// Reads a stream of at most `most` bytes.
+/// Reads a stream of at most `max_bytes` bytes.
 ///
 /// # Errors
 ///
@@ -129,7 +129,8 @@ fn read_into(mut bytes: Vec<u8>, from: impl Read, max_bytes: u64) -> Result<Vec<
     if bytes.len() as u64 > max_bytes { Err(FileError::TooLong { max_bytes }) } else { Ok(bytes) }
 }
 
-fn regular(about: &Metadata) -> Result<(), FileError> {
+/// Refuses a file system entry that is not a regular file.
+fn check_is_regular(about: &Metadata) -> Result<(), FileError> {
     if about.is_file() { Ok(()) } else { Err(FileError::NotAFile(kind(about))) }
 }
 

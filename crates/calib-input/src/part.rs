@@ -28,8 +28,8 @@ impl fmt::Display for PathError {
 
 impl std::error::Error for PathError {}
 
-/// Returns the path that output for `path` is written to. A symbolic link is followed and stays a link. With
-/// `over`, an existing file is accepted.
+/// Returns the path of the file that output for `path` is written to: a symbolic link is followed and stays a
+/// link. With `over`, an existing file is accepted.
 ///
 /// # Errors
 ///
@@ -53,12 +53,13 @@ enum Kind {
     /// File without a name, which disappears if the program ends. Not every system and disk supports it.
     #[cfg(target_os = "linux")]
     Nameless(File),
-    /// File in the target's folder, with a name that starts with a dot. A killed program leaves it there.
+    /// File in the target's folder, with a name that starts with a dot. It stays there if the program is
+    /// killed.
     Named(NamedTempFile),
 }
 
 impl PartialFile {
-    /// Creates an empty file in the folder of the target.
+    /// Creates an empty temporary file in the folder of the target `place`.
     ///
     /// # Errors
     ///
@@ -109,7 +110,7 @@ impl PartialFile {
     }
 }
 
-/// Gives a name to a file without a name.
+/// Moves a file without a name to `path`. With `over`, it replaces an existing file.
 #[cfg(target_os = "linux")]
 fn link_name(file: &File, path: &Path, over: bool) -> io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};

@@ -10,9 +10,11 @@ use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Rg
 use crate::clock;
 use crate::file::{OutOfMemory, allocate, check_memory};
 
-/// First bytes of a JPEG.
+/// First bytes of a JPEG: the marker of the start of the image.
 const START: [u8; 2] = [0xFF, 0xD8];
+/// Marker of the end of a JPEG.
 const END: u8 = 0xD9;
+/// Marker before the data of a scan.
 const START_OF_SCAN: u8 = 0xDA;
 /// Marker of a progressive frame, whose coefficients stay in memory until the last scan.
 const PROGRESSIVE: u8 = 0xC2;
@@ -169,10 +171,16 @@ pub fn capture_time(bytes: &[u8]) -> Option<String> {
 ///
 /// Fails if the data is not an image, is truncated, or is too large.
 pub fn check_decode_memory(bytes: &[u8], more_per_pixel: u64) -> Result<(), ImageFileError> {
-    check_room(&open_decoder(bytes)?.0, bytes, more_per_pixel)
+    check_decoder_memory(&open_decoder(bytes)?.0, bytes, more_per_pixel)
 }
 
-fn check_room(decoder: &impl ImageDecoder, bytes: &[u8], more_per_pixel: u64) -> Result<(), ImageFileError> {
+/// Refuses an image whose decoding needs more memory than the limit, or more than is available.
+/// `more_per_pixel` is additional memory, in bytes per pixel.
+fn check_decoder_memory(
+    decoder: &impl ImageDecoder,
+    bytes: &[u8],
+    more_per_pixel: u64,
+) -> Result<(), ImageFileError> {
     let (width, height) = decoder.dimensions();
     let more = (u64::from(width) * u64::from(height)).saturating_mul(more_per_pixel);
     let needed = decode_memory(decoder, bytes).saturating_add(more);
@@ -189,7 +197,7 @@ fn check_room(decoder: &impl ImageDecoder, bytes: &[u8], more_per_pixel: u64) ->
 /// Fails if the data is not an image, is truncated, or is too large.
 pub fn decode(bytes: &[u8]) -> Result<RgbImage, ImageFileError> {
     let (decoder, orientation) = open_decoder(bytes)?;
-    check_room(&decoder, bytes, 0)?;
+    check_decoder_memory(&decoder, bytes, 0)?;
     let mut image = pixels(decoder)?;
     image.apply_orientation(orientation);
     Ok(image.into_rgb8())
@@ -222,8 +230,8 @@ fn decode_memory(decoder: &impl ImageDecoder, bytes: &[u8]) -> u64 {
 
 fn open_decoder(bytes: &[u8]) -> Result<(impl ImageDecoder + '_, Orientation), ImageFileError> {
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(ImageError::from)?;
-    // This limit applies to data read with the header; the memory for pixels is checked before they are
-    // decoded.
+    // This limit applies to metadata, which the library reads with the header. The memory for pixels is
+    // checked before they are decoded.
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(MAX_METADATA_BYTES);
     reader.limits(limits);
@@ -365,7 +373,7 @@ mod tests {
         );
         let mut png = encoded(ImageFormat::Png);
         png[16..24].copy_from_slice(&[0, 0, 0xFF, 0xFF, 0, 0, 0xFF, 0xFF]);
-        // The checksum and the length are then wrong.
+        // The checksum and the length of the chunk are now wrong.
         assert!(decode(&png).is_err());
     }
 }

@@ -85,7 +85,7 @@ impl Site {
     #[wasm_bindgen(js_name = floorToPlan)]
     pub fn floor_to_plan(&self, points: &[f64]) -> Result<Float64Array, JsError> {
         let plan = self.plan()?;
-        each(points, |[x, y]| plan.plan_from_floor(Point { x, y }).into())
+        map_pairs(points, |[x, y]| plan.plan_from_floor(Point { x, y }).into())
     }
 
     /// Width of a plan pixel, in metres; `undefined` without a plan.
@@ -102,7 +102,7 @@ impl Site {
     #[wasm_bindgen(js_name = planToFloor)]
     pub fn plan_to_floor(&self, pixels: &[f64]) -> Result<Float64Array, JsError> {
         let plan = self.plan()?;
-        each(pixels, |pixel| plan.floor_from_plan(pixel.into()).into())
+        map_pairs(pixels, |pixel| plan.floor_from_plan(pixel.into()).into())
     }
 
     /// Returns the floor point of a pixel with its standard deviation; `undefined` above the horizon.
@@ -148,7 +148,7 @@ impl Site {
         at: Option<TimeOrOptions>,
     ) -> Result<Float64Array, JsError> {
         let view = self.view_at(camera, at)?;
-        let pairs = pairs(pixels)?;
+        let pairs = coordinate_pairs(pixels)?;
         let [u, v] = [0, 1].map(|axis| pairs.iter().map(|pair| pair[axis]).collect::<Vec<f64>>());
         let (mut x, mut y) = (vec![0.0; u.len()], vec![0.0; u.len()]);
         view.to_floor_points(0.0, [&u, &v], [&mut x, &mut y]);
@@ -193,14 +193,16 @@ impl Site {
     }
 }
 
-fn pairs(values: &[f64]) -> Result<&[[f64; 2]], JsError> {
+/// Splits a list of coordinates into pairs; fails for an odd number of coordinates.
+fn coordinate_pairs(values: &[f64]) -> Result<&[[f64; 2]], JsError> {
     match values.as_chunks() {
         (pairs, []) => Ok(pairs),
         _ => Err(option_error("coordinates", "an even number, two for each point")),
     }
 }
 
-fn each(values: &[f64], map: impl Fn([f64; 2]) -> [f64; 2]) -> Result<Float64Array, JsError> {
-    let mapped: Vec<[f64; 2]> = pairs(values)?.iter().map(|&pair| map(pair)).collect();
+/// Applies `map` to each pair of a list of coordinates.
+fn map_pairs(values: &[f64], map: impl Fn([f64; 2]) -> [f64; 2]) -> Result<Float64Array, JsError> {
+    let mapped: Vec<[f64; 2]> = coordinate_pairs(values)?.iter().map(|&pair| map(pair)).collect();
     Ok(doubles(mapped.as_flattened()).unchecked_into())
 }

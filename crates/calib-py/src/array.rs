@@ -8,13 +8,13 @@ use pyo3::types::{PyFloat, PyInt, PyTuple};
 
 use crate::error::value_error;
 
-/// Array of doubles.
+/// NumPy array of doubles, of any shape.
 pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// Two arrays of the same shape.
 pub(crate) type Pair<'py> = (Doubles<'py>, Doubles<'py>);
 
-/// Returns a plain Python number, which needs no array.
+/// Returns the value of a plain Python number; `None` for arrays and other values.
 pub(crate) fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     if value.is_instance_of::<PyFloat>() || value.is_exact_instance_of::<PyInt>() {
         return value.extract().ok();
@@ -30,7 +30,7 @@ pub(crate) fn finite(py: Python<'_>, name: &str, value: f64) -> PyResult<f64> {
     Err(value_error(py, None, name, format_args!("found {value}, expected a finite number")))
 }
 
-/// Returns one finite number, or `otherwise` if it is absent.
+/// Returns the finite number of an optional argument, or `otherwise` if the argument is absent.
 pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64) -> PyResult<f64> {
     let Some(value) = value else { return Ok(otherwise) };
     let number = value.extract::<f64>().map_err(|_| {
@@ -45,7 +45,7 @@ pub(crate) fn real(value: Option<&Bound<'_, PyAny>>, name: &str, otherwise: f64)
     finite(value.py(), name, number)
 }
 
-/// Cuts a value for an error message.
+/// Returns the text of a value for an error message, cut to 60 characters.
 fn short(text: &str) -> String {
     const MAX_CHARS: usize = 60;
     let short: String = text.chars().take(MAX_CHARS).collect();
@@ -160,18 +160,18 @@ pub(crate) fn zeros<'py, T: numpy::Element>(
     py: Python<'py>,
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    /// Number of values for which an allocation does not fail.
-    const FEW: usize = 1 << 12;
-    if shape.iter().product::<usize>() <= FEW {
+    /// Number of values up to which an allocation is assumed to succeed.
+    const MAX_SAFE_VALUES: usize = 1 << 12;
+    if shape.iter().product::<usize>() <= MAX_SAFE_VALUES {
         return Ok(PyArrayDyn::<T>::zeros(py, shape, false));
     }
-    // NumPy's own call raises `MemoryError`; the call above would panic.
+    // NumPy's own call raises `MemoryError` if the memory is not available; the call above would panic.
     let made =
         py.import("numpy")?.call_method1("zeros", (PyTuple::new(py, shape)?, numpy::dtype::<T>(py)))?;
     Ok(made.cast_into::<PyArrayDyn<T>>()?)
 }
 
-/// Checks an array that the caller passed as output.
+/// Checks the type and the shape of an array that the caller passed as output.
 pub(crate) fn output<'py, T: numpy::Element>(
     value: &Bound<'py, PyAny>,
     shape: &[usize],
@@ -197,7 +197,8 @@ pub(crate) fn write<'py, T: numpy::Element>(
     array.try_readwrite().map_err(|why| value_error(array.py(), None, "out", why))
 }
 
-/// Maps pairs of numbers one by one.
+/// Applies `map` to each pair of values of two arrays, and returns the results as two arrays of the same
+/// shape. `names` are the names of the arguments, for messages.
 pub(crate) fn each<'py>(
     py: Python<'py>,
     values: [&Bound<'py, PyAny>; 2],

@@ -11,7 +11,8 @@ use crate::mapping::{Triple, extend_shape, outputs};
 use crate::stream::named;
 
 impl Camera {
-    /// Returns a standard deviation in pixels.
+    /// Returns the argument `sigma_px`, a standard deviation in pixels; 1 if it is absent. Fails if it is
+    /// invalid.
     pub(crate) fn sigma(&self, py: Python<'_>, sigma_px: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
         let sigma = array::real(sigma_px, "sigma_px", 1.0)?;
         if sigma < 0.0 {
@@ -20,7 +21,7 @@ impl Camera {
         Ok(sigma)
     }
 
-    /// Returns the form and the values of boxes, and the shape of their results.
+    /// Reads the arguments `boxes` and `form`. Returns the form, the values and the shape of the results.
     fn boxes<'py>(
         &self,
         boxes: &Bound<'py, PyAny>,
@@ -47,15 +48,13 @@ impl Camera {
 impl Camera {
     /// Maps boxes of a detector to floor points: the foot point of a box is the middle of its lower edge.
     ///
-    /// Args:
-    ///     boxes: array of the shape (..., 4), in pixels. For rows with more columns pass ``boxes[..., :4]``.
-    ///     height: height of the plane above the floor, in metres.
-    ///     form: "xywh" (upper left corner, width, height), "xyxy" (upper left and lower right corner) or "cxcywh"
-    ///         (centre, width, height); required. A box with exchanged corners gets the status `MISSING`.
-    ///     out, origin, stream_size, fit, crop: as for `to_floor`.
+    /// Args: boxes: array of the shape (..., 4), in pixels. For rows with more columns pass ``boxes[...,
+    /// :4]``. height: height of the plane above the floor, in metres. form: "xywh" (upper left corner, width,
+    /// height), "xyxy" (upper left and lower right corner) or "cxcywh" (centre, width, height); required. A
+    /// box with exchanged corners gets the status `MISSING`. out, origin, stream_size, fit, crop: as for
+    /// `to_floor`.
     ///
-    /// Returns:
-    ///     (x, y, status), arrays of the shape (...): metres, and statuses as uint8.
+    /// Returns: (x, y, status), arrays of the shape (...): metres, and statuses as uint8.
     #[pyo3(
         signature = (boxes, height=None, *, form, out=None, **stream),
         text_signature = "($self, boxes, height=0.0, *, form, out=None, origin=None, stream_size=None, fit=None, crop=None)"
@@ -84,14 +83,12 @@ impl Camera {
 
     /// Computes the covariance of the foot points of boxes, in the two parts of `floor_covariance`.
     ///
-    /// Args:
-    ///     boxes, form: as for `boxes_to_floor`.
-    ///     sigma_px: standard deviation of each coordinate of the middle of the lower edge, in pixels of the stream.
-    ///     height: height of the plane above the floor, in metres.
-    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
+    /// Args: boxes, form: as for `boxes_to_floor`. sigma_px: standard deviation of each coordinate of the
+    /// middle of the lower edge, in pixels of the stream. height: height of the plane above the floor, in
+    /// metres. origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
-    /// Returns:
-    ///     (pixel, calibration): arrays of the shape (..., 2, 2), in square metres; NaN as for `floor_covariance`.
+    /// Returns: (pixel, calibration): arrays of the shape (..., 2, 2), in square metres; NaN as for
+    /// `floor_covariance`.
     #[pyo3(
         signature = (boxes, sigma_px=None, height=None, *, form, **stream),
         text_signature = "($self, boxes, sigma_px=1.0, height=0.0, *, form, origin=None, stream_size=None, fit=None, crop=None)"

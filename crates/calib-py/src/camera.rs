@@ -76,13 +76,11 @@ impl Undistorter {
 
     /// Removes the lens distortion from an image. Calling the undistorter does the same.
     ///
-    /// Args:
-    ///     image: uint8 array of the shape (height, width), (height, width, 3) or (height, width, 4), with the size of the
-    ///         stream in pixels, in any order of colours.
-    ///     out: array of the same type and shape for the result.
+    /// Args: image: uint8 array of the shape (height, width), (height, width, 3) or (height, width, 4), with
+    /// the size of the stream in pixels, in any order of colours. out: array of the same type and shape for
+    /// the result.
     ///
-    /// Returns:
-    ///     uint8 array of the same shape; black where the raw image has no pixel.
+    /// Returns: uint8 array of the same shape; black where the raw image has no pixel.
     #[pyo3(signature = (image, out=None))]
     fn apply<'py>(
         &self,
@@ -131,7 +129,7 @@ impl Undistorter {
         value_error(py, Some(self.camera.id()), "image", what)
     }
 
-    /// Returns the image as a C-contiguous array.
+    /// Returns an image argument as a C-contiguous array; fails for another type or size.
     fn image<'py>(&self, image: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
         let py = image.py();
         let (width, height) = self.size();
@@ -214,13 +212,13 @@ impl Camera {
         })
     }
 
-    /// Returns the map for the pixels that the keywords of a call select.
+    /// Returns the map from pixels to the floor, for the pixels that the keywords of a call select.
     pub(crate) fn of<'a>(&'a self, pixels: Option<Keywords<'_, '_>>) -> PyResult<Cow<'a, CameraView>> {
         view_of(&self.id, &self.view, pixels)
     }
 }
 
-/// Constructor and arguments for pickling.
+/// Constructor of a camera and its arguments, for pickling.
 type Parts<'py> = (Bound<'py, PyAny>, (String, String, Bound<'py, PyDict>));
 
 /// Returns a site with only this camera, without annotations and residuals. Findings about a known scale and
@@ -247,13 +245,12 @@ fn single_camera_site(site: &Site, entry: &SiteCamera) -> String {
 impl Camera {
     /// Prepares the undistortion of images of a stream. Reuse the result for all images.
     ///
-    /// Args:
-    ///     view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank pixels)
-    ///         or "all-pixels" (the whole image, with blank borders).
-    ///     origin, stream_size, fit, crop: kind of images, see the class.
+    /// Args: view: "same-focal" (the centre keeps its scale), "all-valid" (the largest view without blank
+    /// pixels) or "all-pixels" (the whole image, with blank borders). origin, stream_size, fit, crop: kind of
+    /// images, see the class.
     ///
-    /// Returns:
-    ///     An `Undistorter` for uint8 arrays of the shape (height, width), or with 3 or 4 colour channels.
+    /// Returns: An `Undistorter` for uint8 arrays of the shape (height, width), or with 3 or 4 colour
+    /// channels.
     #[pyo3(
         signature = (view="same-focal", **stream),
         text_signature = "($self, view='same-focal', *, origin=None, stream_size=None, fit=None, crop=None)"

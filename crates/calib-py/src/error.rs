@@ -16,7 +16,8 @@ create_exception!(
      field: name of the argument, or JSON pointer of the value in the site file, or None."
 );
 
-/// Sets the attributes of exceptions that Python code raises without a camera and a field.
+/// Sets the default attributes of the exception class, for exceptions that Python code raises without a
+/// camera and a field.
 pub(crate) fn add_default_attributes(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let class = module.py().get_type::<CalibError>();
     class.setattr("camera", None::<&str>)?;
@@ -103,7 +104,7 @@ impl Finding {
     }
 }
 
-/// Camera, code, severity, message, advice.
+/// Constructor arguments of a finding for pickling: camera, code, severity, message, advice.
 type Parts<'a> = (Option<&'a str>, &'a str, &'a str, &'a str, &'a str);
 
 impl Finding {

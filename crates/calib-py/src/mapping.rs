@@ -12,7 +12,7 @@ use crate::error::value_error;
 
 pub(crate) type Triple<'py> = Bound<'py, PyTuple>;
 
-/// Members of `calib.Status`, by their numbers.
+/// Members of the Python enumeration `calib.Status`, indexed by their numbers.
 static STATUSES: PyOnceLock<Vec<Py<PyAny>>> = PyOnceLock::new();
 
 fn status_of<'py>(py: Python<'py>, code: u8) -> PyResult<Bound<'py, PyAny>> {
@@ -24,7 +24,7 @@ fn status_of<'py>(py: Python<'py>, code: u8) -> PyResult<Bound<'py, PyAny>> {
 }
 
 impl Camera {
-    /// Maps one pixel without an array.
+    /// Maps one pixel, given as plain numbers, without creating arrays.
     fn point<'py>(
         py: Python<'py>,
         view: &CameraView,
@@ -112,16 +112,13 @@ pub(crate) fn extend_shape<const N: usize>(shape: &[usize], more: [usize; N]) ->
 impl Camera {
     /// Maps pixels to points of the plane ``height`` metres above the floor.
     ///
-    /// Args:
-    ///     u, v: numbers or arrays, in pixels.
-    ///     height: height of the plane above the floor, in metres.
-    ///     status: False omits the statuses, which is faster.
-    ///     out: (x, y, status), or (x, y), for the results: contiguous arrays of float64, float64 and uint8.
-    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
+    /// Args: u, v: numbers or arrays, in pixels. height: height of the plane above the floor, in metres.
+    /// status: False omits the statuses, which is faster. out: (x, y, status), or (x, y), for the results:
+    /// contiguous arrays of float64, float64 and uint8. origin, stream_size, fit, crop: kind of pixels, see
+    /// the class.
     ///
-    /// Returns:
-    ///     (x, y, status), or (x, y): metres, and a `Status`, or arrays of the shape of u and v (statuses as uint8). x and y
-    ///     are NaN if the pixel shows no point of the plane.
+    /// Returns: (x, y, status), or (x, y): metres, and a `Status`, or arrays of the shape of u and v
+    /// (statuses as uint8). x and y are NaN if the pixel shows no point of the plane.
     #[pyo3(
         signature = (u, v, height=None, *, status=true, out=None, **stream),
         text_signature = "($self, u, v, height=0.0, *, status=True, out=None, origin=None, stream_size=None, fit=None, crop=None)"
@@ -153,16 +150,14 @@ impl Camera {
     /// The part of the pixel is independent for each detection. The part of the calibration is common to all
     /// detections of this camera, so a filter must not average it away.
     ///
-    /// Args:
-    ///     u, v: numbers or arrays, in pixels.
-    ///     sigma_px: standard deviation of each coordinate, in pixels of the stream; one number for all. For different
-    ///         standard deviations, call this with 1 and multiply the first result by their squares.
-    ///     height: height of the plane above the floor, in metres.
-    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
+    /// Args: u, v: numbers or arrays, in pixels. sigma_px: standard deviation of each coordinate, in pixels
+    /// of the stream; one number for all. For different standard deviations, call this with 1 and multiply
+    /// the first result by their squares. height: height of the plane above the floor, in metres. origin,
+    /// stream_size, fit, crop: kind of pixels, see the class.
     ///
-    /// Returns:
-    ///     (pixel, calibration): arrays of the shape (..., 2, 2), in square metres. Both are NaN without a floor point. The
-    ///     second is also NaN if the errors of the calibration or its scale (`scale_known`) are unknown.
+    /// Returns: (pixel, calibration): arrays of the shape (..., 2, 2), in square metres. Both are NaN without
+    /// a floor point. The second is also NaN if the errors of the calibration or its scale (`scale_known`)
+    /// are unknown.
     #[pyo3(
         signature = (u, v, sigma_px=None, height=None, **stream),
         text_signature = "($self, u, v, sigma_px=1.0, height=0.0, *, origin=None, stream_size=None, fit=None, crop=None)"
@@ -225,14 +220,11 @@ impl Camera {
 
     /// Projects world points to pixels.
     ///
-    /// Args:
-    ///     x, y, z: numbers or arrays, in metres.
-    ///     out: (u, v, status) for the results: contiguous arrays of float64, float64 and uint8.
-    ///     origin, stream_size, fit, crop: kind of pixels, see the class.
+    /// Args: x, y, z: numbers or arrays, in metres. out: (u, v, status) for the results: contiguous arrays of
+    /// float64, float64 and uint8. origin, stream_size, fit, crop: kind of pixels, see the class.
     ///
-    /// Returns:
-    ///     (u, v, status): pixels, and a `Status`, or arrays (statuses as uint8). u and v are NaN if the camera cannot
-    ///     show the point.
+    /// Returns: (u, v, status): pixels, and a `Status`, or arrays (statuses as uint8). u and v are NaN if the
+    /// camera cannot show the point.
     #[pyo3(
         signature = (x, y, z=None, *, out=None, **stream),
         text_signature = "($self, x, y, z=0.0, *, out=None, origin=None, stream_size=None, fit=None, crop=None)"

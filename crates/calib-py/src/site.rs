@@ -17,11 +17,10 @@ use crate::error::{camera_error, site_error, value_error};
 
 /// Site document: cameras with their annotations and solutions.
 ///
-/// Args:
-///     source: the document as a dict (NumPy arrays in it are accepted) or as JSON text. `Site.open` reads a file.
+/// Args: source: the document as a dict (NumPy arrays in it are accepted) or as JSON text. `Site.open` reads
+/// a file.
 ///
-/// Raises:
-///     CalibError: an invalid value, with its camera and field.
+/// Raises: CalibError: an invalid value, with its camera and field.
 #[pyclass(frozen, eq, module = "calib")]
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Site(pub(crate) calib_site::Site);
@@ -60,11 +59,9 @@ impl Site {
 
     /// Returns a calibrated camera.
     ///
-    /// Args:
-    ///     id: id of the camera.
-    ///     at: time (RFC 3339, such as "2026-05-01T08:00:00Z", or a datetime with a time zone); required if the id has
-    ///         several periods, for example because the camera was moved.
-    ///     origin, stream_size, fit, crop: default kind of pixels of the camera's methods, see `Camera`.
+    /// Args: id: id of the camera. at: time (RFC 3339, such as "2026-05-01T08:00:00Z", or a datetime with a
+    /// time zone); required if the id has several periods, for example because the camera was moved. origin,
+    /// stream_size, fit, crop: default kind of pixels of the camera's methods, see `Camera`.
     #[pyo3(
         signature = (id, at=None, **stream),
         text_signature = "($self, id, at=None, *, origin=None, stream_size=None, fit=None, crop=None)"

@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 use crate::array::{self, Pair};
 use crate::error::value_error;
 
-/// Keywords of pixels with their values, for error messages.
+/// Keywords that select the kind of pixels, with their allowed values, for error messages.
 pub(crate) const KEYWORDS: &str =
     "origin (\"corner\" or \"centre\"), stream_size, fit (\"stretch\" or \"letterbox\") and crop";
 
@@ -25,7 +25,7 @@ struct PixelKeywords {
     crop: Option<[f64; 4]>,
 }
 
-/// Returns the map for the pixels that the keywords of a call select.
+/// Returns the map from pixels to the floor, for the pixels that the keywords of a call select.
 pub(crate) fn view_of<'a>(
     id: &str,
     view: &'a CameraView,
@@ -127,7 +127,7 @@ fn extract_keyword<'py, T: for<'a> FromPyObject<'a, 'py>>(
     })
 }
 
-/// Returns the option with this name.
+/// Returns the value of an option from its list of names; fails for an unknown name.
 pub(crate) fn named<T>(
     py: Python<'_>,
     id: Option<&str>,

@@ -124,7 +124,7 @@ impl TableOptions {
         }
     }
 
-    /// Rejects contradicting options.
+    /// Rejects options that contradict each other.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
         let both = |field: &str| {
             format!(
@@ -216,24 +216,19 @@ impl Site {
     /// With sigma_px there are also sigma_x_m, sigma_y_m and rho for the part of the pixel, and
     /// calibration_sigma_x_m and so on for the part of the calibration. Missing results are null.
     ///
-    /// Args:
-    ///     table: table of any library with Arrow's C stream interface: Polars, pandas, PyArrow, DuckDB.
-    ///     camera: id of the camera of all rows; alternative to camera_column.
-    ///     camera_column: name of the column with the camera's id.
-    ///     at: time of all rows (RFC 3339, or a datetime with a time zone); alternative to at_column.
-    ///     at_column: name of the column with the time.
-    ///     at_unit: unit of numbers in that column, counted from 1970: "s", "ms", "us" or "ns"; by default the ending of
-    ///         its name.
-    ///     to: "floor" (columns u, v, or the boxes x, y, w, h) or "pixel" (columns x_m, y_m, z_m).
-    ///     columns: "points", "boxes" or "auto" (points if there are u and v, otherwise boxes).
-    ///     height: height of the plane above the floor, in metres.
-    ///     sigma_px: standard deviation of a detection, in pixels of the stream.
-    ///     replace: whether to replace existing columns of the table.
-    ///     bad_rows: "fail" raises for a cell that is not a number; "status" reports it in the status of its row.
-    ///     origin, stream_size, fit, crop: kind of pixels, see `Camera`.
+    /// Args: table: table of any library with Arrow's C stream interface: Polars, pandas, PyArrow, DuckDB.
+    /// camera: id of the camera of all rows; alternative to camera_column. camera_column: name of the column
+    /// with the camera's id. at: time of all rows (RFC 3339, or a datetime with a time zone); alternative to
+    /// at_column. at_column: name of the column with the time. at_unit: unit of numbers in that column,
+    /// counted from 1970: "s", "ms", "us" or "ns"; by default the ending of its name. to: "floor" (columns u,
+    /// v, or the boxes x, y, w, h) or "pixel" (columns x_m, y_m, z_m). columns: "points", "boxes" or "auto"
+    /// (points if there are u and v, otherwise boxes). height: height of the plane above the floor, in
+    /// metres. sigma_px: standard deviation of a detection, in pixels of the stream. replace: whether to
+    /// replace existing columns of the table. bad_rows: "fail" raises for a cell that is not a number;
+    /// "status" reports it in the status of its row. origin, stream_size, fit, crop: kind of pixels, see
+    /// `Camera`.
     ///
-    /// Returns:
-    ///     A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
+    /// Returns: A table for `polars.DataFrame`, `pyarrow.table` or `pandas.DataFrame.from_arrow`.
     #[pyo3(
         signature = (table, **options),
         text_signature = "($self, table, *, camera=None, camera_column=None, at=None, at_column=None, at_unit=None, to='floor', columns='auto', height=0.0, sigma_px=None, replace=False, bad_rows='fail', origin=None, stream_size=None, fit=None, crop=None)"
@@ -288,7 +283,7 @@ fn warn(py: Python<'_>, note: &str) -> PyResult<()> {
     PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)
 }
 
-/// Returns rows that are all complete, as in Arrow tables.
+/// Creates row information for an Arrow table, whose rows are always complete.
 fn complete_rows<'a>(place: RowName<'a>) -> Rows<'a> {
     Rows { row_name: place, is_incomplete: &|_| false }
 }

@@ -223,7 +223,7 @@ fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[
         .map(|row| (row.title, KindLook::of(row.kind).colour))
         .chain(field.then_some(("Field of view (dashed), and 2 m above it", camera)))
         .chain(regions.then_some(("Region of a plane (dotted)", Rgb::WHITE)))
-        .chain(lens_grid.then_some(("Straight lines of the scene, with distortion", Rgb::LENS)))
+        .chain(lens_grid.then_some(("Straight lines in the scene, as distorted by the lens", Rgb::LENS)))
         .chain(
             shared.next().is_some().then_some(("Link or mark: annotated (ring), solved (cross)", Rgb::WHITE)),
         )

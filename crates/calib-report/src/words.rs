@@ -50,12 +50,12 @@ pub fn scene_errors_text(errors: &SceneErrors) -> String {
         return "The scene is assumed to match the annotations exactly".into();
     }
     let SceneErrors { floor_tilt, crossfall, angle, length } = errors;
-    let to_the_side = match crossfall.to_degrees() {
-        degrees if degrees > 0.0 => format!(", plus {degrees:.1}\u{b0} to the side of marks of equal length"),
+    let across = match crossfall.to_degrees() {
+        degrees if degrees > 0.0 => format!(", plus {degrees:.1}\u{b0} across markings of equal length"),
         _ => String::new(),
     };
     format!(
-        "Assumed accuracy of the scene (standard deviations): floor slope {:.1}\u{b0}{to_the_side}, right angles {:.1}\u{b0}, equal lengths {:.1} %",
+        "Assumed accuracy of the scene (standard deviations): floor slope {:.1}\u{b0}{across}, right angles {:.1}\u{b0}, equal lengths {:.1} %",
         floor_tilt.to_degrees(),
         angle.to_degrees(),
         100.0 * length,

@@ -44,7 +44,7 @@ struct CalibrationPeriod {
     camera: String,
     from: Option<String>,
     to: Option<String>,
-    /// Period as nanoseconds since 1970: start and end.
+    /// Start and end of the period of validity, in nanoseconds since 1970.
     period: [i64; 2],
 }
 
@@ -63,7 +63,7 @@ pub struct Calibrations {
     notes: Vec<String>,
     /// Number of rows without a calibration, by camera id; limited to [`MAX_UNCALIBRATED_IDS`] ids.
     uncalibrated: BTreeMap<String, u64>,
-    /// Number of rows without a calibration of further cameras.
+    /// Number of rows without a calibration whose camera id is not in `uncalibrated`.
     uncalibrated_others: u64,
 }
 
@@ -71,7 +71,7 @@ pub struct Calibrations {
 #[derive(Debug)]
 pub(crate) struct Planes {
     pub(crate) surfaces: Vec<Surface>,
-    /// Ids of the planes, in the same order.
+    /// Ids of the planes, in the order of `surfaces`.
     pub(crate) ids: Vec<String>,
 }
 
@@ -96,10 +96,10 @@ pub enum CameraSource {
     Column(String),
 }
 
-/// Request for calibrations.
+/// Selection of the calibrations for a table, and of the pixels that they map.
 #[derive(Clone, Debug)]
 pub struct CalibrationRequest {
-    /// Camera of the rows.
+    /// Source of the camera of each row.
     pub camera: CameraSource,
     /// Column of times, if rows have one.
     pub at: Option<AtColumn>,
@@ -111,7 +111,8 @@ pub struct CalibrationRequest {
     pub wording: Wording,
 }
 
-/// Indices of the calibrations of the rows. A row without a calibration has the number of calibrations as its index.
+/// Indices of the calibrations of the rows: one index for all rows, or one for each row. A row without a
+/// calibration has the number of calibrations as its index.
 pub(crate) enum Choice {
     All(u32),
     Rows(Vec<u32>),
@@ -146,7 +147,8 @@ impl Calibrations {
     ///
     /// # Errors
     ///
-    /// Fails if no requested camera is calibrated, or if the stream does not match an image. Also fails if a camera has several periods but the rows have no time.
+    /// Fails if no requested camera is calibrated, or if the stream does not match an image. Also fails if a
+    /// camera has several periods but the rows have no time.
     pub fn from_site(site: &Site, sha256: String, wanted: CalibrationRequest) -> Result<Self, TableError> {
         let mut notes = Vec::new();
         let is_wanted = |entry: &&SiteCamera| match &wanted.camera {
@@ -208,7 +210,8 @@ impl Calibrations {
         })
     }
 
-    /// Returns the metadata of the output: the calibrations, in addition to the input's metadata.
+    /// Returns the metadata of the output table: the metadata of the input, and a description of the
+    /// calibrations.
     pub(crate) fn describe(&self, schema: &Schema) -> HashMap<String, String> {
         let mut about = schema.metadata().clone();
         let mut put = |key: &str, value: String| about.insert(format!("calib.{key}"), value);
@@ -315,7 +318,7 @@ impl Calibrations {
         self.list.iter().map(|calibration| calibration.efov.as_slice())
     }
 
-    /// Returns messages about the cameras, before rows are mapped.
+    /// Returns messages about the requested cameras, for the operator. They do not depend on the rows.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes

@@ -1,7 +1,7 @@
 //! Conversion of columns to the few types used for computing: doubles, integers, text, nanoseconds.
 //!
-//! Arrow's own `cast` converts between all types, and its code is larger than the rest of this crate with its
-//! dependencies.
+//! Arrow's own `cast` converts between all types. Its code is larger than the rest of this crate including
+//! the dependencies.
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
@@ -74,7 +74,8 @@ pub(crate) fn whole_numbers(column: &ArrayRef) -> Option<Int64Array> {
 /// Converts times and dates to nanoseconds since 1970; `None` for a column of another type. Values that
 /// exceed 64 bits become null.
 pub(crate) fn nanoseconds(column: &ArrayRef) -> Option<Int64Array> {
-    const DAY: i64 = 86_400_000_000_000;
+    /// Length of a day, in nanoseconds.
+    const DAY_NS: i64 = 86_400_000_000_000;
     fn each<T: ArrowPrimitiveType<Native: Into<i64>>>(column: &ArrayRef, unit: i64) -> Int64Array {
         column.as_primitive::<T>().unary_opt(|value| value.into().checked_mul(unit))
     }
@@ -83,13 +84,13 @@ pub(crate) fn nanoseconds(column: &ArrayRef) -> Option<Int64Array> {
         DataType::Timestamp(TimeUnit::Millisecond, _) => each::<TimestampMillisecondType>(column, 1_000_000),
         DataType::Timestamp(TimeUnit::Microsecond, _) => each::<TimestampMicrosecondType>(column, 1000),
         DataType::Timestamp(TimeUnit::Nanosecond, _) => each::<TimestampNanosecondType>(column, 1),
-        DataType::Date32 => each::<Date32Type>(column, DAY),
+        DataType::Date32 => each::<Date32Type>(column, DAY_NS),
         DataType::Date64 => each::<Date64Type>(column, 1_000_000),
         _ => return None,
     })
 }
 
-/// Converts values to their printed text; fails for lists and records.
+/// Converts the values of a column to their printed text; fails for columns of lists or records.
 pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
     fn utf8(bytes: Option<&[u8]>) -> Option<&str> {
         str::from_utf8(bytes?).ok()
@@ -123,7 +124,7 @@ pub(crate) fn texts(column: &ArrayRef) -> Result<StringArray, ArrowError> {
     })
 }
 
-/// Expands run-length encoded values to one per row.
+/// Expands a run-length encoded column to a column with one value per row.
 fn expand_runs<E: RunEndIndexType>(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     let runs = column.as_run::<E>();
     let of_row = (0..runs.len()).map(|row| runs.get_physical_index(row) as u64);

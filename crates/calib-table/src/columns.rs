@@ -24,7 +24,7 @@ pub enum BadRows {
     Status,
 }
 
-/// Handling and counts of invalid cells and rows.
+/// Counters of invalid cells and incomplete rows of a table, with their handling.
 #[derive(Debug)]
 pub struct BadCells {
     rows: BadRows,
@@ -35,7 +35,7 @@ pub struct BadCells {
 }
 
 impl BadCells {
-    /// Creates the counters, with the handling of invalid rows.
+    /// Creates counters with the value zero. `rows` is the handling of invalid cells and rows.
     #[must_use]
     pub const fn new(rows: BadRows, wording: Wording) -> Self {
         Self { rows, count: AtomicU64::new(0), incomplete: AtomicU64::new(0), wording }
@@ -98,7 +98,7 @@ pub(crate) fn names(batch: &RecordBatch) -> String {
     schema.fields().iter().map(|field| field.name().as_str()).collect::<Vec<_>>().join(",")
 }
 
-/// Reads columns of numbers; missing values are NaN.
+/// Reads columns of numbers by their names; missing values are NaN.
 pub(crate) fn numbers<const N: usize>(
     batch: &RecordBatch,
     wanted: [&str; N],
@@ -217,7 +217,8 @@ impl AtUnit {
         }
     }
 
-    /// Parses a time. Integers are parsed exactly, because a double cannot resolve nanoseconds since 1970.
+    /// Parses a number of units since 1970 as nanoseconds. Integers are parsed exactly, because a double
+    /// cannot resolve nanoseconds since 1970.
     fn time(self, number: &str) -> Option<i64> {
         let whole = number.parse::<i64>().ok().and_then(|number| number.checked_mul(self.nanoseconds()));
         whole.or_else(|| self.time_from_double(number.parse().ok()?))
@@ -241,7 +242,8 @@ pub struct AtColumn {
 }
 
 impl AtColumn {
-    /// Creates a column of times. Numbers count in `unit`, or otherwise in the unit at the end of the name.
+    /// Creates a column of times. Numbers in the column are in `unit`. If that is `None`, the end of the
+    /// column's name determines their unit, for example `at_s`.
     #[must_use]
     pub fn new(name: String, unit: Option<AtUnit>, wording: Wording) -> Self {
         let unit = unit.or_else(|| AtUnit::from_column_name(&name));

@@ -7,19 +7,23 @@ use arrow_array::cast::AsArray as _;
 use arrow_array::{ArrayRef, StringArray};
 use arrow_schema::{DataType, Field};
 
-const KEY: &str = "ARROW:extension:name";
-const NAME: &str = "arrow.json";
+/// Metadata key of a field's extension type.
+const EXTENSION_KEY: &str = "ARROW:extension:name";
+/// Name of the extension type.
+const JSON_EXTENSION: &str = "arrow.json";
 
 /// Returns the field of a column of JSON values.
 #[must_use]
 pub fn json_field(name: &str) -> Field {
-    Field::new(name, DataType::Utf8, true).with_metadata(HashMap::from([(KEY.to_owned(), NAME.to_owned())]))
+    Field::new(name, DataType::Utf8, true)
+        .with_metadata(HashMap::from([(EXTENSION_KEY.to_owned(), JSON_EXTENSION.to_owned())]))
 }
 
 /// Whether a column contains JSON values.
 #[must_use]
 pub fn is_json(field: &Field) -> bool {
-    field.data_type() == &DataType::Utf8 && field.metadata().get(KEY).is_some_and(|name| name == NAME)
+    field.data_type() == &DataType::Utf8
+        && field.metadata().get(EXTENSION_KEY).is_some_and(|name| name == JSON_EXTENSION)
 }
 
 /// Converts JSON values to plain text: strings without quotes, null as null.

@@ -1,8 +1,8 @@
 //! Mapping of a table and its output columns.
 //!
-//! A site with planes other than the floor adds the plane and the height of each point. Standard deviations are
-//! added in two parts: one of the pixel and one of the calibration. The latter is common to all detections of
-//! a camera and must not be averaged away.
+//! For a site with planes other than the floor, the output also contains the plane and the height of each
+//! point. Standard deviations are added in two parts: one of the pixel and one of the calibration. The latter
+//! is common to all detections of a camera and must not be averaged away.
 
 use std::sync::Arc;
 
@@ -16,7 +16,8 @@ use crate::calibrations::{Calibration, Calibrations, Choice, Planes};
 use crate::columns::{BadCells, RowName, names, numbers};
 use crate::table_error::TableError;
 
-/// Standard deviations and correlation of x and y, from the pixel and from the calibration.
+/// Names of the uncertainty columns: standard deviations (metres) and correlation of x and y, first from the
+/// pixel noise, then from the calibration.
 const SIGMA_COLUMNS: [&str; 6] =
     ["sigma_x_m", "sigma_y_m", "rho", "calibration_sigma_x_m", "calibration_sigma_y_m", "calibration_rho"];
 
@@ -73,7 +74,7 @@ fn sigmas_and_correlation([[xx, xy], [_, yy]]: [[f64; 2]; 2]) -> [f64; 3] {
 /// Names of the columns for the height of a point and the plane that it is on.
 const PLANE_COLUMNS: [&str; 2] = ["z_m", "plane"];
 
-/// Points on the floor and on planes, row by row; `None` if a pixel shows neither.
+/// Points on the floor or on planes, row by row; `None` if a pixel shows neither.
 pub(crate) struct PlanePoints(Vec<Option<SurfacePoint>>);
 
 impl PlanePoints {
@@ -81,7 +82,8 @@ impl PlanePoints {
         Self(vec![None; rows])
     }
 
-    /// Maps image pixels to the first of the floor and the planes that each shows, `height` metres above it.
+    /// Maps image pixels to the nearest point of the floor or a plane along the viewing ray. Points are
+    /// `height` metres above the floor or the plane.
     pub(crate) fn map(
         calibration: &Calibration,
         planes: &Planes,
@@ -161,13 +163,14 @@ pub struct Rows<'a> {
 pub struct Mapping {
     /// Direction of the mapping.
     pub to: To,
-    /// Type of the pixels.
+    /// Type of the pixels: points or boxes.
     pub columns: Columns,
-    /// Height of the plane above the floor, in metres, if the table has no heights.
+    /// Height above the floor of the plane that pixels are mapped to, in metres. It is also the z of 3D
+    /// points in a table without the column `z_m`.
     pub height: f64,
     /// Standard deviation of a detection, in pixels of its stream; adds the columns of uncertainty.
     pub sigma: Option<f64>,
-    /// Whether existing columns are replaced.
+    /// Whether output columns replace existing columns of the same name; otherwise these are an error.
     pub replaces: bool,
     /// Handling of invalid cells.
     pub bad: BadCells,
@@ -246,7 +249,8 @@ impl Mapping {
         numbers(batch, ["u", "v"], expected, row_name, &self.bad)
     }
 
-    /// Computes the middles of the lower edges of boxes.
+    /// Reads boxes, and returns their foot points u, v: the middles of the lower edges, in pixels of the
+    /// stream.
     fn feet(&self, batch: &RecordBatch, row_name: RowName<'_>) -> Result<[Vec<f64>; 2], TableError> {
         let names = ["x", "y", "w", "h"];
         let [mut x, mut y, w, h] = numbers(batch, names, "x,y,w,h", row_name, &self.bad)?;
@@ -257,15 +261,16 @@ impl Mapping {
     }
 }
 
-/// Input points, column by column; NaN for missing values.
+/// Input points, column by column: u, v in pixels of the stream, or x, y, z in metres; NaN for missing
+/// values.
 struct Points {
     a: Vec<f64>,
     b: Vec<f64>,
-    /// Heights of 3D points; empty for pixels.
+    /// Heights z of 3D points, in metres; empty for pixels.
     c: Vec<f64>,
 }
 
-/// Mapped points, column by column.
+/// Mapped points, column by column: x, y in metres, or u, v in pixels, and statuses.
 pub(crate) struct MappedPoints {
     pub(crate) x: Vec<f64>,
     pub(crate) y: Vec<f64>,
@@ -351,7 +356,7 @@ impl Points {
 }
 
 impl MappedPoints {
-    /// Creates rows without a calibration.
+    /// Creates results for rows without a calibration: no points, with the status no-calibration.
     pub(crate) fn uncalibrated(rows: usize, with_sigmas: bool, on_planes: bool) -> Self {
         let nothing = || vec![f64::NAN; rows];
         let sigmas = with_sigmas.then(|| Sigmas::unknown(rows));
@@ -359,7 +364,7 @@ impl MappedPoints {
         Self { x: nothing(), y: nothing(), status: vec![Status::NoCalibration; rows], sigmas, plane_points }
     }
 
-    /// Copies the mapped values of a subset into its rows.
+    /// Copies the mapped values of a subset of the rows into `rows`, the indices of these rows.
     fn put(&mut self, rows: &[usize], some: &Self) {
         for (i, &row) in rows.iter().enumerate() {
             (self.x[row], self.y[row], self.status[row]) = (some.x[i], some.y[i], some.status[i]);

@@ -12,9 +12,9 @@ use crate::columns::{BadCells, RowName, column, names, numbers};
 use crate::mapping::{Columns, Rows};
 use crate::table_error::TableError;
 
-/// Usual names of camera columns.
+/// Usual names of a column with the camera, in order of preference.
 const CAMERA_COLUMN_NAMES: [&str; 4] = ["camera", "camera_id", "cam", "sensor_id"];
-/// Usual names of time columns.
+/// Usual names of a column with the time, in order of preference.
 const TIME_COLUMN_NAMES: [&str; 11] = [
     "at",
     "at_s",
@@ -127,13 +127,13 @@ impl SightingColumns {
     }
 }
 
-/// Boxes or feet of a batch.
+/// Boxes or foot points of a batch, column by column, in pixels of the stream.
 enum Boxes {
     Whole([Vec<f64>; 4]),
     Feet([Vec<f64>; 2]),
 }
 
-/// Detection in stream pixels; NaN for an unknown value.
+/// Detection of a person: foot, head and box width, in pixels of the stream; NaN for an unknown value.
 struct Detection {
     foot: [f64; 2],
     head: [f64; 2],

@@ -27,30 +27,31 @@ struct Check {
     /// Folder that is emptied before the command runs.
     emptied_folder: Option<&'static str>,
     tools: &'static [&'static Tool],
-    /// Whether the check also runs when tools are missing; it then reports its own skipped parts.
+    /// Whether the check also runs when tools are missing. The check then reports the parts that it skips.
     runs_without_tools: bool,
-    /// Whether the check belongs to the background queue, whose output is printed when the check ends.
+    /// Whether the check belongs to the background queue. The output of such a check is printed when it ends.
     is_background: bool,
     /// Name of a check in the other queue that must finish first.
     after: Option<&'static str>,
 }
 
-/// Environment variable that is set for checks once the whole workspace is built.
+/// Name of the environment variable that is set for checks once the whole workspace is built.
 ///
-/// A check then uses the built programs. Its own build would select other features and compile half of the
-/// dependencies again.
+/// A check then uses the built programs. A build by the check itself would select other features and compile
+/// half of the dependencies again.
 pub(crate) const WORKSPACE_IS_BUILT: &str = "CALIB_IS_BUILT";
 
-/// Target folder of all fuzz targets, shared so that common dependencies are built once.
+/// Cargo target folder of all fuzz targets. It is shared so that common dependencies are built once.
 const FUZZ_TARGET: &str = "target/fuzz";
 
-/// Flag that turns off memory sanitizers.
+/// Flag of cargo-fuzz that turns off memory sanitizers.
 ///
 /// The compiler already guarantees that our code is memory safe, and libraries are tested by their authors.
 /// Without sanitizers twice as many inputs run in half the time. The fuzz targets limit allocations
 /// themselves.
 const FUZZ_SANITIZER: &str = "--sanitizer=none";
 
+/// Defaults of a check in the foreground queue.
 const PLAIN: Check = Check {
     name: "",
     command: &[],
@@ -183,7 +184,8 @@ const CHECKS: &[Check] = &[
     Check {
         name: "tests",
         command: &["cargo", "test", "--workspace", "--all-features", "--no-fail-fast"],
-        // Fixes the seed of the property tests, too. A plain `cargo test` uses new cases in every run.
+        // The variable fixes the seed of the property tests. A plain `cargo test` uses new cases in every
+        // run.
         environment: &[("PROPTEST_RNG_SEED", "1")],
         tools: &[&PEERS, &ENGINES],
         runs_without_tools: true,
@@ -231,7 +233,7 @@ pub(crate) fn run(install: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Results of the checks so far.
+/// Names of the checks that have ended so far: all, failed and skipped.
 #[derive(Default)]
 struct Progress {
     done: BTreeSet<&'static str>,
@@ -241,7 +243,7 @@ struct Progress {
 
 /// State shared by the commands of all checks.
 struct Runner {
-    /// Path of this program.
+    /// Path of the executable of this program.
     own: PathBuf,
     /// File to which tests append the names of skipped tests.
     skips: PathBuf,
@@ -383,7 +385,7 @@ impl Runner {
 enum CheckResult {
     Passed,
     Failed,
-    /// Skipped, with the names of the missing tools.
+    /// Skipped check, with the names of the missing tools.
     Skipped(String),
 }
 

@@ -56,9 +56,11 @@ pub(crate) fn run() -> anyhow::Result<()> {
 }
 
 /// Separator between two notices.
-const RULE: &str = "================================================================================";
+const NOTICE_SEPARATOR: &str =
+    "================================================================================";
 /// Separator between the packages of a notice and its text.
-const LINE: &str = "--------------------------------------------------------------------------------";
+const TEXT_SEPARATOR: &str =
+    "--------------------------------------------------------------------------------";
 /// Last line of the terms of the Apache licence. An appendix with instructions and a copyright line follows
 /// it.
 const END_OF_TERMS: &str = "END OF TERMS AND CONDITIONS";
@@ -74,12 +76,12 @@ struct Notice<'a> {
 /// Merges notices with the same text. Copies may differ in white space and in the copyright lines after the
 /// terms.
 fn merge_notices(notices: &str) -> String {
-    let rule = format!("{RULE}\n");
+    let rule = format!("{NOTICE_SEPARATOR}\n");
     let mut sections = notices.split(&rule);
     let mut whole = sections.next().unwrap_or_default().to_owned();
     let mut groups: Vec<(String, Notice)> = Vec::new();
     for section in sections {
-        let Some((head, text)) = section.split_once(&format!("{LINE}\n")) else { continue };
+        let Some((head, text)) = section.split_once(&format!("{TEXT_SEPARATOR}\n")) else { continue };
         let (title, packages) = head.split_once('\n').unwrap_or((head, ""));
         let (text, after) = text.split_once(END_OF_TERMS).unwrap_or((text, ""));
         let owners = after.lines().map(str::trim).filter(|line| is_owner(line));
@@ -101,7 +103,7 @@ fn merge_notices(notices: &str) -> String {
             String::new()
         };
         whole.push_str(&format!(
-            "{RULE}\n{title}\n{}{LINE}\n{text}\n\n{end}{}\n",
+            "{NOTICE_SEPARATOR}\n{title}\n{}{TEXT_SEPARATOR}\n{text}\n\n{end}{}\n",
             lines(packages),
             lines(owners)
         ));
@@ -109,7 +111,7 @@ fn merge_notices(notices: &str) -> String {
     whole.trim_end().to_owned() + "\n"
 }
 
-/// Whether a line is a real copyright line and not the template's placeholder.
+/// Whether a line of a licence text is a real copyright line, and not the placeholder of the template.
 fn is_owner(line: &str) -> bool {
     line.starts_with("Copyright") && !line.contains(['[', '{', '<'])
 }
@@ -120,8 +122,9 @@ mod tests {
 
     #[test]
     fn equal_texts_are_merged_and_all_copyright_owners_are_kept() {
-        let notice =
-            |package: &str, text: &str| format!("{RULE}\nApache, for\n  {package} 1\n{LINE}\n{text}\n");
+        let notice = |package: &str, text: &str| {
+            format!("{NOTICE_SEPARATOR}\nApache, for\n  {package} 1\n{TEXT_SEPARATOR}\n{text}\n")
+        };
         let terms = "TERMS AND CONDITIONS FOR USE";
         let of = |owner: &str| format!("{terms}\n{END_OF_TERMS}\nAPPENDIX\nCopyright {owner}");
         let all = [
@@ -131,7 +134,7 @@ mod tests {
             notice("d", "other terms\nCopyright a person"),
         ];
         let once = merge_notices(&format!("Notices\n\n{}", all.concat()));
-        assert_eq!(once.matches(LINE).count(), 2, "{once}");
+        assert_eq!(once.matches(TEXT_SEPARATOR).count(), 2, "{once}");
         assert!(once.contains("  a 1\n  b 1\n  c 1\n") && once.contains("Copyright 2020 Somebody"), "{once}");
         assert!(once.contains("Copyright a person") && !once.contains("[yyyy]"), "{once}");
         assert_eq!(merge_notices(&once), once);

@@ -19,7 +19,7 @@ pub(crate) fn has_wasm_compiler() -> bool {
 
 /// Whether rustup's compiler has the sources of the standard library.
 pub(crate) fn has_library_sources() -> bool {
-    // Excludes Debian's compiler, which has the sources but needs its own linker.
+    // Debian's compiler is excluded. It has the sources, but needs its own linker.
     let of_rustup = rustc_print(&["sysroot"]).filter(|root| root != "/usr");
     of_rustup.is_some_and(|root| Path::new(&root).join("lib/rustlib/src/rust/library").exists())
 }

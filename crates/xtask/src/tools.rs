@@ -60,14 +60,14 @@ pub(crate) const PEERS: Tool = python!(
     "numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93 pycolmap==4.2.1 PyYAML==6.0.3"
 );
 
-/// `DuckDB`, pandas and `PyArrow`, for the tests and the benchmark of archives.
+/// Python packages for the tests and the benchmark of archives: `DuckDB`, pandas and `PyArrow`.
 pub(crate) const ENGINES: Tool = python!(
     "Python packages of the database engines",
     "target/engines-venv",
     "duckdb==2.0.0 pandas==3.1.1 pyarrow==26.0.1"
 );
 
-/// Packages that build and check the wheel, and packages that its users combine it with.
+/// Python packages that build and check the wheel, and packages that users combine with it.
 pub(crate) const PYTHON: Tool = python!(
     "Python packages that build and test the wheel",
     "target/python-venv",
@@ -101,7 +101,7 @@ pub(crate) const ULTRALYTICS: Tool = Tool {
             "psutil",
             "pytest==9.2.0",
         ],
-        // Without its dependencies, which would install another `PyTorch`.
+        // Ultralytics is installed without its dependencies, which would install another `PyTorch`.
         &[
             "target/ultralytics-venv/bin/python",
             "-m",
@@ -181,7 +181,7 @@ pub(crate) const BROWSER: Tool = Tool {
     },
     install: &[
         UPDATE,
-        // Keeps an existing Node, which may be newer than Debian's.
+        // An existing Node is kept, because it may be newer than Debian's.
         &["sh", "-c", "command -v node && command -v npm || apt-get install --quiet --yes nodejs npm"],
         debian!("chromium"),
         &["mkdir", "-p", "target/browser"],

@@ -1,4 +1,4 @@
-//! Panel: the table of annotations with residuals and switches, and the menu of usual sizes.
+//! Panel with the table of annotations, their residuals and their switches; also the menu of usual sizes.
 
 use calib_core::single::{ConstraintKind, KINDS, Known, USUAL_SIZES, UsualSize, line_name, straightness};
 use calib_core::{Annotation, Pixel};
@@ -12,14 +12,15 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field, number};
 
-/// Choice in the menu of usual sizes.
+/// Choice of the operator in the menu of usual sizes.
 pub(crate) enum SizeChoice {
+    /// Size of a usual object from the table of usual sizes.
     Like(&'static UsualSize),
-    /// The current size, as a measured one.
+    /// Current size of the annotation, kept as a measured length or height in metres.
     Measured(Known),
 }
 
-/// Shows the menu of objects with a usual size that suits the annotation.
+/// Shows the menu of objects whose usual size suits the annotation; returns the choice.
 pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation) -> Option<SizeChoice> {
     let palette = theme::palette(ui.ctx());
     let constraint = annotation.kind.row().constraint;
@@ -46,21 +47,22 @@ pub(crate) fn usual_size_menu(ui: &mut Ui, units: Units, annotation: &Annotation
     chosen
 }
 
+/// Returns the size of a usual object and its standard deviation as text.
 fn size(units: Units, usual: &UsualSize) -> String {
     units.short_length_and_sigma(usual.size.value, usual.size.sigma.unwrap_or(0.0))
 }
 
-/// Request of a row.
-enum Wish {
+/// Request of the operator in a row of the table. The first number is the index of the annotation.
+enum RowRequest {
     Select(usize, usize, bool),
     Toggle(usize),
     Length(usize, f64),
     Height(usize, f64),
     Usual(usize, SizeChoice),
-    Sure(usize, Box<Annotation>),
+    Sigmas(usize, Box<Annotation>),
 }
 
-/// Shows the panel.
+/// Shows the panel of annotations.
 pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Lines", "residual, px");
     app.hover.lit = None;
@@ -77,7 +79,7 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
             .color(palette.text2),
         );
     }
-    let mut wishes = Vec::new();
+    let mut requests = Vec::new();
     ui.spacing_mut().item_spacing.y = 0.0;
     for row in KINDS {
         let mut letter = 'a';
@@ -90,26 +92,26 @@ pub(crate) fn annotations_ui(app: &mut App, ui: &mut Ui) {
             let count = indices.iter().map(|&i| annotations[i].polylines().count()).sum();
             let (first, units) = (indices[0], app.editor.session().tool.units);
             let guess = |line: &[Pixel]| planes::estimated_line_length(app.editor.session(), line);
-            group(ui, units, &annotations[first], first, (letter, count), guess, &mut wishes);
+            group(ui, units, &annotations[first], first, (letter, count), guess, &mut requests);
             letter = char::from_u32(letter as u32 + 1).filter(char::is_ascii_lowercase).unwrap_or('z');
             for index in indices {
                 let annotation = &annotations[index];
                 for (segment, line) in annotation.polylines().enumerate() {
                     let line = Line { annotation: index, segment, points: &line, sigma, off: annotation.off };
-                    line_row(app, ui, &annotations, &line, &mut wishes);
+                    line_row(app, ui, &annotations, &line, &mut requests);
                     if row.constraint == ConstraintKind::StraightEdge {
                         point_rows(app, ui, &line);
                     }
                 }
-                if is_in_hand(app, index) {
+                if is_selected(app, index) {
                     let changed = sigmas::fields(ui, annotation, usual);
-                    wishes.extend(changed.map(|changed| Wish::Sure(index, Box::new(changed))));
+                    requests.extend(changed.map(|changed| RowRequest::Sigmas(index, Box::new(changed))));
                 }
             }
         }
     }
-    for wish in wishes {
-        grant(app, wish);
+    for request in requests {
+        apply_request(app, request);
     }
 }
 
@@ -120,7 +122,7 @@ fn group(
     index: usize,
     (letter, count): (char, usize),
     guess: impl Fn(&[Pixel]) -> Option<f64>,
-    wishes: &mut Vec<Wish>,
+    requests: &mut Vec<RowRequest>,
 ) {
     let palette = theme::palette(ui.ctx());
     let row = annotation.kind.row();
@@ -140,8 +142,9 @@ fn group(
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if row.has_length || row.constraint == ConstraintKind::Upright {
-                wishes
-                    .extend(usual_size_menu(ui, units, annotation).map(|chosen| Wish::Usual(index, chosen)));
+                requests.extend(
+                    usual_size_menu(ui, units, annotation).map(|chosen| RowRequest::Usual(index, chosen)),
+                );
             }
             if annotation.like.is_some() {
                 return;
@@ -150,16 +153,16 @@ fn group(
                 let estimate = annotation.polylines().next().and_then(|line| guess(&line));
                 let label = ui.label(RichText::new("measured").color(palette.text2));
                 let entered = empty_field(ui, ("length", index), label.id, units, estimate);
-                wishes.extend(entered.map(|metres| Wish::Length(index, metres)));
+                requests.extend(entered.map(|metres| RowRequest::Length(index, metres)));
             } else if row.has_length {
                 let mut value = annotation.length_m.unwrap_or(1.0);
                 if length(ui, units, &mut value, "Known length") {
-                    wishes.push(Wish::Length(index, value));
+                    requests.push(RowRequest::Length(index, value));
                 }
             } else if let Some(height) = annotation.height_m {
                 let mut value = height.value;
                 if length(ui, units, &mut value, "Height of the upright") {
-                    wishes.push(Wish::Height(index, value));
+                    requests.push(RowRequest::Height(index, value));
                 }
             }
         });
@@ -178,7 +181,13 @@ struct Line<'a> {
     off: bool,
 }
 
-fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<'_>, wishes: &mut Vec<Wish>) {
+fn line_row(
+    app: &mut App,
+    ui: &mut Ui,
+    annotations: &[Annotation],
+    line: &Line<'_>,
+    requests: &mut Vec<RowRequest>,
+) {
     let palette = theme::palette(ui.ctx());
     let (index, segment) = (line.annotation, line.segment);
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 19.0), Sense::click());
@@ -204,7 +213,7 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
         ui.painter().rect_filled(rect, 0.0, palette.raised);
     }
     if response.clicked() {
-        wishes.push(Wish::Select(index, segment, ui.input(|i| i.modifiers.command)));
+        requests.push(RowRequest::Select(index, segment, ui.input(|i| i.modifiers.command)));
     }
     let text = match (suspect, line.off) {
         (true, _) => palette.bad,
@@ -236,12 +245,12 @@ fn line_row(app: &mut App, ui: &mut Ui, annotations: &[Annotation], line: &Line<
         );
     }
     if switch(ui, rect, &name, !line.off) {
-        wishes.push(Wish::Toggle(index));
+        requests.push(RowRequest::Toggle(index));
     }
 }
 
 /// Whether a line of an annotation is selected.
-fn is_in_hand(app: &App, index: usize) -> bool {
+fn is_selected(app: &App, index: usize) -> bool {
     let is_own = |part: &Part| match *part {
         Part::Line { annotation, .. } | Part::Vertex { annotation, .. } => annotation == index,
         _ => false,
@@ -249,8 +258,8 @@ fn is_in_hand(app: &App, index: usize) -> bool {
     app.editor.session().selection.iter().any(is_own)
 }
 
-/// Shows the deviation of every point of the selected straight edge from a straight line in the undistorted
-/// image. A wrong point can be found this way.
+/// Shows, for every point of the selected straight edge, its deviation from a straight line. The deviation is
+/// measured in pixels of the undistorted image and shows wrong points.
 fn point_rows(app: &App, ui: &mut Ui, line: &Line<'_>) {
     let session = app.editor.session();
     let is_own = |part: &Part| match *part {
@@ -285,47 +294,52 @@ fn switch(ui: &mut Ui, row: Rect, name: &str, mut on: bool) -> bool {
     check.changed()
 }
 
-/// Paints a bar proportional to the residual, with a tick at three sigmas.
+/// Paints a bar proportional to a residual divided by its sigma, with a tick at three sigmas.
 fn bar(ui: &Ui, row: Rect, over_sigma: f64) {
-    const WIDTH: f32 = 44.0;
-    const MOST: f64 = 4.2;
+    /// Width of the complete bar, in points.
+    const BAR_WIDTH: f32 = 44.0;
+    /// Residual at which the bar is complete, in sigmas.
+    const MAX_BAR_SIGMAS: f64 = 4.2;
     let palette = theme::palette(ui.ctx());
     let right = row.right() - 40.0;
     let back = Rect::from_min_max(
-        egui::pos2(right - WIDTH, row.center().y - 4.0),
+        egui::pos2(right - BAR_WIDTH, row.center().y - 4.0),
         egui::pos2(right, row.center().y + 4.0),
     );
     ui.painter().rect_filled(back, 1.0, palette.bg);
-    let share = (over_sigma / MOST).clamp(0.0, 1.0) as f32;
-    let filled = Rect::from_min_size(back.min, Vec2::new(share * WIDTH, back.height()));
+    let share = (over_sigma / MAX_BAR_SIGMAS).clamp(0.0, 1.0) as f32;
+    let filled = Rect::from_min_size(back.min, Vec2::new(share * BAR_WIDTH, back.height()));
     ui.painter().rect_filled(filled, 1.0, theme::residual(palette, over_sigma));
-    let tick = back.left() + (3.0 / MOST) as f32 * WIDTH;
+    let tick = back.left() + (3.0 / MAX_BAR_SIGMAS) as f32 * BAR_WIDTH;
     ui.painter().vline(tick, back.y_range(), egui::Stroke::new(1.0, palette.text2));
 }
 
-fn grant(app: &mut App, wish: Wish) {
+/// Sends the actions of a request to the editor.
+fn apply_request(app: &mut App, request: RowRequest) {
     app.send(Action::CancelGesture);
     let drawn = |index: usize| app.editor.session().entry()?.annotations.get(index).cloned();
-    let action = match wish {
-        Wish::Select(annotation, segment, true) => {
+    let action = match request {
+        RowRequest::Select(annotation, segment, true) => {
             Some(Action::SelectMore(Part::Line { annotation, segment }))
         }
-        Wish::Select(annotation, segment, false) => Some(Action::Select(Part::Line { annotation, segment })),
-        Wish::Toggle(index) => {
+        RowRequest::Select(annotation, segment, false) => {
+            Some(Action::Select(Part::Line { annotation, segment }))
+        }
+        RowRequest::Toggle(index) => {
             let name = app.editor.session().part_name(Part::Line { annotation: index, segment: 0 });
             drawn(index).map(|annotation| {
                 let off = !annotation.off;
                 annotate(index, Annotation { off, ..annotation }, &format!("switch {name} on or off"))
             })
         }
-        Wish::Length(index, value) => drawn(index).map(|annotation| {
+        RowRequest::Length(index, value) => drawn(index).map(|annotation| {
             let measured = Annotation { length_m: Some(value), off: false, ..annotation };
             annotate(index, measured, "enter a known length")
         }),
-        Wish::Usual(index, chosen) => drawn(index)
+        RowRequest::Usual(index, chosen) => drawn(index)
             .map(|annotation| annotate(index, with_size(annotation, &chosen), "choose a usual size")),
-        Wish::Sure(index, annotation) => Some(annotate(index, *annotation, "change \u{b1}")),
-        Wish::Height(index, value) => drawn(index).map(|mut annotation| {
+        RowRequest::Sigmas(index, annotation) => Some(annotate(index, *annotation, "change \u{b1}")),
+        RowRequest::Height(index, value) => drawn(index).map(|mut annotation| {
             if let Some(height) = &mut annotation.height_m {
                 height.value = value;
             }
@@ -335,7 +349,7 @@ fn grant(app: &mut App, wish: Wish) {
     action.into_iter().for_each(|action| app.send(action));
 }
 
-/// Returns the annotation with the chosen size, switched on.
+/// Returns the annotation with the chosen size, switched on. The size replaces every earlier size.
 fn with_size(annotation: Annotation, chosen: &SizeChoice) -> Annotation {
     let bare = Annotation { like: None, length_m: None, height_m: None, off: false, ..annotation };
     match chosen {
@@ -347,6 +361,7 @@ fn with_size(annotation: Annotation, chosen: &SizeChoice) -> Annotation {
     }
 }
 
+/// Creates the action that replaces an annotation; `name` is its name in the undo history.
 fn annotate(index: usize, annotation: Annotation, name: &str) -> Action {
     Action::Annotate { index, annotation: Box::new(annotation), name: name.to_owned() }
 }

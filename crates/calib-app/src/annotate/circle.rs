@@ -7,10 +7,10 @@ use egui::{DragValue, RichText, Ui};
 use crate::state::App;
 use crate::theme;
 
-/// Note shown if no image circle was detected.
+/// Message that is shown if no image circle was detected.
 const NOT_FOUND: &str = "No image circle was detected. Enter its centre and radius.";
 
-/// Shows the row of the current camera, if it has a fisheye lens or an image circle.
+/// Shows the image circle of the current camera, if the camera has a fisheye lens or an image circle.
 pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.session().entry() else { return };
@@ -50,13 +50,14 @@ pub(crate) fn circle_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Returns the circle detected in the current image; `None` until the image is read.
+/// Detects the image circle in the current image, in pixels; `None` without a circle or until the image is
+/// read.
 pub(crate) fn found(app: &App) -> Option<ImageCircle> {
     let name = app.editor.session().entry()?.image.as_deref()?;
     calib_image::image_circle(&app.pictures.ready(name)?.image)
 }
 
-/// Whether the current camera has a fisheye lens, given or to be fitted.
+/// Whether the current camera has a fisheye lens, with given coefficients or with coefficients to be fitted.
 fn is_fisheye(app: &App) -> bool {
     let session = app.editor.session();
     let lens = session.entry().and_then(|entry| entry.lens.as_ref());

@@ -13,7 +13,7 @@ use crate::picture::Piece;
 use crate::state::{App, Mode, Place};
 use crate::theme;
 
-/// Paints an image, or the reason why it is missing.
+/// Paints an image, or the reason why the image is missing.
 pub(crate) fn paint(app: &mut App, painter: &Painter, name: Option<&str>, mapping: &Mapping, rect: Rect) {
     let Some(name) = name else { return };
     let images = &app.editor.session().images;
@@ -28,7 +28,7 @@ pub(crate) fn paint(app: &mut App, painter: &Painter, name: Option<&str>, mappin
     painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, theme::regular(12.0), colour);
 }
 
-/// Paints the replaced image over the new one.
+/// Paints the replaced image over the new image, with the opacity that the operator chose.
 pub(crate) fn blend_old(
     app: &mut App,
     painter: &Painter,
@@ -50,7 +50,8 @@ pub(crate) fn blend_old(
     }
 }
 
-/// Returns the automatic calibration of a camera, to be painted on its own canvas.
+/// Returns the automatic calibration of the current camera for its main canvas; `None` for all other
+/// canvases.
 fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
     let is_shown = place == Place::Main && camera == app.editor.session().camera;
     let proposed = app.shown_proposal().filter(|_| is_shown)?;
@@ -59,7 +60,7 @@ fn ghosts(app: &App, camera: usize, place: Place) -> Option<Ghosts<'_>> {
     Some(Ghosts { preview: app.editor.preview()?, is_believed, lit: app.hover.lit_group })
 }
 
-/// Returns the overlay of a camera's image.
+/// Creates the overlay of a camera's image for the canvas at `place`.
 pub(crate) fn overlay<'a>(
     app: &'a App,
     ui: &Ui,

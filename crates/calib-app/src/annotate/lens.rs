@@ -13,26 +13,27 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
 
-/// Coefficients that are fitted by default.
-const USUAL: [Coefficient; 2] = [Coefficient::K1, Coefficient::K2];
+/// Distortion coefficients that are fitted by default.
+const DEFAULT_COEFFICIENTS: [Coefficient; 2] = [Coefficient::K1, Coefficient::K2];
 
-/// Source of the distortion.
+/// Source of the current camera's distortion coefficients.
 #[derive(Clone, Debug, PartialEq)]
-enum From {
-    /// Fitted, with as many coefficients as the straight edges support.
+enum LensSource {
+    /// Fit to the straight edges, with as many coefficients as they support.
     Edges,
-    /// Fitted, with these coefficients.
+    /// Fit of these coefficients to the straight edges.
     Fitted(Vec<Coefficient>),
-    /// Fitted, with a fisheye model.
+    /// Fit of a fisheye model.
     Fisheye,
-    /// Given coefficients.
+    /// Coefficients that the operator entered or imported.
     Given,
-    /// Lens of another camera, by its id.
+    /// Lens of another camera with this id.
     Like(String),
 }
 
-impl From {
-    fn of(app: &App) -> Self {
+impl LensSource {
+    /// Returns the lens source of the current camera.
+    fn from_app(app: &App) -> Self {
         let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());
         if let Some(like) = lens.and_then(|lens| lens.like.clone()) {
             return Self::Like(like);
@@ -50,6 +51,7 @@ impl From {
         }
     }
 
+    /// Returns the lens source as text for the menu.
     fn text(&self) -> String {
         match self {
             Self::Edges => "from straight edges".into(),
@@ -67,26 +69,32 @@ impl From {
     }
 }
 
-/// Shows the panel.
+/// Shows the panel with name, image and lens of the current camera.
 pub fn lens_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.session().entry() else { return };
     let [w, h] = entry.size_px;
     heading(ui, "Camera", &format!("{w} \u{d7} {h} px"));
     names(app, ui);
-    let own = From::of(app);
+    let own = LensSource::from_app(app);
     let id = app.editor.session().entry().map(|entry| entry.id.clone()).unwrap_or_default();
-    let usual = From::Fitted(USUAL.to_vec());
-    let own_fit = Some(own.clone()).filter(|own| matches!(own, From::Fitted(_)) && *own != usual);
-    let mut choices = vec![From::Edges, usual];
+    let usual = LensSource::Fitted(DEFAULT_COEFFICIENTS.to_vec());
+    let own_fit = Some(own.clone()).filter(|own| matches!(own, LensSource::Fitted(_)) && *own != usual);
+    let mut choices = vec![LensSource::Edges, usual];
     choices.extend(own_fit);
-    choices.extend([From::Fisheye, From::Given]);
+    choices.extend([LensSource::Fisheye, LensSource::Given]);
     let free = |camera: &&calib_site::SiteCamera| {
-        // Only cameras with a lens entry of their own can be shared from.
+        // A camera can share the lens of another camera only if that camera does not share a lens itself.
         camera.id != id && camera.lens.as_ref().is_none_or(|lens| lens.like.is_none())
     };
     choices.extend(
-        app.editor.session().site.cameras.iter().filter(free).map(|camera| From::Like(camera.id.clone())),
+        app.editor
+            .session()
+            .site
+            .cameras
+            .iter()
+            .filter(free)
+            .map(|camera| LensSource::Like(camera.id.clone())),
     );
     let mut chosen = own.clone();
     ui.horizontal(|ui| {
@@ -103,8 +111,8 @@ pub fn lens_ui(app: &mut App, ui: &mut Ui) {
             .labelled_by(label.id);
     });
     if chosen != own {
-        set(app, chosen);
-    } else if own == From::Given {
+        set_source(app, chosen);
+    } else if own == LensSource::Given {
         coefficients(app, ui);
     }
     circle::circle_ui(app, ui);
@@ -143,30 +151,32 @@ fn names(app: &mut App, ui: &mut Ui) {
     }
 }
 
-fn set(app: &mut App, to: From) {
+/// Changes the lens source of the current camera.
+fn set_source(app: &mut App, to: LensSource) {
     let focal = app.editor.session().solution().map(|solution| solution.focal_px);
     let current = app.editor.session().solution().and_then(|solution| solution.distortion.clone());
     let session = app.editor.session();
     let wide =
         session.solved.pose(session.camera).map(|pose| pose.lens).filter(|lens| lens.distortion.is_wide());
-    let is_sought = to == From::Fisheye;
+    let is_sought = to == LensSource::Fisheye;
     let circle = if is_sought { circle::found(app) } else { None };
     app.change_lens("change the lens source", |lens| {
         lens.like = None;
         lens.image_circle_px = lens.image_circle_px.or(circle);
         let bare = DistortionEntry::new(DistortionModel::BrownConrady);
         lens.distortion = match to {
-            From::Edges => None,
-            From::Fitted(which) => Some(DistortionEntry { fit: Some(which), ..bare }),
-            From::Fisheye => Some(DistortionEntry::new(DistortionModel::KannalaBrandt)),
-            From::Given => {
+            LensSource::Edges => None,
+            LensSource::Fitted(which) => Some(DistortionEntry { fit: Some(which), ..bare }),
+            LensSource::Fisheye => Some(DistortionEntry::new(DistortionModel::KannalaBrandt)),
+            LensSource::Given => {
                 let zero = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..bare };
-                // Focal and principal point of a fisheye were fitted to its edges.
+                // The focal length and the principal point of a fisheye were fitted together with its
+                // coefficients.
                 lens.principal_point_px = wide.map(|lens| lens.principal_point).or(lens.principal_point_px);
                 let focal_px = wide.map(|lens| lens.focal).or(focal);
                 Some(DistortionEntry { fit: None, focal_px, ..current.unwrap_or(zero) })
             }
-            From::Like(id) => {
+            LensSource::Like(id) => {
                 lens.like = Some(id);
                 None
             }
@@ -174,12 +184,12 @@ fn set(app: &mut App, to: From) {
     });
 }
 
-/// Requests that the lens is fitted to the straight edges.
+/// Requests a fit of k1 and k2 of the current camera to its straight edges.
 pub fn fit(app: &mut App) {
-    set(app, From::Fitted(USUAL.to_vec()));
+    set_source(app, LensSource::Fitted(DEFAULT_COEFFICIENTS.to_vec()));
 }
 
-/// Shows the given coefficients, and the focal to which they refer.
+/// Shows the given distortion coefficients, and the focal length in pixels to which they refer.
 fn coefficients(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let lens = app.editor.session().entry().and_then(|entry| entry.lens.as_ref());
@@ -206,7 +216,7 @@ fn coefficients(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Blends the previous image over this one, to show whether the camera moved.
+/// Shows the opacity slider of the replaced image, which is painted over the new image to reveal movement.
 pub fn old_still(app: &mut App, ui: &mut Ui) {
     let Some(ReplacedImage { of, opacity: mut share, size, .. }) = app.editor.replaced_image().cloned()
     else {

@@ -25,7 +25,7 @@ const fn icon(kind: MarkKind) -> Icon {
     }
 }
 
-/// Shows the marks: the kind of the next one, and the list of existing ones.
+/// Shows the panel of marks: the kind of the next mark, and the list of existing marks.
 pub(crate) fn marks_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Marks", "M");
     let mut wanted = None;
@@ -85,7 +85,7 @@ fn mark_row(app: &mut App, ui: &mut Ui, index: usize) {
     }
 }
 
-/// Shows size, rotation and height of the selected mark.
+/// Shows the fields for size, rotation and height of the selected mark.
 fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
     let palette = theme::palette(ui.ctx());
     let units = app.editor.session().tool.units;
@@ -128,7 +128,7 @@ fn mark_fields(app: &mut App, ui: &mut Ui, index: usize, mut mark: Mark) {
     }
 }
 
-/// Shows the links: the residual of every camera, and the disagreement on the floor.
+/// Shows the table of links: the residual of every camera in pixels, and the disagreement on the floor.
 pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     heading(ui, "Links", "error in px per camera; gap on the floor");
@@ -136,13 +136,13 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
         ui.label(RichText::new("K links a point that two views show.").color(palette.text2));
         return;
     }
-    let cameras = linked(app);
-    let mut wishes = Vec::new();
+    let cameras = linked_cameras(app);
+    let mut requests = Vec::new();
     ScrollArea::horizontal().id_salt("links").show(ui, |ui| {
         egui::Grid::new("links").num_columns(cameras.len() + 3).spacing([4.0, 2.0]).show(ui, |ui| {
-            titles(ui, &cameras);
+            column_titles(ui, &cameras);
             for index in 0..app.editor.session().site.links.len() {
-                link_row(app, ui, index, &cameras, &mut wishes);
+                link_row(app, ui, index, &cameras, &mut requests);
                 ui.end_row();
             }
         });
@@ -151,22 +151,23 @@ pub(crate) fn links_ui(app: &mut App, ui: &mut Ui) {
         let is_own = |part: &Part| matches!(part, Part::Link { link, .. } if *link == index);
         if app.editor.session().selection.iter().any(is_own) {
             let changed = ui.horizontal_wrapped(|ui| link_fields(app, ui, index)).inner;
-            wishes.extend(changed.map(|(index, link)| Wish::Change(index, Box::new(link))));
+            requests.extend(changed.map(|(index, link)| RowRequest::Change(index, Box::new(link))));
         }
     }
-    wishes.into_iter().for_each(|wish| grant(app, wish));
+    requests.into_iter().for_each(|request| apply_request(app, request));
 }
 
-/// Request of a row.
-enum Wish {
+/// Request of the operator in a row of the table. The number is the index of the link.
+enum RowRequest {
     Change(usize, Box<Link>),
     Select(usize),
 }
 
-fn grant(app: &mut App, wish: Wish) {
-    match wish {
-        Wish::Change(index, link) => app.send(Action::SetLink(index, link)),
-        Wish::Select(link) => {
+/// Sends the actions of a request to the editor.
+fn apply_request(app: &mut App, request: RowRequest) {
+    match request {
+        RowRequest::Change(index, link) => app.send(Action::SetLink(index, link)),
+        RowRequest::Select(link) => {
             let site = app.editor.site();
             let seen = site.links.get(link).and_then(|link| link.seen.first());
             let camera = seen.and_then(|seen| site.cameras.iter().position(|c| c.id == seen.camera));
@@ -178,15 +179,15 @@ fn grant(app: &mut App, wish: Wish) {
     }
 }
 
-/// Returns the cameras that observe a link, in the order of the site.
-fn linked(app: &App) -> Vec<usize> {
+/// Returns the indices of the cameras that observe at least one link, in the order of the site.
+fn linked_cameras(app: &App) -> Vec<usize> {
     let site = app.editor.site();
     let is_linked = |id: &str| site.links.iter().any(|link| link.seen.iter().any(|seen| seen.camera == id));
     let is_asked = |&camera: &usize| site.owns_links(camera) && is_linked(&site.cameras[camera].id);
     (0..site.cameras.len()).filter(is_asked).collect()
 }
 
-fn titles(ui: &mut Ui, cameras: &[usize]) {
+fn column_titles(ui: &mut Ui, cameras: &[usize]) {
     ui.label("");
     ui.label("");
     for &camera in cameras {
@@ -196,25 +197,25 @@ fn titles(ui: &mut Ui, cameras: &[usize]) {
     ui.end_row();
 }
 
-fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], wishes: &mut Vec<Wish>) {
+fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], requests: &mut Vec<RowRequest>) {
     let palette = theme::palette(ui.ctx());
     let Some(link) = app.editor.session().site.links.get(index) else { return };
     let waits = link.seen.len() < 2;
     let name = link.id.clone().unwrap_or_else(|| format!("link {}", index + 1));
     let mut on = !link.off;
     if ui.checkbox(&mut on, "").on_hover_text(format!("Use {name}")).changed() {
-        wishes.push(Wish::Change(index, Box::new(Link { off: !on, ..link.clone() })));
+        requests.push(RowRequest::Change(index, Box::new(Link { off: !on, ..link.clone() })));
     }
     let colour = if waits { palette.warn } else { palette.text };
     let text = RichText::new(&name).font(theme::medium(12.0)).color(colour);
     let button = egui::Button::new(text).frame(false).truncate();
     if ui.add_sized([80.0, 16.0], button).on_hover_text(&name).clicked() {
-        wishes.push(Wish::Select(index));
+        requests.push(RowRequest::Select(index));
     }
     for &camera in cameras {
         let id = &app.editor.site().cameras[camera].id;
         let is_seen = link.seen.iter().any(|seen| seen.camera == *id);
-        right(ui, 24.0, |ui| {
+        right_cell(ui, 24.0, |ui| {
             if is_seen {
                 joint_residual(app, ui, index, id);
             }
@@ -223,17 +224,17 @@ fn link_row(app: &App, ui: &mut Ui, index: usize, cameras: &[usize], wishes: &mu
     let (text, colour) = match (waits, link_distance(app.editor.session(), link)) {
         (true, _) => ("1 view".into(), palette.text2),
         (false, Some(apart)) => {
-            (how_far(app, apart), if apart.is_significant() { palette.bad } else { palette.text2 })
+            (distance_text(app, apart), if apart.is_significant() { palette.bad } else { palette.text2 })
         }
         (false, None) => ("\u{2014}".into(), palette.text2),
     };
-    right(ui, 84.0, |ui| {
+    right_cell(ui, 84.0, |ui| {
         ui.label(RichText::new(text).color(colour));
     });
 }
 
-/// Shows a right-aligned cell of this width.
-fn right(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
+/// Shows a right-aligned cell; `width` is in points.
+fn right_cell(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
     let layout = egui::Layout::right_to_left(egui::Align::Center);
     ui.allocate_ui_with_layout(Vec2::new(width, 16.0), layout, |ui| {
         ui.set_min_width(width);
@@ -241,7 +242,8 @@ fn right(ui: &mut Ui, width: f32, contents: impl FnOnce(&mut Ui)) {
     });
 }
 
-/// Shows the residual of a view after the joint solve, in pixels; a dot while it is unknown.
+/// Shows the residual of an observation after the joint solve, in pixels; a dot while the residual is
+/// unknown.
 fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     let palette = theme::palette(ui.ctx());
     let site = app.editor.site();
@@ -266,7 +268,7 @@ fn joint_residual(app: &App, ui: &mut Ui, link: usize, camera: &str) {
     ui.label(RichText::new(format!("{:.1}", residual.px)).small().color(colour)).on_hover_text(said);
 }
 
-/// Shows kind and height of a link; returns the changed link.
+/// Shows the fields for kind and height of a link; returns the index and the changed link.
 fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
     let link = app.editor.session().site.links.get(index)?;
     let mut new = link.clone();
@@ -304,7 +306,8 @@ fn link_fields(app: &App, ui: &mut Ui, index: usize) -> Option<(usize, Link)> {
     (new != *link).then_some((index, new))
 }
 
-/// Shows the length of a post: measured, or empty with its estimate as a hint.
+/// Shows the field for the length of a post: the measured length, or an empty field with the estimate as a
+/// hint.
 fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     let session = app.editor.session();
     let label = ui.label("long");
@@ -320,8 +323,9 @@ fn post_fields(app: &App, ui: &mut Ui, link: &Link, new: &mut Link) {
     }
 }
 
-/// Returns a distance between views as text, with the distance that their uncertainty explains.
-fn how_far(app: &App, apart: LinkDistance) -> String {
+/// Returns the disagreement of two views on the floor as text, with the distance that their uncertainty
+/// explains.
+fn distance_text(app: &App, apart: LinkDistance) -> String {
     let units = app.editor.session().tool.units;
     apart.sigma.map_or_else(
         || units.short_length(apart.metres),
@@ -329,7 +333,7 @@ fn how_far(app: &App, apart: LinkDistance) -> String {
     )
 }
 
-/// Shows the links of the current camera that disagree more than their uncertainty explains.
+/// Shows the links of the current camera whose views disagree more than their uncertainty explains.
 pub(crate) fn far_apart(app: &mut App, ui: &mut Ui) {
     let (far, all) = inconsistent_links(app.editor.session(), app.editor.session().camera);
     if all == 0 {

@@ -8,21 +8,23 @@ use crate::paint::{Pen, line};
 use crate::state::{App, Place};
 use crate::theme::{self, on_image};
 
-/// Side of the loupe, in points.
+/// Side of the square loupe, in points.
 const SIDE: f32 = 172.0;
-/// Magnification.
+/// Magnification of the loupe relative to its canvas.
 const ZOOM: f64 = 6.0;
 
-/// Returns the rectangle of the loupe: up and left of the point, or on the side with room, inside the canvas.
-fn beside(held: Pos2, canvas: Rect) -> Rect {
-    const GAP: Vec2 = Vec2::new(62.0, 44.0);
+/// Returns the rectangle of the loupe: above and left of the pointer, or on the other side if there is no
+/// room.
+fn loupe_rect(held: Pos2, canvas: Rect) -> Rect {
+    /// Distance between the pointer and the loupe, in points.
+    const POINTER_GAP: Vec2 = Vec2::new(62.0, 44.0);
     let side = SIDE.min(0.45 * canvas.width()).min(0.6 * canvas.height());
-    let mut corner = held - GAP - Vec2::splat(side);
+    let mut corner = held - POINTER_GAP - Vec2::splat(side);
     if corner.x < canvas.left() {
-        corner.x = held.x + GAP.x;
+        corner.x = held.x + POINTER_GAP.x;
     }
     if corner.y < canvas.top() {
-        corner.y = held.y + GAP.y;
+        corner.y = held.y + POINTER_GAP.y;
     }
     let most = (canvas.max - Vec2::splat(side)).max(canvas.min);
     Rect::from_min_size(corner.clamp(canvas.min, most), Vec2::splat(side))
@@ -30,7 +32,7 @@ fn beside(held: Pos2, canvas: Rect) -> Rect {
 
 /// Paints the neighbourhood of the dragged point, with the overlay.
 pub(crate) fn loupe_ui(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, at: [f64; 2]) {
-    let rect = beside(mapping.screen(at), mapping.rect);
+    let rect = loupe_rect(mapping.screen(at), mapping.rect);
     let view = View { centre: mapping.flat(at), zoom: ZOOM * mapping.view.zoom, y_up: false };
     let large = Mapping { view, rect, ..*mapping };
     let painter = ui.painter().with_clip_rect(rect);
@@ -65,7 +67,7 @@ mod tests {
             for step in 0..400_u16 {
                 let share = [f32::from(step % 20) / 19.0, f32::from(step / 20) / 19.0];
                 let held = canvas.min + Vec2::new(share[0] * size.x, share[1] * size.y);
-                assert!(canvas.contains_rect(beside(held, canvas)), "{held:?} on {canvas:?}");
+                assert!(canvas.contains_rect(loupe_rect(held, canvas)), "{held:?} on {canvas:?}");
             }
         }
     }

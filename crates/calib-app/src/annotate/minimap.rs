@@ -9,10 +9,10 @@ use crate::state::{App, Place};
 
 /// Longer side of the minimap, in points.
 const SIDE: f32 = 124.0;
-/// Distance from the border of the canvas, in points.
+/// Distance of the minimap from the border of the canvas, in points.
 const MARGIN: f32 = 10.0;
-/// Smallest canvas side with a minimap, in points.
-const LEAST: f32 = 360.0;
+/// Smallest side of a canvas that shows a minimap, in points.
+const MIN_CANVAS_SIDE: f32 = 360.0;
 
 /// Returns the rectangle of the minimap; `None` if the canvas is small, shows the whole image, or shows a
 /// fisheye window.
@@ -21,7 +21,7 @@ pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
     let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|at| mapping.screen(at));
     let is_window = mapping.bend.is_some_and(|bend| bend.size().is_some());
     let is_whole = !is_window && corners.iter().all(|&at| mapping.rect.expand(1.0).contains(at));
-    if is_whole || mapping.rect.width().min(mapping.rect.height()) < LEAST || w <= 0.0 || h <= 0.0 {
+    if is_whole || mapping.rect.width().min(mapping.rect.height()) < MIN_CANVAS_SIDE || w <= 0.0 || h <= 0.0 {
         return None;
     }
     let share = f64::from(SIDE) / w.max(h);
@@ -32,7 +32,8 @@ pub(crate) fn rect(mapping: &Mapping, size: [f64; 2]) -> Option<Rect> {
 
 /// Paints the visible part of the image: a rectangle, or the outline of a fisheye window.
 fn paint_shown(painter: &Painter, mapping: &Mapping, small: &Mapping) {
-    const STEPS: u16 = 24;
+    /// Number of segments along each side of the outline of a fisheye window.
+    const SAMPLES_PER_SIDE: u16 = 24;
     let stroke = Stroke::new(1.5, Color32::WHITE);
     if mapping.bend.is_none_or(|bend| bend.size().is_none()) {
         let shown = [mapping.rect.min, mapping.rect.max].map(|at| small.screen(mapping.document(at)));
@@ -43,9 +44,9 @@ fn paint_shown(painter: &Painter, mapping: &Mapping, small: &Mapping) {
     let Rect { min, max } = mapping.rect;
     let corners = [min, Pos2::new(max.x, min.y), max, Pos2::new(min.x, max.y), min];
     for side in corners.windows(2) {
-        let share = |step: u16| f32::from(step) / f32::from(STEPS);
+        let share = |step: u16| f32::from(step) / f32::from(SAMPLES_PER_SIDE);
         let at = |step: u16| mapping.bent_at(side[0] + share(step) * (side[1] - side[0]));
-        for step in 0..STEPS {
+        for step in 0..SAMPLES_PER_SIDE {
             if let (Some(a), Some(b)) = (at(step), at(step + 1)) {
                 painter.line_segment([a, b].map(|pixel| small.screen(pixel.into())), stroke);
             }
@@ -53,10 +54,10 @@ fn paint_shown(painter: &Painter, mapping: &Mapping, small: &Mapping) {
     }
 }
 
-/// Shows the minimap over the canvas.
+/// Shows the minimap over the canvas; a drag moves the view.
 pub(crate) fn minimap_ui(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, size: [f64; 2]) {
     let key = (Place::Main, Pane::Image(camera));
-    // It is hidden during gestures, which may need the space.
+    // The minimap is hidden during a gesture, which may need the space.
     let rect = rect(mapping, size).filter(|_| app.editor.tool().is_idle());
     app.view.panes.minimap = rect.map(|rect| (key, rect));
     let Some(rect) = rect else { return };

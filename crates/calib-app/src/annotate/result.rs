@@ -16,8 +16,8 @@ use crate::widgets::{cells, decimals, heading, length_field, number};
 /// Default standard deviation of a tape measurement, in metres.
 pub(crate) const TAPE: f64 = 0.01;
 
-/// Shows an empty field for a length, with an estimate as a hint; returns the length in metres once it is
-/// entered.
+/// Shows an empty field for a length, with an estimate as a hint. Returns the length in metres once the
+/// operator has entered it.
 pub(crate) fn empty_field(
     ui: &mut Ui,
     salt: impl std::hash::Hash + std::fmt::Debug,
@@ -42,14 +42,14 @@ pub(crate) fn empty_field(
     entered
 }
 
-/// Parses a length; returns metres, or `None` for invalid text.
+/// Parses a length in the units of the site; returns metres, or `None` for invalid text.
 fn metres_in(text: &str, units: Units) -> Option<f64> {
     let text = text.trim().trim_end_matches(units.symbol()).trim().replace(',', ".");
     let metres = text.parse::<f64>().ok()? * units.metres();
     (metres.is_finite() && (1e-3..1e5).contains(&metres)).then_some(metres)
 }
 
-/// Shows fields for a measured length and its standard deviation; returns whether they were changed.
+/// Shows fields for a measured length and its standard deviation; returns whether one of them was changed.
 pub(crate) fn known_fields(ui: &mut Ui, label: egui::Id, units: Units, known: &mut Known) -> bool {
     let mut changed = ui.add(length_field(units, &mut known.value, 1e-3)).labelled_by(label).changed();
     if known.fixed {
@@ -64,7 +64,7 @@ pub(crate) fn known_fields(ui: &mut Ui, label: egui::Id, units: Units, known: &m
     changed
 }
 
-/// Number of the result that can be fixed.
+/// Quantity of the result that the operator can fix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Number {
     Focal,
@@ -73,6 +73,7 @@ pub(crate) enum Number {
     Height,
 }
 
+/// Quantities in the order of the panel.
 const NUMBERS: [Number; 4] = [Number::Focal, Number::Pitch, Number::Roll, Number::Height];
 
 impl Number {
@@ -85,7 +86,7 @@ impl Number {
         }
     }
 
-    /// Returns the symbol of the unit and its size in the unit of the site file.
+    /// Returns the symbol of the display unit, and its size in the unit of the site file.
     const fn unit(self, units: Units) -> (&'static str, f64) {
         match self {
             Self::Focal => ("px", 1.0),
@@ -94,8 +95,8 @@ impl Number {
         }
     }
 
-    /// Returns value and sigma.
-    fn of(self, solution: &Solution) -> Option<(f64, Option<f64>)> {
+    /// Returns the value of the quantity and its sigma, both in the unit of the site file.
+    fn value_and_sigma(self, solution: &Solution) -> Option<(f64, Option<f64>)> {
         let sigma = solution.sigma.as_ref();
         Some(match self {
             Self::Focal => (solution.focal_px, sigma.and_then(|s| s.focal_px)),
@@ -105,6 +106,7 @@ impl Number {
         })
     }
 
+    /// Returns the entry of the current camera for this quantity: fixed, a prior, or `None`.
     pub(crate) fn known(self, app: &App) -> Option<Known> {
         let entry = app.editor.session().entry()?;
         let lens = entry.lens.as_ref();
@@ -116,6 +118,7 @@ impl Number {
         }
     }
 
+    /// Changes the entry of the current camera for this quantity; `None` removes the entry.
     pub(crate) fn set(self, app: &mut App, known: Option<Known>) {
         let verb = match known {
             Some(known) if known.fixed => "fix",
@@ -136,7 +139,7 @@ impl Number {
     }
 }
 
-/// Shows the panel.
+/// Shows the panel of results.
 pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let solution = app.editor.session().solution().cloned();
@@ -161,8 +164,8 @@ pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
     floor_row(ui, &solution);
 }
 
-/// Shows a number of the result. For a camera that looks straight down, the tilt and its direction replace
-/// pitch and roll, which are undetermined.
+/// Shows a quantity of the result. For a camera that looks straight down, pitch and roll are undetermined.
+/// The tilt and its direction replace them.
 pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     let down = solution.camera().and_then(|camera| camera.straight_down());
     // A fixed number can always be released.
@@ -180,7 +183,7 @@ pub(crate) fn orientation_row(app: &mut App, ui: &mut Ui, solution: &Solution, w
     }
 }
 
-/// Label for the direction of the top of the image.
+/// Label for the direction on the plan of the top of the image.
 pub(crate) const TOP: &str = "Image top";
 
 fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
@@ -191,9 +194,9 @@ fn down_cells(ui: &mut Ui, title: &str, angle: f64, sigma: Option<f64>) {
     });
 }
 
-/// Shows a number with its sigma and its lock.
+/// Shows a quantity with its sigma and its lock.
 fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
-    let Some((value, sigma)) = which.of(solution) else { return };
+    let Some((value, sigma)) = which.value_and_sigma(solution) else { return };
     let known = which.known(app);
     let unit = which.unit(app.editor.session().tool.units);
     let [to, from] = [1.0 / unit.1, unit.1];
@@ -205,13 +208,14 @@ fn number_row(app: &mut App, ui: &mut Ui, solution: &Solution, which: Number) {
     }
 }
 
-/// Rounds a fixed number to the digits that its uncertainty supports, plus one.
+/// Rounds a number that becomes fixed to `digits` decimals plus one.
 pub(crate) fn held_at(value: f64, digits: usize) -> f64 {
     let digits = 10_f64.powi(digits as i32 + 1);
     (value * digits).round() / digits
 }
 
-/// Shows the lock of a number that is fixed, has a prior, or neither; returns whether it was clicked.
+/// Shows the lock of a quantity; returns whether the lock was clicked. `is_held` is true for a fixed
+/// quantity, false for a prior, otherwise `None`.
 pub(crate) fn lock(ui: &mut Ui, title: &str, is_held: Option<bool>, tip: &str) -> bool {
     let palette = theme::palette(ui.ctx());
     let (icon, colour, verb) = match is_held {
@@ -223,7 +227,7 @@ pub(crate) fn lock(ui: &mut Ui, title: &str, is_held: Option<bool>, tip: &str) -
     icons::button(ui, icon, &format!("{verb} the {title}"), tip, look).clicked()
 }
 
-/// Converts value and sigma to another unit.
+/// Multiplies value and sigma by a factor, to convert their unit.
 fn scaled(known: Known, by: f64) -> Known {
     Known { value: by * known.value, sigma: known.sigma.map(|sigma| by * sigma), ..known }
 }
@@ -292,7 +296,7 @@ fn view_row(app: &App, ui: &mut Ui, solution: &Solution) {
     let (lens, size) = (solution.lens(), entry.size());
     let view = |focal: f64| view_angle(&lens, focal, size).to_degrees();
     let hfov = view(solution.focal_px);
-    // The angle of view of a fisheye depends on more than its focal.
+    // The field of view of a fisheye depends on more than its focal length.
     let is_wide = lens.distortion.is_wide();
     let sigma = solution.sigma.as_ref().and_then(|s| s.focal_px).filter(|_| !is_wide);
     let spread = sigma.map(|s| 0.5 * (view(solution.focal_px - s) - view(solution.focal_px + s)).abs());

@@ -10,18 +10,23 @@ use egui::{ComboBox, DragValue, RichText, Ui};
 use crate::state::App;
 use crate::theme;
 
-/// Kind of scene: name, errors, and typical places.
-type Place = (&'static str, Option<SceneEntry>, &'static str);
+/// Kind of scene: name, scene errors (`None` for the default), and typical places.
+type SceneKind = (&'static str, Option<SceneEntry>, &'static str);
 
 /// Kinds of scenes to choose from.
-const PLACES: [Place; 4] = [
-    ("Unknown", None, "The default: floors may slope a little"),
-    ("Level", Some(falls(0.3, 0.0)), "Shops, factories"),
-    ("Sloping", Some(falls(1.5, 2.0)), "Streets, yards"),
-    ("Exact", Some(SceneEntry::EXACT), "Measured scenes: lines are exactly vertical, level and square"),
+const SCENE_KINDS: [SceneKind; 4] = [
+    ("Unknown slope", None, "The default: floors may slope a little"),
+    ("Level floor", Some(with_slopes(0.3, 0.0)), "Shops, factories"),
+    ("Sloping floor", Some(with_slopes(1.5, 2.0)), "Streets, yards"),
+    (
+        "Exact",
+        Some(SceneEntry::EXACT),
+        "Measured scenes: lines are exactly vertical, level and at right angles",
+    ),
 ];
 
-const fn falls(tilt: f64, crossfall: f64) -> SceneEntry {
+/// Returns a scene with these slopes of the floor along and across markings, in degrees.
+const fn with_slopes(tilt: f64, crossfall: f64) -> SceneEntry {
     SceneEntry::Sigmas(SceneSigmas {
         floor_tilt_sigma_deg: Some(tilt),
         crossfall_sigma_deg: Some(crossfall),
@@ -30,14 +35,14 @@ const fn falls(tilt: f64, crossfall: f64) -> SceneEntry {
     })
 }
 
-/// Shows the choice for the whole site, and for the current camera if it differs.
+/// Shows the choice of the scene for the whole site and for the current camera.
 pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
     let site = session.site.scene;
     let Some(own) = session.entry().map(|entry| entry.scene) else { return };
-    let chosen = choice(ui, "Scene", site, PLACES[0], errors(None));
-    let as_site = ("Same as the site", None, "The accuracy of the site");
-    let own_chosen = choice(ui, "This camera", own, as_site, errors(site));
+    let chosen = scene_choice(ui, "Scene of the site", site, SCENE_KINDS[0], errors(None));
+    let as_site = ("Same as the site", None, "Uses the scene of the site");
+    let own_chosen = scene_choice(ui, "Scene of this camera", own, as_site, errors(site));
     if chosen == site && own_chosen == own {
         return;
     }
@@ -49,25 +54,26 @@ pub(crate) fn sigmas_ui(app: &mut App, ui: &mut Ui) {
     app.send(Action::Change { site: Box::new(changed), name: "change the accuracy of the scene".into() });
 }
 
-/// Shows a list of scene kinds; `usual` is the default, `unsaid` its label.
-fn choice(
+/// Shows a list of scene kinds; returns the chosen scene. `usual` is the first list entry; its errors are
+/// `unsaid`.
+fn scene_choice(
     ui: &mut Ui,
     title: &str,
     now: Option<SceneEntry>,
-    usual: Place,
+    usual: SceneKind,
     unsaid: SceneErrors,
 ) -> Option<SceneEntry> {
     let palette = theme::palette(ui.ctx());
     let possible = |scene: Option<SceneEntry>| scene.map_or(unsaid, |scene| scene.errors());
     let mut chosen = now;
-    let places = || std::iter::once(usual).chain(PLACES[1..].iter().copied());
+    let kinds = || std::iter::once(usual).chain(SCENE_KINDS[1..].iter().copied());
     ui.horizontal(|ui| {
         let label = ui.label(RichText::new(title).color(palette.text2));
-        let named = places().find(|(_, scene, _)| *scene == now).map_or("Own value", |(title, ..)| title);
+        let named = kinds().find(|(_, scene, _)| *scene == now).map_or("Custom values", |(title, ..)| title);
         ComboBox::from_id_salt(title)
             .selected_text(named)
             .show_ui(ui, |ui| {
-                for (title, scene, place) in places() {
+                for (title, scene, place) in kinds() {
                     let says = format!("{place}. {}", scene_errors_text(&possible(scene)));
                     ui.selectable_value(&mut chosen, scene, title).on_hover_text(says);
                 }
@@ -79,12 +85,12 @@ fn choice(
     chosen
 }
 
-/// Returns the errors of a scene; the defaults if the site has no entry.
+/// Returns the errors of a scene; the default errors for `None`.
 fn errors(scene: Option<SceneEntry>) -> SceneErrors {
     scene.unwrap_or(SceneEntry::Sigmas(SceneSigmas::default())).errors()
 }
 
-/// Defaults for annotations without their own values.
+/// Default standard deviations of annotations without their own values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Usual {
     /// Standard deviation of a click, in pixels.
@@ -92,7 +98,7 @@ pub(crate) struct Usual {
     pub(crate) scene: SceneErrors,
 }
 
-/// Shows fields for the sigmas of the selected annotation; returns the changed annotation.
+/// Shows fields for the sigmas of a selected annotation; returns the changed annotation.
 pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<Annotation> {
     let mut annotation = drawn.clone();
     let constraint = drawn.kind.row().constraint;
@@ -105,7 +111,7 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
         click.show(ui, &mut annotation.sigma_px);
         if has_angle && !annotation.exact {
             let angle = usual.scene.angle.to_degrees();
-            let tip = "Standard deviation of the angle (a quarter of it applies to the level)";
+            let tip = "Standard deviation of the angle; for the slope against the floor, a quarter of it";
             Field { tip, unit: "\u{b0}", usual: angle, scale: 1.0 }.show(ui, &mut annotation.angle_sigma_deg);
         }
         if constraint == ConstraintKind::Length && !annotation.exact {
@@ -114,8 +120,7 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
             length.show(ui, &mut annotation.length_sigma_rel);
         }
         if has_scene {
-            let says =
-                "Trust this annotation exactly: it was measured to be square, level, or of this length";
+            let says = "Treat as exact: measured to be at right angles, level, or of this length";
             ui.checkbox(&mut annotation.exact, "Exact").on_hover_text(says);
         }
         let own = Annotation {
@@ -125,7 +130,7 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
             exact: false,
             ..annotation.clone()
         };
-        if own != annotation && ui.small_button("Default").clicked() {
+        if own != annotation && ui.small_button("Reset").clicked() {
             annotation = own;
         }
     });
@@ -136,9 +141,9 @@ pub(crate) fn fields(ui: &mut Ui, drawn: &Annotation, usual: Usual) -> Option<An
 struct Field {
     tip: &'static str,
     unit: &'static str,
-    /// Default, in the shown unit.
+    /// Default value, in the display unit.
     usual: f64,
-    /// Ratio of the shown value to the value in the file.
+    /// Value in the display unit divided by the value in the site file.
     scale: f64,
 }
 
@@ -168,8 +173,8 @@ mod tests {
         for angle in [floor_tilt, crossfall, angle] {
             assert!(said.contains(&format!("{:.1}\u{b0}", angle.to_degrees())), "{said}");
         }
-        let level = errors(Some(falls(0.3, 0.0)));
+        let level = errors(Some(with_slopes(0.3, 0.0)));
         assert_eq!(level.angle, angle, "a place that says how floors fall says no more");
-        assert!(!scene_errors_text(&level).contains("side"), "a level floor falls to no side");
+        assert!(!scene_errors_text(&level).contains("across"), "a level floor has no slope across markings");
     }
 }

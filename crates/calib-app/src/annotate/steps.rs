@@ -1,5 +1,5 @@
-//! Panel: the steps of the current camera and their missing parts. Also the pictures of the three steps on
-//! the start page.
+//! Panel with the steps of the current camera and their missing parts. Also the pictures of the three steps
+//! on the start page.
 
 use calib_core::Kind;
 use calib_editor::steps::{nonstraightness_px, steps};
@@ -12,30 +12,30 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
 
-/// Size of a picture, in points.
+/// Size of a picture of the start page, in points.
 pub(crate) const SIZE: Vec2 = Vec2::new(170.0, 84.0);
 
 /// Meaning of a line in a picture; `web/page.css` defines the same colours by these names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ink {
-    /// Scene.
+    /// Edge of the scene.
     Scene,
     /// Vertical line.
     Plumb,
     /// Floor line.
     Parallel,
-    /// Line perpendicular to it.
+    /// Line on the floor, perpendicular to the floor lines.
     Square,
     /// Field of view, filled.
     Field,
-    /// Earlier field of view.
+    /// Field of view before its rotation.
     Before,
-    /// Mark that all views show.
+    /// Virtual element that all views show.
     Mark,
 }
 
 impl Ink {
-    /// Returns the name in `web/page.css`.
+    /// Returns the class name of the line in `web/page.css`.
     #[cfg(test)]
     const fn name(self) -> &'static str {
         match self {
@@ -62,12 +62,13 @@ impl Ink {
     }
 }
 
+/// Line of a picture: its meaning and its points.
 type Line = (Ink, &'static [[f32; 2]]);
 
-/// Lines, from the upper left corner.
+/// Picture of a step: lines with x right and y down, in points from the upper left corner.
 pub(crate) type Picture = &'static [Line];
 
-/// Corridor with lines that lead to one vanishing point.
+/// Picture of the first step: a corridor with lines that lead to one vanishing point.
 pub(crate) const DRAW: Picture = &[
     (Ink::Scene, &[[58.0, 40.0], [58.0, 10.0], [112.0, 10.0], [112.0, 40.0]]),
     (Ink::Scene, &[[4.0, 84.0], [58.0, 40.0], [112.0, 40.0], [166.0, 84.0]]),
@@ -80,7 +81,7 @@ pub(crate) const DRAW: Picture = &[
     (Ink::Square, &[[44.0, 54.0], [126.0, 54.0]]),
 ];
 
-/// Plan with a field of view, before and after its rotation.
+/// Picture of the second step: a plan with a field of view, before and after its rotation.
 pub(crate) const PLACE: Picture = &[
     (Ink::Scene, &[[16.0, 8.0], [154.0, 8.0], [154.0, 76.0], [16.0, 76.0], [16.0, 8.0]]),
     (Ink::Scene, &[[96.0, 8.0], [96.0, 28.0]]),
@@ -91,7 +92,7 @@ pub(crate) const PLACE: Picture = &[
     (Ink::Mark, &[[28.0, 50.0], [28.0, 62.0], [36.0, 56.0], [28.0, 50.0]]),
 ];
 
-/// Two views of one floor with the same mark.
+/// Picture of the third step: two views of one floor with the same mark.
 pub(crate) const CHECK: Picture = &[
     (Ink::Scene, &[[6.0, 8.0], [82.0, 8.0], [82.0, 76.0], [6.0, 76.0], [6.0, 8.0]]),
     (Ink::Scene, &[[88.0, 8.0], [164.0, 8.0], [164.0, 76.0], [88.0, 76.0], [88.0, 8.0]]),
@@ -105,7 +106,7 @@ pub(crate) const CHECK: Picture = &[
     (Ink::Mark, &[[131.0, 59.0], [131.0, 38.0]]),
 ];
 
-/// Paints a picture with its upper left corner at `at`.
+/// Paints a picture with its upper left corner at the screen point `at`.
 pub(crate) fn paint(painter: &Painter, picture: Picture, at: Pos2) {
     let (palette, is_dark) = (theme::palette(painter.ctx()), painter.ctx().theme() == egui::Theme::Dark);
     let clip = painter.with_clip_rect(Rect::from_min_size(at, SIZE));
@@ -124,7 +125,7 @@ pub(crate) fn paint(painter: &Painter, picture: Picture, at: Pos2) {
     }
 }
 
-/// Returns a picture as SVG for the page.
+/// Returns a picture as SVG for the start page of the browser.
 #[cfg(test)]
 pub(crate) fn svg(picture: Picture) -> String {
     use std::fmt::Write as _;
@@ -138,7 +139,7 @@ pub(crate) fn svg(picture: Picture) -> String {
     text + "</svg>"
 }
 
-/// Shows the panel.
+/// Shows the panel of steps.
 pub(crate) fn steps_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let session = app.editor.session();

@@ -21,16 +21,16 @@ use crate::state::App;
 use crate::theme;
 
 /// Request of the page.
-enum Wish {
+enum PageRequest {
     /// Command by its name.
     Command(String),
     /// Files to open.
     Files(Array),
-    /// Press on a widget of the accessibility tree.
+    /// Press on the widget with this node id in the accessibility tree.
     Press(u64),
 }
 
-/// The app and everything that survives a lost canvas.
+/// App, and the state that remains when the canvas is lost.
 #[derive(Clone)]
 struct Stage {
     app: Rc<RefCell<Option<App>>>,
@@ -51,7 +51,7 @@ pub(super) fn start() {
         runner: eframe::WebRunner::new(),
         tested: query.trim_start_matches('?').split('&').any(|part| part == "test=1"),
     };
-    stage.listen();
+    stage.register_callbacks();
     spawn_local(async move {
         if let Err(error) = stage.show(&page::fresh_canvas()).await {
             page::panicked(&format!("{error:?}"));
@@ -61,7 +61,7 @@ pub(super) fn start() {
 
 impl Stage {
     /// Registers the functions that the page calls.
-    fn listen(&self) {
+    fn register_callbacks(&self) {
         let ctx = Rc::clone(&self.ctx);
         let wake = Closure::<dyn Fn()>::new(move || ctx.borrow().request_repaint());
         page::PAGE.with(|page| page.set_wake(wake.as_ref().unchecked_ref()));
@@ -78,7 +78,7 @@ impl Stage {
                     .and_then(|app| app.as_ref().map(|app| report(app).to_string()))
                     .unwrap_or_default()
             });
-            // Only tests need it.
+            // Only tests read the state.
             let _ = Reflect::set(&js_sys::global(), &"calibState".into(), state.as_ref());
             state.forget();
             let app = Rc::clone(&self.app);
@@ -90,13 +90,13 @@ impl Stage {
         }
     }
 
-    /// Shows the app on a canvas; the first call creates it.
+    /// Shows the app on a canvas; the first call creates the app.
     async fn show(&self, canvas: &web_sys::HtmlCanvasElement) -> Result<(), JsValue> {
         let lost = Closure::<dyn Fn(web_sys::Event)>::new({
             let stage = self.clone();
             move |event: web_sys::Event| {
                 event.prevent_default();
-                stage.lost();
+                stage.restore_later();
             }
         });
         canvas.add_event_listener_with_callback("webglcontextlost", lost.as_ref().unchecked_ref())?;
@@ -127,7 +127,7 @@ impl Stage {
     }
 
     /// Reports a lost graphics context, and tries once to restore it.
-    fn lost(&self) {
+    fn restore_later(&self) {
         page::context_lost();
         let stage = self.clone();
         spawn_local(async move {
@@ -138,50 +138,53 @@ impl Stage {
         });
     }
 
+    /// Shows the app on a new canvas, which replaces the lost one.
     fn restart(&self) {
         let stage = self.clone();
         spawn_local(async move {
             stage.runner.destroy();
             match stage.show(&page::fresh_canvas()).await {
                 Ok(()) => page::context_back(),
-                // The page offers another attempt.
+                // The page shows a button for another attempt.
                 Err(_) => page::context_lost(),
             }
         });
     }
 }
 
-/// The app on one canvas.
+/// App on one canvas. A lost graphics context needs a new canvas.
 struct Shown {
     stage: Stage,
+    /// Number of frames on this canvas.
     frames: u32,
-    /// Theme that the browser stores.
+    /// Theme in the local storage of the browser.
     theme: egui::ThemePreference,
 }
 
 impl Shown {
-    fn grant(&self, app: &mut App, ctx: &Context, wish: Wish) {
-        match wish {
-            Wish::Command(name) if name == "demonstration" => {
+    /// Carries out a request of the page.
+    fn apply_request(&self, app: &mut App, ctx: &Context, request: PageRequest) {
+        match request {
+            PageRequest::Command(name) if name == "demonstration" => {
                 command::run(app, ctx, Command::Demo, egui::Modifiers::NONE);
             }
-            Wish::Command(name) if name == "tour" => {
+            PageRequest::Command(name) if name == "tour" => {
                 command::run(app, ctx, Command::Tour, egui::Modifiers::NONE);
             }
             // Tests check the page's report of a panic.
-            Wish::Command(name) if name == "panic" && self.stage.tested => panic!("as a test asked"),
-            Wish::Files(files) => {
+            PageRequest::Command(name) if name == "panic" && self.stage.tested => panic!("as a test asked"),
+            PageRequest::Files(files) => {
                 app.jobs.arriving.push(Task::wait(ctx, async move { read_all(&files).await }));
             }
-            Wish::Command(_) | Wish::Press(_) => {}
+            PageRequest::Command(_) | PageRequest::Press(_) => {}
         }
     }
 }
 
 impl eframe::App for Shown {
     fn raw_input_hook(&mut self, ctx: &Context, input: &mut RawInput) {
-        for wish in wishes() {
-            if let Wish::Press(node) = wish {
+        for request in take_requests() {
+            if let PageRequest::Press(node) = request {
                 input.events.push(egui::Event::AccessKitActionRequest(ActionRequest {
                     action: Action::Click,
                     target_tree: TreeId::ROOT,
@@ -189,7 +192,7 @@ impl eframe::App for Shown {
                     data: None,
                 }));
             } else if let Some(app) = self.stage.app.borrow_mut().as_mut() {
-                self.grant(app, ctx, wish);
+                self.apply_request(app, ctx, request);
             }
         }
     }
@@ -211,27 +214,30 @@ impl eframe::App for Shown {
     }
 }
 
-/// Returns the requests since the last frame.
-fn wishes() -> Vec<Wish> {
+/// Takes the requests of the page since the last frame from its queue.
+fn take_requests() -> Vec<PageRequest> {
     let queue = page::PAGE.with(page::Page::queue);
     let taken: Vec<JsValue> = queue.iter().collect();
     queue.set_length(0);
-    let field = |wish: &JsValue, name: &str| {
-        Reflect::get(wish, &name.into()).ok().filter(|value| !value.is_undefined())
+    let field = |request: &JsValue, name: &str| {
+        Reflect::get(request, &name.into()).ok().filter(|value| !value.is_undefined())
     };
-    let one = |wish: JsValue| {
-        if let Some(name) = field(&wish, "command").and_then(|name| name.as_string()) {
-            return Some(Wish::Command(name));
+    let one = |request: JsValue| {
+        if let Some(name) = field(&request, "command").and_then(|name| name.as_string()) {
+            return Some(PageRequest::Command(name));
         }
-        if let Some(files) = field(&wish, "files") {
-            return Some(Wish::Files(Array::from(&files)));
+        if let Some(files) = field(&request, "files") {
+            return Some(PageRequest::Files(Array::from(&files)));
         }
-        field(&wish, "click").and_then(|id| id.as_string()).and_then(|id| id.parse().ok()).map(Wish::Press)
+        field(&request, "click")
+            .and_then(|id| id.as_string())
+            .and_then(|id| id.parse().ok())
+            .map(PageRequest::Press)
     };
     taken.into_iter().filter_map(one).collect()
 }
 
-/// Returns the median duration of solving the first camera, in milliseconds.
+/// Measures the median duration of `runs` solves of the first camera, in milliseconds.
 fn solve(app: &App, runs: u32) -> f64 {
     let site = &app.editor.session().site;
     let options = Options {
@@ -250,7 +256,7 @@ fn solve(app: &App, runs: u32) -> f64 {
     took.get(took.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Returns the state for tests: canvases, and the site with its results.
+/// Returns the state of the app as JSON for tests: canvases, the site with its results, and running work.
 fn report(app: &App) -> Value {
     let panes: Vec<Value> = app
         .view
@@ -289,7 +295,7 @@ fn report(app: &App) -> Value {
 }
 
 impl App {
-    /// Drops all textures after a lost graphics context; they are created again when needed.
+    /// Drops all textures after a lost graphics context; each texture is created again when it is needed.
     pub(crate) fn forget_textures(&mut self, ctx: &Context) {
         theme::install(ctx);
         self.pictures.clear();

@@ -21,7 +21,8 @@ use crate::storage::autosave::ago;
 use crate::storage::autosave::{Entry, News, Shelf, Work};
 use crate::storage::demo;
 
-const KEY: &str = "calib.theme";
+/// Key of the theme in the local storage.
+const THEME_KEY: &str = "calib.theme";
 
 /// Returns the local storage; `None` where the browser has none, as in a private window.
 fn storage() -> Option<web_sys::Storage> {
@@ -35,7 +36,7 @@ fn chosen(ctx: &Context) -> ThemePreference {
 
 /// Restores the theme of an earlier visit, and returns it.
 pub(super) fn restore(ctx: &Context) -> ThemePreference {
-    match storage().and_then(|storage| storage.get_item(KEY).ok().flatten()).as_deref() {
+    match storage().and_then(|storage| storage.get_item(THEME_KEY).ok().flatten()).as_deref() {
         Some("dark") => ctx.set_theme(ThemePreference::Dark),
         Some("light") => ctx.set_theme(ThemePreference::Light),
         _ => {}
@@ -43,7 +44,7 @@ pub(super) fn restore(ctx: &Context) -> ThemePreference {
     chosen(ctx)
 }
 
-/// Stores the theme if it changed.
+/// Stores the current theme in the local storage if the theme differs from `kept`.
 pub(super) fn keep(ctx: &Context, kept: &mut ThemePreference) {
     let now = chosen(ctx);
     if now == *kept {
@@ -57,33 +58,35 @@ pub(super) fn keep(ctx: &Context, kept: &mut ThemePreference) {
     };
     if let Some(storage) = storage() {
         // A failure only loses the theme.
-        let _ = storage.set_item(KEY, name);
+        let _ = storage.set_item(THEME_KEY, name);
     }
 }
 
-/// Stored site, as in the database.
+/// Stored site, as a record of the database.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 struct Record {
     id: String,
-    /// Number of writes. Two tabs with different numbers do not overwrite each other.
+    /// Number of writes of the record. A tab with an outdated number cannot overwrite the record.
     revision: u32,
     name: String,
     cameras: usize,
     last: String,
     thumbnail: Option<String>,
     path: Option<PathBuf>,
-    /// Whether its images are rendered instead of stored.
+    /// Whether the site is the demonstration, whose images are rendered instead of stored.
     demonstration: bool,
     site: String,
     images: Vec<StoredImage>,
-    /// Total size and time in milliseconds, written by the page.
+    /// Size with all images, in bytes; written by the page.
     #[serde(skip_serializing)]
     bytes: u64,
+    /// Time of the last write, in milliseconds since 1970; written by the page.
     #[serde(skip_serializing)]
     kept: f64,
 }
 
+/// Image of a stored site; the database contains its bytes under its id.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct StoredImage {
     id: String,
@@ -91,26 +94,27 @@ struct StoredImage {
     name: Option<String>,
 }
 
+/// State that the running requests to the database share.
 #[derive(Debug, Default)]
 struct State {
     entries: Vec<Entry>,
     news: VecDeque<News>,
     /// Id of the open site; `None` before its first gesture.
     own: Option<String>,
-    /// Known number of writes of every site.
+    /// Last known number of writes of every stored site, by its id.
     revisions: BTreeMap<String, u32>,
-    /// Images of the open site that were already stored.
+    /// Ids of the images of the open site that were already sent to the database.
     sent: BTreeSet<String>,
     /// Records that wait for a running write, at most one per site.
     waiting: VecDeque<(Record, Array)>,
     writing: bool,
-    /// Whether the last attempt failed.
+    /// Whether the last write failed.
     failed: bool,
-    /// Whether persistent storage was requested.
-    asked: bool,
+    /// Whether the app has already asked the browser for persistent storage.
+    has_asked_to_persist: bool,
 }
 
-/// Database of the browser.
+/// Storage of sites in the database of the browser.
 #[derive(Clone, Debug)]
 pub(crate) struct Database {
     state: Rc<RefCell<State>>,
@@ -125,23 +129,26 @@ impl Database {
         database
     }
 
-    fn tell(&self, news: News) {
+    /// Queues a message for the app.
+    fn add_message(&self, news: News) {
         self.state.borrow_mut().news.push_back(news);
         self.ctx.request_repaint();
     }
 
+    /// Reads the list of stored sites.
     fn list(&self) {
         let own = self.clone();
         spawn_local(async move {
             match JsFuture::from(page::list()).await {
                 Ok(records) => {
-                    let entries = Array::from(&records).iter().filter_map(|record| entry(&record)).collect();
+                    let entries =
+                        Array::from(&records).iter().filter_map(|record| list_entry(&record)).collect();
                     own.state.borrow_mut().entries = entries;
                     own.ctx.request_repaint();
                 }
-                Err(error) => own.tell(News::Trouble(format!(
+                Err(error) => own.add_message(News::Trouble(format!(
                     "This browser cannot store sites ({}). Save the site as a file before you close the page.",
-                    name_of(&error)
+                    exception_name(&error)
                 ))),
             }
         });
@@ -161,11 +168,12 @@ impl Database {
         spawn_local(async move {
             let text = serde_json::to_string(&record).unwrap_or_default();
             let result = JsFuture::from(page::keep(&text, &images)).await;
-            own.written(record, images, result);
+            own.finish_write(record, images, result);
         });
     }
 
-    fn written(&self, record: Record, images: Array, result: Result<JsValue, JsValue>) {
+    /// Handles the result of a write, and starts the next one.
+    fn finish_write(&self, record: Record, images: Array, result: Result<JsValue, JsValue>) {
         let mut state = self.state.borrow_mut();
         state.writing = false;
         let is_own = state.own.as_ref() == Some(&record.id);
@@ -178,7 +186,7 @@ impl Database {
                 drop(state);
                 self.list();
             }
-            Err(error) if name_of(&error) == "VersionError" && is_own => {
+            Err(error) if exception_name(&error) == "VersionError" && is_own => {
                 // Another tab wrote this site; the open site continues as a new entry with all its images.
                 state.own = None;
                 state.sent.clear();
@@ -192,7 +200,8 @@ impl Database {
             }
             Err(error) => {
                 let was_known = std::mem::replace(&mut state.failed, true);
-                // Images that were not stored are added to the waiting record, or to the next one.
+                // Images that were not stored are added to the waiting record of the site, or to its next
+                // record.
                 let waits = state.waiting.iter().find(|(waiting, _)| waiting.id == record.id);
                 let waits = waits.map(|(_, waiting)| waiting.clone());
                 for image in images.iter() {
@@ -204,7 +213,7 @@ impl Database {
                 }
                 drop(state);
                 if !was_known {
-                    self.tell(News::Trouble(trouble(&name_of(&error))));
+                    self.add_message(News::Trouble(store_error_text(&exception_name(&error))));
                 }
             }
         }
@@ -257,10 +266,10 @@ impl Shelf for Database {
             ..Record::default()
         };
         state.waiting.push_back((record, images));
-        let asks = !std::mem::replace(&mut state.asked, true);
+        let asks = !std::mem::replace(&mut state.has_asked_to_persist, true);
         drop(state);
         if asks && let Some(window) = web_sys::window() {
-            // The answer is not needed: failed writes are reported.
+            // The answer of the browser is not needed, because failed writes are reported.
             let _ = window.navigator().storage().persist();
         }
         self.write();
@@ -278,8 +287,8 @@ impl Shelf for Database {
         spawn_local(async move {
             match JsFuture::from(page::open(&id))
                 .await
-                .map_err(|error| name_of(&error))
-                .and_then(|kept| found(&kept))
+                .map_err(|error| exception_name(&error))
+                .and_then(|kept| site_from_record(&kept))
             {
                 Ok((record, found)) => {
                     let mut state = own.state.borrow_mut();
@@ -287,9 +296,11 @@ impl Shelf for Database {
                     state.own = Some(record.id);
                     state.sent = found.images.stored().map(|(id, ..)| id.to_owned()).collect();
                     drop(state);
-                    own.tell(News::Opened(Box::new(found)));
+                    own.add_message(News::Opened(Box::new(found)));
                 }
-                Err(error) => own.tell(News::Trouble(format!("The stored site cannot be opened: {error}."))),
+                Err(error) => {
+                    own.add_message(News::Trouble(format!("The stored site cannot be opened: {error}.")))
+                }
             }
         });
     }
@@ -298,7 +309,10 @@ impl Shelf for Database {
         let (own, id) = (self.clone(), id.to_owned());
         spawn_local(async move {
             if let Err(error) = JsFuture::from(page::remove(&id)).await {
-                own.tell(News::Trouble(format!("The stored site cannot be removed: {}.", name_of(&error))));
+                own.add_message(News::Trouble(format!(
+                    "The stored site cannot be removed: {}.",
+                    exception_name(&error)
+                )));
             }
             own.list();
         });
@@ -314,7 +328,8 @@ impl Shelf for Database {
     }
 }
 
-fn trouble(name: &str) -> String {
+/// Returns the message for a failed write with this exception name.
+fn store_error_text(name: &str) -> String {
     match name {
         "QuotaExceededError" => "The browser has no room left to keep this site. Save it as a file now; \
             removing kept sites from the start page makes room."
@@ -323,13 +338,14 @@ fn trouble(name: &str) -> String {
     }
 }
 
-/// Returns the name of a JavaScript exception.
-fn name_of(error: &JsValue) -> String {
+/// Returns the name of a JavaScript exception, such as `QuotaExceededError`.
+fn exception_name(error: &JsValue) -> String {
     let name = Reflect::get(error, &"name".into()).ok().and_then(|name| name.as_string());
     name.unwrap_or_else(|| format!("{error:?}"))
 }
 
-fn entry(record: &JsValue) -> Option<Entry> {
+/// Returns the list entry of a stored site; `None` for an invalid record.
+fn list_entry(record: &JsValue) -> Option<Entry> {
     let text = js_sys::JSON::stringify(record).ok()?.as_string()?;
     let record: Record = serde_json::from_str(&text).ok()?;
     let seconds = |milliseconds: f64| (milliseconds / 1e3) as u64;
@@ -345,7 +361,8 @@ fn entry(record: &JsValue) -> Option<Entry> {
     })
 }
 
-fn found(kept: &JsValue) -> Result<(Record, Found), String> {
+/// Parses a stored site with its images.
+fn site_from_record(kept: &JsValue) -> Result<(Record, Found), String> {
     let kept = Array::from(kept);
     let text = kept.get(0).as_string().ok_or("it has no record")?;
     let record: Record = serde_json::from_str(&text).map_err(|error| error.to_string())?;
@@ -363,7 +380,7 @@ fn found(kept: &JsValue) -> Result<(Record, Found), String> {
     Ok((record, Found { site, images, path, held: None, at: None }))
 }
 
-/// Returns a new id.
+/// Creates a new id for a stored site.
 fn fresh_id() -> String {
     format!("{:x}-{:x}", js_sys::Date::now() as u64, (js_sys::Math::random() * 2f64.powi(48)) as u64)
 }

@@ -11,44 +11,45 @@ use crate::platform::Recovery;
 use crate::platform::web::{COMPARE, PROPOSE, RECOVER, REFINE, page};
 use crate::storage::demo;
 
-/// Waits for work.
+/// Registers the function through which the page sends work to this worker.
 pub(super) fn start() {
     let act = Closure::<dyn Fn(String, String, u32, Uint8Array) -> Result<Array, JsValue>>::new(
         |kind: String, name: String, width: u32, bytes: Uint8Array| {
-            act(&kind, &name, width, &bytes.to_vec()).map_err(|error| JsValue::from(&error))
+            run_job(&kind, &name, width, &bytes.to_vec()).map_err(|error| JsValue::from(&error))
         },
     );
-    // If this fails, the page gets an error when it sends work.
+    // If the registration fails, the page gets an error when it sends work.
     let _ = Reflect::set(&js_sys::global(), &"calibWork".into(), act.as_ref());
     act.forget();
 }
 
-/// Does one piece of work and returns arrays of numbers.
-fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
+/// Does the work of this kind; returns arrays of bytes or numbers. The meaning of `name`, `width` and `bytes`
+/// depends on the kind.
+fn run_job(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     match kind {
-        "decode" => numbers(&calib_editor::decode(bytes)?, &[]),
+        "decode" => image_answer(&calib_editor::decode(bytes)?, &[]),
         "render" => {
             let bytes = demo::render(name)?;
-            numbers(&calib_editor::decode(&bytes)?, &bytes)
+            image_answer(&calib_editor::decode(&bytes)?, &bytes)
         }
         "edges" => {
-            let image = of_bytes(width, bytes)?;
+            let image = image_from_bytes(width, bytes)?;
             Ok(Array::of1(&Float64Array::from(&*edges::to_numbers(&edges::detect(&image))).into()))
         }
-        PROPOSE if width > 0 => written(&line_segments(&of_bytes(width, bytes)?)),
+        PROPOSE if width > 0 => json_answer(&line_segments(&image_from_bytes(width, bytes)?)),
         PROPOSE => {
             let (camera, edges): (SiteCamera, Vec<LineSegment>) = page::read(bytes)?;
-            written(&AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges)))
+            json_answer(&AutomaticCalibration::new(&EdgeImage::from_camera(&camera, edges)))
         }
         COMPARE => {
             let camera: SiteCamera = serde_json::from_str(name).map_err(|error| error.to_string())?;
-            let [old, new] = two_of_bytes(width, bytes)?;
-            written(&Comparison::from_entry(&camera, &old, &new).map_err(|error| error.to_string())?)
+            let [old, new] = two_images_from_bytes(width, bytes)?;
+            json_answer(&Comparison::from_entry(&camera, &old, &new).map_err(|error| error.to_string())?)
         }
         RECOVER => {
             let asked: Recovery = serde_json::from_str(name).map_err(|error| error.to_string())?;
-            let [old, new] = two_of_bytes(width, bytes)?;
-            written(&asked.done([&old, &new])?)
+            let [old, new] = two_images_from_bytes(width, bytes)?;
+            json_answer(&asked.done([&old, &new])?)
         }
         REFINE => {
             let site = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
@@ -59,22 +60,25 @@ fn act(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String
     }
 }
 
-fn of_bytes(width: u32, bytes: &[u8]) -> Result<RgbImage, String> {
+/// Creates an image of this width from its RGB bytes.
+fn image_from_bytes(width: u32, bytes: &[u8]) -> Result<RgbImage, String> {
     let height = bytes.len() as u32 / (3 * width.max(1));
     RgbImage::from_raw(width, height, bytes.to_vec()).ok_or_else(|| "an image of another size".into())
 }
 
-/// Splits the bytes into two images of one size.
-fn two_of_bytes(width: u32, bytes: &[u8]) -> Result<[RgbImage; 2], String> {
+/// Splits the bytes into two RGB images of equal size.
+fn two_images_from_bytes(width: u32, bytes: &[u8]) -> Result<[RgbImage; 2], String> {
     let (old, new) = bytes.split_at(bytes.len() / 2);
-    Ok([of_bytes(width, old)?, of_bytes(width, new)?])
+    Ok([image_from_bytes(width, old)?, image_from_bytes(width, new)?])
 }
 
-fn written(answer: &impl serde::Serialize) -> Result<Array, String> {
+/// Returns an answer as the bytes of its JSON text.
+fn json_answer(answer: &impl serde::Serialize) -> Result<Array, String> {
     let text = serde_json::to_vec(answer).map_err(|error| error.to_string())?;
     Ok(Array::of1(&Uint8Array::from(&*text).into()))
 }
 
-fn numbers(image: &RgbImage, bytes: &[u8]) -> Result<Array, String> {
+/// Returns an answer with the RGB bytes of an image, its width, and more bytes.
+fn image_answer(image: &RgbImage, bytes: &[u8]) -> Result<Array, String> {
     Ok(Array::of3(&Uint8Array::from(&**image).into(), &image.width().into(), &Uint8Array::from(bytes).into()))
 }

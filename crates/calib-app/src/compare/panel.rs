@@ -1,5 +1,5 @@
-//! Newer image of the current camera: its canvas (wipe or blink), and the panel with the measured change and
-//! the recovery.
+//! Comparison of a newer image of the current camera: its canvas (wipe or blink), and its panel. The panel
+//! shows the measured change and starts the recovery.
 
 use calib_editor::{Action, NewerAction, NewerImage, Pane};
 use calib_image::CameraChange;
@@ -16,9 +16,9 @@ use crate::theme::{self, Palette, on_image};
 use crate::widgets::{decimals, heading, number, section};
 
 /// Display time of each image while blinking, in seconds.
-const TURN: f64 = 0.7;
+const SECONDS_PER_IMAGE: f64 = 0.7;
 
-/// Paints the newer image of the current camera over the old one. Returns the screen x from which the newer
+/// Paints the newer image of the current camera over the old image. Returns the screen x from which the newer
 /// image is visible; `None` without a newer image.
 pub(crate) fn paint(
     app: &mut App,
@@ -44,13 +44,16 @@ pub(crate) fn paint(
     Some(split)
 }
 
-/// Drags the wipe line while no gesture is active.
+/// Lets the operator drag the wipe line while no gesture is active. `width` is the image width in pixels,
+/// `split` the screen x of the line.
 pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (width, split): (f64, f32)) {
-    /// Distance from the line at which a press still drags it, in points.
-    const BESIDE: f32 = 6.0;
+    /// Largest distance from the wipe line at which a press drags the line, in points.
+    const MAX_GRAB_DISTANCE: f32 = 6.0;
     let is_free =
         app.view.glance.showing == Showing::Wipe && app.editor.tool_row() == 0 && app.editor.tool().is_idle();
-    let strip = Rect::everything_right_of(split - BESIDE).with_max_x(split + BESIDE).intersect(mapping.rect);
+    let strip = Rect::everything_right_of(split - MAX_GRAB_DISTANCE)
+        .with_max_x(split + MAX_GRAB_DISTANCE)
+        .intersect(mapping.rect);
     let strip = Some(strip).filter(|strip| is_free && strip.is_positive());
     app.view.panes.wipe = strip.map(|strip| ((Place::Main, Pane::Image(camera)), strip));
     let Some(strip) = strip else { return };
@@ -65,6 +68,7 @@ pub(crate) fn slide(app: &mut App, ui: &Ui, camera: usize, mapping: &Mapping, (w
     }
 }
 
+/// Returns the screen x from which the newer image is visible. It is infinite if only one image is visible.
 fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f32 {
     match glance.showing {
         Showing::Wipe => mapping.screen([width * f64::from(glance.share), 0.0]).x,
@@ -74,14 +78,18 @@ fn split(glance: Glance, painter: &Painter, mapping: &Mapping, width: f64) -> f3
         Showing::Blink if Here::wants_stillness() => f32::NEG_INFINITY,
         Showing::Blink => {
             let time = painter.ctx().input(|input| input.time);
-            let left = TURN - time.rem_euclid(TURN);
+            let left = SECONDS_PER_IMAGE - time.rem_euclid(SECONDS_PER_IMAGE);
             painter.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
-            if ((time / TURN) as u64).is_multiple_of(2) { f32::NEG_INFINITY } else { f32::INFINITY }
+            if ((time / SECONDS_PER_IMAGE) as u64).is_multiple_of(2) {
+                f32::NEG_INFINITY
+            } else {
+                f32::INFINITY
+            }
         }
     }
 }
 
-/// Shows the panel if the camera has a newer image.
+/// Shows the comparison panel if the current camera has a newer image.
 pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
     let Some(newer) = app.editor.selected_newer().filter(|_| app.view.mode == Mode::Image).cloned() else {
         return;
@@ -110,7 +118,7 @@ pub(crate) fn compare_ui(app: &mut App, ui: &mut Ui) {
     });
 }
 
-/// Returns label, icon, text colour and background colour of a comparison result.
+/// Returns the label, icon, text colour and background colour of a comparison result.
 pub(crate) fn verdict(became: CameraChange, palette: &Palette) -> (&'static str, Icon, Color32, Color32) {
     match became {
         CameraChange::Unchanged => ("Unchanged", Icon::Check, palette.ok, palette.raised),
@@ -119,7 +127,7 @@ pub(crate) fn verdict(became: CameraChange, palette: &Palette) -> (&'static str,
         CameraChange::DifferentView => ("Replaced or covered", Icon::Warn, palette.bad, palette.bad_bg),
         CameraChange::TooDark => ("Unclear: too dark", Icon::Warn, palette.warn, palette.warn_bg),
         CameraChange::Blind => ("Unclear: no edges", Icon::Warn, palette.warn, palette.warn_bg),
-        CameraChange::TooFewEdges => ("Unclear: few edges", Icon::Warn, palette.warn, palette.warn_bg),
+        CameraChange::TooFewEdges => ("Unclear: too few edges", Icon::Warn, palette.warn, palette.warn_bg),
     }
 }
 
@@ -149,14 +157,14 @@ fn sentence(became: CameraChange) -> String {
     format!("{first}{}.", letters.as_str())
 }
 
-/// Returns an angle and its sigma in degrees, with the digits that the sigma supports.
+/// Formats an angle and its sigma, given in radians, as degrees with the digits that the sigma supports.
 fn degrees(angle: f64, sigma: f64) -> [String; 2] {
     let decimals = decimals(sigma.to_degrees());
     [angle, sigma].map(|value| number(value.to_degrees(), decimals))
 }
 
-/// Returns rows for the measured rotation and zoom with their uncertainties, and the fraction of edges
-/// matched.
+/// Returns text rows with the measured rotation and zoom, their sigmas, and the fraction of matched edge
+/// points.
 fn numbers(newer: &NewerImage) -> Vec<String> {
     let found = &newer.comparison;
     let again =
@@ -186,7 +194,7 @@ fn numbers(newer: &NewerImage) -> Vec<String> {
     ]
 }
 
-/// Shows the choice between wipe, blink, newer and old image.
+/// Shows the choice of the display: wipe, blink, newer image or old image.
 fn glance(app: &mut App, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
@@ -204,7 +212,8 @@ fn glance(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows the field for the time since which the camera has its new pose; periods are distinguished by it.
+/// Shows the field for the time since which the camera has its new pose. The time is the start of the new
+/// camera period.
 fn since(app: &mut App, ui: &mut Ui, newer: &NewerImage) {
     if !newer.has_moved() {
         return;

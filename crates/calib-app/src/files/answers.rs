@@ -9,6 +9,7 @@ use crate::choice::{Chosen, Purpose};
 use crate::state::{App, PathField};
 
 impl App {
+    /// Handles the chosen files once the file chooser is closed.
     pub(crate) fn poll_dialog(&mut self, ctx: &Context) {
         let Some(dialog) = &mut self.dialogs.dialog else { return };
         let Some(chosen) = dialog.poll() else {
@@ -24,7 +25,7 @@ impl App {
         self.take_chosen(ctx, purpose, chosen);
     }
 
-    /// Shows a field for the path, where the system has no file chooser.
+    /// Shows a field for a typed path, because the system has no file chooser.
     pub fn type_path(&mut self, purpose: Purpose) {
         let own = self.editor.session().path.as_ref().map(|path| path.display().to_string());
         let text =
@@ -32,7 +33,7 @@ impl App {
         self.dialogs.path_field = Some(PathField { purpose, text });
     }
 
-    /// Takes a typed path.
+    /// Handles a typed path like a chosen file; `None` only closes the field.
     pub(crate) fn typed(&mut self, ctx: &Context, typed: Option<PathField>) {
         self.dialogs.path_field = None;
         let Some(PathField { purpose, text }) = typed.filter(|typed| !typed.text.trim().is_empty()) else {
@@ -46,7 +47,7 @@ impl App {
         self.take_chosen(ctx, purpose, vec![Chosen::of_path(path)]);
     }
 
-    /// Dispatches chosen files by purpose.
+    /// Opens, imports or writes the chosen files, according to the purpose of the chooser.
     fn take_chosen(&mut self, ctx: &Context, purpose: Purpose, chosen: Vec<Chosen>) {
         match purpose {
             Purpose::OpenSite => self.open_chosen(ctx, chosen),
@@ -70,7 +71,7 @@ impl App {
         }
     }
 
-    /// Opens chosen files: a file on disk by its path, other files together with their images.
+    /// Opens chosen sites: a file on disk by its path, a file without a path together with its images.
     fn open_chosen(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
         if chosen.iter().all(|file| file.path.is_none()) {
             self.take_together(ctx, chosen);
@@ -84,6 +85,7 @@ impl App {
         }
     }
 
+    /// Compares the open site with a saved version.
     fn compare_with(&mut self, file: Chosen) {
         let name = file.name.clone();
         self.act(match file.into_text().and_then(|text| parse(&text, None)) {
@@ -93,6 +95,7 @@ impl App {
     }
 }
 
+/// Calls `act` with the path of every chosen file that has one.
 fn each_path(chosen: Vec<Chosen>, act: impl FnMut(PathBuf)) {
     chosen.into_iter().filter_map(|file| file.path).for_each(act);
 }

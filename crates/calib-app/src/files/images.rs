@@ -19,22 +19,22 @@ pub(crate) fn is_world_file(file: &Chosen) -> bool {
     world_endings().iter().any(|ending| has_ending(Path::new(&file.name), ending))
 }
 
-/// Whether a world file belongs to an image: plan.pgw and plan.png. A drawing has no pixels, so it has no
-/// world file.
-fn is_of(world: &Chosen, picture: &Chosen) -> bool {
+/// Whether a world file belongs to an image, as `plan.pgw` to `plan.png`. A drawing has no pixels and
+/// therefore no world file.
+fn belongs_to_image(world: &Chosen, picture: &Chosen) -> bool {
     let stem = |file: &Chosen| Path::new(&file.name).file_stem().map(ToOwned::to_owned);
     is_image(Path::new(&picture.name)) && stem(world) == stem(picture)
 }
 
-/// Reads the plan entry from a world file.
-fn told_by(file: Chosen) -> Result<Plan, String> {
+/// Reads the plan entry of the site from a world file.
+fn plan_from_file(file: Chosen) -> Result<Plan, String> {
     let name = file.name.clone();
     let bytes = file.into_bytes().map_err(|error| format!("{name}: {error}"))?;
     plan_from_world_file(File { name, bytes })
 }
 
-/// Returns the world file next to an image on disk.
-fn beside(picture: &Chosen) -> Option<Chosen> {
+/// Returns the world file in the folder of an image on disk, if it exists.
+fn neighbouring_world_file(picture: &Chosen) -> Option<Chosen> {
     let path = picture.path.as_deref().filter(|path| is_image(path))?;
     let path = world_endings().iter().map(|end| path.with_extension(end)).find(|path| path.is_file())?;
     let name = path.file_name()?.to_string_lossy().into_owned();
@@ -42,8 +42,8 @@ fn beside(picture: &Chosen) -> Option<Chosen> {
 }
 
 impl App {
-    /// Loads chosen files as the plan: an image, a world file, or both. A site has one plan; an error names
-    /// the other files.
+    /// Loads chosen files as the floor plan: an image, a world file, or both. A site has one plan; an error
+    /// names the files that were not loaded.
     pub fn load_plan(&mut self, ctx: &Context, chosen: Vec<Chosen>) {
         let (worlds, mut pictures): (Vec<_>, Vec<_>) = chosen.into_iter().partition(is_world_file);
         let mut worlds = worlds.into_iter();
@@ -53,26 +53,31 @@ impl App {
             }
         } else {
             let picture = pictures.remove(0);
-            let (mut own, others): (Vec<_>, Vec<_>) = worlds.partition(|world| is_of(world, &picture));
-            let own = if own.is_empty() { beside(&picture) } else { Some(own.remove(0)) };
+            let (mut own, others): (Vec<_>, Vec<_>) =
+                worlds.partition(|world| belongs_to_image(world, &picture));
+            let own = if own.is_empty() { neighbouring_world_file(&picture) } else { Some(own.remove(0)) };
             self.read_plan(ctx, picture, own);
             worlds = others.into_iter();
         }
         let left: Vec<String> = pictures.into_iter().chain(worlds).map(|file| file.name).collect();
         if !left.is_empty() {
-            self.act(Action::AddError(format!("A site has one plan. Not loaded: {}.", left.join(", "))));
+            self.act(Action::AddError(format!(
+                "A site can have only one plan. Not loaded: {}.",
+                left.join(", ")
+            )));
         }
     }
 
-    /// Starts reading a plan image with the georeference of `world`.
+    /// Starts reading a plan image; the world file `world` contains its georeference.
     fn read_plan(&mut self, ctx: &Context, picture: Chosen, world: Option<Chosen>) {
-        let told = world.map(told_by).transpose().unwrap_or_else(|error| {
+        let told = world.map(plan_from_file).transpose().unwrap_or_else(|error| {
             self.act(Action::AddError(error));
             None
         });
         self.jobs.planning = Some(Planning { picture: self.read_still(ctx, picture), told });
     }
 
+    /// Loads the plan image once it is read.
     pub(crate) fn poll_plan(&mut self) {
         let Some(planning) = self.jobs.planning.take() else { return };
         match planning.picture.poll() {
@@ -87,15 +92,16 @@ impl App {
         }
     }
 
+    /// Applies a world file to the existing plan.
     fn take_world_file(&mut self, file: Chosen) {
         let name = file.name.clone();
-        self.act(match told_by(file) {
+        self.act(match plan_from_file(file) {
             Ok(told) => Action::ApplyWorldFile(told, name),
             Err(error) => Action::AddError(error),
         });
     }
 
-    /// Takes world files and the images of the same name out of the dropped files, and loads them as the
+    /// Removes world files and the images of the same name from the dropped files, and loads them as the
     /// plan.
     pub(crate) fn take_plans(&mut self, ctx: &Context, dropped: &mut Vec<Chosen>) {
         if !dropped.iter().any(is_world_file) {
@@ -103,7 +109,7 @@ impl App {
         }
         let (worlds, others): (Vec<_>, Vec<_>) = std::mem::take(dropped).into_iter().partition(is_world_file);
         let (pictures, others): (Vec<_>, Vec<_>) =
-            others.into_iter().partition(|file| worlds.iter().any(|world| is_of(world, file)));
+            others.into_iter().partition(|file| worlds.iter().any(|world| belongs_to_image(world, file)));
         *dropped = others;
         self.load_plan(ctx, pictures.into_iter().chain(worlds).collect());
     }
@@ -116,12 +122,12 @@ impl App {
         self.jobs.adding.push(task);
     }
 
-    /// Starts comparing newer images, each with the camera that its file name begins with, otherwise with the
-    /// current camera.
+    /// Starts comparing newer images with their cameras. The file name begins with the id of the camera;
+    /// otherwise the current camera is compared.
     pub fn add_newer(&mut self, ctx: &Context, files: Vec<Chosen>) {
         let in_hand = self.editor.session().entry().map(|entry| entry.id.clone());
         for file in files {
-            let named = self.named_by(&file.name).or_else(|| in_hand.clone());
+            let named = self.camera_from_file_name(&file.name).or_else(|| in_hand.clone());
             if let Some(camera) = named {
                 let opening = self.read_still(ctx, file);
                 self.jobs.comparing.push_back(Comparing::new(camera, opening));
@@ -129,8 +135,8 @@ impl App {
         }
     }
 
-    /// Returns the id of the camera that a file name begins with.
-    fn named_by(&self, name: &str) -> Option<String> {
+    /// Returns the id of the camera with which a file name begins; `None` without such a camera.
+    fn camera_from_file_name(&self, name: &str) -> Option<String> {
         self.editor.site().camera_id_from_name(&camera_name(Path::new(name))).map(str::to_owned)
     }
 
@@ -138,11 +144,13 @@ impl App {
     pub(crate) fn is_newer(&self, file: &Chosen) -> bool {
         let name = Path::new(&file.name);
         let taken = time_in_name(&camera_name(name)).filter(|_| is_image(name));
-        let index = || self.editor.site().entry_index_at(&self.named_by(&file.name)?, taken.as_deref());
+        let index =
+            || self.editor.site().entry_index_at(&self.camera_from_file_name(&file.name)?, taken.as_deref());
         let is_solved = |index: usize| self.editor.session().solved.pose(index).is_some();
         taken.is_some() && index().is_some_and(is_solved)
     }
 
+    /// Starts reading an image file.
     pub(crate) fn read_still(&mut self, ctx: &Context, file: Chosen) -> Task<Read> {
         if let Some(path) = &file.path {
             self.allow_chosen(path);
@@ -166,6 +174,7 @@ impl App {
         })
     }
 
+    /// Adds cameras for the images that are read.
     pub(crate) fn poll_stills(&mut self) {
         let was_empty = self.editor.site().cameras.is_empty();
         // Threads finish in any order; cameras keep the order of their files.
@@ -194,7 +203,7 @@ impl App {
         }
     }
 
-    /// Returns the image of a camera; a rasterised drawing is stored.
+    /// Returns an image that was read, for the site. A rasterised drawing is stored in the site as PNG.
     pub(crate) fn stored(&mut self, picture: ReadPicture) -> NewImage {
         let ReadPicture { still, drawn, taken: _ } = picture;
         let Some(png) = drawn else { return still };
@@ -220,6 +229,7 @@ impl App {
         }
     }
 
+    /// Adds the cameras, the lenses or the plan of imported files to the site.
     fn take_imported(&mut self, name: &str, format: &Format, Imported { site, notes }: Imported) {
         // A world file alone georeferences the existing plan.
         let open = self.editor.site();

@@ -1,4 +1,5 @@
-//! Files that the operator opens and saves: sites, images, plans, screenshots; the start page and the dialogs.
+//! Files that the operator opens and saves: sites, images, plans, screenshots. Also the start page and the
+//! dialogs.
 
 pub(crate) mod outside;
 pub(crate) mod images;

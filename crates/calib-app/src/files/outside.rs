@@ -29,7 +29,8 @@ impl App {
         self.dialogs.outside.names = names;
     }
 
-    /// Reads the outside images while this site is open, or skips them.
+    /// Carries out the decision about images outside the site's folder: reads or skips them while the site is
+    /// open.
     pub(crate) fn settle_outside(&mut self, allows: bool) {
         let asked = std::mem::take(&mut self.dialogs.outside.asked);
         if !allows {
@@ -48,18 +49,18 @@ impl App {
         self.editor.allow_images(asked);
     }
 
-    /// Asks again about the skipped images.
+    /// Asks again about the skipped images outside the site's folder.
     pub(crate) fn ask_outside_again(&mut self) {
         self.dialogs.outside.left.clear();
         self.dialogs.outside.names.clear();
     }
 
-    /// Allows a file that the operator chose, wherever it is.
+    /// Allows reading a file that the operator chose, in any folder.
     pub(crate) fn allow_chosen(&mut self, file: &std::path::Path) {
         self.editor.allow_images(Here::real(file));
     }
 
-    /// Keeps images readable that were readable before the site got another folder.
+    /// Allows the images that are readable now, before the site is saved to another folder.
     pub(crate) fn keep_reach(&mut self) {
         let session = self.editor.session();
         let reach = session.images.allowed_files();
@@ -72,19 +73,20 @@ impl App {
     }
 }
 
-/// Shows the dialog of the pending decision.
+/// Shows the dialogs of pending decisions about files.
 pub(crate) fn asked_ui(app: &mut App, ctx: &Context) {
     if let Some(conflict) = app.dialogs.conflict.clone() {
-        sheet("File not saved", ctx, |ui| decide(app, ui, &conflict));
+        sheet("File not saved", ctx, |ui| conflict_ui(app, ui, &conflict));
     }
     if let Some(field) = app.dialogs.path_field.clone() {
-        sheet("A path", ctx, |ui| path(app, ui, field));
+        sheet("A path", ctx, |ui| path_ui(app, ui, field));
     }
     if !app.dialogs.outside.asked.is_empty() {
-        sheet("Images outside the site's folder", ctx, |ui| outside(app, ui));
+        sheet("Images outside the site's folder", ctx, |ui| outside_ui(app, ui));
     }
 }
 
+/// Shows a sheet at the top of the window.
 fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
     Window::new(title)
         .title_bar(false)
@@ -94,9 +96,9 @@ fn sheet(title: &str, ctx: &Context, contents: impl FnOnce(&mut Ui)) {
         .show(ctx, contents);
 }
 
-/// Lists the images outside the site's folder and asks whether to read them.
-fn outside(app: &mut App, ui: &mut Ui) {
-    const MOST: usize = 8;
+/// Shows the images outside the site's folder, and asks whether to read them.
+fn outside_ui(app: &mut App, ui: &mut Ui) {
+    const MAX_LISTED: usize = 8;
     let palette = theme::palette(ui.ctx());
     let files: Vec<String> =
         app.dialogs.outside.asked.iter().map(|file| file.display().to_string()).collect();
@@ -105,11 +107,11 @@ fn outside(app: &mut App, ui: &mut Ui) {
     let site = path.map_or_else(|| "The site".into(), std::ffi::OsStr::to_string_lossy);
     let what = format!("{site} refers to {} outside its folder.", counted(files.len(), "image", "images"));
     ui.label(RichText::new(what).font(theme::medium(13.0)));
-    for file in files.iter().take(MOST) {
+    for file in files.iter().take(MAX_LISTED) {
         ui.label(file);
     }
-    if files.len() > MOST {
-        ui.label(format!("and {} more", files.len() - MOST));
+    if files.len() > MAX_LISTED {
+        ui.label(format!("and {} more", files.len() - MAX_LISTED));
     }
     let why = "The author of the site chose these files. They will be shown here and included in reports.";
     ui.label(RichText::new(why).color(palette.text2));
@@ -122,7 +124,8 @@ fn outside(app: &mut App, ui: &mut Ui) {
     });
 }
 
-fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
+/// Shows the conflict on saving a file, and the possible decisions.
+fn conflict_ui(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
     let palette = theme::palette(ui.ctx());
     let name = conflict.path.display().to_string();
     ui.set_max_width(420.0);
@@ -154,21 +157,22 @@ fn decide(app: &mut App, ui: &mut Ui, conflict: &Conflict) {
     });
 }
 
-/// Lists the changes that somebody else made to the file.
+/// Shows the changes that another program or person made to the file.
 fn changes(ui: &mut Ui, differences: &[String]) {
-    const MOST: usize = 8;
+    const MAX_LISTED: usize = 8;
     if differences.is_empty() {
         ui.label("Only results or formatting differ.");
     }
-    for difference in differences.iter().take(MOST) {
+    for difference in differences.iter().take(MAX_LISTED) {
         ui.label(format!("Changed in the file: {difference}"));
     }
-    if differences.len() > MOST {
-        ui.label(format!("and {} more", differences.len() - MOST));
+    if differences.len() > MAX_LISTED {
+        ui.label(format!("and {} more", differences.len() - MAX_LISTED));
     }
 }
 
-fn path(app: &mut App, ui: &mut Ui, mut field: PathField) {
+/// Shows the field for a typed path.
+fn path_ui(app: &mut App, ui: &mut Ui, mut field: PathField) {
     let palette = theme::palette(ui.ctx());
     let what = match field.purpose {
         Purpose::OpenSite => "Path of the site to open",

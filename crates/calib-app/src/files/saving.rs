@@ -17,13 +17,14 @@ use crate::storage::autosave::{self, Autosave, Found, News, Recent, Work};
 use crate::storage::files;
 
 impl App {
-    /// Opens a site in place of the current one.
+    /// Opens a site in place of the current site.
     pub fn open_site(&mut self, site: Site, images: Images, path: Option<PathBuf>) {
         self.open(Opened { site, images, path, is_unsaved: false });
     }
 
+    /// Replaces the site, and resets everything that belongs to the old site.
     fn open(&mut self, opened: Opened) {
-        self.put_aside();
+        self.keep_autosave();
         (self.storage.held, self.storage.as_held, self.dialogs.conflict) = (None, None, None);
         self.storage.kept = u64::from(opened.is_unsaved);
         self.act(Action::Open(Box::new(opened)));
@@ -34,7 +35,7 @@ impl App {
         self.edges.clear();
         self.view.panes = Panes::default();
         self.view.orbit = None;
-        // Requests of the old site must not reach the new one.
+        // Work for the old site must not change the new site.
         self.jobs.adding.clear();
         (self.jobs.replacing, self.jobs.planning, self.jobs.refining, self.dialogs.dialog) =
             (None, None, None, None);
@@ -58,14 +59,14 @@ impl App {
         }
     }
 
-    /// Adds a site to the list on the start page.
+    /// Adds a site to the list of recent sites on the start page.
     pub(crate) fn remember_recent(&mut self, path: &Path, site: &Site) {
         if let Some((folder, now)) = self.storage.folder.as_deref().zip(Here::now()) {
             self.storage.recent = autosave::remember(folder, Recent::of(path, site, now));
         }
     }
 
-    /// Restores an autosave of a crashed session.
+    /// Restores an autosave of a crashed session, by its index in the list of the start page.
     pub fn recover(&mut self, index: usize) {
         if index >= self.storage.found.len() {
             return;
@@ -76,8 +77,9 @@ impl App {
         (self.storage.autosave, self.storage.held) = (Some(slot), held);
     }
 
-    /// Keeps the autosave of the open site, and uses another slot from now on.
-    fn put_aside(&mut self) {
+    /// Keeps the autosave of the open site if the site has unsaved changes, and chooses a free slot for the
+    /// next site.
+    fn keep_autosave(&mut self) {
         let Some(slot) = self.storage.autosave.clone() else { return };
         let session = self.editor.session();
         if session.is_saved() {
@@ -105,7 +107,7 @@ impl App {
         }
     }
 
-    /// Deletes an autosave of a crashed session.
+    /// Deletes an autosave of a crashed session, by its index in the list of the start page.
     pub fn discard_found(&mut self, index: usize) {
         if index < self.storage.found.len() {
             self.storage.found.remove(index).0.forget();
@@ -130,10 +132,10 @@ impl App {
         }
     }
 
-    /// Autosaves after every finished gesture.
+    /// Autosaves the site if a gesture has finished since the last autosave.
     pub(crate) fn remember(&mut self) {
         let generation = self.editor.session().revision.generation;
-        // An autosave made before its image was decoded is repeated with the thumbnail.
+        // An autosave without a thumbnail is repeated once the first image is decoded.
         let is_due = self.storage.shelf.is_some() && self.storage.thumbnail.is_due(&self.pictures);
         if self.storage.kept == generation && !is_due {
             return;
@@ -144,8 +146,8 @@ impl App {
             self.act(Action::Note(note.into()));
         }
         let session = self.editor.session();
-        // Undo to the saved state loses nothing, but the autosave does not record this, so it is written all
-        // the same.
+        // After an undo to the saved state the autosave would be superfluous. It is written nevertheless,
+        // because it does not record the saved state.
         let site = session.site_with_joint_results();
         if self.storage.shelf.is_some() {
             self.storage.thumbnail.renew(&site, &self.pictures);
@@ -169,7 +171,7 @@ impl App {
         }
     }
 
-    /// Saves the site without embedded images; the file must lie next to them.
+    /// Saves the site without embedded images; the file must be in the folder of the images.
     pub(crate) fn save_plain(&mut self, path: &Path) {
         let session = self.editor.session();
         let site = session.images.with_file_names(&session.solved.write_into(&session.site));
@@ -199,14 +201,15 @@ impl App {
 }
 
 impl App {
-    /// Saves to the site's file.
+    /// Saves the site to its file; does nothing if the site has no file yet.
     pub fn save(&mut self) {
         if let Some(path) = self.editor.session().path.clone() {
             self.save_to(path);
         }
     }
 
-    /// Saves to a file, which becomes the site's file, unless it must not be overwritten without asking.
+    /// Saves the site to a file, which becomes the site's file. If the file must not be overwritten without
+    /// asking, a dialog opens instead.
     pub(crate) fn save_to(&mut self, path: PathBuf) {
         match self.obstacle(&path) {
             Some(why) => self.dialogs.conflict = Some(Conflict { path, why }),
@@ -214,7 +217,7 @@ impl App {
         }
     }
 
-    /// Returns the reason why a file must not be written without asking.
+    /// Returns the reason why a file must not be written without asking; `None` if it can be written.
     fn obstacle(&self, path: &Path) -> Option<Why> {
         if !Here::HAS_FOLDERS {
             return None;
@@ -231,8 +234,8 @@ impl App {
         }
     }
 
-    /// Lists the changes of a file since it was read, or its differences from the open site if that is
-    /// unknown.
+    /// Returns the changes of a file since it was read. If the earlier content is unknown, returns its
+    /// differences from the open site.
     fn changes_of(&self, path: &Path) -> Vec<String> {
         let before = self.storage.as_held.as_ref().unwrap_or_else(|| self.editor.site());
         match files::open(path) {
@@ -241,7 +244,7 @@ impl App {
         }
     }
 
-    /// Carries out the decision about a conflict.
+    /// Carries out the decision of the operator about a conflict on saving.
     pub(crate) fn decide_on_file(&mut self, decision: Decision) {
         let Some(Conflict { path, .. }) = self.dialogs.conflict.take() else { return };
         match decision {
@@ -252,7 +255,7 @@ impl App {
         }
     }
 
-    /// Renames images in running work to their names relative to the new file.
+    /// Renames the images in running work to their names relative to the new folder of the site.
     fn rebase_work(&mut self, folder: &Path) {
         let images = &self.editor.session().images;
         let compared = self.jobs.comparing.iter_mut().flat_map(Comparing::images_mut);
@@ -262,6 +265,7 @@ impl App {
         }
     }
 
+    /// Writes the site file and remembers its state.
     fn write_to(&mut self, path: PathBuf) {
         let session = self.editor.session();
         let solved = session.solved.write_into(&session.site);
@@ -314,6 +318,7 @@ impl App {
         files.into_iter().for_each(|file| self.add_still(ctx, file));
     }
 
+    /// Opens the dropped files once they are read.
     pub(crate) fn poll_arrivals(&mut self, ctx: &Context) {
         let dropped = ctx.input_mut(|input| std::mem::take(&mut input.raw.dropped_files));
         if !dropped.is_empty() {
@@ -329,7 +334,7 @@ impl App {
                 self.take_path(ctx, path);
             }
             if has_site {
-                // The site georeferences its plan itself.
+                // World files are not needed: the site file contains the georeference of its plan.
                 others.retain(|file| !is_world_file(file));
             } else {
                 self.take_plans(ctx, &mut others);
@@ -385,14 +390,14 @@ impl App {
         }
     }
 
-    /// Compares those files that are newer images of cameras, and removes them from `files`.
+    /// Starts comparing the files that are newer images of cameras, and removes them from `files`.
     fn take_newer(&mut self, ctx: &Context, files: &mut Vec<Chosen>) {
         let (newer, others) = std::mem::take(files).into_iter().partition(|file| self.is_newer(file));
         *files = others;
         self.add_newer(ctx, newer);
     }
 
-    /// Attaches missing images of the site, and removes them from `files`.
+    /// Adds the files that are missing images of the site to it, and removes them from `files`.
     fn attach(&mut self, files: &mut Vec<Chosen>) {
         let made = self.editor.session().images.missing.is_some();
         let mut used = vec![false; files.len()];

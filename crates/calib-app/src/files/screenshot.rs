@@ -11,18 +11,19 @@ use crate::platform::{Here, Platform as _};
 use crate::state::{App, Mode};
 
 impl App {
-    /// Requests a screenshot of the view that was used last.
+    /// Requests a screenshot of the canvas that was used last.
     pub fn take_picture(&mut self, ctx: &Context) {
         let (sender, picture) = std::sync::mpsc::channel();
         let again = ctx.clone();
         ctx.request_screenshot(move |image| {
-            // The receiver may be gone.
+            // An error means that the receiver no longer exists.
             let _ = sender.send(image);
             again.request_repaint();
         });
         self.jobs.picture = Some(picture);
     }
 
+    /// Receives the requested screenshot, and asks for its file.
     pub(crate) fn poll_picture(&mut self, ctx: &Context) {
         let Some(image) = self.jobs.picture.as_ref().and_then(|picture| picture.try_recv().ok()) else {
             return;
@@ -52,6 +53,7 @@ impl App {
         }
     }
 
+    /// Writes the received screenshot to a file.
     pub(crate) fn save_picture(&mut self, path: &Path) {
         let Some(png) = self.jobs.pictured.take() else { return };
         match Here::write(path, &png) {
@@ -62,7 +64,7 @@ impl App {
 }
 
 impl App {
-    /// Writes the report of the current results.
+    /// Writes the report of the current results to a file.
     pub(crate) fn save_report(&mut self, path: &Path) {
         let session = self.editor.session();
         let site = session.solved.write_into(&session.site);
@@ -74,7 +76,7 @@ impl App {
     }
 }
 
-/// Returns an image for embedding in the page.
+/// Returns an image for embedding in the report.
 fn picture(session: &Session, shown: ImageRequest<'_>) -> Result<EmbeddedImage, String> {
     let name = match shown {
         ImageRequest::Camera(camera) => camera.image.as_deref(),
@@ -82,7 +84,7 @@ fn picture(session: &Session, shown: ImageRequest<'_>) -> Result<EmbeddedImage, 
     };
     let name = name.ok_or("The image is missing.")?;
     let said = |why: String| format!("{}: {why}", session.images.shown_name(name));
-    // Images that a worker renders are not waited for.
+    // The report does not wait for images that a worker of the page renders.
     if !Here::HAS_FOLDERS && session.images.reader(name).name_to_render().is_some() {
         return Err(said("The image is not rendered yet. Save the report again when it is visible.".into()));
     }

@@ -19,28 +19,30 @@ use crate::storage::autosave::{Entry, Shelf};
 use crate::storage::autosave::{Recent, ago};
 use crate::theme;
 
-/// Width of the card and its inner margin, in points.
-const CARD: f32 = 696.0;
-const MARGIN: f32 = 24.0;
-/// Distance of the card's top from the middle of the window, in points.
-const RISE: f32 = 240.0;
-/// Width of the left column and height of both columns, in points; `web/page.css` has the same numbers.
-const LEFT: f32 = 320.0;
-const COLUMNS: f32 = 304.0;
+/// Width of the card of the start page, in points.
+const CARD_WIDTH: f32 = 696.0;
+/// Inner margin of the card, in points.
+const CARD_MARGIN: f32 = 24.0;
+/// Distance of the card's upper edge above the middle of the window, in points.
+const CARD_RISE: f32 = 240.0;
+/// Width of the left column, in points; `web/page.css` contains the same number.
+const LEFT_WIDTH: f32 = 320.0;
+/// Height of both columns, in points; `web/page.css` contains the same number.
+const COLUMN_HEIGHT: f32 = 304.0;
 /// Size of a step with its picture, in points.
-const STEP: Vec2 = Vec2::new(312.0, 96.0);
+const STEP_SIZE: Vec2 = Vec2::new(312.0, 96.0);
 
 const TITLE: &str = "Calibrate cameras from one image each";
-const BELOW: &str = "Draw along visible edges. Every floor pixel gets metric coordinates with \u{b1}.";
+const SUBTITLE: &str = "Draw along visible edges. Every floor pixel gets metric coordinates with \u{b1}.";
 
-/// The three steps, each with a picture.
+/// Steps of a calibration: picture, title and text.
 const STEPS: [(Picture, &str, &str); 3] = [
     (DRAW, "Draw", "Vertical, parallel and perpendicular lines determine how the camera looks."),
     (PLACE, "Place", "Move, rotate and scale its field of view on the plan."),
     (CHECK, "Check", "A mark is on the same spot in every view."),
 ];
 
-/// Commands to begin with.
+/// Commands of the start page: label, command and note.
 const CHOICES: [(&str, Command, &str); 4] = [
     ("Add images\u{2026}", Command::AddImages, "one per camera"),
     ("Open a site\u{2026}", Command::Open, "with its images"),
@@ -49,7 +51,8 @@ const CHOICES: [(&str, Command, &str); 4] = [
 ];
 
 const HINT: &str = "Or drop images, a folder, or a site file here.";
-const KEPT: [&str; 2] = ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
+const PRIVACY_NOTES: [&str; 2] =
+    ["Images never leave this machine.", "Nothing is uploaded; it works offline."];
 
 /// Shows the start page; `web/index.html` shows the same picture while the program loads.
 pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
@@ -60,15 +63,16 @@ pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
     let outline: Vec<_> = corners.into_iter().chain([window.left_top()]).collect();
     ui.painter().extend(egui::Shape::dashed_line(&outline, Stroke::new(1.5, palette.line), 9.0, 6.0));
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
-        let width = (ui.available_width() - 2.0 * MARGIN).min(CARD);
-        ui.add_space((0.5 * ui.available_height() - RISE).max(2.0 * MARGIN));
+        let width = (ui.available_width() - 2.0 * CARD_MARGIN).min(CARD_WIDTH);
+        ui.add_space((0.5 * ui.available_height() - CARD_RISE).max(2.0 * CARD_MARGIN));
         let corner = egui::pos2(ui.max_rect().center().x - 0.5 * width, ui.cursor().top());
         let card = ui.painter().add(egui::Shape::Noop);
-        let inner = Rect::from_min_size(corner, Vec2::new(width, f32::MAX.sqrt())).shrink(MARGIN);
+        let inner = Rect::from_min_size(corner, Vec2::new(width, f32::MAX.sqrt())).shrink(CARD_MARGIN);
         let content = ui.scope_builder(egui::UiBuilder::new().max_rect(inner), |ui| {
             (chosen, recover) = content(app, ui);
         });
-        let rect = content.response.rect.expand(MARGIN).with_min_x(corner.x).with_max_x(corner.x + width);
+        let rect =
+            content.response.rect.expand(CARD_MARGIN).with_min_x(corner.x).with_max_x(corner.x + width);
         let shape = egui::epaint::RectShape::new(
             rect,
             12.0,
@@ -77,7 +81,7 @@ pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
             StrokeKind::Inside,
         );
         ui.painter().set(card, shape);
-        ui.add_space(2.0 * MARGIN);
+        ui.add_space(2.0 * CARD_MARGIN);
     });
     if let Some((index, goes_on)) = recover {
         app.decide(index, goes_on);
@@ -87,7 +91,8 @@ pub(crate) fn start_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows the card; returns the chosen command, and the decision about an autosave.
+/// Shows the card of the start page. Returns the chosen command, and the decision about an autosave: its
+/// index, and whether to restore it.
 fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)>) {
     let palette = theme::palette(ui.ctx());
     let is_narrow = ui.ctx().content_rect().width() <= crate::widgets::NARROW;
@@ -95,14 +100,14 @@ fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)
     let size = if is_narrow { 16.0 } else { 22.0 };
     line(ui, 28.0, RichText::new(TITLE).font(theme::medium(size)));
     if !is_narrow {
-        line(ui, 22.0, RichText::new(BELOW).color(palette.text2));
+        line(ui, 22.0, RichText::new(SUBTITLE).color(palette.text2));
     }
     ui.add_space(16.0);
-    let (columns, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), COLUMNS), Sense::hover());
-    let left = if is_narrow { columns } else { columns.with_max_x(columns.left() + LEFT) };
+    let (columns, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), COLUMN_HEIGHT), Sense::hover());
+    let left = if is_narrow { columns } else { columns.with_max_x(columns.left() + LEFT_WIDTH) };
     let chosen = choices(&mut ui.new_child(egui::UiBuilder::new().max_rect(left)));
     if !is_narrow {
-        let right = columns.with_min_x(columns.right() - STEP.x);
+        let right = columns.with_min_x(columns.right() - STEP_SIZE.x);
         pictures(&mut ui.new_child(egui::UiBuilder::new().max_rect(right)));
     }
     ui.spacing_mut().item_spacing = Vec2::new(8.0, 4.0);
@@ -110,13 +115,13 @@ fn content(app: &mut App, ui: &mut Ui) -> (Option<Command>, Option<(usize, bool)
         ui.add_space(12.0);
         ui.label(RichText::new(error).color(palette.bad));
     }
-    let recover = found(app, ui);
-    recent(app, ui);
-    kept(app, ui);
+    let recover = autosaves_ui(app, ui);
+    recent_sites_ui(app, ui);
+    stored_sites_ui(app, ui);
     (chosen, recover)
 }
 
-/// Shows a line of text in a row of this height, independent of the font.
+/// Shows a line of text in a row of `height` points, independent of the font.
 fn line(ui: &mut Ui, height: f32, text: RichText) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), height), Sense::hover());
     let layout = Layout::left_to_right(Align::Center);
@@ -124,7 +129,7 @@ fn line(ui: &mut Ui, height: f32, text: RichText) {
     row.add(egui::Label::new(text).extend());
 }
 
-/// Shows the commands to begin with, as buttons of full width.
+/// Shows the commands of the start page as buttons of full width; returns the chosen command.
 fn choices(ui: &mut Ui) -> Option<Command> {
     let palette = theme::palette(ui.ctx());
     let mut chosen = None;
@@ -154,20 +159,21 @@ fn choices(ui: &mut Ui) -> Option<Command> {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(width, 56.0), Sense::hover());
     ui.painter().rect_filled(rect, 6.0, palette.accent_bg);
     let mut told = ui.new_child(egui::UiBuilder::new().max_rect(rect.shrink2(Vec2::new(14.0, 11.5))));
-    line(&mut told, 17.0, RichText::new(KEPT[0]).font(theme::medium(12.0)));
-    line(&mut told, 17.0, RichText::new(KEPT[1]).color(palette.text2));
+    line(&mut told, 17.0, RichText::new(PRIVACY_NOTES[0]).font(theme::medium(12.0)));
+    line(&mut told, 17.0, RichText::new(PRIVACY_NOTES[1]).color(palette.text2));
     chosen
 }
 
-/// Shows the autosaves of crashed sessions; returns the chosen one, and whether to restore it.
-fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
+/// Shows the autosaves of crashed sessions. Returns the index of the chosen autosave, and whether to restore
+/// or discard it.
+fn autosaves_ui(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
     let mut recover = None;
     for index in 0..app.storage.found.len() {
         let (slot, found) = &app.storage.found[index];
         let image = found.site.cameras.iter().find_map(|camera| camera.image.clone());
         let image =
             image.map(|name| (format!("{}/{name}", slot.folder().display()), found.images.reader(&name)));
-        let words = told(found);
+        let words = autosave_text(found);
         let fill = theme::palette(ui.ctx()).accent_bg;
         let width = ui.available_width();
         ui.add_space(12.0);
@@ -177,7 +183,8 @@ fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
                 ui.horizontal(|ui| {
                     thumbnail(app, ui, image);
                     ui.vertical(|ui| {
-                        recover = recover.or_else(|| offer(ui, &words).map(|goes_on| (index, goes_on)));
+                        recover =
+                            recover.or_else(|| autosave_buttons(ui, &words).map(|goes_on| (index, goes_on)));
                     });
                 });
             });
@@ -186,8 +193,8 @@ fn found(app: &mut App, ui: &mut Ui) -> Option<(usize, bool)> {
     recover
 }
 
-/// Returns the name of an autosave, and details that distinguish it from others.
-fn told(found: &Found) -> [String; 2] {
+/// Returns the name of an autosave, and details that distinguish it from other autosaves.
+fn autosave_text(found: &Found) -> [String; 2] {
     let file =
         found.path.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
     let name = found.site.name.clone().or_else(|| file.clone()).unwrap_or_else(|| "A new site".into());
@@ -197,8 +204,8 @@ fn told(found: &Found) -> [String; 2] {
     [name, parts.into_iter().flatten().collect::<Vec<_>>().join(", ")]
 }
 
-/// Shows the buttons to restore or discard an autosave; returns the choice.
-fn offer(ui: &mut Ui, [name, words]: &[String; 2]) -> Option<bool> {
+/// Shows the buttons to restore (true) or discard (false) an autosave; returns the choice.
+fn autosave_buttons(ui: &mut Ui, [name, words]: &[String; 2]) -> Option<bool> {
     let palette = theme::palette(ui.ctx());
     ui.label(RichText::new(name).font(theme::medium(13.0)));
     ui.label(RichText::new(words).color(palette.text2));
@@ -209,7 +216,7 @@ fn offer(ui: &mut Ui, [name, words]: &[String; 2]) -> Option<bool> {
     .inner
 }
 
-/// Shows a thumbnail, or an empty frame until it is decoded.
+/// Shows a thumbnail, or an empty frame until the image is decoded.
 fn thumbnail(app: &mut App, ui: &mut Ui, image: Option<(String, Source)>) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(84.0, 52.0), Sense::hover());
     ui.painter().rect_filled(rect, 4.0, theme::palette(ui.ctx()).canvas);
@@ -221,8 +228,8 @@ fn thumbnail(app: &mut App, ui: &mut Ui, image: Option<(String, Source)>) {
 }
 
 /// Shows the recent sites.
-fn recent(app: &mut App, ui: &mut Ui) {
-    /// Number of recent sites that fit.
+fn recent_sites_ui(app: &mut App, ui: &mut Ui) {
+    /// Largest number of recent sites that are shown.
     const SHOWN: usize = 4;
     let list: Vec<Recent> = app.storage.recent.iter().take(SHOWN).cloned().collect();
     let Some(now) = Here::now().filter(|_| !list.is_empty()) else { return };
@@ -235,6 +242,7 @@ fn recent(app: &mut App, ui: &mut Ui) {
     });
 }
 
+/// Shows a recent site; a click opens the site.
 fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
     let palette = theme::palette(ui.ctx());
     let image = recent.image.as_ref().map(|path| path.to_string_lossy().into_owned());
@@ -259,7 +267,7 @@ fn recent_row(app: &mut App, ui: &mut Ui, recent: &Recent, now: u64) {
 fn pictures(ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     for (picture, title, text) in STEPS {
-        let (rect, _) = ui.allocate_exact_size(STEP, Sense::hover());
+        let (rect, _) = ui.allocate_exact_size(STEP_SIZE, Sense::hover());
         ui.painter().rect_filled(rect, 8.0, palette.bg);
         paint(ui.painter(), picture, rect.left_top() + Vec2::new(8.0, 6.0));
         let at = rect.left_top() + Vec2::new(SIZE.x + 20.0, 10.0);
@@ -274,8 +282,8 @@ fn pictures(ui: &mut Ui) {
 }
 
 /// Shows the sites in the browser's storage.
-fn kept(app: &mut App, ui: &mut Ui) {
-    /// Height of four rows, in points.
+fn stored_sites_ui(app: &mut App, ui: &mut Ui) {
+    /// Height of the list, which shows four rows, in points.
     const SHOWN: f32 = 232.0;
     let entries = app.storage.shelf.as_ref().map(|shelf| shelf.entries()).unwrap_or_default();
     if entries.is_empty() {
@@ -312,11 +320,12 @@ fn still_of(entry: &Entry) -> Option<(String, Source)> {
     Some((format!("{} {}", entry.id, entry.bytes), source))
 }
 
+/// Shows a stored site with buttons to open and to remove it.
 fn row(shelf: &mut dyn Shelf, ui: &mut Ui, entry: &Entry) {
     let palette = theme::palette(ui.ctx());
     let name = if entry.name.is_empty() { "Unnamed site" } else { &entry.name };
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-        // Removing cannot be undone, therefore it needs a second click.
+        // The removal of a site cannot be undone, therefore it needs a second click.
         let id = ui.scope_id().with(("remove", &entry.id));
         let armed = ui.data(|data| data.get_temp(id).unwrap_or(false));
         let text = if armed {
@@ -372,10 +381,10 @@ mod tests {
                 "{title} should be\n{picture}"
             );
         }
-        let words = [TITLE, BELOW]
+        let words = [TITLE, SUBTITLE]
             .into_iter()
             .chain(CHOICES.into_iter().flat_map(|(text, _, more)| [text, more]))
-            .chain(std::iter::once(HINT).chain(KEPT))
+            .chain(std::iter::once(HINT).chain(PRIVACY_NOTES))
             .chain(STEPS.into_iter().flat_map(|(_, title, text)| [title, text]));
         for words in words {
             let found = page[at..].find(&format!(">{words}<"));

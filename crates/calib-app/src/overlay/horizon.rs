@@ -10,10 +10,10 @@ use crate::overlay::Overlay;
 use crate::paint::{Pen, line, tag};
 use crate::theme::on_image;
 
-/// Distance between hatch lines, in points.
-const HATCH: f32 = 9.0;
-/// Horizontal step at which the band is sampled, in points.
-const STEP: f32 = 3.0;
+/// Spacing of the hatch lines along the x axis, in points.
+const HATCH_SPACING: f32 = 9.0;
+/// Width of the columns at which the band between horizons is sampled, in points.
+const COLUMN_WIDTH: f32 = 3.0;
 
 impl Overlay<'_> {
     pub(crate) fn paint_horizon(&self, painter: &Painter, camera: &Camera, entry: &SiteCamera) {
@@ -41,6 +41,7 @@ impl Overlay<'_> {
         }
     }
 
+    /// Returns the visible pieces of the horizon of a camera, on the screen.
     fn horizon_of(&self, camera: &Camera, entry: &SiteCamera) -> Vec<Vec<Pos2>> {
         let items = horizon(camera, entry.size());
         items
@@ -52,7 +53,7 @@ impl Overlay<'_> {
             .collect()
     }
 
-    /// Paints a horizon with its label at `share` of the width.
+    /// Paints the horizon of a camera with its label at the fraction `share` of the canvas width.
     pub(crate) fn paint_named(
         &self,
         painter: &Painter,
@@ -73,13 +74,13 @@ impl Overlay<'_> {
         }
     }
 
-    /// Hatches the band between the horizons of the two extreme cameras that fit.
+    /// Hatches the band between the horizons of the two extreme cameras that fit the annotations.
     fn paint_band(&self, painter: &Painter, ends: &[Camera; 2], entry: &SiteCamera) {
         let clip = painter.clip_rect();
-        let columns = (clip.width() / STEP).ceil() as usize + 1;
+        let columns = (clip.width() / COLUMN_WIDTH).ceil() as usize + 1;
         let [w, h] = entry.size();
         let heights = ends.each_ref().map(|camera| {
-            // A camera that sees the floor has an invisible horizon above its image.
+            // The horizon of a camera that sees the floor in the middle of its image can be above the image.
             let sees_floor = camera.pixel_to_floor(Pixel::new(0.5 * w, 0.5 * h), 0.0).is_some();
             let beyond = if sees_floor { clip.top() } else { clip.bottom() };
             let heights = heights(&self.horizon_of(camera, entry), clip.left(), columns);
@@ -98,43 +99,45 @@ impl Overlay<'_> {
             (start..columns).chain(0..start).find(|&column| between[column][1] - between[column][0] > 28.0);
         if let Some(column) = wide.filter(|_| self.labels) {
             let [top, bottom] = between[column];
-            let at = Pos2::new(clip.left() + column as f32 * STEP, 0.5 * (top + bottom));
+            let at = Pos2::new(clip.left() + column as f32 * COLUMN_WIDTH, 0.5 * (top + bottom));
             tag(painter, at, Align2::CENTER_CENTER, "horizon in this band", on_image::DOUBT);
         }
     }
 }
 
-/// Returns the height of a line at every column, from the left.
+/// Returns the screen y of a line at every column, from the left; `None` where the line does not reach.
 fn heights(pieces: &[Vec<Pos2>], left: f32, columns: usize) -> Vec<Option<f32>> {
     let mut heights = vec![None; columns];
     for pair in pieces.iter().flat_map(|piece| piece.windows(2)) {
         let (a, b) = if pair[0].x <= pair[1].x { (pair[0], pair[1]) } else { (pair[1], pair[0]) };
-        let column = |x: f32| ((x - left) / STEP).clamp(0.0, columns as f32);
+        let column = |x: f32| ((x - left) / COLUMN_WIDTH).clamp(0.0, columns as f32);
         for (index, height) in
             heights.iter_mut().enumerate().take(column(b.x).ceil() as usize).skip(column(a.x).ceil() as usize)
         {
-            let share = (left + index as f32 * STEP - a.x) / (b.x - a.x).max(f32::MIN_POSITIVE);
+            let share = (left + index as f32 * COLUMN_WIDTH - a.x) / (b.x - a.x).max(f32::MIN_POSITIVE);
             *height = Some(a.y + share.clamp(0.0, 1.0) * (b.y - a.y));
         }
     }
     heights
 }
 
-/// Returns rising strokes that fill the band.
+/// Returns rising strokes that hatch the band; `between` contains the upper and lower screen y of every
+/// column.
 fn hatched(between: &[[f32; 2]], left: f32) -> Vec<[Pos2; 2]> {
     let filled = between.iter().filter(|[top, bottom]| top < bottom);
     let Some(low) = filled.clone().map(|[top, _]| *top).reduce(f32::min) else { return Vec::new() };
     let high = filled.map(|[_, bottom]| *bottom).fold(low, f32::max);
-    let right = left + between.len() as f32 * STEP;
+    let right = left + between.len() as f32 * COLUMN_WIDTH;
     let mut strokes = Vec::new();
     // Strokes have constant x + y, at multiples of the spacing, so that they do not move with the band.
-    let numbers = ((left + low) / HATCH).floor() as i32..=((right + high) / HATCH).ceil() as i32;
-    for sum in numbers.map(|number| number as f32 * HATCH) {
-        let column = |x: f32| (((x - left) / STEP).max(0.0) as usize).min(between.len());
-        let (from, to) = (column(sum - high), column(sum - low + STEP));
+    let numbers =
+        ((left + low) / HATCH_SPACING).floor() as i32..=((right + high) / HATCH_SPACING).ceil() as i32;
+    for sum in numbers.map(|number| number as f32 * HATCH_SPACING) {
+        let column = |x: f32| (((x - left) / COLUMN_WIDTH).max(0.0) as usize).min(between.len());
+        let (from, to) = (column(sum - high), column(sum - low + COLUMN_WIDTH));
         let mut begun: Option<[Pos2; 2]> = None;
         for (column, [top, bottom]) in between.iter().enumerate().take(to).skip(from) {
-            let x = left + column as f32 * STEP;
+            let x = left + column as f32 * COLUMN_WIDTH;
             let at = Pos2::new(x, sum - x);
             if (*top..=*bottom).contains(&at.y) {
                 begun = Some([begun.map_or(at, |[start, _]| start), at]);
@@ -163,7 +166,7 @@ mod tests {
         let strokes = hatched(&between, 0.0);
         assert!(strokes.len() > 30, "{}", strokes.len());
         for at in strokes.into_iter().flatten() {
-            let [top, bottom] = between[(at.x / STEP).round() as usize];
+            let [top, bottom] = between[(at.x / COLUMN_WIDTH).round() as usize];
             assert!(top <= at.y && at.y <= bottom, "{at:?} outside {top} to {bottom}");
         }
     }

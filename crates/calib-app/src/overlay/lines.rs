@@ -1,5 +1,5 @@
-//! Overlay of annotations, in the colour of their kind or residual, with sign and extension; and of a newer
-//! image with matched edge points.
+//! Overlay of annotations, in the colour of their kind or residual, with sign and extension. Also the overlay
+//! of a newer image with matched edge points.
 
 use calib_core::Pixel;
 use calib_core::camera::RotatedCamera;
@@ -15,14 +15,15 @@ use crate::theme::{self, on_image};
 /// Newer image that is compared on the canvas.
 #[derive(Clone, Copy, Debug)]
 pub struct Changed<'a> {
-    /// The newer image with its comparison.
+    /// Newer image with the result of its comparison.
     pub newer: &'a NewerImage,
     /// Screen x from which the newer image is visible.
     pub split: f32,
 }
 
 impl<'a> Overlay<'a> {
-    /// Shows a newer image; overlays of the old floor become fainter.
+    /// Sets the newer image that the overlay compares, and the screen x from which it is visible. Suggestions
+    /// are hidden.
     pub(crate) fn compare(&mut self, split: f32, newer: Option<&'a NewerImage>) {
         self.changed = newer.map(|newer| Changed { newer, split });
         self.suggested.clear();
@@ -51,7 +52,7 @@ impl<'a> Overlay<'a> {
         }
     }
 
-    /// Paints the annotations transferred by the measured rotation and zoom.
+    /// Paints the annotations at their positions in the newer image, from the measured rotation and zoom.
     fn paint_carried(&self, painter: &Painter, turned: &RotatedCamera) {
         let Some(entry) = self.entry() else { return };
         for points in entry.annotations.iter().flat_map(|drawn| drawn.polylines()) {
@@ -62,17 +63,17 @@ impl<'a> Overlay<'a> {
     }
 }
 
-/// Returns the part of the screen right of `split`.
+/// Returns the part of the screen right of the screen x `split`.
 pub(crate) fn right_of(split: f32) -> Rect {
     Rect::EVERYTHING.with_min_x(split)
 }
 
-/// Returns the part of the screen left of `split`.
+/// Returns the part of the screen left of the screen x `split`.
 fn left_of(split: f32) -> Rect {
     Rect::EVERYTHING.with_max_x(split)
 }
 
-/// Paints an edge point: filled if it was found in the newer image, otherwise a ring.
+/// Paints an edge point as a disc if it was matched in the newer image, otherwise as a ring.
 fn dot(painter: &Painter, at: Pos2, found: bool) {
     if !painter.clip_rect().contains(at) {
         return;
@@ -85,7 +86,8 @@ fn dot(painter: &Painter, at: Pos2, found: bool) {
 }
 
 impl Overlay<'_> {
-    /// Whether a line is selected, or it or its row is under the pointer.
+    /// Whether a line is highlighted: the line is selected, or the line or its table row is under the
+    /// pointer.
     fn is_bright(&self, drawn: &AnnotatedLine) -> bool {
         let AnnotatedLine { annotation, segment, .. } = *drawn;
         self.lit == Some((annotation, segment))
@@ -93,7 +95,7 @@ impl Overlay<'_> {
                 && self.session.selection.contains(&Part::Line { annotation, segment })
     }
 
-    /// Returns the colour by kind or by residual; residual colours depend on the theme.
+    /// Returns the colour of a line by its kind or, if that layer is on, by its residual.
     fn used_colour(&self, painter: &Painter, drawn: &AnnotatedLine) -> Color32 {
         match drawn.over_sigma.filter(|_| self.layers.by_residual) {
             Some(over_sigma) => theme::residual(theme::palette(painter.ctx()), over_sigma),
@@ -101,6 +103,7 @@ impl Overlay<'_> {
         }
     }
 
+    /// Returns the colour of a line; outliers have a separate colour.
     pub(crate) fn line_colour(&self, painter: &Painter, drawn: &AnnotatedLine) -> Color32 {
         if drawn.is_outlier { theme::colour(drawn.colour()) } else { self.used_colour(painter, drawn) }
     }
@@ -112,21 +115,22 @@ impl Overlay<'_> {
         let width = if is_bright { 3.0 } else { calib_draw::LINE_WIDTH as f32 };
         let mut pen = Pen { width, ..Pen::of(look) };
         if is_aside {
-            self.halo(painter, &points);
+            self.paint_halo(painter, &points);
         } else {
             pen = pen.coloured(self.used_colour(painter, drawn));
         }
         if self.layers.extensions && is_bright {
-            self.extend(painter, pixels, drawn);
+            self.paint_extension(painter, pixels, drawn);
         }
         line(painter, &points, pen);
         if self.labels && (is_bright || drawn.is_outlier) {
-            self.name_line(painter, drawn, &points);
+            self.paint_line_name(painter, drawn, &points);
         }
     }
 
-    fn name_line(&self, painter: &Painter, drawn: &AnnotatedLine, points: &[Pos2]) {
-        // The label of a bad line is in its middle, not at its end, where the next line may begin.
+    /// Paints the name of a line with its residual in pixels.
+    fn paint_line_name(&self, painter: &Painter, drawn: &AnnotatedLine, points: &[Pos2]) {
+        // The label of an outlier is in the middle of the line, because another line may begin at its end.
         let named = if drawn.is_outlier { points.get(points.len() / 2) } else { points.last() };
         let (Some(&at), Some(entry)) = (named, self.entry()) else { return };
         let at = match points {
@@ -142,15 +146,15 @@ impl Overlay<'_> {
         tag(painter, at + Vec2::new(14.0, 8.0), Align2::LEFT_TOP, &text, colour);
     }
 
-    /// Paints a halo that blinks for a while, then stays.
-    fn halo(&self, painter: &Painter, points: &[Pos2]) {
+    /// Paints the halo of an outlier, which blinks for a few seconds and then stays.
+    fn paint_halo(&self, painter: &Painter, points: &[Pos2]) {
         if is_lit(painter.ctx(), self.time) {
             line(painter, points, Pen::new(on_image::BAD.gamma_multiply(0.35), 9.0).bare());
         }
     }
 
     /// Paints the extension of a line beyond its ends.
-    fn extend(&self, painter: &Painter, pixels: &[Pixel], drawn: &AnnotatedLine) {
+    fn paint_extension(&self, painter: &Painter, pixels: &[Pixel], drawn: &AnnotatedLine) {
         let Some(camera) = self.session.solved.pose(self.camera) else { return };
         let colour = self.line_colour(painter, drawn);
         for item in extension(camera, drawn.kind, pixels) {
@@ -160,13 +164,13 @@ impl Overlay<'_> {
         }
     }
 
-    /// Paints the sign of a kind, so that kinds do not differ by colour alone, and the length if one is
-    /// given.
+    /// Paints the sign of the annotation kind on a line, and its length if the kind has one. Kinds must not
+    /// differ by colour alone.
     pub(crate) fn paint_sign(&self, painter: &Painter, sign: Sign, [a, b]: [Pos2; 2], drawn: &AnnotatedLine) {
-        /// Shortest line with a sign, in points.
-        const LEAST: f32 = 24.0;
+        /// Length of the shortest line that gets a sign, in points.
+        const MIN_LINE_LENGTH: f32 = 24.0;
         let far = (b - a).length();
-        if far < LEAST || !far.is_finite() {
+        if far < MIN_LINE_LENGTH || !far.is_finite() {
             return;
         }
         let colour = self.line_colour(painter, drawn);

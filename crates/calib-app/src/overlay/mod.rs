@@ -28,7 +28,7 @@ pub use lines::Changed;
 pub(crate) use lines::right_of;
 pub use proposed::Ghosts;
 
-/// Session as a source of drawings: the open site with its current results.
+/// Open site with its current results, as the scene that `calib_draw` draws.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown<'a>(pub(crate) &'a Session);
 
@@ -53,54 +53,57 @@ impl Scene for Shown<'_> {
 /// Input of the overlay of one image.
 #[derive(Debug)]
 pub struct Overlay<'a> {
-    /// The site and its results.
+    /// Open site with its results.
     pub session: &'a Session,
-    /// Index of the camera.
+    /// Index of the camera whose image is shown.
     pub camera: usize,
-    /// Position of the image on the screen.
+    /// Mapping between raw pixels and the screen.
     pub mapping: Mapping,
     /// Visible layers.
     pub layers: Layers,
-    /// Pointer, if it is on this image.
+    /// Raw pixel under the pointer, if the pointer is on this image.
     pub cursor: Option<Pixel>,
-    /// Line that is highlighted because it or its row is under the pointer.
+    /// Highlighted line, as annotation and segment; the line or its table row is under the pointer.
     pub lit: Option<(usize, usize)>,
-    /// Whether a handle is being dragged.
+    /// Whether a gesture is active.
     pub holding: bool,
-    /// Whether a line is being drawn; layers that hide the edge become fainter then.
+    /// Whether an annotation is being drawn; layers that could hide the edge are not shown then.
     pub drawing: bool,
-    /// Time for blinking, in seconds.
+    /// Time since the most suspicious line changed, in seconds; determines its blinking.
     pub time: f64,
-    /// Cameras that fit as well as the solution.
+    /// Cameras that fit the annotations as well as the solution.
     pub family: Option<&'a Family>,
-    /// Link that needs a click in another view.
+    /// Index of the link that needs a click in another view.
     pub begun: Option<usize>,
-    /// Detected edges on which the suggested lines can be drawn.
+    /// Detected edges along which the suggested lines can be drawn.
     pub suggested: Vec<Edge>,
-    /// Automatic calibration, where it is shown.
+    /// Automatic calibration, if this canvas shows it.
     pub proposed: Option<Ghosts<'a>>,
-    /// Newer image, where it is compared.
+    /// Newer image, if this canvas compares it.
     pub changed: Option<Changed<'a>>,
     /// Whether labels are shown; small images have none.
     pub labels: bool,
-    /// Whether links and marks always show their names, where there is room.
+    /// Whether links and marks always show their names if there is room.
     pub names_elements: bool,
-    /// Rectangles of the labels so far.
+    /// Rectangles of the labels painted so far, on the screen.
     pub(crate) named: RefCell<Vec<Rect>>,
-    /// Whether annotations are shown; with many views they would hide the comparison.
+    /// Whether annotations are shown; small tiles hide them.
     pub lines: bool,
 }
 
 impl Overlay<'_> {
+    /// Maps a raw pixel to the screen.
     pub(crate) fn at(&self, pixel: Pixel) -> Pos2 {
         self.mapping.screen(pixel.into())
     }
 
+    /// Maps a line of raw pixels to the screen.
     pub(crate) fn path(&self, pixels: &[Pixel]) -> Vec<Pos2> {
         self.mapping.path(pixels)
     }
 
-    /// Returns lines given by their ends as they appear in the distorted image.
+    /// Returns a line of the scene, given by raw pixels, as the curve that the distorted image shows, on the
+    /// screen.
     pub(crate) fn curve(&self, pixels: &[Pixel]) -> Vec<Pos2> {
         let Some(entry) = self.entry() else { return self.path(pixels) };
         self.path(&annotated_line_curve(
@@ -109,18 +112,21 @@ impl Overlay<'_> {
         ))
     }
 
+    /// Returns the site entry of the camera.
     pub(crate) fn entry(&self) -> Option<&SiteCamera> {
         self.session.site.cameras.get(self.camera)
     }
 
-    /// Whether an element shows its name; all names at once would hide the image.
-    fn says_name(&self, at: Pos2, selected: bool) -> bool {
-        const NEAR: f32 = 48.0;
-        let over = self.cursor.is_some_and(|cursor| self.at(cursor).distance(at) < NEAR);
+    /// Whether the name of an element at a screen point is shown: the element is near the pointer or
+    /// selected.
+    fn shows_name(&self, at: Pos2, selected: bool) -> bool {
+        /// Largest distance of the pointer at which an element shows its name, in points.
+        const MAX_POINTER_DISTANCE: f32 = 48.0;
+        let over = self.cursor.is_some_and(|cursor| self.at(cursor).distance(at) < MAX_POINTER_DISTANCE);
         self.labels && (over || selected && self.session.camera == self.camera)
     }
 
-    /// Paints all layers.
+    /// Paints all visible layers of the overlay.
     pub fn paint(&self, painter: &Painter) {
         let Some(entry) = self.entry() else { return };
         if self.layers.hidden {
@@ -134,7 +140,7 @@ impl Overlay<'_> {
             // While an automatic calibration is shown, grid and horizon belong to its camera.
             Some(ghosts) if ghosts.is_camera() => self.paint_supposed(painter, ghosts),
             _ => {
-                self.paint_items(painter, &items_on_image(&view, &self.on_floor(solution)));
+                self.paint_items(painter, &items_on_image(&view, &self.floor_layers(solution)));
                 if let (Some(camera), Some(_)) = (pose, solution) {
                     self.paint_horizon(painter, camera, entry);
                 }
@@ -143,7 +149,7 @@ impl Overlay<'_> {
         if let (Some(camera), Some(_)) = (pose, solution) {
             self.paint_guide(painter, camera);
         }
-        self.paint_items(painter, &items_on_image(&view, &self.drawn()));
+        self.paint_items(painter, &items_on_image(&view, &self.annotation_layers()));
         if let Some(camera) = pose {
             self.paint_traces(painter, camera, entry);
         }
@@ -158,7 +164,7 @@ impl Overlay<'_> {
     }
 
     /// Returns the layers below the annotations.
-    fn on_floor(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
+    fn floor_layers(&self, solution: Option<&Solution>) -> Vec<ImageLayer> {
         let polygon = solution.map_or(&[][..], |solution| &solution.efov_m);
         let grid = ImageLayer::Grid(grid_step(polygon, self.session.tool.units));
         let prism = (self.layers.prism && !self.drawing).then_some(ImageLayer::AnnotatedPrism);
@@ -166,7 +172,7 @@ impl Overlay<'_> {
     }
 
     /// Returns the layers of annotations, lowest first.
-    fn drawn(&self) -> Vec<ImageLayer> {
+    fn annotation_layers(&self) -> Vec<ImageLayer> {
         let (field, free) = (self.layers.field, !self.drawing);
         let layers = [
             (field && free, ImageLayer::Planes),
@@ -181,6 +187,7 @@ impl Overlay<'_> {
         layers.into_iter().filter_map(|(is_shown, layer)| is_shown.then_some(layer)).collect()
     }
 
+    /// Paints drawing items with the appearance of their meaning.
     pub(crate) fn paint_items(&self, painter: &Painter, items: &[Item<Pixel>]) {
         for item in items {
             match (&item.geometry, item.meaning) {
@@ -249,27 +256,28 @@ impl Overlay<'_> {
         let (is_shown, by, align) = match meaning {
             // When several cameras are shown, names identify an element in all views.
             Meaning::Mark(_) => {
-                let is_shown = is_selected || self.names_elements || self.says_name(at, false);
+                let is_shown = is_selected || self.names_elements || self.shows_name(at, false);
                 (is_shown, Vec2::new(0.0, 6.0), Align2::CENTER_TOP)
             }
             Meaning::Link { is_incomplete: waits, .. } => {
-                let is_shown = waits || self.names_elements || self.says_name(at, false);
+                let is_shown = waits || self.names_elements || self.shows_name(at, false);
                 (is_shown, Vec2::new(9.0, -2.0), Align2::LEFT_BOTTOM)
             }
-            _ => (self.says_name(at, is_selected), Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM),
+            _ => (self.shows_name(at, is_selected), Vec2::new(11.0, -4.0), Align2::LEFT_BOTTOM),
         };
-        let is_asked = !self.names_elements || is_selected || self.says_name(at, false);
+        let is_asked = !self.names_elements || is_selected || self.shows_name(at, false);
         if is_shown && (self.has_room(align, at + by, text) || is_asked) {
             tag(painter, at + by, align, text, theme::colour(Look::of(meaning).colour));
         }
     }
 
-    /// Whether a label overlaps no earlier one; if not, its rectangle is reserved.
+    /// Whether a label overlaps no earlier label; if so, reserves its rectangle.
     fn has_room(&self, align: Align2, at: Pos2, text: &str) -> bool {
-        /// Width of a letter and size of the label's margin, in points.
-        const LETTER: f32 = 6.5;
-        const TAG: Vec2 = Vec2::new(14.0, 18.0);
-        let size = TAG + Vec2::new(LETTER * text.chars().count() as f32, 0.0);
+        /// Estimated width of a letter, in points.
+        const LETTER_WIDTH: f32 = 6.5;
+        /// Margin of the text in a label, both sides together, in points.
+        const LABEL_MARGIN: Vec2 = Vec2::new(14.0, 18.0);
+        let size = LABEL_MARGIN + Vec2::new(LETTER_WIDTH * text.chars().count() as f32, 0.0);
         let place = align.anchor_size(at, size);
         let mut named = self.named.borrow_mut();
         let is_free = named.iter().all(|taken| !taken.intersects(place));
@@ -279,14 +287,15 @@ impl Overlay<'_> {
         is_free
     }
 
-    /// Paints a person at the pointer, to judge height and vertical.
+    /// Paints a person at the pointer, to judge height and vertical direction of the calibration.
     fn paint_guide(&self, painter: &Painter, camera: &Camera) {
-        const HEIGHT: f64 = 1.75;
+        /// Height of the person, in metres.
+        const PERSON_HEIGHT_M: f64 = 1.75;
         let Some(foot) = self.cursor.filter(|_| self.layers.guide && !self.holding) else { return };
-        let Some((items, head)) = guide(camera, foot, HEIGHT) else { return };
+        let Some((items, head)) = guide(camera, foot, PERSON_HEIGHT_M) else { return };
         self.paint_items(painter, &items);
         if let Some(head) = head.filter(|_| self.labels) {
-            let text = format!("person {}", self.session.tool.units.length(HEIGHT, 2));
+            let text = format!("person {}", self.session.tool.units.length(PERSON_HEIGHT_M, 2));
             let at = self.at(head) - Vec2::new(0.0, 6.0);
             tag(painter, at, Align2::CENTER_BOTTOM, &text, on_image::WHITE);
         }
@@ -302,7 +311,7 @@ impl Overlay<'_> {
         }
     }
 
-    /// Paints the epipolar line of a link that another view shows.
+    /// Paints the epipolar line of a link that another view observes.
     fn paint_trace(&self, painter: &Painter, camera: &Camera, link: &calib_site::Link) {
         let may_show = self.session.site.owns_links(self.camera);
         if !may_show || self.session.solved.placed_pose(self.camera).is_none() {
@@ -337,8 +346,8 @@ impl Overlay<'_> {
             line(painter, &self.curve(edge), Pen::of(look).coloured(colour));
             let middle = ends[0] + 0.5 * (ends[1] - ends[0]) + Vec2::new(10.0, 0.0);
             let text = match (index, self.suggested.len()) {
-                (0, 1) => proposal(next, kind),
-                (0, _) => format!("1  {}", proposal(next, kind)),
+                (0, 1) => suggestion_text(next, kind),
+                (0, _) => format!("1  {}", suggestion_text(next, kind)),
                 (index, _) => (index + 1).to_string(),
             };
             tag(painter, middle, Align2::LEFT_CENTER, &text, colour);
@@ -359,10 +368,10 @@ impl Overlay<'_> {
     }
 }
 
-/// Returns the effect of the suggestion as text.
-fn proposal(next: &SuggestionEntry, kind: Kind) -> String {
+/// Returns the effect of a suggestion as text: the floor error after it, in percent.
+fn suggestion_text(next: &SuggestionEntry, kind: Kind) -> String {
     let gain = 100.0 * next.floor_length_rel;
-    format!("{} here: floor error about \u{b1} {gain:.1} %   N", kind.row().title.to_lowercase())
+    format!("{} here: floor error drops to \u{b1} {gain:.1} %   N", kind.row().title.to_lowercase())
 }
 
 fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
@@ -372,7 +381,8 @@ fn diamond(painter: &Painter, at: Pos2, colour: Color32) {
     painter.circle_filled(at, 1.25, colour);
 }
 
-/// Returns a grid step of 1, 2, 5, 10, … units that keeps the cells distinguishable.
+/// Returns a grid step in metres, 1, 2, 5, 10, … units of the site. The cells of the polygon stay
+/// distinguishable.
 #[must_use]
 pub fn grid_step(polygon: &[calib_core::FloorPoint], units: Units) -> f64 {
     units.step(diagonal(polygon), 30.0).max(0.5 * units.metres())

@@ -1,5 +1,5 @@
-//! Overlay of an automatic calibration: its lines by kind, with horizon and grid of its camera, in faint
-//! colours.
+//! Overlay of an automatic calibration in faint colours: lines in the colour of their kind, horizon, and
+//! floor grid.
 
 use calib_core::{Camera, Kind, Pixel, Plane};
 
@@ -12,7 +12,7 @@ use crate::overlay::{Overlay, Shown, grid_step};
 use crate::paint::{Pen, line, tag};
 use crate::theme;
 
-/// Session in which the camera is the one of the automatic calibration.
+/// Scene in which the automatic calibration replaces the pose and the solution of one camera.
 #[derive(Debug)]
 struct Supposed<'a> {
     shown: Shown<'a>,
@@ -41,23 +41,24 @@ impl Scene for Supposed<'_> {
 /// Automatic calibration as it is painted.
 #[derive(Clone, Copy, Debug)]
 pub struct Ghosts<'a> {
-    /// Preview of its camera.
+    /// Preview of the camera of the automatic calibration.
     pub preview: &'a Preview,
-    /// Whether its confidence is high enough to show the camera.
+    /// Whether the confidence is high enough to show horizon and grid of the camera.
     pub is_believed: bool,
-    /// Group whose row is under the pointer.
+    /// Index of the group whose table row is under the pointer.
     pub lit: Option<usize>,
 }
 
 impl Ghosts<'_> {
-    /// Whether it contains a camera of sufficient confidence.
+    /// Whether the automatic calibration contains a camera of sufficient confidence.
     pub(crate) fn is_camera(&self) -> bool {
         self.is_believed && self.preview.pose.is_some()
     }
 }
 
 impl Overlay<'_> {
-    /// Paints grid and horizon of its camera, and the horizon of the alternative.
+    /// Paints floor grid and horizon of the automatic calibration, and the horizon of the alternative
+    /// solution.
     pub(crate) fn paint_supposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
         let (Some(entry), Some(pose), Some(solution)) =
             (self.entry(), &ghosts.preview.pose, &ghosts.preview.solution)
@@ -82,13 +83,14 @@ impl Overlay<'_> {
         }
     }
 
-    /// Paints its lines; the selected group and the one under the pointer are highlighted.
+    /// Paints the lines of the automatic calibration; the selected group and the group under the pointer are
+    /// highlighted.
     pub(crate) fn paint_proposed(&self, painter: &Painter, ghosts: &Ghosts<'_>) {
         let Some(proposed) = self.session.proposed() else { return };
         let at = self.cursor.zip(self.entry());
         let over = at.and_then(|(at, entry)| {
             let lens = hit::shown_lens(entry, self.session.solved.pose(self.camera));
-            proposed.line_at(&lens, at, self.near())
+            proposed.line_at(&lens, at, self.hit_radius_px())
         });
         let picked = self.session.picked_line();
         let lit = ghosts.lit.or(over.map(|(group, _)| group));
@@ -104,8 +106,8 @@ impl Overlay<'_> {
         }
     }
 
-    /// Returns the distance within which the pointer selects a line, in pixels.
-    fn near(&self) -> f64 {
+    /// Returns the largest distance at which the pointer selects a line, in raw pixels.
+    fn hit_radius_px(&self) -> f64 {
         self.mapping.units(theme::HIT)
     }
 
@@ -131,8 +133,8 @@ impl Overlay<'_> {
 
     /// Paints the name of a floor direction on its longest line, because all directions have the same colour.
     fn name_group(&self, painter: &Painter, group: &PendingGroup) {
-        /// Width of a name, in points.
-        const ROOM: f32 = 64.0;
+        /// Width that the name of a direction needs, in points.
+        const NAME_WIDTH: f32 = 64.0;
         if group.kind != Kind::Parallel {
             return;
         }
@@ -143,8 +145,8 @@ impl Overlay<'_> {
             return;
         };
         let at = a.lerp(b, 0.5);
-        // At the right border the name is left of its line.
-        let (by, align) = if at.x + ROOM < painter.clip_rect().right() {
+        // At the right border of the canvas the name is left of its line.
+        let (by, align) = if at.x + NAME_WIDTH < painter.clip_rect().right() {
             (8.0, Align2::LEFT_CENTER)
         } else {
             (-8.0, Align2::RIGHT_CENTER)

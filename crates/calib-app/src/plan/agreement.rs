@@ -11,11 +11,12 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::heading;
 
-/// Right edges of the columns, in points from the right border.
-const APART: f32 = 0.0;
-const OVERLAP: f32 = 132.0;
+/// Distance of the column "apart" from the right border, in points.
+const APART_FROM_RIGHT: f32 = 0.0;
+/// Distance of the column "overlap" from the right border, in points.
+const OVERLAP_FROM_RIGHT: f32 = 132.0;
 
-/// Shows the panel.
+/// Shows the panel of agreement between cameras.
 pub fn agreement_ui(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
     let before = app.editor.ghost_poses(app.view.show_before);
@@ -39,7 +40,7 @@ pub fn agreement_ui(app: &mut App, ui: &mut Ui) {
     let is_far = |found: &&Agreement| found.distance.is_some_and(|apart| apart.is_significant());
     let metres = |found: &&Agreement| found.distance.map_or(0.0, |apart| apart.metres);
     if let Some(worst) = all.iter().filter(is_far).max_by(|a, b| metres(a).total_cmp(&metres(b))) {
-        warn(app, ui, worst);
+        disagreement_ui(app, ui, worst);
     } else if all.iter().all(|found| found.distance.is_none()) {
         let text = "Press K and click a corner in two views to measure their agreement.";
         ui.label(RichText::new(text).small().color(theme::palette(ui.ctx()).text3));
@@ -48,13 +49,14 @@ pub fn agreement_ui(app: &mut App, ui: &mut Ui) {
 
 fn titles(ui: &mut Ui) {
     let (rect, _) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 16.0), Sense::hover());
-    for (text, column) in [("overlap", OVERLAP), ("apart", APART)] {
+    for (text, column) in [("overlap", OVERLAP_FROM_RIGHT), ("apart", APART_FROM_RIGHT)] {
         let at = rect.right_center() - Vec2::new(column, 0.0);
         let colour = theme::palette(ui.ctx()).text3;
         ui.painter().text(at, Align2::RIGHT_CENTER, text, theme::regular(11.0), colour);
     }
 }
 
+/// Shows overlap and disagreement of the current camera with one other camera.
 fn row(app: &App, ui: &mut Ui, found: &Agreement) {
     let palette = theme::palette(ui.ctx());
     let session = app.editor.session();
@@ -77,17 +79,20 @@ fn row(app: &App, ui: &mut Ui, found: &Agreement) {
     if let Some(sigma) = sigma {
         response.on_hover_text(format!("\u{b1} {} from their uncertainty", units.short_length(sigma)));
     }
-    let name = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - OVERLAP - 36.0));
+    let name = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - OVERLAP_FROM_RIGHT - 36.0));
     chip(&name, rect.left_center() + Vec2::new(8.0, 0.0), found.other);
     let at = rect.left_center() + Vec2::new(22.0, 0.0);
     name.text(at, Align2::LEFT_CENTER, id, theme::regular(12.0), palette.text2);
-    for (text, column, colour) in [(overlap, OVERLAP, palette.text2), (apart, APART, colour)] {
+    for (text, column, colour) in
+        [(overlap, OVERLAP_FROM_RIGHT, palette.text2), (apart, APART_FROM_RIGHT, colour)]
+    {
         let at = rect.right_center() - Vec2::new(column, 0.0);
         ui.painter().text(at, Align2::RIGHT_CENTER, text, theme::regular(12.0), colour);
     }
 }
 
-/// Shows the image distance between floor lines and their position by the other cameras.
+/// Shows the RMS distance in pixels between the floor lines of this camera and their positions by other
+/// cameras.
 fn lines_row(app: &App, ui: &mut Ui, px: f64, count: usize) {
     let palette = theme::palette(ui.ctx());
     let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 20.0), Sense::hover());
@@ -106,7 +111,7 @@ fn lines_row(app: &App, ui: &mut Ui, px: f64, count: usize) {
 }
 
 /// Shows advice for two cameras whose disagreement is larger than their uncertainty explains.
-fn warn(app: &mut App, ui: &mut Ui, worst: &Agreement) {
+fn disagreement_ui(app: &mut App, ui: &mut Ui, worst: &Agreement) {
     let palette = theme::palette(ui.ctx());
     let session = app.editor.session();
     let id = session.site.cameras[worst.other].id.clone();
@@ -130,7 +135,7 @@ fn warn(app: &mut App, ui: &mut Ui, worst: &Agreement) {
         });
     });
     if shows {
-        show_farthest(app, worst.other);
+        select_worst_link(app, worst.other);
     }
     if links && let Some(row) = TOOLS.iter().position(|tool| tool.title == "Link") {
         app.tell(Command::ViewAll);
@@ -138,8 +143,8 @@ fn warn(app: &mut App, ui: &mut Ui, worst: &Agreement) {
     }
 }
 
-/// Selects the link on which the two cameras disagree most.
-fn show_farthest(app: &mut App, with: usize) {
+/// Selects the link on which the current camera and the camera `with` disagree most.
+fn select_worst_link(app: &mut App, with: usize) {
     let session = app.editor.session();
     let ids = [session.camera, with].map(|camera| &session.site.cameras[camera].id);
     let is_shared = |link: &calib_site::Link| {

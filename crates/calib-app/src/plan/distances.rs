@@ -23,7 +23,7 @@ pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
         let old = saved.camera(&camera.id).and_then(calib_site::SiteCamera::camera);
         let text = match (old, app.editor.session().solved.pose(index)) {
             (Some(old), Some(new)) => {
-                let turned = turned(&old, new);
+                let turned = yaw_difference_deg(&old, new);
                 let moved = app.editor.session().tool.units.short_length(old.position.distance(new.position));
                 format!("{moved}, {turned:.2}\u{b0}")
             }
@@ -40,14 +40,14 @@ pub(crate) fn compared(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Returns the difference of the yaws of two poses, in degrees.
-fn turned(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
+/// Returns the absolute difference of the yaws of two poses, in degrees, 0 to 180.
+fn yaw_difference_deg(a: &calib_core::Camera, b: &calib_core::Camera) -> f64 {
     let by = (a.yaw - b.yaw).to_degrees().rem_euclid(360.0);
     by.min(360.0 - by)
 }
 
-/// Shows, for every pair of cameras with a common floor area, their disagreement before and after refining.
-fn pairs(app: &App, ui: &mut Ui) {
+/// Shows the disagreement of every pair of cameras with a common floor area, before and after the refinement.
+fn pairs_ui(app: &App, ui: &mut Ui) {
     let session = app.editor.session();
     let Some(report) = session.solved.joint_report() else { return };
     let units = session.tool.units;
@@ -94,7 +94,7 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
                 continue;
             };
             let moved = old.position.distance(new.position);
-            let turned = turned(old, new);
+            let turned = yaw_difference_deg(old, new);
             ui.horizontal(|ui| {
                 ui.label(&camera.id);
                 let moved = app.editor.session().tool.units.short_length(moved);
@@ -104,7 +104,7 @@ pub(crate) fn agreement(app: &mut App, ui: &mut Ui) {
         }
         ui.label(RichText::new("Undo restores the earlier cameras.").small().color(palette.text3));
     }
-    pairs(app, ui);
+    pairs_ui(app, ui);
     if let Some(command) = chosen {
         app.tell(command);
     }
@@ -169,7 +169,7 @@ pub(crate) fn controls(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows the panel of distances.
+/// Shows the panel of measured distances between links or marks.
 pub(crate) fn distances_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Distances", "measured");
     let mut list = app.editor.session().site.distances.clone();
@@ -178,7 +178,7 @@ pub(crate) fn distances_ui(app: &mut App, ui: &mut Ui) {
     let marks = app.editor.session().site.marks.iter().filter_map(|mark| mark.id.clone());
     let ids: Vec<String> = links.chain(marks).collect();
     if ids.len() >= 2 {
-        ui.horizontal(|ui| list.extend(entered(app, ui, &ids)));
+        ui.horizontal(|ui| list.extend(new_distance(app, ui, &ids)));
     } else {
         let palette = theme::palette(ui.ctx());
         ui.label(RichText::new("Add two links or marks first.").color(palette.text2));
@@ -205,8 +205,8 @@ fn list_fields(app: &App, ui: &mut Ui, list: &mut Vec<Distance>) {
     }
 }
 
-/// Shows the choice of two ids and the field for their distance; returns the entered distance.
-fn entered(app: &mut App, ui: &mut Ui, ids: &[String]) -> Option<Distance> {
+/// Shows the choice of two links or marks and the field for their distance; returns the entered distance.
+fn new_distance(app: &mut App, ui: &mut Ui, ids: &[String]) -> Option<Distance> {
     let [a, b] = &mut app.pair;
     for (salt, chosen) in [("from", a), ("to", b)] {
         ComboBox::from_id_salt(salt).width(64.0).selected_text(chosen.as_str()).show_ui(ui, |ui| {
@@ -228,7 +228,7 @@ fn entered(app: &mut App, ui: &mut Ui, ids: &[String]) -> Option<Distance> {
     Some(Distance { id: None, name: None, off: false, keep: false, between, length_m })
 }
 
-/// Shows the notice that the joint solution is out of date, with the button to renew it.
+/// Shows the notice that the joint solution is out of date, with a button that starts a new joint solve.
 pub(crate) fn out_of_date_ui(app: &mut App, ui: &mut Ui) {
     if !app.editor.session().solved.is_joint_out_of_date() || !app.editor.tool().is_idle() {
         return;

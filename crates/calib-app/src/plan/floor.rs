@@ -15,9 +15,9 @@ use crate::theme::{self, on_image};
 /// Input of the plan canvas.
 #[derive(Debug)]
 pub struct Floor<'a> {
-    /// The site and its results.
+    /// Open site with its results.
     pub session: &'a Session,
-    /// Mapping between floor and screen.
+    /// Mapping between floor positions in metres and the screen.
     pub mapping: Mapping,
     /// Opacity of the projected images, 0 to 1.
     pub opacity: f32,
@@ -25,13 +25,13 @@ pub struct Floor<'a> {
     pub blend: bool,
     /// Whether fields of view are filled, so that overlaps are visible.
     pub coverage: bool,
-    /// Poses before the current gesture or the last joint solve, painted as ghosts.
+    /// Poses of the cameras before the current gesture or the last joint solve, painted as ghosts.
     pub before: &'a [Option<Camera>],
 }
 
 /// Size of a position ellipse, in standard deviations.
 pub const SIGMAS: f64 = 2.0;
-/// Magnification of position ellipses.
+/// Magnification of position ellipses on the plan.
 pub const MAGNIFIED: f64 = 10.0;
 
 impl Floor<'_> {
@@ -62,14 +62,14 @@ impl Floor<'_> {
         }
     }
 
-    /// Paints the grid, where the plan image does not cover the floor.
+    /// Paints the floor grid over the plan image.
     pub fn paint_grid(&self, painter: &Painter, colour: Color32) {
         // Lines are at least 24 points apart.
         let step = self.session.tool.units.step(1.0 / self.mapping.view.zoom, 1.0 / 24.0);
         paint_grid(painter, &self.mapping, step, colour);
     }
 
-    /// Paints the images projected onto the floor.
+    /// Paints the images of the cameras, projected onto the floor.
     pub fn paint_images(&self, painter: &Painter, pictures: &Pictures) {
         for index in 0..self.session.site.cameras.len() {
             let is_asked =
@@ -91,7 +91,7 @@ impl Floor<'_> {
         }
     }
 
-    /// Paints every camera with its field of view, the current one last and with handles.
+    /// Paints every camera with its field of view; the current camera is last and has handles.
     pub fn paint_cameras(&self, painter: &Painter, cursor: Option<[f64; 2]>) {
         for index in 0..self.session.site.cameras.len() {
             self.paint_ghost(painter, index);
@@ -129,16 +129,17 @@ impl Floor<'_> {
         }
     }
 
-    /// Returns the pen of a field of view; the current camera has a bold solid outline.
+    /// Returns the pen for the field of view of a camera; the current camera has a bold solid outline.
     fn field_pen(&self, index: usize, pen: Pen) -> Pen {
         if index == self.session.camera { Pen { width: 2.5, ..pen }.dashed(&[]) } else { pen }
     }
 
     fn paint_symbol(&self, painter: &Painter, index: usize, [foot, ahead]: [Pos2; 2], half_angle: f64) {
-        const LENGTH: f64 = 44.0;
+        /// Length of the cone of a camera symbol, in points.
+        const SYMBOL_LENGTH: f64 = 44.0;
         let pen = Pen::of(Look::of(Meaning::Camera(index)));
         let [at, to] = [foot, ahead].map(|at| [f64::from(at.x), f64::from(at.y)]);
-        let cone = cone_corners(at, to, half_angle, LENGTH).into_iter();
+        let cone = cone_corners(at, to, half_angle, SYMBOL_LENGTH).into_iter();
         let cone = cone.map(|[x, y]| Pos2::new(x as f32, y as f32)).collect();
         let stroke = Stroke::new(pen.width, pen.colour);
         painter.add(Shape::convex_polygon(cone, pen.colour.gamma_multiply(0.25), stroke));
@@ -147,12 +148,12 @@ impl Floor<'_> {
         if rect.contains(foot) {
             chip(painter, foot + Vec2::new(-18.0, 0.0), index);
         } else if let Some(pose) = self.session.solved.pose(index) {
-            self.paint_far(painter, index, pose, rect, foot);
+            self.paint_offscreen_camera(painter, index, pose, rect, foot);
         }
     }
 
-    /// Paints a marker at the border for a camera outside the screen, with its letter and distance.
-    fn paint_far(&self, painter: &Painter, index: usize, pose: &Camera, rect: Rect, foot: Pos2) {
+    /// Paints a marker at the border of the canvas for a camera outside it, with letter, id and distance.
+    fn paint_offscreen_camera(&self, painter: &Painter, index: usize, pose: &Camera, rect: Rect, foot: Pos2) {
         let at = rect.clamp(foot);
         chip(painter, at, index);
         let middle = self.mapping.document(rect.center());
@@ -214,7 +215,7 @@ impl Floor<'_> {
                 painter.circle_stroke(at, 8.0, Stroke::new(1.5, on_image::ACCENT));
             }
         }
-        self.paint_told(painter);
+        self.paint_pose_changes(painter);
         if let Some(pivot) = self.session.tool.pivot {
             let at = self.mapping.screen(pivot);
             painter.circle_stroke(at, 6.0, Stroke::new(1.5, on_image::WAITING));
@@ -222,8 +223,9 @@ impl Floor<'_> {
         }
     }
 
-    /// Paints the old and new numbers next to a camera that is being dragged.
-    fn paint_told(&self, painter: &Painter) {
+    /// Paints the changes of yaw, height and position next to the current camera, compared with the earlier
+    /// pose.
+    fn paint_pose_changes(&self, painter: &Painter) {
         let camera = self.session.camera;
         let (Some(Some(before)), Some(now)) = (self.before.get(camera), self.session.solved.pose(camera))
         else {
@@ -288,7 +290,7 @@ impl Floor<'_> {
                     Meaning::Mark(_) => (Vec2::new(8.0, 4.0), Align2::LEFT_TOP),
                     _ => (Vec2::new(6.0, -4.0), Align2::LEFT_BOTTOM),
                 };
-                if is_near || self.is_held(meaning) {
+                if is_near || self.is_selected(meaning) {
                     tag(painter, at + by, align, text, on_image::WHITE);
                 }
             }
@@ -296,7 +298,7 @@ impl Floor<'_> {
         }
     }
 
-    fn is_held(&self, meaning: Meaning) -> bool {
+    fn is_selected(&self, meaning: Meaning) -> bool {
         match meaning {
             Meaning::Mark(index) => self.session.selection.contains(&Part::Mark(index)),
             Meaning::Plane(index) => self.session.tool.plane == Some(index),
@@ -307,14 +309,14 @@ impl Floor<'_> {
     fn pen(&self, meaning: Meaning) -> Pen {
         let pen = Pen::of(Look::of(meaning));
         match meaning {
-            _ if self.is_held(meaning) => pen.coloured(on_image::ACCENT),
-            // Control points of all cameras are on one floor, so each has the colour of its camera.
+            _ if self.is_selected(meaning) => pen.coloured(on_image::ACCENT),
+            // The plan shows the control points of all cameras, so each point has the colour of its camera.
             Meaning::ControlPoint { camera, .. } => pen.coloured(theme::camera(camera)),
             _ => pen,
         }
     }
 
-    /// Paints the scale bar, and the note about the size of ellipses.
+    /// Paints the scale bar, and the note about size and magnification of the ellipses.
     pub fn paint_scale(&self, painter: &Painter) {
         let rect = painter.clip_rect();
         let units = self.session.tool.units;
@@ -335,7 +337,7 @@ impl Floor<'_> {
     }
 }
 
-/// Paints grid lines over the visible area.
+/// Paints grid lines over the visible area; `step` is in metres.
 pub fn paint_grid(painter: &Painter, mapping: &Mapping, step: f64, colour: Color32) {
     let rect = painter.clip_rect();
     let (a, b) = (mapping.document(rect.left_bottom()), mapping.document(rect.right_top()));

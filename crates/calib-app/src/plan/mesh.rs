@@ -11,19 +11,20 @@ use crate::canvas::Mapping;
 use crate::picture::Picture;
 
 /// Largest number of mesh cells along a side of a triangle.
-const CELLS: usize = 12;
+const MAX_CELLS_PER_SIDE: usize = 12;
 /// Smallest side of a mesh cell, in points.
-const CELL: f32 = 24.0;
+const MIN_CELL_SIDE: f32 = 24.0;
 
-/// Returns the number of cells along the sides of a triangle, from its size on the screen.
+/// Returns the number of mesh cells along each side of a triangle, from the size of the triangle on the
+/// screen.
 fn cells(mapping: &Mapping, triangle: &[[f64; 2]; 3]) -> usize {
     let [a, b, c] = triangle.map(|corner| mapping.screen(corner));
     let side = a.distance(b).max(b.distance(c)).max(c.distance(a));
-    ((side / CELL).ceil() as usize).clamp(1, CELLS)
+    ((side / MIN_CELL_SIDE).ceil() as usize).clamp(1, MAX_CELLS_PER_SIDE)
 }
 
-/// Paints an image inside its field of view on a plane: small triangles whose corners are looked up in the
-/// image.
+/// Paints the part of an image that shows a field of view on a plane, as seen from above. Small triangles
+/// fill the field, and their corners are projected into the image.
 pub(crate) fn lay(
     painter: &Painter,
     mapping: &Mapping,
@@ -72,7 +73,7 @@ pub(crate) fn lay(
     painter.add(Shape::mesh(mesh));
 }
 
-/// Fills a polygon of the floor, convex or not, at the screen positions `points`.
+/// Fills a floor polygon, convex or not; `points` are the screen positions of its corners.
 pub(crate) fn fill(painter: &Painter, polygon: &[FloorPoint], points: &[Pos2], colour: Color32) {
     let corners: Vec<[f64; 2]> = polygon.iter().map(|&point| point.into()).collect();
     let mut mesh = Mesh::default();
@@ -96,23 +97,24 @@ impl Hash for Corners<'_> {
     }
 }
 
-/// Computes the triangles of the cache.
+/// Computation of triangles for the triangle cache.
 #[derive(Default)]
-struct Cutter;
+struct Triangulator;
 
-impl ComputerMut<Corners<'_>, Arc<Vec<[usize; 3]>>> for Cutter {
+impl ComputerMut<Corners<'_>, Arc<Vec<[usize; 3]>>> for Triangulator {
     fn compute(&mut self, corners: Corners<'_>) -> Arc<Vec<[usize; 3]>> {
         Arc::new(triangles(corners.0))
     }
 }
 
-/// Returns the triangles of a polygon. They are cached, because pan and zoom do not change them.
+/// Returns the triangles of a polygon as indices of corners. The triangles are cached, because pan and zoom
+/// do not change them.
 fn triangles_of(ctx: &Context, corners: &[[f64; 2]]) -> Arc<Vec<[usize; 3]>> {
-    type Cache = FrameCache<Arc<Vec<[usize; 3]>>, Cutter>;
+    type Cache = FrameCache<Arc<Vec<[usize; 3]>>, Triangulator>;
     ctx.memory_mut(|memory| Arc::clone(memory.caches.cache::<Cache>().get(Corners(corners))))
 }
 
-/// Triangulates a simple polygon by ear clipping (Meisters 1975); returns indices of corners.
+/// Triangulates a simple polygon by ear clipping (Meisters 1975); each triangle is three indices of corners.
 fn triangles(polygon: &[[f64; 2]]) -> Vec<[usize; 3]> {
     let mut left: Vec<usize> = (0..polygon.len()).collect();
     let mut ring = polygon.to_vec();

@@ -1,4 +1,4 @@
-//! Panel of stage 2: the numbers of the placement, and the scale of the plan.
+//! Panel of stage 2: the numbers of the placement, and scale and opacity of the plan.
 
 use calib_core::Placement;
 
@@ -39,17 +39,17 @@ pub fn placement_ui(app: &mut App, ui: &mut Ui) {
     from_stage_1(app, ui);
 }
 
-/// Yaw of a camera as it is shown on the plan.
-struct Turn {
+/// Yaw of a camera as the panel shows it, with title and sigma in degrees.
+struct ShownYaw {
     title: &'static str,
     degrees: f64,
     sigma: Option<f64>,
 }
 
-impl Turn {
-    /// Returns the yaw; for a camera that looks straight down, the direction of the top of its image, because
-    /// yaw and roll are one rotation there.
-    fn of(solution: Option<&Solution>, degrees: f64) -> Self {
+impl ShownYaw {
+    /// Returns the shown yaw; `degrees` is the rotation of the placement. For a camera that looks straight
+    /// down, yaw and roll are one rotation. The direction of the top of its image replaces them.
+    fn from_solution(solution: Option<&Solution>, degrees: f64) -> Self {
         let camera = solution.and_then(Solution::camera);
         let Some((yaw, down)) = camera.and_then(|camera| Some((camera.yaw, camera.straight_down()?))) else {
             let sigma = solution.and_then(|solution| solution.sigma.as_ref()?.yaw_deg);
@@ -61,10 +61,10 @@ impl Turn {
     }
 }
 
-/// Shows the numbers of the placement, with fields and locks.
+/// Shows the numbers of the placement (position, yaw and height), with fields and locks.
 fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed: bool) {
     let (palette, camera) = (theme::palette(ui.ctx()), app.editor.session().camera);
-    let told = Turn::of(app.editor.session().solution(), placement.turn.to_degrees());
+    let told = ShownYaw::from_solution(app.editor.session().solution(), placement.turn.to_degrees());
     let mut turn = told.degrees;
     let mut height = placement.scale * STAGE_1_HEIGHT;
     let units = app.editor.session().tool.units;
@@ -93,7 +93,7 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     let text = format!("Height = {} \u{d7} scale {scale:.3}", units.length(STAGE_1_HEIGHT, 2));
     ui.label(RichText::new(text).small().color(palette.text3));
     match locked {
-        // A height with a prior is a result, too.
+        // The lock of the height belongs to the camera entry, not to the placement.
         Some("Height") if !fixed => {
             let held = known.is_none().then(|| Known::fixed(held_at(height, 2)));
             Number::Height.set(app, held);
@@ -107,7 +107,7 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     if changed == Some("Height")
         && let Some(known) = known.filter(|known| known.fixed && !fixed)
     {
-        // A fixed value overrides the others.
+        // A fixed height of the camera entry replaces the height of the placement.
         Number::Height.set(app, Some(Known { value: height, ..known }));
     } else if let Some(what) = changed.filter(|_| height > 0.0) {
         (placement.turn, placement.scale) = (placement.turn + (turn - told.degrees).to_radians(), scale);
@@ -115,8 +115,8 @@ fn numbers(app: &mut App, ui: &mut Ui, id: &str, mut placement: Placement, fixed
     }
 }
 
-/// Shows a number with field, sigma and lock; returns whether it was changed, and whether the lock was
-/// clicked.
+/// Shows a number with field, sigma and lock. Returns whether the number was changed, and whether the lock
+/// was clicked.
 fn field(
     ui: &mut Ui,
     title: &str,
@@ -141,7 +141,7 @@ fn field(
             let (sure, why) = match sigma {
                 Some(sigma) => (number(sigma, decimals(sigma)), "Standard deviation (\u{b1})"),
                 None if is_held == Some(true) => ("0".into(), "Fixed as entered"),
-                // A manual placement has no uncertainty, and unknown is not zero.
+                // The uncertainty of a manual placement is unknown, not zero.
                 None => ("?".into(), "Unknown: add links or control points"),
             };
             ui.label(RichText::new(format!("\u{b1} {sure}")).color(palette.text2)).on_hover_text(why);
@@ -205,7 +205,7 @@ fn pose_rows(app: &App, ui: &mut Ui) {
     let Some(solution) = app.editor.session().solution() else { return };
     let (Some(at), sigma) = (solution.position_m, solution.sigma.as_ref()) else { return };
     let units = app.editor.session().tool.units;
-    let turn = Turn::of(Some(solution), solution.yaw_deg.unwrap_or_default());
+    let turn = ShownYaw::from_solution(Some(solution), solution.yaw_deg.unwrap_or_default());
     let rows = [
         ("x", at.x, sigma.and_then(|s| s.x_m), units.metres(), units.symbol()),
         ("y", at.y, sigma.and_then(|s| s.y_m), units.metres(), units.symbol()),
@@ -221,7 +221,7 @@ fn pose_rows(app: &App, ui: &mut Ui) {
     }
 }
 
-/// Shows the plan: its scale, and the opacity of projected images.
+/// Shows the scale of the plan image, and the opacity of projected images.
 pub fn plan(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let name = app.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());

@@ -1,4 +1,4 @@
-//! Panel: planes other than the floor, their parameters and regions, and the plane of the selected
+//! Panel with the planes other than the floor, their parameters and regions. Also the plane of the selected
 //! annotations.
 
 use calib_core::single::Known;
@@ -12,7 +12,7 @@ use crate::state::App;
 use crate::theme;
 use crate::widgets::{heading, length_field, number};
 
-/// Shows the panel.
+/// Shows the panel of planes.
 pub(crate) fn planes_ui(app: &mut App, ui: &mut Ui) {
     heading(ui, "Planes", "other than the floor");
     for index in 0..app.editor.site().planes.len() {
@@ -50,7 +50,7 @@ fn row(app: &mut App, ui: &mut Ui, index: usize) {
     asked.into_iter().for_each(|planes| app.send(Action::Planes(planes)));
 }
 
-/// Returns height and slope of a plane, as solved or as entered.
+/// Returns height and slope of a plane as text, as solved or as entered.
 fn summary(app: &App, plane: &PlaneEntry) -> String {
     let (session, units) = (app.editor.session(), app.editor.session().tool.units);
     let now = session.solved.plane(&session.site, Some(&plane.id));
@@ -63,7 +63,7 @@ fn summary(app: &App, plane: &PlaneEntry) -> String {
     }
 }
 
-/// Shows the parameters of the current plane.
+/// Shows the fields for the parameters of the current plane; returns the requested change.
 fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Option<PlaneAction> {
     let renamed = name_field(ui, index, &plane.id).map(|id| PlaneAction::Rename(index, id));
     let (mut new, units) = (plane.clone(), app.editor.session().tool.units);
@@ -90,7 +90,7 @@ fn fields(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Optio
     renamed.or(set).or(region)
 }
 
-/// Shows the name field; returns a new name once it is entered.
+/// Shows the field for the name of a plane; returns the new name once the operator has entered it.
 fn name_field(ui: &mut Ui, index: usize, id: &str) -> Option<String> {
     let salt = ui.scope_id().with(("plane", index));
     let mut typed = ui.data(|data| data.get_temp::<String>(salt)).unwrap_or_else(|| id.to_owned());
@@ -108,7 +108,7 @@ fn name_field(ui: &mut Ui, index: usize, id: &str) -> Option<String> {
     (response.lost_focus() && !is_dropped && typed != id).then_some(typed)
 }
 
-/// Parameter of a plane.
+/// Parameter of a plane: height in metres, fall and direction in degrees.
 #[derive(Clone, Copy, Debug)]
 enum Quantity {
     Height,
@@ -125,8 +125,9 @@ impl Quantity {
         }
     }
 
-    /// Returns the initial value and sigma of a parameter that is switched on.
-    const fn usual(self) -> [f64; 2] {
+    /// Returns the value and the sigma of a parameter that the operator has just made known, in metres or
+    /// degrees.
+    const fn initial_value_and_sigma(self) -> [f64; 2] {
         match self {
             Self::Height => [0.0, 0.02],
             Self::Fall => [3.0, 0.5],
@@ -134,7 +135,7 @@ impl Quantity {
         }
     }
 
-    /// Creates the field of a value or of its standard deviation, which is never 0.
+    /// Creates the field for the value of a parameter or for its standard deviation, which is never 0.
     fn field(self, units: Units, value: &mut f64, is_sigma: bool) -> DragValue<'_> {
         let (low, most) = match self {
             Self::Height => return length_field(units, value, if is_sigma { 1e-4 } else { -1e5 }),
@@ -147,17 +148,21 @@ impl Quantity {
     }
 }
 
+/// State of a parameter that the solve estimates without a prior.
 const UNKNOWN: &str = "unknown";
+/// State of a parameter that is fixed.
 const KNOWN: &str = "known";
+/// State of a parameter with a prior.
 const ABOUT: &str = "approximate";
 
-/// Shows a number that is unknown, fixed, or known with a sigma; returns whether it was changed.
+/// Shows a parameter that is unknown, fixed, or known with a sigma; returns whether the parameter was
+/// changed.
 fn known_number(ui: &mut Ui, units: Units, what: Quantity, number: &mut Option<PlaneNumber>) -> bool {
     let palette = theme::palette(ui.ctx());
     let before = *number;
     ui.horizontal_wrapped(|ui| {
         let label = ui.label(RichText::new(what.title()).color(palette.text2));
-        let [usual, usual_sigma] = what.usual();
+        let [usual, usual_sigma] = what.initial_value_and_sigma();
         let (mut value, sigma) = number.map_or((usual, None), |number| (number.value(), sigma_of(number)));
         let state = match (*number, sigma) {
             (None, _) => UNKNOWN,
@@ -205,7 +210,8 @@ const fn sigma_of(number: PlaneNumber) -> Option<f64> {
     }
 }
 
-/// Shows the buttons for the region: draw it on the plan, or take the field of view of the current camera.
+/// Shows the buttons that set the region of a plane: draw on the plan, or take the field of view of the
+/// current camera.
 fn region_buttons(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) -> Option<PlaneAction> {
     let palette = theme::palette(ui.ctx());
     let mut asked = None;
@@ -214,7 +220,7 @@ fn region_buttons(app: &mut App, ui: &mut Ui, index: usize, plane: &PlaneEntry) 
         let text = if corners == 0 {
             "No region: no pixels are mapped to it".into()
         } else {
-            format!("Region of {corners} corners")
+            format!("Region with {corners} corners")
         };
         ui.label(RichText::new(text).color(palette.text2));
         if ui.button("Draw").on_hover_text("Corner by corner on the plan (O)").clicked() {

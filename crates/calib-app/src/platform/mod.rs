@@ -1,5 +1,5 @@
-//! Differences between desktop and browser behind one trait: files, choosers, background work, storage. No
-//! other folder asks on which of the two it runs.
+//! Differences between desktop and browser behind one trait: files, choosers, background work, storage. Only
+//! this folder distinguishes the two.
 
 #[cfg(not(target_arch = "wasm32"))]
 mod native;
@@ -27,7 +27,7 @@ pub use web::Task;
 #[cfg(target_arch = "wasm32")]
 pub(crate) use web::Web as Here;
 
-/// Background work that ended without a result because of a panic.
+/// Error of background work that ended without a result because of a panic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lost;
 
@@ -37,36 +37,36 @@ pub(crate) type Stills = [Arc<RgbImage>; 2];
 /// Input of the recovery of a camera.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Recovery {
-    /// The site with its solutions.
+    /// Site with its solutions.
     pub(crate) site: Site,
-    /// Index of the camera.
+    /// Index of the camera to recover.
     pub(crate) index: usize,
-    /// Comparison of its two images.
+    /// Comparison of the camera's two images.
     pub(crate) comparison: Comparison,
-    /// Its newer image.
+    /// Newer image of the camera.
     pub(crate) still: NewImage,
 }
 
 impl Recovery {
-    /// Recovers the camera.
+    /// Recovers the camera from its old and its new image.
     pub(crate) fn done(&self, [old, new]: [&RgbImage; 2]) -> Result<Recovered, String> {
         let found = calib_image::recover(&self.site, self.index, &self.comparison, [old, new], &self.still);
         found.map_err(|refusal| refusal.to_string())
     }
 }
 
-/// Future with the files of a chooser.
+/// Future with the files that the operator chooses; empty if the chooser is cancelled.
 pub(crate) type Answer = Pin<Box<dyn Future<Output = Vec<Chosen>>>>;
 
 /// System on which the app runs; [`Here`] is the system of this build.
 pub(crate) trait Platform {
-    /// Whether the system uses Ctrl+N, so that the app's shortcut adds Alt.
+    /// Whether the system reserves Ctrl+N, so that the app's shortcut needs Alt in addition.
     const KEEPS_CTRL_N: bool;
-    /// Whether files are saved to folders, next to their images; otherwise they are downloads.
+    /// Whether files are saved to folders, next to their images; otherwise files are downloads.
     const HAS_FOLDERS: bool;
     /// Font of headings.
     const MEDIUM_FONT: &'static [u8];
-    /// Lock of a folder; dropping it releases the folder.
+    /// Lock of an autosave folder; dropping the lock releases the folder.
     type Claim: std::fmt::Debug;
 
     /// Whether the operator asked the system for reduced motion.
@@ -75,13 +75,13 @@ pub(crate) trait Platform {
     /// Reads a file, up to the largest size of a site or an image.
     ///
     /// # Errors
-    /// When it is missing or too large.
+    /// When the file is missing or too large.
     fn read(path: &Path) -> FileResult<Vec<u8>>;
 
-    /// Reads a file as [`Self::read`] does, if it is allowed after all links are resolved.
+    /// Reads a file as [`Self::read`] does, if `reach` allows its path after all links are resolved.
     ///
     /// # Errors
-    /// When it is not allowed, and as `read`.
+    /// When the path is not allowed, and as `read`.
     fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u8>>;
 
     /// Resolves all links of a path; `None` if the file is missing.
@@ -93,45 +93,46 @@ pub(crate) trait Platform {
     /// When the folder cannot be written to.
     fn write(path: &Path, bytes: &[u8]) -> FileResult<()>;
 
-    /// Writes a file atomically, without waiting for the disk. It survives a crash of the program, but not of
-    /// the machine.
+    /// Writes a file atomically, without waiting for the disk. The file survives a crash of the program, but
+    /// not of the machine.
     ///
     /// # Errors
     /// When the folder cannot be written to.
     fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()>;
 
-    /// Returns the time in seconds since 1970; `None` where autosaves have no time.
+    /// Returns the time in seconds since 1970; `None` in the browser, whose storage dates its entries.
     fn now() -> Option<u64>;
 
     /// Whether a file exists and is read-only.
     fn is_read_only(path: &Path) -> bool;
 
-    /// Returns the folder of autosaves and of the demonstration's images.
+    /// Returns the folder of autosaves and of the demonstration's images; `None` in the browser.
     fn data_dir() -> Option<PathBuf>;
 
-    /// Returns the images in a folder, sorted by name.
+    /// Returns the paths of the images in a folder, sorted by name.
     fn images_in(folder: &Path) -> Vec<PathBuf>;
 
-    /// Locks a folder; `None` if another window has it.
+    /// Locks an autosave folder; `None` if another window has locked it.
     fn claim(folder: &Path) -> Option<Self::Claim>;
 
-    /// Deletes an autosave and its images.
+    /// Deletes the autosave `file` and the images in its folder.
     fn forget(folder: &Path, file: &Path);
 
-    /// Opens a chooser for files, or for a place to save.
+    /// Opens a file chooser for opening or saving, according to the purpose.
     fn ask(purpose: Purpose) -> Answer;
 
     /// Reads dropped files as chosen files.
     fn dropped(ctx: &Context, files: Vec<egui::DroppedFileHandle>) -> Task<Vec<Chosen>>;
 
-    /// Decodes an image and passes it to `then`.
+    /// Decodes an image in the background and passes it to `then`.
     fn picture<T: Send + 'static>(
         ctx: &Context,
         source: Source,
         then: impl FnOnce(RgbImage) -> T + Send + 'static,
     ) -> Task<Result<T, String>>;
 
-    /// Reads an image file, and returns its bytes and pixels; a drawing is rasterised.
+    /// Reads an image file in the background, and passes its bytes, its pixels and its PNG to `then`. Only an
+    /// SVG drawing, which is rasterised, has a PNG.
     fn still<T: Send + 'static>(
         ctx: &Context,
         name: String,
@@ -145,29 +146,30 @@ pub(crate) trait Platform {
     /// Detects the straight edges of an image with subpixel accuracy and their noise.
     fn measure_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Result<Vec<LineSegment>, String>>;
 
-    /// Calibrates a camera automatically from its edges; a lens that was entered is used.
+    /// Calibrates a camera automatically from its detected edges. If the camera entry contains a distortion,
+    /// the lens is not estimated.
     fn propose(
         ctx: &Context,
         camera: SiteCamera,
         edges: Vec<LineSegment>,
     ) -> Task<Result<AutomaticCalibration, String>>;
 
-    /// Cancels edge measurement and automatic calibration.
+    /// Cancels the running edge measurement and automatic calibration.
     fn stop_proposing();
 
     /// Compares two images of a solved camera.
     fn compare(ctx: &Context, camera: SiteCamera, stills: Stills) -> Task<Result<Comparison, String>>;
 
-    /// Recovers a camera that moved between two images, from the annotations of the first; the error is the
-    /// reason of a refusal.
+    /// Recovers a camera that moved between two images, from the annotations of the old image. The error is
+    /// the reason of a refusal.
     fn recover(ctx: &Context, asked: Recovery, stills: Stills) -> Task<Result<Recovered, String>>;
 
-    /// Cancels the comparison and the recovery.
+    /// Cancels the running comparison and recovery.
     fn stop_comparing();
 
-    /// Refines all cameras of a site jointly; it starts at once, even if other work is running.
+    /// Refines all cameras of a site jointly. The refinement starts at once, even if other work is running.
     fn refine(ctx: &Context, site: Site) -> Task<Result<Site, String>>;
 
-    /// Cancels the refinement.
+    /// Cancels the running refinement.
     fn stop_refining();
 }

@@ -18,12 +18,12 @@ use crate::plan::mesh::lay;
 use crate::state::App;
 use crate::theme;
 
-/// Height of the view, in points.
+/// Height of the floor view, in points.
 pub const HEIGHT: f32 = 220.0;
-/// Magnification of position ellipses.
-const MAGNIFIED: f64 = 5.0;
+/// Magnification of position ellipses in the floor view.
+const ELLIPSE_MAGNIFICATION: f64 = 5.0;
 
-/// Shows the view below the camera list.
+/// Shows the floor view of the current camera below the camera list.
 pub fn above_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let mut hide = false;
@@ -50,7 +50,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
             let units = app.editor.session().tool.units;
             let step = paint(&painter, rect, entry, pose, picture, units);
             let step = units.length(step, 0);
-            words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{MAGNIFIED}"));
+            words(format!("{step} grid. Ellipses: {SIGMAS}\u{3c3}, \u{d7}{ELLIPSE_MAGNIFICATION}"));
         }
         _ => words("Draw lines first".into()),
     }
@@ -59,31 +59,33 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Returns the pose moved to (0, 0) and facing up, so that left and right are as in the image.
+/// Returns the pose moved to x = y = 0 with yaw 0. The camera then faces up, and left and right are as in the
+/// image.
 fn facing_up(pose: &Camera) -> Camera {
     let mut camera = *pose;
     (camera.position.x, camera.position.y, camera.yaw) = (0.0, 0.0, 0.0);
     camera
 }
 
-/// Returns the floor area around the foot of a camera that its image shows.
-fn around(camera: &Camera, [w, h]: [f64; 2]) -> Vec<FloorPoint> {
-    /// Radius, in camera heights.
-    const RADIUS: f64 = 4.0;
-    const POINTS: u32 = 48;
-    let radius = RADIUS * camera.position.z.abs();
+/// Returns the part of a circle on the floor around the foot of a camera that its image shows.
+fn visible_circle(camera: &Camera, [w, h]: [f64; 2]) -> Vec<FloorPoint> {
+    /// Radius of the circle, in camera heights.
+    const RADIUS_IN_HEIGHTS: f64 = 4.0;
+    /// Number of points on the complete circle.
+    const CIRCLE_POINTS: u32 = 48;
+    let radius = RADIUS_IN_HEIGHTS * camera.position.z.abs();
     let is_seen = |at: &FloorPoint| {
         let shown = camera.world_to_pixel(at.at_height(0.0));
         shown.is_some_and(|at| (0.0..=w).contains(&at.u) && (0.0..=h).contains(&at.v))
     };
     let at = |index: u32| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(POINTS)).sin_cos();
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(index) / f64::from(CIRCLE_POINTS)).sin_cos();
         FloorPoint::new(radius * cos, radius * sin)
     };
-    (0..POINTS).map(at).filter(is_seen).collect()
+    (0..CIRCLE_POINTS).map(at).filter(is_seen).collect()
 }
 
-/// Paints the floor into a rectangle; returns the grid step, in metres.
+/// Paints the floor view of a camera into a rectangle; returns the grid step, in metres.
 pub fn paint(
     painter: &Painter,
     rect: Rect,
@@ -92,15 +94,17 @@ pub fn paint(
     picture: Option<&Picture>,
     units: Units,
 ) -> f64 {
-    /// Distance beyond which the projected image is a smear, in camera heights.
-    const REACH: f64 = 12.0;
+    /// Largest distance of floor points that are shown, in camera heights. The projected image is a smear
+    /// beyond it.
+    const MAX_DISTANCE_IN_HEIGHTS: f64 = 12.0;
     let camera = facing_up(pose);
-    let near = |at: &FloorPoint| at.x.hypot(at.y) < REACH * camera.position.z.abs().max(0.1);
+    let near =
+        |at: &FloorPoint| at.x.hypot(at.y) < MAX_DISTANCE_IN_HEIGHTS * camera.position.z.abs().max(0.1);
     let on_floor = |pixel| camera.pixel_to_floor(pixel, 0.0);
     let corners = corners_of(entry);
     let field: Vec<FloorPoint> = corners.iter().filter_map(|&pixel| on_floor(pixel)).filter(near).collect();
     // The corners of a fisheye image are black.
-    let field = if field.len() < 3 { around(&camera, entry.size()) } else { field };
+    let field = if field.len() < 3 { visible_circle(&camera, entry.size()) } else { field };
     let range = |of: fn(&FloorPoint) -> f64| {
         let values = || field.iter().map(of);
         [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
@@ -132,13 +136,13 @@ pub fn paint(
         let (Some(at), Some(known)) = (on_floor(corner), known) else {
             continue;
         };
-        // A very large ellipse would cover everything.
+        // A very large ellipse would cover the whole view.
         let is_small = |outline: &Vec<FloorPoint>| {
             outline
                 .iter()
                 .all(|point| mapping.view.zoom * point.distance(at) < 0.25 * f64::from(rect.width()))
         };
-        let outline = ellipse(at, &known, SIGMAS * MAGNIFIED).filter(is_small);
+        let outline = ellipse(at, &known, SIGMAS * ELLIPSE_MAGNIFICATION).filter(is_small);
         if let Some(mut outline) = outline.filter(|_| near(&at)) {
             outline.extend(outline.first().copied());
             line(painter, &path(&outline), Pen::new(Color32::WHITE, 1.0).faint());

@@ -1,4 +1,4 @@
-//! Camera list with thumbnails, missing steps and floor error; and the dock that compares two cameras which
+//! Camera list with thumbnails, missing steps and floor error. Also the dock that compares two cameras that
 //! fit the lines equally well.
 
 use calib_core::{floor_grid, on_image};
@@ -21,7 +21,7 @@ use crate::state::{App, Mode, Order};
 use crate::theme::{self, Palette};
 use crate::widgets::number;
 
-/// Shows the list, or a narrow strip of it (`rail`).
+/// Shows the camera list, or a narrow strip of thumbnails with `rail`.
 pub(crate) fn cameras_ui(app: &mut App, ui: &mut Ui, rail: bool) {
     let rows = rows(app);
     if !rail && app.view.above && app.view.mode == Mode::Image && ui.available_height() > 2.0 * above::HEIGHT
@@ -124,7 +124,7 @@ fn rows(app: &App) -> Vec<usize> {
     rows
 }
 
-/// Shows a camera; returns whether it was clicked.
+/// Shows a camera in the list; returns whether the camera was clicked.
 fn row(app: &mut App, ui: &mut Ui, camera: usize, rail: bool) -> bool {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.session().site.cameras.get(camera) else { return false };
@@ -169,7 +169,7 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     let clip = ui.painter().with_clip_rect(rect.with_max_x(rect.right() - 8.0));
     let top = egui::pos2(left, rect.top() + 7.0);
     let sigma = steps::floor_sigma(app.editor.session(), camera);
-    // An error of 100 % or more counts as unknown.
+    // A floor error of 100 % or more counts as unknown.
     let sigma = sigma.filter(|rel| *rel < 1.0);
     let sigma = sigma.map_or_else(|| "\u{2014}".into(), |rel| format!("{:.1} %", 100.0 * rel));
     let right = egui::pos2(rect.right() - 10.0, rect.top() + 8.0);
@@ -181,7 +181,7 @@ fn words(app: &App, ui: &Ui, camera: usize, rect: Rect, thumb: Rect) {
     clip.galley(egui::pos2(left, rect.top() + 23.0), galley, colour);
 }
 
-/// Returns the status of a camera; a change shown by its newest image has priority.
+/// Returns the status of a camera as text, with its colour. A change in its newest image has priority.
 fn about(app: &App, camera: usize, palette: &Palette) -> (String, Color32) {
     let changed = app.editor.newer(camera).filter(|newer| newer.comparison.change != CameraChange::Unchanged);
     if let Some(newer) = changed {
@@ -217,10 +217,11 @@ fn thumbnail(app: &mut App, ui: &Ui, name: Option<&str>, rect: Rect) {
     }
 }
 
-/// Height of the dock, in points.
+/// Height of the dock that compares two cameras, in points.
 pub(crate) const HEIGHT: f32 = 236.0;
 
-/// Shows a line over the lower edge of the image that offers the comparison.
+/// Shows a message over the lower edge of the image if several fields of view fit the annotations. Its button
+/// opens the comparison of two such cameras.
 pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
     let palette = theme::palette(ui.ctx());
     let Some((_, family)) = app.editor.family() else { return };
@@ -249,7 +250,7 @@ pub(crate) fn offer(app: &mut App, ui: &mut Ui, rect: Rect, is_tall: bool) {
     });
 }
 
-/// Shows the dock below the image.
+/// Shows the dock below the image, with two cameras that fit the lines equally well.
 pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some((_, family)) = app.editor.family() else { return };
@@ -289,7 +290,8 @@ pub(crate) fn dock_ui(app: &mut App, ui: &mut Ui) {
     actions.into_iter().for_each(|action| app.send(action));
 }
 
-/// Shows one camera with its numbers, image and floor; returns the field of view that the operator chose.
+/// Shows one of the two cameras with numbers, image and floor. Returns its field of view in degrees if the
+/// operator chose it.
 fn card(app: &App, ui: &mut Ui, family: &Family, which: usize) -> Option<f64> {
     let palette = theme::palette(ui.ctx());
     let Fit { view, solution, pose } = &family.shown[which];

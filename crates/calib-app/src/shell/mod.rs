@@ -18,23 +18,26 @@ use crate::state::{App, Mode};
 use crate::widgets::{NARROW, PHONE, section};
 use crate::{compare, export, propose, theme};
 
-/// Window width from which the right panel has its full width, in points.
-const WIDE: f32 = 1280.0;
+/// Smallest window width at which the right panel has its full width, in points.
+const WIDE_WINDOW: f32 = 1280.0;
 
-/// Widths of the panels, from the current width of the window.
+/// Widths of the panels for the current width of the window, in points.
 #[derive(Clone, Copy)]
 struct Widths {
-    /// Id of the remembered panel widths; another layout starts afresh.
+    /// Id under which the panel widths are stored; every layout has its own widths.
     kind: &'static str,
+    /// Whether a strip of thumbnails replaces the camera list.
     has_rail: bool,
+    /// Default width of the right panel.
     right: f32,
+    /// Largest width of the right panel.
     right_most: f32,
 }
 
 impl Widths {
     fn of(window: f32) -> Self {
         match window {
-            w if w >= WIDE => Self { kind: "wide", has_rail: false, right: 296.0, right_most: 480.0 },
+            w if w >= WIDE_WINDOW => Self { kind: "wide", has_rail: false, right: 296.0, right_most: 480.0 },
             w if w >= NARROW => Self { kind: "middle", has_rail: false, right: 256.0, right_most: 320.0 },
             _ => Self { kind: "narrow", has_rail: true, right: 216.0, right_most: 240.0 },
         }

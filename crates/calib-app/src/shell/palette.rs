@@ -9,7 +9,7 @@ use crate::keys;
 use crate::state::App;
 use crate::theme;
 
-/// Shows the open sheets.
+/// Shows the command palette, the shortcut sheet and the about sheet if they are open.
 pub fn palette_ui(app: &mut App, ctx: &Context) {
     if app.dialogs.palette.is_open {
         commands(app, ctx);
@@ -22,7 +22,7 @@ pub fn palette_ui(app: &mut App, ctx: &Context) {
     }
 }
 
-/// Whether every typed word begins a word of the text.
+/// Whether the text contains every word of the query, in any order and case.
 fn is_match(text: &str, query: &str) -> bool {
     let text = text.to_lowercase();
     query.to_lowercase().split_whitespace().all(|word| text.contains(word))
@@ -92,6 +92,7 @@ fn commands(app: &mut App, ctx: &Context) {
 /// Group of the shortcut sheet: a title, and a test for its commands.
 type KeyGroup = (&'static str, fn(Group) -> bool);
 
+/// Groups of the shortcut sheet in their order.
 const GROUPS: [KeyGroup; 7] = [
     ("Tools", |group| matches!(group, Group::Tool(_))),
     ("Files", |group| matches!(group, Group::Files(_))),
@@ -141,7 +142,7 @@ fn shortcuts(app: &mut App, ctx: &Context) {
             for line in [
                 "Wheel: zoom at the cursor.   Middle button, or Space and drag: pan.   Tab: next handle.",
                 "While dragging: Shift moves a tenth, Esc cancels.  While dragging or drawing: Alt snaps to the edge.",
-                "Marks: Alt drags the camera instead of the mark, Ctrl changes its height.   Ctrl+click: select more.",
+                "Marks: Alt drags the camera instead of the mark, Ctrl changes the height of the mark.   Ctrl+click: select more.",
             ] {
                 ui.label(RichText::new(line).color(palette.text2));
             }
@@ -174,7 +175,7 @@ fn about(app: &mut App, ctx: &Context) {
     app.dialogs.about &= open;
 }
 
-/// Shows the licence notices; only visible lines are laid out.
+/// Shows the licence notices of third parties; only visible lines are laid out.
 fn notices(ui: &mut Ui) {
     const NOTICES: &str = include_str!("../../assets/THIRD-PARTY.txt");
     static LINES: std::sync::LazyLock<Vec<&str>> = std::sync::LazyLock::new(|| NOTICES.lines().collect());

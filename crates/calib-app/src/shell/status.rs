@@ -30,9 +30,9 @@ pub(crate) fn status_ui(app: &mut App, ui: &mut Ui) {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let is_narrow = ui.ctx().content_rect().width() < crate::widgets::NARROW;
             state(app, ui, &mut stop);
-            // A narrow window shows only the effect of the next click.
+            // A narrow window shows only the hint for the next click.
             if !is_narrow {
-                place(app, ui);
+                pointer_position(app, ui);
             }
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 ui.add(egui::Label::new(RichText::new(hint).color(palette.text)).truncate());
@@ -52,7 +52,7 @@ fn proposal_hint(app: &App) -> Option<String> {
     Some(match picked {
         Some(group) => format!("A line of {}. Delete removes it.", group.title()),
         None if proposed.confidence == Confidence::None && proposed.alternative.is_some() => {
-            "Two cameras explain the edges equally well. Click the right one; Esc discards both.".into()
+            "Two solutions fit the edges equally well. Click the correct one; Esc discards both.".into()
         }
         None if proposed.confidence == Confidence::None => "Esc discards the detected lines.".into(),
         None => {
@@ -64,13 +64,13 @@ fn proposal_hint(app: &App) -> Option<String> {
 
 /// Whether a note is recent enough to replace the hint for the next click.
 fn is_fresh(ui: &Ui, note: &str) -> bool {
-    /// Duration of a note, in seconds.
-    const LASTS: f64 = 10.0;
+    /// Duration for which a note is shown, in seconds.
+    const NOTE_DURATION_S: f64 = 10.0;
     let (id, now) = (ui.scope_id().with("note"), ui.input(|input| input.time));
     let known: Option<(String, f64)> = ui.data(|data| data.get_temp(id));
     let since = known.filter(|(text, _)| text == note).map_or(now, |(_, since)| since);
     ui.data_mut(|data| data.insert_temp(id, (note.to_owned(), since)));
-    let left = LASTS - (now - since);
+    let left = NOTE_DURATION_S - (now - since);
     if left > 0.0 {
         ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(left));
     }
@@ -132,7 +132,8 @@ fn state(app: &App, ui: &mut Ui, stop: &mut bool) {
     }
 }
 
-fn place(app: &App, ui: &mut Ui) {
+/// Shows the position of the pointer on the image, the floor or the plan.
+fn pointer_position(app: &App, ui: &mut Ui) {
     let palette = theme::palette(ui.ctx());
     let Some((pane, at)) = app.view.panes.cursor else { return };
     let strong = |text: String| RichText::new(text).font(theme::medium(12.0)).color(palette.text);
@@ -194,8 +195,8 @@ fn floor(app: &App, ui: &mut Ui, pose: &calib_core::Camera, at: Pixel) {
     ui.label(RichText::new(plane.map_or("floor", |plane| &plane.id)).color(palette.text2));
 }
 
-/// Tools that are followed by a gap.
-const GAPS: [&str; 3] = ["Select", "Upright", "Mark"];
+/// Titles of the tools that are followed by a gap in the strip.
+const TOOLS_BEFORE_GAP: [&str; 3] = ["Select", "Upright", "Mark"];
 
 /// Shows the strip of tools.
 pub(crate) fn toolstrip_ui(app: &mut App, ui: &mut Ui) {
@@ -224,7 +225,7 @@ pub(crate) fn toolstrip_ui(app: &mut App, ui: &mut Ui) {
             if response.clicked() {
                 chosen = Some(index);
             }
-            if GAPS.contains(&row.title) {
+            if TOOLS_BEFORE_GAP.contains(&row.title) {
                 ui.add_space(4.0);
             }
         }

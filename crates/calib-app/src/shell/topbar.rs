@@ -8,7 +8,7 @@ use crate::icons::{self, Icon, Look};
 use crate::state::{App, Mode};
 use crate::theme;
 
-/// Commands of the menu, in groups.
+/// Commands of the main menu, in groups.
 const MENU: &[&[Command]] = &[
     &[
         Command::NewSite,
@@ -26,6 +26,7 @@ const MENU: &[&[Command]] = &[
     &[Command::Shortcuts, Command::About],
 ];
 
+/// Buttons of the views: mode, command, icon and label.
 const VIEWS: [(Mode, Command, Icon, &str); 4] = [
     (Mode::Image, Command::ViewImage, Icon::Image, "Image"),
     (Mode::Plan, Command::ViewPlan, Icon::Plan, "Plan"),
@@ -98,7 +99,7 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     ui.spacing_mut().item_spacing.x = 4.0;
     for (i, (mode, command, icon, title)) in VIEWS.into_iter().enumerate() {
         let is_on = app.view.mode == mode;
-        // On a phone the buttons have icons only.
+        // In a narrow window the buttons have icons only.
         let phone = ui.ctx().content_rect().width() < crate::widgets::NARROW;
         let text = if phone { "     ".into() } else { format!("      {title}   {}", i + 1) };
         let text = RichText::new(text);
@@ -123,7 +124,7 @@ fn views(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     }
 }
 
-/// Shows the right part, from the right edge inwards.
+/// Shows the buttons in the right part of the bar, from the right edge inwards.
 fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     let palette = theme::palette(ui.ctx());
     let mut button = |ui: &mut Ui, icon, label: &str, command, on: bool| {
@@ -141,7 +142,7 @@ fn right(app: &App, ui: &mut Ui, chosen: &mut Option<Command>) {
     button(ui, Icon::Redo, &redo, Command::Redo, false);
     let undo = app.editor.command_text(Command::Undo);
     button(ui, Icon::Undo, &undo, Command::Undo, false);
-    // Labels are hidden before the views are.
+    // If the bar is short of space, the undo label is hidden first.
     let room = ui.available_width() - 4.0;
     if app.editor.session().history.undo_name().is_some() && room > 60.0 {
         // Painted only: the button next to it has the same name for screen readers.

@@ -6,7 +6,7 @@ use crate::command::Command;
 use crate::state::{App, STEPS};
 use crate::theme;
 
-/// Shows the current step; after the last one, the way to one's own images.
+/// Shows the current step of the tour; after the last step, the instructions for one's own images.
 pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
     let Some(index) = app.tour.step else { return };
     let open = app.tour.open(app.editor.session(), app.view.mode);
@@ -16,29 +16,29 @@ pub(super) fn tour_ui(app: &mut App, ui: &mut Ui) {
     }
     let palette = theme::palette(ui.ctx());
     let frame = Frame::NONE.fill(palette.accent_bg).inner_margin(Margin::symmetric(12, 8));
-    let wish = Panel::top("tour").frame(frame).show(ui, |ui| match STEPS.get(index) {
+    let request = Panel::top("tour").frame(frame).show(ui, |ui| match STEPS.get(index) {
         Some(_) => step(app, ui, index, open.as_deref().unwrap_or_default()),
         None => end(ui),
     });
-    match wish.inner {
-        Some(Wish::Tell(command)) => app.tell(command),
-        Some(Wish::Skip) => app.tour.step = Some(index + 1),
-        Some(Wish::End) => app.tour.step = None,
+    match request.inner {
+        Some(StripRequest::Run(command)) => app.tell(command),
+        Some(StripRequest::Skip) => app.tour.step = Some(index + 1),
+        Some(StripRequest::End) => app.tour.step = None,
         None => {}
     }
 }
 
-/// Request of a button of the strip.
-enum Wish {
-    Tell(Command),
+/// Request of the operator with a button of the strip.
+enum StripRequest {
+    Run(Command),
     Skip,
     End,
 }
 
-fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<Wish> {
+fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<StripRequest> {
     let palette = theme::palette(ui.ctx());
     let step = app.tour.step()?;
-    let mut wish = None;
+    let mut request = None;
     ui.horizontal_wrapped(|ui| {
         let count = format!("Step {} of {}", index + 1, STEPS.len());
         ui.label(RichText::new(count).small().color(palette.accent));
@@ -50,22 +50,22 @@ fn step(app: &App, ui: &mut Ui, index: usize, open: &str) -> Option<Wish> {
         for (text, button) in step.buttons {
             let text = RichText::new(*text).font(theme::medium(12.0)).color(palette.bg);
             if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
-                wish = Some(Wish::Tell(button.command()));
+                request = Some(StripRequest::Run(button.command()));
             }
         }
         if ui.button("Skip this step").clicked() {
-            wish = Some(Wish::Skip);
+            request = Some(StripRequest::Skip);
         }
         if ui.button("End the tour").clicked() {
-            wish = Some(Wish::End);
+            request = Some(StripRequest::End);
         }
     });
-    wish
+    request
 }
 
-fn end(ui: &mut Ui) -> Option<Wish> {
+fn end(ui: &mut Ui) -> Option<StripRequest> {
     let palette = theme::palette(ui.ctx());
-    let mut wish = None;
+    let mut request = None;
     ui.label(RichText::new("The tour is complete").font(theme::medium(13.0)));
     let text = "With your own images: one still of every camera, and a floor plan if there is one. Draw on each what you \
                 drew here, place it, link what two views show (K), then Refine (F9) and save (Ctrl+S).";
@@ -73,11 +73,11 @@ fn end(ui: &mut Ui) -> Option<Wish> {
     ui.horizontal_wrapped(|ui| {
         let text = RichText::new("New site").font(theme::medium(12.0)).color(palette.bg);
         if ui.add(egui::Button::new(text).fill(palette.accent)).clicked() {
-            wish = Some(Wish::Tell(Command::NewSite));
+            request = Some(StripRequest::Run(Command::NewSite));
         }
         if ui.button("Close").clicked() {
-            wish = Some(Wish::End);
+            request = Some(StripRequest::End);
         }
     });
-    wish
+    request
 }

@@ -13,11 +13,11 @@ use crate::theme;
 use crate::widgets::number;
 
 /// Height of the header of a view, in points.
-const HEADER: f32 = 28.0;
-/// Smallest height of a tile, in points.
-const LEAST: f32 = 150.0;
+const HEADER_HEIGHT: f32 = 28.0;
+/// Smallest height of a camera tile, in points.
+const MIN_TILE_HEIGHT: f32 = 150.0;
 
-/// Shows the views of the current mode.
+/// Shows the canvases of the current mode.
 pub fn views_ui(app: &mut App, ui: &mut Ui) {
     let rect = ui.max_rect();
     app.view.panes.middle = Some(rect);
@@ -38,35 +38,36 @@ pub fn views_ui(app: &mut App, ui: &mut Ui) {
             }
         }
         Mode::Plan => {
-            let right = beside(app, ui, rect, app.view.beside_plan);
+            let right = image_beside(app, ui, rect, app.view.beside_plan);
             header(
                 app,
                 ui,
-                right.with_max_y(right.top() + HEADER),
+                right.with_max_y(right.top() + HEADER_HEIGHT),
                 "Floor plan",
                 &[Command::Coverage, Command::Blend, Command::Snap],
             );
-            pane::plan(app, ui, right.with_min_y(right.top() + HEADER), Place::Main);
+            pane::plan(app, ui, right.with_min_y(right.top() + HEADER_HEIGHT), Place::Main);
         }
-        Mode::All => all(app, ui, rect),
+        Mode::All => all_cameras(app, ui, rect),
         Mode::Scene => {
-            let right = beside(app, ui, rect, app.view.beside_scene);
+            let right = image_beside(app, ui, rect, app.view.beside_scene);
             scene(app, ui, right);
         }
     }
 }
 
-/// Shows the image on one side if it is enabled; returns the remaining rectangle.
-fn beside(app: &mut App, ui: &mut Ui, rect: Rect, is_wanted: bool) -> Rect {
-    const SHARE: f32 = 0.46;
+/// Shows the image in a part of the rectangle if `is_wanted` is set; returns the remaining rectangle.
+fn image_beside(app: &mut App, ui: &mut Ui, rect: Rect, is_wanted: bool) -> Rect {
+    /// Fraction of the rectangle for the image.
+    const IMAGE_FRACTION: f32 = 0.46;
     if !is_wanted {
         return rect;
     }
     let is_tall = rect.height() > 1.2 * rect.width();
     let (left, right) = if is_tall {
-        rect.split_top_bottom_at_fraction(SHARE)
+        rect.split_top_bottom_at_fraction(IMAGE_FRACTION)
     } else {
-        rect.split_left_right_at_fraction(SHARE)
+        rect.split_left_right_at_fraction(IMAGE_FRACTION)
     };
     images(app, ui, left);
     let ends = [right.left_top(), if is_tall { right.right_top() } else { right.left_bottom() }];
@@ -74,6 +75,7 @@ fn beside(app: &mut App, ui: &mut Ui, rect: Rect, is_wanted: bool) -> Rect {
     right
 }
 
+/// Shows the image of one camera with its header.
 fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
     let switches = [
         Command::Grid,
@@ -84,12 +86,13 @@ fn single(app: &mut App, ui: &mut Ui, rect: Rect, camera: usize, place: Place) {
         if app.is_fisheye(camera) { Command::NextWindow } else { Command::Straighten },
         Command::ColourByResidual,
     ];
-    let above = rect.with_max_y(rect.top() + HEADER);
+    let above = rect.with_max_y(rect.top() + HEADER_HEIGHT);
     pane::image(app, ui, rect.with_min_y(above.bottom()), camera, place);
     camera_header(app, ui, above, (camera, place), &switches);
 }
 
-/// Shows the current camera, and below it the camera that shares most of its floor area.
+/// Shows the image of the current camera. Below, shows the image of the camera that shares most of its floor
+/// area, if there is room.
 fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     let camera = app.editor.session().camera;
     let Some(other) = neighbour(app, camera).filter(|_| rect.height() > 500.0) else {
@@ -98,11 +101,11 @@ fn images(app: &mut App, ui: &mut Ui, rect: Rect) {
     };
     let (top, bottom) = rect.split_top_bottom_at_fraction(0.52);
     single(app, ui, top, camera, Place::Half);
-    camera_header(app, ui, bottom.with_max_y(bottom.top() + HEADER), (other, Place::Tile), &[]);
-    pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER), other, Place::Tile);
+    camera_header(app, ui, bottom.with_max_y(bottom.top() + HEADER_HEIGHT), (other, Place::Tile), &[]);
+    pane::image(app, ui, bottom.with_min_y(bottom.top() + HEADER_HEIGHT), other, Place::Tile);
 }
 
-/// Returns the placed camera that sees most of this one's field of view.
+/// Returns the index of the placed camera that sees most of the field of view of `camera`.
 fn neighbour(app: &App, camera: usize) -> Option<usize> {
     let own = app.editor.session().solved.solution(camera)?;
     let shared = |index: usize| {
@@ -132,7 +135,7 @@ fn camera_header(
     let (id, title) = (entry.id.clone(), entry.name.clone().unwrap_or_else(|| entry.id.clone()));
     let key = (place, Pane::Image(camera));
     let zoom = app.view.panes.views.get(&key).map_or_else(String::new, |view| {
-        // Zoom in physical pixels, not in points.
+        // The zoom is shown in physical screen pixels per image pixel.
         let zoom = view.zoom * f64::from(ui.ctx().pixels_per_point());
         format!("{} %", number(100.0 * zoom, 0))
     });
@@ -197,12 +200,15 @@ const fn state(app: &App, command: Command) -> (&'static str, bool) {
     }
 }
 
-/// Shows every camera, and the floor.
-fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
+/// Shows the images of all cameras, and the floor plan, as tiles.
+fn all_cameras(app: &mut App, ui: &mut Ui, rect: Rect) {
     let count = app.editor.session().site.cameras.len() + 1;
     let columns = columns(count, rect);
     let rows = count.div_ceil(columns);
-    let size = Vec2::new(rect.width() / columns as f32, (rect.height() / rows as f32).max(LEAST + HEADER));
+    let size = Vec2::new(
+        rect.width() / columns as f32,
+        (rect.height() / rows as f32).max(MIN_TILE_HEIGHT + HEADER_HEIGHT),
+    );
     app.view.panes.tiles_overflow = size.y * rows as f32 > rect.height() + 1.0;
     ui.scope_builder(egui::UiBuilder::new().max_rect(rect), |ui| {
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
@@ -215,7 +221,7 @@ fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
                 if !ui.is_rect_visible(tile) {
                     continue;
                 }
-                let above = tile.with_max_y(tile.top() + HEADER);
+                let above = tile.with_max_y(tile.top() + HEADER_HEIGHT);
                 let below = tile.with_min_y(above.bottom());
                 if index + 1 == count {
                     header(app, ui, above, "Floor", &[Command::Blend]);
@@ -233,17 +239,19 @@ fn all(app: &mut App, ui: &mut Ui, rect: Rect) {
     });
 }
 
-/// Returns the number of columns whose tiles are closest to the shape of an image.
+/// Returns the number of columns at which the tiles are closest to the shape of an image.
 fn columns(count: usize, rect: Rect) -> usize {
-    const STILL: f32 = 1.6;
+    /// Width of a typical image divided by its height.
+    const IMAGE_ASPECT: f32 = 1.6;
     let off = |columns: usize| {
         let rows = count.div_ceil(columns);
-        let shape = (rect.width() / columns as f32) / (rect.height() / rows as f32).max(LEAST);
-        (shape / STILL).ln().abs()
+        let shape = (rect.width() / columns as f32) / (rect.height() / rows as f32).max(MIN_TILE_HEIGHT);
+        (shape / IMAGE_ASPECT).ln().abs()
     };
     (1..=count.max(1)).min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(1)
 }
 
+/// Shows the 3-D scene.
 fn scene(app: &mut App, ui: &mut Ui, rect: Rect) {
     app.ask_for_plan(ui.ctx());
     let response = ui.interact(rect, ui.scope_id().with("scene"), Sense::click_and_drag());

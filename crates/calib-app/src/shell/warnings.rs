@@ -1,4 +1,4 @@
-//! Panels: warnings of a result with buttons that act on them, and the age of every calibration.
+//! Panels with the warnings of a result, buttons that act on the warnings, and the age of every calibration.
 
 use calib_core::{Code, Finding, Severity, Subject};
 use calib_editor::{Action, Part, site_subject, valid_since};
@@ -13,7 +13,7 @@ use crate::storage::autosave::ago;
 use crate::theme;
 use crate::widgets::heading;
 
-/// Shows every camera with the age of its calibration and the result of its newest image.
+/// Shows every camera with the age of its calibration and the comparison result of its newest image.
 pub(crate) fn health_ui(app: &mut App, ui: &mut Ui) {
     let count = app.editor.site().cameras.len();
     let compared = (0..count).filter(|&camera| app.editor.newer(camera).is_some()).count();
@@ -23,7 +23,7 @@ pub(crate) fn health_ui(app: &mut App, ui: &mut Ui) {
     }
 }
 
-/// Shows a camera; a click selects it and shows its image.
+/// Shows a camera; a click selects the camera and shows its image.
 fn row(app: &mut App, ui: &mut Ui, camera: usize) {
     let palette = theme::palette(ui.ctx());
     let Some(entry) = app.editor.site().cameras.get(camera) else { return };
@@ -49,7 +49,7 @@ fn row(app: &mut App, ui: &mut Ui, camera: usize) {
     }
 }
 
-/// Returns the name of a camera period, with its end if it has ended.
+/// Returns the name of a camera period, with the end date if the period has ended.
 fn name(entry: &SiteCamera) -> String {
     match &entry.valid_to {
         Some(to) => format!("{} until {}", entry.id, to.get(..10).unwrap_or(to)),
@@ -57,23 +57,23 @@ fn name(entry: &SiteCamera) -> String {
     }
 }
 
-/// Returns the age of the calibration, since its period began or its image was taken.
+/// Returns the age of a calibration as text, from the start of its period or the time of its image.
 fn age(app: &App, camera: usize) -> String {
     let known = valid_since(app.editor.session(), camera);
-    known.map_or_else(|| "age unknown".into(), |since| format!("of {}", ago(since, (app.clock)())))
+    known.map_or_else(|| "age unknown".into(), |since| format!("from {}", ago(since, (app.clock)())))
 }
 
 /// Shows the warnings of the current camera; the most severe is open, the others are folded.
 pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
-    let warnings = ordered(app);
-    let mut wish = None;
+    let warnings = sorted_warnings(app);
+    let mut request = None;
     let is_open = ui.scope_id().with("more warnings");
     let mut shows_all = ui.data(|data| data.get_temp::<bool>(is_open)).unwrap_or(false);
     let first = warnings.len().min(1);
     for warning in warnings.iter().take(if shows_all { warnings.len() } else { first }) {
         let message = app.editor.session().warning_text(app.editor.session().camera, warning);
         let shown = Warning { message, ..warning.clone() };
-        card(ui, &shown, |ui| buttons(app, ui, warning, &mut wish));
+        card(ui, &shown, |ui| buttons(app, ui, warning, &mut request));
     }
     if warnings.len() > 1 {
         let more = format!("{} more", warnings.len() - 1);
@@ -82,9 +82,9 @@ pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
             ui.data_mut(|data| data.insert_temp(is_open, shows_all));
         }
     }
-    let shared = set_aside(app);
+    let shared = rejected_observations(app);
     for (warning, part) in &shared {
-        card(ui, warning, |ui| on_part(ui, *part, &mut wish));
+        card(ui, warning, |ui| part_buttons(ui, *part, &mut request));
     }
     if warnings.is_empty() && shared.is_empty() && app.editor.session().solution().is_some() {
         let palette = theme::palette(ui.ctx());
@@ -93,13 +93,13 @@ pub(crate) fn warnings_ui(app: &mut App, ui: &mut Ui) {
             ui.label(RichText::new("No warnings").color(palette.text2));
         });
     }
-    if let Some(deed) = wish {
-        grant(app, deed);
+    if let Some(action) = request {
+        run_action(app, action);
     }
 }
 
-/// Returns the rejected links and marks of the current camera, with their position in its image.
-fn set_aside(app: &App) -> Vec<(Warning, Part)> {
+/// Returns the warnings about rejected link observations of the current camera, with the observations.
+fn rejected_observations(app: &App) -> Vec<(Warning, Part)> {
     let session = app.editor.session();
     let (Some(report), Some(entry)) = (session.solved.joint_report(), session.entry()) else {
         return Vec::new();
@@ -114,55 +114,56 @@ fn set_aside(app: &App) -> Vec<(Warning, Part)> {
 }
 
 /// Shows the buttons for a rejected observation.
-fn on_part(ui: &mut Ui, part: Part, wish: &mut Option<Deed>) {
+fn part_buttons(ui: &mut Ui, part: Part, request: &mut Option<WarningAction>) {
     ui.horizontal_wrapped(|ui| {
         if ui.button("Show").clicked() {
-            *wish = Some(Deed::Show(Place::Part(part)));
+            *request = Some(WarningAction::Show(Location::Part(part)));
         }
         for (text, command) in [("Use anyway", Command::UseAnyway), ("Delete", Command::Delete)] {
             if ui.button(text).clicked() {
-                *wish = Some(Deed::OnPart(command, part));
+                *request = Some(WarningAction::OnPart(command, part));
             }
         }
     });
 }
 
-/// Returns the warnings, the most severe first.
-fn ordered(app: &App) -> Vec<Warning> {
+/// Returns the warnings of the current camera, the most severe first.
+fn sorted_warnings(app: &App) -> Vec<Warning> {
     let solution = app.editor.session().solution();
     let mut warnings = solution.map(|solution| solution.warnings.clone()).unwrap_or_default();
     warnings.sort_by_key(|warning| std::cmp::Reverse(warning.code.severity()));
     warnings
 }
 
-fn grant(app: &mut App, deed: Deed) {
+/// Carries out the action of a button.
+fn run_action(app: &mut App, action: WarningAction) {
     app.send(Action::CancelGesture);
-    match deed {
-        Deed::Show(Place::Part(part)) => {
+    match action {
+        WarningAction::Show(Location::Part(part)) => {
             app.send(Action::Select(part));
             app.reveal(part);
         }
-        Deed::Show(Place::View(command)) | Deed::Tell(command) => app.tell(command),
-        Deed::OnPart(command, part) => {
+        WarningAction::Show(Location::View(command)) | WarningAction::Run(command) => app.tell(command),
+        WarningAction::OnPart(command, part) => {
             app.send(Action::Select(part));
             app.tell(command);
         }
     }
 }
 
-/// Shows the warnings of the site.
+/// Shows the warnings of the joint solve of the site.
 pub(crate) fn site(app: &mut App, ui: &mut Ui) {
     let session = app.editor.session();
     let Some(report) = session.solved.joint_report() else { return };
-    let mut wish = None;
+    let mut request = None;
     for warning in &report.site.warnings {
         card(ui, warning, |ui| {
             if ui.button("Show").clicked() {
-                wish = Some(site_subject(&session.site, report, warning));
+                request = Some(site_subject(&session.site, report, warning));
             }
         });
     }
-    if let Some(subject) = wish {
+    if let Some(subject) = request {
         show_subject(app, subject);
     }
 }
@@ -185,6 +186,7 @@ fn show_subject(app: &mut App, subject: Option<Subject>) {
     action.into_iter().for_each(|action| app.send(action));
 }
 
+/// Shows a warning with its advice, and more widgets below.
 fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
     let palette = theme::palette(ui.ctx());
     let (fill, colour) = match warning.code.severity() {
@@ -206,29 +208,30 @@ fn card(ui: &mut Ui, warning: &Warning, more: impl FnOnce(&mut Ui)) {
     ui.add_space(4.0);
 }
 
-/// Location of the subject of a warning.
+/// Location that shows the subject of a warning.
 #[derive(Clone, Copy)]
-enum Place {
+enum Location {
     Part(Part),
     View(Command),
 }
 
-/// Request of a button of a warning.
+/// Action that the operator requests with a button of a warning.
 #[derive(Clone, Copy)]
-enum Deed {
-    Show(Place),
-    Tell(Command),
+enum WarningAction {
+    Show(Location),
+    Run(Command),
     OnPart(Command, Part),
 }
 
-fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
-    let place = place_of(app, warning);
-    if let (Code::Outlier, Place::Part(part)) = (warning.code, place) {
-        return on_part(ui, part, wish);
+/// Shows the buttons of a warning.
+fn buttons(app: &App, ui: &mut Ui, warning: &Warning, request: &mut Option<WarningAction>) {
+    let place = location_of(app, warning);
+    if let (Code::Outlier, Location::Part(part)) = (warning.code, place) {
+        return part_buttons(ui, part, request);
     }
     ui.horizontal_wrapped(|ui| {
         if ui.button("Show").clicked() {
-            *wish = Some(Deed::Show(place));
+            *request = Some(WarningAction::Show(place));
         }
         match (warning.code, place) {
             (Code::FocalUnobservable | Code::Weak | Code::Unusable | Code::TwoSolutions, _)
@@ -240,7 +243,7 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
                 ];
                 for (text, command) in buttons {
                     if ui.button(text).clicked() {
-                        *wish = Some(Deed::Tell(command));
+                        *request = Some(WarningAction::Run(command));
                     }
                 }
             }
@@ -249,33 +252,33 @@ fn buttons(app: &App, ui: &mut Ui, warning: &Warning, wish: &mut Option<Deed>) {
     });
 }
 
-/// Returns the location of the subject of a warning.
-fn place_of(app: &App, warning: &Warning) -> Place {
+/// Returns the location that shows the subject of a warning.
+fn location_of(app: &App, warning: &Warning) -> Location {
     let session = app.editor.session();
     let entry = session.entry();
-    let line = |annotation, segment| Place::Part(Part::Line { annotation, segment });
+    let line = |annotation, segment| Location::Part(Part::Line { annotation, segment });
     let lens = || entry.and_then(|entry| entry.annotations.iter().position(|a| a.is_straight_edge()));
     let subject = session.solved.finding(&session.site, session.camera, warning).map(Finding::subject);
     let found = match subject {
         Some(Subject::Line(source)) => Some(line(source.annotation, source.segment)),
         Some(Subject::Annotation(index)) => Some(line(index, 0)),
         Some(Subject::OwnControlPoint(point) | Subject::ControlPoint { point, .. }) => {
-            Some(Place::Part(Part::Control(point)))
+            Some(Location::Part(Part::Control(point)))
         }
-        Some(Subject::Efov) => Some(Place::Part(Part::Field)),
-        Some(Subject::Placement) => Some(Place::View(Command::ViewPlan)),
+        Some(Subject::Efov) => Some(Location::Part(Part::Field)),
+        Some(Subject::Placement) => Some(Location::View(Command::ViewPlan)),
         Some(Subject::Link(_) | Subject::Mark(_) | Subject::Distance(_) | Subject::Camera(_)) => {
-            Some(Place::View(Command::ViewAll))
+            Some(Location::View(Command::ViewAll))
         }
         Some(Subject::Lens) => lens().map(|index| line(index, 0)),
         _ => None,
     };
-    let suspect = || first_outlier(app).filter(|_| warning.code == Code::Outlier).map(Place::Part);
-    let worst = || worst_line(app).map(Place::Part);
-    found.or_else(suspect).or_else(worst).unwrap_or(Place::View(Command::ViewImage))
+    let suspect = || first_outlier(app).filter(|_| warning.code == Code::Outlier).map(Location::Part);
+    let worst = || worst_line(app).map(Location::Part);
+    found.or_else(suspect).or_else(worst).unwrap_or(Location::View(Command::ViewImage))
 }
 
-/// Returns the line with the largest residual.
+/// Returns the line of the current camera with the largest residual in pixels.
 fn worst_line(app: &App) -> Option<Part> {
     let residuals = app.editor.session().solution()?.residuals.iter();
     let lines =
@@ -284,12 +287,13 @@ fn worst_line(app: &App) -> Option<Part> {
     Some(Part::Line { annotation, segment })
 }
 
+/// Returns the first rejected line of the current camera.
 fn first_outlier(app: &App) -> Option<Part> {
     let residual = app.editor.session().solution()?.residuals.iter().find(|r| r.outlier)?;
     Some(Part::Line { annotation: residual.annotation?, segment: residual.segment? })
 }
 
-/// Shows an error that concerns the document.
+/// Shows the current error of the document, with a button that closes it.
 pub(crate) fn error(app: &mut App, ui: &mut Ui) {
     let Some(error) = app.editor.error().map(str::to_owned) else { return };
     let palette = theme::palette(ui.ctx());

@@ -35,13 +35,13 @@ use crate::theme;
 #[derive(Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch on screen")]
 pub struct ViewState {
-    /// View in the middle of the window.
+    /// Kind of view in the middle of the window.
     pub mode: Mode,
     /// Pan, zoom and pointer of every canvas.
     pub panes: Panes,
     /// Layers that are painted on images.
     pub layers: Layers,
-    /// Window through which fisheye images are shown.
+    /// Virtual view through which fisheye images are shown.
     pub looking: Looking,
     /// Whether the image is shown next to the plan.
     pub beside_plan: bool,
@@ -55,25 +55,26 @@ pub struct ViewState {
     pub above: bool,
     /// Whether the poses before the joint solve are shown next to the new ones.
     pub show_before: bool,
-    /// Viewpoint of the 3-D scene.
+    /// Viewpoint of the 3-D scene; `None` until the scene is first moved.
     pub orbit: Option<Orbit>,
     /// Whether two cameras that fit the lines equally well are shown side by side.
     pub compares_views: bool,
     /// Filter and order of the camera list.
     pub list: List,
-    /// Display of a newer image over the calibrated one.
+    /// Display of a newer image over the calibrated image.
     pub glance: Glance,
 }
 
 /// Highlights that follow the pointer and the selection.
 #[derive(Debug, Default)]
 pub struct Hover {
-    /// Annotation and segment whose row is under the pointer.
+    /// Annotation and segment whose table row is under the pointer.
     pub lit: Option<(usize, usize)>,
-    /// Group of the automatic calibration whose row is under the pointer.
+    /// Index of the group of the automatic calibration whose table row is under the pointer.
     pub lit_group: Option<usize>,
-    /// Time at which the most suspicious line changed, in seconds; it blinks from then on.
+    /// Time at which the most suspicious line changed, in seconds; the line blinks from then on.
     pub suspect_since: f64,
+    /// Most suspicious line at the last frame, as camera, annotation and segment.
     pub(crate) suspect: Option<(usize, usize, usize)>,
     /// Whether a text field had the focus at the end of the last frame.
     pub(crate) was_typing: bool,
@@ -82,9 +83,9 @@ pub struct Hover {
 /// Sheets and dialogs above the window.
 #[derive(Debug)]
 pub struct Dialogs {
-    /// The export sheet.
+    /// Export sheet.
     pub export: Sheet,
-    /// The command palette.
+    /// Command palette.
     pub palette: Palette,
     /// Whether the shortcut sheet is open.
     pub shortcuts: bool,
@@ -92,60 +93,74 @@ pub struct Dialogs {
     pub about: bool,
     /// Function that opens a file chooser.
     pub chooser: fn(Purpose) -> Dialog,
-    /// File that is written only after a decision of the operator.
+    /// Conflict on saving: a file that is written only after a decision of the operator.
     pub conflict: Option<Conflict>,
-    /// Images outside the site's folder that the site names.
+    /// Images that the site names outside its folder, and the decisions about them.
     pub outside: Outside,
     /// Field for a typed path, used where no file chooser is available.
     pub path_field: Option<PathField>,
+    /// Open file chooser.
     pub(crate) dialog: Option<Dialog>,
 }
 
 /// Files, autosaves and recent sites.
 #[derive(Debug)]
 pub struct Storage {
-    /// Autosaves of crashed sessions that are offered, each with its slot.
+    /// Autosaves that the start page shows, each with its slot.
     pub found: Vec<(Autosave, Found)>,
-    /// Sites that were opened or saved last.
+    /// Sites that were opened or saved recently, newest first.
     pub recent: Vec<Recent>,
-    /// Small image that represents the site in lists.
+    /// Thumbnail of the open site in lists.
     pub(crate) thumbnail: Thumbnail,
-    /// Site storage of the browser.
+    /// Site storage of the browser; `None` on the desktop.
     pub shelf: Option<Box<dyn Shelf>>,
+    /// Autosave slot of this window.
     pub(crate) autosave: Option<Autosave>,
     /// Hash of the site file when it was last read or written.
     pub(crate) held: Option<u64>,
-    /// The site as its file contained it at that time.
+    /// Content of the site file when it was last read or written.
     pub(crate) as_held: Option<Site>,
     /// Folder of the autosaves.
     pub(crate) folder: Option<PathBuf>,
-    /// Locks that keep other windows from these autosaves while this window lives.
+    /// Locks of autosave folders that keep other windows from using them while this window is open.
     pub(crate) claims: Vec<(PathBuf, <Here as Platform>::Claim)>,
+    /// Generation of the site at the last autosave.
     pub(crate) kept: u64,
 }
 
-/// Work off the frame's path.
+/// Work that runs in the background.
 #[derive(Debug, Default)]
 pub struct Jobs {
+    /// Dropped files that are being read.
     pub(crate) arriving: Vec<Task<Vec<Chosen>>>,
+    /// Channel through which a requested screenshot arrives.
     pub(crate) picture: Option<std::sync::mpsc::Receiver<std::sync::Arc<egui::ColorImage>>>,
+    /// Screenshot as PNG that waits for its file name.
     pub(crate) pictured: Option<Vec<u8>>,
+    /// Images of new cameras that are being read.
     pub(crate) adding: Vec<Task<Read>>,
     /// Camera period whose image is being replaced.
     pub(crate) replaced: Period,
+    /// Image that is being read to replace the image of `replaced`.
     pub(crate) replacing: Option<Task<Read>>,
+    /// Plan image that is being read.
     pub(crate) planning: Option<Planning>,
+    /// Joint refinement that is running.
     pub(crate) refining: Option<Refining>,
+    /// Automatic calibration that is running.
     pub(crate) proposing: Option<Proposing>,
+    /// Comparisons that are waiting or running; only the first is running.
     pub(crate) comparing: VecDeque<Comparing>,
+    /// Recovery that is running.
     pub(crate) recovering: Option<Recovering>,
 }
 
-/// Everything that views read: the document, its view, and running work.
+/// State that the views read: the document, its view, and running work.
 #[derive(Debug)]
 pub struct App {
-    /// The document.
+    /// Document: the open site, its results and the tools.
     pub editor: Editor,
+    /// Requests of panels for the end of the frame.
     pub(crate) sent: Vec<Sent>,
     /// Decoded images.
     pub pictures: Pictures,
@@ -165,7 +180,7 @@ pub struct App {
     pub dialogs: Dialogs,
     /// Files, autosaves and recent sites.
     pub storage: Storage,
-    /// Work off the frame's path.
+    /// Work that runs in the background.
     pub jobs: Jobs,
 }
 
@@ -191,7 +206,7 @@ impl Default for ViewState {
 }
 
 impl App {
-    /// Creates the app with an empty document; autosaves in `folder` are offered.
+    /// Creates the app with an empty document. The start page shows the autosaves in `folder`.
     #[must_use]
     pub fn new(ctx: &Context, folder: Option<PathBuf>) -> Self {
         theme::install(ctx);
@@ -233,12 +248,13 @@ impl App {
         }
     }
 
-    /// Applies an action at once. For canvases, which show its effect in the same frame.
+    /// Applies an action at once. Canvases use it, because they show the effect in the same frame.
     pub fn act(&mut self, action: Action) {
         self.editor.apply(action);
     }
 
-    /// Queues an action for the end of the frame. For panels, which show one state of the site.
+    /// Queues an action for the end of the frame. Panels use it, because all panels of a frame show the same
+    /// state of the site.
     pub fn send(&mut self, action: Action) {
         self.sent.push(Sent::Action(action));
     }
@@ -253,7 +269,7 @@ impl App {
         self.sent.push(Sent::OpenPath(path));
     }
 
-    /// Queues the decision to restore an autosave (`goes_on`) or to discard it.
+    /// Queues the decision about an autosave: restore it if `goes_on` is set, otherwise discard it.
     pub(crate) fn decide(&mut self, index: usize, goes_on: bool) {
         self.sent.push(if goes_on { Sent::Recover(index) } else { Sent::Discard(index) });
     }
@@ -268,7 +284,7 @@ impl App {
         self.sent.push(Sent::Outside(allows));
     }
 
-    /// Queues the typed path, or closes its field.
+    /// Queues a typed path; `None` closes the field.
     pub(crate) fn take_typed(&mut self, typed: Option<PathField>) {
         self.sent.push(Sent::Typed(typed));
     }
@@ -279,7 +295,7 @@ impl App {
         self.editor.is_enabled(command, self.is_working())
     }
 
-    /// Opens a file chooser.
+    /// Opens a file chooser for this purpose.
     pub fn ask(&mut self, purpose: Purpose) {
         self.dialogs.dialog = Some((self.dialogs.chooser)(purpose));
     }
@@ -294,7 +310,7 @@ impl App {
 
     /// Switches to another view.
     pub fn show(&mut self, mode: Mode) {
-        // A control point without a plan position survives the switch.
+        // A control point that still needs its plan position is not cancelled.
         if !self.editor.is_settled() {
             self.act(Action::CancelGesture);
         }
@@ -361,7 +377,8 @@ impl App {
         self.view.panes.views.insert(key, View::of(low, high, mapping.rect, false, false));
     }
 
-    /// Returns the detected edge under a pixel of a camera's image, while a line tool is active.
+    /// Returns the detected edge within `radius` raw pixels of a pixel in a camera's image, while a line tool
+    /// is active.
     pub fn offer(&mut self, ctx: &Context, camera: usize, at: Pixel, radius: f64) -> Option<Edge> {
         let draws = self
             .editor
@@ -377,7 +394,7 @@ impl App {
         }
         let name = self.editor.session().site.cameras.get(camera)?.image.as_deref()?;
         let picture = self.pictures.ready(name)?;
-        // Flat edges are not offered to a tool for vertical lines.
+        // A tool for vertical lines ignores flat edges.
         let plumb = self.editor.tool_kind().is_some_and(|kind| kind.row().is_upright());
         let edge = edges::edge_at(self.edges.of(ctx, name, &picture.image), at, radius)?;
         let [a, b] = edge;
@@ -386,7 +403,8 @@ impl App {
 }
 
 impl App {
-    /// Returns lens, focal and mount of a fisheye camera; ceiling mount while its pose is unknown.
+    /// Returns lens, focal length in pixels and mount of a fisheye camera. While the pose is unknown, the
+    /// mount is the ceiling.
     fn fisheye(&self, camera: usize) -> Option<(Lens, f64, Mount)> {
         let session = self.editor.session();
         let pose = session.solved.pose(camera);
@@ -395,13 +413,14 @@ impl App {
         Some((lens, pose.map_or(lens.focal, |pose| pose.focal), mount))
     }
 
-    /// Whether a camera has a fisheye lens, so that it can be viewed through windows.
+    /// Whether a camera has a fisheye lens, whose image can be shown through virtual views.
     #[must_use]
     pub fn is_fisheye(&self, camera: usize) -> bool {
         self.fisheye(camera).is_some()
     }
 
-    /// Returns the window through which a fisheye image is shown.
+    /// Returns the virtual view through which a fisheye image is shown; `None` for other lenses and for the
+    /// raw image.
     pub(crate) fn window(&self, camera: usize) -> Option<Bend> {
         let (lens, focal, mount) = self.fisheye(camera)?;
         let size = self.editor.session().site.cameras.get(camera)?.size();
@@ -415,14 +434,14 @@ impl App {
         Some(Bend::Window { lens, focal, window })
     }
 
-    /// Shows the current image through another window, zoomed to fit.
+    /// Shows the current fisheye image through another virtual view, zoomed to fit.
     pub(crate) fn look(&mut self, looking: Looking) {
         self.view.looking = looking;
         let own = Pane::Image(self.editor.session().camera);
         self.view.panes.views.remove(&(Place::Main, own));
     }
 
-    /// Points the window at a pixel of the current image.
+    /// Turns the virtual view of the current fisheye image to a raw pixel.
     pub(crate) fn look_at(&mut self, pixel: Pixel) {
         let camera = self.editor.session().camera;
         let Some((lens, focal, _)) = self.fisheye(camera) else { return };
@@ -433,7 +452,7 @@ impl App {
 }
 
 impl App {
-    /// Returns the suggestion for the current camera, while its floor error is too large.
+    /// Returns the suggestion for the current camera, as long as its floor error is too large.
     #[must_use]
     pub fn proposal(&self) -> Option<&SuggestionEntry> {
         /// Relative floor error below which no more lines are suggested.
@@ -460,7 +479,8 @@ impl App {
         suggest::edges_for_suggestion(&next, &pose, &entry, self.edges.of(ctx, &name, &picture.image))
     }
 
-    /// Returns the suggested edge under a pixel, while the matching tool is active.
+    /// Returns the suggested edge within `radius` raw pixels of a pixel, while the tool of the suggestion is
+    /// active.
     pub(crate) fn suggested_under(&mut self, ctx: &Context, at: Pixel, radius: f64) -> Option<Edge> {
         let kind = self.proposal()?.kind;
         if kind.is_none() || self.editor.tool_kind() != kind {
@@ -472,7 +492,7 @@ impl App {
 }
 
 impl App {
-    /// Returns the automatic calibration of the current image, if that image is shown.
+    /// Returns the automatic calibration of the current image, if the mode shows the image.
     #[must_use]
     pub fn shown_proposal(&self) -> Option<&PendingCalibration> {
         self.editor.session().proposed().filter(|_| self.view.mode == Mode::Image)

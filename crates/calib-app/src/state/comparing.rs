@@ -1,4 +1,4 @@
-//! Comparison of newer images with calibrated ones, and recovery of cameras that moved.
+//! Comparison of newer images with calibrated images, and recovery of cameras that moved.
 
 use std::sync::Arc;
 
@@ -14,19 +14,23 @@ use crate::state::{App, Read, ReadPicture};
 /// Newer image with the camera period to which it belongs.
 #[derive(Debug)]
 pub(crate) struct OfCamera {
-    /// The camera entry with its solution.
+    /// Camera entry with its solution.
     pub(crate) entry: SiteCamera,
+    /// Pose of the calibrated camera.
     pub(crate) pose: Camera,
+    /// Newer image.
     pub(crate) still: NewImage,
+    /// Time at which the newer image was taken (RFC 3339).
     pub(crate) taken: Option<String>,
 }
 
 #[derive(Debug)]
 pub(crate) enum Step {
-    /// Its file is being read.
+    /// Reading of the file of the newer image.
     Opening(Task<Read>),
-    /// Both images are being decoded.
+    /// Decoding of the old and the newer image.
     Reading(Box<OfCamera>),
+    /// Comparison of the two images.
     Comparing(Box<OfCamera>, Task<Result<Comparison, String>>),
 }
 
@@ -39,12 +43,12 @@ pub(crate) struct Comparing {
 }
 
 impl Comparing {
-    /// Creates a comparison that begins with reading the file.
+    /// Creates a comparison that begins with reading the file of the newer image.
     pub(crate) const fn new(camera: String, opening: Task<Read>) -> Self {
         Self { camera, step: Step::Opening(opening) }
     }
 
-    /// Returns the names of its images in the picture store, to rename them.
+    /// Returns the image names in the comparison, to rename them after a save to another folder.
     pub(crate) fn images_mut(&mut self) -> impl Iterator<Item = &mut String> {
         let of = match &mut self.step {
             Step::Opening(_) => None,
@@ -57,8 +61,9 @@ impl Comparing {
 /// Recovery that is running.
 #[derive(Debug)]
 pub(crate) struct Recovering {
+    /// Camera period that is recovered.
     pub(crate) of: Period,
-    /// The site at the start of the recovery.
+    /// Site at the start of the recovery.
     pub(crate) from: Site,
     pub(crate) task: Task<Result<Recovered, String>>,
 }
@@ -70,13 +75,13 @@ impl App {
         !self.jobs.comparing.is_empty() || self.jobs.recovering.is_some()
     }
 
-    /// Whether the current camera is being recovered; its inputs must not change until then.
+    /// Whether the current camera is being recovered; its images and annotations must not change meanwhile.
     pub(crate) fn is_recovering_in_hand(&self) -> bool {
         let entry = self.editor.session().entry();
         self.jobs.recovering.as_ref().zip(entry).is_some_and(|(own, entry)| own.of.matches(entry))
     }
 
-    /// Returns the running step as a sentence.
+    /// Returns the running comparison or recovery as a phrase for the status line.
     pub(crate) fn doing_newer(&self) -> Option<String> {
         if let Some(recovering) = &self.jobs.recovering {
             return Some(format!("recovering {}", recovering.of.camera));
@@ -96,7 +101,8 @@ impl App {
         Here::stop_comparing();
     }
 
-    /// Advances the first comparison. Only one runs at a time, because each needs the memory of two images.
+    /// Advances the first comparison. Only one comparison runs at a time, because it needs the memory of two
+    /// images.
     pub(crate) fn poll_comparing(&mut self, ctx: &Context) {
         let Some(Comparing { camera, step }) = self.jobs.comparing.pop_front() else { return };
         match self.advance(ctx, &camera, step) {
@@ -107,7 +113,7 @@ impl App {
         }
     }
 
-    /// Returns the next step, or `None` at the end.
+    /// Advances a comparison; returns its next step, or `None` at the end.
     fn advance(&mut self, ctx: &Context, camera: &str, step: Step) -> Result<Option<Step>, String> {
         match step {
             Step::Opening(task) => match task.outcome() {
@@ -115,10 +121,10 @@ impl App {
                 Some(read) => {
                     let read =
                         read.map_err(|Lost| "the newer image could not be read".to_owned()).flatten()?;
-                    self.of_whom(camera, read).map(|asked| Some(Step::Reading(Box::new(asked))))
+                    self.calibrated_period(camera, read).map(|asked| Some(Step::Reading(Box::new(asked))))
                 }
             },
-            Step::Reading(asked) => Ok(Some(match self.both(ctx, &asked)? {
+            Step::Reading(asked) => Ok(Some(match self.decoded_images(ctx, &asked)? {
                 Some(stills) => {
                     let task = Here::compare(ctx, asked.entry.clone(), stills);
                     Step::Comparing(asked, task)
@@ -145,8 +151,8 @@ impl App {
         }
     }
 
-    /// Returns the period of the camera in which the image was taken.
-    fn of_whom(&self, camera: &str, read: ReadPicture) -> Result<OfCamera, String> {
+    /// Returns the calibrated camera period in which a newer image was taken.
+    fn calibrated_period(&self, camera: &str, read: ReadPicture) -> Result<OfCamera, String> {
         let session = self.editor.session();
         let ReadPicture { still, taken, .. } = read;
         let none = || "it has no calibration for the time of this image".to_owned();
@@ -163,8 +169,8 @@ impl App {
         Ok(OfCamera { entry, pose, still, taken })
     }
 
-    /// Returns both images once they are decoded.
-    fn both(&mut self, ctx: &Context, asked: &OfCamera) -> Result<Option<Stills>, String> {
+    /// Returns the old and the newer image once both are decoded.
+    fn decoded_images(&mut self, ctx: &Context, asked: &OfCamera) -> Result<Option<Stills>, String> {
         let names = [asked.entry.image.as_deref().unwrap_or_default(), &asked.still.image];
         let images = &self.editor.session().images;
         let found = names.map(|name| {
@@ -190,7 +196,7 @@ impl App {
         let why_not = match entry.is_valid_at(newer.since.trim()) {
             Err(_) => Some("enter the time since which the new pose is valid, such as 2026-05-01T08:00:00Z"),
             Ok(false) => Some("this time is outside its calibration period; enter one inside"),
-            // The measurement refers to the camera at that time.
+            // The measured change refers to the pose at the time of the comparison.
             Ok(true) if session.solved.pose(session.camera) != Some(&newer.pose) => {
                 Some("it was solved again after the comparison; compare it again")
             }
@@ -203,7 +209,8 @@ impl App {
         let stills =
             [&name, &newer.image].map(|name| self.pictures.ready(name).map(|own| Arc::clone(&own.image)));
         let [Some(old), Some(new)] = stills else {
-            return self.act(Action::Note("Its images are being read. Recover again in a moment.".into()));
+            return self
+                .act(Action::Note("The images are still loading. Try Recover again in a moment.".into()));
         };
         self.act(Action::CancelGesture);
         let session = self.editor.session();

@@ -4,18 +4,19 @@ use calib_formats::{Export, FORMATS, Format};
 
 use crate::platform::Task;
 
-/// Requested format and options, with the generation of the site.
+/// Request for an export: format, options, and generation of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Asked {
     pub(crate) format: usize,
     pub(crate) extension: usize,
     pub(crate) rectified: bool,
+    /// Index of the only camera to export; `None` for all cameras.
     pub(crate) one: Option<usize>,
     pub(crate) generation: u64,
     pub(crate) has_plan: bool,
 }
 
-/// Result of an export.
+/// Exported files, or the reason why the export failed.
 pub(crate) type Outcome = Result<Export, String>;
 
 /// Export sheet: the request, its result, and the consent to losses.
@@ -26,32 +27,36 @@ pub struct Sheet {
     pub(crate) extension: usize,
     pub(crate) rectified: bool,
     pub(crate) only_this: bool,
+    /// Whether the operator accepted the losses.
     pub(crate) agreed: bool,
+    /// Request of the running or finished export.
     pub(crate) asked: Option<Asked>,
+    /// Export that is running.
     pub(crate) making: Option<Task<Outcome>>,
+    /// Result of the last export.
     pub(crate) made: Option<Outcome>,
 }
 
 impl Sheet {
-    /// Opens the sheet.
+    /// Opens the export sheet with the last format and default options.
     pub fn open(&mut self) {
         *self = Self { is_open: true, format: self.format, ..Self::default() };
     }
 
-    /// Selects a format by its name.
+    /// Selects the export format with this name.
     pub fn choose(&mut self, name: &str) {
         if let Some(index) = formats().position(|format| format.name == name) {
             (self.format, self.extension) = (index, 0);
         }
     }
 
-    /// Closes the sheet; returns whether it was open.
+    /// Closes the export sheet; returns whether the sheet was open.
     pub fn close(&mut self) -> bool {
         self.making = None;
         std::mem::take(&mut self.is_open)
     }
 
-    /// Returns the files to write, if nothing is lost or the operator accepted the losses.
+    /// Returns the files to write, if the export loses nothing or the operator accepted the losses.
     pub(crate) fn files(&self) -> Option<&[calib_formats::File]> {
         let export = self.made.as_ref()?.as_ref().ok()?;
         (self.agreed || export.losses.is_empty()).then_some(export.files.as_slice())

@@ -9,28 +9,28 @@ use calib_site::Plan;
 use crate::choice::Purpose;
 use crate::platform::Task;
 
-/// Reason for not writing a file without asking.
+/// Reason for not writing a file without asking the operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Why {
-    /// The file changed since it was read; the differences as sentences.
+    /// Change of the file since it was read; contains the differences as sentences.
     Changed(Vec<String>),
-    /// The file is read-only.
+    /// Write protection of the file.
     ReadOnly,
 }
 
-/// File that is not written without asking.
+/// Conflict on saving: a file that is not written without asking the operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Conflict {
-    /// Path of the file.
+    /// Path of the file to write.
     pub path: PathBuf,
-    /// Reason.
+    /// Reason for asking.
     pub why: Why,
 }
 
-/// Decision of the operator.
+/// Decision of the operator about a conflict on saving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
-    /// Opens the file as it is now; the work on the open site is kept as an autosave.
+    /// Discards the conflict and opens the file as it is now. The unsaved work remains as an autosave.
     Reload,
     /// Saves to another file.
     SaveAs,
@@ -40,7 +40,7 @@ pub enum Decision {
     Leave,
 }
 
-/// Path that is being typed.
+/// Field in which the operator types a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PathField {
     /// Purpose of the file.
@@ -49,12 +49,12 @@ pub struct PathField {
     pub text: String,
 }
 
-/// Images that the site names outside its folder.
+/// Images that the site names outside its folder, and the decisions about them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Outside {
     /// Files that wait for a decision, as canonical paths.
     pub asked: BTreeSet<PathBuf>,
-    /// Files that are not read.
+    /// Files that the operator decided not to read, as canonical paths.
     pub(crate) left: BTreeSet<PathBuf>,
     /// Image names of the site at the last check.
     pub(crate) names: Vec<String>,
@@ -64,7 +64,7 @@ pub struct Outside {
 #[derive(Debug)]
 pub(crate) struct ReadPicture {
     pub(crate) still: NewImage,
-    /// PNG of a drawing that was rasterised.
+    /// PNG of an SVG drawing that was rasterised; `None` for other images.
     pub(crate) drawn: Option<Vec<u8>>,
     /// Time at which the image was taken (RFC 3339), from its name or its EXIF data.
     pub(crate) taken: Option<String>,
@@ -77,6 +77,6 @@ pub(crate) type Read = Result<ReadPicture, String>;
 #[derive(Debug)]
 pub(crate) struct Planning {
     pub(crate) picture: Task<Read>,
-    /// Plan entry from its world file.
+    /// Plan entry from the world file of the image, if it has one.
     pub(crate) told: Option<Plan>,
 }

@@ -6,7 +6,7 @@ use calib_editor::{Action, Command};
 
 use crate::state::{Decision, PathField};
 
-/// Request of a panel.
+/// Request of a panel for the end of the frame.
 #[derive(Debug)]
 pub(crate) enum Sent {
     Action(Action),
@@ -15,10 +15,10 @@ pub(crate) enum Sent {
     Discard(usize),
     /// Opens a site file.
     OpenPath(PathBuf),
-    /// Decides about a file that would be overwritten.
+    /// Carries out the decision about a file that would be overwritten.
     Decide(Decision),
-    /// Decides whether images outside the site's folder are read.
+    /// Reads (true) or skips (false) the images outside the site's folder.
     Outside(bool),
-    /// Takes a typed path, or cancels.
+    /// Handles a typed path; `None` closes the field.
     Typed(Option<PathField>),
 }

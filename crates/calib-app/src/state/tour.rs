@@ -1,4 +1,4 @@
-//! The tour for newcomers: its steps, the current one, and the check that a step is done.
+//! Tour for newcomers: its steps, the current step, and the check that a step is done.
 
 use calib_core::{Camera, Kind, Pixel};
 
@@ -11,7 +11,7 @@ use crate::state::Mode;
 #[derive(Clone, Debug, Default)]
 pub struct Tour {
     pub(crate) step: Option<usize>,
-    /// Ground truth of the camera that the newcomer calibrates.
+    /// True camera that the newcomer calibrates; the demonstration contains it.
     truth: Option<Camera>,
     /// Marks at the start of the tour.
     marks: Vec<Mark>,
@@ -20,25 +20,25 @@ pub struct Tour {
 /// Step of the tour.
 #[derive(Clone, Copy, Debug)]
 pub struct TourStep {
-    /// Task.
+    /// Short task of the step.
     pub title: &'static str,
-    /// Instruction.
+    /// Instruction for the task.
     pub text: &'static str,
-    /// Buttons: label and effect.
+    /// Buttons of the step: label and effect.
     pub buttons: &'static [(&'static str, TourButton)],
 }
 
 /// Effect of a button of a step.
 #[derive(Clone, Copy, Debug)]
 pub enum TourButton {
-    /// Takes the tool with this title.
+    /// Selects the tool with this title.
     Tool(&'static str),
-    /// Runs a command.
+    /// Runs this command.
     Command(Command),
 }
 
 impl TourButton {
-    /// Returns the command.
+    /// Returns the command that the button runs.
     #[must_use]
     pub fn command(self) -> Command {
         match self {
@@ -50,7 +50,7 @@ impl TourButton {
     }
 }
 
-/// Steps in their order.
+/// Steps of the tour in their order.
 pub const STEPS: [TourStep; 5] = [
     TourStep {
         title: "Draw two vertical lines",
@@ -86,23 +86,23 @@ pub const STEPS: [TourStep; 5] = [
 ];
 
 impl Tour {
-    /// Starts the tour at its first step, with the ground truth of the first camera.
+    /// Creates a tour at its first step; `truth` is the true pose of the first camera.
     #[must_use]
     pub const fn begun(truth: Option<Camera>, marks: Vec<Mark>) -> Self {
         Self { step: Some(0), truth, marks }
     }
 
-    /// Returns the current step; `None` after the last.
+    /// Returns the current step; `None` without a tour and after the last step.
     #[must_use]
     pub fn step(&self) -> Option<&'static TourStep> {
         STEPS.get(self.step?)
     }
 
-    /// Returns the missing part of the current step as a sentence; `None` once it is done.
+    /// Returns the missing part of the current step as a sentence; `None` once the step is done.
     #[must_use]
     pub(crate) fn open(&self, session: &Session, mode: Mode) -> Option<String> {
         match self.step? {
-            0 => self.plumb(session),
+            0 => self.missing_verticals(session),
             1 => self.floor_lines(session),
             2 => field(session),
             3 => self.placed(session),
@@ -110,23 +110,24 @@ impl Tour {
         }
     }
 
-    fn plumb(&self, session: &Session) -> Option<String> {
+    fn missing_verticals(&self, session: &Session) -> Option<String> {
         let lines = drawn(session, Kind::Vertical);
-        let leaning = lines.iter().filter(|line| self.leans(line)).count();
+        let leaning = lines.iter().filter(|line| self.is_leaning(line)).count();
         match (lines.len() - leaning, leaning) {
             (2.., 0) => None,
             (_, 0) => Some(format!("{} of 2 drawn", lines.len())),
-            _ => {
-                Some("One of them is not vertical. Undo it (Ctrl+Z), and draw along a vertical edge.".into())
-            }
+            _ => Some(
+                "One of the lines is not vertical. Undo it (Ctrl+Z), and draw along a vertical edge.".into(),
+            ),
         }
     }
 
-    /// Whether a line is not vertical in space, by the true camera.
-    fn leans(&self, line: &[Pixel]) -> bool {
-        const MOST: f64 = 0.07;
+    /// Whether the true camera shows that a line is not vertical in space.
+    fn is_leaning(&self, line: &[Pixel]) -> bool {
+        /// Largest angle in the image between a line and the true vertical, in radians.
+        const MAX_LEAN_RAD: f64 = 0.07;
         let (Some(truth), [a, .., b]) = (self.truth, line) else { return false };
-        calib_editor::suggest::lean(&truth, &[*a, *b]).is_none_or(|lean| lean > MOST)
+        calib_editor::suggest::lean(&truth, &[*a, *b]).is_none_or(|lean| lean > MAX_LEAN_RAD)
     }
 
     fn floor_lines(&self, session: &Session) -> Option<String> {
@@ -135,7 +136,7 @@ impl Tour {
         let pairs = groups.filter(|drawn| drawn.polylines().count() >= 2).count();
         if pairs < 2 {
             return Some(match drawn(session, Kind::Parallel).len() {
-                0 | 1 => "Draw two lines of one direction first.".into(),
+                0 | 1 => "Draw two parallel lines first.".into(),
                 _ => "Now the other direction: press New direction, then draw two lines.".to_owned(),
             });
         }
@@ -178,7 +179,7 @@ impl Tour {
     }
 }
 
-/// Returns the lines of a kind on the current image.
+/// Returns the annotated lines of a kind on the current image, in pixels.
 fn drawn(session: &Session, kind: Kind) -> Vec<Vec<Pixel>> {
     let of_kind = session.entry().into_iter().flat_map(|entry| &entry.annotations).filter(|a| a.kind == kind);
     of_kind.flat_map(|annotation| annotation.polylines().collect::<Vec<_>>()).collect()

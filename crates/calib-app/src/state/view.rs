@@ -9,7 +9,7 @@ use egui::{Pos2, Rect, Vec2};
 
 use crate::canvas::{Bend, Mapping, View};
 
-/// View in the middle of the window.
+/// Kind of view in the middle of the window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
     /// Image of the current camera.
@@ -23,14 +23,14 @@ pub enum Mode {
     Scene,
 }
 
-/// Position of a canvas in the layout; each has its own pan and zoom.
+/// Position of a canvas in the layout; each position has its own pan and zoom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Place {
-    /// The only canvas.
+    /// Main canvas of the mode.
     Main,
-    /// Next to the plan.
+    /// Canvas next to the plan or the 3-D scene.
     Half,
-    /// One tile of many.
+    /// Canvas that is one of several tiles.
     Tile,
 }
 
@@ -39,27 +39,31 @@ pub enum Place {
 pub struct Panes {
     /// Pan and zoom of each canvas.
     pub views: HashMap<(Place, Pane), View>,
-    /// Pan and zoom that fit the document, as last computed.
+    /// Pan and zoom of each canvas that fit the document, as last computed.
     pub(crate) fitted: HashMap<(Place, Pane), View>,
     /// Name of the plan image that was shown last.
     pub(crate) plan: Option<String>,
     /// Whether the window has room for fewer tiles than there are cameras.
     pub tiles_overflow: bool,
-    /// Canvas under the pointer, and the pointer in document units.
+    /// Canvas under the pointer, and the position of the pointer in document units.
     pub cursor: Option<(Pane, [f64; 2])>,
     /// Canvas that receives the pointer while a button is down.
     pub(crate) captured: Option<(Place, Pane)>,
+    /// Screen point of the last press.
     pub(crate) pressed: Pos2,
+    /// Whether the pointer moved farther than a click since the last press.
     pub(crate) moved: bool,
     /// Last pointer position while a button was down, in document units.
     pub(crate) pointed: [f64; 2],
+    /// Whether the last press was the second of a double click.
     pub(crate) double: bool,
     /// Whether no gesture was active before the last press.
     pub(crate) was_idle: bool,
+    /// Time in seconds and screen point of the last press that can begin a double click.
     pub(crate) last_press: Option<(f64, Pos2)>,
     /// Canvas with a minimap, and the minimap's rectangle.
     pub(crate) minimap: Option<((Place, Pane), Rect)>,
-    /// Canvas that wipes between two images, and the rectangle of the handle.
+    /// Canvas that wipes between two images, and the rectangle of its wipe handle.
     pub(crate) wipe: Option<((Place, Pane), Rect)>,
     /// Canvas that was used last; zoom keys apply to it.
     pub active: Option<(Place, Pane)>,
@@ -67,7 +71,7 @@ pub struct Panes {
     pub rects: HashMap<(Place, Pane), Rect>,
     /// Rectangle of the middle of the window.
     pub middle: Option<Rect>,
-    /// Fisheye windows that are applied to canvases.
+    /// Undistortions and fisheye windows that are applied to canvases.
     pub(crate) bends: HashMap<(Place, Pane), Bend>,
 }
 
@@ -77,7 +81,7 @@ impl Panes {
         (self.captured, self.last_press) = (None, None);
     }
 
-    /// Forgets the rectangles of the last frame, and a pointer on a hidden canvas.
+    /// Clears the rectangles of the last frame, and a pointer position on a hidden canvas.
     pub fn begin_frame(&mut self) {
         let is_shown = |pane: Pane| self.rects.keys().any(|(_, shown)| *shown == pane);
         self.cursor = self.cursor.filter(|(pane, _)| is_shown(*pane));
@@ -85,8 +89,7 @@ impl Panes {
         self.bends.clear();
     }
 
-    /// Returns the view that the operator chose, or the fitted view; an untouched canvas keeps
-    /// fitting.
+    /// Returns the pan and zoom that the operator chose, otherwise `whole`, which fits the document.
     pub(crate) fn fitted_or_chosen(&mut self, key: (Place, Pane), whole: View) -> View {
         let chosen = self.views.get(&key).copied();
         let was_fitted = chosen.is_none() || chosen == self.fitted.get(&key).copied();
@@ -116,9 +119,9 @@ impl Panes {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "every one is a switch above the image")]
 pub struct Layers {
-    /// Metre grid of the floor.
+    /// Grid of the floor.
     pub grid: bool,
-    /// Horizon.
+    /// Horizon of the camera.
     pub horizon: bool,
     /// Field-of-view polygon.
     pub field: bool,
@@ -128,15 +131,15 @@ pub struct Layers {
     pub guide: bool,
     /// Extensions of lines to their vanishing point.
     pub extensions: bool,
-    /// Colours by residual instead of by kind.
+    /// Colours of lines by residual instead of by kind.
     pub by_residual: bool,
-    /// Suggested lines.
+    /// Lines that would reduce the uncertainty most.
     pub suggestion: bool,
-    /// Detected edges, to click.
+    /// Detected edges, which a click accepts as lines.
     pub edges: bool,
-    /// Undistorted image.
+    /// Undistorted image instead of the raw image.
     pub straight: bool,
-    /// Hides all layers.
+    /// Whether all layers are hidden.
     pub hidden: bool,
 }
 
@@ -163,19 +166,19 @@ impl Default for Layers {
 pub struct Orbit {
     /// Point in the middle of the view, in metres.
     pub target: [f64; 3],
-    /// Distance from the target, in metres.
+    /// Distance of the eye from the target, in metres.
     pub distance: f64,
-    /// Azimuth, in radians.
+    /// Azimuth of the view direction, in radians: 0 along +y, positive towards −x.
     pub yaw: f64,
-    /// Elevation above the floor, in radians.
+    /// Elevation of the eye above the floor, seen from the target, in radians.
     pub pitch: f64,
 }
 
-/// Near plane: nothing nearer to the eye is painted, in metres.
+/// Distance of the near plane from the eye, in metres; nothing nearer is painted.
 pub(crate) const NEAR: f64 = 0.05;
 
 impl Orbit {
-    /// Returns the viewpoint that shows the whole site.
+    /// Returns a viewpoint that shows the whole site.
     #[must_use]
     pub fn of(session: &Session) -> Self {
         let count = session.site.cameras.len();
@@ -196,12 +199,13 @@ impl Orbit {
         Self { target, distance: 1.1 * (x1 - x0).hypot(y1 - y0).clamp(3.0, 500.0), yaw: 0.5, pitch: 0.7 }
     }
 
+    /// Returns the right, down and forward axes of the eye in world coordinates.
     fn axes(&self) -> [[f64; 3]; 3] {
         let ((sy, cy), (sp, cp)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
         [[cy, sy, 0.0], [sy * sp, -cy * sp, -cp], [-sy * cp, cy * cp, -sp]]
     }
 
-    /// Returns right, down and forward coordinates of a point in the eye's frame, in metres.
+    /// Returns the coordinates of a world point in the frame of the eye (right, down, forward), in metres.
     pub(crate) fn seen(&self, point: WorldPoint) -> [f64; 3] {
         let by = [point.x - self.target[0], point.y - self.target[1], point.z - self.target[2]];
         let mut seen = self.axes().map(|axis| axis.iter().zip(by).map(|(a, b)| a * b).sum::<f64>());
@@ -209,26 +213,26 @@ impl Orbit {
         seen
     }
 
-    /// Projects a point in the eye's frame to the screen.
+    /// Projects a point in the frame of the eye (right, down, forward) to the screen.
     pub(crate) fn screen(rect: Rect, [x, y, z]: [f64; 3]) -> Pos2 {
         let focal = 0.9 * f64::from(rect.height().min(rect.width()));
         rect.center() + Vec2::new((focal * x / z) as f32, (focal * y / z) as f32)
     }
 
-    /// Projects a world point to the screen; `None` behind the eye.
+    /// Projects a world point to the screen; `None` behind the near plane.
     #[must_use]
     pub fn project(&self, rect: Rect, point: WorldPoint) -> Option<Pos2> {
         let seen = self.seen(point);
         (seen[2] > NEAR).then(|| Self::screen(rect, seen))
     }
 
-    /// Orbits by a drag, in points.
+    /// Rotates the eye around the target by a drag on the screen, in points.
     pub fn turn(&mut self, by: Vec2) {
         self.yaw -= 0.008 * f64::from(by.x);
         self.pitch = (self.pitch + 0.008 * f64::from(by.y)).clamp(-0.2, 1.57);
     }
 
-    /// Moves the target by a drag, in points.
+    /// Moves the target by a drag on the screen, in points.
     pub fn pan(&mut self, by: Vec2) {
         let [right, down, _] = self.axes();
         let share = self.distance / 700.0;
@@ -237,7 +241,7 @@ impl Orbit {
         }
     }
 
-    /// Multiplies the magnification by `factor`.
+    /// Multiplies the magnification by `factor`, by moving the eye.
     pub fn zoom(&mut self, factor: f64) {
         self.distance = (self.distance / factor).clamp(0.2, 1e4);
     }
@@ -284,34 +288,34 @@ pub enum Order {
 /// Filter and order of the camera list.
 #[derive(Clone, Debug, Default)]
 pub struct List {
-    /// Part of a camera's name.
+    /// Text that the names of shown cameras contain.
     pub filter: String,
     /// Whether finished cameras are hidden.
     pub unfinished: bool,
-    /// Order of the list.
+    /// Order of the camera list.
     pub order: Order,
 }
 
 /// Display mode of a newer image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Showing {
-    /// The old image left of a line, the newer one right of it.
+    /// Old image left of the wipe line, newer image right of it.
     #[default]
     Wipe,
-    /// Both images alternating.
+    /// Old and newer image in alternation.
     Blink,
-    /// The newer image.
+    /// Newer image only.
     New,
-    /// The old image.
+    /// Old image only.
     Old,
 }
 
 impl Showing {
-    /// All modes with their labels.
+    /// All display modes with their labels.
     pub const ALL: [(Self, &str); 4] =
         [(Self::Wipe, "Wipe"), (Self::Blink, "Blink"), (Self::New, "New"), (Self::Old, "Old")];
 
-    /// Returns the next mode.
+    /// Returns the next display mode in the order of `ALL`.
     #[must_use]
     pub fn next(self) -> Self {
         let at = Self::ALL.iter().position(|(way, _)| *way == self).unwrap_or_default();
@@ -319,10 +323,10 @@ impl Showing {
     }
 }
 
-/// Display of a newer image over the calibrated one.
+/// Display of a newer image over the calibrated image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Glance {
-    /// Display mode.
+    /// Mode of the display.
     pub showing: Showing,
     /// Position of the wipe line, as a fraction of the image width.
     pub share: f32,
@@ -334,7 +338,7 @@ impl Default for Glance {
     }
 }
 
-/// Window through which a fisheye image is shown.
+/// Virtual view (window) through which a fisheye image is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Looking {
     /// No window: the raw image.
@@ -344,12 +348,12 @@ pub enum Looking {
     Quadrant(usize),
     /// Unrolled panorama.
     Panorama,
-    /// View in a direction given in camera axes.
+    /// View in a direction, given in camera axes (right, down, forward).
     Toward([f64; 3]),
 }
 
 impl Looking {
-    /// Returns the next kind of window.
+    /// Returns the next kind of virtual view.
     #[must_use]
     pub const fn next(self) -> Self {
         match self {
@@ -360,21 +364,23 @@ impl Looking {
         }
     }
 
-    /// Returns the window for a camera with this mount; `reach` is the largest angle from its axis, in
-    /// radians.
+    /// Returns the window of the virtual view for a camera with this mount; `None` for the raw image. `reach`
+    /// is the largest angle from the optical axis, in radians.
     pub(crate) fn window(self, mount: Mount, reach: f64) -> Option<Window> {
-        const FLAT: [usize; 2] = [1280, 800];
-        const ROUND: [usize; 2] = [2400, 800];
-        /// Horizontal angle of view, in radians; about the human field of view.
-        const WIDE: f64 = 1.7;
+        /// Size of a flat window, in pixels.
+        const FLAT_SIZE_PX: [usize; 2] = [1280, 800];
+        /// Size of a panorama, in pixels.
+        const PANORAMA_SIZE_PX: [usize; 2] = [2400, 800];
+        /// Horizontal field of view of a view in a direction, in radians; similar to the human field of view.
+        const HFOV_RAD: f64 = 1.7;
         match self {
             Self::Whole => None,
-            Self::Quadrant(index) => Window::quadrants(mount, FLAT)?.get(index).copied(),
-            Self::Panorama => Window::panorama(mount, reach, ROUND),
+            Self::Quadrant(index) => Window::quadrants(mount, FLAT_SIZE_PX)?.get(index).copied(),
+            Self::Panorama => Window::panorama(mount, reach, PANORAMA_SIZE_PX),
             Self::Toward([0.0, 0.0, _]) => {
-                Window::flat(ViewDirection { hfov: WIDE, ..ViewDirection::default() }, FLAT)
+                Window::flat(ViewDirection { hfov: HFOV_RAD, ..ViewDirection::default() }, FLAT_SIZE_PX)
             }
-            Self::Toward(direction) => Window::toward(mount, direction, WIDE, FLAT),
+            Self::Toward(direction) => Window::toward(mount, direction, HFOV_RAD, FLAT_SIZE_PX),
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Background work: reading images, detecting edges, automatic calibration, refinement; the plan image and
-//! its extent.
+//! Background work: reading images, detecting edges, automatic calibration, refinement. Also the plan image
+//! and its extent.
 
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ impl App {
             || self.edges.looking() > 0
     }
 
-    /// Whether running work will change the site when it ends.
+    /// Whether running work or an open file chooser can change the site when it ends.
     pub(crate) fn awaits(&self) -> bool {
         self.waiting() > 0
             || self.dialogs.dialog.is_some()
@@ -43,7 +43,8 @@ impl App {
             || !self.jobs.arriving.is_empty()
     }
 
-    /// Cancels all background work.
+    /// Cancels the running work of one kind. The order is refinement, automatic calibration, comparisons and
+    /// recovery, reading and edge detection.
     pub fn stop_work(&mut self) {
         if self.jobs.refining.take().is_some() {
             self.act(Action::Note("Cancelled: no camera was moved.".into()));
@@ -149,7 +150,7 @@ impl App {
         [[low(0) - margin, low(1) - margin], [high(0) + margin, high(1) + margin]]
     }
 
-    /// Returns the floor positions of the corners of the plan image.
+    /// Returns the floor positions of the corners of the plan image; empty until the image is decoded.
     fn plan_corners(&self) -> Vec<FloorPoint> {
         let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.as_ref());
         let Some(picture) = name.and_then(|name| self.pictures.ready(name)) else { return Vec::new() };
@@ -168,7 +169,7 @@ impl App {
         }
     }
 
-    /// Returns the plan image as texture pieces at full resolution.
+    /// Returns the plan image as texture tiles.
     pub fn plan_pieces(&mut self, ctx: &Context) -> Vec<Piece> {
         let name = self.editor.session().site.plan.as_ref().and_then(|plan| plan.image.clone());
         let Some(name) = name else { return Vec::new() };
@@ -177,13 +178,13 @@ impl App {
         picture.map(|picture| picture.pieces(ctx)).unwrap_or_default()
     }
 
-    /// Returns the opacity of images on the plan; it is stored for each site.
+    /// Returns the opacity of projected images on the plan, 0 to 1; the opacity is stored for each site.
     #[must_use]
     pub fn opacity(&self, ctx: &Context) -> f32 {
         ctx.data_mut(|data| data.get_persisted(self.opacity_id())).unwrap_or(0.8)
     }
 
-    /// Sets the opacity of images on the plan.
+    /// Sets the opacity of projected images on the plan, 0 to 1.
     pub fn set_opacity(&self, ctx: &Context, opacity: f32) {
         ctx.data_mut(|data| data.insert_persisted(self.opacity_id(), opacity));
     }

@@ -1,5 +1,5 @@
-//! Autosaves, recent sites, and the storage of sites in the browser. Every finished gesture is autosaved, and
-//! offered at the next start after a crash.
+//! Autosaves, recent sites, and the storage of sites in the browser. Every finished gesture is autosaved.
+//! After a crash, the next start shows the autosave.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
@@ -14,29 +14,30 @@ use serde::{Deserialize, Serialize};
 use crate::picture::Pictures;
 use crate::platform::{Here, Platform};
 
-/// Autosave slot: written after every gesture, empty after a save.
+/// Autosave slot: a folder that is written after every gesture and emptied after a save.
 #[derive(Clone, Debug)]
 pub struct Autosave {
     folder: PathBuf,
 }
 
-/// Autosave found at the start.
+/// Autosave that was found at the start of the app, or a site from the storage of the browser.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// The site.
+    /// Content of the site.
     pub site: Site,
     /// Images of the site.
     pub images: Images,
-    /// File from which the site was opened.
+    /// Site file from which the site was opened.
     pub path: Option<PathBuf>,
-    /// Hash of that file when it was last read or written.
+    /// Hash of the site file when it was last read or written.
     pub held: Option<u64>,
     /// Time of the autosave, in seconds since 1970.
     pub at: Option<u64>,
 }
 
+/// Content of the autosave file, as JSON.
 #[derive(serde::Serialize, serde::Deserialize)]
-struct Kept {
+struct AutosaveFile {
     path: Option<PathBuf>,
     folder: Option<PathBuf>,
     #[serde(default)]
@@ -50,11 +51,12 @@ struct Kept {
 }
 
 impl Autosave {
-    /// Returns the autosave slots of a folder. Several slots keep sessions from overwriting each other's
-    /// work.
+    /// Returns the autosave slots of a folder. With several slots, sessions do not overwrite the work of each
+    /// other.
     pub fn slots(folder: &Path) -> impl Iterator<Item = Self> + '_ {
-        const SLOTS: usize = 9;
-        (0..SLOTS).map(|slot| {
+        /// Number of autosave slots.
+        const SLOT_COUNT: usize = 9;
+        (0..SLOT_COUNT).map(|slot| {
             let name = if slot == 0 { "autosave".into() } else { format!("autosave-{}", slot + 1) };
             Self::new(folder.join(name))
         })
@@ -66,7 +68,7 @@ impl Autosave {
         Self { folder }
     }
 
-    /// Returns the folder.
+    /// Returns the folder of the slot.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -80,10 +82,10 @@ impl Autosave {
         self.folder.join(format!("image-{}", id.trim_start_matches("stored:")))
     }
 
-    /// Writes the site; stored images are written once.
+    /// Writes the site into the slot; each stored image is written only once.
     ///
     /// # Errors
-    /// When the folder cannot be written to.
+    /// When the folder of the slot cannot be written to.
     pub fn keep(
         &self,
         site: &Site,
@@ -100,14 +102,15 @@ impl Autosave {
         let stored = images.stored().map(|(id, mime, ..)| (id.to_owned(), mime.to_owned())).collect();
         let (path, folder) = (path.map(Path::to_path_buf), images.folder.clone());
         let allowed = images.allowed.clone();
-        let kept = Kept { path, folder, held, at: Here::now(), allowed, stored, site: site.to_json() };
+        let kept =
+            AutosaveFile { path, folder, held, at: Here::now(), allowed, stored, site: site.to_json() };
         Here::write_quickly(&self.file(), &serde_json::to_vec(&kept).map_err(|error| error.to_string())?)
     }
 
     /// Reads the autosave, if it exists and is readable.
     #[must_use]
     pub fn find(&self) -> Option<Found> {
-        let kept: Kept = serde_json::from_slice(&Here::read(&self.file()).ok()?).ok()?;
+        let kept: AutosaveFile = serde_json::from_slice(&Here::read(&self.file()).ok()?).ok()?;
         let site = Site::from_json(&kept.site).ok()?;
         let mut images = Images::in_folder(kept.folder, None);
         images.allowed = kept.allowed;
@@ -125,7 +128,7 @@ impl Autosave {
     }
 }
 
-/// Autosave slots of a folder, from the view of one window.
+/// Autosave slots of a folder that one window has locked.
 #[derive(Debug, Default)]
 pub(crate) struct Slots {
     /// Autosaves of crashed sessions.
@@ -156,23 +159,23 @@ impl Slots {
 /// Site that was opened or saved recently.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Recent {
-    /// Path of its file.
+    /// Path of the site file.
     pub path: PathBuf,
     /// Name of the site.
     pub name: String,
     /// Number of cameras.
     pub cameras: usize,
-    /// Image of its first camera, if that is a file.
+    /// Image of the first camera, if the image is a file.
     pub image: Option<PathBuf>,
     /// Time of opening or saving, in seconds since 1970.
     pub at: u64,
 }
 
-/// Largest number of recent sites.
-const MOST: usize = 8;
+/// Largest number of recent sites in the list.
+const MAX_RECENT_SITES: usize = 8;
 
 impl Recent {
-    /// Creates the entry of a site; its images are searched next to `path`.
+    /// Creates the entry of a site; its images are searched in the folder of `path`.
     #[must_use]
     pub fn of(path: &Path, site: &Site, at: u64) -> Self {
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
@@ -193,7 +196,7 @@ fn file(folder: &Path) -> PathBuf {
     folder.join("recent.json")
 }
 
-/// Reads the list from a folder, newest first, without missing files.
+/// Reads the list of recent sites from a folder, newest first, without missing site files.
 #[must_use]
 pub(crate) fn list(folder: &Path) -> Vec<Recent> {
     let known = Here::read(&file(folder)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
@@ -201,17 +204,17 @@ pub(crate) fn list(folder: &Path) -> Vec<Recent> {
     known.into_iter().filter(|recent| recent.path.is_file()).collect()
 }
 
-/// Adds an entry at the front of the list in a folder, and returns the list.
+/// Adds an entry at the front of the list of recent sites in a folder; returns the list.
 #[must_use]
 pub(crate) fn remember(folder: &Path, recent: Recent) -> Vec<Recent> {
     let others = list(folder).into_iter().filter(|known| known.path != recent.path);
-    let all: Vec<Recent> = std::iter::once(recent.clone()).chain(others).take(MOST).collect();
-    // A failure is harmless: the site can still be opened by its name.
+    let all: Vec<Recent> = std::iter::once(recent.clone()).chain(others).take(MAX_RECENT_SITES).collect();
+    // A failed write is harmless: the site can still be opened from its file.
     let _ = serde_json::to_vec(&all).map(|bytes| Here::write_quickly(&file(folder), &bytes));
     all
 }
 
-/// Returns the time since `at` as text.
+/// Returns the time since `at` as text; both times are in seconds since 1970.
 #[must_use]
 pub(crate) fn ago(at: u64, now: u64) -> String {
     let minutes = now.saturating_sub(at) / 60;
@@ -235,7 +238,7 @@ pub struct Entry {
     pub name: String,
     /// Number of cameras.
     pub cameras: usize,
-    /// Size with its images, in bytes.
+    /// Size of the site with its images, in bytes.
     pub bytes: u64,
     /// Time of the last autosave, as text.
     pub when: String,
@@ -245,61 +248,61 @@ pub struct Entry {
     pub thumbnail: Option<String>,
 }
 
-/// Autosave after a finished gesture.
+/// Content of an autosave after a finished gesture.
 #[derive(Debug)]
 pub struct Work<'a> {
-    /// The site.
+    /// Content of the site.
     pub site: &'a Site,
     /// Images of the site.
     pub images: &'a Images,
-    /// File from which it was opened, or to which it was saved.
+    /// Site file from which the site was opened, or to which it was saved.
     pub path: Option<PathBuf>,
-    /// Name of the gesture.
+    /// Name of the last gesture.
     pub last: &'a str,
     /// Thumbnail of the first image, as a `data:` URI, once it is decoded.
     pub thumbnail: Option<&'a str>,
 }
 
-/// Message of the storage.
+/// Message of the browser storage to the app.
 #[derive(Debug)]
 pub enum News {
-    /// The requested site.
+    /// Stored site that the operator opened.
     Opened(Box<Found>),
-    /// Error with advice.
+    /// Error message with advice.
     Trouble(String),
-    /// Information.
+    /// Message that is no error.
     Note(String),
     /// Request to store the open site again, completely.
     Again,
 }
 
-/// Storage of sites in a browser.
+/// Storage of sites in the browser.
 pub trait Shelf: Debug {
-    /// Returns the entries, newest first.
+    /// Returns the stored sites, newest first.
     fn entries(&self) -> Vec<Entry>;
-    /// Stores the open site.
+    /// Stores the open site in its entry.
     fn keep(&mut self, work: Work<'_>);
-    /// Starts a new entry for another site.
+    /// Ends the entry of the open site; the next site gets a new entry.
     fn begin(&mut self);
-    /// Requests a site.
+    /// Requests a stored site; it arrives as [`News::Opened`].
     fn open(&mut self, id: &str);
-    /// Removes a site.
+    /// Removes a stored site.
     fn remove(&mut self, id: &str);
-    /// Returns the next message since the last frame.
+    /// Returns the oldest message that was not returned yet.
     fn news(&mut self) -> Option<News>;
-    /// Whether an autosave is still being written.
+    /// Whether an autosave is still being written, or failed.
     fn is_behind(&self) -> bool;
 }
 
 /// Size of a thumbnail, in pixels: twice its size on the start page, for high-resolution screens.
-const SIZE: [u32; 2] = [168, 104];
+const THUMBNAIL_SIZE_PX: [u32; 2] = [168, 104];
 
-/// Thumbnail of a site: its first image, scaled down when it is decoded.
+/// Thumbnail of a site: its first image, scaled down once the image is decoded.
 #[derive(Debug, Default)]
 pub(crate) struct Thumbnail {
     /// Name of the image, and its thumbnail as a `data:` URI.
     made: Option<(String, String)>,
-    /// Name of the image that is not decoded yet.
+    /// Name of the first image while it is not decoded.
     awaited: Option<String>,
 }
 
@@ -307,13 +310,14 @@ impl Thumbnail {
     /// Creates the thumbnail if the first image changed and is decoded.
     pub(crate) fn renew(&mut self, site: &Site, pictures: &Pictures) {
         self.awaited = None;
-        let Some(name) = first(site).filter(|name| self.made.as_ref().is_none_or(|(made, _)| made != name))
+        let Some(name) =
+            first_image(site).filter(|name| self.made.as_ref().is_none_or(|(made, _)| made != name))
         else {
             return;
         };
         let picture = pictures.ready(name);
         self.awaited = picture.is_none().then(|| name.to_owned());
-        let small = picture.and_then(|picture| small(&picture.image));
+        let small = picture.and_then(|picture| thumbnail_uri(&picture.image));
         self.made = small.map(|small| (name.to_owned(), small)).or(self.made.take());
     }
 
@@ -322,23 +326,24 @@ impl Thumbnail {
         self.awaited.as_ref().is_some_and(|name| pictures.ready(name).is_some())
     }
 
-    /// Returns the thumbnail of a site.
+    /// Returns the thumbnail of a site as a `data:` URI, if it is up to date.
     pub(crate) fn of(&self, site: &Site) -> Option<&str> {
         let (name, uri) = self.made.as_ref()?;
-        (first(site)? == name).then_some(uri)
+        (first_image(site)? == name).then_some(uri)
     }
 }
 
-fn first(site: &Site) -> Option<&str> {
+/// Returns the name of the first image of a site.
+fn first_image(site: &Site) -> Option<&str> {
     site.cameras.iter().find_map(|camera| camera.image.as_deref())
 }
 
-/// Returns the middle of an image, in the aspect ratio of the card.
-fn small(still: &RgbImage) -> Option<String> {
-    let [w, h] = SIZE;
+/// Returns the middle of an image, scaled down to the size of a thumbnail, as a `data:` URI.
+fn thumbnail_uri(still: &RgbImage) -> Option<String> {
+    let [w, h] = THUMBNAIL_SIZE_PX;
     let (width, height) = still.dimensions();
     let share = (f64::from(width) / f64::from(w)).min(f64::from(height) / f64::from(h));
-    let [cut_w, cut_h] = SIZE.map(|side| ((f64::from(side) * share) as u32).max(1));
+    let [cut_w, cut_h] = THUMBNAIL_SIZE_PX.map(|side| ((f64::from(side) * share) as u32).max(1));
     let [x, y] = [width.saturating_sub(cut_w) / 2, height.saturating_sub(cut_h) / 2];
     let cut = image::imageops::crop_imm(still, x, y, cut_w, cut_h);
     let small = image::imageops::thumbnail(&*cut, w, h);
@@ -400,12 +405,12 @@ mod tests {
         let still = RgbImage::from_fn(2000, 600, |x, _| {
             image::Rgb([if x.abs_diff(1000) < 480 { 255 } else { 0 }; 3])
         });
-        let uri = small(&still).unwrap();
+        let uri = thumbnail_uri(&still).unwrap();
         assert!(uri.starts_with("data:image/jpeg;base64,") && uri.len() < 12_000, "{}", uri.len());
         let bytes =
             calib_editor::Source::from_data_uri(&uri).unwrap().read(|_, _| Err("no file".into())).unwrap();
         let shown = calib_editor::decode(&bytes).unwrap();
-        assert_eq!(<[u32; 2]>::from(shown.dimensions()), SIZE);
+        assert_eq!(<[u32; 2]>::from(shown.dimensions()), THUMBNAIL_SIZE_PX);
         assert!(shown.get_pixel(4, 50).0[0] > 240 && shown.get_pixel(163, 50).0[0] > 240);
     }
 }

@@ -1,4 +1,4 @@
-//! Demonstration site; its images are rendered on first use and cached on disk.
+//! Demonstration site, whose images are rendered on first use and cached on disk.
 
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -10,19 +10,19 @@ use calib_site::Site;
 
 use crate::platform::{Here, Platform as _};
 
-/// Returns the folder of the rendered images.
+/// Returns the folder of the rendered images of the demonstration; `None` in the browser.
 fn folder() -> Option<PathBuf> {
     Here::data_dir().map(|folder| folder.join("demonstration"))
 }
 
-/// Returns the site and its image source.
+/// Returns the demonstration site and its image source.
 #[must_use]
 pub fn open() -> (Site, Images) {
     let (site, images, _) = open_with_truth();
     (site, images)
 }
 
-/// Returns the site, its image source, and the ground truth of its first camera.
+/// Returns the demonstration site, its image source, and the true pose of its first camera.
 #[must_use]
 pub fn open_with_truth() -> (Site, Images, Option<Camera>) {
     let demo = calib_demo::demo_site();
@@ -30,7 +30,7 @@ pub fn open_with_truth() -> (Site, Images, Option<Camera>) {
     (demo.site, Images::in_folder(folder(), Some(render)), truth)
 }
 
-/// Renders an image of the site as PNG.
+/// Renders an image of the demonstration site as PNG.
 ///
 /// # Errors
 /// When the site has no image of this name.
@@ -48,7 +48,7 @@ pub fn render(name: &str) -> Result<Vec<u8>, String> {
         .write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png)
         .map_err(|error| error.to_string())?;
     if let Some(folder) = folder() {
-        // A failed write only costs another rendering.
+        // After a failed write, the next use renders the image again.
         let _ = Here::write(&folder.join(name), &bytes);
     }
     Ok(bytes)

@@ -9,12 +9,12 @@ use web_time::Instant;
 use crate::choice::{Chosen, Purpose};
 use crate::platform::{Answer, Here, Platform as _};
 
-/// Shortest time in which a person closes a chooser.
-const UNSEEN: Duration = Duration::from_millis(400);
+/// Shortest time for which a chooser is open if a person closes it.
+const MIN_OPEN_TIME: Duration = Duration::from_millis(400);
 
 /// Open file chooser.
 pub struct Dialog {
-    /// Purpose of the files.
+    /// Purpose of the files to choose.
     pub purpose: Purpose,
     opened: Option<Instant>,
     answer: Answer,
@@ -27,7 +27,7 @@ impl std::fmt::Debug for Dialog {
 }
 
 impl Dialog {
-    /// Opens a chooser.
+    /// Opens the file chooser of the system.
     #[must_use]
     pub fn open(purpose: Purpose) -> Self {
         Self { purpose, opened: Some(Instant::now()), answer: Here::ask(purpose) }
@@ -39,16 +39,16 @@ impl Dialog {
         Self { purpose, opened: None, answer: Box::pin(std::future::ready(chosen)) }
     }
 
-    /// Creates a chooser that is closed at once, as on a system without one.
+    /// Creates a chooser that is closed at once, as on a system without a file chooser.
     #[must_use]
     pub fn refused(purpose: Purpose) -> Self {
         Self { opened: Some(Instant::now()), ..Self::answered(purpose, Vec::new()) }
     }
 
-    /// Whether it was closed too quickly for a person to have seen it.
+    /// Whether the chooser was opened so recently that no person can have closed it.
     #[must_use]
     pub fn is_just_opened(&self) -> bool {
-        self.opened.is_some_and(|opened| opened.elapsed() < UNSEEN)
+        self.opened.is_some_and(|opened| opened.elapsed() < MIN_OPEN_TIME)
     }
 
     /// Returns the chosen files once the chooser is closed; none if it was cancelled.
@@ -65,7 +65,7 @@ impl Chosen {
     /// Returns the content of the file.
     ///
     /// # Errors
-    /// When it cannot be read.
+    /// When the file cannot be read.
     pub fn into_bytes(self) -> FileResult<Vec<u8>> {
         match (self.bytes, self.path) {
             (Some(bytes), _) => Ok(bytes),
@@ -77,7 +77,7 @@ impl Chosen {
     /// Returns the text of the file.
     ///
     /// # Errors
-    /// When it cannot be read or is not UTF-8.
+    /// When the file cannot be read or is not UTF-8.
     pub fn into_text(self) -> FileResult<String> {
         String::from_utf8(self.into_bytes()?).map_err(|_| "not text".into())
     }

@@ -8,7 +8,7 @@ use calib_site::Site;
 
 use crate::platform::{Here, Platform as _};
 
-/// Returns the folder of autosaves and of the demonstration's images.
+/// Returns the folder of autosaves and of the demonstration's images; `None` in the browser.
 #[must_use]
 pub fn data_dir() -> Option<PathBuf> {
     Here::data_dir()
@@ -22,18 +22,18 @@ pub fn stamp(bytes: &[u8]) -> u64 {
     hasher.finish()
 }
 
-/// Reads a site file.
+/// Reads a site file; returns the site and its image source.
 ///
 /// # Errors
-/// When it cannot be read or is not a valid site.
+/// When the file cannot be read or is not a valid site.
 pub fn open(path: &Path) -> FileResult<(Site, Images)> {
     open_stamped(path).map(|(site, images, _)| (site, images))
 }
 
-/// Reads a site file, and returns the hash of its content.
+/// Reads a site file; returns the site, its image source, and the hash of the file content.
 ///
 /// # Errors
-/// When it cannot be read or is not a valid site.
+/// When the file cannot be read or is not a valid site.
 pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     let bytes = Here::read(path)?;
     let held = stamp(&bytes);
@@ -44,10 +44,11 @@ pub fn open_stamped(path: &Path) -> FileResult<(Site, Images, u64)> {
     Ok((site, images, held))
 }
 
-/// Writes a site file, and returns the hash of its content. Its images are then searched next to it.
+/// Writes a site file; returns the hash of the file content. Image names in the file are relative to its
+/// folder.
 ///
 /// # Errors
-/// When it cannot be written.
+/// When the file cannot be written.
 pub fn save(path: &Path, site: &Site, images: &Images) -> FileResult<u64> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let text = images.embed_into(site, Some(folder)).to_json();

@@ -1,4 +1,5 @@
-//! Storage below the app's state: site files, autosaves, recent sites, file choosers, thumbnails, the demonstration.
+//! Storage below the app's state: site files, autosaves, recent sites, file choosers, thumbnails, the
+//! demonstration.
 
 pub mod files;
 pub mod autosave;

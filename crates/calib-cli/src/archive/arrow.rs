@@ -23,7 +23,7 @@ use crate::stop::CommandError;
 /// First and last bytes of an IPC file. Between them are padding zeros, a stream, and a footer.
 const MAGIC: &[u8] = b"ARROW1";
 
-/// Number of bytes read at once.
+/// Maximum number of bytes that are read at once.
 const CHUNK: usize = 1 << 20;
 
 /// Marker before the length of a message; older streams do not have it.
@@ -44,7 +44,7 @@ struct Stream {
     /// Decoder of messages; it allocates memory for received bytes only, not for stated lengths.
     decoder: StreamDecoder,
     chunk: Buffer,
-    /// Batch that was decoded together with the schema.
+    /// First batch, which was decoded together with the schema.
     first: Option<RecordBatch>,
     /// Number of rows before the last batch, for messages; `rows` is the number in that batch.
     rows_before: usize,
@@ -74,7 +74,7 @@ impl Stream {
         CommandError::invalid(&self.name, format!("not a complete Arrow IPC stream or file: {error}"))
     }
 
-    /// Reads up to `count` bytes.
+    /// Reads up to `count` bytes of the input and appends them to `bytes`.
     fn read(&mut self, bytes: &mut Vec<u8>, count: u64) -> Result<(), CommandError> {
         let read = self.from.by_ref().take(count).read_to_end(bytes);
         read.map(drop).map_err(|error| self.invalid(error))
@@ -245,7 +245,7 @@ pub(super) fn create_file<'a>(
     Ok(Box::new(FileWriter::try_new(output, schema)?))
 }
 
-/// UTC offset in text.
+/// Time zone of UTC, as an offset.
 const UTC: &str = "+00:00";
 
 /// Converts zoned times to the same instants in UTC, because text has offsets but no zone names.
@@ -259,7 +259,8 @@ pub(super) fn to_utc(batch: &RecordBatch) -> Result<RecordBatch, CommandError> {
     Ok(RecordBatch::try_new_with_options(schema, columns, &options)?)
 }
 
-/// Converts a column. Zoned times are stored in UTC, so only the zone in the data type changes.
+/// Converts the zoned times of a column, also inside lists and records, to UTC. Arrow stores zoned times in
+/// UTC, so only the zone in the data type changes.
 fn column_to_utc(column: &ArrayRef) -> Result<ArrayRef, ArrowError> {
     Ok(match column.data_type() {
         DataType::Timestamp(unit, Some(_)) => match unit {

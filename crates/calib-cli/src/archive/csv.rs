@@ -95,7 +95,7 @@ pub(super) fn open(input: Input, purpose: ReadOptions<'_>) -> Result<Box<dyn Sou
     Ok(Box::new(csv))
 }
 
-/// Refuses a name that is not a column.
+/// Refuses names in `as_text` that are not columns of the table.
 fn check_column_names(name: &str, schema: &Schema, as_text: &[String]) -> Result<(), CommandError> {
     let Some(unknown) = as_text.iter().find(|column| schema.index_of(column).is_err()) else { return Ok(()) };
     let columns: Vec<&str> = schema.fields().iter().map(|field| field.name().as_str()).collect();
@@ -350,14 +350,15 @@ pub(super) fn infer_type(column: &ArrayRef) -> DataType {
 /// value.
 pub(super) fn parse_as(column: &ArrayRef, kind: &DataType) -> Result<ArrayRef, (usize, &'static str)> {
     match kind {
-        DataType::Int64 => all::<i64, Int64Array>(column, "a whole number"),
-        DataType::Float64 => all::<f64, Float64Array>(column, "a number"),
-        DataType::Boolean => all::<bool, BooleanArray>(column, "true or false"),
+        DataType::Int64 => parse_cells::<i64, Int64Array>(column, "a whole number"),
+        DataType::Float64 => parse_cells::<f64, Float64Array>(column, "a number"),
+        DataType::Boolean => parse_cells::<bool, BooleanArray>(column, "true or false"),
         _ => Ok(Arc::clone(column)),
     }
 }
 
-fn all<T: FromStr, A: FromIterator<Option<T>> + Array + 'static>(
+/// Parses every cell of a column as `T`. On failure, returns the first wrong row and `expected`.
+fn parse_cells<T: FromStr, A: FromIterator<Option<T>> + Array + 'static>(
     column: &ArrayRef,
     expected: &'static str,
 ) -> Result<ArrayRef, (usize, &'static str)> {
@@ -374,19 +375,19 @@ mod tests {
 
     use super::*;
 
-    fn of(cells: &[&str]) -> DataType {
+    fn inferred(cells: &[&str]) -> DataType {
         infer_type(&(Arc::new(StringArray::from_iter_values(cells)) as ArrayRef))
     }
 
     #[test]
     fn column_type_fits_all_cells() {
-        assert_eq!(of(&["1", "-20"]), DataType::Int64);
-        assert_eq!(of(&["1", "2.5", "-1e-3", ".5", "0.1"]), DataType::Float64);
-        assert_eq!(of(&["true", "false"]), DataType::Boolean);
+        assert_eq!(inferred(&["1", "-20"]), DataType::Int64);
+        assert_eq!(inferred(&["1", "2.5", "-1e-3", ".5", "0.1"]), DataType::Float64);
+        assert_eq!(inferred(&["true", "false"]), DataType::Boolean);
         for text in
             [&["007"][..], &["1", "n/a"], &["+1"], &["inf"], &["12345678901234567890"], &["00.5"], &[]]
         {
-            assert_eq!(of(text), DataType::Utf8, "{text:?}");
+            assert_eq!(inferred(text), DataType::Utf8, "{text:?}");
         }
     }
 }

@@ -117,8 +117,8 @@ impl FileCompression {
     }
 }
 
-/// Encoder that finishes on the first flush, so that the error of finishing is reported. A table is flushed
-/// once.
+/// Encoder that finishes its compressed stream on the first flush, so that an error of finishing is reported.
+/// A table writer flushes once, at its end.
 struct FinishOnFlush<E: Finish>(Option<E>);
 
 trait Finish: Write {

@@ -35,7 +35,7 @@ const MAX_ROW_BYTES: u64 = 64 << 20;
 const MAX_COLUMNS: usize = 10_000;
 /// Number of first rows of a text table that determine the column types.
 const TYPE_INFERENCE_ROWS: usize = 1 << 16;
-/// Memory of a text cell without its text, in bytes.
+/// Memory of a text cell in addition to its text, in bytes.
 const CELL_BYTES: usize = 8;
 
 /// Table reader.
@@ -95,7 +95,7 @@ type Create = for<'a> fn(Output<'a>, &Schema, OutputOptions) -> Result<Box<dyn S
 
 /// Table format.
 pub(crate) struct Format {
-    /// Name on the command line.
+    /// Name of the format on the command line.
     pub(crate) name: &'static str,
     pub(crate) about: &'static str,
     /// File name extensions, without the dot.

@@ -44,7 +44,7 @@ struct NdjsonSource {
     incomplete: Vec<u64>,
 }
 
-/// Column while its lines are read.
+/// Column of a batch while its lines are read.
 struct Column {
     name: String,
     values: StringBuilder,
@@ -91,7 +91,7 @@ impl NdjsonSource {
         }
     }
 
-    /// Reads lines into columns.
+    /// Reads the lines of a batch into columns.
     fn fill(&mut self) -> Result<Vec<Column>, CommandError> {
         let most = if self.types.is_none() && !self.keeps_text() { TYPE_INFERENCE_ROWS } else { BATCH_ROWS };
         let mut columns = Vec::new();
@@ -166,7 +166,7 @@ impl NdjsonSource {
     }
 }
 
-/// Infers the type of a column from its values; null for a column that must stay JSON.
+/// Infers the type of a column from its values; [`DataType::Null`] for a column that must stay JSON.
 fn infer_type(column: &ArrayRef) -> DataType {
     let values = || column.as_string::<i32>().iter().flatten().filter(|value| *value != "null");
     let is_number = |value: &str| value.starts_with(|c: char| c == '-' || c.is_ascii_digit());
@@ -270,7 +270,7 @@ impl<'de> Visitor<'de> for LineVisitor<'_> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
         use arrow_array::builder::ArrayBuilder as _;
-        // Lines usually have the same keys in the same order.
+        // Lines usually have the same keys in the same order, so the next column is tried first.
         let mut guess = 0;
         while let Some(key) = map.next_key::<Cow<'de, str>>()? {
             let value: &RawValue = map.next_value()?;

@@ -20,7 +20,7 @@ const MAX_PAGE_BYTES: u64 = 256 << 20;
 /// Maximum compression ratio of gzip.
 const MAX_GZIP_RATIO: u64 = 1032;
 /// Maximum number of values in the lists of one column in a row group. A single row may contain all of them,
-/// and null values take no bytes in the file.
+/// so all values are in memory at once. The file size does not limit them, because null values take no bytes.
 const MAX_LIST_VALUES: u64 = 64 << 20;
 /// Memory of a value in a list, in bytes: the value and two levels.
 const LIST_VALUE_BYTES: u64 = 12;

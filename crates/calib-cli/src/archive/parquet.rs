@@ -20,18 +20,18 @@ use crate::stop::CommandError;
 /// Number of rows of a written row group, which stays encoded in memory until it is complete.
 const GROUP_ROWS: usize = 1 << 18;
 
-/// Options of the output; a Parquet output keeps the compression of a Parquet input.
+/// Options of the output file. A Parquet output keeps the compression of a Parquet input.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct OutputOptions {
     /// Whether text cells stay unchanged, even if a spreadsheet would read them as formulas.
     pub(crate) is_verbatim: bool,
     codec: Option<Compression>,
-    /// Columns without a dictionary in the input, because it did not help there.
+    /// Columns that have no dictionary in the input, because a dictionary did not reduce their size.
     plain: Vec<ColumnPath>,
 }
 
 impl OutputOptions {
-    /// Returns the compression of the first row group.
+    /// Returns the output options that reproduce the compression of the first row group of the input.
     fn from_metadata(about: &ParquetMetaData) -> Self {
         let Some(group) = about.row_groups().first() else { return Self::default() };
         let has_dictionary = |column: &ColumnChunkMetaData| {

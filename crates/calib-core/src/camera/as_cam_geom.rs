@@ -6,9 +6,10 @@ use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion};
 use crate::camera::pinhole::Camera;
 
 impl Camera {
-    /// Converts the camera of undistorted pixels. Pixel coordinates start at the corner of the image.
+    /// Converts this camera to a perspective camera of `cam_geom`, without the distortion. The result maps
+    /// undistorted pixels, whose coordinates count from the upper left corner of the image.
     ///
-    /// The type of `cam_geom` has no distortion. Call [`Camera::undistort`] before it.
+    /// Map raw pixels to undistorted pixels with [`Camera::undistort`] first.
     #[must_use]
     pub fn to_cam_geom(&self) -> cam_geom::Camera<f64, IntrinsicParametersPerspective<f64>> {
         let centre = self.lens.principal_point;

@@ -2,6 +2,7 @@
 
 use crate::camera::space::{FloorPoint, Pixel, PlanPixel, UndistortedPixel, WorldPoint};
 
+/// Implements the conversions of point types to and from points of `mint`.
 macro_rules! points {
     ($($name:ident($($coordinate:ident = $other:ident),+) = $point:ident;)+) => {$(
         impl From<$name> for mint::$point<f64> {

@@ -6,6 +6,7 @@ use crate::camera::floor_covariance::FloorCovariance;
 use crate::camera::pinhole::Camera;
 use crate::camera::space::{FloorPoint, Pixel, PlanPixel, UndistortedPixel, WorldPoint};
 
+/// Implements the conversions of point types to and from points of `nalgebra`.
 macro_rules! points {
     ($($name:ident = $point:ident, $array:ty;)+) => {$(
         impl From<$name> for $point<f64> {
@@ -30,7 +31,8 @@ points! {
 }
 
 impl Camera {
-    /// Returns the pose that maps world points to camera axes (right, down, forward), in metres.
+    /// Returns the pose of the camera: the map from world points to camera axes (right, down, forward), in
+    /// metres.
     #[must_use]
     pub fn camera_from_world_isometry(&self) -> Isometry3<f64> {
         let rows = self.rotation().concat();
@@ -39,8 +41,8 @@ impl Camera {
         Isometry3::from_parts(Translation3::from(self.translation()), rotation)
     }
 
-    /// Returns the matrix from homogeneous world points to undistorted pixels; see
-    /// [`Camera::projection_matrix`].
+    /// Returns the 3 x 4 matrix from homogeneous world points, in metres, to homogeneous undistorted pixels;
+    /// see [`Camera::projection_matrix`].
     #[must_use]
     pub fn projection(&self) -> Matrix3x4<f64> {
         Matrix3x4::from_row_slice(&self.projection_matrix().concat())
@@ -48,8 +50,8 @@ impl Camera {
 }
 
 impl FloorCovariance {
-    /// Returns the pixel part and the calibration part of the covariance, in square metres. The calibration
-    /// part is `None` if it is unknown.
+    /// Returns the part of the covariance from pixel noise and the part from the calibration, both in square
+    /// metres. The second part is `None` if the errors of the camera are unknown.
     #[must_use]
     pub fn matrices(&self) -> (Matrix2<f64>, Option<Matrix2<f64>>) {
         let matrix = |rows: &[[f64; 2]; 2]| Matrix2::from_row_slice(&rows.concat());

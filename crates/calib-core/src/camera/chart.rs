@@ -1,13 +1,14 @@
-//! Charts of a wide lens: virtual pinhole views directed at some of its pixels. In a chart, segments to the
-//! side of or behind the camera are segments, their noise has a covariance, and straight lines in space are
-//! straight.
+//! Charts of a wide lens: virtual pinhole views directed at groups of its pixels. A chart shows points to the
+//! side of the camera and behind it. In a chart, straight lines in space are straight, and pixel noise has a
+//! finite covariance.
 //!
-//! The rotation R takes the centre of the pixels to the optical axis. A bearing b has the chart point `A b`
-//! with `A = diag(f, f, 1) R diag(1/f, 1/f, 1)`, where f is the focal length. A direction in space with the
-//! vanishing point V has the vanishing point `A V` in the chart. The centre is computed with the equidistant
-//! lens, so it does not depend on the distortion coefficients. During an estimation, charts keep the lens of
-//! its start, so that derivatives are exact. A residual depends on the choice of the chart only in second
-//! order.
+//! The rotation R maps the mean ray of the pixels to the optical axis. A bearing b (a homogeneous undistorted
+//! pixel relative to the principal point) has the homogeneous chart point `A b` with
+//! `A = diag(f, f, 1) R diag(1/f, 1/f, 1)`, where f is the focal length in pixels. A direction in space with
+//! the vanishing point V has the vanishing point `A V` in the chart. The mean ray is computed with the
+//! equidistant lens, so it does not depend on the distortion coefficients. During an estimation, charts are
+//! computed from the initial lens and do not change, so derivatives are exact. A residual depends on the
+//! choice of the chart only in second order.
 
 use crate::camera::distortion::Matrix2;
 use crate::camera::lens::{ByParameters, Lens};
@@ -15,37 +16,43 @@ use crate::camera::numerics::{angle_from_axis, hypot, sin_cos};
 use crate::camera::pinhole::dot;
 use crate::camera::space::Pixel;
 
-/// Perspective view of a wide lens towards a group of its pixels.
+/// Virtual pinhole view of a wide lens, centred on a group of its pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chart {
-    /// Matrix from bearings to homogeneous chart points.
+    /// Matrix from bearings to homogeneous chart points. A bearing is a homogeneous undistorted pixel
+    /// relative to the principal point.
     from_bearing: [[f64; 3]; 3],
-    /// Inverse of the map to the chart.
+    /// Matrix from homogeneous chart points to bearings: the inverse of `from_bearing`.
     to_bearing: [[f64; 3]; 3],
+    /// Focal length of the chart and of the lens, in pixels.
     focal: f64,
 }
 
-/// Minimum cosine of the angle from the centre of a chart. Beyond it, a line through noisy points is
-/// undetermined.
+/// Minimum cosine of the angle between a ray and the optical axis of its chart. At larger angles, noisy
+/// points do not determine a line.
 const MIN_COSINE: f64 = 0.02;
 
 impl Chart {
-    /// Returns the chart centred on the given pixels. Returns `None` for a lens that is not wide and needs no
-    /// chart.
+    /// Returns the chart of a wide lens that is centred on the given raw pixels. Returns `None` for other
+    /// lenses, which need no chart.
     #[must_use]
     pub fn centred_on(lens: &Lens, pixels: &[Pixel]) -> Option<Self> {
         if !lens.distortion.is_wide() {
             return None;
         }
-        let directions = pixels.iter().map(|&pixel| equidistant(lens, pixel));
+        let directions = pixels.iter().map(|&pixel| equidistant_direction(lens, pixel));
         let sum = directions.fold([0.0; 3], |sum, direction| std::array::from_fn(|i| sum[i] + direction[i]));
         let length = dot(&sum, &sum).sqrt();
         let middle = if length > 1e-9 { sum.map(|c| c / length) } else { [0.0, 0.0, 1.0] };
         Some(Self::rotated_to(middle, lens.focal))
     }
 
-    /// Returns the chart of the smallest rotation that maps a unit vector to the axis:
-    /// `I + [k] + [k]^2 / (1 + c)`, with k the cross product of the vector and the axis.
+    /// Returns the chart whose optical axis is the unit vector (x, y, c) in camera axes. `focal` is in
+    /// pixels.
+    ///
+    /// The chart has the smallest rotation that maps the vector to the optical axis of the camera:
+    /// `I + [k] + [k]^2 / (1 + c)`. I is the identity, k the cross product of the vector and this axis, and
+    /// `[k]` the matrix with `[k] x` equal to the cross product of k and x.
     fn rotated_to([x, y, c]: [f64; 3], focal: f64) -> Self {
         let share = (1.0 + c).max(1e-6).recip();
         let rotation =
@@ -61,7 +68,7 @@ impl Chart {
         }
     }
 
-    /// Maps a homogeneous vector of bearings, for example a vanishing point, to the chart.
+    /// Maps a bearing, for example a vanishing point, to a homogeneous chart point.
     #[must_use]
     #[inline(always)]
     pub(crate) fn bearing_to_chart(&self, bearing: [f64; 3]) -> [f64; 3] {
@@ -69,29 +76,31 @@ impl Chart {
         [dot(x, &bearing), dot(y, &bearing), dot(ahead, &bearing)]
     }
 
-    /// Returns the matrix from the chart to bearings, row by row.
+    /// Returns the matrix from homogeneous chart points to bearings, row by row.
     pub(crate) const fn bearing_from_chart(&self) -> &[[f64; 3]; 3] {
         &self.to_bearing
     }
 
-    /// Returns the matrix from bearings to the chart, row by row.
+    /// Returns the matrix from bearings to homogeneous chart points, row by row.
     pub(crate) const fn chart_from_bearing(&self) -> &[[f64; 3]; 3] {
         &self.from_bearing
     }
 
-    /// Maps a homogeneous line of the chart to a homogeneous line of bearings.
+    /// Maps a line in the chart to the line of the same points as bearings. Lines are homogeneous: the dot
+    /// product of a line and its points is zero.
     pub(crate) fn line_to_bearings(&self, line: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|j| (0..3).map(|i| line[i] * self.from_bearing[i][j]).sum())
     }
 
-    /// Maps a chart point to the undistorted pixel relative to the principal point; `None` behind the camera.
+    /// Maps a chart point, in pixels, to the undistorted pixel relative to the principal point. Returns
+    /// `None` for points behind the camera.
     pub(crate) fn undistorted(&self, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y, w] = self.to_bearing.map(|row| row[0] * u + row[1] * v + row[2]);
         (w > 0.0).then(|| [x / w, y / w])
     }
 
-    /// Maps a chart point to the equidistant image of the lens, in which points of different charts are
-    /// comparable.
+    /// Maps a chart point to the image of an equidistant lens with the same focal length, in pixels relative
+    /// to the principal point. Points of different charts are comparable in this image.
     pub(crate) fn equidistant_point(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y, w] = self.to_bearing.map(|row| row[0] * u + row[1] * v + row[2]);
         let across = hypot(x, y);
@@ -102,16 +111,18 @@ impl Chart {
         [radius * x / across, radius * y / across]
     }
 
-    /// Whether a homogeneous chart vector is within the valid angle of the chart.
+    /// Whether the angle of a homogeneous chart point from the optical axis of the chart is valid; see
+    /// [`MIN_COSINE`].
     fn contains(&self, [x, y, w]: [f64; 3]) -> bool {
         let (x, y) = (x / self.focal, y / self.focal);
         w > MIN_COSINE * (x * x + y * y + w * w).sqrt()
     }
 }
 
-/// Returns the unit direction at a pixel of an equidistant lens.
-fn equidistant(lens: &Lens, pixel: Pixel) -> [f64; 3] {
-    // Largest angle from the axis of real lenses, in radians.
+/// Returns the unit vector, in camera axes, of the ray at a pixel. The lens is replaced by an equidistant
+/// lens with the same focal length and principal point.
+fn equidistant_direction(lens: &Lens, pixel: Pixel) -> [f64; 3] {
+    /// Largest angle between a ray and the optical axis for real lenses, in radians.
     const MAX_ANGLE: f64 = 2.5;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     let (x, y) = ((pixel.u - cu) / lens.focal, (pixel.v - cv) / lens.focal);
@@ -121,16 +132,19 @@ fn equidistant(lens: &Lens, pixel: Pixel) -> [f64; 3] {
     [scale * x, scale * y, cos]
 }
 
-/// Pixel in a chart or, without a chart, undistorted and relative to the principal point.
+/// Chart point of a raw pixel. For a lens without a chart, it is the undistorted pixel relative to the
+/// principal point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ChartPoint {
+    /// Coordinates in the chart, in pixels.
     pub(crate) at: [f64; 2],
-    /// `d at / d raw`, rows u and v.
+    /// Derivatives `d at / d raw` with respect to the raw pixel; one row for each coordinate of `at`.
     pub(crate) jacobian: Matrix2,
 }
 
 impl Lens {
-    /// Maps a raw pixel to a chart; `None` outside the lens or the chart.
+    /// Maps a raw pixel to a chart. Without a chart, undistorts it. Returns `None` outside the lens or the
+    /// chart.
     pub(crate) fn pixel_to_chart(&self, pixel: Pixel, chart: Option<&Chart>) -> Option<ChartPoint> {
         let Some(chart) = chart else {
             let (undistorted, jacobian) = self.undistort_with_jacobian(pixel)?;
@@ -148,7 +162,8 @@ impl Lens {
         Some(ChartPoint { at, jacobian: [0, 1].map(|row| columns.map(|column| column[row])) })
     }
 
-    /// Returns the derivatives of [`Self::pixel_to_chart`] with respect to every lens parameter, for a fixed chart.
+    /// Returns the derivatives of [`Self::pixel_to_chart`] and of its Jacobian with respect to every lens
+    /// parameter, for a fixed chart. `point` is the chart point of `pixel`.
     pub(crate) fn pixel_to_chart_by_parameters(
         &self,
         pixel: Pixel,
@@ -180,7 +195,8 @@ impl Lens {
     }
 }
 
-/// Returns the change of a point `(x, y) / w` for a change of its homogeneous coordinates.
+/// Returns the change of the point `at = (x, y) / w` for the change `(dx, dy, dw)` of its homogeneous
+/// coordinates.
 #[inline(always)]
 fn quotient_change(at: [f64; 2], w: f64, [dx, dy, dw]: [f64; 3]) -> [f64; 2] {
     [(dx - at[0] * dw) / w, (dy - at[1] * dw) / w]
@@ -207,7 +223,7 @@ mod tests {
             k in [-0.03..0.03_f64, -0.005..0.005_f64], at in [100.0..1900.0_f64, 100.0..1900.0_f64],
             off in [-400.0..400.0_f64, -400.0..400.0_f64],
         ) {
-            /// Steps of k1 to k4, of the log of the focal, and of pixels.
+            /// Steps of k1 to k4, of the log of the focal length, and of u and v of the principal point.
             const STEPS: [f64; Lens::PARAMETERS] = [1e-7, 1e-8, 1e-8, 1e-9, 1e-5, 1e-3, 1e-3];
             let lens = fisheye([k[0], k[1], 0.0, 0.0]);
             let pixel = Pixel::from(at);

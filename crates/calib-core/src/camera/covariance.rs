@@ -1,28 +1,30 @@
-//! The covariance of a camera's parameters, and its propagation to quantities computed from them.
+//! Covariance of the camera parameters, and its propagation to quantities that are computed from them.
 
 use crate::camera::lens::Lens;
 
-/// Covariance of a camera's unknowns: x0, y0, z0 (metres), yaw, pitch, roll (radians), focal (pixels),
-/// distortion coefficients (for the focal that the lens normalises with), and principal point (pixels). Rows
-/// and columns of parameters that were not estimated are zero. An infinite variance means that the error is
-/// unknown.
+/// Covariance matrix of the camera parameters. They are x0, y0, z0 (metres), yaw, pitch, roll (radians),
+/// focal length (pixels), distortion coefficients, and principal point (pixels). The coefficients refer to
+/// the focal length of the lens, [`Lens::focal`].
+///
+/// Rows and columns of parameters that were not estimated are zero. An infinite variance means that the error
+/// of the parameter is unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covariance(pub [[f64; Self::SIZE]; Self::SIZE]);
 
 impl Covariance {
-    /// Number of parameters.
+    /// Number of camera parameters: rows and columns of the matrix.
     pub const SIZE: usize = Self::LENS + Lens::PARAMETERS;
-    /// Index of x0.
+    /// Index of x0, the world x of the camera.
     pub const X: usize = 0;
-    /// Index of y0.
+    /// Index of y0, the world y of the camera.
     pub const Y: usize = 1;
-    /// Index of z0.
+    /// Index of z0, the height of the camera.
     pub const Z: usize = 2;
-    /// Index of yaw.
+    /// Index of the yaw.
     pub const YAW: usize = 3;
-    /// Index of pitch.
+    /// Index of the pitch.
     pub const PITCH: usize = 4;
-    /// Index of roll.
+    /// Index of the roll.
     pub const ROLL: usize = 5;
     /// Index of the focal length.
     pub const FOCAL: usize = 6;
@@ -30,13 +32,14 @@ impl Covariance {
     pub const LENS: usize = 7;
     /// Index of the u coordinate of the principal point; v follows.
     pub const CENTRE: usize = Self::LENS + Lens::CENTRE;
-    /// Names of the parameters before the distortion coefficients in files, with their units there.
+    /// Names in files of the parameters before the distortion coefficients. The suffix is the unit in files.
     pub const NAMES: [&str; Self::LENS] =
         ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "roll_deg", "focal_px"];
-    /// Covariance of a camera without errors.
+    /// Covariance of a camera whose parameters have no errors: all zeros.
     pub const EXACT: Self = Self([[0.0; Self::SIZE]; Self::SIZE]);
 
-    /// Covariance with unknown errors, for example of a camera that was imported without uncertainty.
+    /// Covariance of a camera whose errors are unknown, for example of an imported camera. All variances are
+    /// infinite.
     pub const UNKNOWN: Self = {
         let mut rows = [[0.0; Self::SIZE]; Self::SIZE];
         let mut index = 0;
@@ -47,14 +50,15 @@ impl Covariance {
         Self(rows)
     };
 
-    /// Returns the standard deviation of one unknown; `None` if it was not estimated or is not known.
+    /// Returns the standard deviation of the parameter with this index, in the unit of the parameter. Returns
+    /// `None` if the parameter was not estimated or its error is unknown.
     #[must_use]
     pub fn sigma(&self, index: usize) -> Option<f64> {
         let variance = self.0[index][index];
         (variance > 0.0 && variance.is_finite()).then(|| variance.sqrt())
     }
 
-    /// Returns the covariance with unknown errors of some unknowns, given by their indices.
+    /// Returns the covariance in which the errors of the parameters with the given indices are unknown.
     pub fn with_unknown(mut self, unknown: &[usize]) -> Self {
         for &index in unknown {
             self.0[index] = [0.0; Self::SIZE];
@@ -64,18 +68,19 @@ impl Covariance {
         self
     }
 
-    /// Whether all errors are known. An error of zero counts as known.
+    /// Whether the errors of all parameters are known. An error of zero counts as known.
     #[must_use]
     pub fn is_known(&self) -> bool {
         (0..Self::SIZE).all(|index| self.0[index][index].is_finite())
     }
 
-    /// Returns the covariance of `scale * unknown + by_focal * focal`, which replace the unknowns.
+    /// Returns the covariance after every parameter p is replaced by `scale p + by_focal focal`. `scale` and
+    /// `by_focal` contain one factor for each parameter. Returns [`Self::UNKNOWN`] if an error is unknown.
     pub fn with_correlated_shift(&self, scale: &[f64; Self::SIZE], by_focal: &[f64; Self::SIZE]) -> Self {
         if !self.is_known() {
             return Self::UNKNOWN;
         }
-        // First the rows, then the columns of the result; the matrix is symmetric.
+        // The rows are replaced first, then the columns. The matrix is symmetric.
         let mut rows = self.0;
         for i in 0..Self::SIZE {
             rows[i] = std::array::from_fn(|j| scale[i] * self.0[i][j] + by_focal[i] * self.0[Self::FOCAL][j]);
@@ -85,8 +90,8 @@ impl Covariance {
         }))
     }
 
-    /// Propagates the covariance to a pair of quantities with these derivatives; `None` if an error is
-    /// unknown.
+    /// Propagates the covariance to a pair of quantities. `jacobian` contains the derivatives of both
+    /// quantities with respect to each parameter. Returns `None` if an error is unknown.
     #[must_use]
     pub fn propagate(&self, jacobian: &[[f64; 2]; Self::SIZE]) -> Option<[[f64; 2]; 2]> {
         self.is_known().then(|| {

@@ -1,11 +1,12 @@
 //! Covariance of a floor point: the covariances of the pixel and of the camera, propagated by the Jacobian of
 //! the map from pixels to the floor.
 //!
-//! The ray of a pixel is `d = a right + b down + forward`, where `(a, b)` is the undistorted pixel relative
-//! to the principal point, divided by the focal length. It meets a plane with the normal `n = (-slope, 1)` at
-//! `C + t d`. A change d' of the direction moves the point by `t (d' - d (n . d') / (n . d))`. A change C' of
-//! the position moves it by `C' - d (n . C') / (n . d)`. A rise r of the plane at the point moves it by
-//! `d r / (n . d)`. For the floor `n . d` is `d_z`.
+//! The ray of a pixel has the direction `d = a right + b down + forward` in world axes, where `(a, b)` is the
+//! undistorted pixel relative to the principal point, divided by the focal length. From the camera position
+//! C, the ray meets a plane with the normal `n = (-slope, 1)` at `C + t d`. The symbols d', C' and r denote
+//! small changes. A change d' of the direction moves the intersection by `t (d' - d (n . d') / (n . d))`. A
+//! change C' of the position moves it by `C' - d (n . C') / (n . d)`. A rise r of the plane at the
+//! intersection moves it by `d r / (n . d)`. For the floor, `n . d` is `d_z`.
 
 use crate::camera::covariance::Covariance;
 use crate::camera::distortion::{Distortion, RayMatrix};
@@ -15,35 +16,38 @@ use crate::camera::pinhole::Camera;
 use crate::camera::plane::{Plane, ray_to_plane};
 use crate::camera::space::{FloorPoint, Pixel};
 
-/// Covariance of a floor point, in two parts; rows and columns x and y, in square metres.
+/// Covariance of a floor point, as the sum of two parts. Rows and columns are x and y, in square metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorCovariance {
-    /// Part of the pixel noise: independent for every detection.
+    /// Part of the covariance that the pixel noise causes. It is independent for every detection.
     pub pixel: [[f64; 2]; 2],
-    /// Part of the calibration: common to all detections of a camera, so a filter must not average it away.
-    /// `None` if the errors of the camera are unknown.
+    /// Part of the covariance that calibration errors cause. It is common to all detections of a camera, so a
+    /// filter must not average it away. `None` if the errors of the camera are unknown.
     pub calibration: Option<[[f64; 2]; 2]>,
 }
 
 impl FloorCovariance {
-    /// Covariance of a pixel without a floor point: NaN.
+    /// Covariance for a pixel that shows no floor point: all entries are NaN.
     pub(crate) const NAN: Self = Self { pixel: [[f64::NAN; 2]; 2], calibration: Some([[f64::NAN; 2]; 2]) };
 
-    /// Returns the sum of both parts. Returns `None` if one of them is unknown.
+    /// Returns the total covariance: the sum of the pixel part and the calibration part. Returns `None` if
+    /// the calibration part is unknown.
     #[must_use]
     pub fn total(&self) -> Option<[[f64; 2]; 2]> {
         let calibration = self.calibration?;
         Some(std::array::from_fn(|i| std::array::from_fn(|j| self.pixel[i][j] + calibration[i][j])))
     }
 
-    /// Returns both parts as rows, for arrays. Unknown values are NaN.
+    /// Returns the pixel part and the calibration part as rows `[xx, xy, yx, yy]`, for arrays. Unknown values
+    /// are NaN.
     #[must_use]
     pub fn rows(&self) -> [[f64; 4]; 2] {
         [self.pixel, self.calibration.unwrap_or([[f64::NAN; 2]; 2])].map(|[[a, b], [c, d]]| [a, b, c, d])
     }
 
-    /// Returns the standard deviation in the worst direction, in metres: the square root of the larger
-    /// eigenvalue of the total covariance. Returns `None` if one part is unknown.
+    /// Returns the standard deviation of the floor point in the worst direction, in metres. It is the square
+    /// root of the larger eigenvalue of the total covariance. Returns `None` if the calibration part is
+    /// unknown.
     #[must_use]
     pub fn worst_sigma(&self) -> Option<f64> {
         let [[a, b], [_, d]] = self.total()?;
@@ -70,9 +74,9 @@ impl Camera {
         self.covariance_on(pixel, pixel_sigma, &Plane::level(height), &[[0.0; 3]; 3])
     }
 
-    /// Returns the covariance of the point at `pixel` on a plane. `of_plane` is the covariance of its height
-    /// and slope, in square metres and squares of rise per metre. It is added to the calibration part. See
-    /// [`Self::floor_covariance`].
+    /// Returns the covariance of the point at `pixel` on a plane. `of_plane` is the covariance of the plane:
+    /// its height (metres), and its slope along x and y (rise per metre). Its contribution is added to the
+    /// calibration part. See [`Self::floor_covariance`].
     ///
     /// Returns `None` if the pixel does not show the plane.
     #[must_use]
@@ -100,8 +104,8 @@ impl Camera {
         Some(FloorCovariance { pixel: pixel_part, calibration })
     }
 
-    /// Returns the derivatives of the floor point of a pixel by the estimated parameters. They are zero for
-    /// the others.
+    /// Returns the derivatives `[dx, dy]` of the floor point of a pixel with respect to every parameter of
+    /// [`Covariance`]. They are zero for parameters that were not estimated.
     ///
     /// Returns `None` if the pixel shows no floor point.
     #[must_use]
@@ -109,8 +113,8 @@ impl Camera {
         Some(PlaneJacobian::new(self, pixel, Plane::FLOOR)?.by_estimated())
     }
 
-    /// Returns the derivatives of the floor point of a pixel by the pixel and by all camera parameters,
-    /// estimated or not.
+    /// Returns the derivatives of the floor point of a pixel with respect to the pixel and to all camera
+    /// parameters, estimated or not.
     ///
     /// Returns `None` if the pixel shows no floor point.
     pub fn floor_derivatives(&self, pixel: Pixel) -> Option<FloorDerivatives> {
@@ -119,12 +123,12 @@ impl Camera {
     }
 }
 
-/// Derivatives of the x and y of a floor point.
+/// Derivatives `[dx, dy]` of a floor point, whose coordinates are in metres.
 #[derive(Clone, Copy, Debug)]
 pub struct FloorDerivatives {
-    /// Derivatives by u and v of the raw pixel.
+    /// Derivatives with respect to u and to v of the raw pixel, in metres per pixel.
     pub by_pixel: [[f64; 2]; 2],
-    /// Derivatives by every parameter of [`Covariance`].
+    /// Derivatives with respect to every parameter of [`Covariance`], in its order and units.
     pub by_camera: [[f64; 2]; Covariance::SIZE],
 }
 
@@ -133,18 +137,19 @@ struct PlaneJacobian<'a> {
     camera: &'a Camera,
     pixel: Pixel,
     plane: Plane,
-    /// Bearing of the pixel.
+    /// Bearing of the pixel: homogeneous undistorted pixel relative to the principal point.
     bearing: [f64; 3],
-    /// `d bearing / d raw`.
+    /// Derivatives `d bearing / d raw` with respect to the raw pixel.
     by_raw: RayMatrix,
     /// Bearing divided by the focal length.
     normalised: [f64; 3],
-    /// Rows right, down, forward in world axes.
+    /// Camera axes right, down and forward, as rows in world axes.
     axes: [[f64; 3]; 3],
+    /// Direction `d` of the ray in world axes; its forward component is that of the bearing.
     direction: [f64; 3],
-    /// `n . d`.
+    /// Rise `n . d` of the ray relative to the plane.
     rise: f64,
-    /// `t` of the point `C + t d`.
+    /// Distance `t` of the intersection `C + t d`, in lengths of the direction `d`.
     reach: f64,
 }
 
@@ -164,19 +169,20 @@ impl<'a> PlaneJacobian<'a> {
         Some(Self { camera, pixel, plane, bearing, by_raw, normalised, axes, direction, rise, reach })
     }
 
-    /// Returns the displacement of the point for a change of the direction of the ray.
+    /// Returns the displacement of the intersection for a change of the direction of the ray.
     fn displacement(&self, change: [f64; 3]) -> [f64; 2] {
-        self.back_on_plane(change).map(|moved| self.reach * moved)
+        self.displacement_on_plane(change).map(|moved| self.reach * moved)
     }
 
-    /// Returns the displacement of the intersection of the ray with the plane, for a displacement of a point
-    /// off the plane.
-    fn back_on_plane(&self, change: [f64; 3]) -> [f64; 2] {
+    /// Returns the displacement of the intersection for the displacement `change` of the ray at the
+    /// intersection. The displacement is moved back to the plane along the ray.
+    fn displacement_on_plane(&self, change: [f64; 3]) -> [f64; 2] {
         let off = self.plane.rise(&change);
         [0, 1].map(|i| change[i] - self.direction[i] * off / self.rise)
     }
 
-    /// Returns the derivatives by height and slope of the plane.
+    /// Returns the derivatives of the intersection with respect to the height, the x slope and the y slope of
+    /// the plane.
     fn by_plane(&self) -> [[f64; 2]; 3] {
         let [x, y, _] = self.direction;
         let origin = self.camera.position;
@@ -184,21 +190,23 @@ impl<'a> PlaneJacobian<'a> {
         self.plane.height_by_parameters(at).map(|by| [x * by / self.rise, y * by / self.rise])
     }
 
-    /// Returns the displacement of the point for a change of the bearing.
+    /// Returns the displacement of the intersection for a change of the bearing.
     fn displacement_by_bearing(&self, [x, y, w]: [f64; 3]) -> [f64; 2] {
         let [right, down, forward] = self.axes;
         let focal = self.camera.focal;
         self.displacement(std::array::from_fn(|i| (x * right[i] + y * down[i]) / focal + w * forward[i]))
     }
 
-    /// Returns the derivatives by u and v of the raw pixel.
+    /// Returns the derivatives of the intersection with respect to u and to v of the raw pixel.
     fn by_pixel(&self) -> [[f64; 2]; 2] {
         [0, 1].map(|k| self.displacement_by_bearing(self.by_raw.map(|row| row[k])))
     }
 
-    /// Returns the derivatives by yaw, pitch and roll. Yaw rotates the ray about world z. Pitch rotates
-    /// `down` before the roll to `-forward`, and `forward` to it. Roll rotates `right` to `down`, and `down`
-    /// to `-right`.
+    /// Returns the derivatives of the intersection with respect to yaw, pitch and roll.
+    ///
+    /// Yaw rotates the ray about world z. Let `unrolled` be the axis `down` before the roll is applied. Pitch
+    /// rotates `unrolled` towards `-forward`, and `forward` towards `unrolled`. Roll rotates `right` towards
+    /// `down`, and `down` towards `-right`.
     fn by_angles(&self) -> [[f64; 2]; 3] {
         let ([a, b, w], [right, down, forward]) = (self.normalised, self.axes);
         let (sin, cos) = sin_cos(self.camera.roll);
@@ -209,13 +217,13 @@ impl<'a> PlaneJacobian<'a> {
         [self.displacement([-y, x, 0.0]), self.displacement(pitched), self.displacement(rolled)]
     }
 
-    /// Returns the derivatives by every parameter of [`Covariance`].
+    /// Returns the derivatives of the intersection with respect to every parameter of [`Covariance`].
     fn by_parameters(&self) -> [[f64; 2]; Covariance::SIZE] {
         let [x, y, _] = self.normalised;
         let mut by = [[0.0; 2]; Covariance::SIZE];
-        by[Covariance::X] = self.back_on_plane([1.0, 0.0, 0.0]);
-        by[Covariance::Y] = self.back_on_plane([0.0, 1.0, 0.0]);
-        by[Covariance::Z] = self.back_on_plane([0.0, 0.0, 1.0]);
+        by[Covariance::X] = self.displacement_on_plane([1.0, 0.0, 0.0]);
+        by[Covariance::Y] = self.displacement_on_plane([0.0, 1.0, 0.0]);
+        by[Covariance::Z] = self.displacement_on_plane([0.0, 0.0, 1.0]);
         [by[Covariance::YAW], by[Covariance::PITCH], by[Covariance::ROLL]] = self.by_angles();
         by[Covariance::FOCAL] = self.displacement_by_bearing([-x, -y, 0.0]);
         let lens = &self.camera.lens;
@@ -236,7 +244,8 @@ impl<'a> PlaneJacobian<'a> {
         by
     }
 
-    /// Returns the derivatives by every parameter, with zeros for those that were not estimated.
+    /// Returns the derivatives of the intersection with respect to every parameter of [`Covariance`]. They
+    /// are zero for parameters that were not estimated.
     fn by_estimated(&self) -> [[f64; 2]; Covariance::SIZE] {
         let mut by = self.by_parameters();
         for (index, by) in by.iter_mut().enumerate() {
@@ -260,7 +269,8 @@ mod tests {
             camera in any_camera(), u in 0.0..1920.0_f64, v in 200.0..1080.0_f64, height in -1.0..1.9_f64,
             slope in [-0.1..0.1_f64, -0.1..0.1_f64], is_level in proptest::bool::ANY,
         ) {
-            /// Step in metres, in radians, relative to the focal length, and of a coefficient.
+            /// Step of finite differences, in metres and radians. For the focal length it is relative. It is
+            /// also the step of the distortion coefficients.
             const STEP: f64 = 1e-5;
             let pixel = Pixel { u, v };
             let slope = if is_level { [0.0; 2] } else { slope };
@@ -286,7 +296,7 @@ mod tests {
                     Some([(a.x - b.x) / (2.0 * share * step), (a.y - b.y) / (2.0 * share * step)])
                 };
                 let (Some(whole), Some(half)) = (difference(1.0), difference(0.5)) else { continue };
-                // Just inside the fold of a lens the differences have not converged.
+                // Just inside the fold of a lens, the differences have not converged.
                 if (0..2).any(|k| (whole[k] - half[k]).abs() > 1e-3 * (1.0 + half[k].abs())) {
                     continue;
                 }

@@ -9,18 +9,18 @@ use crate::camera::space::{ImageCircle, Pixel, UndistortedPixel};
 /// length of the [`Camera`](crate::Camera).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
-    /// Principal point, in pixels.
+    /// Principal point, in raw pixels from the upper left corner.
     pub principal_point: Pixel,
     /// Focal length that normalises the coordinates of the distortion, in pixels.
     pub focal: f64,
     /// Distortion of the normalised coordinates.
     pub distortion: Distortion,
-    /// Image circle of a wide lens, if it is known. The lens shows no rays outside. Other lenses fill the
-    /// image.
+    /// Image circle of a wide lens, if it is known. Pixels outside the circle show no rays. Other lenses fill
+    /// the image, and ignore this field.
     pub image_circle: Option<ImageCircle>,
 }
 
-/// Derivatives of a point by every parameter of a lens, in the order of [`Lens::PARAMETERS`].
+/// Derivatives of a point with respect to every parameter of a lens, in the order of [`Lens::PARAMETERS`].
 pub(crate) type ByParameters = [ByCoefficient; Lens::PARAMETERS];
 
 impl Lens {
@@ -28,7 +28,7 @@ impl Lens {
     /// lens, the parameter before the principal point is the log of the focal length of the lens. No wide
     /// model uses it as a coefficient.
     pub const PARAMETERS: usize = Distortion::MAX_COEFFICIENTS + 2;
-    /// Index of the log of the focal length of a wide lens.
+    /// Index of the log of the focal length of the lens, for wide lenses only.
     pub const OWN_FOCAL: usize = Distortion::MAX_COEFFICIENTS - 1;
     /// Index of the u coordinate of the principal point; v follows.
     pub const CENTRE: usize = Distortion::MAX_COEFFICIENTS;
@@ -39,10 +39,10 @@ impl Lens {
         Self { principal_point, focal: 1.0, distortion: Distortion::None, image_circle: None }
     }
 
-    /// Maps a raw pixel to the pixel at which a pinhole would show the same ray.
+    /// Maps a raw pixel to the undistorted pixel: the pixel at which a pinhole would show the same ray.
     ///
-    /// Returns `None` outside the domain in which the lens can be inverted: no ray of the scene reaches the
-    /// pixel.
+    /// Returns `None` if no ray of the scene reaches the raw pixel, or if its ray is 90° or more from the
+    /// optical axis.
     #[must_use]
     pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
         if self.distortion == Distortion::None {
@@ -58,7 +58,8 @@ impl Lens {
 
     /// Maps an undistorted pixel to the raw pixel that shows the same ray.
     ///
-    /// Returns `None` beyond [`Distortion::max_radius`], where the model folds back on itself.
+    /// Returns `None` beyond [`Distortion::max_radius`], where the model folds back on itself, and outside
+    /// the image circle of a wide lens.
     #[must_use]
     pub fn distort(&self, pixel: UndistortedPixel) -> Option<Pixel> {
         if self.distortion == Distortion::None {
@@ -70,9 +71,9 @@ impl Lens {
             .filter(|&pixel| self.is_in_image_circle(pixel))
     }
 
-    /// Returns the bearing of a pixel: the homogeneous undistorted pixel relative to the principal point. Its
-    /// third coordinate is positive in front of the camera. It is not positive 90° or more from the axis,
-    /// where [`Self::undistort`] returns `None`.
+    /// Returns the bearing of a raw pixel: the homogeneous undistorted pixel relative to the principal point.
+    /// The third coordinate of the bearing is positive in front of the camera. It is zero or negative for
+    /// rays 90° or more from the optical axis, for which [`Self::undistort`] returns `None`.
     ///
     /// Returns `None` if no ray of the scene reaches the pixel.
     #[must_use]
@@ -88,7 +89,8 @@ impl Lens {
         Some([self.focal * x, self.focal * y, w])
     }
 
-    /// Maps a bearing of any length to its raw pixel. Returns `None` if the lens does not show it.
+    /// Maps a bearing of any length to the raw pixel: the inverse of [`Self::bearing`]. Returns `None` if the
+    /// lens does not show the bearing.
     #[must_use]
     pub fn bearing_to_pixel(&self, [x, y, w]: [f64; 3]) -> Option<Pixel> {
         let Pixel { u: cu, v: cv } = self.principal_point;
@@ -101,12 +103,13 @@ impl Lens {
             .filter(|&pixel| self.is_in_image_circle(pixel))
     }
 
-    /// Whether a pixel is within the image circle, or no image circle applies.
+    /// Whether a raw pixel is within the image circle, or no image circle applies.
     fn is_in_image_circle(&self, pixel: Pixel) -> bool {
         self.image_circle.is_none_or(|circle| circle.contains(pixel) || !self.distortion.is_wide())
     }
 
-    /// Returns [`Self::bearing`] and its derivatives by u and v.
+    /// Returns the bearing of a raw pixel, and its derivatives with respect to u and v of the pixel; see
+    /// [`Self::bearing`].
     pub(crate) fn bearing_with_jacobian(&self, pixel: Pixel) -> Option<([f64; 3], RayMatrix)> {
         if !self.distortion.is_wide() {
             let (undistorted, [u, v]) = self.undistort_with_jacobian(pixel)?;
@@ -123,8 +126,9 @@ impl Lens {
         Some(([self.focal * x, self.focal * y, w], [u, v, ahead.map(|by| by / self.focal)]))
     }
 
-    /// Returns the derivatives of a bearing and of its Jacobian by every parameter, at the pixel with this
-    /// bearing. The derivatives by focal length and principal point are computed for wide lenses only.
+    /// Returns the derivatives of a bearing and of its Jacobian with respect to every lens parameter. The
+    /// third argument is the bearing of `pixel`. The derivatives with respect to focal length and principal
+    /// point are computed for wide lenses only, and zero for others.
     pub(crate) fn bearing_by_parameters(
         &self,
         pixel: Pixel,
@@ -146,12 +150,13 @@ impl Lens {
         by
     }
 
-    /// Returns the derivatives of a bearing and of its Jacobian by the log of the focal length f and by the
-    /// principal point c.
+    /// Returns the derivatives of a bearing and of its Jacobian with respect to the log of the focal length
+    /// f, and to u and v of the principal point c.
     ///
-    /// The bearing is `(f x, f y, w)(q)` with `q = (pixel - c) / f`. Its Jacobian is `(J, J_w / f)`, where J
-    /// is the Jacobian of the ray by q. A change of log f has `dq = -q`. A change of c along the axis e has
-    /// `f dq = -e`.
+    /// The distorted point is `q = (pixel - c) / f`. If its ray is `(x, y, w)`, the bearing is
+    /// `(f x, f y, w)`. Let J be the Jacobian of x and y with respect to q, and `J_w` the Jacobian of w. The
+    /// Jacobian of the bearing is `(J, J_w / f)`. A change of log f has `dq = -q`. A change of c along the
+    /// image axis e has `f dq = -e`.
     fn bearing_by_scale_and_centre(&self, distorted: [f64; 2], ray: [f64; 3]) -> [RayByCoefficient; 3] {
         let focal = self.focal;
         let jacobian = self.distortion.ray_jacobian(distorted, ray);
@@ -178,31 +183,32 @@ impl Lens {
         [by_focal, by_centre(0), by_centre(1)]
     }
 
-    /// Returns the log of the slope of a wide lens at a pixel, and its derivatives by every parameter. The
-    /// slope is `d radius / d angle`, relative to the optical axis. Returns `None` where the lens shows no
-    /// ray.
+    /// Returns the log of the radial slope of a wide lens at a raw pixel, and the derivatives of the log with
+    /// respect to every lens parameter. The slope is `d radius / d angle`: the radius is divided by the focal
+    /// length, and the angle is in radians from the optical axis. The slope is 1 on the axis. Returns `None`
+    /// if no ray reaches the pixel.
     pub(crate) fn log_slope(&self, pixel: Pixel) -> Option<(f64, [f64; Self::PARAMETERS])> {
         let bearing = self.bearing(pixel)?;
         let [u, v] = self.normalised(pixel.into());
         let radius = u.hypot(v).max(f64::MIN_POSITIVE);
         let out = [u / radius, v / radius];
-        // Derivative along the unit vector of q = (pixel - c) / f. A change of c rotates this vector, which
-        // is a change perpendicular to the radius only.
+        // Derivative along the unit vector of q = (pixel - c) / f, with the principal point c and the focal
+        // length f. A change of c rotates this vector, which is a change perpendicular to the radius only.
         let outwards = |rows: RayMatrix| rows.map(|[u, v]| u * out[0] + v * out[1]);
         let in_rays = |[u, v, ahead]: RayMatrix| outwards([u, v, ahead.map(|by| by * self.focal)]);
         let (_, jacobian) = self.bearing_with_jacobian(pixel)?;
         let turn = in_rays(jacobian);
         let square = turn.iter().map(|c| c * c).sum::<f64>();
         let mut by = self.bearing_by_parameters(pixel, bearing).map(|by| in_rays(by.jacobian));
-        // The Jacobian of w is divided by the focal length once more.
+        // The Jacobian of w in a bearing contains the factor 1 / f. The derivative of this factor is removed.
         by[Self::OWN_FOCAL][2] += turn[2];
         let by = by.map(|change| -turn.iter().zip(change).map(|(a, b)| a * b).sum::<f64>() / square);
-        // At small angles the relative slope is 1 and constant.
+        // On the optical axis the slope is 1 and does not depend on the parameters.
         if radius < 1e-6 { Some((0.0, [0.0; Self::PARAMETERS])) } else { Some((-0.5 * square.ln(), by)) }
     }
 
-    /// Whether every corner of an image of this width and height shows a ray, so that all pixels do. Always
-    /// true for a wide lens, whose corners are outside its image circle.
+    /// Whether every corner of an image of this width and height, in pixels, shows a ray. If so, all pixels
+    /// show rays. Always true for a wide lens, because the corners are outside its image circle.
     #[must_use]
     pub fn covers_image(&self, [w, h]: [f64; 2]) -> bool {
         if self.distortion.is_wide() {
@@ -212,7 +218,7 @@ impl Lens {
         corners.into_iter().all(|corner| self.distortion.has_ray(self.normalised(corner)))
     }
 
-    /// Returns the same lens with one parameter changed.
+    /// Returns the same lens with the change `by` added to one parameter.
     #[cfg(test)]
     pub(crate) fn nudged(&self, parameter: usize, by: f64) -> Self {
         let mut lens = *self;
@@ -229,22 +235,25 @@ impl Lens {
         lens
     }
 
-    /// Returns the same map of pixels with coefficients that refer to another focal length.
+    /// Returns the lens that maps pixels in the same way, with coefficients that refer to the focal length
+    /// `focal`, in pixels.
     ///
-    /// Returns `None` for a model whose map of pixels determines its focal length.
+    /// Returns `None` for a distortion model whose map of pixels determines its focal length.
     #[must_use]
     pub fn at_focal(&self, focal: f64) -> Option<Self> {
         let ratio = focal / self.focal;
         Some(Self { focal, distortion: self.distortion.rescaled(ratio)?, ..*self })
     }
 
-    /// Returns `d undistorted / d raw` at `pixel`, rows u and v. Returns `None` outside the lens.
+    /// Returns the Jacobian `d undistorted / d raw` at the raw pixel `pixel`, with one row for each
+    /// coordinate of the undistorted pixel. Returns `None` outside the lens.
     #[must_use]
     pub fn undistort_jacobian(&self, pixel: Pixel) -> Option<[[f64; 2]; 2]> {
         self.undistort_with_jacobian(pixel).map(|(_, jacobian)| jacobian)
     }
 
-    /// Returns [`Self::undistort`] and [`Self::undistort_jacobian`].
+    /// Returns the undistorted pixel of a raw pixel, and the Jacobian `d undistorted / d raw`. Returns `None`
+    /// outside the lens; see [`Self::undistort`] and [`Self::undistort_jacobian`].
     #[must_use]
     pub fn undistort_with_jacobian(&self, pixel: Pixel) -> Option<(UndistortedPixel, [[f64; 2]; 2])> {
         let undistorted = self.undistort(pixel)?;
@@ -254,8 +263,9 @@ impl Lens {
         Some((undistorted, jacobian))
     }
 
-    /// Returns the derivatives of [`Self::undistort`] and of its Jacobian by every coefficient at `pixel`,
-    /// whose undistorted pixel is `undistorted`. They are zero for focal length and principal point.
+    /// Returns the derivatives of [`Self::undistort`] and of its Jacobian with respect to every distortion
+    /// coefficient at `pixel`, whose undistorted pixel is `undistorted`. The entries of the focal length and
+    /// the principal point are zero.
     pub(crate) fn undistort_by_parameters(
         &self,
         pixel: Pixel,
@@ -270,8 +280,8 @@ impl Lens {
         by
     }
 
-    /// Returns the derivatives of [`Self::distort`] at `undistorted`: `d raw / d undistorted` with rows u and v,
-    /// and by every coefficient.
+    /// Returns the derivatives of [`Self::distort`] at `undistorted`: the Jacobian `d raw / d undistorted`,
+    /// and the derivatives `d raw / d coefficient` with respect to every distortion coefficient.
     pub(crate) fn distort_derivatives(
         &self,
         undistorted: UndistortedPixel,
@@ -282,7 +292,7 @@ impl Lens {
         (self.distortion.distort_jacobian(undistorted), by)
     }
 
-    /// Returns coordinates relative to the principal point, divided by the focal length.
+    /// Returns pixel coordinates relative to the principal point, divided by the focal length of the lens.
     fn normalised(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let Pixel { u: cu, v: cv } = self.principal_point;
         [(u - cu) / self.focal, (v - cv) / self.focal]

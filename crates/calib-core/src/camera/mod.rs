@@ -1,4 +1,4 @@
-//! Camera model: a pinhole with a lens, its maps between pixels and space, and their derivatives.
+//! Camera model: a pinhole with a lens, the maps between pixels and space, and the derivatives of the maps.
 //!
 //! Rule: one camera, no scene. This module contains no annotations, landmarks or EFOV. Every map has its
 //! Jacobian.
@@ -7,10 +7,10 @@
 //! - `numerics`: elementary functions with identical bits on every machine, vector loops, polynomials
 //! - `distortion`: distortion models, one per file
 //! - `lens`: distortion and principal point as a map of pixels
-//! - `covariance`: covariance of a camera
-//! - `pinhole`: the camera
-//! - `straight_down`: orientation of a camera whose roll and yaw are the same rotation
-//! - `chart`: pinhole views of a wide lens, in which lines to the side of the camera are straight
+//! - `covariance`: covariance of the camera parameters
+//! - `pinhole`: the camera, its projection and its rays
+//! - `straight_down`: orientation of a camera that looks straight down, where roll and yaw are not separable
+//! - `chart`: virtual pinhole views of a wide lens, in which straight lines in space are straight
 //! - `plane`: planes other than the floor
 //! - `floor_covariance`: covariance of a floor point
 //! - `reprojection`: pixels of points and floor lines with Jacobians, for the bundle adjustment

@@ -1,11 +1,11 @@
-//! Elementary functions, vectorised loops and polynomials with the same bits on every machine.
+//! Elementary functions, vectorised loops and polynomials whose results have the same bits on every machine.
 //!
-//! - The elementary functions of the standard library belong to the operating system, and differ in the last
-//!   bit. With them, a browser and a server would map the same pixel differently.
+//! - The elementary functions of the standard library depend on the operating system: their results differ in
+//!   the last bit. With them, a browser and a server would map the same pixel differently.
 //! - Loops over many points are compiled for every width of vector instructions. The widest that the
 //!   processor supports is used. All widths compute the same bits: operations are not fused, and the order of
 //!   sums is fixed.
-//! - Polynomials of one variable: their maxima, inverse values and roots.
+//! - For polynomials of one variable, the maxima, inverse values and roots are computed.
 
 use pulp::Arch;
 
@@ -21,31 +21,32 @@ pub(crate) fn tan(angle: f64) -> f64 {
     libm::tan(angle)
 }
 
-/// Returns the arc tangent, in radians between -pi/2 and pi/2.
+/// Returns the arc tangent of a number, in radians between -pi/2 and pi/2.
 #[inline]
 pub(crate) fn atan(tangent: f64) -> f64 {
     libm::atan(tangent)
 }
 
-/// Returns the length of the vector (x, y), if its square does not overflow. The function of `libm` is
-/// slower: it computes the root with integers if it has no instruction for it, as in a browser.
+/// Returns the length of the vector (x, y). The square of the length must not overflow. The same function of
+/// `libm` is slower: without a square root instruction, as in a browser, it computes roots with integers.
 #[inline]
 pub(crate) fn hypot(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
 
-/// Returns the angle between the axis and a ray, from 0 to pi. `across` and `along` are the components of the
-/// ray perpendicular to the axis and along it.
+/// Returns the angle between the optical axis and a ray, in radians from 0 to pi. `across` and `along` are
+/// the components of the ray perpendicular to the axis and along it.
 pub(crate) fn angle_from_axis(across: f64, along: f64) -> f64 {
     if along > across { atan(across / along) } else { std::f64::consts::FRAC_PI_2 - atan(along / across) }
 }
 
-/// Widest instruction set that is used: `v3` (AVX2) if the library was built with `CALIB_SIMD=v3`. It serves
-/// to measure the speed of older processors on newer ones.
+/// Widest set of vector instructions that is used: `v3` (AVX2) if the library was built with `CALIB_SIMD=v3`.
+/// This setting serves to measure the speed of older processors on newer ones. By default, there is no limit.
 #[cfg(target_arch = "x86_64")]
 const INSTRUCTION_SET: Option<&str> = option_env!("CALIB_SIMD");
 
-/// Runs a loop with the widest supported vector instructions. The closure must be inlined here.
+/// Runs a closure, compiled for the widest vector instructions that the processor supports. The closure and
+/// the functions that it calls must be marked `#[inline(always)]`.
 #[inline(always)]
 pub(crate) fn dispatch<R>(run: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
@@ -57,50 +58,55 @@ pub(crate) fn dispatch<R>(run: impl FnOnce() -> R) -> R {
     Arch::new().dispatch(run)
 }
 
-/// Polynomial `r (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)`: the radial map of a lens, of a radius or an angle.
+/// Polynomial `r (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)` with the coefficients k1 to k4: the radial map of a
+/// lens. The variable r is a radius divided by the focal length, or an angle in radians.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OddPolynomial(pub(crate) [f64; 4]);
 
 impl OddPolynomial {
+    /// Returns the value of the polynomial at `r`.
     pub(crate) fn value(&self, r: f64) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         let s = r * r;
         r * (1.0 + s * (k1 + s * (k2 + s * (k3 + s * k4))))
     }
 
+    /// Returns the first derivative of the polynomial at `r`.
     pub(crate) fn derivative(&self, r: f64) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         let s = r * r;
         1.0 + s * (3.0 * k1 + s * (5.0 * k2 + s * (7.0 * k3 + s * 9.0 * k4)))
     }
 
-    /// Returns the second derivative.
+    /// Returns the second derivative of the polynomial at `r`.
     pub(crate) fn curvature(&self, r: f64) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         let s = r * r;
         r * (6.0 * k1 + s * (20.0 * k2 + s * (42.0 * k3 + s * 72.0 * k4)))
     }
 
-    /// Returns a lower bound of the derivative up to this radius, from the negative terms only. If it is
-    /// positive, no root has to be computed.
+    /// Returns a lower bound of the derivative between 0 and `r`, from the negative terms only. If the bound
+    /// is positive, the polynomial increases up to `r`.
     pub(crate) fn derivative_lower_bound(&self, r: f64) -> f64 {
         Self(self.0.map(|k| k.min(0.0))).derivative(r)
     }
 
-    /// Returns the smallest positive radius at which the polynomial stops growing, or infinity.
+    /// Returns the smallest positive `r` at which the polynomial stops increasing, or infinity.
     pub(crate) fn first_maximum(&self) -> f64 {
         let [k1, k2, k3, k4] = self.0;
         if k3 == 0.0 && k4 == 0.0 {
-            return first_maximum_of_two(3.0 * k1, 5.0 * k2);
+            return smallest_biquadratic_root(3.0 * k1, 5.0 * k2);
         }
         let roots = positive_roots(&[1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4]);
         roots.first().map_or(f64::INFINITY, |s| s.sqrt())
     }
 
-    /// Returns the radius below [`Self::first_maximum`] at which the polynomial has this value. Newton's
-    /// method starts from the first terms of the inverse series. A bracket ensures that it ends.
+    /// Returns the `r` below [`Self::first_maximum`] at which the polynomial has this value. Returns `None`
+    /// if there is no such `r`.
+    ///
+    /// Newton's method starts from the first terms of the inverse series. A bracket ensures convergence.
     pub(crate) fn inverse(&self, value: f64) -> Option<f64> {
-        /// Multiples of the radius of the series, as upper ends of the bracket. One of them exceeds the
+        /// Candidates for the upper end of the bracket, as multiples of the start. One of them exceeds the
         /// solution for all but the outermost points of a lens.
         const BRACKET_FACTORS: [f64; 4] = [1.001, 1.02, 1.1, 1.3];
         let [k1, k2, ..] = self.0;
@@ -113,7 +119,7 @@ impl OddPolynomial {
             Some(near) => *near,
             None => {
                 let turn = self.first_maximum();
-                if turn.is_finite() { turn } else { grow_past(|r| self.value(r), value)? }
+                if turn.is_finite() { turn } else { find_upper_end(|r| self.value(r), value)? }
             }
         };
         if value.is_nan() || value > self.value(high) {
@@ -121,7 +127,7 @@ impl OddPolynomial {
         }
         let mut low = 0.0;
         let mut r = start.min(high);
-        // Every round halves the bracket or doubles the digits.
+        // Every iteration halves the bracket or doubles the number of correct digits.
         for _ in 0..200 {
             let error = self.value(r) - value;
             if error > 0.0 {
@@ -140,20 +146,21 @@ impl OddPolynomial {
     }
 }
 
-/// Returns the smallest positive `r` with `1 + a r^2 + b r^4 = 0`, or infinity.
-fn first_maximum_of_two(a: f64, b: f64) -> f64 {
+/// Returns the smallest positive root r of `1 + a r^2 + b r^4`, or infinity if there is none.
+fn smallest_biquadratic_root(a: f64, b: f64) -> f64 {
     let discriminant = a * a - 4.0 * b;
     if discriminant < 0.0 {
         return f64::INFINITY;
     }
-    // The form 2 c / (-b -+ sqrt(...)) has no cancellation, and is correct for b = 0.
+    // The root is computed as 2 divided by (-a +- sqrt(...)). This form has no cancellation, and is correct
+    // for b = 0.
     let divisor = -a + discriminant.sqrt();
     if divisor > 0.0 { (2.0 / divisor).sqrt() } else { f64::INFINITY }
 }
 
-/// Returns a radius at which a growing function exceeds `value`. Returns `None` if no radius below a million
-/// is found.
-fn grow_past(function: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
+/// Returns a positive argument at which an increasing function is at least `value`. Returns `None` if no such
+/// argument below a million is found.
+fn find_upper_end(function: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
     let mut radius = value.abs().max(1.0);
     while radius < 1e6 {
         if function(radius) >= value {
@@ -164,7 +171,8 @@ fn grow_past(function: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
     None
 }
 
-/// Returns the positive roots of a polynomial in ascending order. The coefficients start with the constant.
+/// Returns the positive roots of a polynomial in ascending order. The coefficients are in the order of
+/// ascending powers, so the first is the constant.
 ///
 /// Between two neighbouring roots of the derivative there is at most one root, which is found by bisection.
 pub(crate) fn positive_roots(coefficients: &[f64]) -> Vec<f64> {

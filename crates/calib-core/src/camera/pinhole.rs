@@ -1,4 +1,4 @@
-//! Pinhole camera of the paper with a lens: the maps in both directions, rays and matrices.
+//! Pinhole camera of the paper with a lens: the maps between pixels and space, rays and matrices.
 
 use crate::camera::covariance::Covariance;
 use crate::camera::lens::Lens;
@@ -8,27 +8,27 @@ use crate::camera::space::{FloorPoint, Pixel, UndistortedPixel, WorldPoint};
 /// Calibrated camera.
 ///
 /// With yaw = pitch = roll = 0 the optical axis points along world +y, image right is world +x, and image
-/// down is world -z. The angles are applied in the order yaw, pitch, roll (Abramov, the camera's equations).
+/// down is world -z. The angles are applied in the order yaw, pitch, roll, as in Abramov's camera equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Centre of projection: x0, y0, z0, in metres.
     pub position: WorldPoint,
     /// Rotation about world z, counter-clockwise seen from above, in radians.
     pub yaw: f64,
-    /// Pitch, positive if the camera looks down, in radians.
+    /// Angle of the optical axis below the horizontal, in radians; positive if the camera looks down.
     pub pitch: f64,
     /// Rotation about the optical axis, positive if the camera is rotated clockwise seen from behind, in
     /// radians.
     pub roll: f64,
     /// Focal length, in pixels; pixels are square.
     pub focal: f64,
-    /// Principal point and distortion.
+    /// Lens: principal point and distortion.
     pub lens: Lens,
-    /// Covariance of pose, focal length and lens.
+    /// Covariance of the pose, the focal length and the lens.
     pub covariance: Covariance,
 }
 
-/// Half line in world coordinates.
+/// Half line of the points that a pixel can show, in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Centre of projection, in metres.
@@ -37,7 +37,7 @@ pub struct Ray {
     pub direction: [f64; 3],
 }
 
-/// Minimum depth of a point in front of the camera, in metres.
+/// Minimum depth along the optical axis of a point that a pinhole shows, in metres.
 pub(crate) const MIN_DEPTH: f64 = 1e-9;
 
 /// Returns the rotation matrix from world vectors to camera vectors (x right, y down, z forward, as in
@@ -56,7 +56,7 @@ pub fn camera_from_world(roll: f64, pitch: f64, yaw: f64) -> [[f64; 3]; 3] {
 
 /// Returns roll, pitch and yaw, in radians, of a rotation matrix with the rows right, down, forward.
 ///
-/// If the camera looks straight up or down, roll and yaw are not separable. Then roll is 0.
+/// If the camera looks straight up or down, roll and yaw are not separable, and the returned roll is 0.
 #[must_use]
 pub fn angles_from_rotation(rotation: &[[f64; 3]; 3]) -> (f64, f64, f64) {
     let [right, _, forward] = rotation;
@@ -72,8 +72,8 @@ pub fn angles_from_rotation(rotation: &[[f64; 3]; 3]) -> (f64, f64, f64) {
 }
 
 impl Camera {
-    /// Whether the focal length is also the focal length of a wide lens, as in the fisheye models of other
-    /// programs. Then both change together, and the focal length scales the image.
+    /// Whether the lens is wide and has the same focal length as the camera, as in the fisheye models of
+    /// other programs. In this case, both focal lengths change together and scale the image.
     #[must_use]
     pub fn shares_lens_focal(&self) -> bool {
         self.lens.distortion.is_wide() && self.lens.focal == self.focal
@@ -85,7 +85,8 @@ impl Camera {
         camera_from_world(self.roll, self.pitch, self.yaw)
     }
 
-    /// Returns `-R C`, the translation of `x_camera = R x_world + t`, in metres.
+    /// Returns the translation `t = -R C` of the map `x_camera = R x_world + t`, in metres. R is the rotation
+    /// matrix, C the position of the camera.
     #[must_use]
     pub fn translation(&self) -> [f64; 3] {
         let centre = <[f64; 3]>::from(self.position);
@@ -111,12 +112,12 @@ impl Camera {
         self.lens.distort(self.world_to_undistorted(point)?)
     }
 
-    /// Returns the bearing of a point in camera axes; see [`Lens::bearing`].
+    /// Returns the bearing of a point or vector that is given in camera axes; see [`Lens::bearing`].
     pub(crate) fn bearing(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         [self.focal * x, self.focal * y, z]
     }
 
-    /// Maps a world point to its undistorted pixel. Returns `None` behind the camera.
+    /// Maps a world point to its undistorted pixel. Returns `None` for points behind the camera.
     #[must_use]
     pub fn world_to_undistorted(&self, point: WorldPoint) -> Option<UndistortedPixel> {
         let [x, y, z] = self.in_camera(point);
@@ -131,35 +132,39 @@ impl Camera {
         self.ray_to_floor(self.pixel_to_ray(pixel)?, height)
     }
 
-    /// Maps an undistorted pixel to the horizontal plane at `height` metres.
+    /// Maps an undistorted pixel to the horizontal plane at `height` metres. Returns `None` if the pixel is
+    /// on or above the horizon of the plane.
     #[must_use]
     pub fn undistorted_to_floor(&self, pixel: UndistortedPixel, height: f64) -> Option<FloorPoint> {
         self.ray_to_floor(self.undistorted_to_ray(pixel), height)
     }
 
+    /// Intersects a ray with the horizontal plane at `height` metres. Returns `None` if they do not meet in
+    /// front of the camera.
     fn ray_to_floor(&self, ray: Ray, height: f64) -> Option<FloorPoint> {
-        /// Largest distance of a floor point, as a multiple of the height difference. A larger value is a
-        /// rounding error at the horizon.
-        const MAX_DISTANCE_RATIO: f64 = 1e12;
+        /// Maximum distance of a floor point along its ray, in metres. A larger value is a rounding error at
+        /// the horizon.
+        const MAX_DISTANCE_M: f64 = 1e12;
         let distance = (height - self.position.z) / ray.direction[2];
-        (distance > 0.0 && distance < MAX_DISTANCE_RATIO).then(|| FloorPoint {
+        (distance > 0.0 && distance < MAX_DISTANCE_M).then(|| FloorPoint {
             x: ray.origin.x + distance * ray.direction[0],
             y: ray.origin.y + distance * ray.direction[1],
         })
     }
 
-    /// Returns the ray of a pixel. Returns `None` outside the lens.
+    /// Returns the ray of a raw pixel in world coordinates. Returns `None` outside the lens.
     #[must_use]
     pub fn pixel_to_ray(&self, pixel: Pixel) -> Option<Ray> {
         Some(self.bearing_to_ray(self.lens.bearing(pixel)?))
     }
 
+    /// Returns the ray of an undistorted pixel in world coordinates.
     pub(crate) fn undistorted_to_ray(&self, pixel: UndistortedPixel) -> Ray {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
         self.bearing_to_ray([pixel.u - cu, pixel.v - cv, 1.0])
     }
 
-    /// Returns the ray of a bearing of any length.
+    /// Returns the ray of a bearing in world coordinates. The bearing may have any length.
     pub(crate) fn bearing_to_ray(&self, [x, y, w]: [f64; 3]) -> Ray {
         let ray = [x / self.focal, y / self.focal, w];
         let [right, down, forward] = self.rotation();
@@ -181,8 +186,9 @@ impl Camera {
         self.lens.distort(pixel)
     }
 
-    /// Returns the 3 x 4 matrix `P = K R [I | -C]` from homogeneous world points to undistorted pixels, row
-    /// by row.
+    /// Returns the 3 x 4 matrix `P = K R [I | -C]` from homogeneous world points, in metres, to homogeneous
+    /// undistorted pixels, row by row. K is the intrinsic matrix, R the rotation matrix, I the identity and C
+    /// the camera position.
     #[must_use]
     pub fn projection_matrix(&self) -> [[f64; 4]; 3] {
         let (rotation, t) = (self.rotation(), self.translation());
@@ -196,7 +202,7 @@ impl Camera {
         ]
     }
 
-    /// Returns the camera with one parameter of [`Covariance`] changed.
+    /// Returns the camera with the change `by` added to the parameter of [`Covariance`] with this index.
     #[cfg(test)]
     pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {
         let mut camera = *self;
@@ -218,8 +224,8 @@ impl Camera {
         camera
     }
 
-    /// Returns the horizontal and vertical field of view of an image of this size without distortion, in
-    /// radians.
+    /// Returns the horizontal and vertical field of view, in radians, of an undistorted image. `size` is its
+    /// width and height, in pixels.
     #[must_use]
     pub fn field_of_view(&self, size: [f64; 2]) -> [f64; 2] {
         size.map(|length| 2.0 * (0.5 * length / self.focal).atan())
@@ -233,12 +239,14 @@ impl Camera {
         [self.focal * x, self.focal * y, z]
     }
 
+    /// Returns the undistorted pixel of a point `(x / z, y / z)` in camera axes.
     fn undistorted_from_normalised(&self, [x, y]: [f64; 2]) -> UndistortedPixel {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
         UndistortedPixel { u: cu + self.focal * x, v: cv + self.focal * y }
     }
 }
 
+/// Returns the dot product of two vectors.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

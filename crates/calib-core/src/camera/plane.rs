@@ -1,7 +1,7 @@
 //! Plane of the scene other than the floor: another carriageway, a ramp, a platform, a stair step.
 //!
-//! `z = height + slope . ((x, y) - anchor)`. A ray `C + t d` meets it at
-//! `t = (height + slope . (C_xy - anchor) - C_z) / (d_z - slope . d_xy)`.
+//! The equation of a plane is `z = height + slope . ((x, y) - anchor)`. A ray `C + t d` with the origin C and
+//! the direction d meets the plane at `t = (height + slope . (C_xy - anchor) - C_z) / (d_z - slope . d_xy)`.
 
 use crate::camera::numerics::{atan, hypot, sin_cos, tan};
 use crate::camera::pinhole::{Camera, Ray};
@@ -12,9 +12,9 @@ use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
 pub struct Plane {
     /// Height above the floor at the anchor, in metres.
     pub height: f64,
-    /// Rise per metre along x and y.
+    /// Slope: rise of the plane per metre along world x and along world y.
     pub slope: [f64; 2],
-    /// Floor point at which the plane has its height.
+    /// Floor point (x, y) at which the plane has the height `height`.
     pub anchor: FloorPoint,
 }
 
@@ -28,27 +28,29 @@ impl Plane {
         Self { height, slope: [0.0; 2], anchor: FloorPoint { x: 0.0, y: 0.0 } }
     }
 
-    /// Creates a plane that falls by the angle `fall` in the direction `toward`, counter-clockwise from +x,
-    /// both in radians.
+    /// Creates a plane with the height `height` at the anchor, in metres, which falls in the direction
+    /// `toward`. The direction is counter-clockwise from world +x. `fall` is the angle below the horizontal.
+    /// Both angles are in radians.
     #[must_use]
     pub fn falling(height: f64, toward: f64, fall: f64, anchor: FloorPoint) -> Self {
         let ((sin, cos), rise) = (sin_cos(toward), -tan(fall));
         Self { height, slope: [rise * cos, rise * sin], anchor }
     }
 
-    /// Returns the angle of the fall, in radians; 0 for a horizontal plane.
+    /// Returns the angle between the plane and the horizontal, in radians; 0 for a horizontal plane.
     #[must_use]
     pub fn fall(&self) -> f64 {
         atan(hypot(self.slope[0], self.slope[1]))
     }
 
-    /// Returns the direction of the fall, counter-clockwise from +x, in radians; 0 for a horizontal plane.
+    /// Returns the direction in which the plane falls most steeply, in radians counter-clockwise from world
+    /// +x. Returns 0 for a horizontal plane.
     #[must_use]
     pub fn toward(&self) -> f64 {
         if self.slope == [0.0; 2] { 0.0 } else { (-self.slope[1]).atan2(-self.slope[0]) }
     }
 
-    /// Returns the height of the plane at a floor point, in metres.
+    /// Returns the height of the plane above the floor at the floor point `at`, in metres.
     #[must_use]
     pub fn height_at(&self, at: FloorPoint) -> f64 {
         self.height + self.slope[0] * (at.x - self.anchor.x) + self.slope[1] * (at.y - self.anchor.y)
@@ -60,19 +62,20 @@ impl Plane {
         Self { height: self.height + height, ..*self }
     }
 
-    /// Returns the derivatives of the height at a floor point by height and slope.
+    /// Returns the derivatives of the height of the plane at a floor point. They are with respect to the
+    /// height at the anchor, the x slope and the y slope.
     pub(crate) fn height_by_parameters(&self, at: FloorPoint) -> [f64; 3] {
         [1.0, at.x - self.anchor.x, at.y - self.anchor.y]
     }
 
-    /// Returns the rise of a ray relative to the plane, per unit of its direction.
+    /// Returns the height above the plane that a point gains if it moves by the vector `direction`.
     pub(crate) fn rise(&self, direction: &[f64; 3]) -> f64 {
         direction[2] - (self.slope[0] * direction[0] + self.slope[1] * direction[1])
     }
 }
 
 impl Camera {
-    /// Intersects the ray of `pixel` with a plane.
+    /// Intersects the ray of a raw pixel with a plane. Returns the intersection as a world point.
     ///
     /// Returns `None` if the ray does not meet the plane in front of the camera, or the pixel is outside the
     /// lens.
@@ -81,8 +84,8 @@ impl Camera {
         ray_to_plane(&self.pixel_to_ray(pixel)?, plane)
     }
 
-    /// Intersects the ray through a world point with a plane. The intersection and the point occlude each
-    /// other.
+    /// Intersects the ray from the camera through a world point with a plane. The camera shows the point and
+    /// the intersection at the same pixel.
     ///
     /// Returns `None` if the ray does not meet the plane in front of the camera.
     #[must_use]
@@ -92,22 +95,24 @@ impl Camera {
         ray_to_plane(&Ray { origin, direction }, plane)
     }
 
-    /// Returns the 3 x 3 matrix from homogeneous undistorted pixels to the horizontal plane at `height`
-    /// metres, row by row.
+    /// Returns the homography from undistorted pixels to x and y, in metres, on the horizontal plane at
+    /// `height` metres. It is a 3 x 3 matrix of homogeneous points, row by row.
     ///
-    /// For planes below the camera, the third coordinate is positive for pixels that show the plane. It is
-    /// not positive on and above the horizon.
+    /// For planes below the camera, the third coordinate of a mapped point is positive for pixels that show
+    /// the plane. It is zero or negative on and above the horizon.
     #[must_use]
     pub fn homography_floor_from_pixel(&self, height: f64) -> [[f64; 3]; 3] {
         self.homography_plane_from_pixel(&Plane::level(height))
     }
 
-    /// Returns the homography from undistorted pixels to the x and y of the points of a plane. The third
-    /// coordinate is positive where the camera sees the plane from above.
+    /// Returns the homography from undistorted pixels to x and y, in metres, of the points of a plane. It is
+    /// a 3 x 3 matrix of homogeneous points, row by row. The third coordinate of a mapped point is positive
+    /// if the camera sees the plane from above.
     ///
-    /// With the ray `d` of a pixel, and the height D of the plane at the camera minus the height of the
-    /// camera, the point is `C + d D / rise(d)`. The homogeneous point
-    /// `(-C_x rise - D d_x, -C_y rise - D d_y, -rise)` is linear in the pixel.
+    /// Let d be the direction of the ray of a pixel, and C the camera position. Let D be the height of the
+    /// plane at C minus the height of C. The ray meets the plane at `C + d D / rise` with
+    /// `rise = d_z - slope . d_xy`. The homogeneous point `(-C_x rise - D d_x, -C_y rise - D d_y, -rise)` is
+    /// linear in the pixel.
     #[must_use]
     pub fn homography_plane_from_pixel(&self, plane: &Plane) -> [[f64; 3]; 3] {
         let Pixel { u: cu, v: cv } = self.lens.principal_point;
@@ -127,14 +132,15 @@ impl Camera {
     }
 }
 
-/// Intersects a ray with a plane. The direction of the ray may have any length.
+/// Intersects a ray with a plane. The direction of the ray may have any length. Returns `None` if they do not
+/// meet in front of the origin of the ray.
 pub(crate) fn ray_to_plane(ray: &Ray, plane: &Plane) -> Option<WorldPoint> {
-    /// Largest distance of an intersection, as a multiple of the height difference. A larger value is a
-    /// rounding error at the horizon.
-    const MAX_DISTANCE_RATIO: f64 = 1e12;
+    /// Maximum distance of an intersection from the origin of the ray, in lengths of the direction. A larger
+    /// value is a rounding error at the horizon.
+    const MAX_DISTANCE: f64 = 1e12;
     let drop = plane.height_at(ray.origin.on_floor()) - ray.origin.z;
     let distance = drop / plane.rise(&ray.direction);
-    (distance > 0.0 && distance < MAX_DISTANCE_RATIO).then(|| {
+    (distance > 0.0 && distance < MAX_DISTANCE).then(|| {
         let [x, y, _] = ray.direction;
         let at = FloorPoint { x: ray.origin.x + distance * x, y: ray.origin.y + distance * y };
         WorldPoint { x: at.x, y: at.y, z: plane.height_at(at) }

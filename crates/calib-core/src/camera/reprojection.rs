@@ -1,8 +1,9 @@
-//! Reprojection of a point and of a floor line, with Jacobians by the camera and by the point or line.
+//! Reprojection of points and of lines on a plane. The Jacobians are with respect to the camera and to the
+//! point or line.
 //!
 //! Coordinates are undistorted pixels relative to the principal point, or chart points for a wide lens.
-//! Observed pixels are undistorted. The inverse of the Jacobian of the undistortion maps residuals back to
-//! raw pixels.
+//! Observed pixels are undistorted first. The inverse of the Jacobian of the undistortion then maps residuals
+//! to raw pixels.
 
 use crate::camera::chart::Chart;
 use crate::camera::lens::Lens;
@@ -11,56 +12,67 @@ use crate::camera::pinhole::{Camera, dot};
 use crate::camera::plane::Plane;
 use crate::camera::space::{FloorPoint, Pixel, WorldPoint};
 
-/// Number of parameters of a camera without distortion: x, y, z, yaw, pitch, roll, log of the focal length.
+/// Number of parameters of a camera without its lens: x, y, z, yaw, pitch, roll, log of the focal length.
 pub(crate) const POSE_PARAMS: usize = 7;
 
-/// Camera with its rotation matrix, for the reprojection of many points.
+/// Camera with its precomputed rotation matrix, for the reprojection of many points.
 #[derive(Clone, Copy, Debug)]
 pub struct PosedCamera {
     pub(crate) camera: Camera,
+    /// Rotation matrix from world vectors to camera axes.
     rotation: [[f64; 3]; 3],
+    /// Sine and cosine of the roll.
     roll: (f64, f64),
 }
 
-/// Reprojection of a point, with derivatives by the camera and by the point.
+/// Reprojection of a world point, with its derivatives with respect to the camera and to the point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reprojection {
+    /// Undistorted pixel relative to the principal point, or chart point; in pixels.
     pub(crate) at: [f64; 2],
+    /// Derivatives of `at` with respect to the camera parameters, in the order of [`POSE_PARAMS`].
     pub(crate) d_camera: [[f64; POSE_PARAMS]; 2],
-    /// Derivatives by x, y, z of the point.
+    /// Derivatives of `at` with respect to x, y, z of the point.
     pub(crate) d_point: [[f64; 3]; 2],
 }
 
-/// Observed pixel, undistorted or mapped to a chart.
+/// Observed pixel: undistorted or, for a wide lens, mapped to a chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObservedPixel {
     /// Chart of the pixel, for a wide lens.
     pub(crate) chart: Option<Chart>,
+    /// Undistorted pixel relative to the principal point, or chart point; in pixels.
     pub(crate) at: [f64; 2],
-    /// `d undistorted / d raw`, rows u and v.
+    /// Derivatives `d at / d raw` with respect to the raw pixel; one row for each coordinate of `at`.
     pub(crate) jacobian: [[f64; 2]; 2],
-    /// `d undistorted / d parameters` of the lens.
+    /// Derivatives of `at` with respect to the lens parameters; zero for parameters that are not fitted.
     pub(crate) d_lens: [[f64; Lens::PARAMETERS]; 2],
 }
 
-/// Homogeneous image line, with derivatives by the camera and by the offset and angle of the floor line.
+/// Image of a line on a plane. The homogeneous line contains the undistorted pixels relative to the principal
+/// point. Its derivatives are with respect to the camera, the line and the plane.
 #[derive(Clone, Copy, Debug)]
 pub struct ReprojectedLine {
+    /// Homogeneous image line: its dot product with a point of the line is zero.
     line: [f64; 3],
+    /// Derivatives of `line` with respect to the camera parameters, in the order of [`POSE_PARAMS`].
     d_camera: [[f64; 3]; POSE_PARAMS],
+    /// Derivatives of `line` with respect to the offset and the angle of the line on the plane.
     d_line: [[f64; 3]; 2],
-    /// Derivatives by height and slope of the plane of the line.
+    /// Derivatives of `line` with respect to the height, the x slope and the y slope of the plane.
     d_plane: [[f64; 3]; 3],
 }
 
 impl ObservedPixel {
-    /// Undistorts a pixel. Returns `None` outside the lens.
+    /// Creates the observation of a raw pixel, without derivatives with respect to the lens. Returns `None`
+    /// outside the lens.
     pub fn new(pixel: Pixel, lens: &Lens) -> Option<Self> {
         Self::with_derivatives(lens, pixel, lens, [false; Lens::PARAMETERS])
     }
 
-    /// Undistorts a pixel with the derivatives by the flagged lens parameters. The chart belongs to the
-    /// initial lens `start`, from which `lens` is estimated. Returns `None` outside the lens.
+    /// Creates the observation of a raw pixel, with derivatives with respect to the lens parameters that are
+    /// flagged in `fitted`. The chart is computed from `start`, the initial lens of the estimation of `lens`.
+    /// Returns `None` outside the lens.
     pub(crate) fn with_derivatives(
         start: &Lens,
         pixel: Pixel,
@@ -79,7 +91,8 @@ impl ObservedPixel {
         Some(Self { chart, at: found.at, jacobian: found.jacobian, d_lens })
     }
 
-    /// Returns `J^-1 e`: maps a small difference of undistorted pixels to raw pixels.
+    /// Maps a small difference e of undistorted pixels or chart points to raw pixels: returns `J^-1 e`, where
+    /// J is the Jacobian of this observation.
     pub(crate) fn raw_offset(&self, [e, f]: [f64; 2]) -> [f64; 2] {
         let [[a, b], [c, d]] = self.jacobian;
         let determinant = a * d - b * c;
@@ -88,32 +101,33 @@ impl ObservedPixel {
 }
 
 impl PosedCamera {
-    /// Computes the rotation of `camera` once for all of its observations.
+    /// Creates a posed camera. The rotation matrix is computed once for all observations of the camera.
     #[must_use]
     pub fn new(camera: Camera) -> Self {
         Self { rotation: camera.rotation(), roll: sin_cos(camera.roll), camera }
     }
 
-    /// Rotates a world vector to camera axes.
+    /// Converts a vector from world axes to camera axes.
     fn rotate(&self, vector: &[f64; 3]) -> [f64; 3] {
         self.rotation.map(|row| dot(&row, vector))
     }
 
-    /// Returns the derivatives of `R (X - C)` by yaw, pitch and roll. The world vector `q = X - C` is `p` in
-    /// camera axes.
+    /// Returns the derivatives of `p = R q` with respect to yaw, pitch and roll. R is the rotation matrix,
+    /// `q` a vector in world axes and `p` the same vector in camera axes.
     ///
-    /// A change of yaw rotates `q` about world z in the opposite direction. With p before the roll, pitch
-    /// moves (y, z) by (-z, y). Roll moves (x, y) by (y, -x).
+    /// A change of yaw rotates `q` about world z in the opposite direction. Pitch moves the components (y, z)
+    /// of `p` before the roll by (-z, y). Roll moves the components (x, y) of `p` by (y, -x).
     fn d_angles(&self, q: &[f64; 3], p: &[f64; 3]) -> [[f64; 3]; 3] {
         let (sin, cos) = self.roll;
         let [x, y, z] = *p;
         [self.rotate(&[q[1], -q[0], 0.0]), [-sin * z, -cos * z, sin * x + cos * y], [y, -x, 0.0]]
     }
 
-    /// Returns the reprojection `f (x / z, y / z)` of a point, or its chart point. Returns `None` if the
-    /// point is not in front of the camera or of the chart.
+    /// Returns the reprojection of a world point. Without a chart it is `f (x / z, y / z)`, where f is the
+    /// focal length and (x, y, z) the point in camera axes. With a chart it is the chart point. Returns
+    /// `None` if the point is not in front of the camera or of the chart.
     pub(crate) fn reproject(&self, point: WorldPoint, chart: Option<&Chart>) -> Option<Reprojection> {
-        /// Minimum depth in front of the camera, in metres.
+        /// Minimum depth of the point along the optical axis, in metres.
         const MIN_DEPTH: f64 = 1e-6;
         let WorldPoint { x, y, z } = self.camera.position;
         let q = [point.x - x, point.y - y, point.z - z];
@@ -140,10 +154,11 @@ impl PosedCamera {
         Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
     }
 
-    /// Reprojects a point to a chart. `q` is the world vector from the camera to the point, `p` the same
-    /// vector in camera axes.
+    /// Reprojects a point to a chart. `q` is the vector from the camera to the point in world axes, `p` the
+    /// same vector in camera axes. Returns `None` if the point is not in front of the chart.
     fn reproject_to_chart(&self, chart: &Chart, q: &[f64; 3], p: &[f64; 3]) -> Option<Reprojection> {
-        /// Minimum depth in front of the chart, relative to the distance: the sine of a small angle.
+        /// Minimum depth along the optical axis of the chart, divided by the distance of the point. It is the
+        /// cosine of the largest angle from the axis.
         const MIN_COSINE: f64 = 1e-6;
         let [x, y, w] = chart.bearing_to_chart(self.camera.bearing(*p));
         if w.is_nan() || w <= MIN_COSINE * dot(p, p).sqrt() {
@@ -168,11 +183,12 @@ impl PosedCamera {
         Some(Reprojection { at, d_camera: [u, v], d_point: [d_u, d_v] })
     }
 
-    /// Returns the image of a line on a plane. Seen from above, the line is at `offset` to the left of
-    /// `origin` and has the direction `angle`.
+    /// Returns the image of a line on a plane. Seen from above, the line has the direction `angle`, in
+    /// radians counter-clockwise from world +x. It passes `offset` metres to the left of `origin`.
     ///
-    /// The image line is `K R (P - C) x K R d` with `P = origin + offset (-sin, cos)` and `d = (cos, sin)`,
-    /// raised to the plane.
+    /// The image line is the cross product `K R (P - C) x K R d`. K is the intrinsic matrix, R the rotation
+    /// matrix and C the camera position. `P = origin + offset (-sin, cos)` is a point of the line and
+    /// `d = (cos, sin)` its direction, both raised to the plane.
     pub fn reproject_line(
         &self,
         plane: &Plane,
@@ -200,7 +216,7 @@ impl PosedCamera {
         let angle_of = |k: usize| jacobian(image(of_point[k]), image(of_direction[k]));
         let d_focal = jacobian([point[0], point[1], 0.0], [direction[0], direction[1], 0.0]);
         let moved = self.rotate(&left);
-        // A rotation of the line moves the point at `offset` backwards along the line.
+        // A change of the angle moves the point P backwards along the line.
         let back = self.rotate(&along.map(|c| -offset * c));
         let up = image(self.rotate(&[0.0, 0.0, 1.0]));
         let raised = |point: f64, direction: f64| jacobian(up.map(|c| point * c), up.map(|c| direction * c));
@@ -214,23 +230,28 @@ impl PosedCamera {
     }
 }
 
-/// Signed distance of an annotated point from a line, in raw pixels, with its derivatives.
+/// Signed distance of an annotated point from the image of a line, with its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub struct LineDistance {
+    /// Signed distance, in raw pixels.
     pub pixels: f64,
+    /// Derivatives of the distance with respect to the camera parameters, in the order of [`POSE_PARAMS`].
     pub(crate) d_camera: [f64; POSE_PARAMS],
+    /// Derivatives of the distance with respect to the lens parameters, for a fixed Jacobian of the observed
+    /// pixel.
     pub(crate) d_lens: [f64; Lens::PARAMETERS],
-    /// Derivatives by offset and angle of the line.
+    /// Derivatives of the distance with respect to the offset and the angle of the line.
     pub(crate) d_line: [f64; 2],
-    /// Derivatives by height and slope of the plane of the line.
+    /// Derivatives of the distance with respect to the height, the x slope and the y slope of the plane.
     pub(crate) d_plane: [f64; 3],
 }
 
 impl ReprojectedLine {
-    /// Returns the signed distance of an annotated point: `n . (at, 1) / |J' n_xy|`.
+    /// Returns the signed distance of an annotated point from this line: `n . (at, 1) / |J' n_xy|`. The
+    /// vector n is the homogeneous line, (at, 1) the homogeneous observed pixel and J its Jacobian.
     pub fn distance(&self, observed: &ObservedPixel) -> LineDistance {
         if let Some(chart) = &observed.chart {
-            // The transposed map from the chart to bearings maps a line of bearings to the chart.
+            // The transpose of the matrix from chart points to bearings maps lines of bearings to the chart.
             let carried = |line: [f64; 3]| -> [f64; 3] {
                 std::array::from_fn(|j| (0..3).map(|i| line[i] * chart.bearing_from_chart()[i][j]).sum())
             };
@@ -266,6 +287,7 @@ impl ReprojectedLine {
     }
 }
 
+/// Returns the cross product of two vectors.
 fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
@@ -277,6 +299,7 @@ mod tests {
     use crate::camera::covariance::Covariance;
     use proptest::prelude::*;
 
+    /// Step of finite differences, in the unit of each parameter.
     const STEP: f64 = 1e-6;
 
     fn nudged(camera: &Camera, index: usize, by: f64) -> PosedCamera {

@@ -1,12 +1,13 @@
 //! Rotation and zoom of a camera that stays at its position.
 //!
-//! A ray `r` in the old camera axes is `R r` in the new ones, at any depth. Pixels of the two images are
-//! therefore related by `R` and the ratio of the focal lengths alone. An additional translation `t` in camera
-//! axes shifts a point at depth `z` along its ray to `r - t / z` (Hartley & Zisserman 2004, section 13.2).
+//! A ray `r` in the old camera axes is `R r` in the new camera axes, with the rotation matrix `R`. The pixels
+//! of the two images are therefore related by `R` and the ratio of the focal lengths, at any depth. An
+//! additional translation `t` of the camera, in camera axes, changes the ray of a point at depth `z` from `r`
+//! to `r - t / z` (Hartley & Zisserman 2004, section 13.2).
 
 use crate::camera::{Camera, Covariance, FloorDerivatives, Pixel, UndistortedPixel, angles_from_rotation};
 
-/// Change of the angles and of the focal length of a camera at a fixed position.
+/// Change of yaw, pitch, roll and focal length of a camera at a fixed position.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PanTiltZoom {
     /// Change of the yaw, in radians; positive to the left.
@@ -15,30 +16,30 @@ pub struct PanTiltZoom {
     pub tilt: f64,
     /// Change of the roll, in radians; positive clockwise seen from behind.
     pub roll: f64,
-    /// Logarithm of the ratio of the focal lengths, new over old.
+    /// Natural logarithm of the new focal length divided by the old focal length.
     pub zoom: f64,
 }
 
 impl PanTiltZoom {
-    /// Number of parameters.
+    /// Number of parameters: pan, tilt, roll and zoom.
     pub const SIZE: usize = 4;
-    /// Index of the pan.
+    /// Index of the pan in the parameters.
     pub const PAN: usize = 0;
-    /// Index of the tilt.
+    /// Index of the tilt in the parameters.
     pub const TILT: usize = 1;
-    /// Index of the roll.
+    /// Index of the roll in the parameters.
     pub const ROLL: usize = 2;
-    /// Index of the zoom.
+    /// Index of the zoom in the parameters.
     pub const ZOOM: usize = 3;
 
-    /// Creates the change from its parameters, in the order of the fields.
+    /// Creates the change from its parameters: pan, tilt, roll, zoom.
     #[must_use]
     pub const fn from_parameters([pan, tilt, roll, zoom]: [f64; Self::SIZE]) -> Self {
         Self { pan, tilt, roll, zoom }
     }
 
-    /// Returns the angle of the whole rotation, in radians. `pitch` is the pitch of the camera. The formula
-    /// is for small angles.
+    /// Returns the total rotation angle of pan, tilt and roll together, in radians. `pitch` is the pitch of
+    /// the camera, in radians. The formula is an approximation for small changes.
     #[must_use]
     pub fn rotation_angle(&self, pitch: f64) -> f64 {
         // The axes of pan and roll are perpendicular only for a level camera.
@@ -46,7 +47,7 @@ impl PanTiltZoom {
         ((self.pan * pitch.cos()).powi(2) + self.tilt.powi(2) + (self.roll - along).powi(2)).sqrt()
     }
 
-    /// Returns the camera after this change.
+    /// Returns the camera after this change of its angles and focal length.
     #[must_use]
     pub fn apply_to(&self, camera: &Camera) -> Camera {
         Camera {
@@ -58,7 +59,8 @@ impl PanTiltZoom {
         }
     }
 
-    /// Returns the derivatives of a floor point by the four parameters.
+    /// Returns the derivatives `[dx, dy]` of a floor point with respect to pan, tilt, roll and zoom. `of`
+    /// contains the derivatives of the floor point with respect to the parameters of `camera`.
     pub fn floor_derivatives(camera: &Camera, of: &FloorDerivatives) -> [[f64; 2]; Self::SIZE] {
         let by = &of.by_camera;
         let zoom = by[Covariance::FOCAL].map(|change| camera.focal * change);
@@ -68,45 +70,50 @@ impl PanTiltZoom {
 
 /// Rotation and zoom of a camera at a fixed position.
 ///
-/// The lens keeps its map of pixels.
+/// The distortion of the lens does not change with the zoom.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RotationZoom {
-    /// Rotation vector in the old camera axes (right, down, forward). Its length is the angle in radians.
-    /// Coordinates `x` in the old axes are `exp(vector) x` in the new ones.
+    /// Rotation vector in the old camera axes (right, down, forward). Its length is the rotation angle, in
+    /// radians. Coordinates `x` in the old axes become `R x` in the new axes, where `R` is the matrix
+    /// exponential of the vector.
     pub vector: [f64; 3],
-    /// Logarithm of the ratio of the focal lengths, new over old.
+    /// Natural logarithm of the new focal length divided by the old focal length.
     pub zoom: f64,
 }
 
+/// Matrix of 3 x 3, row by row.
 type Matrix = [[f64; 3]; 3];
 
-/// Camera before and after a rotation with zoom.
+/// Camera before and after a rotation with zoom, for maps from the old image to the new image.
 #[derive(Clone, Debug)]
 pub struct RotatedCamera {
+    /// Camera before the rotation.
     old: Camera,
+    /// Rotation matrix from the old to the new camera axes.
     rotation: Matrix,
+    /// Focal length after the zoom, in pixels.
     focal: f64,
 }
 
 impl RotationZoom {
-    /// Number of parameters.
+    /// Number of parameters: three of the rotation vector and the zoom.
     pub const SIZE: usize = 4;
 
-    /// Creates it from its parameters: the vector, then the zoom.
+    /// Creates a rotation with zoom from its parameters: the rotation vector, then the zoom.
     #[must_use]
     pub const fn from_parameters([x, y, z, zoom]: [f64; Self::SIZE]) -> Self {
         Self { vector: [x, y, z], zoom }
     }
 
-    /// Creates it from the rotation matrix from old to new camera axes. The rows are the new axes in the old
-    /// ones.
+    /// Creates a rotation with zoom from the rotation matrix from old to new camera axes. The rows of the
+    /// matrix are the new axes, in coordinates of the old axes.
     #[must_use]
     pub fn from_rotation(rotation: &Matrix, zoom: f64) -> Self {
         let r = rotation;
         let axis = [r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]];
         let sine = 0.5 * axis.iter().map(|c| c * c).sum::<f64>().sqrt();
         let angle = sine.atan2(0.5 * (r[0][0] + r[1][1] + r[2][2] - 1.0));
-        // Half the axis is the sine times the unit vector. For small angles this is the rotation vector.
+        // Half of `axis` is the sine times the unit vector. For small angles this is the rotation vector.
         let scale = if sine > 1e-12 { 0.5 * angle / sine } else { 0.5 };
         Self { vector: axis.map(|c| scale * c), zoom }
     }
@@ -118,19 +125,20 @@ impl RotationZoom {
         Self::from_rotation(&rotation, (new.focal / old.focal).ln())
     }
 
-    /// Returns the rotation angle, in radians.
+    /// Returns the angle of the rotation, in radians.
     #[must_use]
     pub fn angle(&self) -> f64 {
         self.vector.iter().map(|c| c * c).sum::<f64>().sqrt()
     }
 
-    /// Returns this rotation and zoom followed by another.
+    /// Returns the composition of this rotation with zoom and a later one, `next`.
     #[must_use]
     pub fn followed_by(&self, next: &Self) -> Self {
         Self::from_rotation(&product(&next.rotation(), &self.rotation()), self.zoom + next.zoom)
     }
 
-    /// Returns the rotation matrix, whose rows are the new axes in the old ones (Rodrigues 1840).
+    /// Returns the rotation matrix from old to new camera axes (Rodrigues 1840). Its rows are the new axes,
+    /// in coordinates of the old axes.
     #[must_use]
     pub fn rotation(&self) -> Matrix {
         let angle = self.angle();
@@ -154,7 +162,8 @@ impl RotationZoom {
         Camera { roll, pitch, yaw, focal: camera.focal * self.zoom.exp(), ..*camera }
     }
 
-    /// Returns the change of the angles and of the focal length of a camera.
+    /// Returns the change of yaw, pitch, roll and focal length that this rotation with zoom causes for a
+    /// camera.
     #[must_use]
     pub fn pan_tilt_zoom(&self, camera: &Camera) -> PanTiltZoom {
         let new = self.apply_to(camera);
@@ -168,7 +177,8 @@ impl RotationZoom {
         }
     }
 
-    /// Applies this rotation and zoom to a camera, to map many pixels from the old image to the new one.
+    /// Prepares the maps from the image of `camera` to its image after this rotation and zoom, for many
+    /// pixels.
     #[must_use]
     pub fn for_camera(&self, camera: &Camera) -> RotatedCamera {
         RotatedCamera { old: *camera, rotation: self.rotation(), focal: camera.focal * self.zoom.exp() }
@@ -176,19 +186,22 @@ impl RotationZoom {
 }
 
 impl RotatedCamera {
-    /// Maps a pixel of the old image to the new image. Returns `None` behind the camera and outside the lens.
+    /// Maps a raw pixel of the old image to the raw pixel of the new image that shows the same ray. Returns
+    /// `None` for rays behind the new camera or outside the lens.
     #[must_use]
     pub fn map_pixel(&self, old: Pixel) -> Option<Pixel> {
         self.ray_to_pixel(pixel_to_camera_ray(&self.old, old)?)
     }
 
-    /// Maps a ray in the axes of the old camera to its pixel in the new image.
+    /// Maps a ray in the axes of the old camera to its raw pixel in the new image. Returns `None` for rays
+    /// behind the new camera or outside the lens.
     #[must_use]
     pub fn ray_to_pixel(&self, ray: [f64; 3]) -> Option<Pixel> {
         self.old.lens.distort(self.ray_to_undistorted(ray)?)
     }
 
-    /// Maps a ray in the axes of the old camera to its undistorted pixel in the new image.
+    /// Maps a ray in the axes of the old camera to its undistorted pixel in the new image. Returns `None` for
+    /// rays behind the new camera.
     #[must_use]
     pub fn ray_to_undistorted(&self, ray: [f64; 3]) -> Option<UndistortedPixel> {
         let [x, y, z] = self.rotation.map(|row| row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2]);
@@ -197,7 +210,8 @@ impl RotatedCamera {
     }
 }
 
-/// Returns the ray of a pixel in camera axes, with depth 1. Returns `None` outside the lens.
+/// Returns the ray of a raw pixel in camera axes (right, down, forward), with the forward component 1.
+/// Returns `None` outside the lens.
 #[must_use]
 pub fn pixel_to_camera_ray(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
     let undistorted = camera.undistort(pixel)?;
@@ -205,8 +219,8 @@ pub fn pixel_to_camera_ray(camera: &Camera, pixel: Pixel) -> Option<[f64; 3]> {
     Some([(undistorted.u - u) / camera.focal, (undistorted.v - v) / camera.focal, 1.0])
 }
 
-/// Returns the inverse of the depth at which a ray in camera axes meets the floor, in 1/m. Returns 0 at and
-/// above the horizon.
+/// Returns the inverse of the depth at which a ray with the forward component 1, in camera axes, meets the
+/// floor. The unit is 1/m. Returns 0 at and above the horizon.
 #[must_use]
 pub fn inverse_floor_depth(camera: &Camera, ray: [f64; 3]) -> f64 {
     let [right, down, forward] = camera.rotation();
@@ -214,10 +228,12 @@ pub fn inverse_floor_depth(camera: &Camera, ray: [f64; 3]) -> f64 {
     (falls / camera.position.z.max(f64::MIN_POSITIVE)).max(0.0)
 }
 
+/// Returns the matrix product `a b`.
 fn product(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
+/// Returns the transpose of a matrix.
 fn transposed(a: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
 }

@@ -25,7 +25,7 @@ macro_rules! point {
                 $(self.$coordinate.is_finite())&&+
             }
 
-            /// Returns the Euclidean distance to `other`, in the unit of this space.
+            /// Returns the Euclidean distance to `other`, in the unit of the coordinates.
             #[must_use]
             pub fn distance(self, other: Self) -> f64 {
                 (0.0 $(+ (self.$coordinate - other.$coordinate).powi(2))+).sqrt()
@@ -62,7 +62,7 @@ point!(
 point!(
     /// Point of the undistorted image, as a perfect pinhole would show it, in pixels.
     ///
-    /// The raw image has the same principal point, and the same scale there.
+    /// The raw image and the undistorted image have the same principal point, and the same scale there.
     UndistortedPixel {
         /// Coordinate to the right, in pixels.
         u,
@@ -115,6 +115,7 @@ point!(
     } = [f64; 3], "[f64; 3]"
 );
 
+/// Implements the conversions of point types from and to arrays of their coordinates.
 macro_rules! from_array {
     ($($name:ident($($coordinate:ident),+) = $array:ty;)+) => {$(
         impl From<$array> for $name {
@@ -140,19 +141,19 @@ from_array! {
 }
 
 impl ImageCircle {
-    /// Returns the default circle of an image of this width and height, in pixels. It is centred, and its
-    /// diameter is the longer side.
+    /// Returns the default image circle of an image with this width and height, in pixels. The circle is
+    /// centred on the image, and its diameter is the longer side.
     pub fn default_for([w, h]: [f64; 2]) -> Self {
         Self { u: 0.5 * w, v: 0.5 * h, radius: 0.5 * w.max(h) }
     }
 
-    /// Returns the centre.
+    /// Returns the centre of the image circle.
     #[must_use]
     pub const fn centre(self) -> Pixel {
         Pixel { u: self.u, v: self.v }
     }
 
-    /// Whether a pixel is within the circle.
+    /// Whether a raw pixel is within the image circle.
     #[must_use]
     pub fn contains(self, pixel: Pixel) -> bool {
         pixel.distance(self.centre()) <= self.radius
@@ -160,7 +161,7 @@ impl ImageCircle {
 }
 
 impl FloorPoint {
-    /// Returns the world point `height` metres above this floor point.
+    /// Returns the world point with this x and y, at `height` metres above the floor.
     #[must_use]
     pub const fn at_height(self, height: f64) -> WorldPoint {
         WorldPoint { x: self.x, y: self.y, z: height }
@@ -168,7 +169,7 @@ impl FloorPoint {
 }
 
 impl WorldPoint {
-    /// Returns the floor point vertically below.
+    /// Returns the floor point vertically below this world point.
     #[must_use]
     pub const fn on_floor(self) -> FloorPoint {
         FloorPoint { x: self.x, y: self.y }
@@ -178,16 +179,16 @@ impl WorldPoint {
 /// Scale, origin and orientation of a floor plan image in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanScale {
-    /// Size of a plan pixel, in metres.
+    /// Side length of a plan pixel on the floor, in metres.
     pub metres_per_px: f64,
-    /// Plan pixel of world (0, 0).
+    /// Plan pixel that shows the world origin (0, 0).
     pub origin: PlanPixel,
-    /// Direction of world +x, in radians counter-clockwise from the right of the plan.
+    /// Direction of world +x on the plan, in radians counter-clockwise from the right of the plan.
     pub x_axis: f64,
 }
 
 impl PlanScale {
-    /// Maps a floor point to the plan.
+    /// Maps a floor point to its plan pixel.
     #[must_use]
     pub fn plan_from_floor(&self, point: FloorPoint) -> PlanPixel {
         let (sin, cos) = self.x_axis.sin_cos();
@@ -196,7 +197,7 @@ impl PlanScale {
         PlanPixel { x: self.origin.x + right, y: self.origin.y - up }
     }
 
-    /// Maps a plan pixel to the floor.
+    /// Maps a plan pixel to its floor point.
     #[must_use]
     pub fn floor_from_plan(&self, point: PlanPixel) -> FloorPoint {
         let (sin, cos) = self.x_axis.sin_cos();

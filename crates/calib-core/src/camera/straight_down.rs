@@ -1,10 +1,11 @@
 //! Heading of a camera that looks straight down. Roll and yaw are not separable there, but the heading of the
 //! image is determined.
 //!
-//! With forward and right level at the yaw `y`, the top of the image has the floor direction
-//! `sin r * right + cos r * sin p * forward`, where `p` is the pitch and `r` the roll. Its heading is
-//! `y - atan2(sin r, cos r * sin p)`. At `p` = 90° this is `y - r`, which is well determined even if neither
-//! `y` nor `r` is.
+//! Let `p` be the pitch, `r` the roll and `y` the yaw. Let `forward` and `right` be the horizontal unit
+//! vectors at the yaw `y`. The top of the image has the floor direction
+//! `sin r * right + cos r * sin p * forward`. The heading of this direction is
+//! `y - atan2(sin r, cos r * sin p)`. At `p` = 90° the heading is `y - r`, which can be well determined even
+//! if neither `y` nor `r` is.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -19,8 +20,8 @@ pub struct StraightDown {
     pub tilt: f64,
     /// Standard deviation of the tilt, in radians; `None` if it was not estimated or is unknown.
     pub tilt_sigma: Option<f64>,
-    /// Heading of the top of the image on the floor. As for yaw, it is counter-clockwise from world +y, in
-    /// radians above -pi up to pi.
+    /// Heading of the top of the image on the floor. Like the yaw, it is counter-clockwise from world +y, in
+    /// radians above -pi and up to pi.
     pub heading: f64,
     /// Standard deviation of the heading, in radians; `None` if the yaw was not estimated or is unknown.
     pub heading_sigma: Option<f64>,
@@ -31,7 +32,8 @@ impl Camera {
     /// from 90° by more than 10°.
     #[must_use]
     pub fn straight_down(&self) -> Option<StraightDown> {
-        /// Largest angle from the vertical at which roll and yaw are hardly separable, in radians.
+        /// Largest angle between the optical axis and the vertical, in radians. Up to this angle, roll and
+        /// yaw are hardly separable.
         const MAX_TILT: f64 = 10.0 * PI / 180.0;
         let tilt = (FRAC_PI_2 - self.pitch).abs();
         if tilt > MAX_TILT {
@@ -48,7 +50,7 @@ impl Camera {
         let covariance = &self.covariance.0;
         let terms = slopes.iter().flat_map(|a| slopes.iter().map(move |b| (a, b)));
         let variance: f64 = terms.map(|(a, b)| a.1 * b.1 * covariance[a.0][b.0]).sum();
-        // The roll of a camera without a placement does not determine its heading. A fixed yaw is exact.
+        // Without a placement, the roll does not determine the heading. A fixed yaw has no error.
         let of_place = [Covariance::X, Covariance::Y, Covariance::YAW];
         let is_placed = of_place.into_iter().any(|index| self.covariance.sigma(index).is_some());
         let is_known = is_placed && variance > 0.0 && variance.is_finite();

@@ -1,4 +1,4 @@
-//! Calibrated camera for applications: columns of pixels of one of its streams.
+//! Calibrated camera for applications, which maps columns of pixels of one of its streams.
 //!
 //! All bindings for other languages use this interface. They pass arrays with their options. The computation
 //! and the names are defined only here.
@@ -24,11 +24,12 @@ pub struct CameraView {
     floor: FloorProjector,
     size: [f64; 2],
     efov: Vec<FloorPoint>,
-    /// Planes other than the floor; empty if only the floor is covered.
+    /// Planes other than the floor; empty if pixels are mapped only to the floor.
     surfaces: Vec<Surface>,
     stream: Stream,
+    /// Map between the stream and the calibrated image.
     map: StreamMap,
-    /// Whether the scale of the points is determined.
+    /// Whether the scale of the floor points is determined.
     scale_is_known: bool,
 }
 
@@ -52,7 +53,8 @@ impl CameraView {
         Self { surfaces, ..self }
     }
 
-    /// Returns the same view with a flag that states whether its scale is determined.
+    /// Returns the same view with the flag `scale_is_known`: whether the scale of the floor points is
+    /// determined.
     pub fn with_scale(self, scale_is_known: bool) -> Self {
         Self { scale_is_known, ..self }
     }
@@ -65,13 +67,13 @@ impl CameraView {
         Ok(Self { map: stream.map(self.size)?, stream, ..self.clone() })
     }
 
-    /// Returns the planes other than the floor; empty if only the floor is covered.
+    /// Returns the planes other than the floor; empty if pixels are mapped only to the floor.
     #[must_use]
     pub fn surfaces(&self) -> &[Surface] {
         &self.surfaces
     }
 
-    /// Returns the camera.
+    /// Returns the calibrated camera.
     #[must_use]
     pub const fn camera(&self) -> &Camera {
         self.floor.camera()
@@ -119,8 +121,8 @@ impl CameraView {
         (!is_stretched).then_some((Lens { principal_point, focal, image_circle, ..lens }, size))
     }
 
-    /// Returns the camera for the images of the stream, with the pixel coordinates of the stream. Its
-    /// covariance is the one of the calibrated image. Returns `None` if the stream is stretched and has two
+    /// Returns the camera for the images of the stream, with the pixel coordinates of the stream. The
+    /// covariance is that of the calibrated image. Returns `None` if the stream is stretched and has two
     /// focal lengths.
     #[must_use]
     pub fn camera_in_stream(&self) -> Option<Camera> {
@@ -140,19 +142,20 @@ impl CameraView {
         &self.efov
     }
 
-    /// Returns the image and EFOV, in pixels of the calibrated image.
+    /// Returns the size of the calibrated image, in pixels, and the EFOV on the floor, in metres.
     #[must_use]
     pub fn extent(&self) -> Extent<'_> {
         Extent { size: self.size, efov: &self.efov }
     }
 
+    /// Prepares the camera for the plane at `height` metres.
     fn plane(&self, height: f64) -> FloorProjector {
         if height == 0.0 { self.floor } else { FloorProjector::new(self.camera(), height) }
     }
 
-    /// Calls a function for chunks of pixel columns, converted to pixels of the calibrated image.
+    /// Calls `each` for chunks of pixel columns, converted to pixels of the calibrated image.
     fn each_image_chunk(&self, [u, v]: [&[f64]; 2], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
-        assert!(u.len() == v.len(), "columns of one length");
+        assert!(u.len() == v.len(), "columns of equal length");
         let is_still = self.map == StreamMap::STILL;
         let ranges = (0..u.len()).step_by(CHUNK).map(|first| first..u.len().min(first + CHUNK));
         if is_still {
@@ -177,7 +180,7 @@ impl CameraView {
     /// If the columns differ in length.
     pub fn to_floor(&self, height: f64, pixels: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [u8]) {
         let (plane, extent) = (self.plane(height), self.extent());
-        assert!(status.len() == pixels[0].len(), "columns of one length");
+        assert!(status.len() == pixels[0].len(), "columns of equal length");
         self.each_image_chunk(pixels, |range, still| {
             let mut found = [Status::Ok; CHUNK];
             let found = &mut found[..range.len()];
@@ -202,7 +205,7 @@ impl CameraView {
         [x, y]: [&mut [f64]; 2],
         status: &mut [u8],
     ) {
-        assert!(boxes.len() == status.len(), "columns of one length");
+        assert!(boxes.len() == status.len(), "columns of equal length");
         form.each_foot(boxes, |range, feet| {
             let floor = [&mut x[range.clone()], &mut y[range.clone()]];
             self.to_floor(height, feet, floor, &mut status[range]);
@@ -221,7 +224,7 @@ impl CameraView {
         sigma: f64,
         [pixel, calibration]: [&mut [[f64; 4]]; 2],
     ) {
-        assert!(boxes.len() == pixel.len(), "columns of one length");
+        assert!(boxes.len() == pixel.len(), "columns of equal length");
         form.each_foot(boxes, |range, feet| {
             let parts = [&mut pixel[range.clone()], &mut calibration[range]];
             self.covariances(height, feet, sigma, parts);
@@ -241,7 +244,7 @@ impl CameraView {
         status: &mut [Status],
     ) {
         let projector = SurfaceProjector::new(self.camera(), height, &self.surfaces);
-        assert!(points.len() == pixels[0].len() && points.len() == status.len(), "columns of one length");
+        assert!(points.len() == pixels[0].len() && points.len() == status.len(), "columns of equal length");
         self.each_image_chunk(pixels, |range, still| {
             let found = (&mut points[range.clone()], &mut status[range]);
             projector.pixels_to_surfaces(&self.extent(), still, found.0, found.1);
@@ -257,7 +260,8 @@ impl CameraView {
         projector.covariance(still, sigma * self.map.max_pixel_size(), surface)
     }
 
-    /// Maps at most [`CHUNK`] pixels of the calibrated image to the surface that each ray meets first.
+    /// Maps at most [`CHUNK`] pixels of the calibrated image to points `height` metres above the surface that
+    /// each ray meets first.
     fn to_surfaces(&self, height: f64, still: [&[f64]; 2], [x, y]: [&mut [f64]; 2], status: &mut [Status]) {
         let mut points = [None; CHUNK];
         let points = &mut points[..status.len()];
@@ -288,9 +292,9 @@ impl CameraView {
         });
     }
 
-    /// Computes the covariances of the points of the plane at `height`, as xx, xy, yx, yy in square metres.
-    /// The pixel part and the calibration part are separate. `sigma` is the standard deviation of each
-    /// coordinate, in pixels of the stream.
+    /// Computes the covariances of the points of the plane at `height` metres, as xx, xy, yx, yy in square
+    /// metres. The pixel part and the calibration part are separate. `sigma` is the standard deviation of
+    /// each coordinate, in pixels of the stream.
     ///
     /// # Panics
     /// If the columns differ in length.
@@ -302,7 +306,7 @@ impl CameraView {
         [pixel, calibration]: [&mut [[f64; 4]]; 2],
     ) {
         let (plane, sigma) = (self.plane(height), sigma * self.map.max_pixel_size());
-        assert!(pixel.len() == pixels[0].len(), "columns of one length");
+        assert!(pixel.len() == pixels[0].len(), "columns of equal length");
         self.each_image_chunk(pixels, |range, still| {
             let (pixel, calibration) = (&mut pixel[range.clone()], &mut calibration[range.clone()]);
             if !self.surfaces.is_empty() {
@@ -325,7 +329,7 @@ impl CameraView {
     /// # Panics
     /// If the columns differ in length.
     pub fn floor_jacobians(&self, pixels: [&[f64]; 2], of: &mut [[[f64; Covariance::SIZE]; 2]]) {
-        assert!(of.len() == pixels[0].len(), "columns of one length");
+        assert!(of.len() == pixels[0].len(), "columns of equal length");
         self.each_image_chunk(pixels, |range, [u, v]| {
             for ((of, &u), &v) in of[range].iter_mut().zip(u).zip(v) {
                 let found = self.camera().floor_jacobian(Pixel { u, v });
@@ -340,8 +344,11 @@ impl CameraView {
     /// # Panics
     /// If the columns differ in length.
     pub fn to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2], status: &mut [u8]) {
-        assert!(x.len() == y.len() && x.len() == z.len() && x.len() == status.len(), "columns of one length");
-        assert!(x.len() == u.len() && x.len() == v.len(), "columns of one length");
+        assert!(
+            x.len() == y.len() && x.len() == z.len() && x.len() == status.len(),
+            "columns of equal length"
+        );
+        assert!(x.len() == u.len() && x.len() == v.len(), "columns of equal length");
         let (projector, extent) = (PointProjector::new(self.camera()), self.extent());
         for first in (0..x.len()).step_by(CHUNK) {
             let range = first..x.len().min(first + CHUNK);
@@ -365,7 +372,7 @@ impl CameraView {
     /// # Panics
     /// If the columns differ in length.
     pub fn rays(&self, pixels: [&[f64]; 2], directions: &mut [[f64; 3]]) {
-        assert!(directions.len() == pixels[0].len(), "columns of one length");
+        assert!(directions.len() == pixels[0].len(), "columns of equal length");
         self.each_image_chunk(pixels, |range, [u, v]| {
             for ((direction, &u), &v) in directions[range].iter_mut().zip(u).zip(v) {
                 let ray = self.camera().pixel_to_ray(Pixel { u, v });
@@ -400,7 +407,7 @@ mod tests {
 
     const SIZE: [f64; 2] = [1920.0, 1080.0];
 
-    /// All NaN values have the same bits here.
+    /// Returns the bits of all values; all NaN values have the same bits.
     fn bits(x: &[f64], y: &[f64]) -> Vec<u64> {
         let bits = |value: &f64| if value.is_nan() { f64::NAN.to_bits() } else { value.to_bits() };
         x.iter().chain(y).map(bits).collect()

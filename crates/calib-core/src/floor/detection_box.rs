@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::floor::stream::named;
 
-/// Meaning of the four numbers of a box.
+/// Meaning of the four numbers of a detection box, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BoxForm {
     /// Upper left corner, width and height.
@@ -31,8 +31,10 @@ impl BoxForm {
         if width >= 0.0 && height >= 0.0 { foot } else { [f64::NAN; 2] }
     }
 
-    /// Calls a function for chunks of foot points that fit into the fastest cache.
+    /// Calls `each` with the foot points (u, v) of boxes, in chunks that fit into the fastest cache. The
+    /// range contains the indices of the boxes of a chunk.
     pub(crate) fn each_foot(self, boxes: &[[f64; 4]], mut each: impl FnMut(Range<usize>, [&[f64]; 2])) {
+        /// Number of boxes in a chunk.
         const CHUNK: usize = 512;
         let mut feet = [[0.0; CHUNK]; 2];
         for first in (0..boxes.len()).step_by(CHUNK) {

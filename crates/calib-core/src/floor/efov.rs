@@ -13,14 +13,17 @@ pub struct Efov {
     pub clipped: bool,
 }
 
-/// Largest distance of an EFOV from the camera on the floor, in camera heights, for an annotated and for a
-/// default EFOV. Beyond it a pixel covers more floor than any object.
+/// Largest distance of an annotated EFOV from the foot of the camera, in camera heights. Beyond it a pixel
+/// covers more floor than any object.
 const MAX_ANNOTATED_REACH: f64 = 50.0;
+/// Largest distance of a default EFOV from the foot of the camera, in camera heights.
 const MAX_DEFAULT_REACH: f64 = 5.0;
-/// Number of points for each edge of the image polygon, so that the distorted edge is followed on the floor.
-const STEPS: usize = 8;
+/// Number of points for each edge of the image polygon, so that the polygon on the floor follows the
+/// distorted edge.
+const POINTS_PER_EDGE: usize = 8;
 
-/// Projects the part of an image polygon that is on the floor and nearer than 50 camera heights.
+/// Projects the part of an image polygon that is on the floor and nearer than 50 camera heights to the foot
+/// of the camera.
 ///
 /// Points are added between the corners if the lens has distortion.
 #[must_use]
@@ -28,13 +31,14 @@ pub fn efov_on_floor(camera: &Camera, corners: &[Pixel]) -> Efov {
     efov_on_plane(camera, corners, &Plane::FLOOR)
 }
 
-/// Projects an image polygon to a plane as [`efov_on_floor`]. The corners are seen from above.
+/// Projects an image polygon to a plane as [`efov_on_floor`]. The result contains x and y of the corners.
 #[must_use]
 pub fn efov_on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane) -> Efov {
     on_plane(camera, corners, plane, MAX_ANNOTATED_REACH)
 }
 
-/// Returns the default EFOV: the floor within the image that is nearer than five camera heights.
+/// Returns the default EFOV: the visible part of the floor that is nearer than five camera heights to the
+/// foot of the camera.
 #[must_use]
 pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
     let [w, h] = size;
@@ -42,14 +46,15 @@ pub fn default_efov(camera: &Camera, size: [f64; 2]) -> Efov {
     Efov { clipped: false, ..on_plane(camera, &corners, &Plane::FLOOR, MAX_DEFAULT_REACH) }
 }
 
+/// Projects an image polygon to a plane, clipped at `reach` camera heights from the foot of the camera.
 fn on_plane(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     if camera.lens.distortion.is_wide() {
-        return wide(camera, corners, plane, reach);
+        return project_wide_polygon(camera, corners, plane, reach);
     }
     let bent = camera.lens.distortion != crate::camera::Distortion::None;
-    let outline = outline(corners, if bent { STEPS } else { 1 });
+    let outline = outline(corners, if bent { POINTS_PER_EDGE } else { 1 });
     let lost = outline.iter().any(|&pixel| camera.lens.bearing(pixel).is_none());
-    let seen = |&pixel: &Pixel| camera.lens.bearing(last_seen(camera, pixel)?);
+    let seen = |&pixel: &Pixel| camera.lens.bearing(last_visible_pixel(camera, pixel)?);
     let bearings: Vec<[f64; 3]> = outline.iter().filter_map(seen).collect();
     // In homogeneous floor coordinates (x w, y w, w) the horizon is w = 0, and clipping is linear.
     let h = camera.homography_plane_from_pixel(plane);
@@ -89,24 +94,27 @@ fn outline(corners: &[Pixel], steps: usize) -> Vec<Pixel> {
     edges.flat_map(|(&a, &b)| (0..steps).map(move |step| between(a, b, step as f64 / steps as f64))).collect()
 }
 
+/// Returns the pixel at the fraction `t` of the way from `a` to `b`.
 fn between(a: Pixel, b: Pixel, t: f64) -> Pixel {
     Pixel { u: a.u + t * (b.u - a.u), v: a.v + t * (b.v - a.v) }
 }
 
-/// Returns the pixel. If the lens shows no ray there, returns the last visible pixel from the principal point
-/// towards it, at the rim of the image circle.
-fn last_seen(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
+/// Returns the pixel itself if the lens shows a ray there. Otherwise returns the last visible pixel on the
+/// way from the principal point to it, at the rim of the image circle. Returns `None` if the principal point
+/// is not visible.
+fn last_visible_pixel(camera: &Camera, pixel: Pixel) -> Option<Pixel> {
     let centre = camera.lens.principal_point;
     let is_seen = |raw: Pixel| camera.lens.bearing(raw).is_some();
     if is_seen(pixel) {
         return Some(pixel);
     }
-    is_seen(centre).then(|| border(centre, pixel, is_seen)[0])
+    is_seen(centre).then(|| bisect_border(centre, pixel, is_seen)[0])
 }
 
-/// Returns the last pixel on the way for which the condition holds, and the next one for which it does not,
-/// by bisection. It must hold at the start and not at the end.
-fn border(from: Pixel, to: Pixel, holds: impl Fn(Pixel) -> bool) -> [Pixel; 2] {
+/// Returns the last pixel on the way for which the condition `holds`, and the next one for which it does not,
+/// by bisection. The condition must hold at `from`, and not at `to`.
+fn bisect_border(from: Pixel, to: Pixel, holds: impl Fn(Pixel) -> bool) -> [Pixel; 2] {
+    /// Number of bisection steps.
     const HALVINGS: usize = 40;
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {
@@ -129,15 +137,17 @@ fn doubled_signed_area(corners: &[Pixel]) -> f64 {
     corners.iter().zip(corners.iter().cycle().skip(1)).map(|(a, b)| a.u * b.v - a.v * b.u).sum()
 }
 
-/// Projects a polygon of a wide lens to the floor within the reach. Clipping at the horizon is not possible,
-/// because points behind the camera are visible on the image.
+/// Projects an image polygon of a wide lens to a plane, within `reach` camera heights of the foot of the
+/// camera. Clipping at the horizon is not possible, because points behind the camera are visible on the
+/// image.
 ///
-/// The outline is followed while its floor point is within the reach. After that, the circle of the reach is
-/// followed to the point where the outline returns, in the orientation of the outline.
-fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
-    /// Number of steps for each edge of the outline, and around the circle.
-    const STEPS: usize = 32;
-    const ROUND: f64 = 64.0;
+/// The result follows the outline while its floor point is within the reach. After that, the result follows
+/// the circle of the reach to the point where the outline returns, in the orientation of the outline.
+fn project_wide_polygon(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
+    /// Number of points for each edge of the outline.
+    const WIDE_POINTS_PER_EDGE: usize = 32;
+    /// Number of points on the circle of the reach.
+    const CIRCLE_POINTS: f64 = 64.0;
     let foot = camera.position.on_floor();
     let drop = camera.position.z - plane.height_at(foot);
     let most = reach * drop.abs();
@@ -148,8 +158,8 @@ fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     let angle = |at: FloorPoint| (at.y - foot.y).atan2(at.x - foot.x);
     let on_circle =
         |angle: f64| FloorPoint { x: foot.x + most * angle.cos(), y: foot.y + most * angle.sin() };
-    let drawn = outline(corners, STEPS);
-    let seen: Vec<Pixel> = drawn.iter().filter_map(|&pixel| last_seen(camera, pixel)).collect();
+    let drawn = outline(corners, WIDE_POINTS_PER_EDGE);
+    let seen: Vec<Pixel> = drawn.iter().filter_map(|&pixel| last_visible_pixel(camera, pixel)).collect();
     let clipped = drawn.iter().any(|&pixel| floor(pixel).is_none());
     // v is downwards, so the orientation on the floor, seen from above, is opposite to the orientation on the
     // image.
@@ -157,7 +167,8 @@ fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     let Some(first) = seen.iter().position(|&pixel| floor(pixel).is_some()) else {
         let below = camera.world_to_pixel(foot.at_height(plane.height_at(foot)));
         let is_all = below.is_some_and(|pixel| is_within(pixel, corners));
-        let round = (0..if is_all { ROUND as usize } else { 0 }).map(|step| step as f64 / ROUND);
+        let round =
+            (0..if is_all { CIRCLE_POINTS as usize } else { 0 }).map(|step| step as f64 / CIRCLE_POINTS);
         return Efov { polygon: round.map(|turns| on_circle(way * turns * TAU)).collect(), clipped };
     };
     let mut polygon = Vec::new();
@@ -167,15 +178,15 @@ fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
         polygon.extend(floor(here));
         match (floor(here), floor(next)) {
             (Some(_), None) => {
-                let last = floor(border(here, next, |pixel| floor(pixel).is_some())[0]);
+                let last = floor(bisect_border(here, next, |pixel| floor(pixel).is_some())[0]);
                 left = last.map(angle);
                 polygon.extend(last);
             }
             (None, Some(_)) => {
-                let back = floor(border(here, next, |pixel| floor(pixel).is_none())[1]);
+                let back = floor(bisect_border(here, next, |pixel| floor(pixel).is_none())[1]);
                 if let (Some(from), Some(to)) = (left.take(), back.map(angle)) {
                     let round = (way * (to - from)).rem_euclid(TAU);
-                    let steps = (round / TAU * ROUND) as usize;
+                    let steps = (round / TAU * CIRCLE_POINTS) as usize;
                     polygon.extend(
                         (1..=steps)
                             .map(|step| on_circle(from + way * round * step as f64 / (steps + 1) as f64)),
@@ -189,7 +200,7 @@ fn wide(camera: &Camera, corners: &[Pixel], plane: &Plane, reach: f64) -> Efov {
     Efov { polygon, clipped }
 }
 
-/// Returns the part of a polygon where `inside` is not negative (Sutherland and Hodgman 1974).
+/// Returns the part of a homogeneous polygon where `inside` is not negative (Sutherland and Hodgman 1974).
 fn clip(polygon: &[[f64; 3]], inside: impl Fn([f64; 3]) -> f64) -> Vec<[f64; 3]> {
     let mut kept = Vec::with_capacity(polygon.len() + 2);
     for (i, &here) in polygon.iter().enumerate() {

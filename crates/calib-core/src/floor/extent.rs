@@ -7,28 +7,28 @@ use crate::floor::floor_covariances::{block, store};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Status {
-    /// Mapped, inside the EFOV or the image.
+    /// The pixel or point is mapped, and is inside the EFOV or the image.
     Ok,
     /// The pixel is above the horizon of the plane and has no point.
     AboveHorizon,
-    /// Mapped, but outside the effective field of view.
+    /// The pixel is mapped, but its floor point is outside the effective field of view.
     OutsideEfov,
-    /// Mapped, but outside the image.
+    /// The pixel or point is mapped, but the pixel is outside the image.
     OutsideImage,
-    /// The lens shows no ray there, so there is no point or no pixel.
+    /// The lens shows no ray at the pixel or toward the point, so it is not mapped.
     OutsideLens,
     /// The point is not in front of the camera and has no pixel.
     BehindCamera,
-    /// A coordinate is missing or not finite.
+    /// A coordinate of the pixel or point is missing or not finite.
     Missing,
-    /// No calibration is valid for it.
+    /// No calibration is valid for the pixel or point.
     NoCalibration,
     /// The pixel shows the wall of a pit, between its plane and the floor, and has no point.
     OnWall,
 }
 
 impl Status {
-    /// All values, in the order of their codes.
+    /// All statuses, in the order of their codes.
     pub const ALL: [Self; 9] = [
         Self::Ok,
         Self::AboveHorizon,
@@ -41,13 +41,13 @@ impl Status {
         Self::OnWall,
     ];
 
-    /// Returns the status with this code.
+    /// Returns the status with this code; `None` for an unknown code.
     #[must_use]
     pub fn from_code(code: u8) -> Option<Self> {
         Self::ALL.get(usize::from(code)).copied()
     }
 
-    /// Returns the name in tables.
+    /// Returns the name of the status, as in output tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -94,11 +94,11 @@ impl Extent<'_> {
     #[must_use]
     pub fn contains(&self, point: FloorPoint) -> bool {
         let mut inside = [0; 1];
-        self.cross(&[point.x], &[point.y], &mut inside);
+        self.flip_inside_flags(&[point.x], &[point.y], &mut inside);
         inside == [1]
     }
 
-    /// Returns the status of one pixel with a point; see [`Self::classify`].
+    /// Returns the status of one pixel that a camera at `eye` maps to the point `at`; see [`Self::classify`].
     pub(crate) fn status_of(&self, eye: WorldPoint, pixel: Pixel, at: WorldPoint) -> Status {
         let mut status = [Status::Ok];
         let level = Plane::level(at.z);
@@ -119,7 +119,7 @@ impl Extent<'_> {
         }
     }
 
-    /// Returns the status of a point with this pixel.
+    /// Returns the status of a point that is mapped to this pixel: inside or outside the image.
     #[inline]
     pub(crate) fn status_of_pixel(&self, pixel: Pixel) -> Status {
         if self.shows(pixel) { Status::Ok } else { Status::OutsideImage }
@@ -130,9 +130,10 @@ impl Extent<'_> {
         self.efov.iter().zip(self.efov.iter().cycle().skip(1)).map(|(&a, &b)| [a, b])
     }
 
-    /// Flips `inside` for every edge of the EFOV to the right of a point.
+    /// Flips the flag `inside` of every point (x, y), once for each edge of the EFOV on its right (toward
+    /// +x).
     #[inline(always)]
-    fn cross(&self, x: &[f64], y: &[f64], inside: &mut [u64]) {
+    fn flip_inside_flags(&self, x: &[f64], y: &[f64], inside: &mut [u64]) {
         for [a, b] in self.edges() {
             // The value is not finite for an edge along x, but no point is between the ends of such an edge.
             let dx_by_dy = (b.x - a.x) / (b.y - a.y);
@@ -143,8 +144,10 @@ impl Extent<'_> {
         }
     }
 
-    /// Computes the status of pixels from the image and the EFOV. The floor point is on the ray from the
-    /// camera at `eye` through the point of the plane. Pixels without a point count as above the horizon.
+    /// Computes the status of pixels (u, v) that are mapped to the points (x, y) of a plane, in metres. The
+    /// pixel must be inside the image, and its floor point inside the EFOV. The floor point is on the ray
+    /// from the camera at `eye` through the point of the plane. Pixels without a point count as above the
+    /// horizon.
     pub(crate) fn classify(
         &self,
         eye: WorldPoint,
@@ -164,20 +167,21 @@ impl Extent<'_> {
                     let points = [block(&x[at.clone()], p), block(&y[at], q)];
                     let mut inside = [0; LANES];
                     if *plane == Plane::FLOOR {
-                        self.cross(points[0], points[1], &mut inside);
+                        self.flip_inside_flags(points[0], points[1], &mut inside);
                     } else {
                         let floor = on_floor(eye, plane, points);
-                        self.cross(&floor[0], &floor[1], &mut inside);
+                        self.flip_inside_flags(&floor[0], &floor[1], &mut inside);
                     }
-                    store(&self.by_image_and_efov(pixels, points, &inside), status);
+                    store(&self.lane_statuses(pixels, points, &inside), status);
                 }
             },
         );
     }
 
-    /// Returns the status of pixels. `inside` flags the floor points inside the EFOV.
+    /// Returns the status of `LANES` pixels. `inside` is 1 if the floor point of the pixel is inside the
+    /// EFOV.
     #[inline(always)]
-    fn by_image_and_efov(
+    fn lane_statuses(
         &self,
         [u, v]: [&[f64; LANES]; 2],
         [x, y]: [&[f64; LANES]; 2],
@@ -197,7 +201,8 @@ impl Extent<'_> {
     }
 }
 
-/// Maps points of a plane to the floor, along the rays from the camera.
+/// Maps points of a plane to the floor, along the rays from the camera at `eye`. A point at or above the
+/// height of the camera becomes NaN.
 #[inline(always)]
 fn on_floor(eye: WorldPoint, plane: &Plane, [x, y]: [&[f64; LANES]; 2]) -> [[f64; LANES]; 2] {
     // The ray through a point above the camera does not meet the floor.

@@ -1,9 +1,9 @@
 //! Covariances of many points of a plane, computed in lockstep so that the compiler can use vector
 //! instructions. The results equal [`Camera::covariance_on`] for each point.
 //!
-//! Let `d = (x, y, z)` be the vector from the camera to a point of the plane, `n = (-slope, 1)` the normal of
-//! the plane, and `q = n . d` the drop to it, which is the same for all points. A change c of d moves the
-//! intersection of the ray with the plane by `D(c) = c - d (n . c) / q`.
+//! Let `d = (x, y, z)` be the vector from the camera to a point of the plane, and `n = (-slope, 1)` the
+//! normal of the plane. The drop to the plane, `q = n . d`, is the same for all points. A change c of d moves
+//! the intersection of the ray with the plane by `D(c) = c - d (n . c) / q`.
 //!
 //! # Calibration part
 //!
@@ -19,9 +19,10 @@
 //! Huang 1981). They are linear in the errors of the camera. Their covariance is therefore the same for all
 //! points.
 //!
-//! With the point `p = (x, y)`, the covariance of D(c) is `cov(m + p l) = cov(m) + p k' + k p'`,
-//! `k = cov(m, l) + p var(l) / 2`, a polynomial of the fourth degree. To use every coefficient once, the
-//! terms of `var(m_x)` with a factor x are added to `k_x`, and the terms of `var(m_y)` with a factor y to `k_y`:
+//! A prime denotes the transpose. With the point `p = (x, y)`, the covariance of D(c) is
+//! `cov(m + p l) = cov(m) + p k' + k p'`, `k = cov(m, l) + p var(l) / 2`, a polynomial of the fourth degree.
+//! Every coefficient should be used only once. Therefore the terms of `var(m_x)` with a factor x are added to
+//! `k_x`, and the terms of `var(m_y)` with a factor y to `k_y`:
 //!
 //! ```text
 //! K_x = k_x + (terms of var(m_x) with x) / 2x,    K_y = k_y + (terms of var(m_y) with y) / 2y,
@@ -43,7 +44,7 @@ use crate::camera::{
     BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
 };
 
-/// Values that are computed together.
+/// Values of `N` points that are computed together.
 pub(super) type Lanes<const N: usize = LANES> = [f64; N];
 
 /// Returns the first `N` values, padded with `filling`.
@@ -53,6 +54,7 @@ pub(super) fn lanes<const N: usize>(values: &[f64], filling: f64) -> [f64; N] {
     values.first_chunk().copied().unwrap_or_else(filled)
 }
 
+/// Copies the values to `to`, as many as fit.
 #[inline(always)]
 pub(super) fn store<T: Copy, const N: usize>(values: &[T; N], to: &mut [T]) {
     match to.first_chunk_mut() {
@@ -71,29 +73,32 @@ pub(super) fn block<'a, const N: usize>(values: &'a [f64], spare: &'a mut [f64; 
     spare
 }
 
-/// The eight numbers m0 to m7 of an infinitesimal homography of the plane.
+/// Numbers m0 to m7 of an infinitesimal homography of the plane (see the module documentation).
 type Flow = [f64; 8];
 
 /// Covariance of the infinitesimal homography from the errors of a camera.
 #[derive(Clone, Debug)]
 pub(super) struct FlowCovariance {
-    /// Coefficients of the other terms of `var(m_x)`: 1, y, yy.
+    /// Coefficients of 1, y and yy in `var(m_x)`: the terms without a factor x.
     xx: [f64; 3],
-    /// Coefficients of the other terms of `var(m_y)`: 1, x, xx.
+    /// Coefficients of 1, x and xx in `var(m_y)`: the terms without a factor y.
     yy: [f64; 3],
     /// Coefficients of `cov(m_x, m_y)` without the terms that are in K.
     xy: Quadratic,
-    /// Coefficients of 1, y, yy.
+    /// Coefficients of 1, y and yy in `with_x` of the module documentation.
     with_x: [f64; 3],
+    /// Coefficients of `with_y` of the module documentation.
     with_y: Quadratic,
+    /// Coefficients of `along` of the module documentation.
     along: Quadratic,
-    /// Covariance of every lens coefficient with the homography; zeros for those that were not estimated.
+    /// Covariance of every lens coefficient with the homography; zeros for coefficients that were not
+    /// estimated.
     lens_with_pose: [Flow; Distortion::MAX_COEFFICIENTS],
     /// Covariance of the lens coefficients.
     lens: [[f64; Distortion::MAX_COEFFICIENTS]; Distortion::MAX_COEFFICIENTS],
 }
 
-/// Coefficients of 1, x, y, xx, xy, yy.
+/// Coefficients of 1, x, y, xx, xy and yy of a polynomial in x and y.
 type Quadratic = [f64; 6];
 
 impl FlowCovariance {
@@ -155,9 +160,9 @@ impl FlowCovariance {
         }
     }
 
-    /// Returns the covariance from pose and focal length: xx, xy, yy.
+    /// Returns the covariance of the points (x, y) from pose and focal length: xx, xy, yy in square metres.
     #[inline(always)]
-    pub(super) fn of_pose<const N: usize>(&self, x: &Lanes<N>, y: &Lanes<N>) -> [Lanes<N>; 3] {
+    pub(super) fn pose_covariance<const N: usize>(&self, x: &Lanes<N>, y: &Lanes<N>) -> [Lanes<N>; 3] {
         let mut of = [[0.0; N]; 3];
         for i in 0..N {
             let (x, y) = (x[i], y[i]);
@@ -175,8 +180,8 @@ impl FlowCovariance {
         of
     }
 
-    /// Adds the covariance of the lens coefficients, with each other and with the pose. Every pair counts
-    /// twice.
+    /// Adds the covariance of the lens coefficients, with each other and with the pose. Every pair of
+    /// different parameters counts twice.
     #[inline(always)]
     pub(super) fn add_lens(
         &self,
@@ -209,7 +214,7 @@ impl FlowCovariance {
 
 /// Returns the derivatives of the homography by every parameter of the pose and by the focal length.
 fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
-    // Arguments: the constant change of d, and its derivatives by x and by y.
+    // The arguments are the change of d at x = y = 0, and its derivatives by x and by y.
     let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {
         let [off, off_x, off_y] = [none, by_x, by_y].map(|c| plane.rise(&c) / drop);
         [none[0], by_x[0] - off, by_y[0], none[1], by_x[1], by_y[1] - off, -off_x, -off_y]
@@ -224,7 +229,7 @@ fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Fl
     let (sin, cos) = sin_cos(camera.roll);
     let level: [f64; 3] = std::array::from_fn(|i| sin * right[i] + cos * down[i]);
     let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    // Rotation from one axis to another, for each radian.
+    // Homography of a rotation from one axis to another, for each radian.
     let turned = |from: &[f64; 3], to: &[f64; 3]| {
         flow(on_plane.map(|d| std::array::from_fn(|i| dot(from, &d) * to[i] - dot(to, &d) * from[i])))
     };
@@ -239,7 +244,7 @@ fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Fl
     flows
 }
 
-/// Returns the displacement of a point by an infinitesimal homography.
+/// Returns the displacement of the point (x, y) by an infinitesimal homography.
 #[inline(always)]
 fn moved_by(&[x0, xx, xy, y0, yx, yy, lx, ly]: &Flow, x: f64, y: f64) -> [f64; 2] {
     let along = x * lx + y * ly;
@@ -256,17 +261,19 @@ pub(super) struct CovarianceLanes<'a> {
     camera: &'a Camera,
     /// Standard deviation of a pixel coordinate, in pixels.
     sigma: f64,
-    /// Rows right, down and f times forward, each with its x, its y and `(n . axis) / q`.
+    /// Rows right, down and f times forward. Each contains the x and y components of the axis, and
+    /// `(n . axis) / q`.
     axes: [[f64; 3]; 3],
-    /// M, N and K over q, for x and for y.
+    /// Columns M, N and K of the module documentation, divided by q: their x components, then their y
+    /// components.
     minors: [[f64; 3]; 2],
-    /// M, N and K over q, times sigma.
+    /// `minors` multiplied by sigma.
     of_sigma: [[f64; 3]; 2],
     /// Covariance of the homography; `None` if the errors of the camera are unknown.
     flow: Option<FlowCovariance>,
 }
 
-/// Points of the plane, relative to the camera.
+/// Points of the plane: x and y relative to the camera, in metres.
 struct Points<const N: usize> {
     x: Lanes<N>,
     y: Lanes<N>,
@@ -274,7 +281,7 @@ struct Points<const N: usize> {
     square: Lanes<N>,
 }
 
-/// Derivatives of points of the plane by (a, b): rows x and y of T, or of T over t^2.
+/// Derivatives of points of the plane by (a, b): rows x and y of T, or of T divided by t^2.
 #[derive(Clone, Copy, Debug)]
 struct Slopes<const N: usize>([[Lanes<N>; 2]; 2]);
 
@@ -311,10 +318,10 @@ impl<'a> CovarianceLanes<'a> {
         }
         // A closure would be compiled without the vector instructions of the caller.
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
-        [pixel, flow.of_pose(&points.x, &points.y)]
+        [pixel, flow.pose_covariance(&points.x, &points.y)]
     }
 
-    /// Returns the same covariances for a lens with distortion.
+    /// Returns the covariances as [`Self::straight`], for a lens with distortion.
     #[inline(always)]
     pub(super) fn distorted(
         &self,
@@ -336,7 +343,7 @@ impl<'a> CovarianceLanes<'a> {
         }
         let pixel = by_raw.times(self.sigma).squared();
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
-        let mut calibration = flow.of_pose(&points.x, &points.y);
+        let mut calibration = flow.pose_covariance(&points.x, &points.y);
         let mut changes = [[[0.0; LANES]; 2]; Distortion::MAX_COEFFICIENTS];
         for i in 0..LANES {
             let by = brown.distorted_by_coefficients([x[i], y[i]]);
@@ -349,17 +356,20 @@ impl<'a> CovarianceLanes<'a> {
         [pixel, calibration]
     }
 
+    /// Returns the points of the plane at the pixels (a, b), relative to the principal point; NaN without a
+    /// point.
     #[inline(always)]
     fn points<const N: usize>(&self, a: &Lanes<N>, b: &Lanes<N>) -> Points<N> {
-        /// Largest distance, as for one pixel. A larger value is a rounding error at the horizon.
-        const FARTHEST: f64 = 1e12;
+        /// Largest distance of a point from the camera, in metres, as for a single pixel. A larger value is a
+        /// rounding error at the horizon.
+        const MAX_DISTANCE_M: f64 = 1e12;
         let [right, down, forward] = self.axes;
         let mut points = Points { x: [0.0; N], y: [0.0; N], square: [0.0; N] };
         for i in 0..N {
             let along = |k: usize| a[i] * right[k] + b[i] * down[k] + forward[k];
             let reach = along(2).recip();
-            let is_seen =
-                (reach > 0.0) & (reach * reach * self.square_of_ray(a[i], b[i]) < FARTHEST * FARTHEST);
+            let is_seen = (reach > 0.0)
+                & (reach * reach * self.square_of_ray(a[i], b[i]) < MAX_DISTANCE_M * MAX_DISTANCE_M);
             let reach = if is_seen { reach } else { f64::NAN };
             [points.x[i], points.y[i], points.square[i]] =
                 [reach * along(0), reach * along(1), reach * reach];
@@ -374,7 +384,7 @@ impl<'a> CovarianceLanes<'a> {
     }
 }
 
-/// Returns `T / t^2` from M, N and K over q.
+/// Returns `T / t^2` from M, N and K divided by q.
 #[inline(always)]
 fn slopes<const N: usize>([x, y]: &[[f64; 3]; 2], a: &Lanes<N>, b: &Lanes<N>) -> Slopes<N> {
     let mut slopes = Slopes([[[0.0; N]; 2]; 2]);
@@ -388,6 +398,7 @@ fn slopes<const N: usize>([x, y]: &[[f64; 3]; 2], a: &Lanes<N>, b: &Lanes<N>) ->
 }
 
 impl<const N: usize> Slopes<N> {
+    /// Returns the derivatives multiplied by a factor.
     #[inline(always)]
     fn times(mut self, factor: f64) -> Self {
         for column in self.0.as_flattened_mut() {
@@ -418,7 +429,8 @@ impl<const N: usize> Slopes<N> {
         self
     }
 
-    /// Returns the covariance of x and y for two independent coordinates with variance 1: xx, xy, yy.
+    /// Returns the covariance of the point (x, y) for two independent pixel coordinates with variance 1: xx,
+    /// xy, yy.
     #[inline(always)]
     fn squared(&self) -> [Lanes<N>; 3] {
         let mut squared = [[0.0; N]; 3];

@@ -11,19 +11,19 @@ use crate::floor::scene::Polyline;
 #[must_use]
 pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
     /// Minimum depth of a line, in metres.
-    const NEAR: f64 = 0.05;
+    const MIN_DEPTH_M: f64 = 0.05;
     let mut pieces = vec![Vec::new()];
     for pair in polyline.windows(2) {
         let (a, b) = (camera.in_camera(pair[0]), camera.in_camera(pair[1]));
         if camera.lens.distortion.is_wide() {
-            along_arc(camera, [a, b], &mut pieces);
+            append_arc(camera, [a, b], &mut pieces);
             continue;
         }
-        let Some(front) = in_front(a, b, NEAR) else {
+        let Some(front) = in_front(a, b, MIN_DEPTH_M) else {
             pieces.push(Vec::new());
             continue;
         };
-        if a[2] < NEAR {
+        if a[2] < MIN_DEPTH_M {
             pieces.push(Vec::new());
         }
         append_distorted_segment(camera, front, &mut pieces);
@@ -32,8 +32,8 @@ pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
     pieces
 }
 
-/// Returns the part of a straight segment with a depth above `near`. Its points are in axes right, down,
-/// forward.
+/// Returns the part of a straight segment with a depth above `near`, in metres. The points are in camera axes
+/// (right, down, forward).
 #[must_use]
 pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
     let cut = |from: [f64; 3], to: [f64; 3]| -> [f64; 3] {
@@ -51,15 +51,18 @@ pub fn in_front(a: [f64; 3], b: [f64; 3], near: f64) -> Option<[[f64; 3]; 2]> {
 /// Great-circle arc between two rays. The rays may have any length, in any axes that map planes to planes.
 #[derive(Clone, Copy, Debug)]
 struct Arc {
+    /// Unit vectors of the two rays.
     ends: [[f64; 3]; 2],
     /// Angle between the ends, in radians.
     angle: f64,
 }
 
 impl Arc {
-    /// Angle between points, in radians. For a fisheye of 180° in 2000 pixels, the chord deviates by 0.2 px.
-    const STEP: f64 = 0.03;
+    /// Angle between neighbouring points of a drawn arc, in radians. For a fisheye of 180° in 2000 pixels,
+    /// the chord deviates by 0.2 px.
+    const STEP_RAD: f64 = 0.03;
 
+    /// Creates the arc between two rays of any length.
     fn between(ends: [[f64; 3]; 2]) -> Self {
         let unit = |p: [f64; 3]| {
             let length = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
@@ -79,7 +82,7 @@ impl Arc {
 
     /// Returns the number of steps along the arc, at least 1.
     fn steps(&self) -> usize {
-        (self.angle / Self::STEP).ceil().max(1.0) as usize
+        (self.angle / Self::STEP_RAD).ceil().max(1.0) as usize
     }
 
     /// Returns the ray at t along the circle: t = 0 and t = 1 are the ends, larger values continue the
@@ -91,7 +94,8 @@ impl Arc {
         std::array::from_fn(|i| of_a * a[i] + of_b * b[i])
     }
 
-    fn shown_at(&self, lens: &Lens, t: f64) -> Option<Pixel> {
+    /// Returns the raw pixel of the ray at `t`; `None` if the lens does not show the ray.
+    fn pixel_at(&self, lens: &Lens, t: f64) -> Option<Pixel> {
         let [x, y, w] = self.at(t);
         lens.bearing_to_pixel([lens.focal * x, lens.focal * y, w])
     }
@@ -109,7 +113,7 @@ pub fn annotated_line_curve(lens: &Lens, points: &[Pixel]) -> Vec<Pixel> {
     for pair in points.windows(2) {
         if let Some(arc) = Arc::of_pixels(lens, [pair[0], pair[1]]) {
             let steps = arc.steps();
-            line.extend((1..steps).filter_map(|step| arc.shown_at(lens, step as f64 / steps as f64)));
+            line.extend((1..steps).filter_map(|step| arc.pixel_at(lens, step as f64 / steps as f64)));
         }
         line.push(pair[1]);
     }
@@ -123,15 +127,15 @@ pub fn line_extension(lens: &Lens, ends: [Pixel; 2]) -> Vec<Pixel> {
     let arc = Some(lens).filter(|lens| lens.distortion.is_wide());
     let arc = arc.and_then(|lens| Arc::of_pixels(lens, ends)).filter(|arc| arc.angle > 1e-6);
     let Some(arc) = arc else { return Vec::new() };
-    // At most once around, without the annotated part.
-    let steps = ((std::f64::consts::TAU - arc.angle) / Arc::STEP) as usize;
-    let beyond = |step: usize| arc.shown_at(lens, 1.0 + step as f64 * Arc::STEP / arc.angle);
+    // The extension goes at most once around the circle, without the annotated part.
+    let steps = ((std::f64::consts::TAU - arc.angle) / Arc::STEP_RAD) as usize;
+    let beyond = |step: usize| arc.pixel_at(lens, 1.0 + step as f64 * Arc::STEP_RAD / arc.angle);
     (0..steps).map_while(beyond).collect()
 }
 
 /// Appends the image of a straight segment in camera axes, seen by a wide lens along the arc of rays between
 /// its ends.
-fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
+fn append_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
     let arc = Arc::between(ends);
     let steps = arc.steps();
     for step in 0..=steps {
@@ -153,7 +157,8 @@ fn along_arc(camera: &Camera, ends: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>)
 fn append_distorted_segment(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut Vec<Vec<Pixel>>) {
     /// Distance between points of a distorted line, in pixels. The chord of a curve with a radius of 500 px
     /// deviates by 0.2 px.
-    const STEP: f64 = 24.0;
+    const POINT_DISTANCE_PX: f64 = 24.0;
+    /// Maximum number of steps of one segment.
     const MAX_STEPS: f64 = 256.0;
     let centre = camera.lens.principal_point;
     let show = |p: [f64; 3]| {
@@ -163,7 +168,7 @@ fn append_distorted_segment(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut
     let straight = [show(a), show(b)];
     let bent = camera.lens.distortion != crate::camera::Distortion::None;
     let length = straight[0].distance(straight[1]);
-    let steps = if bent { (length / STEP).clamp(1.0, MAX_STEPS).ceil() as usize } else { 1 };
+    let steps = if bent { (length / POINT_DISTANCE_PX).clamp(1.0, MAX_STEPS).ceil() as usize } else { 1 };
     for step in 0..=steps {
         // The steps are equal on the image, not in space, because of the perspective.
         let t = step as f64 / steps as f64;
@@ -188,14 +193,17 @@ fn append_distorted_segment(camera: &Camera, [a, b]: [[f64; 3]; 2], pieces: &mut
 /// visible.
 #[must_use]
 pub fn horizon(camera: &Camera, size: [f64; 2]) -> Vec<Vec<Pixel>> {
-    // Distant points in the horizontal plane through the camera. Only those in front of it are visible.
-    const STEPS: usize = 180;
-    const FAR: f64 = 1e6;
-    let ring: Polyline = (0..=STEPS)
+    // The ring consists of distant points in the horizontal plane through the camera. Only the points in
+    // front of the camera are visible.
+    /// Number of points around the camera.
+    const HORIZON_POINTS: usize = 180;
+    /// Distance of the points from the camera, in metres.
+    const HORIZON_DISTANCE_M: f64 = 1e6;
+    let ring: Polyline = (0..=HORIZON_POINTS)
         .map(|i| {
-            let (sin, cos) = (std::f64::consts::TAU * i as f64 / STEPS as f64).sin_cos();
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / HORIZON_POINTS as f64).sin_cos();
             let WorldPoint { x, y, z } = camera.position;
-            WorldPoint { x: x + FAR * cos, y: y + FAR * sin, z }
+            WorldPoint { x: x + HORIZON_DISTANCE_M * cos, y: y + HORIZON_DISTANCE_M * sin, z }
         })
         .collect();
     let margin = 0.5 * (size[0] + size[1]);
@@ -214,7 +222,7 @@ pub struct FloorLine {
 }
 
 impl FloorLine {
-    /// Returns the line through two points. Returns `None` if they coincide.
+    /// Returns the line through two points. Returns `None` if the points coincide.
     #[must_use]
     pub fn between(a: FloorPoint, b: FloorPoint) -> Option<Self> {
         (a.distance(b) > 0.0).then(|| Self { through: a, turn: (b.y - a.y).atan2(b.x - a.x) })
@@ -227,11 +235,13 @@ impl FloorLine {
     #[must_use]
     pub fn nearest(&self, camera: &Camera, pixel: Pixel, plane: &Plane) -> Option<(FloorPoint, Pixel)> {
         /// Half the length of a piece of the line, in metres. Distortion is negligible over this length.
-        const PIECE: f64 = 1e-3;
-        /// Maximum number of pieces. Each is centred on the nearest point of the previous one.
-        const STEPS: usize = 40;
-        /// Step at which the iteration ends, in halves of a piece.
-        const NEAR: f64 = 1e-3;
+        const HALF_PIECE_LENGTH_M: f64 = 1e-3;
+        /// Maximum number of iterations. Each centres a short piece of the line on the nearest point of the
+        /// previous piece.
+        const MAX_ITERATIONS: usize = 40;
+        /// Length of a step along the line below which the iteration ends, relative to half the length of a
+        /// piece.
+        const MIN_RELATIVE_STEP: f64 = 1e-3;
         let floor_point = camera.pixel_to_plane(pixel, plane)?.on_floor();
         let (sin, cos) = self.turn.sin_cos();
         let along = (floor_point.x - self.through.x) * cos + (floor_point.y - self.through.y) * sin;
@@ -243,13 +253,13 @@ impl FloorLine {
         };
         let mut middle = along;
         let mut nearest = pixel;
-        for _ in 0..STEPS {
-            let (a, b) = (shown(middle - PIECE)?, shown(middle + PIECE)?);
+        for _ in 0..MAX_ITERATIONS {
+            let (a, b) = (shown(middle - HALF_PIECE_LENGTH_M)?, shown(middle + HALF_PIECE_LENGTH_M)?);
             let (du, dv) = (b.u - a.u, b.v - a.v);
             let t = ((pixel.u - a.u) * du + (pixel.v - a.v) * dv) / (du * du + dv * dv);
             nearest = Pixel { u: a.u + t * du, v: a.v + t * dv };
-            middle += (2.0 * t - 1.0) * PIECE;
-            if (2.0 * t - 1.0).abs() < NEAR {
+            middle += (2.0 * t - 1.0) * HALF_PIECE_LENGTH_M;
+            if (2.0 * t - 1.0).abs() < MIN_RELATIVE_STEP {
                 break;
             }
         }
@@ -296,7 +306,7 @@ mod tests {
             // slightly more by its coefficients.
             let ahead = line.windows(2).filter(|pair| pair.iter().all(|&pixel| ray(pixel)[2] > 0.0));
             let longest = ahead.map(|pair| pair[0].distance(pair[1])).fold(0.0, f64::max);
-            prop_assert!(longest < 2.0 * lens.focal * Arc::STEP, "{longest}");
+            prop_assert!(longest < 2.0 * lens.focal * Arc::STEP_RAD, "{longest}");
         }
 
         #[test]
@@ -354,7 +364,7 @@ mod tests {
             prop_assume!(range < 4.0);
             let line = FloorLine { through: FloorPoint { x: put.x - off * turn.sin(), y: put.y + off * turn.cos() }, turn };
             let Some((at, shown)) = line.nearest(&camera, pixel, &Plane::FLOOR) else { return Ok(()) };
-            // Both are on the line: one on the floor, the other in the image.
+            // Both results are on the line: one on the floor, the other in the image.
             let across = |p: FloorPoint| (p.y - line.through.y) * turn.cos() - (p.x - line.through.x) * turn.sin();
             prop_assert!(across(at).abs() < 1e-9 && (at.distance(put) - off.abs()).abs() < 1e-9);
             let back = camera.pixel_to_floor(shown, 0.0).unwrap();

@@ -1,33 +1,35 @@
-//! Manual stage 2: translation, rotation and scale of an EFOV polygon, converted to x0, y0, yaw, z0 and back.
+//! Manual stage 2: translation, rotation and scale of an EFOV polygon, converted to the position (x0, y0, z0)
+//! and yaw of the camera, and back.
 
 use crate::camera::{Camera, FloorPoint};
 
-/// Height of the camera in stage 1, in metres, by the paper's convention.
+/// Assumed height of the camera in stage 1, in metres (the paper's convention).
 pub const STAGE_1_HEIGHT: f64 = 3.0;
 
-/// Transformation that the operator applied to a polygon projected with (0, 0, z0, roll, pitch, 0, focal). It
-/// is first scaled and rotated about the camera's foot (0, 0), then translated.
+/// Transformation that the operator applied to the EFOV polygon of stage 1. The camera of stage 1 is above
+/// (0, 0) at the height [`STAGE_1_HEIGHT`], with yaw 0. The polygon is first scaled and rotated about the
+/// camera's foot (0, 0), then translated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
-    /// Translation, in metres: x0 and y0.
+    /// Translation, in metres. It equals x and y of the placed camera.
     pub by: FloorPoint,
-    /// Rotation, counter-clockwise, in radians: the yaw.
+    /// Rotation, counter-clockwise, in radians. It equals the yaw of the placed camera.
     pub turn: f64,
-    /// Scale factor of [`STAGE_1_HEIGHT`], which gives z0.
+    /// Scale factor: the height of the placed camera divided by [`STAGE_1_HEIGHT`].
     pub scale: f64,
 }
 
 impl Placement {
-    /// Identity: the polygon of stage 1.
+    /// Identity transformation: it leaves the polygon of stage 1 unchanged.
     pub const NONE: Self = Self { by: FloorPoint { x: 0.0, y: 0.0 }, turn: 0.0, scale: 1.0 };
 
-    /// Places the camera of stage 1 (the paper's stage 2).
+    /// Returns the camera of stage 1 with this placement (the paper's stage 2).
     #[must_use]
     pub fn apply(&self, camera: &Camera) -> Camera {
         Camera { position: self.by.at_height(STAGE_1_HEIGHT * self.scale), yaw: self.turn, ..*camera }
     }
 
-    /// Returns the placement of a camera.
+    /// Returns the placement that maps the camera of stage 1 to `camera`.
     #[must_use]
     pub fn from_camera(camera: &Camera) -> Self {
         Self { by: camera.position.on_floor(), turn: camera.yaw, scale: camera.position.z / STAGE_1_HEIGHT }

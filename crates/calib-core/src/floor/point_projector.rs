@@ -9,15 +9,15 @@ use crate::camera::{
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointProjector {
     camera: Camera,
-    /// Rows right, down, forward. The first two are multiplied by the focal length of the camera over the
-    /// focal length of the lens.
+    /// Rows right, down, forward. The first two are multiplied by the focal length of the camera divided by
+    /// the focal length of the lens.
     axes: [[f64; 3]; 3],
     /// Largest squared radius of undistorted, normalised coordinates that the lens shows.
     most: f64,
 }
 
 impl PointProjector {
-    /// Prepares a camera.
+    /// Prepares a camera for the projection of many points.
     #[must_use]
     pub fn new(camera: &Camera) -> Self {
         let ([right, down, forward], ratio) = (camera.rotation(), camera.focal / camera.lens.focal);
@@ -33,10 +33,10 @@ impl PointProjector {
     /// If the slices differ in length.
     pub fn points_to_pixels(&self, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2]) {
         let of_one_length = [x.len(), y.len(), z.len(), v.len()].iter().all(|&length| length == u.len());
-        assert!(of_one_length, "slices of one length");
+        assert!(of_one_length, "slices of equal length");
         match self.camera.lens.distortion {
-            Distortion::None => self.by_formula(None, [x, y, z], [u, v]),
-            Distortion::BrownConrady(brown) => self.by_formula(Some(&brown), [x, y, z], [u, v]),
+            Distortion::None => self.map_by_brown_model(None, [x, y, z], [u, v]),
+            Distortion::BrownConrady(brown) => self.map_by_brown_model(Some(&brown), [x, y, z], [u, v]),
             // Other models are mapped point by point.
             _ => {
                 for i in 0..u.len() {
@@ -47,8 +47,14 @@ impl PointProjector {
         }
     }
 
+    /// Maps points with the Brown-Conrady model, or without distortion if `brown` is `None`.
     #[inline(always)]
-    fn by_formula(&self, brown: Option<&BrownConrady>, [x, y, z]: [&[f64]; 3], [u, v]: [&mut [f64]; 2]) {
+    fn map_by_brown_model(
+        &self,
+        brown: Option<&BrownConrady>,
+        [x, y, z]: [&[f64]; 3],
+        [u, v]: [&mut [f64]; 2],
+    ) {
         let (eye, axes, most) = (self.camera.position, self.axes, self.most);
         let (Pixel { u: cu, v: cv }, f) = (self.camera.lens.principal_point, self.camera.lens.focal);
         let (brown, straight) = (brown.copied().unwrap_or_default(), brown.is_none());
@@ -71,7 +77,7 @@ impl PointProjector {
         );
     }
 
-    /// Maps one point.
+    /// Maps one world point to a raw pixel.
     fn world_to_pixel(&self, point: WorldPoint) -> Option<Pixel> {
         let from_eye = [
             point.x - self.camera.position.x,

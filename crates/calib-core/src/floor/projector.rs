@@ -21,7 +21,7 @@ pub struct FloorProjector {
     floor_from_lens: [[f64; 3]; 3],
     /// Homography from the floor to lens coordinates.
     lens_from_floor: [[f64; 3]; 3],
-    /// Inverse of a lens without a closed form, for many points at once.
+    /// Inverse of a Brown-Conrady lens, which has no closed form, for many points at once.
     inverse: Option<BrownInverse>,
 }
 
@@ -55,7 +55,7 @@ impl FloorProjector {
         Self { camera: *camera, plane: *plane, floor_from_lens, lens_from_floor, inverse }
     }
 
-    /// Returns the camera.
+    /// Returns the prepared camera.
     #[must_use]
     pub const fn camera(&self) -> &Camera {
         &self.camera
@@ -67,7 +67,7 @@ impl FloorProjector {
         self.plane.height
     }
 
-    /// Returns the plane.
+    /// Returns the plane to which the pixels are mapped.
     #[must_use]
     pub const fn plane(&self) -> &Plane {
         &self.plane
@@ -80,10 +80,10 @@ impl FloorProjector {
     /// # Panics
     /// If the slices differ in length.
     pub fn pixels_to_floor(&self, u: &[f64], v: &[f64], x: &mut [f64], y: &mut [f64]) {
-        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
+        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of equal length");
         match (self.camera.lens.distortion, &self.inverse) {
-            (Distortion::None, _) => self.by_quotient(0.0, [u, v], [x, y]),
-            (Distortion::Division { lambda }, _) => self.by_quotient(lambda, [u, v], [x, y]),
+            (Distortion::None, _) => self.map_by_division_model(0.0, [u, v], [x, y]),
+            (Distortion::Division { lambda }, _) => self.map_by_division_model(lambda, [u, v], [x, y]),
             (_, Some(inverse)) => {
                 let (side, h) = (self.side(), self.floor_from_lens);
                 let to_floor = |a: f64, b: f64| {
@@ -94,7 +94,7 @@ impl FloorProjector {
                         (h[1][0] * a + h[1][1] * b + h[1][2]) * scale,
                     )
                 };
-                self.in_step(inverse, to_floor, [u, v], [x, y]);
+                self.undistort_in_lockstep(inverse, to_floor, [u, v], [x, y]);
             }
             // Other models are mapped pixel by pixel.
             _ => {
@@ -106,16 +106,17 @@ impl FloorProjector {
         }
     }
 
-    /// Returns a number with the sign of the third coordinate of visible points. A plane above the camera is
-    /// visible above the horizon; a plane at the height of the camera is not visible.
+    /// Returns the height of the camera above the plane, in metres. Its sign equals the sign of the third
+    /// homogeneous coordinate of visible points. A plane above the camera is visible above the horizon; a
+    /// plane at the height of the camera is not visible.
     fn side(&self) -> f64 {
         self.camera.position.z - self.plane.height_at(self.camera.position.on_floor())
     }
 
-    /// Maps pixels with the division model, or without distortion if lambda is 0. The undistorted point is
-    /// the raw point (a, b) divided by q. The floor point therefore follows from the homogeneous vector (a,
-    /// b, q).
-    fn by_quotient(&self, lambda: f64, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
+    /// Maps pixels with the division model of coefficient `lambda`, or without distortion if `lambda` is 0.
+    /// The undistorted point is the raw point (a, b) divided by `q = 1 + lambda (a^2 + b^2)`. The floor point
+    /// therefore follows from the homogeneous vector (a, b, q).
+    fn map_by_division_model(&self, lambda: f64, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
         // A pincushion lens folds back at q = 2.
@@ -138,7 +139,7 @@ impl FloorProjector {
 
     /// Undistorts pixels in lockstep, and maps the normalised points by `onward`.
     #[inline(always)]
-    fn in_step(
+    fn undistort_in_lockstep(
         &self,
         lens: &BrownInverse,
         onward: impl Fn(f64, f64) -> (f64, f64),
@@ -173,7 +174,10 @@ impl FloorProjector {
     /// # Panics
     /// If the slices differ in length.
     pub fn undistort_pixels(&self, u: &[f64], v: &[f64], to_u: &mut [f64], to_v: &mut [f64]) {
-        assert!(u.len() == v.len() && u.len() == to_u.len() && u.len() == to_v.len(), "slices of one length");
+        assert!(
+            u.len() == v.len() && u.len() == to_u.len() && u.len() == to_v.len(),
+            "slices of equal length"
+        );
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let f = self.camera.lens.focal;
         match (self.camera.lens.distortion, &self.inverse) {
@@ -182,7 +186,7 @@ impl FloorProjector {
                 to_v.copy_from_slice(v);
             }
             (_, Some(inverse)) => {
-                self.in_step(inverse, |a, b| (cu + f * a, cv + f * b), [u, v], [to_u, to_v]);
+                self.undistort_in_lockstep(inverse, |a, b| (cu + f * a, cv + f * b), [u, v], [to_u, to_v]);
             }
             _ => {
                 for i in 0..u.len() {
@@ -195,7 +199,7 @@ impl FloorProjector {
 
     /// Maps pixels as [`Self::pixels_to_floor`], with a status for each.
     ///
-    /// A pixel is inside the EFOV if its floor point is, for a plane at any height.
+    /// A pixel is inside the EFOV if the floor point on its ray is inside, for a plane at any height.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -206,7 +210,7 @@ impl FloorProjector {
         [x, y]: [&mut [f64]; 2],
         status: &mut [Status],
     ) {
-        assert!(status.len() == u.len(), "slices of one length");
+        assert!(status.len() == u.len(), "slices of equal length");
         self.pixels_to_floor(u, v, x, y);
         extent.classify(self.camera.position, &self.plane, [u, v], [x, y], status);
         if !status.contains(&Status::AboveHorizon) {
@@ -235,7 +239,7 @@ impl FloorProjector {
     /// [`Camera::floor_covariance`]. `pixel_sigma` is the standard deviation of each coordinate, in pixels.
     /// The pixel part and the calibration part have the columns xx, xy, yy.
     ///
-    /// A pixel without a point has NaN, and so has an unknown calibration part.
+    /// The covariances of a pixel without a point are NaN. An unknown calibration part is also NaN.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -247,7 +251,7 @@ impl FloorProjector {
     ) {
         let is_of_one_length = |column: &&mut [f64]| column.len() == u.len();
         let columns = || pixel.iter().chain(&calibration);
-        assert!(v.len() == u.len() && columns().all(is_of_one_length), "slices of one length");
+        assert!(v.len() == u.len() && columns().all(is_of_one_length), "slices of equal length");
         let ([pixel_xx, pixel_xy, pixel_yy], [xx, xy, yy]) = (pixel, calibration);
         let to = [pixel_xx, pixel_xy, pixel_yy, xx, xy, yy];
         match (&self.camera.lens.distortion, &self.inverse) {
@@ -269,6 +273,7 @@ impl FloorProjector {
         }
     }
 
+    /// Computes the covariances with the function `of` for `N` pixels at a time.
     #[inline(always)]
     fn covariances_in_step<const N: usize>(
         &self,
@@ -318,7 +323,7 @@ impl FloorProjector {
     /// # Panics
     /// If the slices differ in length.
     pub fn floor_to_pixels(&self, x: &[f64], y: &[f64], u: &mut [f64], v: &mut [f64]) {
-        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of one length");
+        assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of equal length");
         let h = self.lens_from_floor;
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
         let f = self.camera.lens.focal;
@@ -341,15 +346,15 @@ impl FloorProjector {
         }
     }
 
-    /// Maps one pixel; see [`Camera::pixel_to_plane`].
+    /// Maps one raw pixel to a point of the plane; see [`Camera::pixel_to_plane`].
     #[must_use]
     pub fn pixel_to_floor(&self, pixel: Pixel) -> Option<FloorPoint> {
         self.camera.pixel_to_plane(pixel, &self.plane).map(WorldPoint::on_floor)
     }
 }
 
-/// Returns the largest distance of a pixel from the principal point, in units of the focal length, for a
-/// principal point near the image centre. It affects only the time that a point takes.
+/// Returns the expected largest distance of a pixel from the principal point, in units of the focal length,
+/// for a principal point near the image centre. The value affects only the run time.
 fn reach(lens: &Lens) -> f64 {
     let Pixel { u, v } = lens.principal_point;
     (1.2 * u.hypot(v) / lens.focal).clamp(0.3, 3.0)

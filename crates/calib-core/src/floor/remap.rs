@@ -9,7 +9,7 @@ use crate::camera::{BrownConrady, Distortion, Lens, Pixel, UndistortedPixel, dis
 use crate::floor::camera_view::CameraView;
 use crate::floor::stream::named;
 
-/// Part of the undistorted plane in the new image, which has the size of the raw image.
+/// Part of the undistorted plane that the new image shows. The new image has the size of the raw image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Crop {
     /// Same focal length: the centre keeps its scale.
@@ -23,10 +23,12 @@ pub enum Crop {
 
 named! { Crop { SameFocal = "same-focal", AllValid = "all-valid", AllPixels = "all-pixels" } }
 
-/// Resolution of bilinear weights: 1/32 of a pixel is sufficient for 8-bit colours.
-const STEPS: f32 = 32.0;
-const STEP_BITS: u32 = 5;
-const BLANK: u32 = u32::MAX;
+/// Number of steps of a bilinear weight for each pixel: 1/32 of a pixel is sufficient for 8-bit colours.
+const WEIGHT_STEPS: f32 = 32.0;
+/// Number of bits of a bilinear weight: the binary logarithm of [`WEIGHT_STEPS`].
+const WEIGHT_BITS: u32 = 5;
+/// Index value of the pixels of the new image that the raw image does not show.
+const BLANK_INDEX: u32 = u32::MAX;
 
 /// Undistortion of the images of a lens, for one part of the undistorted plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,17 +47,18 @@ pub struct Undistortion {
 /// it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remap {
-    /// Width of the raw image.
+    /// Width of the raw image, in pixels.
     width: usize,
     /// Number of pixels of the raw image.
     pixels: usize,
     rows: MapRows,
 }
 
-/// Index of the raw pixel up and left of the position, and the weights in x and y, for every pixel of the new
-/// image.
+/// Map of the pixels of the new image, row by row. It contains the index of the raw pixel up and left of the
+/// raw position, and the weights in x and y.
 #[derive(Clone, Debug, PartialEq)]
 struct MapRows {
+    /// Index of the raw pixel up and left of the raw position, or [`BLANK_INDEX`].
     index: Vec<u32>,
     /// Weight in x in the low byte, weight in y in the high byte.
     fraction: Vec<u16>,
@@ -67,7 +70,7 @@ impl MapRows {
     }
 }
 
-/// Number of bytes for each pixel.
+/// Colour channels of an image; the value is the number of bytes for each pixel.
 #[derive(Clone, Copy, Debug)]
 enum Channels {
     Grey = 1,
@@ -76,12 +79,13 @@ enum Channels {
 }
 
 impl Channels {
-    /// Returns the channels of an image with the given number of pixels.
+    /// Returns the channels of an image with the given number of pixels; `None` if the length of `raw` does
+    /// not match.
     fn of(raw: &[u8], pixels: usize) -> Option<Self> {
         [Self::Grey, Self::Rgb, Self::Rgba].into_iter().find(|own| raw.len() == pixels * *own as usize)
     }
 
-    /// Fills the pixels of the new image that are in the map.
+    /// Computes the pixels of the new image `out` that are in the map, from the raw image.
     fn apply(self, raw: &[u8], width: usize, map: &MapRows, out: &mut [u8]) {
         let stride = width * self as usize;
         match self {
@@ -101,7 +105,7 @@ impl Undistortion {
     #[must_use]
     pub fn new(lens: &Lens, width: usize, height: usize, crop: Crop) -> Option<Self> {
         let bytes = width.checked_mul(height)?.checked_mul(3)?;
-        if width < 2 || height < 2 || bytes >= BLANK as usize {
+        if width < 2 || height < 2 || bytes >= BLANK_INDEX as usize {
             return None;
         }
         let (scale, offset) = view(lens, [width as f64, height as f64], crop)?;
@@ -115,7 +119,7 @@ impl Undistortion {
         focal / self.scale
     }
 
-    /// Returns the principal point of the new image.
+    /// Returns the principal point of the new image, in pixels from its corner.
     #[must_use]
     pub fn principal_point(&self) -> Pixel {
         let Pixel { u, v } = self.lens.principal_point;
@@ -172,6 +176,7 @@ impl Undistortion {
         Remap { width: self.width, pixels: self.width * self.height, rows }
     }
 
+    /// Computes the map of row `y` of the new image. The raw positions are stored in `u` and `v`.
     fn map_row(&self, y: usize, [u, v]: [&mut [f32]; 2], index: &mut [u32], fraction: &mut [u16]) {
         self.raw_row(y, u, v);
         pack(self.width, self.height, u, v, index, fraction);
@@ -212,7 +217,7 @@ impl Remap {
         let is_small = |[w, h]: [usize; 2]| {
             w.checked_mul(h)
                 .and_then(|pixels| pixels.checked_mul(3))
-                .is_some_and(|bytes| bytes < BLANK as usize)
+                .is_some_and(|bytes| bytes < BLANK_INDEX as usize)
         };
         if raw[0] < 2 || raw[1] < 2 || size[0] == 0 || !is_small(raw) || !is_small(size) {
             return None;
@@ -240,14 +245,14 @@ impl Remap {
     }
 }
 
-/// Fills the pixels of the new image that are in the map, with `C` bytes each.
+/// Computes the pixels of the new image `out` that are in the map, with `C` bytes each.
 fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mut [u8]) {
     dispatch(
         #[inline(always)]
         || {
             let map = map.index.iter().zip(&map.fraction);
             for ((&index, &fraction), pixel) in map.zip(out.as_chunks_mut::<C>().0) {
-                *pixel = if index == BLANK {
+                *pixel = if index == BLANK_INDEX {
                     [0; C]
                 } else {
                     let at = index as usize * C;
@@ -264,7 +269,7 @@ fn apply_rows<const C: usize>(raw: &[u8], stride: usize, map: &MapRows, out: &mu
 fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C] {
     let (fx, fy) = (u16x8::splat(fraction & 0xFF), u16x8::splat(fraction >> 8));
     // 32 a + (b - a) f: if the difference is negative, the sum wraps around to the correct value.
-    let mix = |a: u16x8, b: u16x8, f: u16x8| -> u16x8 { (a << STEP_BITS) + (b - a) * f };
+    let mix = |a: u16x8, b: u16x8, f: u16x8| -> u16x8 { (a << WEIGHT_BITS) + (b - a) * f };
     let rows: u16x8 = (mix(top, bottom, fy) + u16x8::splat(2)) >> 2;
     let lanes = rows.to_array();
     let right = std::array::from_fn(|i| lanes.get(i + C).copied().unwrap_or_default());
@@ -274,7 +279,7 @@ fn bilinear<const C: usize>(top: u16x8, bottom: u16x8, fraction: u16) -> [u8; C]
     std::array::from_fn(|i| bytes[i])
 }
 
-/// Reads two neighbouring pixels and the bytes after them.
+/// Reads eight bytes from the index `at`: two neighbouring pixels and the bytes after them.
 #[inline(always)]
 fn pair(raw: &[u8], at: usize) -> u16x8 {
     let bytes: [u8; 8] = match raw.get(at..at + 8) {
@@ -332,14 +337,14 @@ fn pack(width: usize, height: usize, u: &[f32], v: &[f32], index: &mut [u32], fr
         move || {
             for (((index, fraction), &u), &v) in index.iter_mut().zip(fraction).zip(u).zip(v) {
                 // Positions up to half a pixel beyond the outer centres have the colour of the edge.
-                let (x, y) = ((u - 0.5) * STEPS, (v - 0.5) * STEPS);
+                let (x, y) = ((u - 0.5) * WEIGHT_STEPS, (v - 0.5) * WEIGHT_STEPS);
                 let inside = (x >= -16.0) & (x <= most_x + 16.0) & (y >= -16.0) & (y <= most_y + 16.0);
                 let (x, y) = (rounded(x, most_x), rounded(y, most_y));
                 // The last column and row use the pixel before, with full weight.
-                let (column, line) = ((x >> STEP_BITS).min(last_x - 1), (y >> STEP_BITS).min(last_y - 1));
+                let (column, line) = ((x >> WEIGHT_BITS).min(last_x - 1), (y >> WEIGHT_BITS).min(last_y - 1));
                 let packed = line as u32 * width + column as u32;
-                *index = if inside { packed } else { BLANK };
-                *fraction = ((x - (column << STEP_BITS)) | (y - (line << STEP_BITS)) << 8) as u16;
+                *index = if inside { packed } else { BLANK_INDEX };
+                *fraction = ((x - (column << WEIGHT_BITS)) | (y - (line << WEIGHT_BITS)) << 8) as u16;
             }
         },
     );
@@ -360,13 +365,14 @@ fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> Option<(f64, [f64
     if crop == Crop::SameFocal {
         return Some((1.0, [0.0, 0.0]));
     }
-    const EDGE: usize = 64;
+    /// Number of steps along each side of the raw image.
+    const STEPS_PER_SIDE: usize = 64;
     let edge = |from: [f64; 2], to: [f64; 2]| {
         let point = move |i: usize| {
-            let t = i as f64 / EDGE as f64;
+            let t = i as f64 / STEPS_PER_SIDE as f64;
             Pixel { u: from[0] + t * (to[0] - from[0]), v: from[1] + t * (to[1] - from[1]) }
         };
-        (0..=EDGE).filter_map(|i| lens.undistort(point(i))).collect::<Vec<_>>()
+        (0..=STEPS_PER_SIDE).filter_map(|i| lens.undistort(point(i))).collect::<Vec<_>>()
     };
     let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
     let [top, right, bottom, left] = [0, 1, 2, 3].map(|i| edge(corners[i], corners[(i + 1) % 4]));
@@ -388,7 +394,7 @@ fn view(lens: &Lens, [width, height]: [f64; 2], crop: Crop) -> Option<(f64, [f64
     (scale.is_finite() && scale > 0.0).then_some((scale, offset))
 }
 
-/// Undistortion of the images of a stream, prepared for many of them, with the equivalent pinhole.
+/// Undistortion of the images of a stream, prepared for many images, with the equivalent pinhole camera.
 #[derive(Clone, Debug)]
 pub struct StraightView {
     /// Map from the raw image to the new image.

@@ -1,14 +1,16 @@
 //! Camera resection: position and yaw from control points, for a camera with known roll, pitch, focal length
 //! and lens.
 //!
-//! The closed form uses the ray `d` of a pixel at yaw 0 and a point (X, Y) at height h:
+//! The camera is at (x0, y0, z0). Let `d = (dx, dy, dz)` be the ray of a pixel at yaw 0, in world axes. Let
+//! (X, Y) be the control point of the pixel, at height h. The closed form uses:
 //!
 //! `dz X = dz x0 + (h - z0) (dx cos yaw - dy sin yaw)` and
 //! `dz Y = dz y0 + (h - z0) (dx sin yaw + dy cos yaw)`.
 //!
-//! These equations are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`. Points of one
-//! height determine only the drop to it. Both forms, with and without a common height, are therefore solved.
-//! The solution with the smallest error in pixels is refined by Levenberg-Marquardt.
+//! These equations are linear in x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`. If all points have
+//! one height h, they determine only `(z0 - h) cos yaw` and `(z0 - h) sin yaw`. The equations are therefore
+//! solved in both forms, with and without a common height. The solution with the smallest error in pixels is
+//! refined by Levenberg-Marquardt.
 
 use nalgebra::{DMatrix, DVector, Matrix4, SVD, Vector4};
 
@@ -18,20 +20,21 @@ use crate::camera::{
 };
 use crate::optimize::{LeastSquares, least_squares};
 
-/// Control point: a pixel and the known position that it shows.
+/// Control point: a pixel, and the known world position of the point that it shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlPoint {
-    /// Raw pixel.
+    /// Raw pixel of the point.
     pub pixel: Pixel,
-    /// Position, in metres.
+    /// World position of the point, in metres.
     pub world: WorldPoint,
 }
 
-/// Computes the position and yaw of a camera from control points. Roll, pitch, focal length and lens are
-/// those of `camera`; the position is at `height` metres, if given.
+/// Computes the position and yaw of a camera from control points. Roll, pitch, focal length and lens equal
+/// those of `camera`. If `height` is given, in metres, the height of the camera is fixed to it.
 ///
-/// The result minimises the squared distances in undistorted pixels, from a start in closed form. Returns
-/// `None` for fewer than two visible points, and for points that do not determine the position.
+/// The result minimises the sum of the squared reprojection errors, in undistorted pixels. The start is a
+/// closed form. Returns `None` for fewer than two visible points, and for points that do not determine the
+/// position.
 #[must_use]
 pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let shown: Vec<ControlPoint> =
@@ -49,7 +52,7 @@ pub fn from_control_points(camera: &Camera, points: &[ControlPoint], height: Opt
     (is_placed && pose_jacobian(&found, &shown).rank(1e-9) >= unknowns).then_some(found)
 }
 
-/// Returns the derivatives of the pixels of the points by position and yaw.
+/// Returns the derivatives of the pixels of the points by position and yaw, divided by the focal length.
 fn pose_jacobian(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
     let unknowns = [Covariance::X, Covariance::Y, Covariance::Z, Covariance::YAW];
     let columns = unknowns.map(|index| pixel_derivatives(camera, points, index));
@@ -57,7 +60,7 @@ fn pose_jacobian(camera: &Camera, points: &[ControlPoint]) -> DMatrix<f64> {
     DMatrix::from_fn(2 * points.len(), unknowns.len(), |i, j| columns[j][i] / camera.focal)
 }
 
-/// Returns the rays at yaw 0, in world axes.
+/// Returns the rays of the pixels of the control points at yaw 0, in world axes.
 fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
     let unturned = Camera { yaw: 0.0, ..*camera };
     points.iter().filter_map(|point| Some(unturned.pixel_to_ray(point.pixel)?.direction)).collect()
@@ -67,7 +70,8 @@ fn rays(camera: &Camera, points: &[ControlPoint]) -> Vec<[f64; 3]> {
 fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) -> Option<Camera> {
     let rays = rays(camera, points);
     let count = points.len() as f64;
-    // World coordinates may be large, as in a national grid. They are taken relative to their mean.
+    // World coordinates may be large, as in a national grid. The equations therefore use coordinates relative
+    // to their mean.
     let middle = |value: fn(&WorldPoint) -> f64| points.iter().map(|p| value(&p.world)).sum::<f64>() / count;
     let centre = WorldPoint::new(middle(|p| p.x), middle(|p| p.y), middle(|p| p.z));
     let candidates =
@@ -80,8 +84,8 @@ fn closed_form(camera: &Camera, points: &[ControlPoint], height: Option<f64>) ->
         .min_by(|a, b| square_error(a, points).total_cmp(&square_error(b, points)))
 }
 
-/// Returns x, y, z and yaw of the solutions above and below the points, if all points are at the mean height
-/// `h`. The unknowns are x0, y0, `(z0 - h) cos yaw`, `(z0 - h) sin yaw`.
+/// Returns x, y, z (metres) and yaw (radians) of the solutions above and below the points, if all points are
+/// at the mean height `h`. The unknowns are x0, y0, `(z0 - h) cos yaw`, `(z0 - h) sin yaw`.
 fn one_height(
     rays: &[[f64; 3]],
     points: &[ControlPoint],
@@ -103,8 +107,8 @@ fn one_height(
     })
 }
 
-/// Returns x, y, z and yaw of the solution with different heights. The unknowns are x0, y0, `z0 cos yaw`,
-/// `z0 sin yaw`, `cos yaw`, `sin yaw`, with heights relative to their mean.
+/// Returns x, y, z (metres) and yaw (radians) of the solution for points of different heights. The unknowns
+/// are x0, y0, `z0 cos yaw`, `z0 sin yaw`, `cos yaw`, `sin yaw`, with heights relative to their mean.
 fn all_heights(
     rays: &[[f64; 3]],
     points: &[ControlPoint],
@@ -142,8 +146,8 @@ fn square_error(camera: &Camera, points: &[ControlPoint]) -> f64 {
         .sum()
 }
 
-/// Returns the camera with the covariance of its placement by control points. It is propagated from noise of
-/// `sigma` pixels in the points, and from the covariance of roll, pitch and focal length.
+/// Returns the camera with the covariance of its placement by control points. The covariance is propagated
+/// from noise of `sigma` pixels in the points, and from the covariance of roll, pitch and focal length.
 ///
 /// With the derivatives `A` of the pixels by position and yaw `q`, and `B` by roll, pitch and focal length
 /// `p`, `dq = -(A'A)^-1 A' (B dp + noise)`.
@@ -183,14 +187,15 @@ pub fn with_placement_covariance(camera: &Camera, points: &[ControlPoint], sigma
 }
 
 /// Returns the derivatives of the raw pixels of the points (u, v, u, v, ...) by one parameter of the camera.
-/// They are 0 for a point that is not visible.
+/// The derivatives are 0 for a point that is not visible.
 fn pixel_derivatives(camera: &Camera, points: &[ControlPoint], index: usize) -> Vec<f64> {
     let pose = PosedCamera::new(*camera);
     points.iter().flat_map(|point| pixel_derivative(&pose, point.world, index).unwrap_or_default()).collect()
 }
 
-/// Returns the derivative of one raw pixel. The lens gives `d raw = (d raw / d undistorted) d undistorted`; a
-/// coefficient moves only the raw pixel.
+/// Returns the derivative of the raw pixel (u, v) of a point by one parameter of the camera. By the chain
+/// rule, `d raw = (d raw / d undistorted) d undistorted`. A distortion coefficient changes only the raw
+/// pixel.
 fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let lens = &pose.camera.lens;
     if lens.distortion.is_wide() {
@@ -204,12 +209,13 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
     if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
         return by_lens.get(coefficient).copied();
     }
-    // The derivative is by the log of the focal length.
+    // `d_camera` contains the derivative by the log of the focal length.
     let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };
     Some(multiply(jacobian, d_camera.map(|row| scale * row[index])))
 }
 
-/// Returns the derivative of one raw pixel of a wide lens, in the chart centred on that pixel.
+/// Returns the derivative of the raw pixel (u, v) of a point by one parameter of a camera with a wide lens.
+/// The derivative is computed in the chart centred on that pixel.
 fn wide_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let camera = &pose.camera;
     let shown = camera.world_to_pixel(world)?;
@@ -328,6 +334,7 @@ impl LeastSquares for Resection<'_> {
 /// Returns the camera with the smallest sum of squared distances near `start`. It is never worse than
 /// `start`.
 fn refined(start: Camera, points: &[ControlPoint], is_height_fixed: bool) -> Camera {
+    /// Maximum number of steps of the minimisation.
     const MAX_STEPS: usize = 50;
     let WorldPoint { x, y, z } = start.position;
     let resection = Resection { camera: start, points, is_height_fixed };

@@ -32,11 +32,11 @@ pub enum MarkKind {
 }
 
 impl MarkKind {
-    /// All kinds.
+    /// All kinds of virtual elements.
     pub const ALL: [Self; 7] =
         [Self::Cross, Self::Post, Self::Box, Self::Cylinder, Self::Circle, Self::Person, Self::Grid];
 
-    /// Returns the meaning of the numbers of its size, in order.
+    /// Returns the names of the numbers in the field `size` of a [`MarkShape`] of this kind, in order.
     #[must_use]
     pub const fn size_names(self) -> &'static [&'static str] {
         match self {
@@ -55,7 +55,7 @@ impl MarkKind {
 pub struct MarkShape {
     /// Kind of the element.
     pub kind: MarkKind,
-    /// Position of its foot or centre, in metres.
+    /// World position of the foot or centre of the element, in metres.
     pub at: WorldPoint,
     /// Rotation about the vertical, counter-clockwise seen from above, in radians.
     pub turn: f64,
@@ -63,10 +63,11 @@ pub struct MarkShape {
     pub size: Vec<f64>,
 }
 
-/// Number of sides of a circle.
+/// Number of sides of the polygon that approximates a circle.
 const CIRCLE_SIDES: usize = 48;
 
 impl MarkShape {
+    /// Returns one number of the size; 1 if the number is missing.
     fn size(&self, index: usize) -> f64 {
         self.size.get(index).copied().unwrap_or(1.0)
     }
@@ -77,8 +78,8 @@ impl MarkShape {
         WorldPoint { x: self.at.x + cos * x - sin * y, y: self.at.y + sin * x + cos * y, z: self.at.z + z }
     }
 
-    /// Iterates over the names of its points. The points of a grid are all crossings of its lines, named
-    /// "column,row".
+    /// Iterates over the names of the points of the element. The points of a grid are all crossings of its
+    /// lines, named "column,row".
     pub fn point_names(&self) -> impl Iterator<Item = Cow<'static, str>> {
         let names: &[&str] = match self.kind {
             MarkKind::Cross => &["centre", "x", "-x", "y", "-y"],
@@ -89,7 +90,7 @@ impl MarkShape {
             MarkKind::Person => &["foot", "head"],
             MarkKind::Grid => &[],
         };
-        let cells = (self.kind == MarkKind::Grid).then(|| cells(self.size(1), self.size(2)));
+        let cells = (self.kind == MarkKind::Grid).then(|| clamped_cell_counts(self.size(1), self.size(2)));
         let crossings = cells.into_iter().flat_map(|[columns, rows]| {
             (0..=rows).flat_map(move |j| (0..=columns).map(move |i| Cow::from(format!("{i},{j}"))))
         });
@@ -138,7 +139,7 @@ impl MarkShape {
         Some(self.place(local))
     }
 
-    /// Returns the lines of the element.
+    /// Returns the lines of the element, in world coordinates.
     #[must_use]
     pub fn polylines(&self) -> Vec<Polyline> {
         let a = self.size(0);
@@ -150,12 +151,13 @@ impl MarkShape {
             MarkKind::Cylinder => cylinder_edges(a, self.size(1)),
             MarkKind::Circle => vec![circle(a, 0.0)],
             MarkKind::Person => person(a),
-            MarkKind::Grid => net(a, self.size(1), self.size(2)),
+            MarkKind::Grid => grid_lines(a, self.size(1), self.size(2)),
         };
         local.into_iter().map(|line| line.into_iter().map(|point| self.place(point)).collect()).collect()
     }
 }
 
+/// Returns a closed circle about the vertical axis at height `z`, in axes of the element, in metres.
 fn circle(radius: f64, z: f64) -> Vec<[f64; 3]> {
     (0..=CIRCLE_SIDES)
         .map(|i| {
@@ -165,6 +167,7 @@ fn circle(radius: f64, z: f64) -> Vec<[f64; 3]> {
         .collect()
 }
 
+/// Returns the edges of a box with the half sides `x` and `y`, in axes of the element, in metres.
 fn box_edges(x: f64, y: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
     let corners = [[-x, -y], [x, -y], [x, y], [-x, y], [-x, -y]];
     let face = |z: f64| corners.map(|[x, y]| [x, y, z]).to_vec();
@@ -173,6 +176,7 @@ fn box_edges(x: f64, y: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
     edges
 }
 
+/// Returns both circles and four vertical lines of a cylinder, in axes of the element, in metres.
 fn cylinder_edges(radius: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
     let mut edges = vec![circle(radius, 0.0), circle(radius, height)];
     edges.extend(
@@ -182,7 +186,8 @@ fn cylinder_edges(radius: f64, height: f64) -> Vec<Vec<[f64; 3]>> {
     edges
 }
 
-/// Returns a figure with the proportions of an adult, seen from the front, with a circle around its foot.
+/// Returns the outline of a figure of `height` metres with the proportions of an adult, seen from the front,
+/// with a circle around its foot.
 fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     let h = height;
     let outline = [
@@ -201,13 +206,15 @@ fn person(height: f64) -> Vec<Vec<[f64; 3]>> {
     vec![side(1.0), side(-1.0), circle(0.16 * h, 0.0)]
 }
 
-/// Returns the columns and rows of a grid, limited so that a malicious file cannot exhaust memory.
-fn cells(columns: f64, rows: f64) -> [usize; 2] {
+/// Returns the numbers of columns and rows of a grid, at most 1000 each, so that a malicious file cannot
+/// exhaust memory.
+fn clamped_cell_counts(columns: f64, rows: f64) -> [usize; 2] {
     [columns, rows].map(|count| count.clamp(0.0, 1000.0) as usize)
 }
 
-fn net(cell: f64, columns: f64, rows: f64) -> Vec<Vec<[f64; 3]>> {
-    let [columns, rows] = cells(columns, rows);
+/// Returns the lines of a grid of square cells with the side `cell`, in axes of the element, in metres.
+fn grid_lines(cell: f64, columns: f64, rows: f64) -> Vec<Vec<[f64; 3]>> {
+    let [columns, rows] = clamped_cell_counts(columns, rows);
     let (x, y) = (cell * columns as f64, cell * rows as f64);
     let along_y = (0..=columns).map(|i| vec![[cell * i as f64, 0.0, 0.0], [cell * i as f64, y, 0.0]]);
     let along_x = (0..=rows).map(|j| vec![[0.0, cell * j as f64, 0.0], [x, cell * j as f64, 0.0]]);
@@ -251,7 +258,8 @@ pub fn floor_grid(polygon: &[FloorPoint], step: f64) -> Vec<Polyline> {
     lines
 }
 
-/// Returns the crossings of the line `along = here` with a polygon, ascending.
+/// Returns the values of `across` at which the line `along = here` crosses a polygon, ascending. `along` and
+/// `across` return the coordinates x and y of a point, or y and x.
 fn crossings(
     polygon: &[FloorPoint],
     here: f64,
@@ -269,8 +277,8 @@ fn crossings(
     found
 }
 
-/// Returns the ellipse of `sigmas` standard deviations of the camera position on the floor, with the number
-/// of points of a circle. Returns `None` if the position was not estimated.
+/// Returns the ellipse of `sigmas` standard deviations about the camera position on the floor, as a polygon.
+/// Returns `None` if the position was not estimated.
 #[must_use]
 pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>> {
     let axes = [Covariance::X, Covariance::Y];
@@ -279,7 +287,7 @@ pub fn position_ellipse(camera: &Camera, sigmas: f64) -> Option<Vec<FloorPoint>>
 }
 
 /// Returns the ellipse of `sigmas` standard deviations about a floor point with this covariance, in square
-/// metres. Returns `None` if the covariance is zero or infinite.
+/// metres, as a polygon. Returns `None` if the covariance is zero or infinite.
 #[must_use]
 pub fn ellipse(about: FloorPoint, covariance: &[[f64; 2]; 2], sigmas: f64) -> Option<Vec<FloorPoint>> {
     let [[xx, xy], [_, yy]] = *covariance;

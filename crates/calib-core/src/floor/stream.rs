@@ -15,20 +15,20 @@ pub enum PixelOrigin {
 /// Scaling of the image to the size of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StreamFit {
-    /// Separate scales for both sides: the stream shows the whole image without bars.
+    /// Separate scales for width and height: the image fills the stream without bars.
     Stretch,
-    /// Common scale for both sides, with equal bars on two sides, as detectors use it.
+    /// Common scale for width and height, with equal bars on two sides (letterboxing of detectors).
     Letterbox,
 }
 
-/// Implements the names of an option for other languages.
+/// Implements the names of the values of an option, as used in other languages.
 macro_rules! named {
     ($($type:ident { $($variant:ident = $name:literal),+ })+) => {$(
         impl $type {
-            /// All values.
+            /// All values of the option.
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
-            /// Returns the name of the option in other languages.
+            /// Returns the name of the value in other languages.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -36,7 +36,7 @@ macro_rules! named {
                 }
             }
 
-            /// Returns the value with this name.
+            /// Returns the value with this name; `None` for an unknown name.
             #[must_use]
             pub fn from_name(name: &str) -> Option<Self> {
                 Self::ALL.iter().copied().find(|one| one.name() == name)
@@ -119,14 +119,18 @@ impl fmt::Display for StreamError {
 
 impl std::error::Error for StreamError {}
 
-/// Map between a stream and the calibrated image: `stream = scale (image - corner) + bar`, for each axis,
-/// from the corner.
+/// Map between a stream and the calibrated image: `stream = scale (image - corner) + bar - origin`, for each
+/// axis. `corner` is the upper left corner of the visible part, in pixels of the calibrated image. `bar` is
+/// the width of a letterbox bar, in stream pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamMap {
+    /// Stream pixels for each pixel of the calibrated image, in x and y.
     scale: [f64; 2],
+    /// Width of the bar on the left and at the top, in stream pixels.
     bar: [f64; 2],
+    /// Upper left corner of the visible part, in pixels of the calibrated image.
     corner: [f64; 2],
-    /// Offset of the pixel origin from the corner of the image.
+    /// Offset of the pixel origin from the corner of the stream image, in stream pixels: 0 or 0.5.
     origin: f64,
 }
 
@@ -159,13 +163,14 @@ impl Stream {
     }
 }
 
-/// Returns the scale of an image in a stream with bars, and the bars.
+/// Returns the common scale of an image of size `shown` in a stream of size `sides`. Also returns the width
+/// of one bar in x and y, in stream pixels.
 fn letterboxed(sides: [f64; 2], shown: [f64; 2]) -> (f64, [f64; 2]) {
     let common = (sides[0] / shown[0]).min(sides[1] / shown[1]);
     (common, [0, 1].map(|axis| 0.5 * (sides[axis] - common * shown[axis])))
 }
 
-/// Whether the aspect ratio of an image differs from the stream.
+/// Whether the aspect ratio of an image of size `shown` differs from that of a stream of size `sides`.
 fn has_bars(sides: [f64; 2], shown: [f64; 2]) -> bool {
     // Scalers round to whole pixels: less than one pixel is not a bar.
     letterboxed(sides, shown).1.iter().any(|bar| 2.0 * bar >= 1.0)

@@ -15,7 +15,7 @@ use crate::floor::projector::FloorProjector;
 pub struct Surface {
     /// Height and slope of the plane.
     pub plane: Plane,
-    /// Covariance of height and slope, in square metres and squares of rise per metre.
+    /// Covariance of the height at the anchor (in metres) and of the slopes in x and y (in rise per metre).
     pub covariance: [[f64; 3]; 3],
     /// Polygon of the region on the plan, in metres; an empty polygon contains no points.
     pub region: Vec<FloorPoint>,
@@ -32,7 +32,8 @@ impl Surface {
         crossed.count() % 2 == 1
     }
 
-    /// Returns the standard deviations of height, fall and direction of the fall.
+    /// Returns the standard deviations of the height, of the fall (the slope angle), and of the direction of
+    /// the fall.
     #[must_use]
     pub fn sigmas(&self) -> SurfaceSigmas {
         let [[height, ..], [_, xx, xy], [_, _, yy]] = self.covariance;
@@ -55,8 +56,8 @@ impl Surface {
         (camera.position.z > raised.height_at(camera.position.on_floor())).then_some(raised)
     }
 
-    /// Intersects the ray of a pixel with the plane raised by `height` metres, from above and inside the
-    /// region.
+    /// Returns the intersection of the ray of a pixel with the plane raised by `height` metres. Returns
+    /// `None` if the camera is not above that plane, or if the point is outside the region.
     fn intersection(&self, camera: &Camera, pixel: Pixel, height: f64) -> Option<WorldPoint> {
         let at = camera.pixel_to_plane(pixel, &self.below(camera, height)?)?;
         self.is_valid_at(at.on_floor()).then_some(at)
@@ -79,18 +80,18 @@ pub(crate) fn is_pit(surfaces: &[Surface], at: FloorPoint) -> bool {
     surfaces.iter().any(|surface| surface.plane.height_at(at) < 0.0 && surface.is_valid_at(at))
 }
 
-/// Point of the site at a pixel.
+/// Point of the floor or of a surface that a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
     /// Index of the surface; `None` for the floor.
     pub surface: Option<usize>,
-    /// Position, in metres.
+    /// World position of the point, in metres.
     pub at: WorldPoint,
 }
 
 impl SurfacePoint {
-    /// Returns the point that a ray from `eye` meets first, of two points on the ray. If they coincide, it is
-    /// `other`, which is later in the list.
+    /// Returns the nearer one of two points, `self` and `other`, on a ray from `eye`. At equal distance it
+    /// returns `other`, which is later in the list of surfaces.
     pub(crate) fn first_on_ray(self, other: Self, eye: WorldPoint) -> Self {
         if self.at.distance(eye) < other.at.distance(eye) { self } else { other }
     }
@@ -131,7 +132,8 @@ impl<'a> SurfaceProjector<'a> {
 
     /// Maps raw pixels `(u, v)` to points as [`Camera::pixel_to_surface`], with a status for each.
     ///
-    /// A pixel is inside the EFOV if the floor point on its ray is, even if a surface occludes it.
+    /// A pixel is inside the EFOV if the floor point on its ray is inside, even if a surface occludes the
+    /// floor point.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -142,8 +144,8 @@ impl<'a> SurfaceProjector<'a> {
         points: &mut [Option<SurfacePoint>],
         status: &mut [Status],
     ) {
-        assert!(u.len() == v.len() && u.len() == points.len(), "slices of one length");
-        assert!(status.len() == u.len(), "slices of one length");
+        assert!(u.len() == v.len() && u.len() == points.len(), "slices of equal length");
+        assert!(status.len() == u.len(), "slices of equal length");
         let pixels = u.chunks(CHUNK).zip(v.chunks(CHUNK));
         let mapped = points.chunks_mut(CHUNK).zip(status.chunks_mut(CHUNK));
         for ((u, v), (points, status)) in pixels.zip(mapped) {
@@ -188,7 +190,7 @@ impl<'a> SurfaceProjector<'a> {
         let (mut x, mut y) = ([0.0; CHUNK], [0.0; CHUNK]);
         let (x, y) = (&mut x[..u.len()], &mut y[..u.len()]);
         FloorProjector::on(camera, &plane).pixels_to_floor(u, v, x, y);
-        let span = Span::of(&surface.region);
+        let span = BoundingBox::of(&surface.region);
         for i in 0..u.len() {
             let at = FloorPoint { x: x[i], y: y[i] };
             if !(span.contains(at) && surface.is_valid_at(at)) {
@@ -240,10 +242,12 @@ impl<'a> SurfaceProjector<'a> {
     }
 }
 
-/// Bounding box of a region. It excludes most points at low cost.
-struct Span([FloorPoint; 2]);
+/// Bounding box of a region on the plan: its lowest and its highest x and y, in metres. It excludes most
+/// points at low cost.
+struct BoundingBox([FloorPoint; 2]);
 
-impl Span {
+impl BoundingBox {
+    /// Computes the bounding box of a region.
     fn of(region: &[FloorPoint]) -> Self {
         let least = |value: fn(&FloorPoint) -> f64| region.iter().map(value).fold(f64::INFINITY, f64::min);
         let most = |value: fn(&FloorPoint) -> f64| region.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
@@ -446,8 +450,8 @@ mod surface_projector_tests {
         let projector = SurfaceProjector::new(&camera, 0.0, &surfaces);
         let on = |surface| projector.covariance(pixel, 0.0, surface).unwrap().worst_sigma().unwrap();
         assert!(on(None) < 1e-9, "an exact camera and the floor");
-        // A height error of 2 cm moves the point along its ray by 2 cm times its floor distance over the
-        // drop.
+        // A height error of 2 cm moves the point along its ray by 2 cm times its floor distance divided by
+        // the drop.
         let along = (3.0_f64.hypot(7.0)) / (4.0 - 0.8);
         assert!((on(Some(0)) - 0.02 * along).abs() < 1e-9, "{}", on(Some(0)));
         assert!(projector.covariance(pixel, 1.0, Some(9)).is_none());

@@ -14,22 +14,23 @@ use crate::floor::remap::Remap;
 /// and level and looked along its axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ViewDirection {
-    /// Pitch, positive downwards.
+    /// Pitch, in radians, positive downwards.
     pub pitch: f64,
-    /// Yaw, positive to the left.
+    /// Yaw, in radians, positive to the left.
     pub yaw: f64,
-    /// Roll, positive if the window is rotated clockwise, so that its image rotates counter-clockwise.
+    /// Roll, in radians, positive if the window is rotated clockwise, so that its image rotates
+    /// counter-clockwise.
     pub roll: f64,
-    /// Horizontal field of view.
+    /// Horizontal field of view, in radians.
     pub hfov: f64,
 }
 
 /// Mounting of a camera, which determines the upright direction of its windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mount {
-    /// Ceiling mount, looking down: up is away from the optical axis.
+    /// Ceiling mount, looking down: up in a window is the direction away from the optical axis.
     Ceiling,
-    /// Wall mount: up is the up direction of the image.
+    /// Wall mount: up in a window is the up direction of the image.
     Wall,
 }
 
@@ -52,7 +53,8 @@ pub struct Window {
     pub focal: f64,
     /// Principal point, from the corner of the window, in pixels.
     pub principal_point: Pixel,
-    /// Whether the window is an unrolled cylinder. Its columns are then planes through its upright axis.
+    /// Whether the window is an unrolled cylinder. Each column then shows a plane through the axis of the
+    /// cylinder.
     pub is_round: bool,
 }
 
@@ -60,8 +62,8 @@ impl Window {
     /// Maximum field of view of a flat window, in radians.
     pub const MAX_HFOV: f64 = 170.0 / 180.0 * PI;
 
-    /// Creates a flat window. Returns `None` without pixels, or if the field of view is not between 0 and
-    /// [`Self::MAX_HFOV`].
+    /// Creates a flat window. Returns `None` if a side of `size` is 0, or if the field of view is not between
+    /// 0 and [`Self::MAX_HFOV`].
     #[must_use]
     pub fn flat(look: ViewDirection, size: [usize; 2]) -> Option<Self> {
         let [right, down, forward] = camera_from_world(look.roll, look.pitch, look.yaw);
@@ -70,6 +72,7 @@ impl Window {
         Self::from_rotation(rotation, look.hfov, size)
     }
 
+    /// Creates a flat window with the rows right, down, forward of `rotation`, in camera axes.
     fn from_rotation(rotation: [[f64; 3]; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
         let [width, height] = size.map(|side| side as f64);
         let is_finite = rotation.iter().flatten().all(|part| part.is_finite());
@@ -82,8 +85,8 @@ impl Window {
     }
 
     /// Creates a flat window towards a direction in camera axes, in which upright objects are upright.
-    /// Returns `None` without pixels, or if the field of view is not between 0 and [`Self::MAX_HFOV`]. Along
-    /// the axis of a ceiling camera, up is the up direction of the image.
+    /// Returns `None` if a side of `size` is 0, or if the field of view is not between 0 and
+    /// [`Self::MAX_HFOV`]. Along the axis of a ceiling camera, up is the up direction of the image.
     #[must_use]
     pub fn toward(mount: Mount, direction: [f64; 3], hfov: f64, size: [usize; 2]) -> Option<Self> {
         let [x, y, z] = direction;
@@ -109,19 +112,24 @@ impl Window {
     /// right, down left and down right.
     #[must_use]
     pub fn quadrants(mount: Mount, size: [usize; 2]) -> Option<[Self; 4]> {
-        /// Angle of the windows from the axis, and their field of view, in radians.
-        const TILT: f64 = 52.0 / 180.0 * PI;
-        const WIDE: f64 = 95.0 / 180.0 * PI;
+        /// Angle of the windows from the axis of the camera, in radians.
+        const AXIS_ANGLE_RAD: f64 = 52.0 / 180.0 * PI;
+        /// Horizontal field of view of each window, in radians.
+        const QUADRANT_HFOV_RAD: f64 = 95.0 / 180.0 * PI;
         let quadrant = |index: usize| match mount {
             Mount::Ceiling => {
                 let (out_u, out_v) = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)][index];
-                let (sin, cos) = sin_cos(TILT);
-                Self::toward(mount, [sin * out_u, sin * out_v, cos], WIDE, size)
+                let (sin, cos) = sin_cos(AXIS_ANGLE_RAD);
+                Self::toward(mount, [sin * out_u, sin * out_v, cos], QUADRANT_HFOV_RAD, size)
             }
             Mount::Wall => {
                 let (side, up) = [(1.0, -1.0), (-1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)][index];
-                let look =
-                    ViewDirection { yaw: 0.25 * PI * side, pitch: 0.2 * PI * up, roll: 0.0, hfov: WIDE };
+                let look = ViewDirection {
+                    yaw: 0.25 * PI * side,
+                    pitch: 0.2 * PI * up,
+                    roll: 0.0,
+                    hfov: QUADRANT_HFOV_RAD,
+                };
                 Self::flat(look, size)
             }
         };
@@ -129,13 +137,14 @@ impl Window {
     }
 
     /// Creates a cylindrical window with the whole view of a lens, unrolled. On a ceiling the cylinder is
-    /// about the optical axis. It extends from the rim of the image downwards, with the top of the image in
-    /// the middle. On a wall the cylinder is about the up direction of the image. `reach` is the largest
-    /// visible angle from the axis, in radians; see [`lens_reach`].
+    /// about the optical axis. The window extends from the rim of the image downwards, and shows the top of
+    /// the image in its middle. On a wall the cylinder is about the up direction of the image. `reach` is the
+    /// largest visible angle from the axis, in radians; see [`lens_reach`]. Returns `None` if a side of
+    /// `size` is 0, or if `reach` is not between 0 and pi.
     #[must_use]
     pub fn panorama(mount: Mount, reach: f64, size: [usize; 2]) -> Option<Self> {
-        /// Largest slope above the camera that is shown, for a lens that sees above the horizon.
-        const ABOVE: f64 = 0.27;
+        /// Largest shown slope of a ray above the horizon, for a lens that sees above the horizon.
+        const MAX_SLOPE_ABOVE_HORIZON: f64 = 0.27;
         if size.contains(&0) || !(reach > 0.0 && reach < PI) {
             return None;
         }
@@ -144,7 +153,7 @@ impl Window {
             Mount::Ceiling => {
                 let (sin, cos) = sin_cos(reach - FRAC_PI_2);
                 let rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]];
-                (rotation, TAU, Some((sin / cos).min(ABOVE)))
+                (rotation, TAU, Some((sin / cos).min(MAX_SLOPE_ABOVE_HORIZON)))
             }
             Mount::Wall => {
                 ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], (2.0 * reach).min(TAU), None)
@@ -195,7 +204,7 @@ impl Window {
         lens.bearing_to_pixel([focal * x, focal * y, z])
     }
 
-    /// Maps a raw pixel of a camera to the window. Returns `None` if the window does not show it.
+    /// Maps a raw pixel of a camera to the window. Returns `None` if the window does not show the raw pixel.
     #[must_use]
     pub fn raw_to_window(&self, lens: &Lens, focal: f64, raw: Pixel) -> Option<Pixel> {
         let [x, y, z] = lens.bearing(raw)?;
@@ -210,7 +219,7 @@ impl Window {
     }
 
     /// Returns the pinhole camera that is equivalent to a flat window. Returns `None` for a cylindrical
-    /// window. Its covariance is zero.
+    /// window. The covariance of the pinhole camera is zero.
     #[must_use]
     pub fn camera(&self, of: &Camera) -> Option<Camera> {
         let camera = of.rotation();
@@ -236,10 +245,10 @@ pub fn lens_reach(lens: &Lens, focal: f64, [width, height]: [f64; 2]) -> f64 {
 }
 
 /// Returns the angle from the optical axis at a pixel, in radians, or at the last visible point on the way to
-/// it. Returns `None` if no ray is visible.
+/// it from the principal point. Returns `None` if no ray is visible.
 fn reach_toward(lens: &Lens, focal: f64, [u, v]: [f64; 2]) -> Option<f64> {
     /// Number of bisection steps to the last visible point, for an accuracy far below a pixel.
-    const STEPS: u32 = 20;
+    const BISECTION_STEPS: u32 = 20;
     let Pixel { u: cu, v: cv } = lens.principal_point;
     let angle = |share: f64| {
         let [x, y, z] = lens.bearing(Pixel::new(cu + share * (u - cu), cv + share * (v - cv)))?;
@@ -250,13 +259,13 @@ fn reach_toward(lens: &Lens, focal: f64, [u, v]: [f64; 2]) -> Option<f64> {
             let next = share + 0.5_f64.powi(step as i32);
             angle(next).map_or((share, last), |angle| (next, Some(angle)))
         };
-        (1..=STEPS).fold((0.0, None), halved).1
+        (1..=BISECTION_STEPS).fold((0.0, None), halved).1
     })
 }
 
-/// Returns the horizontal field of view of an image, in radians. It excludes lens distortion, except for a
-/// wide lens, where it is the sum of the visible angles to both sides. `focal` is the focal length of the
-/// camera, in pixels.
+/// Returns the horizontal field of view of an image, in radians. The angle excludes lens distortion, except
+/// for a wide lens. For a wide lens it is the sum of the visible angles to both sides. `focal` is the focal
+/// length of the camera, in pixels.
 #[must_use]
 pub fn view_angle(lens: &Lens, focal: f64, size: [f64; 2]) -> f64 {
     if lens.distortion.is_wide() {
@@ -267,6 +276,7 @@ pub fn view_angle(lens: &Lens, focal: f64, size: [f64; 2]) -> f64 {
     }
 }
 
+/// Returns the cross product of two vectors.
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

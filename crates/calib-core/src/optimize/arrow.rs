@@ -1,11 +1,12 @@
 //! Arrow-shaped normal equations: four core parameters, and any number of nuisance parameters in blocks. Each
 //! block is coupled only with the core and with itself.
 //!
-//! With core steps `c` and the steps `n_k` of block k the damped equations are
+//! With the step `c` of the core, the step `n_k` of block k, the residuals r and their Jacobian J, the damped
+//! equations are
 //!
 //! ```text
 //! A c + sum_k B_k' n_k = -g         A, g: J'J and J'r of the core
-//! B_k c + D_k n_k      = -h_k       D_k, B_k, h_k: of block k with itself, with the core, and J'r
+//! B_k c + D_k n_k      = -h_k       D_k, B_k: J'J of block k with itself and with the core; h_k: its J'r
 //! ```
 //!
 //! This is an arrow of a 4 x 4 block, a border and a diagonal of small blocks. Elimination of
@@ -14,46 +15,48 @@
 //! `(A - sum_k B_k' D_k^-1 B_k) c = -g + sum_k B_k' D_k^-1 h_k`.
 //!
 //! This Schur complement (see `schur_complement.rs`) is 4 x 4 for any number of annotations. With the
-//! Cholesky factor `D_k = L L'`, `W = L^-1 B_k` and `w = L^-1 h_k` its terms are `W' W` and `W' w`. Its
-//! matrix without damping is the information matrix of the core. The inverse is the covariance of the core
-//! with free nuisance parameters.
+//! Cholesky factor L in `D_k = L L'`, `W = L^-1 B_k` and `w = L^-1 h_k`, the terms of both sums are `W' W`
+//! and `W' w`. The reduced matrix without damping is the information matrix of the core. Its inverse is the
+//! covariance of the core if the nuisance parameters are free.
 
 use nalgebra::{Matrix4, SymmetricEigen};
 
-/// Number of core parameters.
+/// Number of core parameters: roll, pitch, log focal length and log height.
 const CORE: usize = 4;
 
-/// Blocks of the nuisance parameters.
+/// Layout of the nuisance parameters in blocks.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct NuisanceLayout {
-    /// Block of every nuisance parameter, and its index in the block.
+    /// Block of every nuisance parameter, and the index of the parameter in the block.
     pub(crate) positions: Vec<(usize, usize)>,
-    /// Size of every block.
+    /// Number of parameters of every block.
     pub(crate) sizes: Vec<usize>,
 }
 
-/// Largest number of nuisance parameters that a residual depends on.
+/// Maximum number of nuisance parameters on which a residual depends.
 const MAX_DERIVATIVES: usize = 5;
 
-/// Derivatives of a residual by at most [`MAX_DERIVATIVES`] nuisance parameters of one block, as pairs of
-/// index and derivative.
+/// Derivatives of a residual with respect to at most [`MAX_DERIVATIVES`] nuisance parameters of one block, as
+/// pairs of parameter index and derivative.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NuisanceJacobian {
+    /// Number of pairs that are used.
     count: usize,
+    /// Pairs of parameter index and derivative.
     by: [(usize, f64); MAX_DERIVATIVES],
 }
 
 impl NuisanceJacobian {
-    /// Derivatives of a residual without nuisance parameters.
+    /// Derivatives of a residual that depends on no nuisance parameter: an empty list.
     pub(crate) const NONE: Self = Self { count: 0, by: [(0, 0.0); MAX_DERIVATIVES] };
 
-    /// Creates the derivative of a residual that depends on one nuisance parameter.
+    /// Creates the list of a residual that depends on one nuisance parameter.
     #[inline]
     pub(crate) fn new(index: usize, derivative: f64) -> Self {
         Self::NONE.with_derivative(index, derivative)
     }
 
-    /// Adds one derivative. Derivatives beyond [`MAX_DERIVATIVES`] are dropped.
+    /// Returns this list with one more derivative. Derivatives beyond [`MAX_DERIVATIVES`] are dropped.
     #[inline]
     pub(crate) fn with_derivative(mut self, index: usize, derivative: f64) -> Self {
         if let Some(entry) = self.by.get_mut(self.count) {
@@ -63,54 +66,69 @@ impl NuisanceJacobian {
         self
     }
 
-    /// Adds the derivatives of another list.
+    /// Returns this list with the derivatives of another list appended.
     #[inline]
     pub(crate) fn with_all(self, other: &Self) -> Self {
         other.entries().iter().fold(self, |all, &(index, derivative)| all.with_derivative(index, derivative))
     }
 
+    /// Returns the pairs of parameter index and derivative.
     #[inline]
     pub(crate) fn entries(&self) -> &[(usize, f64)] {
         &self.by[..self.count]
     }
 }
 
-/// Normal equations at a state.
+/// Arrow-shaped normal equations of stage 1 at a state; see the module for the symbols.
 #[derive(Clone, Debug)]
 pub(crate) struct Normal {
+    /// Sum of squares of the residuals.
     pub(crate) cost: f64,
+    /// Matrix A of the core, upper triangle.
     core: [[f64; CORE]; CORE],
+    /// Gradient g of the core.
     gradient: [f64; CORE],
+    /// Block of every nuisance parameter, and the index of the parameter in the block.
     places: Vec<(usize, usize)>,
+    /// Sizes and offsets of the blocks of nuisance parameters.
     blocks: Vec<Block>,
-    /// Rows of all blocks, concatenated.
+    /// Rows of all blocks with core coupling and gradient, concatenated.
     rows: Vec<Row>,
-    /// Square matrices of all blocks, concatenated, row by row.
+    /// Matrices D of all blocks, concatenated, row by row.
     squares: Vec<f64>,
 }
 
-/// Offsets of the rows and of the square matrix of a block of nuisance parameters.
+/// Size of a block of nuisance parameters, and the offsets of its data in [`Normal`].
 #[derive(Clone, Copy, Debug)]
 struct Block {
+    /// Number of parameters of the block.
     size: usize,
+    /// Index of its first row among the rows of all blocks.
     row: usize,
+    /// Offset of its matrix D among the matrices of all blocks.
     square: usize,
 }
 
-/// Row of `B` and entry of `h` for one nuisance parameter: its coupling with the core, and its gradient.
+/// Row of `B` and entry of `h` for one nuisance parameter. After the elimination: row of `W` and entry of
+/// `w`.
 #[derive(Clone, Copy, Debug, Default)]
 struct Row {
+    /// Coupling of the parameter with the core: row of `B` or `W`.
     cross: [f64; CORE],
+    /// Gradient of the parameter: entry of `h` or `w`.
     gradient: f64,
 }
 
-/// Eliminated blocks, concatenated as in [`Normal`]: `L`, row by row, and the rows of `W` with `w`.
+/// Eliminated blocks of nuisance parameters, concatenated as in [`Normal`].
 struct Eliminated {
+    /// Cholesky factors `L` of all blocks, row by row.
     lower: Vec<f64>,
+    /// Rows of `W` with entries of `w`.
     rows: Vec<Row>,
 }
 
 impl Normal {
+    /// Creates empty normal equations, with all entries zero.
     pub(crate) fn new(layout: NuisanceLayout) -> Self {
         let (mut row, mut square) = (0, 0);
         let place = |&size: &usize| {
@@ -131,18 +149,19 @@ impl Normal {
         }
     }
 
-    /// Adds a residual with its derivatives. The first four entries of `gradient` are the derivatives by the
-    /// core.
+    /// Adds a residual to the normal equations. The first four entries of `gradient` are the derivatives of
+    /// the residual with respect to the core parameters.
     #[inline]
     pub(crate) fn add(&mut self, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
         self.add_weighted(1.0, residual, gradient, nuisance);
     }
 
-    /// Removes a residual that was added before.
+    /// Removes a residual that was added to the normal equations before, with the same derivatives.
     pub(crate) fn remove(&mut self, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
         self.add_weighted(-1.0, residual, gradient, nuisance);
     }
 
+    /// Adds the products of a residual and its derivatives, multiplied by `weight`.
     #[inline]
     fn add_weighted(&mut self, weight: f64, residual: f64, gradient: &[f64], nuisance: &NuisanceJacobian) {
         self.cost += weight * residual * residual;
@@ -169,8 +188,9 @@ impl Normal {
         }
     }
 
-    /// Eliminates all blocks, with their diagonals multiplied by `scaling`. A parameter does not move if no
-    /// residual depends on it, or if the others of its block determine it.
+    /// Eliminates all blocks of nuisance parameters, with their diagonals multiplied by `scaling`. A
+    /// parameter does not change in the step in two cases: no residual depends on it, or its row of D depends
+    /// linearly on the rows before it.
     fn eliminated(&self, scaling: f64) -> Eliminated {
         let (mut rows, mut lower) = (self.rows.clone(), self.squares.clone());
         for &Block { size, row, square } in &self.blocks {
@@ -187,14 +207,15 @@ impl Normal {
                         _ => 0.0,
                     };
                 }
-                substitute(rows, &lower[i * size..i * size + i + 1]);
+                substitute_row(rows, &lower[i * size..i * size + i + 1]);
             }
         }
         Eliminated { lower, rows }
     }
 
-    /// Returns the equations of the core with all nuisance parameters eliminated, and the eliminated blocks.
-    /// The diagonal is multiplied by `1 + damping`. A fixed parameter has a row of the identity.
+    /// Returns the matrix and the right-hand side of the core with all nuisance parameters eliminated, and
+    /// the eliminated blocks. The diagonal is multiplied by `1 + damping`. `free` flags the core parameters
+    /// that are not fixed. The row of a fixed parameter is a row of the identity.
     fn reduced(&self, damping: f64, free: [bool; CORE]) -> ([[f64; CORE]; CORE], [f64; CORE], Eliminated) {
         let scaling = 1.0 + damping;
         let mut matrix = self.core;
@@ -225,8 +246,9 @@ impl Normal {
         (matrix, right, eliminated)
     }
 
-    /// Applies the damped step to the core and the nuisance parameters. Returns the decrease of the cost that
-    /// the linear model predicts, and the largest change. Returns `None` if there is no solution.
+    /// Adds the damped step to the core parameters and the nuisance parameters. Returns the decrease of the
+    /// cost that the linear model predicts, and the largest change of a parameter. Returns `None` if the
+    /// equations have no unique solution.
     pub(crate) fn step(
         &self,
         core: &mut [f64; CORE],
@@ -239,7 +261,8 @@ impl Normal {
         let (mut gain, mut size) = (0.0, 0.0_f64);
         for i in 0..CORE {
             core[i] += step[i];
-            // Decrease of the linear model: d' (lambda D d - J'r).
+            // Predicted decrease of the cost: d' (lambda diag(J'J) d - J'r), with the step d and the damping
+            // lambda.
             gain += step[i] * (damping * self.core[i][i] * step[i] - self.gradient[i]);
             size = size.max(step[i].abs());
         }
@@ -255,7 +278,8 @@ impl Normal {
         Some((gain, size))
     }
 
-    /// Returns the steps of all blocks for the step of the core: `L' n = -(w + W c)`.
+    /// Returns the steps n of all nuisance parameters for the step c of the core: the solutions of
+    /// `L' n = -(w + W c)`.
     fn back_substitute(&self, eliminated: &Eliminated, core: &[f64; CORE]) -> Vec<f64> {
         let Eliminated { lower, rows } = eliminated;
         let coupled = |row: &Row| row.cross.iter().zip(core).map(|(c, s)| c * s).sum::<f64>();
@@ -271,8 +295,8 @@ impl Normal {
         steps
     }
 
-    /// Returns the log of the determinant of the whole matrix, over the core and the nuisance parameters that
-    /// residuals depend on.
+    /// Returns the log of the determinant of the whole matrix `J'J`, without damping. Nuisance parameters on
+    /// which no residual depends are left out.
     pub(crate) fn log_determinant(&self, free: [bool; CORE]) -> f64 {
         let (matrix, _, eliminated) = self.reduced(0.0, free);
         let core = Matrix4::from_fn(|i, j| matrix[i][j]).symmetric_eigenvalues();
@@ -282,8 +306,8 @@ impl Normal {
         core.iter().copied().chain(pivots).filter(|&value| value > 0.0).map(f64::ln).sum()
     }
 
-    /// Returns the information matrix of the core, the inverse of its covariance. Fixed parameters have zero
-    /// rows.
+    /// Returns the information matrix of the core, which is the inverse of its covariance matrix. The rows
+    /// and columns of fixed parameters are zero.
     pub(crate) fn information(&self, free: [bool; CORE]) -> Matrix4<f64> {
         let (matrix, ..) = self.reduced(0.0, free);
         let mut information = Matrix4::from_fn(|i, j| matrix[i][j]);
@@ -294,9 +318,10 @@ impl Normal {
     }
 }
 
-/// Applies forward substitution to the last of the given rows of `B` and `h`. `lower` is its row of `L`.
+/// Replaces the last of the given rows of `B` and `h` by its row of `W` and `w`, by forward substitution. The
+/// rows before it are already replaced. `lower` is the row of `L` with the same index.
 #[inline]
-fn substitute(rows: &mut [Row], lower: &[f64]) {
+fn substitute_row(rows: &mut [Row], lower: &[f64]) {
     let i = lower.len() - 1;
     let mut own = rows[i];
     for (factor, row) in lower.iter().zip(&rows[..i]) {
@@ -309,20 +334,22 @@ fn substitute(rows: &mut [Row], lower: &[f64]) {
     rows[i] = Row { cross: own.cross.map(|c| c * inverse), gradient: own.gradient * inverse };
 }
 
-/// Covariance of the core.
+/// Uncertainty of the core parameters of stage 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Uncertainty {
-    /// Covariance of roll, pitch, log focal length and log height; zero for fixed parameters. A direction
-    /// that the residuals do not determine has a large, finite variance.
+    /// Covariance of roll, pitch (radians), log focal length and log height; zero for fixed parameters. A
+    /// direction that the residuals do not determine has a large, finite variance.
     pub(crate) covariance: Matrix4<f64>,
-    /// Whether the residuals leave a direction undetermined.
+    /// Whether the residuals do not determine some direction in the space of the free parameters.
     pub(crate) is_singular: bool,
 }
 
 impl Uncertainty {
-    /// Inverts an information matrix with zero rows for fixed parameters.
+    /// Inverts an information matrix. The rows and columns of fixed parameters, for which `free` is false,
+    /// are zero.
     pub(crate) fn new(information: &Matrix4<f64>, free: [bool; 4]) -> Self {
-        /// Minimum eigenvalue relative to the largest. Below it the inverse is dominated by rounding.
+        /// Minimum ratio of an eigenvalue to the largest eigenvalue. Smaller eigenvalues are rounding errors,
+        /// and are replaced by the minimum.
         const MIN_EIGENVALUE_RATIO: f64 = 1e-13;
         let scale: [f64; 4] = std::array::from_fn(|i| {
             let diagonal = information[(i, i)];
@@ -345,19 +372,20 @@ impl Uncertainty {
             * eigen.eigenvectors.transpose();
         let mut covariance = Matrix4::from_fn(|i, j| inverse[(i, j)] * scale[i] * scale[j]);
         for i in (0..4).filter(|&i| free[i] && scale[i] == 0.0) {
-            // No residual depends on the parameter: a standard deviation of 1000 radians or log units.
+            // If no residual depends on a parameter, its standard deviation is 1000 radians or log units.
             covariance[(i, i)] = 1e6;
         }
         Self { covariance, is_singular }
     }
 
+    /// Returns the standard deviation of a core parameter, in radians or log units.
     pub(crate) fn sigma(&self, index: usize) -> f64 {
         self.covariance[(index, index)].max(0.0).sqrt()
     }
 }
 
-/// Solves a symmetric positive definite system by Cholesky. Returns `None` if the matrix is not positive
-/// definite.
+/// Solves a symmetric system of four equations by Cholesky factorisation. Returns `None` if the matrix is not
+/// positive definite.
 fn solve_4(matrix: &[[f64; 4]; 4], right: &[f64; 4]) -> Option<[f64; 4]> {
     let mut lower = [[0.0; 4]; 4];
     for i in 0..4 {

@@ -1,5 +1,5 @@
-//! Normal equations in parameter blocks: the blocks, the pairs that residuals couple, and the sums of
-//! products of Jacobians.
+//! Normal equations in parameter blocks: the blocks, the pairs of blocks that residuals couple, and the sums
+//! of products of Jacobians.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -13,17 +13,20 @@ use crate::optimize::sparse_cholesky::{Entry, SparseStructure, running_sums, sor
 /// coupled if they share a residual.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockStructure {
+    /// Number of parameters of every block.
     pub(crate) sizes: Vec<usize>,
-    /// First parameter of every block in the state, followed by the total number of parameters.
+    /// Index of the first parameter of every block, followed by the total number of parameters.
     pub(crate) offsets: Vec<usize>,
+    /// Role of every block: kept or eliminated.
     pub(crate) roles: Vec<Role>,
-    /// Kept blocks, in the order of the reduced system.
+    /// Indices of the kept blocks, in the order of the reduced system.
     pub(crate) kept: Vec<usize>,
+    /// Eliminated blocks, in ascending order.
     pub(crate) eliminated: Vec<Eliminated>,
-    /// Coupled pairs of kept blocks: first every block with itself, in order, then the pairs of different
-    /// blocks.
+    /// Coupled pairs of kept blocks: first every kept block with itself, in order, then the pairs of
+    /// different kept blocks.
     pub(crate) coupled: Vec<Coupled>,
-    /// Index in `coupled` of every pair of different blocks, the lower block first.
+    /// Index in `coupled` of every pair of different kept blocks. The block with the lower index comes first.
     coupling: HashMap<[usize; 2], usize>,
     /// Sparse structure of the reduced system.
     pub(crate) sparse: Arc<SparseStructure>,
@@ -32,64 +35,74 @@ pub(crate) struct BlockStructure {
 /// Pair of kept blocks that share residuals, or one block with itself.
 #[derive(Clone, Debug)]
 pub(crate) struct Coupled {
-    /// Range of its matrix among the values of all pairs, row by row.
+    /// Range of the matrix of this pair in [`NormalEquations::kept`]; the matrix is stored row by row.
     pub(crate) at: Range<usize>,
-    /// Number of columns of the matrix.
+    /// Number of columns of the matrix of this pair.
     pub(crate) width: usize,
-    /// Position in the reduced system.
+    /// Position of the matrix in the reduced system.
     pub(crate) entry: Entry,
 }
 
-/// Role of a block, with its index among the kept or the eliminated blocks.
+/// Role of a parameter block in the elimination.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Role {
+    /// Kept block, with its index among the kept blocks.
     Kept(usize),
+    /// Eliminated block, with its index among the eliminated blocks.
     Eliminated(usize),
 }
 
-/// Block that is eliminated.
+/// Parameter block that is eliminated, for example a landmark.
 #[derive(Clone, Debug)]
 pub(crate) struct Eliminated {
+    /// Index among all blocks.
     pub(crate) block: usize,
-    /// Kept blocks that share residuals with it, ascending.
+    /// Neighbours: indices, among the kept blocks, of the blocks that share residuals with this one,
+    /// ascending.
     pub(crate) neighbours: Vec<usize>,
-    /// Positions in the reduced system of all pairs of neighbours, including each with itself. The pairs are
-    /// ordered, with the first not after the second.
+    /// Positions in the reduced system of all pairs of neighbours, including each neighbour with itself. The
+    /// first neighbour of a pair is not after the second.
     pub(crate) entries: Vec<Entry>,
-    /// Offset of its diagonal matrix among the values of all eliminated blocks.
+    /// Offset of the diagonal matrix of this block in [`NormalEquations::own`].
     pub(crate) own: usize,
-    /// Offsets of its matrices with each of its neighbours, followed by the end of the last one.
+    /// Offsets in [`NormalEquations::cross`] of the matrices of this block with each neighbour, followed by
+    /// the end of the last matrix.
     pub(crate) cross: Vec<usize>,
 }
 
-/// Derivatives of one residual by the parameters of a block.
+/// Derivatives of one residual with respect to the parameters of one block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JacobianBlock<'a> {
+    /// Index of the block.
     pub(crate) block: usize,
+    /// Derivatives, in the order of the parameters of the block.
     pub(crate) by: &'a [f64],
 }
 
-/// `J'J`, `J'r` and `r'r` at a state.
+/// Normal equations at a state: `J'J`, `J'r` and `r'r` of the residuals r and their Jacobian J.
 #[derive(Clone, Debug)]
 pub(crate) struct NormalEquations {
+    /// Cost `r'r`: the sum of squares of the residuals.
     pub(crate) cost: f64,
-    /// Number of residuals.
+    /// Number of residuals that are included.
     pub(crate) residuals: usize,
+    /// Gradient `J'r` with respect to all parameters.
     pub(crate) gradient: Vec<f64>,
-    /// Matrices of the coupled kept blocks, row by row.
+    /// Matrices of `J'J` for the coupled pairs of kept blocks, row by row.
     pub(crate) kept: Vec<f64>,
-    /// Diagonal matrices of the eliminated blocks, row by row.
+    /// Matrices of `J'J` for each eliminated block with itself, row by row.
     pub(crate) own: Vec<f64>,
-    /// Matrices of every eliminated block (rows) with each of its neighbours, row by row.
+    /// Matrices of `J'J` for each eliminated block (rows) with each of its neighbours (columns), row by row.
     pub(crate) cross: Vec<f64>,
 }
 
 impl BlockStructure {
-    /// Creates the structure of blocks with the given sizes; the flagged blocks are kept. Each entry of
-    /// `coupled` is a group of blocks that share residuals. A group contains at most one eliminated block.
+    /// Creates the structure of blocks with the given numbers of parameters. Blocks that are flagged in
+    /// `keep` are kept, the others eliminated. Each entry of `coupled` is a group of blocks that share
+    /// residuals. A group contains at most one eliminated block.
     pub(crate) fn new(sizes: Vec<usize>, keep: &[bool], coupled: &[Vec<usize>]) -> Self {
         let offsets = running_sums(sizes.iter().copied());
-        let (roles, kept, rest) = roles(keep);
+        let (roles, kept, rest) = assign_roles(keep);
         let (neighbours, pairs) = couplings(&roles, rest.len(), coupled);
         let kept_sizes: Vec<usize> = kept.iter().map(|&block| sizes[block]).collect();
         let by_elimination = neighbours.iter().flat_map(|near| pairs_among(near));
@@ -119,12 +132,12 @@ impl BlockStructure {
         Self { sizes, offsets, roles, kept, eliminated, coupled, coupling, sparse }
     }
 
-    /// Returns the number of parameters.
+    /// Returns the number of parameters of all blocks.
     pub(crate) fn unknowns(&self) -> usize {
         self.offsets[self.sizes.len()]
     }
 
-    /// Returns normal equations without residuals.
+    /// Returns empty normal equations, with all entries zero.
     pub(crate) fn normal(&self) -> NormalEquations {
         let last = self.eliminated.last();
         let end = |out: &Eliminated| out.own + self.sizes[out.block].pow(2);
@@ -138,7 +151,7 @@ impl BlockStructure {
         }
     }
 
-    /// Adds one residual.
+    /// Adds one residual to the normal equations.
     pub(crate) fn add(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
         normal.residuals += 1;
         dispatch(
@@ -147,12 +160,13 @@ impl BlockStructure {
         );
     }
 
-    /// Removes a residual that was added before.
+    /// Removes a residual that was added to the normal equations before.
     pub(crate) fn remove(&self, normal: &mut NormalEquations, residual: f64, jacobian: &[JacobianBlock]) {
         normal.residuals -= 1;
         self.add_weighted(normal, -1.0, residual, jacobian);
     }
 
+    /// Adds the products of a residual and its derivatives, multiplied by `weight`.
     #[inline(always)]
     fn add_weighted(
         &self,
@@ -173,7 +187,8 @@ impl BlockStructure {
         }
     }
 
-    /// Adds the product of the derivatives by two blocks, or by one block with itself.
+    /// Adds the product, multiplied by `weight`, of the derivatives with respect to two blocks. The blocks
+    /// may be the same.
     #[inline(always)]
     fn add_product(&self, normal: &mut NormalEquations, weight: f64, a: &JacobianBlock, b: &JacobianBlock) {
         match (self.roles[a.block], self.roles[b.block]) {
@@ -193,6 +208,8 @@ impl BlockStructure {
         }
     }
 
+    /// Adds a product to the matrix of the eliminated block with the index `e` and the kept block with the
+    /// index `i`.
     #[inline(always)]
     fn add_cross(
         &self,
@@ -207,31 +224,33 @@ impl BlockStructure {
         }
     }
 
-    /// Returns the range of the diagonal matrix of an eliminated block.
+    /// Returns the range of the diagonal matrix of an eliminated block in [`NormalEquations::own`].
     pub(crate) fn diagonal_range(&self, out: &Eliminated) -> Range<usize> {
         out.own..out.own + self.sizes[out.block].pow(2)
     }
 
-    /// Returns the index of a parameter of a block in a vector over all parameters.
+    /// Returns the index of a parameter in a vector of all parameters. The argument is the block, and the
+    /// index of the parameter in the block.
     pub(crate) fn parameter_index(&self, (block, place): (usize, usize)) -> usize {
         self.offsets[block] + place
     }
 
-    /// Returns the values of a block from a vector over all parameters.
+    /// Returns the values of a block from a vector of the values of all parameters.
     pub(crate) fn block_values<'a>(&self, values: &'a [f64], block: usize) -> &'a [f64] {
         &values[self.offsets[block]..][..self.sizes[block]]
     }
 }
 
 impl Eliminated {
-    /// Returns the range of the matrix with one of its neighbours.
+    /// Returns the range in [`NormalEquations::cross`] of the matrix with one neighbour. `neighbour` is its
+    /// index in `neighbours`.
     pub(crate) fn cross_range(&self, neighbour: usize) -> Range<usize> {
         self.cross[neighbour]..self.cross[neighbour + 1]
     }
 }
 
-/// Returns the role of every block, the kept blocks and the eliminated blocks.
-fn roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
+/// Returns the role of every block, the indices of the kept blocks and the indices of the eliminated blocks.
+fn assign_roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
     let (mut kept, mut rest) = (Vec::new(), Vec::new());
     let role = |(block, &is_kept): (usize, &bool)| {
         let list = if is_kept { &mut kept } else { &mut rest };
@@ -244,7 +263,7 @@ fn roles(keep: &[bool]) -> (Vec<Role>, Vec<usize>, Vec<usize>) {
 }
 
 /// Returns the kept neighbours of every eliminated block, and all coupled pairs of different kept blocks.
-/// Both are in ascending order.
+/// Both contain indices among the kept blocks, in ascending order. `rest` is the number of eliminated blocks.
 fn couplings(roles: &[Role], rest: usize, coupled: &[Vec<usize>]) -> (Vec<Vec<usize>>, Vec<[usize; 2]>) {
     let mut neighbours: Vec<Vec<usize>> = vec![Vec::new(); rest];
     let mut pairs: Vec<[usize; 2]> = Vec::new();
@@ -264,7 +283,8 @@ fn couplings(roles: &[Role], rest: usize, coupled: &[Vec<usize>]) -> (Vec<Vec<us
     (neighbours, pairs)
 }
 
-/// Iterates over all pairs of a list, including each element with itself; the first is not after the second.
+/// Iterates over all pairs of elements of a list, including each element with itself. The first element of a
+/// pair is not after the second in the list.
 fn pairs_among(list: &[usize]) -> impl Iterator<Item = [usize; 2]> + '_ {
     list.iter().enumerate().flat_map(|(i, &a)| list[i..].iter().map(move |&b| [a, b]))
 }

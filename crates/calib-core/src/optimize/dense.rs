@@ -1,7 +1,7 @@
 //! Dense linear algebra for the blocks of sparse systems.
 //!
-//! - Small blocks of a few rows are stored row by row in slices. A matrix type with allocations would cost
-//!   more than the products.
+//! - Small blocks of a few rows are stored row by row in slices. The allocations of a matrix type would take
+//!   longer than the products.
 //! - Products of large matrices with a common inner dimension are computed in tiles that stay in registers.
 //!   Both factors are packed in slabs of eight rows, column by column. The next values of a tile are
 //!   therefore adjacent in memory (Goto and van de Geijn 2008, "Anatomy of High-Performance Matrix
@@ -11,33 +11,39 @@ use std::ops::Range;
 
 use crate::camera::dispatch;
 
-/// Number of rows of a slab, and of rows and columns of a tile of a product.
+/// Number of rows of a slab. Also the number of rows and columns of a tile of a product.
 const TILE_SIZE: usize = 8;
-/// Number of columns of a tile that are summed at a time. Most processors have enough registers for the sums
-/// and the addends.
+/// Number of columns of a tile that are computed together. Most processors have enough registers for their
+/// sums and addends.
 const COLUMNS_AT_ONCE: usize = 4;
 
-/// Matrix in slabs of rows; the last slab is padded with zeros.
+/// Matrix that is stored in slabs of [`TILE_SIZE`] rows, each slab column by column. The last slab is padded
+/// with zeros.
 #[derive(Debug, Default)]
 pub(super) struct Packed {
+    /// Columns of all slabs, slab by slab.
     slabs: Vec<[f64; TILE_SIZE]>,
+    /// Number of columns of the matrix.
     columns: usize,
 }
 
-/// Product of two packed matrices, column by column.
+/// Part of the product of two packed matrices, stored column by column.
 #[derive(Debug, Default)]
 pub(super) struct Product {
+    /// Values of the computed part.
     values: Vec<f64>,
+    /// Number of rows of the computed part, padded to whole slabs.
     height: usize,
-    /// Row and column of the first value.
+    /// Row and column of the first computed value in the whole product.
     first: [usize; 2],
 }
 
-/// Part of a product that is computed.
+/// Part of a product that [`Product::multiply`] computes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Part {
+    /// All values of the product.
     All,
-    /// Lower triangle of a symmetric product, with the diagonal. The values above keep their old contents.
+    /// Lower triangle of a symmetric product, with the diagonal. Values above the diagonal are not defined.
     Lower,
 }
 
@@ -49,7 +55,8 @@ impl Packed {
         self.slabs.resize(rows.div_ceil(TILE_SIZE) * columns, [0.0; TILE_SIZE]);
     }
 
-    /// Packs the rows from `top` of a matrix that is stored column by column.
+    /// Packs the rows from row `top` to the end of a matrix. The matrix has `height` rows and is stored
+    /// column by column.
     pub(super) fn pack(&mut self, matrix: &[f64], height: usize, top: usize) {
         self.clear(height - top, matrix.len() / height);
         for (j, column) in matrix.chunks_exact(height).enumerate() {
@@ -63,7 +70,8 @@ impl Packed {
         }
     }
 
-    /// Packs the transpose of the rows from `top`.
+    /// Packs the transpose of the rows from row `top` to the end of a matrix. The matrix has `height` rows
+    /// and is stored column by column.
     pub(super) fn pack_transposed(&mut self, matrix: &[f64], height: usize, top: usize) {
         self.clear(matrix.len() / height, height - top);
         for (i, column) in matrix.chunks_exact(height).enumerate() {
@@ -74,11 +82,13 @@ impl Packed {
         }
     }
 
+    /// Sets one value of the matrix.
     #[inline]
     pub(super) fn set(&mut self, row: usize, column: usize, value: f64) {
         self.slabs[row / TILE_SIZE * self.columns + column][row % TILE_SIZE] = value;
     }
 
+    /// Returns the columns of one slab.
     #[inline(always)]
     fn slab(&self, index: usize) -> &[[f64; TILE_SIZE]] {
         &self.slabs[index * self.columns..][..self.columns]
@@ -86,7 +96,8 @@ impl Packed {
 }
 
 impl Product {
-    /// Computes the given rows and columns of `A B'`. The rows are rows of A, the columns are rows of B.
+    /// Computes the given rows and columns of the product `A B'` of the matrices A and B in `factors`. Its
+    /// rows belong to rows of A, its columns to rows of B. The ranges are extended to whole slabs.
     pub(super) fn multiply(&mut self, factors: [&Packed; 2], [rows, columns]: [Range<usize>; 2], part: Part) {
         let slabs = |of: Range<usize>| of.start / TILE_SIZE..of.end.div_ceil(TILE_SIZE);
         let (rows, columns) = (slabs(rows), slabs(columns));
@@ -99,6 +110,7 @@ impl Product {
         );
     }
 
+    /// Computes the tiles of the product for ranges of slabs of both factors.
     #[inline(always)]
     fn multiply_tiles(&mut self, [a, b]: [&Packed; 2], [rows, columns]: [Range<usize>; 2], part: Part) {
         for (j, slab) in columns.enumerate().map(|(j, slab)| (j * TILE_SIZE, slab)) {
@@ -115,14 +127,15 @@ impl Product {
         }
     }
 
-    /// Returns a column from row `row` on, padded with zeros after its last row.
+    /// Returns a column of the product from row `row` on, padded with zeros after its last row.
     #[inline]
     pub(super) fn column(&self, column: usize, row: usize) -> &[f64] {
         &self.values[(column - self.first[1]) * self.height..][row - self.first[0]..self.height]
     }
 }
 
-/// Returns the columns from `first` of the product of two slabs.
+/// Returns [`COLUMNS_AT_ONCE`] columns, from column `first` on, of the product of a slab and a transposed
+/// slab.
 #[inline(always)]
 fn tile(a: &[[f64; TILE_SIZE]], b: &[[f64; TILE_SIZE]], first: usize) -> [[f64; TILE_SIZE]; COLUMNS_AT_ONCE] {
     let mut sums = [[0.0; TILE_SIZE]; COLUMNS_AT_ONCE];
@@ -134,7 +147,7 @@ fn tile(a: &[[f64; TILE_SIZE]], b: &[[f64; TILE_SIZE]], first: usize) -> [[f64; 
     sums
 }
 
-/// Adds `weight rows columns'` to a matrix.
+/// Adds the outer product of two vectors, `weight rows columns'`, to a matrix that is stored row by row.
 #[inline]
 pub(crate) fn add_outer(matrix: &mut [f64], weight: f64, rows: &[f64], columns: &[f64]) {
     for (row, a) in matrix.chunks_exact_mut(columns.len()).zip(rows) {
@@ -145,7 +158,7 @@ pub(crate) fn add_outer(matrix: &mut [f64], weight: f64, rows: &[f64], columns: 
     }
 }
 
-/// Multiplies the diagonal of a square matrix by `1 + damping`.
+/// Multiplies the diagonal of a square matrix, stored row by row, by `1 + damping`.
 pub(crate) fn damp_diagonal(matrix: &mut [f64], damping: f64) {
     let size = matrix.len().isqrt();
     for i in 0..size {
@@ -153,11 +166,12 @@ pub(crate) fn damp_diagonal(matrix: &mut [f64], damping: f64) {
     }
 }
 
-/// Replaces a positive semidefinite matrix by its inverse, with Gauss-Jordan elimination and pivots down the
-/// diagonal. Rows and columns without information (a pivot of the size of rounding errors) are 0 in the
-/// inverse, so their parameters do not move.
+/// Replaces a positive semidefinite matrix, stored row by row, by its inverse. The method is Gauss-Jordan
+/// elimination with pivots down the diagonal. If a pivot is of the size of rounding errors, its parameter is
+/// undetermined. The row and column of such a parameter are 0 in the inverse, so it does not change in a
+/// step.
 pub(crate) fn pseudo_invert(matrix: &mut [f64], size: usize) {
-    /// Largest size of a block with buffers on the stack; most blocks are smaller.
+    /// Largest number of rows of a matrix whose buffers are on the stack. Most blocks are not larger.
     const MAX_STACK_SIZE: usize = 3;
     if size <= MAX_STACK_SIZE {
         let (mut left, mut right) =
@@ -170,30 +184,32 @@ pub(crate) fn pseudo_invert(matrix: &mut [f64], size: usize) {
     }
 }
 
-/// Inverts as [`pseudo_invert`], with buffers for two matrices and for the flags of undetermined rows.
+/// Inverts a matrix as [`pseudo_invert`] does, with zero-filled buffers for two matrices and for the flags of
+/// undetermined rows.
 #[inline]
-fn pseudo_invert_in(matrix: &mut [f64], [left, right]: [&mut [f64]; 2], is_open: &mut [bool]) {
-    /// Ratio of a pivot to the diagonal below which the pivot is a rounding error.
+fn pseudo_invert_in(matrix: &mut [f64], [left, right]: [&mut [f64]; 2], is_undetermined: &mut [bool]) {
+    /// Minimum ratio of a pivot to the original diagonal value. At or below it, the pivot is a rounding
+    /// error.
     const MIN_PIVOT_RATIO: f64 = 1e-13;
-    let size = is_open.len();
+    let size = is_undetermined.len();
     left.copy_from_slice(matrix);
     (0..size).for_each(|k| right[k * size + k] = 1.0);
     for k in 0..size {
         let pivot = left[k * size + k];
         if pivot.is_nan() || pivot <= MIN_PIVOT_RATIO * matrix[k * size + k] || pivot <= 0.0 {
-            is_open[k] = true;
+            is_undetermined[k] = true;
             continue;
         }
-        eliminate([left, right], k, size);
+        eliminate_column([left, right], k, size);
     }
     for (k, value) in matrix.iter_mut().enumerate() {
-        *value = if is_open[k / size] || is_open[k % size] { 0.0 } else { right[k] };
+        *value = if is_undetermined[k / size] || is_undetermined[k % size] { 0.0 } else { right[k] };
     }
 }
 
-/// Reduces column `k` of the left matrix to a column of the identity, with the same row operations on the
-/// right matrix.
-fn eliminate([left, right]: [&mut [f64]; 2], k: usize, size: usize) {
+/// Reduces column `k` of the left matrix to a column of the identity by row operations. Applies the same row
+/// operations to the right matrix.
+fn eliminate_column([left, right]: [&mut [f64]; 2], k: usize, size: usize) {
     let pivot = left[k * size + k];
     for j in 0..size {
         left[k * size + j] /= pivot;
@@ -208,7 +224,8 @@ fn eliminate([left, right]: [&mut [f64]; 2], k: usize, size: usize) {
     }
 }
 
-/// Computes `A B`, where A is a square matrix of `size` rows. The result replaces the contents of `found`.
+/// Computes the matrix product `A B`, where A is a square matrix with `size` rows. All matrices are stored
+/// row by row. The result replaces the contents of `found`.
 #[inline]
 pub(crate) fn product(a: &[f64], b: &[f64], size: usize, found: &mut Vec<f64>) {
     let width = b.len() / size;

@@ -1,26 +1,27 @@
 //! Dual numbers: values with their derivatives, for the analytic Jacobians of long formulas.
 //!
 //! Formulas of stage 1 have two kinds of arguments: the camera parameters, and the end points of the
-//! annotations, which depend on the lens. The hot path needs only the derivatives by the camera parameters
-//! ([`Dual`] parameters, `f64` end points). A bundle adjustment with a free lens also needs those by the lens
-//! ([`ByLens`] for both). [`NumberOver`] is the bound of a formula.
+//! annotations. The end points depend on the lens. Most evaluations need only the derivatives with respect to
+//! the camera parameters. For them, parameters are [`Dual`] and end points are `f64`. A bundle adjustment
+//! with a free lens also needs the derivatives with respect to the lens. For them, both are [`ByLens`]. A
+//! formula is generic, with the trait bound [`NumberOver`].
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Derivatives by roll, pitch, log focal length, log height and the two tilts of the floor.
+/// Derivatives with respect to roll, pitch, log focal length, log height and the two tilts of the floor.
 pub(crate) type Gradient = [f64; PARAMETERS];
 
-/// Number of parameters of stage 1 in a formula, without its nuisance parameters.
+/// Number of parameters of a stage 1 formula, without nuisance parameters.
 const PARAMETERS: usize = 6;
 
-/// Value with its derivatives by the lens parameters.
+/// Value with its derivatives with respect to the lens parameters.
 pub(crate) type ByLens = Dual<LENS>;
 
-/// Number of lens parameters.
+/// Number of lens parameters, as in [`Lens::PARAMETERS`](crate::Lens::PARAMETERS).
 pub(crate) const LENS: usize = 7;
 
-/// Number type of a formula: a plain value, or a value with derivatives. A search evaluates many states, but
-/// needs the derivatives of only a few.
+/// Number type of a formula: a plain value, or a value with derivatives. A search evaluates the formula at
+/// many states, but needs derivatives at only a few of them.
 pub(crate) trait Number:
     Copy
     + Add<Output = Self>
@@ -32,30 +33,33 @@ pub(crate) trait Number:
     + Sub<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// Whether the number has derivatives by the parameters.
+    /// Whether the number type contains derivatives with respect to the parameters of stage 1.
     const HAS_GRADIENT: bool;
 
-    /// Creates a number from a value and its derivatives by the parameters. A plain value drops the
-    /// derivatives.
+    /// Creates a number from a value and its derivatives with respect to the parameters of stage 1. A plain
+    /// value ignores the derivatives.
     fn new(value: f64, gradient: Gradient) -> Self;
+    /// Returns the value without its derivatives.
     fn value(self) -> f64;
-    /// Returns the derivatives by the parameters; zeros for a plain value.
+    /// Returns the derivatives with respect to the parameters of stage 1; zeros if the type contains none.
     fn gradient(self) -> Gradient {
         [0.0; PARAMETERS]
     }
-    /// Returns this number with other derivatives by the parameters, if it has any.
+    /// Returns this number with its derivatives replaced by `gradient`. Returns it unchanged if its type
+    /// contains no derivatives.
     fn with_gradient(self, gradient: Gradient) -> Self {
         if Self::HAS_GRADIENT { Self::new(self.value(), gradient) } else { self }
     }
-    /// Applies the chain rule: returns a function of this number, from its value and its derivative at this
-    /// number.
+    /// Applies the chain rule: returns f of this number. `value` is the value of the function f at this
+    /// number, `derivative` its derivative there.
     fn chain(self, value: f64, derivative: f64) -> Self;
 
+    /// Creates a constant: a number whose derivatives are zero.
     fn constant(value: f64) -> Self {
         Self::new(value, [0.0; PARAMETERS])
     }
 
-    /// Creates the parameter with this index.
+    /// Creates the parameter of stage 1 with this index: the derivative with respect to itself is 1.
     fn parameter(value: f64, index: usize) -> Self {
         let mut gradient = [0.0; PARAMETERS];
         gradient[index] = 1.0;
@@ -85,7 +89,7 @@ pub(crate) trait Number:
         (self.chain(sin, cos), self.chain(cos, -sin))
     }
 
-    /// Returns the angle of the point `(x, self)`.
+    /// Returns the angle of the point `(x, self)` from the x axis, in radians from -pi to pi.
     #[inline]
     fn atan2(self, x: Self) -> Self {
         let (y, square) = (self.value(), x.value() * x.value() + self.value() * self.value());
@@ -99,7 +103,7 @@ pub(crate) trait Number:
     }
 }
 
-/// Number that a formula can combine with end points of the coordinate type `E`.
+/// Number that a formula can combine with end points whose coordinates have the type `E`.
 pub(crate) trait NumberOver<E>:
     Number + From<E> + Add<E, Output = Self> + Sub<E, Output = Self> + Mul<E, Output = Self>
 {
@@ -129,10 +133,13 @@ impl Number for f64 {
     }
 }
 
-/// Value with its derivatives (forward differentiation), by the parameters of stage 1 or by others.
+/// Value with its derivatives with respect to K parameters, by default those of stage 1 (forward
+/// differentiation).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dual<const K: usize = PARAMETERS> {
+    /// Value of the number.
     pub(crate) value: f64,
+    /// Derivatives of the value with respect to the parameters.
     pub(crate) gradient: [f64; K],
 }
 
@@ -223,7 +230,7 @@ impl<const K: usize> Div for Dual<K> {
     #[allow(clippy::suspicious_arithmetic_impl, reason = "the rules of derivation mix operators")]
     #[inline]
     fn div(self, other: Self) -> Self {
-        // A single division; the derivatives are multiplied by the inverse.
+        // The derivatives are multiplied by the inverse, because divisions are slow.
         let (value, inverse) = (self.value / other.value, other.value.recip());
         let gradient = |i: usize| (self.gradient[i] - value * other.gradient[i]) * inverse;
         Self { value, gradient: std::array::from_fn(gradient) }

@@ -1,45 +1,46 @@
-//! Levenberg-Marquardt minimiser for sums of squares with normal equations of any structure.
+//! Levenberg-Marquardt minimiser for sums of squares. The normal equations may have any structure.
 //!
-//! At a state with residuals `r` and Jacobian `J` the step `d` solves
+//! At a state with the residuals `r` and their Jacobian `J`, the step `d` with the damping `lambda` solves
 //!
 //! `(J'J + lambda D) d = -J'r`, `D = diag(J'J)`.
 //!
-//! It is between the Gauss-Newton step (`lambda = 0`) and a short gradient step. With the diagonal as metric,
-//! it does not depend on the units of the parameters (Marquardt 1963, "An Algorithm for Least-Squares
+//! The step is between the Gauss-Newton step (`lambda = 0`) and a short gradient step. With the diagonal D as
+//! metric, it does not depend on the units of the parameters (Marquardt 1963, "An Algorithm for Least-Squares
 //! Estimation of Nonlinear Parameters"). A step is accepted if the cost `F = r'r` decreases. A sufficiently
 //! small undamped step is accepted as the last one without an evaluation. The damping follows Nielsen (1999,
 //! "Damping Parameter in Marquardt's Method", report IMM-REP-1999-05), with the gain ratio
 //!
 //! `rho = (F(x) - F(x + d)) / (L(0) - L(d))`, `L(0) - L(d) = d'(lambda D d - J'r)`
 //!
-//! of the true decrease to the decrease of the linear model. An accepted step multiplies `lambda` by
-//! `max(1 - (2 rho - 1)^3, floor)`. Consecutive rejected steps multiply it by 2, 4, 8, ... Nielsen's floor is
-//! 1/3; here it is 1/100, so that the steps are soon Gauss-Newton steps where the linear model is accurate.
-//! This is necessary. The constraint of the scale of a large hall of cameras is a millionth of the constraint
-//! between neighbouring cameras.
+//! of the true decrease of the cost to the decrease that the linear model L predicts. x is the current state.
+//! An accepted step multiplies `lambda` by `max(1 - (2 rho - 1)^3, floor)`. Consecutive rejected steps
+//! multiply it by 2, 4, 8, ... Nielsen's floor is 1/3. Here it is 1/100, so that the steps are soon
+//! Gauss-Newton steps where the linear model is accurate. Only Gauss-Newton steps converge fast along weakly
+//! constrained directions. In a large hall, the overall scale is constrained a million times less than the
+//! relative poses of neighbouring cameras.
 
 use argmin::core::{Error, IterState, KV, Problem, Solver, State as _, TerminationReason, TerminationStatus};
 
-/// Sum of squares.
+/// Least-squares problem: a cost that is a sum of squares of residuals.
 pub(crate) trait LeastSquares {
     /// Values of all parameters.
     type State: Clone;
     /// Normal equations at a state.
     type Normal;
 
-    /// Returns the damping of the first step. If a smaller value than the default fails, the default is tried
-    /// next.
+    /// Returns the damping of the first step. If the step is rejected with a smaller damping than the
+    /// default, the default is tried next.
     fn first_damping(&self) -> f64 {
         FIRST_DAMPING
     }
 
-    /// Returns the cost (sum of squares) and the normal equations. Returns `None` if the model is not defined
-    /// at the state.
+    /// Returns the cost (sum of squares) and the normal equations at a state. Returns `None` if the model is
+    /// not defined there.
     fn linearize(&self, state: &Self::State) -> Option<(f64, Self::Normal)>;
 
-    /// Returns the state after a step, with the diagonal multiplied by `1 + damping`. Also returns the
-    /// decrease of the cost that the linear model predicts, and the largest change of a parameter. Returns
-    /// `None` if there is no solution.
+    /// Returns the state after a step. The diagonal of the normal equations is multiplied by `1 + damping`.
+    /// Also returns the decrease of the cost that the linear model predicts, and the largest change of a
+    /// parameter. Returns `None` if the equations have no unique solution.
     fn step(
         &self,
         state: &Self::State,
@@ -53,38 +54,45 @@ pub(crate) trait LeastSquares {
 pub(crate) enum Termination {
     /// The step, or the actual or predicted relative decrease of the cost, is below its tolerance.
     Converged,
-    /// The maximum number of steps is reached.
+    /// The maximum number of accepted steps is reached.
     MaxSteps,
-    /// No damping decreases the cost: rounding errors near the minimum, or a start without a descent step.
+    /// No step decreases the cost, up to the maximum damping. The cause is rounding errors near the minimum,
+    /// or a start without a descent step.
     NoDecrease,
 }
 
-/// Current state of a run.
+/// State of a Levenberg-Marquardt run.
 #[derive(Clone, Debug)]
 pub(crate) struct LevenbergMarquardt<P: LeastSquares> {
+    /// Parameters after the last accepted step.
     pub(crate) state: P::State,
+    /// Cost at the parameters. After a last step without evaluation, it is predicted by the linear model.
     pub(crate) cost: f64,
-    /// Normal equations at the state, or before a last step that was too small to change them.
+    /// Normal equations at the parameters. After a last step without evaluation, they are those before the
+    /// step.
     pub(crate) normal: P::Normal,
+    /// Damping lambda of the next step.
     damping: f64,
+    /// Factor of the damping at the next rejection.
     growth: f64,
-    /// Minimum damping after a rejection, until a step is accepted.
+    /// Minimum damping after a rejection, until the first step is accepted; 0 afterwards.
     least_after_rejection: f64,
 }
 
-/// Default damping of the first step. A small fraction of the diagonal keeps the step close to Gauss-Newton.
+/// Default damping of the first step, as a fraction of the diagonal. With a small fraction, the step is close
+/// to the Gauss-Newton step.
 const FIRST_DAMPING: f64 = 1e-4;
-/// Factor of the damping at the first rejection after an accepted step.
+/// Factor by which the damping increases at the first rejection after an accepted step.
 const GROWTH: f64 = 2.0;
 
 impl<P: LeastSquares> LevenbergMarquardt<P> {
-    /// Starts a run. Returns `None` if the model is not defined at the start.
+    /// Starts a run at the state `start`. Returns `None` if the model is not defined there.
     pub(crate) fn new(problem: &P, start: P::State) -> Option<Self> {
         let (cost, normal) = problem.linearize(&start)?;
         Some(Self::from_normal(problem, start, cost, normal))
     }
 
-    /// Starts a run at a state with known normal equations.
+    /// Starts a run at a state whose cost and normal equations are already computed.
     pub(crate) fn from_normal(problem: &P, state: P::State, cost: f64, normal: P::Normal) -> Self {
         let damping = problem.first_damping();
         Self { state, cost, normal, damping, growth: GROWTH, least_after_rejection: FIRST_DAMPING }
@@ -92,28 +100,32 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
 
     /// Whether the next step is almost a Gauss-Newton step, with no rejection since the last accepted step.
     pub(crate) fn is_undamped(&self) -> bool {
-        /// A tenth of the weakest constraint, relative to the diagonal.
-        const MAX_UNDAMPED: f64 = 1e-7;
-        self.damping <= MAX_UNDAMPED && self.growth <= GROWTH
+        /// Maximum damping of a step that is almost a Gauss-Newton step. It is a tenth of the weakest
+        /// constraint, relative to the diagonal.
+        const MAX_NEGLIGIBLE_DAMPING: f64 = 1e-7;
+        self.damping <= MAX_NEGLIGIBLE_DAMPING && self.growth <= GROWTH
     }
 
-    /// Makes one accepted step. Returns the reason for the end of the run if it ended.
+    /// Advances the run by one accepted step. Returns the reason for the end of the run, or `None` if the run
+    /// continues.
     pub(crate) fn advance(&mut self, problem: &P) -> Option<Termination> {
-        /// Minimum relative decrease of the cost, actual or predicted. The cost of an exact scene decreases
-        /// to rounding errors.
+        /// Relative decrease of the cost, actual or predicted, at or below which the run has converged. The
+        /// cost of an exact scene decreases to rounding errors.
         const COST_TOLERANCE: f64 = 1e-13;
-        /// Minimum step in radians and log units, far below the accuracy that pixels allow.
+        /// Largest change of a parameter, in radians or log units, below which the run has converged. It is
+        /// far below the accuracy that pixels allow.
         const STEP_TOLERANCE: f64 = 1e-11;
+        /// Damping at which the run ends without a lower cost.
         const MAX_DAMPING: f64 = 1e12;
-        /// Minimum factor of the damping after a step.
+        /// Minimum factor of the damping after an accepted step: the floor of the module documentation.
         const MIN_DAMPING_FACTOR: f64 = 1e-2;
-        /// Maximum relative decrease of the cost, and maximum step, of an undamped step that is accepted
-        /// without evaluation. The remaining error is a small fraction of them.
+        /// Limits of an undamped step that is accepted without evaluation: the relative decrease of the cost,
+        /// and the largest change of a parameter. The remaining errors are a small fraction of the limits.
         const MAX_LAST_STEP: [f64; 2] = [1e-9, 1e-4];
         while self.damping < MAX_DAMPING {
             if let Some((next, predicted, size)) = problem.step(&self.state, &self.normal, self.damping) {
-                let promises_nothing = (0.0..=COST_TOLERANCE * self.cost).contains(&predicted);
-                if size < STEP_TOLERANCE || promises_nothing {
+                let predicts_no_decrease = (0.0..=COST_TOLERANCE * self.cost).contains(&predicted);
+                if size < STEP_TOLERANCE || predicts_no_decrease {
                     return Some(Termination::Converged);
                 }
                 let is_last =
@@ -141,26 +153,29 @@ impl<P: LeastSquares> LevenbergMarquardt<P> {
         Some(Termination::NoDecrease)
     }
 
-    /// Makes at most `max_steps` accepted steps. Returns the reason for the end of the run.
+    /// Advances the run by at most `max_steps` accepted steps. Returns the reason for its end.
     pub(crate) fn run(&mut self, problem: &P, max_steps: usize) -> Termination {
         (0..max_steps).find_map(|_| self.advance(problem)).unwrap_or(Termination::MaxSteps)
     }
 }
 
-/// Result of a run.
+/// Result of a Levenberg-Marquardt run.
 pub(crate) struct Summary<P: LeastSquares> {
-    /// State with the lowest cost, or the state one last step after it.
+    /// State with the lowest cost.
     pub(crate) state: P::State,
+    /// Cost at the state. After a last step without evaluation, it is predicted by the linear model.
     pub(crate) cost: f64,
-    /// Normal equations at the state, or before a last step.
+    /// Normal equations at the state. After a last step without evaluation, they are those before the step.
     pub(crate) normal: P::Normal,
+    /// Reason for the end of the run.
     #[cfg_attr(not(test), expect(dead_code, reason = "tests ask whether it converged"))]
     pub(crate) ending: Termination,
 }
 
-/// Minimises the sum of squares from `start`. Returns `None` if the model is not defined there.
+/// Minimises the sum of squares of `problem` from the state `start`. Returns `None` if the model is not
+/// defined at the start.
 ///
-/// It does not use argmin's executor, whose overhead exceeds the whole solve of one camera.
+/// This function does not use argmin's executor, whose overhead exceeds the whole solve of one camera.
 pub(crate) fn least_squares<P: LeastSquares>(
     problem: &P,
     start: P::State,
@@ -169,8 +184,8 @@ pub(crate) fn least_squares<P: LeastSquares>(
     least_squares_unless(problem, start, max_steps, |_, _| false)
 }
 
-/// Minimises as [`least_squares`]. Also returns `None` if the run reaches a state for which `is_known`,
-/// called with state and cost, is true.
+/// Minimises a sum of squares as [`least_squares`] does. Also returns `None` as soon as the run reaches a
+/// state for which `is_known`, called with the state and its cost, returns true.
 pub(crate) fn least_squares_unless<P: LeastSquares>(
     problem: &P,
     start: P::State,
@@ -192,7 +207,7 @@ pub(crate) fn least_squares_unless<P: LeastSquares>(
     Some(Summary { state, cost, normal, ending: ending.unwrap_or(Termination::MaxSteps) })
 }
 
-/// Runs inside argmin's executor, with one accepted step for each iteration.
+/// Solver interface for argmin's executor, with one accepted step for each iteration.
 impl<P> Solver<P, IterState<P::State, (), (), (), (), f64>> for LevenbergMarquardt<P>
 where
     P: LeastSquares,
@@ -226,8 +241,8 @@ mod tests {
     use proptest::prelude::*;
     use std::cell::Cell;
 
-    /// Problem with one parameter x and two residuals: its arc tangent, and `share x - 1`. For x above 1.39,
-    /// Gauss-Newton steps of the arc tangent diverge.
+    /// Problem with one parameter x and two residuals: the arc tangent of x, and `share x - 1`. For x above
+    /// 1.39, Gauss-Newton steps of the arc tangent diverge.
     struct ArcTangent {
         first_damping: f64,
         share: f64,

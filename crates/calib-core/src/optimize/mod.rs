@@ -1,15 +1,16 @@
-//! Minimisers and the linear algebra of their normal equations.
+//! Minimisers of cost functions, and the linear algebra of their normal equations.
 //!
-//! Rule: no geometry. Problems are residuals with Jacobians; only the caller interprets them. The files:
+//! Rule: no geometry. A problem consists of residuals with Jacobians; only the caller interprets it. The
+//! files:
 //!
-//! - `statistics`: normal and chi-square statistics.
-//! - `nelder_mead`: minimiser for the criterion of the paper, which has no derivatives.
+//! - `statistics`: scores, quantiles and tails of the normal and the chi-square distribution.
+//! - `nelder_mead`: minimiser without derivatives, for the criterion of the paper.
 //! - `levenberg_marquardt`: minimiser for sums of squares (`LeastSquares`, `least_squares`).
 //! - `dense`: arithmetic of small dense blocks, and products of large matrices.
-//! - `sparse_cholesky`: sparse systems in blocks: order, factor and solution.
+//! - `sparse_cholesky`: Cholesky factorisation and solution of sparse systems in blocks.
 //! - `selected_inverse`: the blocks of the inverse of a sparse matrix within the pattern of its factor.
 //! - `block_structure`: the normal equations of a bundle adjustment, in parameter blocks.
-//! - `schur_complement`: elimination of landmarks, step and covariance of a bundle adjustment.
+//! - `schur_complement`: elimination of landmarks, and the step and covariance of a bundle adjustment.
 //! - `dual`: dual numbers for the Jacobians of stage 1.
 //! - `arrow`: the normal equations of stage 1, with four core parameters and blocks of nuisance parameters.
 

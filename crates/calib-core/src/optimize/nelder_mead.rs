@@ -1,13 +1,14 @@
-//! Simplex method of Nelder and Mead (1965) in two parameters, for costs without derivatives.
+//! Simplex method of Nelder and Mead (1965) in two parameters, for cost functions without derivatives.
 
 use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::neldermead::NelderMead;
 use nalgebra::Vector2;
 
-/// Cost that replaces infinity and NaN. From these, argmin would compute NaN.
+/// Cost that replaces infinite and NaN costs, from which argmin would compute NaN. It is also the largest
+/// cost.
 const UNDEFINED_COST: f64 = 1e30;
 
-/// Point in two dimensions, with the three operations of the simplex method.
+/// Vertex of the simplex: a point in two dimensions, with the three operations of the simplex method.
 #[derive(Clone, Copy, Debug)]
 struct Vertex(Vector2<f64>);
 
@@ -29,6 +30,7 @@ impl argmin_math::ArgminMul<f64, Self> for Vertex {
     }
 }
 
+/// Cost function, in the interface of argmin.
 struct Cost<F>(F);
 
 impl<F: Fn([f64; 2]) -> f64> CostFunction for Cost<F> {
@@ -40,20 +42,22 @@ impl<F: Fn([f64; 2]) -> f64> CostFunction for Cost<F> {
     }
 }
 
-/// Returns the best point found by Nelder-Mead from a simplex at `start` with edges `size`, and its cost.
+/// Minimises a cost function. Returns the point with the lowest cost, and this cost. The first simplex has a
+/// vertex at `start` and an edge of length `size` along each parameter.
 ///
-/// A parameter of `size` 0 does not move. Returns `None` if the cost of all vertices is undefined.
+/// A parameter of `size` 0 does not change. Returns `None` if the cost of all vertices is infinite or NaN.
 pub(crate) fn nelder_mead(
     cost: impl Fn([f64; 2]) -> f64,
     start: [f64; 2],
     size: [f64; 2],
 ) -> Option<([f64; 2], f64)> {
-    /// Standard deviation of the costs in a converged simplex. The paper's criterion is first order in some
-    /// angles: a difference of 1e-13 corresponds to 1e-13 rad.
+    /// Largest standard deviation of the costs at the vertices of a converged simplex. The paper's criterion
+    /// is first order in some angles: a difference of 1e-13 corresponds to 1e-13 rad.
     const TOLERANCE: f64 = 1e-13;
-    /// Number of runs. The simplex may collapse before a minimum, so it is restarted at the best point with a
-    /// tenth of its size.
+    /// Maximum number of runs. The simplex may collapse before it reaches a minimum. Each further run
+    /// therefore starts at the best point, with a tenth of the previous size.
     const MAX_RUNS: usize = 4;
+    /// Maximum number of iterations of one run.
     const MAX_ITERATIONS: u64 = 400;
 
     let mut best = (start, cost(start));

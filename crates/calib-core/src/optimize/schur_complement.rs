@@ -1,8 +1,9 @@
-//! Elimination of parameter blocks by the Schur complement: the reduced system, the step, the covariance.
+//! Elimination of parameter blocks by the Schur complement: the reduced system, the step and the covariance.
 //!
 //! Landmarks and nuisance parameters of stage 1 are numerous. Each is coupled with a few cameras, and with no
-//! other landmark or nuisance block. With the parameters split into kept ones `y` (cameras, shared lenses)
-//! and eliminated ones `z`, the normal equations are
+//! other landmark or nuisance block. Let `y` be the steps of the kept parameters (cameras, shared lenses),
+//! and `z` the steps of the eliminated parameters. With the residuals r and their Jacobians `J_y` and `J_z`,
+//! the normal equations are
 //!
 //! ```text
 //! [ A   C' ] [ y ]   [ a ]      A: kept blocks            a = -J_y' r
@@ -19,7 +20,7 @@
 //! and is factored by sparse Cholesky. S and D are positive definite exactly if the whole matrix is (Triggs
 //! et al. 1999, "Bundle Adjustment - A Modern Synthesis", section 6).
 //!
-//! With damping, the diagonals of A and D are first multiplied by `1 + lambda`.
+//! With the damping lambda, the diagonals of A and D are first multiplied by `1 + lambda`.
 //!
 //! The covariance is the inverse of the whole matrix and has the same structure. With `Z = S^-1` and
 //! `G = D^-1 C`, its blocks are
@@ -28,9 +29,9 @@
 //! - eliminated with kept: `-G Z`;
 //! - eliminated with itself: `D^-1 + G Z G'`.
 //!
-//! Only the blocks of Z for neighbours and for coupled cameras are needed. The selected inverse contains them
-//! all. The covariance of cameras without a direct coupling is computed on request, by a solution for each
-//! column.
+//! Only the blocks of Z for neighbours of the same eliminated block and for coupled cameras are needed. The
+//! selected inverse contains all of them. The covariance of cameras without a direct coupling is computed on
+//! request, by one solution for each column.
 
 use std::collections::HashMap;
 
@@ -44,15 +45,18 @@ use crate::optimize::sparse_cholesky::running_sums;
 
 /// Reduced system of the kept blocks.
 struct Reduced {
-    /// Matrix, in the layout of its factor.
+    /// Matrix S, in the layout of its Cholesky factor.
     values: Vec<f64>,
+    /// Right-hand side `a - C' D^-1 b`.
     right: Vec<f64>,
-    /// Inverse of the diagonal matrix of every eliminated block, in the layout of `own`.
+    /// Inverse `D^-1` of the diagonal matrix of every eliminated block, in the layout of
+    /// [`NormalEquations::own`].
     inverses: Vec<f64>,
 }
 
 impl BlockStructure {
-    /// Returns the reduced system, with the diagonals multiplied by `1 + damping`.
+    /// Returns the reduced system of the kept blocks. The diagonals of A and D are multiplied by
+    /// `1 + damping`.
     fn reduced(&self, normal: &NormalEquations, damping: f64) -> Reduced {
         dispatch(
             #[inline(always)]
@@ -60,6 +64,7 @@ impl BlockStructure {
         )
     }
 
+    /// Computes the reduced system; see [`Self::reduced`], which calls it with vector instructions.
     #[inline(always)]
     fn reduce(&self, normal: &NormalEquations, damping: f64) -> Reduced {
         let mut values = self.sparse.zeros();
@@ -75,20 +80,21 @@ impl BlockStructure {
             .flat_map(|&b| self.block_values(&normal.gradient, b).iter().map(|g| -g))
             .collect();
         let mut reduced = Reduced { values, right, inverses: normal.own.clone() };
-        let (starts, mut weighed) = (self.starts(), Vec::new());
+        let (starts, mut weighed) = (self.row_starts(), Vec::new());
         for out in &self.eliminated {
             let own = &mut reduced.inverses[self.diagonal_range(out)];
             damp_diagonal(own, damping);
             pseudo_invert(own, self.sizes[out.block]);
-            self.eliminate(normal, out, &starts, (&mut reduced, &mut weighed));
+            self.eliminate_block(normal, out, &starts, (&mut reduced, &mut weighed));
         }
         reduced
     }
 
-    /// Subtracts `C' D^-1 C` of one eliminated block from the matrix. Adds `C' D^-1` times its gradient to
-    /// the right-hand side. `weighed` is a buffer for the product of D^-1 and C.
+    /// Eliminates one block: subtracts its `C' D^-1 C` from the reduced matrix, and adds `C' D^-1` times its
+    /// gradient to the right-hand side. `starts` contains the first row of every kept block. `weighed` is a
+    /// buffer for the product of D^-1 and C.
     #[inline(always)]
-    fn eliminate(
+    fn eliminate_block(
         &self,
         normal: &NormalEquations,
         out: &Eliminated,
@@ -118,7 +124,8 @@ impl BlockStructure {
         }
     }
 
-    /// Returns the step in all parameters, and the decrease of the cost that the linear model predicts.
+    /// Returns the damped step of all parameters, and the decrease of the cost that the linear model
+    /// predicts. Returns `None` if the reduced matrix is not positive definite.
     pub(crate) fn step(&self, normal: &NormalEquations, damping: f64) -> Option<(Vec<f64>, f64)> {
         let Reduced { values, right, inverses } = self.reduced(normal, damping);
         let solution = self.sparse.factor(values)?.solve(&right);
@@ -131,19 +138,27 @@ impl BlockStructure {
         }
         let (mut right, mut solved) = (Vec::new(), Vec::new());
         for out in &self.eliminated {
-            self.right_side(normal, out, &step, &mut right);
+            self.right_side_of_eliminated(normal, out, &step, &mut right);
             product(&inverses[self.diagonal_range(out)], &right, right.len(), &mut solved);
             step[self.offsets[out.block]..][..solved.len()].copy_from_slice(&solved);
         }
-        // Decrease of the linear model: d' (lambda D d - J'r).
+        // Predicted decrease of the cost: d' (lambda diag(J'J) d - J'r), with the step d and the damping
+        // lambda.
         let diagonal = self.diagonal(normal);
         let predicted =
             (0..step.len()).map(|i| step[i] * (damping * diagonal[i] * step[i] - normal.gradient[i])).sum();
         Some((step, predicted))
     }
 
-    /// Computes `b - C y` of one eliminated block. It replaces the contents of `right`.
-    fn right_side(&self, normal: &NormalEquations, out: &Eliminated, step: &[f64], right: &mut Vec<f64>) {
+    /// Computes the right-hand side `b - C y` of one eliminated block. The result replaces the contents of
+    /// `right`.
+    fn right_side_of_eliminated(
+        &self,
+        normal: &NormalEquations,
+        out: &Eliminated,
+        step: &[f64],
+        right: &mut Vec<f64>,
+    ) {
         right.clear();
         right.extend(self.block_values(&normal.gradient, out.block).iter().map(|g| -g));
         for (k, &neighbour) in out.neighbours.iter().enumerate() {
@@ -155,7 +170,7 @@ impl BlockStructure {
         }
     }
 
-    /// Returns the diagonal of `J'J`.
+    /// Returns the diagonal of `J'J` for all parameters.
     fn diagonal(&self, normal: &NormalEquations) -> Vec<f64> {
         let mut diagonal = vec![0.0; self.unknowns()];
         for block in 0..self.sizes.len() {
@@ -175,9 +190,10 @@ impl BlockStructure {
         diagonal
     }
 
-    /// Returns the covariance of blocks that share residuals.
+    /// Returns the covariances of all pairs of blocks that share residuals. Returns `None` if the reduced
+    /// matrix is not positive definite.
     ///
-    /// The diagonal of every kept block of `J'J` is multiplied by `1 + regularization`. A direction that the
+    /// The diagonal of `J'J` is multiplied by `1 + regularization` for the kept blocks. A direction that the
     /// residuals do not determine therefore has a large, finite variance.
     pub(crate) fn covariance(
         &self,
@@ -189,8 +205,9 @@ impl BlockStructure {
         Some(BlockCovariance { cross: normal.cross.clone(), inverses, inverse })
     }
 
-    /// Returns the covariances of all pairs of the given kept blocks, coupled or not, computed from columns
-    /// of the inverse. The regularisation is the one of [`Self::covariance`].
+    /// Returns the covariances of all pairs of the blocks `wanted`, coupled or not; keys are pairs of block
+    /// indices. Eliminated blocks are ignored. The covariances are computed from columns of the inverse, with
+    /// the regularisation of [`Self::covariance`].
     pub(crate) fn covariance_between(
         &self,
         normal: &NormalEquations,
@@ -199,7 +216,7 @@ impl BlockStructure {
     ) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
         let (values, _) = self.regularized(normal, regularization);
         let factor = self.sparse.factor(values)?;
-        let starts = self.starts();
+        let starts = self.row_starts();
         let place = |&block: &usize| match self.roles[block] {
             Role::Kept(i) => Some((block, starts[i], self.sizes[block])),
             Role::Eliminated(_) => None,
@@ -221,7 +238,8 @@ impl BlockStructure {
         Some(found)
     }
 
-    /// Returns the values of the regularised matrix, and `D^-1` of every eliminated block.
+    /// Returns the values of the regularised reduced matrix, and the inverse `D^-1` of every eliminated
+    /// block.
     fn regularized(&self, normal: &NormalEquations, regularization: f64) -> (Vec<f64>, Vec<f64>) {
         let Reduced { mut values, inverses, .. } = self.reduced(normal, 0.0);
         for (block, coupled) in self.coupled[..self.kept.len()].iter().enumerate() {
@@ -234,25 +252,27 @@ impl BlockStructure {
     }
 
     /// Returns the first row of every kept block in the reduced system, followed by the number of rows.
-    fn starts(&self) -> Vec<usize> {
+    fn row_starts(&self) -> Vec<usize> {
         running_sums(self.kept.iter().map(|&block| self.sizes[block]))
     }
 }
 
-/// Covariance of blocks that share residuals.
+/// Covariances of all pairs of blocks that share residuals.
 #[derive(Debug)]
 pub(crate) struct BlockCovariance {
-    /// Matrices of every eliminated block (rows) with each of its neighbours, as in the normal equations.
+    /// Matrices C of every eliminated block (rows) with each of its neighbours, as in
+    /// [`NormalEquations::cross`].
     cross: Vec<f64>,
-    /// `D^-1` of every eliminated block.
+    /// Inverse `D^-1` of the diagonal matrix of every eliminated block.
     inverses: Vec<f64>,
-    /// `Z`.
+    /// Inverse `Z` of the reduced matrix, within the pattern of its factor.
     inverse: SelectedInverse,
 }
 
 impl BlockCovariance {
-    /// Returns the covariance of two coupled blocks, or of one block with itself. It is zero for two
-    /// different eliminated blocks.
+    /// Returns the covariance of two coupled blocks, or of one block with itself. Rows belong to block `a`,
+    /// columns to block `b`. Returns zeros for two different eliminated blocks, whose covariance is not
+    /// computed.
     pub(crate) fn block(&self, blocks: &BlockStructure, a: usize, b: usize) -> DMatrix<f64> {
         match (blocks.roles[a], blocks.roles[b]) {
             (Role::Kept(i), Role::Kept(j)) => self.inverse.block(i, j),
@@ -262,13 +282,15 @@ impl BlockCovariance {
             (Role::Kept(i), Role::Eliminated(e)) => {
                 -(self.gain(blocks, e) * self.neighbours_with(blocks, e, i)).transpose()
             }
-            (Role::Eliminated(e), Role::Eliminated(other)) if e == other => self.eliminated(blocks, e),
+            (Role::Eliminated(e), Role::Eliminated(other)) if e == other => {
+                self.covariance_of_eliminated(blocks, e)
+            }
             _ => DMatrix::zeros(blocks.sizes[a], blocks.sizes[b]),
         }
     }
 
-    /// Returns `D^-1 + G Z G'` of an eliminated block.
-    fn eliminated(&self, blocks: &BlockStructure, e: usize) -> DMatrix<f64> {
+    /// Returns the covariance `D^-1 + G Z G'` of an eliminated block with itself.
+    fn covariance_of_eliminated(&self, blocks: &BlockStructure, e: usize) -> DMatrix<f64> {
         let out = &blocks.eliminated[e];
         let size = blocks.sizes[out.block];
         let gain = self.gain(blocks, e);
@@ -283,7 +305,7 @@ impl BlockCovariance {
         found
     }
 
-    /// Returns `G = D^-1 C` over all neighbours of an eliminated block.
+    /// Returns the matrix `G = D^-1 C` of an eliminated block (rows) with all its neighbours (columns).
     fn gain(&self, blocks: &BlockStructure, e: usize) -> DMatrix<f64> {
         let out = &blocks.eliminated[e];
         let size = blocks.sizes[out.block];
@@ -300,7 +322,7 @@ impl BlockCovariance {
         own * all
     }
 
-    /// Returns the covariance of all neighbours of an eliminated block with one kept block.
+    /// Returns the covariance of all neighbours of an eliminated block (rows) with one kept block (columns).
     fn neighbours_with(&self, blocks: &BlockStructure, e: usize, kept: usize) -> DMatrix<f64> {
         let near = &blocks.eliminated[e].neighbours;
         let parts: Vec<DMatrix<f64>> = near.iter().map(|&n| self.inverse.block(n, kept)).collect();
@@ -335,7 +357,7 @@ mod tests {
             let count = kept.len();
             let sizes: Vec<usize> = kept.iter().copied().chain(rest.iter().map(|r| r.0)).collect();
             let keep: Vec<bool> = (0..sizes.len()).map(|i| i < count).collect();
-            // Coupled directly in one group, or only by elimination.
+            // Kept blocks are coupled directly in one group, or only by the elimination.
             let mut common: Vec<Vec<usize>> = rest.iter().enumerate().flat_map(|(i, r)| {
                 let (near, out) = (BTreeSet::from([r.1 % count, r.2 % count]), count + i);
                 if i % 2 == 0 {

@@ -3,22 +3,24 @@
 //!
 //! # Pattern
 //!
-//! The blocks are ordered for little fill by approximate minimum degree (Amestoy, Davis and Duff 1996). In
-//! this order, the rows of a block are the union of two sets. The first contains the rows of the matrix below
-//! the diagonal of the block. The second contains the rows of every block whose first row below the diagonal
-//! is this block (Davis 2006, "Direct Methods for Sparse Linear Systems", section 4.1). Consecutive blocks
-//! with the same further rows form a supernode (Liu, Ng and Peyton 1993, "On Finding Supernodes for Sparse
-//! Matrix Computations").
+//! The pattern is the set of blocks of the factor that are not zero. The blocks of the matrix are ordered for
+//! little fill by approximate minimum degree (Amestoy, Davis and Duff 1996). In this order, the rows of a
+//! block are the union of two sets. The first contains the rows of the matrix below the diagonal of the
+//! block. The second contains the rows of every block whose first row below the diagonal is this block (Davis
+//! 2006, "Direct Methods for Sparse Linear Systems", section 4.1). Consecutive blocks with the same further
+//! rows form a supernode (Liu, Ng and Peyton 1993, "On Finding Supernodes for Sparse Matrix Computations").
 //!
-//! Matrix, factor and inverse have the same layout: a panel for every supernode with its rows, column by
-//! column, its own blocks first.
+//! Matrix, factor and inverse have the same layout: a dense panel for every supernode. The columns of a panel
+//! are the parameters of the supernode. Its rows are the rows of the supernode, its own blocks first. It is
+//! stored column by column.
 //!
 //! # Factor
 //!
-//! The factor, `S = L L'`, is computed in place, supernode by supernode. The panel of supernode j is replaced
-//! by `[L_jj; S_Rj L_jj'^-1]`, and `L_Rj L_Rj'` is subtracted from the panels of its rows R. Unlike a
-//! factorisation of single entries, this works on dense panels (Ng and Peyton 1993, "Block Sparse Cholesky
-//! Algorithms on Advanced Uniprocessor Computers").
+//! The factor L of the matrix `S = L L'` is computed in place, supernode by supernode. Let R be the rows of
+//! supernode j below its own blocks. The panel of j is replaced by `[L_jj; L_Rj]` with
+//! `L_Rj = S_Rj L_jj'^-1`. Then `L_Rj L_Rj'` is subtracted from the panels of the supernodes that own R.
+//! Unlike a factorisation of single entries, this works on dense panels (Ng and Peyton 1993, "Block Sparse
+//! Cholesky Algorithms on Advanced Uniprocessor Computers").
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,50 +31,52 @@ use crate::optimize::dense::{Packed, Part, Product};
 /// Pattern of the factor of a matrix of blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct SparseStructure {
-    /// Position of every block in the order of the factor.
+    /// Position of every block of the matrix in the order of the factor.
     positions: Vec<usize>,
     /// First parameter of every position in the order of the factor, followed by the number of parameters.
     pub(super) starts: Vec<usize>,
-    /// Supernode of every position.
+    /// Index of the supernode that contains each position in the order of the factor.
     owners: Vec<usize>,
     /// Supernodes, in the order of the factor.
     pub(super) supernodes: Vec<Supernode>,
 }
 
-/// Consecutive blocks with the same rows.
+/// Supernode: consecutive blocks, in the order of the factor, with the same rows of the factor below them.
 #[derive(Clone, Debug)]
 pub(super) struct Supernode {
-    /// Number of parameters.
+    /// Number of parameters: columns of the panel.
     pub(super) width: usize,
-    /// Offset of its panel among the values.
+    /// Offset of the panel of this supernode among the values of the matrix.
     pub(super) offset: usize,
-    /// Number of its blocks.
+    /// Number of blocks of this supernode.
     pub(super) blocks: usize,
-    /// Positions of the blocks of its rows, ascending; its own blocks first.
+    /// Block rows of the panel, as ascending positions in the order of the factor. The blocks of the
+    /// supernode itself come first.
     pub(super) rows: Vec<usize>,
-    /// First row of each block in the panel, followed by the height of the panel.
+    /// First row of each block row in the panel, followed by the height of the panel.
     pub(super) tops: Vec<usize>,
 }
 
-/// Position of a block of the matrix among the values.
+/// Position, among the values of the matrix, of the submatrix of two blocks.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
+    /// Index of the first value of the submatrix.
     offset: usize,
-    /// Offset from one column of the panel to the next.
+    /// Distance between two columns of the panel: its height.
     stride: usize,
-    /// Whether the second block is the column.
+    /// Whether the first block is stored as rows of the panel, and the second block as columns.
     is_transposed: bool,
 }
 
 impl Entry {
-    /// Returns the index of the value in a row of the first block and a column of the second.
+    /// Returns the index of the value for a row of the first block and a column of the second block.
     #[inline]
     pub(super) fn at(self, row: usize, column: usize) -> usize {
         let (across, down) = if self.is_transposed { (column, row) } else { (row, column) };
         self.offset + across * self.stride + down
     }
 
-    /// Adds a matrix with `width` columns, stored row by row.
+    /// Adds a matrix with `width` columns, stored row by row, to this submatrix of `values`.
     pub(crate) fn add(self, values: &mut [f64], matrix: &[f64], width: usize) {
         for (i, row) in matrix.chunks_exact(width).enumerate() {
             for (j, value) in row.iter().enumerate() {
@@ -81,7 +85,8 @@ impl Entry {
         }
     }
 
-    /// Adds `factor` times the product of a column of the first block and a row of the second.
+    /// Adds an outer product to this submatrix of `values`: `factor` times a column of the first block times
+    /// a row of the second block.
     #[inline(always)]
     pub(crate) fn add_outer(self, values: &mut [f64], factor: f64, first: &[f64], second: &[f64]) {
         let (across, down) = if self.is_transposed { (second, first) } else { (first, second) };
@@ -95,8 +100,8 @@ impl Entry {
 }
 
 impl SparseStructure {
-    /// Creates the pattern of a matrix with blocks of the given sizes, at least 1, and the given coupled
-    /// pairs of blocks.
+    /// Creates the pattern of a matrix of blocks. `sizes` contains the number of parameters of every block,
+    /// at least 1. `pairs` contains the pairs of coupled blocks, whose submatrix is not zero.
     pub(crate) fn new(sizes: &[usize], pairs: impl Iterator<Item = [usize; 2]>) -> Arc<Self> {
         let mut neighbours: Vec<Vec<usize>> = (0..sizes.len()).map(|block| vec![block]).collect();
         for [a, b] in pairs {
@@ -104,7 +109,7 @@ impl SparseStructure {
             neighbours[b].push(a);
         }
         neighbours.iter_mut().for_each(sort_and_dedup);
-        let order = order(&neighbours);
+        let order = order_for_little_fill(&neighbours);
         let mut places = vec![0; sizes.len()];
         order.iter().enumerate().for_each(|(place, &block)| places[block] = place);
         let starts = running_sums(order.iter().map(|&block| sizes[block]));
@@ -119,12 +124,12 @@ impl SparseStructure {
         Arc::new(Self { positions: places, starts, owners, supernodes })
     }
 
-    /// Returns a vector of zeros for the values of a matrix.
+    /// Returns the values of a zero matrix with this pattern.
     pub(crate) fn zeros(&self) -> Vec<f64> {
         vec![0.0; self.supernodes.last().map_or(0, Supernode::end)]
     }
 
-    /// Returns the number of parameters.
+    /// Returns the number of parameters of all blocks.
     pub(super) fn unknowns(&self) -> usize {
         self.starts[self.blocks()]
     }
@@ -135,7 +140,7 @@ impl SparseStructure {
         self.starts[place + 1] - self.starts[place]
     }
 
-    /// Returns the first parameter of a block in the order of the factor.
+    /// Returns the index of the first parameter of a block, in the order of the factor.
     pub(super) fn start(&self, block: usize) -> usize {
         self.starts[self.positions[block]]
     }
@@ -145,7 +150,8 @@ impl SparseStructure {
         self.positions.len()
     }
 
-    /// Returns the position of the matrix of two blocks, if they are coupled.
+    /// Returns the position of the submatrix of two blocks among the values of the matrix. Returns `None` if
+    /// the submatrix is outside the pattern.
     pub(crate) fn entry(&self, [a, b]: [usize; 2]) -> Option<Entry> {
         let (first, second) = (self.positions[a], self.positions[b]);
         let supernode = &self.supernodes[self.owners[first.min(second)]];
@@ -156,7 +162,7 @@ impl SparseStructure {
         Some(Entry { offset, stride, is_transposed: second < first })
     }
 
-    /// Iterates over the indices of the diagonal of a block.
+    /// Iterates over the indices of the diagonal values of a block among the values of the matrix.
     pub(crate) fn diagonal(&self, block: usize) -> impl Iterator<Item = usize> + use<> {
         let supernode = &self.supernodes[self.owners[self.positions[block]]];
         let first = supernode.tops[self.positions[block] - supernode.rows[0]];
@@ -164,8 +170,8 @@ impl SparseStructure {
         (first..first + self.size(block)).map(move |i| offset + i * step)
     }
 
-    /// Iterates over the supernodes of the rows below a supernode. Each comes with the range of its block
-    /// rows there.
+    /// Iterates over the supernodes that own the rows below a supernode. Each item contains the supernode,
+    /// and the range of its block rows in the panel of the given supernode.
     pub(super) fn targets<'a>(
         &'a self,
         supernode: &'a Supernode,
@@ -181,30 +187,33 @@ impl SparseStructure {
 }
 
 impl Supernode {
-    /// Creates a supernode with the given number of blocks, and the rows of the first.
+    /// Creates a supernode with the given number of blocks. `rows` are the block rows of its first block,
+    /// `starts` the first parameter of every position, and `offset` the offset of its panel.
     fn new(blocks: usize, rows: &[usize], starts: &[usize], offset: usize) -> Self {
         let tops = running_sums(rows.iter().map(|&row| starts[row + 1] - starts[row]));
         Self { width: tops[blocks], offset, blocks, rows: rows.to_vec(), tops }
     }
 
+    /// Returns the number of rows of the panel.
     pub(super) fn height(&self) -> usize {
         self.tops[self.rows.len()]
     }
 
-    /// Returns the end of its panel.
+    /// Returns the end of the panel among the values of the matrix.
     pub(super) fn end(&self) -> usize {
         self.offset + self.width * self.height()
     }
 
-    /// Returns the columns of one of its own blocks, by its position.
+    /// Returns the columns of the panel for one of the blocks of this supernode. `place` is the position of
+    /// the block in the order of the factor.
     pub(super) fn columns(&self, place: usize) -> Range<usize> {
         let own = place - self.rows[0];
         self.tops[own]..self.tops[own + 1]
     }
 
-    /// Iterates over the rows of this panel from block row `k`, as runs that are contiguous in another panel.
-    /// The other panel must contain all of these rows. A run is its first row here, its first row there, and
-    /// its length.
+    /// Iterates over the rows of this panel from block row `k` on, in runs that are contiguous in the panel
+    /// `other` too. The other panel must contain all of these rows. Each item contains the first row of a run
+    /// in this panel, its first row in the other panel, and its number of rows.
     pub(super) fn runs_in<'a>(&'a self, k: usize, other: &'a Self) -> impl Iterator<Item = [usize; 3]> + 'a {
         let (mut from, mut at) = (k, 0);
         std::iter::from_fn(move || {
@@ -218,7 +227,8 @@ impl Supernode {
     }
 }
 
-/// Returns the rows of the factor for every position, ascending, starting with the position itself.
+/// Returns the block rows of the factor for every position, in ascending order. The first row is the position
+/// itself. `places` contains the position of every block, `order` the block at every position.
 fn factor_rows(neighbours: &[Vec<usize>], order: &[usize], places: &[usize]) -> Vec<Vec<usize>> {
     let mut rows: Vec<Vec<usize>> = vec![Vec::new(); order.len()];
     for (place, &block) in order.iter().enumerate() {
@@ -239,11 +249,11 @@ pub(super) fn sort_and_dedup<T: Ord>(list: &mut Vec<T>) {
     list.dedup();
 }
 
-/// Returns the runs of positions that form supernodes. In a run, each position is the first row below the
-/// previous one and has all of its other rows.
+/// Returns the ranges of positions that form supernodes. In a range, each position is the first row below the
+/// previous position and has all other rows of the previous position.
 fn supernode_positions(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize>> {
-    /// Maximum number of parameters of a supernode. It keeps the work within a panel small compared with the
-    /// updates of other panels.
+    /// Maximum number of parameters of a supernode. With this limit, the work within a panel is small
+    /// compared with the updates of other panels.
     const MAX_WIDTH: usize = 56;
     let mut found: Vec<Range<usize>> = Vec::new();
     for (place, own) in rows.iter().enumerate() {
@@ -261,7 +271,7 @@ fn supernode_positions(rows: &[Vec<usize>], starts: &[usize]) -> Vec<Range<usize
     found
 }
 
-/// Returns the start of each size in a running sum from 0, followed by the total.
+/// Returns the running sums of the sizes: for each size the sum of the sizes before it, then the total.
 pub(super) fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
     let mut sums = vec![0];
     let mut end = 0;
@@ -272,8 +282,9 @@ pub(super) fn running_sums(sizes: impl Iterator<Item = usize>) -> Vec<usize> {
     sums
 }
 
-/// Returns an order of the blocks with little fill.
-fn order(neighbours: &[Vec<usize>]) -> Vec<usize> {
+/// Returns an order of the blocks for which the factor has few additional blocks that are not zero (little
+/// fill). The order contains the block at every position.
+fn order_for_little_fill(neighbours: &[Vec<usize>]) -> Vec<usize> {
     let mut offsets = vec![0];
     let mut rows = Vec::new();
     for others in neighbours {
@@ -285,21 +296,25 @@ fn order(neighbours: &[Vec<usize>]) -> Vec<usize> {
     found.map_or_else(|_| (0..neighbours.len()).collect(), |(order, _, _)| order)
 }
 
-/// Factor L of a matrix.
+/// Cholesky factor L of a sparse matrix `S = L L'`.
 #[derive(Clone, Debug)]
 pub(crate) struct CholeskyFactor {
+    /// Pattern of the factor.
     pub(super) sparse: Arc<SparseStructure>,
+    /// Values of the factor, panel by panel.
     pub(super) values: Vec<f64>,
 }
 
 impl SparseStructure {
-    /// Factors a matrix. Returns `None` if it is not positive definite. Only the upper triangle of a diagonal
-    /// block is used.
+    /// Computes the Cholesky factor of the matrix with the given values. Returns `None` if the matrix is not
+    /// positive definite. Of a diagonal block, only the upper triangle is used.
     pub(crate) fn factor(self: &Arc<Self>, mut values: Vec<f64>) -> Option<CholeskyFactor> {
         self.factor_in_place(&mut values)?;
         Some(CholeskyFactor { sparse: Arc::clone(self), values })
     }
 
+    /// Replaces the values of a matrix by the values of its Cholesky factor. Returns `None` if the matrix is
+    /// not positive definite.
     fn factor_in_place(&self, values: &mut [f64]) -> Option<()> {
         let (mut packed, mut product) = (Packed::default(), Product::default());
         for supernode in &self.supernodes {
@@ -315,7 +330,7 @@ impl SparseStructure {
                 let rows = below(k)..below(supernode.rows.len());
                 product.multiply([&packed, &packed], [rows, below(k)..below(end)], Part::Lower);
                 let values = &mut behind[target.offset - supernode.end()..][..target.width * target.height()];
-                supernode.subtract(&product, [k, end], target, values);
+                supernode.subtract_product(&product, [k, end], target, values);
             }
         }
         Some(())
@@ -323,9 +338,10 @@ impl SparseStructure {
 }
 
 impl Supernode {
-    /// Subtracts `L_Rj L_kj'` from the panel of another supernode. R are the rows from block row `k` on; the
-    /// block rows from `k` to `end` are in the other supernode.
-    fn subtract(&self, product: &Product, [k, end]: [usize; 2], target: &Self, values: &mut [f64]) {
+    /// Subtracts the product `L_Rj L_Tj'` from the panel `values` of the supernode `target`. T are the block
+    /// rows from `k` to `end` of this supernode j, which are the columns of the target. R are the rows from
+    /// block row `k` on.
+    fn subtract_product(&self, product: &Product, [k, end]: [usize; 2], target: &Self, values: &mut [f64]) {
         let height = target.height();
         for row in k..end {
             let first = self.tops[row];
@@ -341,7 +357,7 @@ impl Supernode {
     }
 }
 
-/// Adds `factor` times the values.
+/// Adds `factor` times `values` to the vector `to`.
 #[inline(always)]
 pub(super) fn add_scaled(to: &mut [f64], factor: f64, values: &[f64]) {
     for (to, value) in to.iter_mut().zip(values) {
@@ -349,7 +365,7 @@ pub(super) fn add_scaled(to: &mut [f64], factor: f64, values: &[f64]) {
     }
 }
 
-/// Returns the dot product, summed in eight independent parts.
+/// Returns the dot product of two vectors. The sum has eight independent parts, for vector instructions.
 #[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let length = a.len().min(b.len());
@@ -363,7 +379,8 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest.iter().zip(other).map(|(a, b)| a * b).sum::<f64>()
 }
 
-/// Replaces `[S_jj; S_Rj]` by `[L_jj; S_Rj L_jj'^-1]`. Returns `None` if `S_jj` is not positive definite.
+/// Factors one panel: replaces `[S_jj; S_Rj]` by `[L_jj; S_Rj L_jj'^-1]`. Returns `None` if `S_jj` is not
+/// positive definite.
 #[inline(always)]
 fn factor_panel(panel: &mut [f64], height: usize) -> Option<()> {
     for c in 0..panel.len() / height {
@@ -380,10 +397,11 @@ fn factor_panel(panel: &mut [f64], height: usize) -> Option<()> {
     Some(())
 }
 
-/// Subtracts columns from row `top` on, each multiplied by its value in that row.
+/// Subtracts multiples of columns from the column `to`, which starts at row `top`. Each column is multiplied
+/// by its value in row `top`.
 #[inline(always)]
 fn subtract_columns(to: &mut [f64], columns: &[f64], height: usize, top: usize) {
-    // Four columns in one pass load and store the target once.
+    // Four columns are subtracted in one pass, so that the target is loaded and stored only once.
     let mut several = columns.chunks_exact(4 * height);
     for four in &mut several {
         let [a, b, c, d] = [0, 1, 2, 3].map(|q| &four[q * height + top..(q + 1) * height]);
@@ -398,16 +416,18 @@ fn subtract_columns(to: &mut [f64], columns: &[f64], height: usize, top: usize) 
 }
 
 impl CholeskyFactor {
-    /// Returns the number of parameters.
+    /// Returns the number of parameters of all blocks.
     pub(crate) fn unknowns(&self) -> usize {
         self.sparse.unknowns()
     }
 
+    /// Returns the panel of a supernode, column by column.
     pub(super) fn panel(&self, supernode: &Supernode) -> &[f64] {
         &self.values[supernode.offset..supernode.end()]
     }
 
-    /// Solves for a right-hand side whose blocks are in their original order.
+    /// Solves `S x = right`. The blocks of both vectors are in the original order, not in the order of the
+    /// factor.
     pub(crate) fn solve(&self, right: &[f64]) -> Vec<f64> {
         let mut found = self.sparse.to_factor_order(right);
         dispatch(
@@ -417,6 +437,7 @@ impl CholeskyFactor {
         self.sparse.to_original_order(&found)
     }
 
+    /// Replaces a right-hand side, in the order of the factor, by the solution.
     #[inline(always)]
     fn solve_in_place(&self, found: &mut [f64]) {
         let mut below = Vec::new();
@@ -446,8 +467,8 @@ impl CholeskyFactor {
             }
             let own = &mut found[start..start + supernode.width];
             for (c, column) in self.panel(supernode).chunks_exact(height).enumerate().rev() {
-                let beside = dot(&own[c + 1..], &column[c + 1..supernode.width]);
-                own[c] = (own[c] - beside - dot(&below, &column[supernode.width..])) / column[c];
+                let within = dot(&own[c + 1..], &column[c + 1..supernode.width]);
+                own[c] = (own[c] - within - dot(&below, &column[supernode.width..])) / column[c];
             }
         }
     }
@@ -488,7 +509,7 @@ mod tests {
     proptest! {
         #[test]
         fn solution_and_inverse_agree_with_the_dense_matrix(
-            // Mostly small blocks, and some that are wider than a supernode.
+            // Most blocks are small, and some are wider than the maximum of a supernode.
             sizes in proptest::collection::vec(prop_oneof![20 => 1..10_usize, 1 => 57..60_usize], 0..14),
             pairs in proptest::collection::vec((0..14_usize, 0..14_usize), 0..60),
             seed in 0_u64..1000,

@@ -60,7 +60,7 @@ impl Editor {
             CalibrationDecision::AcceptAll => self.accept_all(),
             CalibrationDecision::Decide { other } => {
                 self.change_proposed(|own| own.decide(other));
-                self.session.commit("choose between two cameras");
+                self.session.commit("choose between two solutions");
             }
             CalibrationDecision::Accept(group) => self.accept(|index| index == group, "accept the detected"),
             CalibrationDecision::Flip(group) => {
@@ -89,7 +89,7 @@ impl Editor {
         } else {
             let has_rival = self.session.proposed().is_some_and(|proposed| proposed.alternative.is_some());
             let note = if has_rival {
-                "Two cameras explain the edges equally well. Choose one, or accept the correct groups."
+                "Two solutions fit the edges equally well. Choose one, or accept the correct groups."
             } else {
                 "The result is uncertain. Check the groups and accept the correct ones."
             };

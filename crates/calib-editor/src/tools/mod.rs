@@ -39,13 +39,13 @@ pub enum Pane {
 /// Kind of a pointer event.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Moved without a button.
+    /// Movement without a pressed button.
     Hover,
-    /// Button pressed.
+    /// Press of the button.
     Press,
-    /// Moved with the button down.
+    /// Movement with the button down.
     Drag,
-    /// Button released.
+    /// Release of the button.
     Release,
 }
 

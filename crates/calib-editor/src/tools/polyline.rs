@@ -153,7 +153,9 @@ impl Tool for Polyline {
             (Gesture::Idle, PolylineKind::StraightEdge) => {
                 "Click three or more points along an edge that is straight in reality.".into()
             }
-            (Gesture::Idle, PolylineKind::Field) => "Click the corners of the floor area to cover.".into(),
+            (Gesture::Idle, PolylineKind::Field) => {
+                "Click the corners of the floor area that this camera should cover.".into()
+            }
             (Gesture::Drawing { points, .. }, makes) => {
                 let left = 4_usize.saturating_sub(points.len());
                 match (left, makes) {

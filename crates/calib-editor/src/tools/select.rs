@@ -201,7 +201,7 @@ impl Tool for Select {
                 "Click a line or handle to select it; drag to move it.".into()
             }
             Gesture::Idle => format!(
-                "Drag {}, or nudge with the arrow keys, 0.1 px (Shift 1 px).  D: duplicate, Del: delete",
+                "Drag {}, or nudge with the arrow keys by 0.1 px (Shift: 1 px).  D: duplicate, Del: delete",
                 session.selection_name()
             ),
             Gesture::Parts { .. } => {

@@ -30,7 +30,8 @@ pub(crate) struct AnnotationTransfer<'a> {
 const MIN_LENGTH_PX: f64 = 16.0;
 
 impl<'a> AnnotationTransfer<'a> {
-    /// Creates the transfer between two images of the same size, between which the camera rotated by `turn`.
+    /// Creates the transfer from the `old` image of a camera to the `new` image of the same size. The camera
+    /// rotated by `turn` between them.
     pub(crate) fn new(camera: &'a Camera, turn: RotationZoom, old: &RgbImage, new: &'a RgbImage) -> Self {
         let [before, after] = [old, new].map(|image| Luma::new(image).smoothed(SMOOTHING_PX));
         Self { camera, turn, turned: turn.for_camera(camera), old: before, new: after, image: new }

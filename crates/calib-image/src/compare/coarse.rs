@@ -41,7 +41,7 @@ pub(crate) struct CornerMatch {
     /// Position in the new image.
     pub(crate) at: Pixel,
     new: UndistortedPixel,
-    /// Largest distance from the predicted position, in pixels.
+    /// Largest distance of an inlier from its predicted position, in pixels.
     pub(crate) max_distance: f64,
     pub(crate) part: usize,
 }

@@ -198,7 +198,8 @@ impl Comparison {
 
     /// Returns the changes of yaw, pitch, roll and log focal length, each with its standard deviation.
     ///
-    /// Edges measure the rotation in pixels. The uncertainty of the focal length therefore increases the uncertainty of pan and tilt.
+    /// Edges measure the rotation in pixels. The uncertainty of the focal length therefore increases the
+    /// uncertainty of pan and tilt.
     #[must_use]
     pub fn movement(&self, camera: &Camera) -> [(f64, f64); PanTiltZoom::SIZE] {
         const ASIDE: f64 = 1e-6;

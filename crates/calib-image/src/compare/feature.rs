@@ -1,9 +1,10 @@
 //! Corner features, and their matches between two images: a coarse alignment before edges are compared to a
 //! fraction of a pixel.
 //!
-//! Brightness is on a logarithmic scale ([`Luma`]): lighting, exposure and gamma only scale and shift it. Corners are detected after Shi and Tomasi (1994), one in every cell of an image, at several scales. Each is
-//! described by histograms of its gradient directions (Lowe 2004), upright and rotated. Lighting changes the
-//! magnitude of gradients, but not their direction.
+//! Brightness is on a logarithmic scale ([`Luma`]): lighting, exposure and gamma only scale and shift it.
+//! Corners are detected after Shi and Tomasi (1994), one in every cell of an image, at several scales. Each
+//! is described by histograms of its gradient directions (Lowe 2004), upright and rotated. Lighting changes
+//! the magnitude of gradients, but not their direction.
 
 use calib_core::Pixel;
 use image::RgbImage;

@@ -22,7 +22,8 @@ use crate::compare::place::EdgeSample;
 pub(crate) struct StepAlignment(Alignment);
 
 impl StepAlignment {
-    /// Aligns from the rotation alone, and from a step estimated from corners; skips failed ones, for example without visible floor.
+    /// Aligns the images from two start values: the rotation alone, and a step estimated from corners. Failed
+    /// alignments are omitted, for example without visible floor.
     pub(crate) fn candidates<'a>(
         camera: &Camera,
         luma: &Luma,
@@ -49,8 +50,8 @@ impl StepAlignment {
         turned: &Alignment,
         chance: f64,
     ) -> bool {
-        /// Smallest z-score of a step. It is larger than for a rotation, because errors of the lens model
-        /// affect near and far edges in the same way.
+        /// Smallest z-score of a significant step. It is larger than for a rotation, because errors of the
+        /// lens model affect near and far edges in the same way.
         const CLEAR: f64 = 5.0;
         /// Smallest effect of the step on the image, relative to the rotation alone, RMS in pixels.
         const LEAST: f64 = 0.5;
@@ -61,11 +62,12 @@ impl StepAlignment {
             && self.effect(camera, places, turned) > LEAST
     }
 
-    /// Whether most inliers are real, or clearly more than with the rotation alone. Chance finds as many
-    /// samples with a step as with a rotation.
+    /// Whether most inliers are not found by chance, or are significantly more than with the rotation alone.
+    /// Chance finds as many samples with a step as with a rotation.
     fn is_found(&self, turned: &Alignment, chance: f64) -> bool {
         const TIMES: f64 = 4.0;
-        /// Smallest difference of two counts, in standard deviations of the difference of two Poisson counts.
+        /// Smallest significant difference of the two inlier counts, in standard deviations of the difference
+        /// of Poisson counts.
         const CLEAR: f64 = 4.0;
         let by_chance = chance * self.0.found.iter().flatten().count() as f64;
         let [with, without] = [&self.0, turned].map(|found| found.inliers() as f64);

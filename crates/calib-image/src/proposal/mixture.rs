@@ -67,7 +67,8 @@ const SQUARE_SCENES: f64 = 0.95;
 /// independent, as a product over all edges assumes. When cameras are compared, their log likelihood is
 /// divided by this number (a composite likelihood: Varin, Reid and Firth 2011). The priors are not divided.
 const EDGE_CORRELATION: f64 = 4.0;
-/// Information of one weak pseudo-observation for every parameter, so that the equations are solvable without edges. It corresponds to a standard deviation of about 30 radians.
+/// Information of one weak pseudo-observation for every parameter, so that the equations are solvable without
+/// edges. It corresponds to a standard deviation of about 30 radians.
 const REGULARISATION: f64 = 1e-3;
 
 /// Camera with its directions and shares, and the resulting evidence of the edges.
@@ -79,7 +80,8 @@ pub(super) struct Mixture {
     pub(super) right_angles: Vec<[usize; 2]>,
     /// Shares of the vertical and of every floor direction; the rest belongs to none.
     pub(super) shares: Vec<f64>,
-    /// Log evidence: the posterior integrated over the parameters, to first order (Laplace).
+    /// Log evidence: the logarithm of likelihood times prior, integrated over the parameters by Laplace's
+    /// approximation.
     pub(super) log_evidence: f64,
 }
 
@@ -200,8 +202,8 @@ impl Mixture {
         self.azimuths.iter_mut().enumerate().for_each(|(k, azimuth)| *azimuth += by(3 + k));
     }
 
-    /// Computes the log evidence: the posterior density integrated over the parameters to first order
-    /// (Laplace).
+    /// Sets the log evidence: the logarithm of likelihood times prior, integrated over the parameters by
+    /// Laplace's approximation. `None` if the parameters are undetermined.
     fn with_evidence(mut self, lines: &[Line], prior: &CameraPrior) -> Option<Self> {
         let points = self.points();
         let log_likelihood: f64 = lines.iter().map(|line| self.membership(line, &points).0.ln()).sum();

@@ -10,8 +10,9 @@
 //!
 //! # Cameras
 //!
-//! Each point in turn is assumed to be the vertical vanishing point. Its focal lengths are a fixed range, and the focal lengths that put two of the points at right angles. For every camera, the floor directions are searched
-//! in the same way, among the azimuths of the intersections of long edges with the horizon.
+//! Each point in turn is assumed to be the vertical vanishing point. Its focal lengths are a fixed range, and
+//! the focal lengths that put two of the points at right angles. For every camera, the floor directions are
+//! searched in the same way, among the azimuths of the intersections of long edges with the horizon.
 //!
 //! # Distortion
 //!

@@ -3,8 +3,8 @@
 //! 1. For a few distortions, edges are joined and cameras are searched. The best are refined as mixtures,
 //!    with and without right angles. If distortion makes the grouping much likelier, its k1 is refined.
 //! 2. The strokes of the likeliest mixture are solved like annotations of an operator.
-//! 3. The standard deviation of the focal length combines the standard deviation of the solution and the scatter of the other
-//!    mixtures, weighted by their evidence. The confidence follows from it.
+//! 3. The standard deviation of the focal length combines the standard deviation of the solution and the
+//!    scatter of the other mixtures, weighted by their evidence. The confidence follows from it.
 
 use std::fmt;
 
@@ -142,8 +142,8 @@ const UNKNOWN_FOCAL_SIGMA: f64 = 10.0;
 /// Prior z-scores above which a calibration needs review, or is rejected.
 const MAX_SURE_PRIOR_Z_SCORE: f64 = 2.0;
 const MAX_CHECK_PRIOR_Z_SCORE: f64 = 3.0;
-/// Correction factor for the solver's standard deviation, which is too small: the strokes of one edge share their
-/// errors.
+/// Correction factor for the solver's standard deviation, which is too small: the strokes of one edge share
+/// their errors.
 const SIGMA_INFLATION: f64 = 1.6;
 
 /// Input of an automatic calibration: the edges of an image, its size, and the lens if known.

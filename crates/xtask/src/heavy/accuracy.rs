@@ -21,10 +21,12 @@ pub(crate) struct Extent {
     pub(crate) draws: usize,
 }
 
-/// RMS errors relative to their bounds, and interval coverage, of one estimator at one noise level.
+/// Table row for one estimator at one noise level: RMS errors divided by their Cramér-Rao bounds, and
+/// coverage of the reported intervals.
 #[derive(Default)]
 struct Row {
-    /// Ratios of RMS error to bound, one per scene, for roll, pitch and log focal length.
+    /// RMS errors divided by their bounds, one per scene, for roll, pitch and the logarithm of the focal
+    /// length.
     ratios: [Vec<f64>; 3],
     covered: [usize; 3],
     trials: usize,
@@ -35,6 +37,7 @@ struct Row {
 
 type Estimator = fn(&[Annotation], &RandomScene, f64) -> Option<Camera>;
 
+/// Names of the compared estimators, and their functions.
 const ESTIMATORS: [(&str, Estimator); 3] =
     [("closed form", closed_form), ("paper's C", paper), ("maximum likelihood", maximum_likelihood)];
 
@@ -55,14 +58,14 @@ pub(crate) fn watch() -> anyhow::Result<()> {
     run_tests("walk", &["table_of", "--ignored"])
 }
 
-/// Runs tests by name and shows the tables that they print.
+/// Runs the tests of the test program `name` that match `which`, and shows the tables that they print.
 fn run_tests(name: &str, which: &[&str]) -> anyhow::Result<()> {
     let mut cargo = Command::new("cargo");
     cargo.args(["test", "--quiet", "--package", "calib-tests", "--test", name, "--", "--nocapture"]);
     run_command(cargo.args(which).arg("--test-threads=1").current_dir(root()))
 }
 
-/// Prints the table as Markdown.
+/// Prints the accuracy table of the estimators on simulated scenes, as Markdown.
 pub(crate) fn run(extent: &Extent) {
     println!(
         "| annotations | noise px | estimator | roll | pitch | focal | focal > 20 % off | no result | 95 % covers roll, pitch, focal |"
@@ -137,12 +140,14 @@ fn measure(scenes: &[RandomScene], draws: usize, noise: f64, estimator: Estimato
     row
 }
 
-/// Returns the errors of roll and pitch in radians, and of the logarithm of the focal length.
+/// Returns the errors of an estimated camera: roll and pitch in radians, and the logarithm of the focal
+/// length.
 fn errors(found: &Camera, truth: &Camera) -> [f64; 3] {
     [found.roll - truth.roll, found.pitch - truth.pitch, (found.focal / truth.focal).ln()]
 }
 
-/// Computes the Cramér-Rao bound: the standard deviations that the fit predicts for noise-free lines.
+/// Computes the Cramér-Rao bound of roll, pitch (radians) and log focal length. It is the standard deviation
+/// that the fit predicts for noise-free lines; `noise` is in pixels.
 fn bound(scene: &RandomScene, noise: f64) -> Option<[f64; 3]> {
     let found = maximum_likelihood(&scene.annotations, scene, noise)?;
     let sigma = |index| found.covariance.sigma(index);
@@ -153,7 +158,7 @@ fn lens() -> Lens {
     Lens::pinhole(Pixel::new(0.5 * SIZE[0], 0.5 * SIZE[1]))
 }
 
-/// Estimates one camera with the complete default fit.
+/// Estimates one camera with the default maximum-likelihood fit.
 pub(crate) fn maximum_likelihood(
     annotations: &[Annotation],
     scene: &RandomScene,
@@ -175,8 +180,9 @@ pub(crate) fn paper(annotations: &[Annotation], scene: &RandomScene, _: f64) -> 
     Some(camera_at(at, scene))
 }
 
-/// Estimates one camera from two vanishing points: `f^2 = -v . h`, with `v` the nadir and `h` the first
-/// parallel group.
+/// Estimates one camera from two vanishing points by `f^2 = -v . h`. `f` is the focal length. `v` and `h` are
+/// the vanishing points of the verticals and of the first parallel group, relative to the principal point, in
+/// pixels.
 fn closed_form(annotations: &[Annotation], scene: &RandomScene, _: f64) -> Option<Camera> {
     let evidence = Constraints::new(annotations, &lens(), SceneErrors::EXACT);
     let at = calib_core::single::closed_form(&evidence)?;

@@ -16,20 +16,22 @@ use serde_json::Value;
 use crate::heavy::product::calib;
 use crate::workspace::root;
 
+/// Path of the Python interpreter with `DuckDB`, relative to the workspace.
 const PYTHON: &str = "target/engines-venv/bin/python";
+/// Number of rows of the archive.
 const ROWS: usize = 5_000_000;
 
 /// Ratios of times measured in one run.
 pub(crate) struct Ratios {
-    /// Elapsed time of calib over `DuckDB`'s.
+    /// Elapsed time of calib, divided by the elapsed time of `DuckDB`.
     pub(crate) time: f64,
-    /// Processor time of calib over `DuckDB`'s.
+    /// Processor time of calib, divided by the processor time of `DuckDB`.
     pub(crate) processor: f64,
-    /// Processor time of the projection alone over the total of calib.
+    /// Processor time of the projection alone, divided by the total processor time of calib.
     pub(crate) projection: f64,
 }
 
-/// Runs both programs and returns the ratios; the error names a missing tool.
+/// Runs calib and `DuckDB` and returns the ratios; the error names a missing tool.
 pub(crate) fn measure() -> anyhow::Result<Ratios> {
     let python = root().join(PYTHON);
     ensure!(python.exists(), "{PYTHON} is missing; create it with `cargo xtask test --install`");
@@ -80,6 +82,7 @@ fn entry(index: u32) -> (Camera, SiteCamera) {
 
 /// Measures the projection of `ROWS` pixels with their status, batch by batch, in seconds.
 fn project(entries: &[(Camera, SiteCamera)]) -> f64 {
+    /// Number of pixels of a batch.
     const BATCH: usize = 8192;
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut pixels = |most: f64| -> Vec<f64> { (0..BATCH).map(|_| random.random_range(0.0..most)).collect() };

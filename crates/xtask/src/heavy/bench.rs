@@ -47,13 +47,13 @@ const PROGRAMS: [(&str, &str, &[&str]); 5] = [
     ),
 ];
 
-/// Keys of the ratios that `archives` measures in one run.
-const ARCHIVES: [&str; 3] =
+/// JSON keys of the ratios that the module `archives` measures in one run.
+const ARCHIVE_KEYS: [&str; 3] =
     ["project_time_over_duckdb", "project_processor_over_duckdb", "projection_share_of_project"];
 
-/// Keys that the Python wheel and `OpenCV` give in one run: nanoseconds per point, microseconds per call, and
-/// ratios.
-const PYTHON: [&str; 11] = [
+/// JSON keys of the measurements of the Python wheel and `OpenCV` in one run: nanoseconds per point,
+/// microseconds per call, and ratios.
+const PYTHON_KEYS: [&str; 11] = [
     "python_to_floor_ns",
     "python_to_floor_with_status_ns",
     "python_to_floor_new_arrays_ns",
@@ -67,11 +67,11 @@ const PYTHON: [&str; 11] = [
     "python_over_rust_distorted",
 ];
 
-/// Function that builds a program and measures it.
+/// Function that builds a program and returns its measured size or time.
 type Measurement = fn() -> anyhow::Result<f64>;
 
-/// Keys and measurements of program sizes in megabytes, and of the processor time of a clean build in
-/// seconds.
+/// JSON keys and functions of further measurements: program sizes in megabytes, and the processor time of a
+/// clean build in seconds.
 const WEIGHTS: [(&str, Measurement); 5] = [
     ("calib_mb", || weight::program_mb("calib-cli", "calib")),
     ("app_mb", || weight::program_mb("calib-app", "calib-app")),
@@ -89,19 +89,21 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
             results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter)));
         }
     }
-    if ARCHIVES.iter().any(|key| key.contains(filter)) {
+    if ARCHIVE_KEYS.iter().any(|key| key.contains(filter)) {
         match archives::measure() {
             Ok(ratios) => {
                 let values = [ratios.time, ratios.processor, ratios.projection];
-                results.extend(ARCHIVES.map(str::to_owned).into_iter().zip(values.map(|value| json!(value))));
+                results.extend(
+                    ARCHIVE_KEYS.map(str::to_owned).into_iter().zip(values.map(|value| json!(value))),
+                );
             }
-            Err(error) => eprintln!("SKIPPED {}: {error:#}", ARCHIVES.join(", ")),
+            Err(error) => eprintln!("SKIPPED {}: {error:#}", ARCHIVE_KEYS.join(", ")),
         }
     }
-    if PYTHON.iter().any(|key| key.contains(filter)) {
+    if PYTHON_KEYS.iter().any(|key| key.contains(filter)) {
         match python() {
             Ok(measured) => results.extend(measured.into_iter().filter(|(key, _)| key.contains(filter))),
-            Err(error) => eprintln!("SKIPPED {}: {error:#}", PYTHON.join(", ")),
+            Err(error) => eprintln!("SKIPPED {}: {error:#}", PYTHON_KEYS.join(", ")),
         }
     }
     for (key, measure) in WEIGHTS.iter().filter(|(key, _)| key.contains(filter)) {
@@ -117,8 +119,9 @@ pub(crate) fn run(filter: &str) -> anyhow::Result<()> {
 /// Measures the Python wheel, and its times relative to the Rust library.
 ///
 /// Each value is the minimum over several rounds, because other work on the machine only adds time. Every
-/// round measures both, one after the other.
+/// round measures the wheel and the Rust library one after the other.
 fn python() -> anyhow::Result<Map<String, Value>> {
+    /// Number of rounds.
     const ROUNDS: usize = 5;
     let mut measured = Map::new();
     let packages = py::install_release()?;
@@ -135,7 +138,7 @@ fn python() -> anyhow::Result<Map<String, Value>> {
         let [over, under] = [over, under].map(|key| measured[key].as_f64().unwrap_or(f64::NAN));
         measured.insert(ratio.to_owned(), json!(over / under));
     }
-    measured.retain(|key, _| PYTHON.contains(&key.as_str()));
+    measured.retain(|key, _| PYTHON_KEYS.contains(&key.as_str()));
     Ok(measured)
 }
 

@@ -12,7 +12,7 @@ use crate::heavy::web;
 use crate::serve;
 use crate::workspace::root;
 
-// The page and the benchmarks use the same measurement.
+// The page test and the benchmarks compute their medians with the same code.
 #[path = "../../../calib-core/benches/measure/median.rs"]
 mod median;
 
@@ -30,7 +30,8 @@ pub(crate) fn chromium() -> anyhow::Result<PathBuf> {
         .context("no Chromium: apt-get install chromium")
 }
 
-/// Builds the page into `out` unless `as_is` is set, serves it, and runs a script of the test folder.
+/// Builds the page into `out` unless `as_is` is set, serves the page, and runs a test script in the browser.
+/// The script may save screenshots to the folder `pictures`.
 pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool) -> anyhow::Result<()> {
     if !as_is {
         web::run(out, None)?;
@@ -58,9 +59,10 @@ pub(crate) fn run(out: &Path, script: &str, pictures: Option<&Path>, as_is: bool
     Ok(())
 }
 
-/// Measures the native solve of the demonstration's first camera, in milliseconds. The page's solve time is
-/// compared with it.
+/// Measures the native solve time of the demonstration's first camera, in milliseconds. The test compares the
+/// solve time in the browser with it.
 fn native_solve_ms() -> f64 {
+    /// Number of measured solves.
     const RUNS: usize = 200;
     let site = calib_demo::demo_site().site;
     let cameras = site.cameras.first().map(|camera| vec![camera.id.clone()]);

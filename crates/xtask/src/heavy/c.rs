@@ -23,9 +23,10 @@ const SYSTEM_LIBRARIES: &str = if cfg!(windows) {
 /// File names of the built libraries on all systems.
 const LIBRARIES: [&str; 6] =
     ["libcalib.a", "libcalib.so", "libcalib.dylib", "calib.dll", "calib.dll.lib", "calib.lib"];
-const STRICT: [&str; 6] = ["-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"];
+/// Compiler flags that turn on warnings and make them errors.
+const WARNING_FLAGS: [&str; 6] = ["-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"];
 
-/// Generates the header from the Rust sources.
+/// Generates the C header from the Rust sources.
 fn header() -> anyhow::Result<String> {
     let folder = root().join(CRATE);
     let config = cbindgen::Config::from_file(folder.join("cbindgen.toml")).map_err(anyhow::Error::msg)?;
@@ -109,7 +110,10 @@ fn test_installed(built: &Path, out: &Path, site: &Path) -> anyhow::Result<()> {
         )?;
         let program = out.join("installed");
         let mut command = Command::new("c++");
-        command.args(["-std=c++17"]).args(STRICT).arg(root().join(CRATE).join("examples/boxes_to_floor.cpp"));
+        command
+            .args(["-std=c++17"])
+            .args(WARNING_FLAGS)
+            .arg(root().join(CRATE).join("examples/boxes_to_floor.cpp"));
         // Names the static library explicitly, because the linker prefers the shared one.
         let flags = flags.split_whitespace().map(|flag| match (linking, flag) {
             (Some(_), "-lcalib") => "-l:libcalib.a",
@@ -134,7 +138,7 @@ fn compile(built: &Path, source: &str, to: &Path) -> anyhow::Result<()> {
     let (compiler, standard) =
         if source.ends_with(".c") { ("cc", "-std=c11") } else { ("c++", "-std=c++17") };
     let mut command = Command::new(compiler);
-    command.args([standard, "-g", "-O1", "-fsanitize=address,undefined"]).args(STRICT);
+    command.args([standard, "-g", "-O1", "-fsanitize=address,undefined"]).args(WARNING_FLAGS);
     command.arg("-I").arg(root().join(CRATE).join("include"));
     command.arg(root().join(CRATE).join(source)).arg("-o").arg(to);
     command.arg("-L").arg(built).args(["-lcalib", "-lpthread", "-lm"]);
@@ -146,10 +150,10 @@ fn gstreamer(out: &Path) -> anyhow::Result<()> {
     let packages = ["--cflags", "gstreamer-1.0", "gstreamer-video-1.0"];
     let flags = flags(Command::new("pkg-config").args(packages))
         .context("no GStreamer headers: install libgstreamer-plugins-base1.0-dev")?;
-    // As system headers, GStreamer's headers give no warnings.
+    // The headers of GStreamer are included as system headers, so that they give no warnings.
     let flags = flags.split_whitespace().map(|flag| flag.replacen("-I", "-isystem", 1));
     let mut command = Command::new("cc");
-    command.args(["-std=c11", "-c"]).args(STRICT).args(flags);
+    command.args(["-std=c11", "-c"]).args(WARNING_FLAGS).args(flags);
     command.arg("-I").arg(root().join(CRATE).join("include"));
     command.arg(root().join(CRATE).join("examples/gstreamer_probe.c")).arg("-o").arg(out.join("probe.o"));
     run_command(&mut command)

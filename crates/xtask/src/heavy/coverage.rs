@@ -1,4 +1,5 @@
-//! Accuracy on real data: errors, their standard deviations, and the coverage of the reported intervals.
+//! Accuracy on real data: errors, their standard deviations, and the coverage of the reported intervals
+//! (fraction of intervals that contain the true value).
 
 use calib_core::{Annotation, Camera, Code, Covariance, DistortionModel, Kind, Pixel};
 
@@ -7,19 +8,19 @@ use serde_json::Value;
 
 use crate::workspace;
 
-/// Interval levels at which the coverage is plotted.
-const LEVELS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.95];
+/// Probability levels of the intervals whose coverage is plotted.
+const INTERVAL_LEVELS: [f64; 9] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.95];
 
 /// Errors of one quantity on one data set.
 struct Errors {
     name: &'static str,
     /// Unit of the error.
     unit: &'static str,
-    /// Error in `unit`, and the error divided by its standard deviation, of every result.
+    /// Error of every result in `unit`, and the same error divided by its standard deviation.
     each: Vec<(f64, f64)>,
 }
 
-/// Prints the table as Markdown and writes the plot.
+/// Prints the table of errors on real data as Markdown, and writes the plot of the coverage.
 pub(crate) fn run() -> anyhow::Result<()> {
     let real = workspace::root().join("../shared/real");
     if !real.is_dir() {
@@ -90,14 +91,15 @@ fn solved(path: &std::path::Path) -> anyhow::Result<Site> {
     Ok(site.calibrate(&Options::default()).write_into(&site))
 }
 
-/// Computes the focal length errors on photographs of rooms with hand-drawn lines. The reference is a
-/// chessboard calibration.
+/// Computes the focal length errors on photographs of rooms with manually annotated lines. The reference is a
+/// chessboard calibration. `counts` selects the solutions that are included.
 fn focals(name: &'static str, site: &Site, counts: impl Fn(&Solution) -> bool) -> Errors {
-    const TRUE_FOCAL: f64 = 519.16;
+    /// Focal length of the chessboard calibration, in pixels.
+    const TRUE_FOCAL_PX: f64 = 519.16;
     let error = |camera: Camera| {
         let sigma = camera.covariance.sigma(Covariance::FOCAL)?;
-        let relative = (camera.focal / TRUE_FOCAL).ln();
-        Some((100.0 * (camera.focal / TRUE_FOCAL - 1.0), relative * camera.focal / sigma))
+        let relative = (camera.focal / TRUE_FOCAL_PX).ln();
+        Some((100.0 * (camera.focal / TRUE_FOCAL_PX - 1.0), relative * camera.focal / sigma))
     };
     let solutions = site.cameras.iter().filter_map(|entry| entry.solution.as_ref());
     let cameras = solutions.filter(|solution| counts(solution)).filter_map(Solution::camera);
@@ -110,8 +112,8 @@ fn determines_focal(solution: &Solution) -> bool {
     !solution.warnings.iter().any(|warning| doubts.contains(&warning.code))
 }
 
-/// Computes the errors of the surveillance cameras of a shelter, each solved separately from hand-drawn lines
-/// with its true lens.
+/// Computes the errors of the surveillance cameras of a shelter. Each camera is solved separately from
+/// manually annotated lines, with its true distortion.
 ///
 /// Returns the focal length errors, and the pitch and roll errors together. The reference is a calibration by
 /// surveyed points.
@@ -142,7 +144,8 @@ fn shelter(path: &std::path::Path) -> anyhow::Result<[Errors; 2]> {
     Ok([focals, Errors { name: "surveillance cameras: pitch and roll", unit: "\u{b0}", each: turns }])
 }
 
-/// Creates a camera of the shelter with its annotations and its true lens, except for the focal length.
+/// Creates the site entry of a shelter camera, with its annotations and its true distortion. The focal length
+/// stays unknown.
 fn annotated_shelter_camera(id: &str, camera: &Value) -> anyhow::Result<SiteCamera> {
     let truth = |key: &str| camera["truth"][key].as_f64();
     let distortion = DistortionEntry {
@@ -187,7 +190,7 @@ fn roads(name: &'static str, folder: &std::path::Path, files: &[&str]) -> anyhow
     Ok(Errors { name, unit: "%", each })
 }
 
-/// Distance measured on the road.
+/// Distance measured on the road: end points in pixels, and length in metres.
 struct Distance {
     ends: [Pixel; 2],
     metres: f64,
@@ -199,8 +202,8 @@ impl Distance {
         Some(Self { ends: [pixel("p1")?, pixel("p2")?], metres: value["m"].as_f64()? })
     }
 
-    /// Computes the logarithm of the length on the floor, its derivatives with respect to the camera
-    /// parameters, and its variance for an annotation noise of 1 px.
+    /// Computes the logarithm of the distance on the floor. Also computes its derivatives with respect to the
+    /// camera parameters, and its variance for an annotation noise of 1 px.
     fn log_length(&self, camera: &Camera) -> Option<LogLength> {
         let [a, b] = self.ends.map(|pixel| camera.pixel_to_floor(pixel, 0.0));
         let (a, b) = (a?, b?);
@@ -220,8 +223,8 @@ impl Distance {
     }
 }
 
-/// Logarithm of a length on the floor, its derivatives by camera parameter, and its variance from annotation
-/// noise.
+/// Logarithm of a length on the floor, its derivatives with respect to the camera parameters, and its
+/// variance from annotation noise of 1 px.
 struct LogLength {
     value: f64,
     jacobian: [f64; Covariance::SIZE],
@@ -244,8 +247,8 @@ fn ratio_error(camera: &Camera, [a, b]: [&Distance; 2]) -> Option<(f64, f64)> {
     Some((100.0 * error.exp_m1(), error / variance.sqrt()))
 }
 
-/// Plots the coverage over the interval level, one line per data set. On the diagonal the coverage equals the
-/// level.
+/// Plots the coverage against the level of the intervals as SVG, one line per data set. On the diagonal the
+/// coverage equals the level.
 fn svg(sets: &[Errors]) -> String {
     let colours = ["#0b6bcb", "#7c3aed", "#c2410c", "#15803d"];
     let place = |x: f64, y: f64| format!("{:.1},{:.1}", 50.0 + 300.0 * x, 330.0 - 300.0 * y);
@@ -269,7 +272,8 @@ fn svg(sets: &[Errors]) -> String {
     );
     text += "<text x=\"200\" y=\"369\" text-anchor=\"middle\" fill=\"#111827\">interval level, %</text><text x=\"50\" y=\"18\" fill=\"#111827\">intervals that contain the true value, %</text>\n";
     for (index, set) in sets.iter().enumerate() {
-        let points: Vec<String> = LEVELS.iter().map(|&level| place(level, coverage(set, level))).collect();
+        let points: Vec<String> =
+            INTERVAL_LEVELS.iter().map(|&level| place(level, coverage(set, level))).collect();
         let y = 60.0 + 24.0 * index as f64;
         text += &format!(
             "<path d=\"M{}\" stroke=\"{colour}\" stroke-width=\"2.5\" fill=\"none\"/><path d=\"M370 {y}h24\" stroke=\"{colour}\" stroke-width=\"2.5\"/><text x=\"402\" y=\"{:.0}\" fill=\"#111827\">{} ({})</text>\n",

@@ -3,8 +3,10 @@
 //!
 //! - `site.json` contains the cameras.
 //! - `cameras.txt` has one line per camera: id, origin, fit, width and height of the stream, left, top, width
-//!   and height of the crop, and height of the plane. Enumerations use the numbers of `calib.h`; 0 means not set.
-//! - `points.f64` contains its columns one after the other, camera by camera, as little-endian doubles.
+//!   and height of the crop, and height of the plane. Enumerations use the numbers of `calib.h`; 0 means not
+//!   set.
+//! - `points.f64` contains the result columns one after the other, camera by camera, as little-endian
+//!   doubles.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -20,14 +22,16 @@ use calib_site::{CovarianceEntry, Method, Site, SiteCamera, Solution, Stage};
 use rand::{Rng as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
+/// Number of cameras.
 const CAMERAS: usize = 20;
 /// Number of points per camera.
 const POINTS: usize = 5000;
-/// Number of columns: u, v; x, y, status; two covariances of 4 values (pixel noise, calibration); u, v,
-/// status of the reprojected point; the ray of 3 values; u, v of the undistorted pixel.
+/// Number of columns of `points.f64`: u, v of the pixel; x, y, status of the floor point; its two covariances
+/// of 4 values each (pixel noise, calibration); u, v, status of the reprojected point; the viewing ray of 3
+/// values; u, v of the undistorted pixel.
 const COLUMNS: usize = 21;
 /// Standard deviation of a pixel coordinate, in pixels of the stream.
-const SIGMA: f64 = 1.5;
+const SIGMA_PX: f64 = 1.5;
 const IMAGE_SIZE: [u32; 2] = [1920, 1080];
 
 /// Writes the files into `out`.
@@ -133,7 +137,7 @@ fn columns(
     Ok(std::array::from_fn(|column| rows.iter().map(|row| row[column]).collect()))
 }
 
-/// Computes all columns for one pixel of the stream.
+/// Computes the values of all columns for one pixel of the stream.
 fn row(projector: &FloorProjector, extent: &Extent<'_>, map: &StreamMap, [u, v]: [f64; 2]) -> [f64; COLUMNS] {
     let (camera, height) = (projector.camera(), projector.height());
     let still = Pixel::new(map.to_image(0, u), map.to_image(1, v));
@@ -141,7 +145,7 @@ fn row(projector: &FloorProjector, extent: &Extent<'_>, map: &StreamMap, [u, v]:
     projector.pixels_to_floor_within(extent, [&[still.u], &[still.v]], [&mut x, &mut y], &mut status);
     let mut covariance = [[[0.0]; 3]; 2];
     let to = covariance.each_mut().map(|part| part.each_mut().map(|column| &mut column[..]));
-    projector.floor_covariances([&[still.u], &[still.v]], SIGMA * map.max_pixel_size(), to);
+    projector.floor_covariances([&[still.u], &[still.v]], SIGMA_PX * map.max_pixel_size(), to);
     let [noise, calibration] = covariance.map(|[[xx], [xy], [yy]]| [xx, xy, xy, yy]);
     let in_stream = |[u, v]: [f64; 2]| [map.to_stream(0, u), map.to_stream(1, v)];
     let (mut back_u, mut back_v) = ([0.0], [0.0]);

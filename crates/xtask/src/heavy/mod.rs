@@ -36,7 +36,7 @@ fn points() -> PathBuf {
     root().join("target/golden")
 }
 
-/// Runs the command.
+/// Runs a command of this module.
 pub(crate) fn run(command: Heavy) -> anyhow::Result<()> {
     match command {
         // Timings of an unoptimised build are misleading.

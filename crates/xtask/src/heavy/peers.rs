@@ -11,7 +11,8 @@ use serde_json::{Map, Value};
 use crate::heavy::bench;
 use crate::tools;
 
-/// Key of the benchmark, its label in the table, and the function of the peer.
+/// Table entries: key of our benchmark, label in the table, and function of the peer that it is compared
+/// with.
 const ROWS: [(&str, &str, &str); 6] = [
     ("pixel_to_floor_ns", "pixels to floor", "`perspectiveTransform`"),
     ("distorted_pixel_to_floor_ns", "distorted pixels to floor", "`undistortPoints` alone"),
@@ -21,7 +22,7 @@ const ROWS: [(&str, &str, &str); 6] = [
     ("undistort_1080p_cached_ms", "undistorting an image with a cached map", "`remap`"),
 ];
 
-/// Measures the peers between two runs of our own benchmarks, and prints the tables.
+/// Measures the other libraries between two runs of our own benchmarks, and prints the tables.
 pub(crate) fn run() -> anyhow::Result<()> {
     ensure!(tools::is_ready(&tools::PEERS, true), "{} could not be installed", tools::PEERS.name);
     let narrow = our_results(Some("v3"))?;
@@ -38,10 +39,10 @@ pub(crate) fn run() -> anyhow::Result<()> {
     joint()
 }
 
-/// Compares the joint refinement with the peers.
+/// Compares the time of the joint refinement with `SciPy` and `COLMAP`, and prints the table.
 ///
-/// The peers only adjust from given start values. Our time also includes the solve of every single camera,
-/// the initial poses and the covariances.
+/// The other libraries only refine given start values. Our time also includes the solve of every single
+/// camera, the initial poses and the covariances.
 fn joint() -> anyhow::Result<()> {
     println!("\n| one thread | SciPy's `least_squares` | COLMAP's bundle adjustment |\n|---|---:|---:|");
     for (name, key, sides, packages) in [

@@ -25,7 +25,7 @@ fn tool(name: &str) -> Command {
     command
 }
 
-/// Builds the wheel into a subfolder of `out` and returns its path.
+/// Builds the Python wheel with a build profile into a subfolder of `out`, and returns its path.
 pub(crate) fn run(out: &Path, profile: &str) -> anyhow::Result<PathBuf> {
     ensure!(tools::is_ready(&tools::PYTHON, true), "{} could not be installed", tools::PYTHON.name);
     let wheels = out.join(profile);

@@ -66,8 +66,11 @@ const REST: [&str; 47] = [
     "rustc_demangle",
 ];
 
-/// Deserialisation and our document types: a function whose name contains both reads a site.
-const SITE_READERS: [&str; 2] = ["serde_core::de", "calib_site"];
+/// Deserialisation: a function whose name contains it and one of the crates of [`DOCUMENT`] reads a site.
+const DESERIALISATION: &str = "serde_core::de";
+
+/// Crates whose types are in site files.
+const DOCUMENT: [&str; 2] = ["calib_site", "calib_core"];
 
 /// Length below which a function stays in the first part, in bytes. A call into the second part takes as many
 /// bytes.
@@ -141,7 +144,7 @@ pub(crate) fn without_section(program: &[u8], name: &str) -> anyhow::Result<Vec<
 /// Function of a program.
 struct Function<'a> {
     name: &'a str,
-    /// Length of its code, in bytes.
+    /// Length of the function's code, in bytes.
     length: usize,
 }
 
@@ -182,17 +185,17 @@ fn functions(program: &[u8]) -> anyhow::Result<Vec<Function<'_>>> {
     Ok(functions)
 }
 
-/// Whether a function, given its mangled name, belongs to the second part.
+/// Whether the function with this mangled name belongs to the second part of the program.
 fn is_in_rest(name: &str) -> bool {
     let path = format!("{:#}", rustc_demangle::demangle(name));
     let own = path.trim_start_matches(['<', '&', '[', '(']).trim_start_matches("mut ");
     let is_in = |part: &&str| own.strip_prefix(*part).is_some_and(|inner| inner.starts_with("::"));
     let is_shared = MERGED_MODULES.iter().any(is_in);
-    let reads = SITE_READERS.iter().all(|part| path.contains(part));
+    let reads = path.contains(DESERIALISATION) && DOCUMENT.iter().any(|part| path.contains(part));
     reads || !is_shared && REST.iter().any(|part| mentions(&path, part))
 }
 
-/// Whether the path, or an argument in it, begins with these modules.
+/// Whether the path of a function, or the path of one of its generic arguments, begins with these modules.
 fn mentions(path: &str, modules: &str) -> bool {
     path.match_indices(modules).any(|(at, _)| {
         let is_inner =

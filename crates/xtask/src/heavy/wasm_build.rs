@@ -10,7 +10,7 @@ use crate::workspace::root;
 
 const WASM: &str = "wasm32-unknown-unknown";
 
-/// Whether the standard library is compiled too, which makes it smaller to download.
+/// Whether builds for wasm32 also compile the standard library, which makes the program smaller.
 pub(crate) fn builds_library() -> bool {
     has_library_sources() || debian_rustc().is_some()
 }
@@ -23,8 +23,8 @@ fn has_target() -> bool {
 /// Runs `cargo build` for wasm32 with these arguments, and returns the folder that contains one folder per
 /// profile.
 pub(crate) fn build(arguments: &[&str]) -> anyhow::Result<PathBuf> {
-    // Separate from the native target folder: two compilers in one folder would invalidate each other's
-    // artefacts.
+    // The target folder is separate from the native one. Two compilers in one folder would invalidate each
+    // other's build results.
     let folder =
         std::env::var_os("CALIB_WEB_TARGET").map_or_else(|| root().join("target/web-build"), PathBuf::from);
     let mut command = match debian_rustc().filter(|_| !has_library_sources()) {

@@ -49,12 +49,12 @@ pub(crate) fn cold_demo_cpu_s() -> anyhow::Result<f64> {
 /// Returns the processor time of all finished child processes and their descendants, in seconds.
 fn child_cpu_s() -> anyhow::Result<f64> {
     /// Clock ticks per second in Linux's process statistics.
-    const TICKS_A_SECOND: f64 = 100.0;
+    const TICKS_PER_SECOND: f64 = 100.0;
     let stat = fs::read_to_string("/proc/self/stat").context("processor time is only available on Linux")?;
-    // The name, in parentheses, may contain spaces. The times of child processes are fields 16 and 17 of the
-    // whole line.
+    // The name of the process, in parentheses, may contain spaces. The times of child processes are fields 16
+    // and 17 of the whole line.
     let behind = stat.rsplit(')').next().unwrap_or_default();
     let fields: Vec<f64> =
         behind.split_whitespace().skip(13).take(2).filter_map(|field| field.parse().ok()).collect();
-    Ok(fields.iter().sum::<f64>() / TICKS_A_SECOND)
+    Ok(fields.iter().sum::<f64>() / TICKS_PER_SECOND)
 }

@@ -8,15 +8,15 @@ use resvg::usvg::{ImageKind, Options, Tree, fontdb};
 use crate::drawing::SIDE;
 use crate::platform::native::drawing_memory::bytes_to_draw;
 
-/// Memory limit of rasterising, in bytes, without the image itself.
-const MOST_BYTES: f64 = 1e9;
-/// Memory for an embedded image with transparency, twice, in bytes per pixel.
-const RGBA_TWICE: u64 = 8;
+/// Largest memory for rasterising an SVG, in bytes.
+const MAX_MEMORY_BYTES: f64 = 1e9;
+/// Memory for decoding an embedded image, in bytes per pixel: two RGBA copies.
+const DECODE_BYTES_PER_PIXEL: u64 = 8;
 
-/// Rasterises an SVG on white, as PNG.
+/// Rasterises an SVG on white; returns a PNG.
 ///
 /// # Errors
-/// When it is invalid, has no size, or needs more memory than an image may.
+/// When the SVG is invalid, has no size, or needs too much memory.
 pub(super) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let tree = parse(bytes)?;
     let size = tree.size();
@@ -24,13 +24,13 @@ pub(super) fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let [w, h] = [size.width(), size.height()].map(|side| (side * zoom).round().max(1.0) as u32);
     let zoom = Transform::from_scale(zoom, zoom);
     let bytes = bytes_to_draw(&tree, zoom, [w, h]);
-    let is_small = bytes.is_some_and(|bytes| bytes <= MOST_BYTES);
+    let is_small = bytes.is_some_and(|bytes| bytes <= MAX_MEMORY_BYTES);
     if !is_small {
         let memory = bytes.map_or_else(|| "no end".into(), |bytes| format!("{:.1} GB", bytes / 1e9));
         return Err(format!(
             "groups with opacity, masks, clips, filters or patterns lie in each other in the drawing and take {memory} \
              of memory, and at most {:.1} GB are given; flatten it, or export it as PNG",
-            MOST_BYTES / 1e9
+            MAX_MEMORY_BYTES / 1e9
         ));
     }
     let mut pixels = Pixmap::new(w, h).ok_or("The SVG file has no size.")?;
@@ -48,7 +48,7 @@ fn parse(bytes: &[u8]) -> Result<Tree, String> {
     // A plan must not read files of this machine.
     options.image_href_resolver.resolve_string = Box::new(|_, _| None);
     options.image_href_resolver.resolve_data = Box::new(|mime, data, options| {
-        embedded(mime, data, options)
+        load_embedded(mime, data, options)
             .map_err(|why| *refused.lock().unwrap_or_else(PoisonError::into_inner) = Some(why))
             .ok()
     });
@@ -57,12 +57,13 @@ fn parse(bytes: &[u8]) -> Result<Tree, String> {
     refused.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(tree), Err)
 }
 
-/// Loads an embedded image if its header is within the limits of all images.
-fn embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Result<ImageKind, String> {
+/// Loads an embedded image if the size in its header is within the memory limits of all images.
+fn load_embedded(mime: &str, data: Arc<Vec<u8>>, options: &Options<'_>) -> Result<ImageKind, String> {
     let said = |why: String| format!("an image in the SVG file: {why}");
     let is_png = data.starts_with(b"\x89PNG");
     if is_png || data.starts_with(&[0xff, 0xd8]) {
-        calib_input::check_decode_memory(&data, RGBA_TWICE).map_err(|error| said(error.to_string()))?;
+        calib_input::check_decode_memory(&data, DECODE_BYTES_PER_PIXEL)
+            .map_err(|error| said(error.to_string()))?;
         return Ok(if is_png { ImageKind::PNG(data) } else { ImageKind::JPEG(data) });
     }
     if mime != "image/svg+xml" {
@@ -111,7 +112,7 @@ mod tests {
     fn a_picture_in_a_drawing_is_bounded_as_every_other() {
         let small = calib_editor::decode(&with(&href("image/png", &png(8, 8))).unwrap()).unwrap();
         assert_eq!(small.get_pixel(1000, 1000).0, [0; 3], "it is drawn");
-        // Fifty kilobytes that would need 1.2 GB; also nested in another drawing.
+        // Image of fifty kilobytes that would need 1.2 GB, also nested in another drawing.
         let large = href("image/png", &png(10_000, 10_000));
         let nested = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9">{large}</svg>"#);
         for inner in [large, href("image/svg+xml", nested.as_bytes())] {

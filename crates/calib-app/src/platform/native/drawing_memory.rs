@@ -9,22 +9,22 @@
 use resvg::usvg::filter::{Filter, Kind};
 use resvg::usvg::{ClipPath, Group, ImageKind, Mask, Node, Paint, Path, Pattern, Transform, Tree};
 
-/// Limit of visited nodes; patterns that contain each other would never end.
-const MOST_NODES: usize = 200_000;
-/// Largest side of a layer, relative to the image.
-const LARGEST: f64 = 5.0;
-/// Layers of a filter step in addition to its result.
-const WORKING: usize = 6;
-/// Memory of a clip or mask, in layers, including its alpha bytes.
-const STENCIL: f64 = 1.5;
-/// Bytes per pixel.
-const RGBA: f64 = 4.0;
+/// Largest number of visited nodes; patterns that contain each other would otherwise never end.
+const MAX_NODES: usize = 200_000;
+/// Largest side of a layer divided by that of the image.
+const MAX_LAYER_RATIO: f64 = 5.0;
+/// Number of working layers of a filter, in addition to the result of each filter step.
+const WORKING_LAYERS: usize = 6;
+/// Memory of a clip or a mask with its alpha bytes, in layers of the same size.
+const STENCIL_LAYERS: f64 = 1.5;
+/// Bytes of an RGBA pixel.
+const BYTES_PER_PIXEL: f64 = 4.0;
 
 /// Returns the memory for rasterising a drawing at this size, in bytes; `None` if it is unbounded.
 pub(super) fn bytes_to_draw(tree: &Tree, zoom: Transform, size: [u32; 2]) -> Option<f64> {
     let size = size.map(f64::from);
     let mut walk = Walk { nodes: 0 };
-    Some(RGBA * (area(size) + walk.children(tree.root(), Place::picture(zoom, size))?))
+    Some(BYTES_PER_PIXEL * (area(size) + walk.children(tree.root(), Place::picture(zoom, size))?))
 }
 
 fn area([width, height]: [f64; 2]) -> f64 {
@@ -34,7 +34,7 @@ fn area([width, height]: [f64; 2]) -> f64 {
 /// Coordinate system and canvas of a node.
 #[derive(Clone, Copy)]
 struct Place {
-    /// Transform to pixels.
+    /// Transform from the coordinates of the node to image pixels.
     to_pixels: Transform,
     /// Size of the current canvas, in pixels.
     canvas: [f64; 2],
@@ -44,29 +44,31 @@ struct Place {
 
 impl Place {
     fn picture(to_pixels: Transform, size: [f64; 2]) -> Self {
-        Self { to_pixels, canvas: size, largest: size.map(|side| LARGEST * side) }
+        Self { to_pixels, canvas: size, largest: size.map(|side| MAX_LAYER_RATIO * side) }
     }
 
-    fn within(self, transform: Transform) -> Self {
+    fn transformed(self, transform: Transform) -> Self {
         Self { to_pixels: self.to_pixels.pre_concat(transform), ..self }
     }
 
-    /// Returns width and height of the layer of a group.
+    /// Returns width and height of the layer of a group, in pixels.
     fn layer(self, group: &Group) -> [f64; 2] {
-        /// Margin for antialiasing, on both sides together.
-        const EDGE: f64 = 4.0;
+        /// Margin for antialiasing, both sides together, in pixels.
+        const ANTIALIASING_MARGIN: f64 = 4.0;
         let bounds = group.layer_bounding_box();
         let (x, y) = self.to_pixels.get_scale();
         // Layers with filters rotate with the group; others are axis-aligned.
         let upright = bounds.transform(self.to_pixels).map_or([f32::MAX; 2], |at| [at.width(), at.height()]);
         let turned = [bounds.width() * x, bounds.height() * y];
         let sides = if group.filters().is_empty() { upright } else { turned };
-        [0, 1].map(|axis| (f64::from(sides[axis]) + EDGE).min(self.largest[axis]))
+        [0, 1].map(|axis| (f64::from(sides[axis]) + ANTIALIASING_MARGIN).min(self.largest[axis]))
     }
 }
 
-/// Pixels that exist at the same time, and the number of visited nodes.
+/// Traversal of an SVG tree. The methods return the pixels that exist at the same time, or `None` beyond the
+/// node limit.
 struct Walk {
+    /// Number of visited nodes.
     nodes: usize,
 }
 
@@ -81,7 +83,7 @@ impl Walk {
 
     fn node(&mut self, node: &Node, place: Place) -> Option<f64> {
         self.nodes += 1;
-        if self.nodes > MOST_NODES {
+        if self.nodes > MAX_NODES {
             return None;
         }
         match node {
@@ -99,7 +101,7 @@ impl Walk {
     }
 
     fn group(&mut self, group: &Group, place: Place) -> Option<f64> {
-        let place = place.within(group.transform());
+        let place = place.transformed(group.transform());
         if !group.should_isolate() {
             return self.children(group, place);
         }
@@ -124,35 +126,36 @@ impl Walk {
                 most = most.max(self.group(image.root(), place)?);
             }
         }
-        Some(area(place.canvas) * (filter.primitives().len() + WORKING) as f64 + most)
+        Some(area(place.canvas) * (filter.primitives().len() + WORKING_LAYERS) as f64 + most)
     }
 
     fn mask(&mut self, mask: &Mask, place: Place) -> Option<f64> {
         let inner = self.children(mask.root(), place)?;
         let next = mask.mask().map_or(Some(0.0), |mask| self.mask(mask, place))?;
-        Some(STENCIL * area(place.canvas) + inner.max(next))
+        Some(STENCIL_LAYERS * area(place.canvas) + inner.max(next))
     }
 
     fn clip(&mut self, clip: &ClipPath, place: Place) -> Option<f64> {
-        let inner = self.clipping(clip.root(), place.within(clip.transform()))?;
+        let inner = self.clip_contents(clip.root(), place.transformed(clip.transform()))?;
         let next = clip.clip_path().map_or(Some(0.0), |clip| self.clip(clip, place))?;
-        Some(STENCIL * area(place.canvas) + inner.max(next))
+        Some(STENCIL_LAYERS * area(place.canvas) + inner.max(next))
     }
 
-    /// Returns the memory of a clip; groups inside it with clips need layers of the same size.
-    fn clipping(&mut self, group: &Group, place: Place) -> Option<f64> {
+    /// Returns the pixels for the contents of a clip; groups in it with clips of their own need layers of the
+    /// same size.
+    fn clip_contents(&mut self, group: &Group, place: Place) -> Option<f64> {
         let mut most = 0.0_f64;
         for node in group.children() {
             let inner = match node {
                 Node::Group(group) => {
-                    let place = place.within(group.transform());
-                    let inner = self.clipping(group, place)?;
+                    let place = place.transformed(group.transform());
+                    let inner = self.clip_contents(group, place)?;
                     match group.clip_path() {
                         Some(clip) => area(place.canvas) + inner.max(self.clip(clip, place)?),
                         None => inner,
                     }
                 }
-                Node::Text(text) => self.clipping(text.flattened(), place)?,
+                Node::Text(text) => self.clip_contents(text.flattened(), place)?,
                 other => self.node(other, place)?,
             };
             most = most.max(inner);
@@ -171,9 +174,9 @@ impl Walk {
         Some(most)
     }
 
-    /// Returns the memory of the tile of a pattern.
+    /// Returns the pixels for the tile of a pattern.
     fn pattern(&mut self, pattern: &Pattern, place: Place) -> Option<f64> {
-        let (x, y) = place.within(pattern.transform()).to_pixels.get_scale();
+        let (x, y) = place.transformed(pattern.transform()).to_pixels.get_scale();
         let rect = pattern.rect();
         let canvas = [rect.width() * x, rect.height() * y].map(f64::from);
         let tile = Place { to_pixels: Transform::from_scale(x, y), canvas, ..place };

@@ -15,15 +15,15 @@ use crate::platform::Answer;
 /// Reads a file, up to the largest size of a site or an image.
 ///
 /// # Errors
-/// When it is missing, not a regular file, or too large.
+/// When the file is missing, not a regular file, or too large.
 pub(super) fn read(path: &Path) -> FileResult<Vec<u8>> {
     calib_input::read(path, MAX_BYTES as u64).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Reads a file as [`read`] does, if it is allowed.
+/// Reads a file as [`read`] does, if `reach` allows its path after all links are resolved.
 ///
 /// # Errors
-/// When it is not allowed, and as `read`.
+/// When the path is not allowed, and as `read`.
 pub(super) fn read_within(path: &Path, reach: &AllowedFiles) -> FileResult<Vec<u8>> {
     let real = path.canonicalize().map_err(|error| format!("{}: {error}", path.display()))?;
     // The checked path is also the path that is read: no link is followed in between.
@@ -50,6 +50,7 @@ pub(super) fn write_quickly(path: &Path, bytes: &[u8]) -> FileResult<()> {
     write_to(path, bytes, false)
 }
 
+/// Writes a file atomically; `waits` until the file is on disk.
 fn write_to(path: &Path, bytes: &[u8], waits: bool) -> FileResult<()> {
     let place = calib_input::resolve_target(path, true).map_err(|error| error.to_string())?;
     let written = place.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| {
@@ -69,7 +70,7 @@ pub(super) fn data_dir() -> Option<PathBuf> {
     eframe::storage_dir("calib")
 }
 
-/// Returns the images in a folder, sorted by name.
+/// Returns the paths of the images in a folder, sorted by name.
 #[must_use]
 pub(super) fn images_in(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -78,7 +79,7 @@ pub(super) fn images_in(folder: &Path) -> Vec<PathBuf> {
     paths
 }
 
-/// Deletes an autosave and its images.
+/// Deletes the autosave `file` and the images in its folder.
 pub(super) fn forget(folder: &Path, file: &Path) {
     // A missing file needs no deletion.
     let _ = std::fs::remove_file(file);
@@ -88,15 +89,15 @@ pub(super) fn forget(folder: &Path, file: &Path) {
     }
 }
 
-/// Lock of a folder; a killed process releases it, too.
+/// Lock of an autosave folder; also the end of a killed process releases the lock.
 #[derive(Debug)]
 pub(crate) struct Claim {
-    /// File that the system locks until it is closed.
+    /// Lock file, which the system locks until the file is closed.
     _lock: Option<std::fs::File>,
 }
 
 impl Claim {
-    /// Locks a folder; `None` if another window has it.
+    /// Locks an autosave folder; `None` if another window has locked it.
     #[must_use]
     pub(crate) fn of(folder: &Path) -> Option<Self> {
         let open = || {
@@ -112,7 +113,7 @@ impl Claim {
     }
 }
 
-/// Opens a chooser for files, or for a place to save.
+/// Opens a file chooser for opening or saving, according to the purpose.
 pub(super) fn ask(purpose: Purpose) -> Answer {
     let dialog = rfd::AsyncFileDialog::new();
     let one = |file: rfd::FileHandle| Chosen {

@@ -13,10 +13,11 @@ use crate::platform::native::drawing::draw;
 use crate::platform::native::files;
 use crate::platform::{Lost, Recovery, Stills};
 
-/// Background work and its result. Work whose task was dropped is not started.
+/// Task in the background and its result. A task that is dropped before its start is not started.
 #[derive(Debug)]
 pub struct Task<T> {
     result: std::sync::mpsc::Receiver<T>,
+    /// Counter that shows the thread whether the task was dropped.
     wanted: Arc<()>,
 }
 
@@ -27,19 +28,19 @@ mod gate {
     static RUNNING: Mutex<usize> = Mutex::new(0);
     static DONE: Condvar = Condvar::new();
 
-    /// Slot of running work, released when dropped, also after a panic.
-    pub(super) struct Place;
+    /// Slot of a running task, released when it is dropped, also after a panic.
+    pub(super) struct Slot;
 
-    /// Waits for a slot.
-    pub(super) fn enter() -> Place {
+    /// Waits until fewer tasks are running than processors exist, and takes a slot.
+    pub(super) fn enter() -> Slot {
         let most = std::thread::available_parallelism().map_or(2, std::num::NonZero::get);
         let running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
         let waited = DONE.wait_while(running, |running| *running >= most);
         *waited.unwrap_or_else(PoisonError::into_inner) += 1;
-        Place
+        Slot
     }
 
-    impl Drop for Place {
+    impl Drop for Slot {
         fn drop(&mut self) {
             *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
             DONE.notify_one();
@@ -48,13 +49,13 @@ mod gate {
 }
 
 impl<T: Send + 'static> Task<T> {
-    /// Starts work; a frame is requested when it is done.
+    /// Starts a task when a slot is free; requests a frame when the task has ended.
     #[must_use]
     pub fn spawn(ctx: &Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
         Self::start(ctx, || Some(gate::enter()), work)
     }
 
-    /// Starts work without waiting for a slot.
+    /// Starts a task at once, without waiting for a slot; requests a frame when the task has ended.
     #[must_use]
     pub fn spawn_apart(ctx: &Context, work: impl FnOnce() -> T + Send + 'static) -> Self {
         Self::start(ctx, || None, work)
@@ -62,7 +63,7 @@ impl<T: Send + 'static> Task<T> {
 
     fn start(
         ctx: &Context,
-        enter: fn() -> Option<gate::Place>,
+        enter: fn() -> Option<gate::Slot>,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Self {
         let (sender, result) = std::sync::mpsc::channel();
@@ -75,7 +76,7 @@ impl<T: Send + 'static> Task<T> {
                 return;
             }
             let done = work();
-            // The receiver may be gone.
+            // An error means that the task was dropped.
             if sender.send(done).is_ok() {
                 ctx.request_repaint();
             }
@@ -83,13 +84,13 @@ impl<T: Send + 'static> Task<T> {
         Self { result, wanted }
     }
 
-    /// Returns the result once; work that panicked has none.
+    /// Returns the result when the task has ended, only once; `None` after a panic.
     #[must_use]
     pub fn poll(&self) -> Option<T> {
         self.outcome()?.ok()
     }
 
-    /// Returns the outcome once.
+    /// Returns the result when the task has ended, only once, or [`Lost`] after a panic.
     #[must_use]
     pub fn outcome(&self) -> Option<Result<T, Lost>> {
         debug_assert!(Arc::strong_count(&self.wanted) == 1, "a task is waited for once");
@@ -102,11 +103,11 @@ impl<T: Send + 'static> Task<T> {
 }
 
 impl<T> Task<T> {
-    /// Creates finished work.
+    /// Creates a task that has ended with this result.
     #[must_use]
     pub fn done(result: T) -> Self {
         let (sender, receiver) = std::sync::mpsc::channel();
-        // The receiver exists.
+        // The receiver exists, so that sending cannot fail.
         let _ = sender.send(result);
         Self { result: receiver, wanted: Arc::new(()) }
     }

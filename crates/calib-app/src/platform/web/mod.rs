@@ -33,14 +33,14 @@ impl Platform for Web {
     const HAS_FOLDERS: bool = false;
     // Headings use the regular font, which keeps the page small.
     const MEDIUM_FONT: &'static [u8] = include_bytes!("../../../assets/IBMPlexSans-Regular.ttf");
-    // Storage belongs to the page.
+    // The database of the browser needs no locks.
     type Claim = ();
 
     fn wants_stillness() -> bool {
         page::PAGE.with(page::Page::still)
     }
 
-    /// Files must be dropped on the page.
+    /// Returns an error: the browser cannot read paths, and files must be dropped on the page.
     fn read(path: &Path) -> FileResult<Vec<u8>> {
         Err(format!("{}: drop this image here", path.display()))
     }
@@ -53,18 +53,18 @@ impl Platform for Web {
         None
     }
 
-    /// A written file is a download.
+    /// Offers the file as a download.
     fn write(path: &Path, bytes: &[u8]) -> FileResult<()> {
         download(path, bytes);
         Ok(())
     }
 
-    /// The browser has no files; its storage keeps sites.
+    /// Returns an error: the browser has no files, and its database stores sites.
     fn write_quickly(path: &Path, _: &[u8]) -> FileResult<()> {
         Err(format!("{}: the browser has no files", path.display()))
     }
 
-    // The storage dates its entries.
+    // The database of the browser dates its entries.
     fn now() -> Option<u64> {
         None
     }
@@ -138,7 +138,7 @@ impl Platform for Web {
 
     fn find_edges(ctx: &Context, image: &Arc<RgbImage>) -> Task<Vec<Edge>> {
         let image = Arc::clone(image);
-        // Without edges the operator annotates by hand.
+        // After an error there are no edges, and the operator annotates by hand.
         Task::wait(ctx, async move { worker::edges(&image).await.unwrap_or_default() })
     }
 
@@ -155,7 +155,7 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::propose(&camera, &edges).await })
     }
 
-    // The worker is stopped.
+    // The page stops the worker.
     fn stop_proposing() {
         worker::stop_proposing();
     }
@@ -168,7 +168,7 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::recover(&asked, &stills).await })
     }
 
-    // The worker is stopped.
+    // The page stops the worker.
     fn stop_comparing() {
         worker::stop_comparing();
     }
@@ -177,7 +177,7 @@ impl Platform for Web {
         Task::wait(ctx, async move { worker::refine(&site).await })
     }
 
-    // The worker is stopped.
+    // The page stops the worker.
     fn stop_refining() {
         worker::stop_refining();
     }
@@ -196,20 +196,20 @@ pub(crate) fn download(path: &Path, bytes: &[u8]) {
     page::download(&name, mime, &Uint8Array::from(bytes));
 }
 
-/// Opens a chooser for files with these endings, and reads them.
+/// Opens a file chooser for files with these endings, and reads the chosen files.
 pub(crate) async fn pick(endings: &[&str], multiple: bool) -> Vec<Chosen> {
     let accept: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
     let Ok(files) = JsFuture::from(page::pick(&accept.join(","), multiple)).await else { return Vec::new() };
     read_all(&js_sys::Array::from(&files)).await
 }
 
-/// Reads files of the browser.
+/// Reads files that the browser passes to the page; an unreadable file has no bytes.
 pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
     let mut chosen = Vec::new();
     for file in files.iter().filter_map(|file| file.dyn_into::<web_sys::File>().ok()) {
         let bytes = match JsFuture::from(file.array_buffer()).await {
             Ok(buffer) => Some(Uint8Array::new(&buffer).to_vec()),
-            // A folder, or a file that was removed; the caller reports it.
+            // A folder or a removed file cannot be read; the caller reports it.
             Err(_) => None,
         };
         chosen.push(Chosen { name: file.name(), path: None, bytes });
@@ -217,7 +217,7 @@ pub(crate) async fn read_all(files: &js_sys::Array) -> Vec<Chosen> {
     chosen
 }
 
-/// Rasterises an SVG on white, as PNG.
+/// Rasterises an SVG on white; returns a PNG.
 pub(crate) async fn draw(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let drawn = JsFuture::from(page::draw(&Uint8Array::from(bytes), SIDE)).await;
     drawn.map(|png| Uint8Array::new(&png).to_vec()).map_err(|error| said(&error))
@@ -229,11 +229,11 @@ fn said(error: &JsValue) -> String {
     message.or_else(|| error.as_string()).unwrap_or_else(|| format!("{error:?}"))
 }
 
-/// Yields to the browser.
+/// Waits for 16 ms, so that the browser can paint a frame.
 pub(crate) async fn breath() {
     let wait = js_sys::Promise::new(&mut |resolve, _| {
         if let Some(window) = web_sys::window() {
-            // Without a timer the work continues at once.
+            // If the timer cannot be set, the work continues at once.
             if window.set_timeout_with_callback_and_timeout_and_arguments_0(&resolve, 16).is_err() {
                 let _ = resolve.call0(&resolve);
             }

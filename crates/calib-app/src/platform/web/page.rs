@@ -11,13 +11,14 @@ use wasm_bindgen::prelude::*;
 use crate::choice::{Chosen, IMAGES, PLANS, Purpose, SITE};
 use crate::platform::web::pick as pick_files;
 
-/// Parses a message as text; a second parser for bytes would double the generated code.
+/// Parses a JSON message. The bytes are converted to text first, because a second parser would double the
+/// generated code.
 pub(crate) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, String> {
     let text = str::from_utf8(bytes).map_err(|error| error.to_string())?;
     serde_json::from_str(text).map_err(|error| error.to_string())
 }
 
-/// Opens a chooser; a file to save is a download, so no chooser is shown.
+/// Opens a file chooser. A saved file is a download, so saving shows no chooser.
 pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
     match purpose {
         Purpose::SaveSite | Purpose::SavePlain => {
@@ -44,14 +45,14 @@ pub(super) async fn ask(purpose: Purpose) -> Vec<Chosen> {
 
 #[wasm_bindgen]
 extern "C" {
-    /// The page's object.
+    /// JavaScript object `calib` of the page.
     #[wasm_bindgen(js_name = calib, thread_local_v2)]
     pub(crate) static PAGE: Page;
 
-    /// Type of the page's object.
+    /// Type of the JavaScript object `calib` of the page.
     pub(crate) type Page;
 
-    /// Requests that are not handled yet.
+    /// Returns the queue of requests that are not handled yet.
     #[wasm_bindgen(method, getter)]
     pub(crate) fn queue(this: &Page) -> Array;
 
@@ -59,19 +60,19 @@ extern "C" {
     #[wasm_bindgen(method, getter)]
     pub(crate) fn still(this: &Page) -> bool;
 
-    /// Function that the page calls after a new request.
+    /// Sets the function that the page calls after a new request.
     #[wasm_bindgen(method, setter)]
     pub(crate) fn set_wake(this: &Page, wake: &Function);
 
-    /// Function that the page calls to show the app on a new canvas.
+    /// Sets the function that the page calls to show the app on a new canvas.
     #[wasm_bindgen(method, setter)]
     pub(crate) fn set_restart(this: &Page, restart: &Function);
 
-    /// Whether closing the page would lose work.
+    /// Sets whether closing the page would lose work; the browser then asks the operator.
     #[wasm_bindgen(method, setter)]
     pub(crate) fn set_unkept(this: &Page, unkept: bool);
 
-    /// Reports that the program stopped.
+    /// Reports a panic of the program with its message.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn panicked(message: &str);
 
@@ -87,27 +88,28 @@ extern "C" {
     #[wasm_bindgen(js_namespace = calib, js_name = contextBack)]
     pub(crate) fn context_back();
 
-    /// Replaces the canvas by a new one.
+    /// Replaces the canvas of the page by a new canvas, and returns it.
     #[wasm_bindgen(js_namespace = calib, js_name = freshCanvas)]
     pub(crate) fn fresh_canvas() -> web_sys::HtmlCanvasElement;
 
-    /// Opens a file chooser.
+    /// Opens a file chooser; the promise resolves to the chosen files.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn pick(accept: &str, multiple: bool) -> Promise;
 
-    /// Runs work in a worker.
+    /// Runs work of this kind in a worker; the promise resolves to the answer.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn work(kind: &str, name: &str, width: u32, bytes: &Uint8Array) -> Promise;
 
-    /// Returns an image of the demonstration that was shipped with the page, or null.
+    /// Fetches an image of the demonstration that was shipped with the page; the promise resolves to its
+    /// bytes or null.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn picture(name: &str) -> Promise;
 
-    /// Rasterises an SVG on white as PNG; `side` is the longer side, in pixels.
+    /// Rasterises an SVG on white; the promise resolves to a PNG. `side` is its longer side, in pixels.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn draw(bytes: &Uint8Array, side: u32) -> Promise;
 
-    /// Stops the worker of this kind of work.
+    /// Stops the worker that does this kind of work.
     #[wasm_bindgen(js_namespace = calib)]
     pub(crate) fn dismiss(kind: &str);
 
@@ -119,19 +121,19 @@ extern "C" {
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn download(name: &str, mime: &str, bytes: &Uint8Array);
 
-    /// Lists the stored sites.
+    /// Lists the sites in the database of the browser.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn list() -> Promise;
 
-    /// Stores a site and its new images.
+    /// Stores a site and its new images; the promise resolves to the number of writes of the record.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn keep(record: &str, images: &Array) -> Promise;
 
-    /// Returns a stored site and its images.
+    /// Reads a stored site and its images.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn open(id: &str) -> Promise;
 
-    /// Removes a stored site.
+    /// Removes a site from the database of the browser.
     #[wasm_bindgen(js_namespace = ["calib", "store"])]
     pub(crate) fn remove(id: &str) -> Promise;
 }

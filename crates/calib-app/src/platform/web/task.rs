@@ -5,14 +5,14 @@ use std::rc::Rc;
 
 use crate::platform::Lost;
 
-/// Background work and its result.
+/// Task in the background and its result.
 #[derive(Debug)]
 pub struct Task<T> {
     result: Rc<RefCell<Option<T>>>,
 }
 
 impl<T> Task<T> {
-    /// Creates finished work.
+    /// Creates a task that has ended with this result.
     #[must_use]
     pub fn done(result: T) -> Self {
         Self { result: Rc::new(RefCell::new(Some(result))) }
@@ -20,7 +20,7 @@ impl<T> Task<T> {
 }
 
 impl<T: 'static> Task<T> {
-    /// Runs work between two frames, because a page has no threads. For short work only.
+    /// Starts a short task, which runs between two frames because a page has no threads.
     #[must_use]
     pub fn spawn(ctx: &egui::Context, work: impl FnOnce() -> T + 'static) -> Self {
         Self::wait(ctx, async move {
@@ -29,7 +29,7 @@ impl<T: 'static> Task<T> {
         })
     }
 
-    /// Waits for a future of the browser; a frame is requested when it is done.
+    /// Starts a task that waits for a future of the browser; requests a frame when the future has ended.
     #[must_use]
     pub fn wait(ctx: &egui::Context, work: impl Future<Output = T> + 'static) -> Self {
         let (result, ctx) = (Rc::new(RefCell::new(None)), ctx.clone());
@@ -42,13 +42,13 @@ impl<T: 'static> Task<T> {
         Self { result }
     }
 
-    /// Returns the result once; work that panicked has none.
+    /// Returns the result when the task has ended, only once.
     #[must_use]
     pub fn poll(&self) -> Option<T> {
         self.outcome()?.ok()
     }
 
-    /// Returns the outcome once.
+    /// Returns the result when the task has ended, only once; it is never [`Lost`].
     #[must_use]
     pub fn outcome(&self) -> Option<Result<T, Lost>> {
         self.result.take().map(Ok)

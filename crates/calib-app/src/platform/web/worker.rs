@@ -10,117 +10,125 @@ use wasm_bindgen_futures::JsFuture;
 use crate::platform::web::{Web, page};
 use crate::platform::{Platform as _, Recovery, Stills};
 
-/// Worker for refinement; separate, so that it can be stopped.
+/// Name of the worker for refinements; it is separate so that it can be stopped.
 pub(crate) const REFINE: &str = "refine";
-/// Worker for automatic calibration: with an image it measures edges, otherwise it calibrates from them.
+/// Name of the worker for automatic calibration. With an image it measures edges, otherwise it calibrates
+/// from measured edges.
 pub(crate) const PROPOSE: &str = "propose";
 
-/// Worker for comparisons; the bytes contain both images.
+/// Name of the worker for comparisons; the bytes of a request contain both images.
 pub(crate) const COMPARE: &str = "compare";
-/// Worker for recovery.
+/// Name of the worker for recoveries; the bytes of a request contain both images.
 pub(crate) const RECOVER: &str = "recover";
 
-async fn ask(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
+/// Sends a request to a worker; returns its answer.
+async fn request(kind: &str, name: &str, width: u32, bytes: &[u8]) -> Result<Array, String> {
     let answer = JsFuture::from(page::work(kind, name, width, &Uint8Array::from(bytes))).await;
     answer.map(|answer| Array::from(&answer)).map_err(|error| crate::platform::web::said(&error))
 }
 
-/// Decodes an image.
+/// Decodes an image file in a worker.
 pub(crate) async fn pixels(bytes: &[u8]) -> Result<RgbImage, String> {
-    image_of(&ask("decode", "", 0, bytes).await?)
+    image_from_answer(&request("decode", "", 0, bytes).await?)
 }
 
-fn image_of(answer: &Array) -> Result<RgbImage, String> {
+/// Creates the image of an answer: its RGB bytes and its width.
+fn image_from_answer(answer: &Array) -> Result<RgbImage, String> {
     let bytes = Uint8Array::new(&answer.get(0)).to_vec();
     let width = answer.get(1).as_f64().unwrap_or_default() as u32;
     let height = bytes.len() as u32 / (3 * width.max(1));
     RgbImage::from_raw(width, height, bytes).ok_or_else(|| "an image of another size".into())
 }
 
-/// Returns an image of the demonstration that was shipped with the page; a page saved as a single file has
-/// none, and renders it.
-async fn shipped(name: &str) -> Option<Vec<u8>> {
+/// Returns an image of the demonstration that was shipped with the page. A page that was saved as a single
+/// file contains no image and returns `None`.
+async fn shipped_image(name: &str) -> Option<Vec<u8>> {
     let answer = JsFuture::from(page::picture(name)).await.ok()?;
     answer.is_object().then(|| Uint8Array::new(&answer).to_vec())
 }
 
-/// Decodes an image; an image of the demonstration is fetched or rendered.
+/// Decodes an image in a worker; an image of the demonstration is fetched or rendered.
 pub(crate) async fn decode(source: Source) -> Result<RgbImage, String> {
     let Some(made) = source.name_to_render().map(str::to_owned) else {
         return pixels(&source.read(Web::read_within)?).await;
     };
-    if let Some(bytes) = shipped(&made).await {
+    if let Some(bytes) = shipped_image(&made).await {
         let image = pixels(&bytes).await?;
         source.store_rendered(bytes.into());
         return Ok(image);
     }
-    let answer = ask("render", &made, 0, &[]).await?;
+    let answer = request("render", &made, 0, &[]).await?;
     source.store_rendered(Uint8Array::new(&answer.get(2)).to_vec().into());
-    image_of(&answer)
+    image_from_answer(&answer)
 }
 
-/// Detects edges.
+/// Detects the straight edges of an image in a worker.
 pub(crate) async fn edges(image: &RgbImage) -> Result<Vec<Edge>, String> {
-    let answer = ask("edges", "", image.width(), image).await?;
+    let answer = request("edges", "", image.width(), image).await?;
     Ok(edges::from_numbers(&Float64Array::new(&answer.get(0)).to_vec()))
 }
 
-/// Refines a site.
+/// Refines all cameras of a site jointly in a worker.
 pub(crate) async fn refine(site: &Site) -> Result<Site, String> {
-    let answer = ask(REFINE, "", 0, site.to_json().as_bytes()).await?;
+    let answer = request(REFINE, "", 0, site.to_json().as_bytes()).await?;
     let text =
         String::from_utf8(Uint8Array::new(&answer.get(0)).to_vec()).map_err(|error| error.to_string())?;
     Site::from_json(&text).map_err(|error| error.to_string())
 }
 
-/// Measures edges.
+/// Measures the straight edges of an image with subpixel accuracy in a worker.
 pub(crate) async fn measure_edges(image: &RgbImage) -> Result<Vec<LineSegment>, String> {
-    parsed(&ask(PROPOSE, "", image.width(), image).await?)
+    parsed(&request(PROPOSE, "", image.width(), image).await?)
 }
 
-/// Calibrates from measured edges, in the worker that measured them.
+/// Calibrates a camera from measured edges, in the worker that measured them.
 pub(crate) async fn propose(
     camera: &SiteCamera,
     edges: &[LineSegment],
 ) -> Result<AutomaticCalibration, String> {
     let asked = serde_json::to_vec(&(camera, edges)).map_err(|error| error.to_string())?;
-    parsed(&ask(PROPOSE, "", 0, &asked).await?)
+    parsed(&request(PROPOSE, "", 0, &asked).await?)
 }
 
-/// Stops the automatic calibration.
+/// Stops the running automatic calibration.
 pub(crate) fn stop_proposing() {
     page::dismiss(PROPOSE);
 }
 
-/// Compares two images.
+/// Compares two images of a solved camera in a worker.
 pub(crate) async fn compare(camera: &SiteCamera, stills: &Stills) -> Result<Comparison, String> {
-    parsed(&ask_of(COMPARE, camera, stills).await?)
+    parsed(&request_with_images(COMPARE, camera, stills).await?)
 }
 
-/// Recovers a camera.
+/// Recovers a camera that moved between two images in a worker.
 pub(crate) async fn recover(asked: &Recovery, stills: &Stills) -> Result<Recovered, String> {
-    parsed(&ask_of(RECOVER, asked, stills).await?)
+    parsed(&request_with_images(RECOVER, asked, stills).await?)
 }
 
-/// Sends a request with two images of one size.
-async fn ask_of(kind: &str, asked: &impl serde::Serialize, [old, new]: &Stills) -> Result<Array, String> {
+/// Sends a request with two images of equal size to a worker.
+async fn request_with_images(
+    kind: &str,
+    asked: &impl serde::Serialize,
+    [old, new]: &Stills,
+) -> Result<Array, String> {
     let asked = serde_json::to_string(asked).map_err(|error| error.to_string())?;
     let bytes = [old.as_raw().as_slice(), new.as_raw().as_slice()].concat();
-    ask(kind, &asked, old.width(), &bytes).await
+    request(kind, &asked, old.width(), &bytes).await
 }
 
-/// Stops comparison and recovery.
+/// Stops the running comparison and recovery.
 pub(crate) fn stop_comparing() {
     page::dismiss(COMPARE);
     page::dismiss(RECOVER);
 }
 
+/// Parses the JSON text of an answer.
 fn parsed<T: serde::de::DeserializeOwned>(answer: &Array) -> Result<T, String> {
     let text = Uint8Array::new(&answer.get(0)).to_vec();
     page::read(&text)
 }
 
-/// Stops the refinement.
+/// Stops the running refinement.
 pub(crate) fn stop_refining() {
     page::dismiss(REFINE);
 }

@@ -1,28 +1,30 @@
 //! Brown-Conrady model, a radial polynomial with decentring: D. C. Brown, "Decentering distortion of lenses",
 //! 1966, after A. E. Conrady, 1919, in the notation of OpenCV.
 //!
-//! With `r^2 = x^2 + y^2` and `R = 1 + k1 r^2 + k2 r^4 + k3 r^6`:
+//! An undistorted point (x, y) has the distorted point (x', y'), both divided by the focal length. With
+//! `r^2 = x^2 + y^2` and `R = 1 + k1 r^2 + k2 r^4 + k3 r^6`:
 //!
 //! ```text
 //! x' = x R + 2 p1 x y + p2 (r^2 + 2 x^2)
 //! y' = y R + p1 (r^2 + 2 y^2) + 2 p2 x y
 //! ```
 //!
-//! The inverse has no closed form. Its derivatives follow from the implicit function theorem. With the
-//! Jacobian A of the formula at the undistorted point u, `d u / d x' = A^-1`. At a fixed distorted point,
-//! `d u / d k = -A^-1 (d x' / d k)` and `d A^-1 / d k = -A^-1 (d A / d k + (d A / d u) (d u / d k)) A^-1`.
-//! The formula is the gradient of a function, so A is symmetric and stored as three numbers.
+//! The inverse has no closed form. Its derivatives follow from the implicit function theorem. Let u be the
+//! undistorted point, v the distorted point, and A the Jacobian of the formula at u. Then `d u / d v = A^-1`.
+//! At a fixed distorted point, the derivatives with respect to a coefficient k are
+//! `d u / d k = -A^-1 (d v / d k)` and `d A^-1 / d k = -A^-1 (d A / d k + (d A / d u) (d u / d k)) A^-1`. The
+//! formula is the gradient of a function, so A is symmetric and stored as three numbers.
 //!
 //! # Inversion of many points
 //!
 //! [`BrownInverse`] inverts several points in lockstep, so that the compiler can use vector instructions.
 //!
-//! The radial part alone has an inverse `g(d) = d P(|d|^2)`. The polynomial P is interpolated once for each
-//! camera. With the tangential part t, `u = g(d - t(g(d)))` is accurate to about 1e-5. One step of Newton's
-//! method and one step of the chord method with the same Jacobian J then reach machine accuracy. The
-//! remaining error is at most `|J^-1| H |first| |second|`, with the largest second derivative H within the
-//! image. If this bound exceeds 1e-13, as at the rim of a lens, the point is solved separately. The result
-//! for a point therefore does not depend on the other points.
+//! Let d be a distorted point. The radial part alone has the inverse `g(d) = d P(|d|^2)`. The polynomial P is
+//! interpolated once for each camera. With the tangential part t, the start `u = g(d - t(g(d)))` is accurate
+//! to about 1e-5. One step of Newton's method (`first`) and one step of the chord method (`second`) with the
+//! same Jacobian J then reach machine accuracy. The remaining error is at most `|J^-1| H |first| |second|`,
+//! where H is a bound of the second derivatives. If this error bound exceeds 1e-13, as at the rim of a lens,
+//! the point is solved separately. The result for a point therefore does not depend on the other points.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -30,6 +32,7 @@ use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, M
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
 use crate::camera::numerics::{OddPolynomial, hypot, positive_roots, sin_cos};
 
+/// Table entry of the Brown-Conrady model in [`MODELS`](super::MODELS).
 pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::BrownConrady,
     name: "brown-conrady",
@@ -51,22 +54,22 @@ pub struct BrownConrady {
     pub k2: f64,
     /// Radial coefficient of r^6.
     pub k3: f64,
-    /// Tangential coefficient of vertical decentring.
+    /// Tangential coefficient of the decentring along y.
     pub p1: f64,
-    /// Tangential coefficient of horizontal decentring.
+    /// Tangential coefficient of the decentring along x.
     pub p2: f64,
 }
 
-/// Symmetric matrix: `[xx, xy, yy]`.
+/// Symmetric 2 x 2 matrix: `[xx, xy, yy]`.
 type Symmetric = [f64; 3];
 
 impl BrownConrady {
-    /// Returns the radial part as a polynomial of the radius.
+    /// Returns the radial part of the formula as a polynomial of the undistorted radius.
     pub(crate) fn radial(&self) -> OddPolynomial {
         OddPolynomial([self.k1, self.k2, self.k3, 0.0])
     }
 
-    /// Evaluates the formula, also beyond the fold of the model.
+    /// Returns the distorted point of an undistorted point by the formula, also beyond the fold of the model.
     #[inline]
     pub(crate) fn evaluate(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let square = x * x + y * y;
@@ -77,7 +80,8 @@ impl BrownConrady {
         ]
     }
 
-    /// Returns the derivatives of the formula by every coefficient, at a fixed undistorted point.
+    /// Returns the derivatives of the distorted point with respect to every coefficient, at a fixed
+    /// undistorted point.
     #[inline(always)]
     #[expect(clippy::unused_self, reason = "the formula is linear in its coefficients")]
     pub(crate) fn distorted_by_coefficients(
@@ -91,7 +95,7 @@ impl BrownConrady {
         [radial[0], radial[1], radial[2], decentring[0], decentring[1]]
     }
 
-    /// Returns the Jacobian of the formula, which is symmetric: `[dx'/dx, dx'/dy, dy'/dy]`.
+    /// Returns the symmetric Jacobian of the formula at an undistorted point: `[dx'/dx, dx'/dy, dy'/dy]`.
     #[inline(always)]
     pub(crate) fn jacobian(&self, [x, y]: [f64; 2]) -> [f64; 3] {
         let square = x * x + y * y;
@@ -104,7 +108,7 @@ impl BrownConrady {
         ]
     }
 
-    /// Returns the derivatives of [`Self::jacobian`] by x and by y.
+    /// Returns the derivatives of [`Self::jacobian`] with respect to x and to y of the undistorted point.
     fn jacobian_by_point(&self, [x, y]: [f64; 2]) -> [Symmetric; 2] {
         let square = x * x + y * y;
         let d_radial = self.k1 + square * (2.0 * self.k2 + 3.0 * self.k3 * square);
@@ -117,10 +121,11 @@ impl BrownConrady {
         [[xxx, xxy, xyy], [xxy, xyy, yyy]]
     }
 
-    /// Returns the smallest radius at which the model stops growing in some direction, or infinity.
+    /// Returns the fold radius: the smallest undistorted radius at which the distorted point stops moving
+    /// outwards in some direction. It is infinite if there is no fold.
     ///
-    /// Perpendicular to the radius, the tangential part is `3 r^2 (p1 sin + p2 cos)` of the direction of the
-    /// radius.
+    /// At the radius r and the polar angle phi, the radial component of the tangential part is
+    /// `3 r^2 (p1 sin phi + p2 cos phi)`.
     fn fold_radius(&self) -> f64 {
         let tangential = hypot(self.p1, self.p2);
         if tangential == 0.0 {
@@ -130,21 +135,23 @@ impl BrownConrady {
         positive_roots(&derivative).first().copied().unwrap_or(f64::INFINITY)
     }
 
-    /// Whether the map can be inverted up to the radius of this undistorted point.
+    /// Whether the radius of this undistorted point is within the fold radius, up to which the map is
+    /// invertible.
     fn is_regular(&self, [x, y]: [f64; 2]) -> bool {
         let radius = hypot(x, y);
         self.is_surely_increasing(radius) || radius <= self.fold_radius()
     }
 
-    /// Whether a lower bound of the derivative is positive up to this radius. If it is, no root has to be
-    /// computed.
+    /// Whether a lower bound of the radial derivative is positive up to this undistorted radius. If it is
+    /// positive, the fold radius is larger and its roots need not be computed.
     fn is_surely_increasing(&self, radius: f64) -> bool {
         self.radial().derivative_lower_bound(radius) > 6.0 * hypot(self.p1, self.p2) * radius
     }
 
-    /// Returns the start radius of Newton's method, and whether it is already the solution. It is the
-    /// solution of the radial part, which is computed inside a bracket.
-    fn start(&self, radius: f64) -> Option<(f64, bool)> {
+    /// Returns the undistorted radius at which Newton's method starts, and whether it is already the
+    /// solution. The start is the solution of the radial part for the distorted radius `radius`. Returns
+    /// `None` if no undistorted point maps to this radius.
+    fn start_radius(&self, radius: f64) -> Option<(f64, bool)> {
         let tangential = self.p1 != 0.0 || self.p2 != 0.0;
         match self.radial().inverse(radius) {
             Some(undistorted) if !tangential => Some((undistorted, true)),
@@ -157,7 +164,8 @@ impl BrownConrady {
     }
 }
 
-/// Returns `d A / d coefficient` of the Jacobian A of the formula: `[xx, xy, yy]`.
+/// Returns the derivatives `d A / d coefficient` of the Jacobian A of the formula, at a fixed undistorted
+/// point.
 fn jacobian_by_coefficients([x, y]: [f64; 2]) -> [Symmetric; Distortion::MAX_COEFFICIENTS] {
     let square = x * x + y * y;
     // The derivative of x r^2m is r^2m + 2 m x^2 r^(2m - 2).
@@ -174,8 +182,8 @@ fn inverse([a, b, d]: Symmetric) -> Matrix2 {
     [[d / determinant, -b / determinant], [-b / determinant, a / determinant]]
 }
 
-/// Returns `-B C B` of symmetric matrices B and C.
-fn sandwiched([[a, b], [_, d]]: Matrix2, [p, q, s]: Symmetric) -> Matrix2 {
+/// Returns the product `-B C B` of two symmetric matrices B and C.
+fn negated_triple_product([[a, b], [_, d]]: Matrix2, [p, q, s]: Symmetric) -> Matrix2 {
     let (left, right) = ([a * p + b * q, a * q + b * s], [b * p + d * q, b * q + d * s]);
     let cross = -(left[0] * b + left[1] * d);
     [[-(left[0] * a + left[1] * b), cross], [cross, -(right[0] * b + right[1] * d)]]
@@ -195,10 +203,10 @@ impl Model for BrownConrady {
         /// Maximum number of Newton steps. The tangential part is small, so five steps usually suffice.
         /// Convergence is only linear at the fold, where each step halves the error.
         const MAX_STEPS: usize = 50;
-        /// Accepted step, in coordinates divided by the focal length.
+        /// Largest accepted last step, in coordinates divided by the focal length.
         const TOLERANCE: f64 = 1e-13;
         let radius = hypot(x, y);
-        let (undistorted, is_radial) = self.start(radius)?;
+        let (undistorted, is_radial) = self.start_radius(radius)?;
         let scale = if radius > 0.0 { undistorted / radius } else { 1.0 };
         let mut point = [scale * x, scale * y];
         if is_radial {
@@ -241,53 +249,58 @@ impl Model for BrownConrady {
             let [x, y] = distorted[k];
             let at = by_distorted.map(|row| -(row[0] * x + row[1] * y));
             let change = |i: usize| direct[k][i] + by_point[0][i] * at[0] + by_point[1][i] * at[1];
-            ByCoefficient { at, jacobian: sandwiched(by_distorted, std::array::from_fn(change)) }
+            ByCoefficient { at, jacobian: negated_triple_product(by_distorted, std::array::from_fn(change)) }
         })
     }
 }
 
-/// Number of points that are inverted in lockstep.
+/// Number of points that are undistorted in lockstep.
 pub(crate) const LANES: usize = 8;
-/// Maximum length of the first step for which the error bound is valid.
+/// Maximum length of the first step for which the error bound is valid, in coordinates divided by the focal
+/// length.
 const MAX_FIRST_STEP: f64 = 1e-3;
-/// Number of coefficients of the polynomial P.
-const TERMS: usize = 8;
+/// Number of coefficients of the polynomial P of the radial inverse.
+const RADIAL_TERMS: usize = 8;
 
-/// Brown-Conrady lens, prepared for the inversion of many points.
+/// Brown-Conrady lens, prepared for the undistortion of many points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BrownInverse {
+    /// Model to be inverted.
     brown: BrownConrady,
-    /// Coefficients of P, by powers of the squared radius over the squared reach.
-    radial: [f64; TERMS],
-    /// `1 / reach^2`; the reach is the largest distorted radius at which P is valid.
+    /// Coefficients of the polynomial P, in ascending powers of the squared distorted radius times `scale`.
+    radial: [f64; RADIAL_TERMS],
+    /// Scale `1 / reach^2`, where the reach is the largest distorted radius at which P is valid.
     scale: f64,
-    /// Largest squared radius of undistorted points: just inside the fold, and not far beyond the reach.
+    /// Largest squared radius of undistorted points that are solved in lockstep. It is inside the fold, and
+    /// not far beyond the reach.
     max_square: f64,
-    /// Coefficients of H, a bound of the second derivatives, by powers of the squared radius.
+    /// Coefficients of H, a bound of the second derivatives, in ascending powers of the squared undistorted
+    /// radius.
     curvature: [f64; 4],
 }
 
 impl BrownInverse {
-    /// Prepares the inversion of distorted points within `reach` of the principal point, in units of the
-    /// focal length. More distant points take longer.
+    /// Prepares the undistortion of points up to the distorted radius `reach`, divided by the focal length.
+    /// More distant points take longer.
     pub(crate) fn new(brown: &BrownConrady, reach: f64) -> Self {
         let (fold, radial) = (brown.max_radius(), brown.radial());
         let reach = reach.min(0.97 * radial.value(0.97 * fold.min(1e3)).abs());
         let undistorted = radial.inverse(reach);
-        // Chebyshev nodes of the squared radius.
-        let node = |i: usize| 0.5 - 0.5 * sin_cos(std::f64::consts::PI * (i as f64 + 0.5) / TERMS as f64).1;
-        let powers = SMatrix::<f64, TERMS, TERMS>::from_fn(|i, k| node(i).powi(k as i32));
-        let ratios = SVector::<f64, TERMS>::from_fn(|i, _| {
+        // Chebyshev nodes of the squared radius, divided by the squared reach.
+        let node =
+            |i: usize| 0.5 - 0.5 * sin_cos(std::f64::consts::PI * (i as f64 + 0.5) / RADIAL_TERMS as f64).1;
+        let powers = SMatrix::<f64, RADIAL_TERMS, RADIAL_TERMS>::from_fn(|i, k| node(i).powi(k as i32));
+        let ratios = SVector::<f64, RADIAL_TERMS>::from_fn(|i, _| {
             let distorted = reach * node(i).sqrt();
             radial.inverse(distorted).map_or(1.0, |undistorted| undistorted / distorted)
         });
-        let radial = powers.lu().solve(&ratios).map_or([0.0; TERMS], Into::into);
+        let radial = powers.lu().solve(&ratios).map_or([0.0; RADIAL_TERMS], Into::into);
         let most = (fold * (1.0 - 1e-6)).min(1.1 * undistorted.unwrap_or(reach));
-        let curvature = curvature(brown, undistorted.unwrap_or(reach));
+        let curvature = second_derivative_bound(brown, undistorted.unwrap_or(reach));
         Self { brown: *brown, radial, scale: (reach * reach).recip(), max_square: most * most, curvature }
     }
 
-    /// Inverts the radial part.
+    /// Applies the inverse of the radial part, approximated by the polynomial P, to a distorted point.
     #[inline(always)]
     fn invert_radial(&self, x: f64, y: f64) -> (f64, f64) {
         let square = (x * x + y * y) * self.scale;
@@ -295,8 +308,9 @@ impl BrownInverse {
         (x * factor, y * factor)
     }
 
+    /// Returns the undistorted point at which Newton's method starts.
     #[inline(always)]
-    fn start(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64) {
+    fn start_point(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64) {
         let BrownConrady { p1, p2, .. } = self.brown;
         let (x, y) = self.invert_radial(distorted_x, distorted_y);
         let (square, cross) = (x * x + y * y, 2.0 * x * y);
@@ -304,18 +318,19 @@ impl BrownInverse {
         self.invert_radial(distorted_x - across[0], distorted_y - across[1])
     }
 
-    /// Returns H on the path from a start with this squared radius. The path is at most twice `NEAR` long.
+    /// Returns the bound H of the second derivatives on the path of both steps. `square` is the squared
+    /// radius of the start. The path is at most two times [`MAX_FIRST_STEP`] long.
     #[inline(always)]
     fn curvature_at(&self, square: f64) -> f64 {
-        // (r + d)^2 <= 1.01 r^2 + 101 d^2.
+        // Largest squared radius: (r + d)^2 <= 1.01 r^2 + 101 d^2 for the radius r and the path length d.
         let square = 1.01 * square + 404.0 * MAX_FIRST_STEP * MAX_FIRST_STEP;
         self.curvature.iter().rev().fold(0.0, |sum, &term| sum * square + term)
     }
 
-    /// Returns the point after both steps, and whether the bound of its error is small enough.
+    /// Returns the undistorted point after both steps, and whether its error bound is small enough.
     #[inline(always)]
     fn two_steps(&self, distorted_x: f64, distorted_y: f64) -> (f64, f64, bool) {
-        let start = self.start(distorted_x, distorted_y);
+        let start = self.start_point(distorted_x, distorted_y);
         let [a, b, d] = self.brown.jacobian(start.into());
         let scale = (a * d - b * b).recip();
         let inverse = (a * a + 2.0 * b * b + d * d) * scale * scale;
@@ -336,8 +351,8 @@ impl BrownInverse {
         (x, y, has_converged & (x * x + y * y <= self.max_square))
     }
 
-    /// Undistorts points in place; coordinates are divided by the focal length. A point outside the lens is
-    /// set to NaN.
+    /// Replaces distorted points by their undistorted points. Coordinates are divided by the focal length.
+    /// Points outside the lens become NaN.
     #[inline(always)]
     pub(crate) fn undistort(&self, x: &mut [f64; LANES], y: &mut [f64; LANES]) {
         let (distorted_x, distorted_y) = (*x, *y);
@@ -357,11 +372,13 @@ impl BrownInverse {
     }
 }
 
-/// Returns a bound of the second derivatives at the radius r, by powers of r^2. For the term `k r^2n` they
-/// are at most `2n (2n + 1) |k| r^(2n - 1)`, along the radius. For each tangential term they are at most 6
-/// times its coefficient. The bound is a polynomial because `r <= (r^2 / c + c) / 2` for any c. It is exact
-/// at r = c = `about`.
-fn curvature(brown: &BrownConrady, about: f64) -> [f64; 4] {
+/// Returns the coefficients of a bound of the second derivatives of the formula at the undistorted radius r,
+/// in ascending powers of r^2.
+///
+/// For the radial term `k r^2n`, the second derivatives are at most `2n (2n + 1) |k| r^(2n - 1)`, along the
+/// radius. For each tangential term, they are at most 6 times its coefficient. Odd powers of r are replaced
+/// with `r <= (r^2 / c + c) / 2`, which is true for any c > 0 and exact at r = c. Here c is `about`.
+fn second_derivative_bound(brown: &BrownConrady, about: f64) -> [f64; 4] {
     let [k1, k2, k3, p1, p2] = [brown.k1, brown.k2, brown.k3, brown.p1, brown.p2].map(f64::abs);
     let by_radius = [6.0 * k1, 20.0 * k2, 42.0 * k3];
     let mut terms = [6.0 * (p1 + p2), 0.0, 0.0, 0.0];
@@ -414,7 +431,7 @@ mod tests {
         fn points_of_a_typical_image_are_solved_in_lockstep(x in -0.7..0.7_f64, y in -0.38..0.38_f64) {
             let brown = BrownConrady { k1: -0.2, k2: 0.05, p1: 0.001, p2: -0.001, k3: 0.01 };
             let inverse = BrownInverse::new(&brown, 1.1);
-            let start = inverse.start(x, y);
+            let start = inverse.start_point(x, y);
             let [u, v] = brown.undistort([x, y]).unwrap();
             prop_assert!((start.0 - u).hypot(start.1 - v) < 1e-4);
             prop_assert!(inverse.two_steps(x, y).2);
@@ -427,7 +444,7 @@ mod tests {
         ) {
             const STEP: f64 = 1e-5;
             let brown = BrownConrady { k1: k[0], k2: k[1], k3: k[2], p1: p[0], p2: p[1] };
-            let inverse = BrownInverse { curvature: curvature(&brown, about), ..BrownInverse::new(&brown, 1.0) };
+            let inverse = BrownInverse { curvature: second_derivative_bound(&brown, about), ..BrownInverse::new(&brown, 1.0) };
             let ((sin, cos), (along_y, along_x)) = (angle.sin_cos(), way.sin_cos());
             let at = |step: f64| {
                 let [a, b, d] = brown.jacobian([radius * cos + step * along_x, radius * sin + step * along_y]);

@@ -3,6 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 
+/// Returns distortions of all models with plausible coefficients.
 pub(crate) fn any_distortion() -> impl Strategy<Value = Distortion> {
     let brown = (-0.4..0.3_f64, -0.2..0.2_f64, -0.05..0.05_f64, -0.003..0.003_f64, -0.003..0.003_f64)
         .prop_map(|(k1, k2, k3, p1, p2)| Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }));
@@ -14,9 +15,11 @@ pub(crate) fn any_distortion() -> impl Strategy<Value = Distortion> {
     prop_oneof![brown, division, fisheye, unified, double]
 }
 
-/// Step of finite differences, a balance of rounding and truncation errors.
+/// Step of finite differences, in coordinates divided by the focal length and in coefficients. It balances
+/// rounding and truncation errors.
 const STEP: f64 = 1e-6;
 
+/// Returns the distortion with the change `by` added to one coefficient.
 fn nudged(distortion: &Distortion, coefficient: usize, by: f64) -> Distortion {
     let mut coefficients = distortion.coefficients();
     coefficients[coefficient] += by;
@@ -36,12 +39,14 @@ fn difference_quotient(at: impl Fn(f64) -> Option<[f64; 2]>) -> Option<[f64; 2]>
     has_converged.then(|| [0, 1].map(|i| (4.0 * half[i] - whole[i]) / 3.0))
 }
 
-/// Whether an analytic derivative agrees with the finite differences, or the differences leave the lens.
+/// Whether an analytic derivative agrees with the finite differences. Always true if there are no
+/// differences, because they leave the lens.
 fn agrees(analytic: [f64; 2], numeric: Option<[f64; 2]>) -> bool {
     let size = analytic[0].abs().max(analytic[1].abs());
     numeric.is_none_or(|n| [0, 1].iter().all(|&i| (n[i] - analytic[i]).abs() < 1e-5 * (1.0 + size)))
 }
 
+/// Returns column `k` of a matrix.
 fn column(matrix: Matrix2, k: usize) -> [f64; 2] {
     [matrix[0][k], matrix[1][k]]
 }

@@ -1,12 +1,14 @@
 //! Division model with one coefficient and a closed inverse: A. Fitzgibbon, "Simultaneous linear estimation
 //! of multiple view geometry and lens distortion", 2001, equation 6.
 //!
-//! With the distorted radius r: `x = x' / D`, `D = 1 + lambda r^2`. In the other direction, with the
-//! undistorted radius s and `q = sqrt(1 - 4 lambda s^2)`: `x' = 2 x / (1 + q)`.
+//! A distorted point x' with the radius r has the undistorted point `x = x' / D` with `D = 1 + lambda r^2`.
+//! In the other direction, an undistorted point x with the radius s has the distorted point
+//! `x' = 2 x / (1 + q)` with `q = sqrt(1 - 4 lambda s^2)`. All coordinates are divided by the focal length.
 
 use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
 
+/// Table entry of the division model in [`MODELS`](super::MODELS).
 pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::Division,
     name: "division",
@@ -19,23 +21,24 @@ pub(super) const ROW: ModelRow = ModelRow {
     zero: Distortion::Division { lambda: 0.0 },
 };
 
-/// Division model.
+/// Division model with its coefficient `lambda`, which is negative for barrel distortion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Division {
     pub(super) lambda: f64,
 }
 
 impl Division {
-    /// Returns `q = sqrt(1 - 4 lambda s^2)` and `2 / (1 + q)`. Returns `None` beyond the largest radius.
+    /// Returns `q = sqrt(1 - 4 lambda s^2)` and the scale `2 / (1 + q)` at an undistorted point with the
+    /// radius s. Returns `None` beyond the largest radius, where q is not real.
     fn root_and_scale(&self, [x, y]: [f64; 2]) -> Option<(f64, f64)> {
         let square = 1.0 - 4.0 * self.lambda * (x * x + y * y);
         let root = (square >= 0.0).then(|| square.sqrt())?;
         Some((root, 2.0 / (1.0 + root)))
     }
 
-    /// Returns `scale = 2 / (1 + q)` and `d x' / d (lambda s^2)` over x: `scale^2 / q`, infinite at the
-    /// largest radius.
-    fn growth(&self, undistorted: [f64; 2]) -> (f64, f64) {
+    /// Returns `scale = 2 / (1 + q)` and its derivative with respect to `lambda s^2`, which is `scale^2 / q`.
+    /// The derivative is infinite at the largest radius. For s and q, see [`Self::root_and_scale`].
+    fn scale_and_derivative(&self, undistorted: [f64; 2]) -> (f64, f64) {
         let (root, scale) = self.root_and_scale(undistorted).unwrap_or((0.0, f64::INFINITY));
         (scale, scale * scale / root)
     }
@@ -62,13 +65,13 @@ impl Model for Division {
     }
 
     fn distort_jacobian(&self, [x, y]: [f64; 2]) -> Matrix2 {
-        let (scale, growth) = self.growth([x, y]);
+        let (scale, growth) = self.scale_and_derivative([x, y]);
         let bend = 2.0 * self.lambda * growth;
         [[scale + bend * x * x, bend * x * y], [bend * x * y, scale + bend * y * y]]
     }
 
     fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
-        let (_, growth) = self.growth([x, y]);
+        let (_, growth) = self.scale_and_derivative([x, y]);
         let along = growth * (x * x + y * y);
         let mut by = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
         by[0] = [along * x, along * y];
@@ -87,7 +90,8 @@ impl Model for Division {
         let radius = x * x + y * y;
         let divisor = 1.0 + self.lambda * radius;
         let square = divisor * divisor;
-        // Derivative of I / D - 2 lambda x x' / D^2.
+        // Derivative with respect to lambda of the Jacobian `I / D - 2 lambda p p^T / D^2`, where p is the
+        // distorted point.
         let (same, outer) = (-radius / square, (4.0 * self.lambda * radius / divisor - 2.0) / square);
         let jacobian = [[same + outer * x * x, outer * x * y], [outer * x * y, same + outer * y * y]];
         let mut by = ByCoefficients::default();

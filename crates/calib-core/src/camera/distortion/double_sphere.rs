@@ -1,27 +1,31 @@
 //! Double-sphere model: V. Usenko, N. Demmel, D. Cremers, "The double sphere camera model", 2018, equations
 //! 40 to 51.
 //!
-//! A ray meets a unit sphere. A point `xi` behind its centre observes the intersection, and a unified camera
-//! with `alpha` is placed there: `u = fx x / (alpha d2 + (1 - alpha) (xi d1 + z))` with `d1 = |(x, y, z)|`
-//! and `d2 = |(x, y, xi d1 + z)|`. A unit ray at the angle theta has `x = sin theta`, `z = cos theta`. Near
-//! the axis, `d2` and the denominator are `1 + xi` for every alpha, so the focal length there is
-//! `fx / (1 + xi)`. Relative to it,
+//! A ray in the direction (x, y, z) meets a unit sphere. A second unit sphere has its centre at the distance
+//! `xi` behind the first centre. A unified camera with the weight `alpha` observes the intersection from
+//! there: `u = fx x / (alpha d2 + (1 - alpha) (xi d1 + z))` with `d1 = |(x, y, z)|` and
+//! `d2 = |(x, y, xi d1 + z)|`. Here fx is the focal length of the paper. A unit ray at the angle theta from
+//! the optical axis has `x = sin theta` and `z = cos theta`. Near the axis, `d2` and the denominator are
+//! `1 + xi` for every alpha. The focal length near the axis is therefore `fx / (1 + xi)`. The image radius,
+//! divided by this focal length, is
 //!
 //! `P = (1 + xi) sin theta / D`, `D = alpha d2 + (1 - alpha) (xi + cos theta)`,
 //! `d2^2 = 1 + 2 xi cos theta + xi^2`.
 //!
-//! With `d2' = -xi sin theta / d2` and `g = alpha xi / d2 + 1 - alpha`, `D' = -g sin theta`, and
-//! `P' = (1 + xi) Q / D^2` with `Q = D cos theta + g sin^2 theta`.
+//! Primes are derivatives with respect to theta: `d2' = -xi sin theta / d2`, `D' = -g sin theta` with
+//! `g = alpha xi / d2 + 1 - alpha`, and `P' = (1 + xi) Q / D^2` with `Q = D cos theta + g sin^2 theta`.
 //!
-//! From the second centre, a ray is at the angle phi with `tan phi = sin theta / (xi + cos theta)`. P grows
-//! with phi while `cos phi > -w`, where w is the smaller of `alpha / (1 - alpha)` and its inverse. Phi grows
-//! with theta while `1 + xi cos theta > 0`. (The bound of equation 44 of the paper is slightly tighter or
-//! wider.)
+//! From the second centre, the intersection is at the angle phi from the optical axis, with
+//! `tan phi = sin theta / (xi + cos theta)`. P increases with phi while `cos phi > -w`, where w is the
+//! smaller of `alpha / (1 - alpha)` and its inverse. Phi increases with theta while `1 + xi cos theta > 0`.
+//! The bound in equation 44 of the paper differs slightly: depending on the coefficients, it is tighter or
+//! wider.
 
 use crate::camera::distortion::profile::Profile;
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
 use crate::camera::numerics::{angle_from_axis, hypot, sin_cos};
 
+/// Table entry of the double-sphere model in [`MODELS`](super::MODELS).
 pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::DoubleSphere,
     name: "double-sphere",
@@ -34,23 +38,27 @@ pub(super) const ROW: ModelRow = ModelRow {
     zero: Distortion::DoubleSphere { xi: 0.0, alpha: 0.0 },
 };
 
-/// Double-sphere model.
+/// Double-sphere model with its coefficients: `xi` is the distance between the centres of the two spheres,
+/// `alpha` the weight of the second sphere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DoubleSphere {
     pub(super) xi: f64,
     pub(super) alpha: f64,
 }
 
-/// Common terms of the formulas at one angle.
+/// Common terms of the formulas of the double-sphere model at one angle theta.
 struct Terms {
+    /// Sine of theta.
     sin: f64,
+    /// Cosine of theta.
     cos: f64,
+    /// Distance d2 of the intersection from the second centre.
     d2: f64,
-    /// D.
+    /// Denominator D of the image radius P.
     denominator: f64,
-    /// `-D' / sin theta`.
+    /// Factor `g = -D' / sin theta` of the derivative of D.
     g: f64,
-    /// Q.
+    /// Factor Q of the derivative `P' = (1 + xi) Q / D^2`.
     q: f64,
 }
 
@@ -60,6 +68,7 @@ impl DoubleSphere {
         Coefficient::Xi.is_valid(self.xi) && Coefficient::Alpha.is_valid(self.alpha)
     }
 
+    /// Computes the common terms at the angle `theta` from the optical axis, in radians.
     fn terms(&self, theta: f64) -> Terms {
         let Self { xi, alpha } = *self;
         let (sin, cos) = sin_cos(theta);
@@ -95,7 +104,7 @@ impl Profile for DoubleSphere {
         let Self { xi, alpha } = *self;
         let Terms { sin, cos, d2, denominator: below, q, .. } = self.terms(theta);
         let square = below * below;
-        // Derivatives of D and of g, by xi and by alpha.
+        // Derivatives of D and of g, with respect to xi and to alpha.
         let by_xi = [alpha * (xi + cos) / d2 + (1.0 - alpha), alpha * (1.0 + xi * cos) / d2.powi(3)];
         let by_alpha = [d2 - (xi + cos), xi / d2 - 1.0];
         let by = |[d_below, d_g]: [f64; 2]| {
@@ -109,8 +118,8 @@ impl Profile for DoubleSphere {
         all
     }
 
-    /// Inverts P by equations 46 to 51, with the angle phi at the second centre instead of its tangent:
-    /// `d2 = xi cos phi + sqrt(1 - xi^2 sin^2 phi)`, `sin theta = d2 sin phi` and
+    /// Inverts P by equations 46 to 51 of the paper, with the angle phi at the second centre instead of its
+    /// tangent: `d2 = xi cos phi + sqrt(1 - xi^2 sin^2 phi)`, `sin theta = d2 sin phi` and
     /// `cos theta = d2 cos phi - xi`.
     fn inverse(&self, radius: f64) -> Option<f64> {
         let Self { xi, alpha } = *self;
@@ -131,7 +140,7 @@ impl Profile for DoubleSphere {
     }
 
     fn max_angle(&self) -> f64 {
-        /// Relative margin below the largest angle, because the formulas lose digits there.
+        /// Relative margin that is subtracted from the largest angle, because the formulas lose digits there.
         const MARGIN: f64 = 1e-12;
         let Self { xi, alpha } = *self;
         if !self.is_lens() {
@@ -169,7 +178,7 @@ mod tests {
             prop_assume!(z > -w2.min(0.7) * d1 && below > 0.05 * d1 && d1 > 0.1);
             let shown = Distortion::DoubleSphere { xi, alpha }.ray_to_distorted([x, y, z]);
             let Some([u, v]) = shown.map(|at| at.map(|c| fx / (1.0 + xi) * c)) else {
-                // The bound of the paper is wider than the range in which the model grows.
+                // The bound of the paper is wider than the range in which the image radius increases.
                 let (theta, turn) = (angle_from_axis(hypot(x, y), z), DoubleSphere { xi, alpha }.max_angle());
                 prop_assert!(theta > 0.999 * turn, "{theta} of {turn}: {xi} {alpha} {z}");
                 return Ok(());
@@ -194,7 +203,7 @@ mod tests {
             let lens = DoubleSphere { xi, alpha };
             let theta = share * lens.max_angle().min(2.5);
             let slope = lens.slope(theta);
-            // The inverse is not accurate where the radius hardly grows.
+            // The inverse is not accurate where the image radius hardly increases.
             prop_assume!(slope > 1e-2 && lens.radius(theta) < 100.0);
             let back = lens.inverse(lens.radius(theta));
             let off = 1e-12 * (1.0 + slope.recip() + slope);

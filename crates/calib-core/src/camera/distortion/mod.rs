@@ -1,9 +1,10 @@
-//! Distortion models: the maps in both directions, and their derivatives.
+//! Distortion models: the maps between distorted and undistorted points, and their derivatives.
 //!
-//! Each model has its own file with the formula, its source, the maps, their derivatives ([`Model`]) and its
-//! row of [`MODELS`]. A new model also needs three entries here: its module, its variant of [`Distortion`]
-//! and its [`DistortionModel`]. All other code reads the properties of a model from its row. The table of
-//! each external format lists the models that the format supports.
+//! Each model has its own file. The file contains the formula and its source, the maps and their derivatives
+//! ([`Model`]), and the entry of the model in the table [`MODELS`]. A new model also needs three additions
+//! here: its module, its variant of [`Distortion`] and its [`DistortionModel`]. All other code reads the
+//! properties of a model from the table. Each external format has its own table of the models that it
+//! supports.
 
 mod model;
 mod brown_conrady;
@@ -28,34 +29,36 @@ pub(crate) use model::{
     ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayCurvature, RayMatrix, multiply,
 };
 
-/// Lens distortion, on coordinates divided by the focal length. The coefficients follow OpenCV.
+/// Lens distortion, on coordinates relative to the principal point and divided by the focal length. The
+/// coefficients follow OpenCV. In the formulas, `theta` is the angle between a ray and the optical axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Distortion {
     /// No distortion: a perfect pinhole.
     #[default]
     None,
-    /// Radial coefficients k1, k2, k3 and tangential p1, p2. The order of OpenCV's vector is k1, k2, p1, p2,
-    /// k3.
+    /// Brown-Conrady model with the radial coefficients k1, k2, k3 and the tangential coefficients p1, p2.
+    /// The order of OpenCV's vector is k1, k2, p1, p2, k3.
     BrownConrady(BrownConrady),
-    /// `x_undistorted = x_distorted / (1 + lambda r_distorted^2)` (Fitzgibbon 2001).
+    /// Division model: `x_undistorted = x_distorted / (1 + lambda r^2)`, where r is the distorted radius
+    /// (Fitzgibbon 2001).
     Division {
         /// Single coefficient; negative for barrel distortion.
         lambda: f64,
     },
-    /// OpenCV's fisheye model: `theta_distorted = theta (1 + k1 theta^2 + ... + k4 theta^8)`.
+    /// Kannala-Brandt model, OpenCV's fisheye model: `radius = theta (1 + k1 theta^2 + ... + k4 theta^8)`.
     KannalaBrandt {
         /// Coefficients k1 to k4.
         k: [f64; 4],
     },
-    /// Mei's model, Kalibr's `omni`: `radius = (1 + xi) sin theta / (xi + cos theta)`. The radius is relative
-    /// to the focal length at the image centre, which is Mei's gamma divided by `1 + xi`.
+    /// Unified model of Mei, `omni` of Kalibr: `radius = (1 + xi) sin theta / (xi + cos theta)`. The radius
+    /// is divided by the focal length at the image centre, which is Mei's gamma divided by `1 + xi`.
     Unified {
         /// Distance of the pinhole behind the centre of the unit sphere; above -1.
         xi: f64,
     },
     /// Double-sphere model, `ds` of Kalibr and Basalt:
     /// `radius = (1 + xi) sin theta / (alpha d2 + (1 - alpha) (xi + cos theta))` with
-    /// `d2^2 = 1 + 2 xi cos theta + xi^2`. The radius is relative to the focal length at the image centre,
+    /// `d2^2 = 1 + 2 xi cos theta + xi^2`. The radius is divided by the focal length at the image centre,
     /// which is Kalibr's focal length divided by `1 + xi`.
     DoubleSphere {
         /// Distance between the centres of the two spheres; above -1.
@@ -99,36 +102,37 @@ pub enum Coefficient {
     Alpha,
 }
 
-/// Row of [`MODELS`], the properties of one distortion model.
+/// Properties of one distortion model: an entry of the table [`MODELS`].
 #[derive(Clone, Copy, Debug)]
 pub struct ModelRow {
-    /// Model that the row describes.
+    /// Distortion model that this table entry describes.
     pub model: DistortionModel,
-    /// Name in files.
+    /// Name of the model in files.
     pub name: &'static str,
-    /// Coefficients, in the order of [`Distortion::coefficients`].
+    /// Names of the coefficients of the model, in the order of [`Distortion::coefficients`].
     pub coefficients: &'static [Coefficient],
-    /// Power of the focal length by which each coefficient scales if the map of pixels stays the same. `None`
-    /// if a map of pixels determines the focal length of its coefficients.
+    /// Exponents n, one for each coefficient. If the focal length is multiplied by a factor, coefficients
+    /// multiplied by the n-th power of the factor result in the same map of pixels. `None` if the map of
+    /// pixels determines the focal length.
     pub focal_powers: Option<[i32; Distortion::MAX_COEFFICIENTS]>,
-    /// Whether a coefficient is fitted only together with all coefficients before it.
+    /// Whether a coefficient can be fitted only together with all coefficients before it in the order.
     pub in_order: bool,
     /// Whether the model shows rays 90° or more from the optical axis.
     pub is_wide: bool,
     /// Whether the model can be fitted to straight edges. Otherwise its coefficients must be given.
     pub is_fitted: bool,
-    /// Number of coefficients, from the first, that are fitted by default.
+    /// Number of coefficients that are fitted by default: the first ones in the order.
     pub default_count: usize,
-    /// Model with all coefficients zero.
+    /// Distortion of this model with all coefficients zero.
     pub zero: Distortion,
 }
 
-/// All distortion models, in the order of [`DistortionModel`].
+/// Table of all distortion models, in the order of [`DistortionModel`].
 pub const MODELS: [ModelRow; 5] =
     [brown_conrady::ROW, division::ROW, kannala_brandt::ROW, unified::ROW, double_sphere::ROW];
 
 impl DistortionModel {
-    /// Returns the row of this model in [`MODELS`].
+    /// Returns the table entry of this model in [`MODELS`].
     #[must_use]
     pub const fn row(self) -> &'static ModelRow {
         &MODELS[self as usize]
@@ -136,11 +140,11 @@ impl DistortionModel {
 }
 
 impl Coefficient {
-    /// All coefficients, in the order of files.
+    /// All distortion coefficients, in the order in which files list them.
     pub const ALL: [Self; 9] =
         [Self::K1, Self::K2, Self::K3, Self::K4, Self::P1, Self::P2, Self::Lambda, Self::Xi, Self::Alpha];
 
-    /// Returns the name in files.
+    /// Returns the name of the coefficient in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -156,7 +160,7 @@ impl Coefficient {
         }
     }
 
-    /// Returns the name on screen.
+    /// Returns the name of the coefficient on screen, with Greek letters.
     #[must_use]
     pub const fn title(self) -> &'static str {
         match self {
@@ -167,7 +171,7 @@ impl Coefficient {
         }
     }
 
-    /// Returns the minimum and maximum of the values that describe a lens.
+    /// Returns the minimum and the maximum of the coefficient values that describe a lens.
     #[must_use]
     pub const fn bounds(self) -> [f64; 2] {
         match self {
@@ -177,6 +181,7 @@ impl Coefficient {
         }
     }
 
+    /// Whether a value of the coefficient is within its bounds; see [`Self::bounds`].
     pub(crate) fn is_valid(self, value: f64) -> bool {
         let [least, most] = self.bounds();
         value >= least && value <= most
@@ -184,10 +189,10 @@ impl Coefficient {
 }
 
 impl Distortion {
-    /// Number of coefficients of the largest model.
+    /// Number of coefficients of the distortion model with the most coefficients.
     pub const MAX_COEFFICIENTS: usize = 5;
 
-    /// Returns the name of the model, or `None` without distortion.
+    /// Returns the model of this distortion, or `None` without distortion.
     #[must_use]
     pub const fn model(&self) -> Option<DistortionModel> {
         match self {
@@ -200,20 +205,20 @@ impl Distortion {
         }
     }
 
-    /// Calls a function with the model. Returns `None` without distortion.
+    /// Returns the result of a function of the distortion model. Returns `None` without distortion.
     #[inline]
-    fn with_model<T>(&self, question: impl FnOnce(&dyn Model) -> T) -> Option<T> {
+    fn with_model<T>(&self, function: impl FnOnce(&dyn Model) -> T) -> Option<T> {
         Some(match *self {
             Self::None => return None,
-            Self::BrownConrady(brown) => question(&brown),
-            Self::Division { lambda } => question(&Division { lambda }),
-            Self::KannalaBrandt { k } => question(&KannalaBrandt { k }),
-            Self::Unified { xi } => question(&Unified { xi }),
-            Self::DoubleSphere { xi, alpha } => question(&DoubleSphere { xi, alpha }),
+            Self::BrownConrady(brown) => function(&brown),
+            Self::Division { lambda } => function(&Division { lambda }),
+            Self::KannalaBrandt { k } => function(&KannalaBrandt { k }),
+            Self::Unified { xi } => function(&Unified { xi }),
+            Self::DoubleSphere { xi, alpha } => function(&DoubleSphere { xi, alpha }),
         })
     }
 
-    /// Returns the coefficients, padded with zeros.
+    /// Returns the coefficients in the order of [`ModelRow::coefficients`], padded with zeros.
     #[must_use]
     pub const fn coefficients(&self) -> [f64; Self::MAX_COEFFICIENTS] {
         match *self {
@@ -226,7 +231,7 @@ impl Distortion {
         }
     }
 
-    /// Returns the same model with other coefficients.
+    /// Returns the same distortion model with other coefficients. Superfluous coefficients are ignored.
     #[must_use]
     pub const fn with_coefficients(&self, [a, b, c, d, e]: [f64; Self::MAX_COEFFICIENTS]) -> Self {
         match self {
@@ -239,39 +244,41 @@ impl Distortion {
         }
     }
 
-    /// Returns the names of the coefficients, in the order of [`Self::coefficients`].
+    /// Returns the names of the coefficients of this distortion, in the order of [`Self::coefficients`].
     #[must_use]
     pub fn names(&self) -> &'static [Coefficient] {
         self.model().map_or(&[], |model| model.row().coefficients)
     }
 
-    /// Whether straight lines stay straight: no distortion, or zero coefficients in a model that is then a
-    /// pinhole.
+    /// Whether the lens maps straight lines to straight lines. This is so without distortion, and with zero
+    /// coefficients in a model that is then a pinhole.
     #[must_use]
     pub fn is_pinhole(&self) -> bool {
+        /// Test point off the axis, divided by the focal length. A pinhole maps it to itself.
         const POINT: [f64; 2] = [0.5, 0.25];
-        // Wide lenses are computed with angles, so the comparison allows for rounding.
+        // The comparison allows for rounding, because wide lenses are computed with angles.
         let is_there = |[x, y]: [f64; 2]| (x - POINT[0]).abs() + (y - POINT[1]).abs() < 1e-12;
         let is_plain = |model: DistortionModel| model.row().zero.distort(POINT).is_some_and(is_there);
         self.coefficients() == [0.0; Self::MAX_COEFFICIENTS] && self.model().is_none_or(is_plain)
     }
 
-    /// Returns the radius of the largest disc of undistorted coordinates, divided by the focal length, on
-    /// which the map is increasing in every direction. It is infinite if the map is increasing everywhere.
-    /// Beyond the disc the model does not describe a lens.
+    /// Returns the largest undistorted radius, divided by the focal length, up to which the distorted radius
+    /// increases in every direction. It is infinite if there is no limit. Beyond this radius, the model does
+    /// not describe a lens.
     #[must_use]
     pub fn max_radius(&self) -> f64 {
         self.with_model(|model| model.max_radius()).unwrap_or(f64::INFINITY)
     }
 
-    /// Maps an undistorted point to the distorted one, both divided by the focal length. Returns `None`
+    /// Maps an undistorted point to the distorted point, both divided by the focal length. Returns `None`
     /// beyond [`Self::max_radius`].
     #[must_use]
     pub fn distort(&self, undistorted: [f64; 2]) -> Option<[f64; 2]> {
         self.with_model(|model| model.distort(undistorted)).unwrap_or(Some(undistorted)).filter(is_finite)
     }
 
-    /// Maps a distorted point to the undistorted one, both divided by the focal length, to 1e-12.
+    /// Maps a distorted point to the undistorted point, both divided by the focal length. The accuracy is
+    /// 1e-12.
     ///
     /// Returns `None` if no undistorted point within [`Self::max_radius`] maps to this point.
     #[must_use]
@@ -279,16 +286,16 @@ impl Distortion {
         self.with_model(|model| model.undistort(distorted)).unwrap_or(Some(distorted)).filter(is_finite)
     }
 
-    /// Returns the ray at a distorted point as a homogeneous vector, divided by the focal length: x right, y
-    /// down, w forward. The component w is not positive 90° or more from the axis. Returns `None` if no ray
-    /// reaches the point.
+    /// Returns the ray at a distorted point, which is divided by the focal length. The ray is the vector
+    /// (x right, y down, w forward) in camera axes. The component w is zero or negative 90° or more from the
+    /// optical axis. Returns `None` if no ray reaches the point.
     #[must_use]
     pub fn ray(&self, distorted: [f64; 2]) -> Option<[f64; 3]> {
         self.with_model(|model| model.ray(distorted)).unwrap_or(Some([distorted[0], distorted[1], 1.0]))
     }
 
-    /// Maps a ray of any length to its distorted point: the inverse of [`Self::ray`]. Returns `None` if the
-    /// lens does not show the ray.
+    /// Maps a ray of any length to its distorted point, divided by the focal length: the inverse of
+    /// [`Self::ray`]. Returns `None` if the lens does not show the ray.
     #[must_use]
     pub fn ray_to_distorted(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
         let undistorted = || if w > 0.0 { Some([x / w, y / w]) } else { None };
@@ -297,13 +304,13 @@ impl Distortion {
             .filter(is_finite)
     }
 
-    /// Whether the model shows rays 90° or more from the optical axis.
+    /// Whether the distortion model shows rays 90° or more from the optical axis.
     #[must_use]
     pub fn is_wide(&self) -> bool {
         self.model().is_some_and(|model| model.row().is_wide)
     }
 
-    /// Returns `d ray / d distorted` at the distorted point `distorted`, whose ray is `ray`.
+    /// Returns the Jacobian `d ray / d distorted` at the distorted point `distorted`, whose ray is `ray`.
     pub(crate) fn ray_jacobian(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayMatrix {
         self.with_model(|model| model.ray_jacobian(distorted, ray)).unwrap_or([
             [1.0, 0.0],
@@ -312,14 +319,14 @@ impl Distortion {
         ])
     }
 
-    /// Returns the derivatives of [`Self::ray_jacobian`] by the distorted point `distorted`, whose ray is `ray`,
-    /// for a wide lens.
+    /// Returns the derivatives of [`Self::ray_jacobian`] with respect to the distorted point `distorted`,
+    /// whose ray is `ray`. For lenses that are not wide, the result is zero and must not be used.
     pub(crate) fn ray_curvature(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayCurvature {
         self.with_model(|model| model.ray_curvature(distorted, ray)).unwrap_or_default()
     }
 
-    /// Returns the derivatives of `ray` and [`Self::ray_jacobian`] by every coefficient, at a fixed distorted
-    /// point `distorted`.
+    /// Returns the derivatives of `ray` and of [`Self::ray_jacobian`] with respect to every coefficient, at
+    /// the fixed distorted point `distorted`.
     pub(crate) fn ray_by_coefficients(
         &self,
         distorted: [f64; 2],
@@ -329,17 +336,18 @@ impl Distortion {
     }
 
     /// Whether a ray of the scene reaches this distorted point. A ray of a fisheye may be 90° or more from
-    /// the axis.
+    /// the optical axis.
     pub(crate) fn has_ray(&self, distorted: [f64; 2]) -> bool {
         self.with_model(|model| model.has_ray(distorted)).unwrap_or_else(|| is_finite(&distorted))
     }
 
-    /// Returns `d distorted / d undistorted`.
+    /// Returns the Jacobian `d distorted / d undistorted` at an undistorted point.
     pub(crate) fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2 {
         self.with_model(|model| model.distort_jacobian(undistorted)).unwrap_or(IDENTITY)
     }
 
-    /// Returns `d distorted / d coefficient` at a fixed undistorted point.
+    /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted
+    /// point.
     pub(crate) fn distort_by_coefficients(
         &self,
         undistorted: [f64; 2],
@@ -347,14 +355,14 @@ impl Distortion {
         self.with_model(|model| model.distort_by_coefficients(undistorted)).unwrap_or_default()
     }
 
-    /// Returns `d undistorted / d distorted` at the distorted point `distorted`, whose undistorted point is
-    /// `undistorted`.
+    /// Returns the Jacobian `d undistorted / d distorted` at the distorted point `distorted`, whose
+    /// undistorted point is `undistorted`.
     pub(crate) fn undistort_jacobian(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> Matrix2 {
         self.with_model(|model| model.undistort_jacobian(distorted, undistorted)).unwrap_or(IDENTITY)
     }
 
-    /// Returns the derivatives of the undistorted point `undistorted` and of [`Self::undistort_jacobian`] by
-    /// every coefficient, at a fixed distorted point `distorted`.
+    /// Returns the derivatives of the undistorted point `undistorted` and of [`Self::undistort_jacobian`]
+    /// with respect to every coefficient, at the fixed distorted point `distorted`.
     pub(crate) fn undistort_by_coefficients(
         &self,
         distorted: [f64; 2],
@@ -363,13 +371,13 @@ impl Distortion {
         self.with_model(|model| model.undistort_by_coefficients(distorted, undistorted)).unwrap_or_default()
     }
 
-    /// Returns the power of the focal length by which each coefficient scales if the map of pixels stays the
-    /// same.
+    /// Returns the exponents of [`ModelRow::focal_powers`]; zeros if the model has none.
     pub fn focal_powers(&self) -> [i32; Self::MAX_COEFFICIENTS] {
         self.model().and_then(|model| model.row().focal_powers).unwrap_or_default()
     }
 
-    /// Returns the coefficients of the same map of pixels for a focal length that is multiplied by `ratio`.
+    /// Returns the distortion that results in the same map of pixels if the focal length is multiplied by
+    /// `ratio`.
     ///
     /// Returns `None` for a model whose map of pixels determines its focal length.
     #[must_use]
@@ -381,8 +389,10 @@ impl Distortion {
     }
 }
 
+/// Identity matrix.
 const IDENTITY: Matrix2 = [[1.0, 0.0], [0.0, 1.0]];
 
+/// Whether both coordinates of a point are finite.
 fn is_finite(point: &[f64; 2]) -> bool {
     point.iter().all(|value| value.is_finite())
 }

@@ -2,10 +2,11 @@
 
 use crate::camera::distortion::Distortion;
 
-/// Matrix of 2 x 2 with the rows x and y.
+/// Matrix of 2 x 2, row by row; the rows are x and y.
 pub(crate) type Matrix2 = [[f64; 2]; 2];
 
-/// Derivatives of an undistorted point and of its Jacobian by one coefficient, at a fixed distorted point.
+/// Derivatives of an undistorted point and of its Jacobian with respect to one coefficient, at a fixed
+/// distorted point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ByCoefficient {
     /// Derivative of the undistorted point.
@@ -14,16 +15,17 @@ pub(crate) struct ByCoefficient {
     pub(crate) jacobian: Matrix2,
 }
 
-/// Derivatives by every coefficient, in the order of [`Distortion::coefficients`].
+/// Derivatives of an undistorted point with respect to every coefficient, in the order of
+/// [`Distortion::coefficients`].
 pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MAX_COEFFICIENTS];
 
-/// Jacobian of a ray by its distorted point, with the rows x, y and w.
+/// Jacobian `d ray / d distorted` of a ray with respect to its distorted point; the rows are x, y and w.
 pub(crate) type RayMatrix = [[f64; 2]; 3];
 
-/// Derivatives of a [`RayMatrix`] by the two coordinates of the distorted point.
+/// Derivatives of a [`RayMatrix`] with respect to the two coordinates of the distorted point.
 pub(crate) type RayCurvature = [RayMatrix; 2];
 
-/// Derivatives of a ray and of its Jacobian by one coefficient, at a fixed distorted point.
+/// Derivatives of a ray and of its Jacobian with respect to one coefficient, at a fixed distorted point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RayByCoefficient {
     /// Derivative of the ray.
@@ -35,13 +37,13 @@ pub(crate) struct RayByCoefficient {
 /// Distortion model: the maps in both directions and their derivatives, on coordinates divided by the focal
 /// length.
 pub(crate) trait Model {
-    /// See [`Distortion::max_radius`].
+    /// Returns the largest undistorted radius of the model; see [`Distortion::max_radius`].
     fn max_radius(&self) -> f64;
 
-    /// See [`Distortion::distort`].
+    /// Maps an undistorted point to the distorted point; see [`Distortion::distort`].
     fn distort(&self, undistorted: [f64; 2]) -> Option<[f64; 2]>;
 
-    /// See [`Distortion::undistort`].
+    /// Maps a distorted point to the undistorted point; see [`Distortion::undistort`].
     fn undistort(&self, distorted: [f64; 2]) -> Option<[f64; 2]>;
 
     /// Whether a ray of the scene reaches this distorted point.
@@ -49,44 +51,45 @@ pub(crate) trait Model {
         self.undistort(distorted).is_some()
     }
 
-    /// Returns `d distorted / d undistorted`.
+    /// Returns the Jacobian `d distorted / d undistorted` at an undistorted point.
     fn distort_jacobian(&self, undistorted: [f64; 2]) -> Matrix2;
 
-    /// Returns `d distorted / d coefficient` at a fixed undistorted point.
+    /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted
+    /// point.
     fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
 
-    /// Returns `d undistorted / d distorted` at the distorted point `distorted`, whose undistorted point is
-    /// `undistorted`.
+    /// Returns the Jacobian `d undistorted / d distorted` at the distorted point `distorted`, whose
+    /// undistorted point is `undistorted`.
     fn undistort_jacobian(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> Matrix2;
 
-    /// Returns the derivatives of `undistorted` and [`Self::undistort_jacobian`] by every coefficient, at a
-    /// fixed distorted point `distorted`.
+    /// Returns the derivatives of `undistorted` and of [`Self::undistort_jacobian`] with respect to every
+    /// coefficient, at the fixed distorted point `distorted`.
     fn undistort_by_coefficients(&self, distorted: [f64; 2], undistorted: [f64; 2]) -> ByCoefficients;
 
-    /// See [`Distortion::ray`].
+    /// Returns the ray at a distorted point; see [`Distortion::ray`].
     fn ray(&self, distorted: [f64; 2]) -> Option<[f64; 3]> {
         self.undistort(distorted).map(|[x, y]| [x, y, 1.0])
     }
 
-    /// See [`Distortion::ray_to_distorted`].
+    /// Maps a ray to its distorted point; see [`Distortion::ray_to_distorted`].
     fn ray_to_distorted(&self, [x, y, w]: [f64; 3]) -> Option<[f64; 2]> {
         if w > 0.0 { self.distort([x / w, y / w]) } else { None }
     }
 
-    /// Returns `d ray / d distorted` at the distorted point `distorted`, whose ray is `ray`.
+    /// Returns the Jacobian `d ray / d distorted` at the distorted point `distorted`, whose ray is `ray`.
     fn ray_jacobian(&self, distorted: [f64; 2], [x, y, _]: [f64; 3]) -> RayMatrix {
         let [u, v] = self.undistort_jacobian(distorted, [x, y]);
         [u, v, [0.0; 2]]
     }
 
-    /// Returns the derivatives of [`Self::ray_jacobian`] by the distorted point `distorted`, whose ray is `ray`.
-    /// Only wide models define it.
-    fn ray_curvature(&self, _bent: [f64; 2], _ray: [f64; 3]) -> RayCurvature {
+    /// Returns the derivatives of [`Self::ray_jacobian`] with respect to the distorted point, which has the
+    /// given ray. Models that are not wide return zeros, because no caller needs their values.
+    fn ray_curvature(&self, _distorted: [f64; 2], _ray: [f64; 3]) -> RayCurvature {
         RayCurvature::default()
     }
 
-    /// Returns the derivatives of `ray` and [`Self::ray_jacobian`] by every coefficient, at a fixed distorted
-    /// point `distorted`.
+    /// Returns the derivatives of the ray and of [`Self::ray_jacobian`] with respect to every coefficient, at
+    /// the fixed distorted point `distorted`.
     fn ray_by_coefficients(
         &self,
         distorted: [f64; 2],
@@ -99,9 +102,9 @@ pub(crate) trait Model {
     }
 }
 
-/// Returns the derivative of a radial map at `point`: `across I + (along - across) n n'`, with the direction
-/// n of the radius. `across` and `along` are the scale factors perpendicular to the radius and along it. A
-/// change of such a derivative has the same form.
+/// Returns the Jacobian `across I + (along - across) n n'` of a radial map at a point. I is the identity, and
+/// n the unit vector from the centre to the point. `across` and `along` are the scale factors perpendicular
+/// to n and along n. For derivatives of the scale factors, the result is the derivative of the Jacobian.
 pub(crate) fn radial([x, y]: [f64; 2], across: f64, along: f64) -> Matrix2 {
     let square = x * x + y * y;
     if square == 0.0 {
@@ -111,7 +114,7 @@ pub(crate) fn radial([x, y]: [f64; 2], across: f64, along: f64) -> Matrix2 {
     [[across + bend * x * x, bend * x * y], [bend * x * y, across + bend * y * y]]
 }
 
-/// Returns `A x`.
+/// Returns the product `A x` of a 2 x 2 matrix A and a vector x.
 pub(crate) fn multiply([[a, b], [c, d]]: Matrix2, [x, y]: [f64; 2]) -> [f64; 2] {
     [a * x + b * y, c * x + d * y]
 }

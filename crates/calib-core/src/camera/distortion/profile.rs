@@ -1,13 +1,14 @@
 //! Common part of wide lenses that are symmetric about their axis. Each model adds only its profile: the
 //! image radius of a ray as a function of its angle from the axis.
 //!
-//! A ray at the angle theta has the radius P(theta), and the radius `tan theta` in a pinhole. The direction
-//! of the radius does not change, so every derivative follows from the derivative of a radius. We use
-//! `d tan theta = (1 + tan^2 theta) d theta`. At a fixed radius, a coefficient k changes the angle by
-//! `d theta = -dP/dk / P' d k`.
+//! A ray at the angle theta from the optical axis has the image radius P(theta), divided by the focal length.
+//! In a pinhole, its image radius is `tan theta`. The direction of the image point from the centre is the
+//! same for both, so every derivative follows from the derivative of a radius. Primes are derivatives with
+//! respect to theta. The derivative of the pinhole radius is `d tan theta = (1 + tan^2 theta) d theta`. At a
+//! fixed image radius, a change dk of a coefficient k changes the angle by `d theta = -(dP/dk) / P' dk`.
 //!
-//! Rays are unit vectors `(sin theta n, cos theta)` with the direction n of the radius. They are regular at
-//! theta = 90° and beyond, where a pinhole has no image.
+//! Rays are unit vectors `(sin theta n, cos theta)`, where the unit vector n is the direction of the image
+//! point from the centre. They are defined at theta = 90° and beyond, where a pinhole has no image.
 
 use crate::camera::distortion::Distortion;
 use crate::camera::distortion::model::{
@@ -15,40 +16,43 @@ use crate::camera::distortion::model::{
 };
 use crate::camera::numerics::{angle_from_axis, atan, hypot, sin_cos, tan};
 
-/// Minimum radius with a defined direction.
+/// Minimum image radius at which its direction is defined, divided by the focal length.
 const MIN_RADIUS: f64 = 1e-9;
 
-/// Largest angle from the axis, in radians. No lens on the market has a field of view above 288°.
+/// Largest angle between a ray and the optical axis, in radians: 144°. No lens on the market has a field of
+/// view above 288°.
 const MAX_ANGLE: f64 = 0.8 * std::f64::consts::PI;
 
-/// Radius P, divided by the focal length, at which a lens shows a ray at the angle theta from its axis, in
-/// radians. `P(0) = 0` and `P'(0) = 1`, so the focal length is the one at the image centre.
+/// Profile of a lens: the image radius P, divided by the focal length, of a ray at the angle theta from the
+/// optical axis, in radians. `P(0) = 0` and `P'(0) = 1`, so the focal length is the one at the image centre.
 pub(super) trait Profile {
-    /// Number of coefficients.
+    /// Number of coefficients of the profile.
     const COEFFICIENTS: usize;
 
-    /// Returns P.
+    /// Returns the image radius P at the angle `theta`.
     fn radius(&self, theta: f64) -> f64;
 
-    /// Returns P'.
+    /// Returns the first derivative P' at the angle `theta`.
     fn slope(&self, theta: f64) -> f64;
 
-    /// Returns P''.
+    /// Returns the second derivative P'' at the angle `theta`.
     fn curvature(&self, theta: f64) -> f64;
 
-    /// Returns the derivatives of P and P' by every coefficient.
+    /// Returns the derivatives of P and P' with respect to every coefficient, at the angle `theta`.
     fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
 
-    /// Returns the angle at a radius, below [`Self::max_angle`]. This is the inverse of P.
+    /// Returns the angle below [`Self::max_angle`], in radians, at which P is `radius`: the inverse of P.
+    /// Returns `None` if there is no such angle.
     fn inverse(&self, radius: f64) -> Option<f64>;
 
-    /// Returns the angle at which P stops growing, or infinity if it always grows. It is negative if the
-    /// coefficients do not describe a lens.
+    /// Returns the angle at which P stops increasing, in radians. It is infinite if P always increases, and
+    /// negative if the coefficients do not describe a lens.
     fn max_angle(&self) -> f64;
 }
 
-/// Returns the angle from the axis at a radius.
-fn angle(profile: &impl Profile, radius: f64) -> Option<f64> {
+/// Returns the angle of a ray from the optical axis, in radians, at an image radius that is divided by the
+/// focal length. Returns `None` if no ray reaches the radius.
+fn angle_at_radius(profile: &impl Profile, radius: f64) -> Option<f64> {
     profile.inverse(radius).filter(|&theta| theta <= MAX_ANGLE)
 }
 
@@ -78,14 +82,14 @@ impl<P: Profile> Model for P {
         Some([scale * x, scale * y])
     }
 
-    /// Whether a ray reaches this distorted point, including rays 90° or more from the axis.
+    /// Whether a ray reaches this distorted point, including rays 90° or more from the optical axis.
     fn has_ray(&self, [x, y]: [f64; 2]) -> bool {
-        angle(self, hypot(x, y)).is_some()
+        angle_at_radius(self, hypot(x, y)).is_some()
     }
 
     fn ray(&self, [x, y]: [f64; 2]) -> Option<[f64; 3]> {
         let radius = hypot(x, y);
-        let (sin, cos) = sin_cos(angle(self, radius)?);
+        let (sin, cos) = sin_cos(angle_at_radius(self, radius)?);
         let scale = if radius < MIN_RADIUS { 1.0 } else { sin / radius };
         Some([scale * x, scale * y, cos])
     }
@@ -110,18 +114,19 @@ impl<P: Profile> Model for P {
         [u, v, distorted.map(|c| -sin * turn * c / radius)]
     }
 
-    /// Returns the derivatives of the Jacobian of `(s q, cos theta)`, with `s = sin theta / r` at the radius
-    /// r of the point q, whose direction is n. With primes for derivatives by r, they are
-    /// `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k` and
-    /// `cos' (I_jk - n_j n_k) / r + cos'' n_j n_k`, where `r s' = cos theta theta' - s` and
-    /// `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
+    /// Returns the derivatives of the Jacobian of the ray `(s q, cos theta)` with respect to the distorted
+    /// point q, where `s = sin theta / r` and r is the radius of q. The unit vector n is the direction of q
+    /// from the centre, and I the identity. Here, primes are derivatives with respect to r. The derivatives
+    /// of the first two components are `s' (n_i I_jk + n_j I_ik + n_k I_ij) + (r s'' - s') n_i n_j n_k`.
+    /// Those of the third component are `cos' (I_jk - n_j n_k) / r + cos'' n_j n_k`. Their terms are
+    /// `r s' = cos theta theta' - s` and `r s'' = cos theta theta'' - sin theta theta'^2 - 2 s'`.
     fn ray_curvature(&self, distorted: [f64; 2], [x, y, w]: [f64; 3]) -> RayCurvature {
         let (radius, sin) = (hypot(distorted[0], distorted[1]), hypot(x, y));
         if radius < MIN_RADIUS {
             return [[[0.0; 2], [0.0; 2], [-1.0, 0.0]], [[0.0; 2], [0.0; 2], [0.0, -1.0]]];
         }
         let theta = angle_from_axis(sin, w);
-        // First and second derivative of theta by r.
+        // First and second derivative of theta with respect to r.
         let turn = self.slope(theta).recip();
         let bend = -self.curvature(theta) * turn * turn * turn;
         // s' and r s'' - s'.
@@ -156,7 +161,7 @@ impl<P: Profile> Model for P {
         for (by, [d_radius, d_slope]) in by.iter_mut().zip(self.by_coefficients(theta)).take(P::COEFFICIENTS)
         {
             let d_theta = -d_radius * turn;
-            // Derivative of 1 / P'.
+            // Derivative of 1 / P' with respect to the coefficient.
             let d_turn = -(second * d_theta + d_slope) * turn * turn;
             let [u, v] = radial(distorted, w * d_theta / radius, w * d_turn - sin * turn * d_theta);
             let ahead = -(w * turn * d_theta + sin * d_turn) / radius;
@@ -208,7 +213,7 @@ impl<P: Profile> Model for P {
             let d_theta = -d_radius / derivative;
             let d_derivative = second * d_theta + d_slope;
             let across = gain * d_theta / radius;
-            // Derivative of (1 + tan^2 theta) / P'.
+            // Derivative of (1 + tan^2 theta) / P' with respect to the coefficient.
             let along = gain * (2.0 * tangent * d_theta - d_derivative / derivative) / derivative;
             *by = ByCoefficient {
                 at: distorted.map(|c| across * c),

@@ -2,15 +2,17 @@
 //! 2000; C. Mei, P. Rives, "Single view point omnidirectional camera calibration from planar grids", 2007,
 //! without its distortion.
 //!
-//! A ray meets a unit sphere, which a pinhole observes from `xi` behind its centre:
-//! `u = gamma x / (xi |(x, y, z)| + z)`. The model is a [`DoubleSphere`] with alpha = 0:
-//! `P = (1 + xi) sin theta / (xi + cos theta)`, relative to the focal length `gamma / (1 + xi)` at the image
+//! A ray in the direction (x, y, z) meets a unit sphere. A pinhole with the focal length gamma observes the
+//! sphere from the distance `xi` behind its centre: `u = gamma x / (xi |(x, y, z)| + z)`. The model is a
+//! [`DoubleSphere`] with alpha = 0. A ray at the angle theta from the optical axis has the image radius
+//! `P = (1 + xi) sin theta / (xi + cos theta)`, divided by the focal length `gamma / (1 + xi)` at the image
 //! centre.
 
 use crate::camera::distortion::double_sphere::DoubleSphere;
 use crate::camera::distortion::profile::Profile;
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
 
+/// Table entry of the unified model in [`MODELS`](super::MODELS).
 pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::Unified,
     name: "unified",
@@ -23,13 +25,14 @@ pub(super) const ROW: ModelRow = ModelRow {
     zero: Distortion::Unified { xi: 0.0 },
 };
 
-/// Unified model.
+/// Unified model with its coefficient `xi`: the distance of the pinhole behind the centre of the unit sphere.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Unified {
     pub(super) xi: f64,
 }
 
 impl Unified {
+    /// Returns the equal double-sphere model, with alpha = 0.
     const fn as_double_sphere(self) -> DoubleSphere {
         DoubleSphere { xi: self.xi, alpha: 0.0 }
     }
@@ -75,7 +78,7 @@ mod tests {
         ) {
             let length = (x * x + y * y + z * z).sqrt();
             let below = xi * length + z;
-            // Rays that the model shows: the radius still grows, and the angle is within the limit of all
+            // The model shows a ray if the radius still increases, and the angle is within the limit of all
             // lenses.
             let is_shown = below > 1e-3 * length && length + xi * z > 1e-6 && z > -0.8 * length;
             prop_assume!(is_shown && length > 0.1);
