@@ -25,6 +25,7 @@ pub(crate) fn cameras<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -
     from.deserialize_seq(Bounded { most: MAX_CAMERAS, of: PhantomData })
 }
 
+/// Visitor that reads a list of at most `most` items.
 struct Bounded<T> {
     most: usize,
     of: PhantomData<T>,
@@ -53,12 +54,15 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for Bounded<T> {
 }
 
 /// Largest length of an id or name, in bytes.
-const MAX_NAME: usize = 256;
-/// Largest magnitude of a coordinate, in its unit. Beyond it, a double no longer resolves micrometres.
+const MAX_NAME_BYTES: usize = 256;
+/// Largest magnitude of a coordinate, in its unit (metres or pixels). A double does not resolve micrometres
+/// beyond this limit.
 const MAX_COORDINATE: f64 = 1e9;
 
+/// Result of a check: the first error, if any.
 pub(crate) type Checked = Result<(), SiteError>;
 
+/// Formats a path of the JSON reader as a JSON pointer (RFC 6901).
 pub(crate) fn pointer_of(path: &serde_path_to_error::Path) -> String {
     use serde_path_to_error::Segment;
     path.iter().fold(String::new(), |pointer, segment| match segment {
@@ -68,17 +72,20 @@ pub(crate) fn pointer_of(path: &serde_path_to_error::Path) -> String {
     })
 }
 
+/// Escapes a key for a JSON pointer (RFC 6901).
 pub(crate) fn escape(key: &str) -> String {
     key.replace('~', "~0").replace('/', "~1")
 }
 
-/// Position in the document during a check: a chain of keys, which is formatted only for an error.
+/// Position in the document during a check: a chain of keys. The chain is formatted as a JSON pointer only
+/// for an error.
 #[derive(Clone, Copy)]
 pub(crate) struct At<'a> {
     parent: Option<&'a Self>,
     step: Step<'a>,
 }
 
+/// Last step of a position in the document.
 #[derive(Clone, Copy)]
 pub(crate) enum Step<'a> {
     Root,
@@ -108,6 +115,7 @@ impl<'a> At<'a> {
         }
     }
 
+    /// Returns an error at this position, with the found value and a description of the allowed values.
     pub(crate) fn expected(&self, found: impl fmt::Display, expected: impl fmt::Display) -> Checked {
         let fault = SiteErrorKind::Unexpected { found: found.to_string(), expected: expected.to_string() };
         Err(SiteError { pointer: self.pointer(), kind: fault, subject: None })
@@ -119,6 +127,7 @@ impl<'a> At<'a> {
 pub(crate) struct Bounds {
     pub(crate) low: f64,
     pub(crate) high: f64,
+    /// Description of the range for error messages.
     pub(crate) what: &'static str,
 }
 
@@ -127,9 +136,12 @@ impl Bounds {
         Self { low: -MAX_COORDINATE, high: MAX_COORDINATE, what: "a number between -1e9 and 1e9" };
     pub(crate) const POSITIVE: Self =
         Self { low: f64::MIN_POSITIVE, high: MAX_COORDINATE, what: "a number above 0 and up to 1e9" };
-    pub(crate) const DEGREES: Self = Self { low: -360.0, high: 360.0, what: "degrees between -360 and 360" };
-    pub(crate) const PITCH: Self = Self { low: -90.0, high: 90.0, what: "degrees between -90 and 90" };
-    pub(crate) const SCENE_DEGREES: Self = Self { low: 0.0, high: 45.0, what: "degrees between 0 and 45" };
+    pub(crate) const DEGREES: Self =
+        Self { low: -360.0, high: 360.0, what: "an angle between -360 and 360 degrees" };
+    pub(crate) const PITCH: Self =
+        Self { low: -90.0, high: 90.0, what: "an angle between -90 and 90 degrees" };
+    pub(crate) const SCENE_DEGREES: Self =
+        Self { low: 0.0, high: 45.0, what: "an angle between 0 and 45 degrees" };
     pub(crate) const SHARE: Self = Self { low: 0.0, high: 1.0, what: "a fraction between 0 and 1" };
 
     pub(crate) fn check(self, at: &At, value: f64) -> Checked {
@@ -141,17 +153,19 @@ impl Bounds {
     }
 }
 
+/// Checks that a list has at most `most` items.
 pub(crate) fn count(at: &At, found: usize, most: usize) -> Checked {
     if found <= most { Ok(()) } else { at.expected(format!("{found} items"), format!("at most {most}")) }
 }
 
+/// Checks that a name is not empty and not too long.
 pub(crate) fn name(at: &At, text: Option<&String>) -> Checked {
     let Some(text) = text else { return Ok(()) };
     if text.is_empty() {
         return at.expected("an empty text", "at least one character");
     }
-    if text.len() > MAX_NAME {
-        return at.expected(format!("{} bytes", text.len()), format!("at most {MAX_NAME}"));
+    if text.len() > MAX_NAME_BYTES {
+        return at.expected(format!("{} bytes", text.len()), format!("at most {MAX_NAME_BYTES}"));
     }
     Ok(())
 }
@@ -166,10 +180,12 @@ pub(crate) fn id(at: &At, text: Option<&String>) -> Checked {
     at.expected(format!("the control character {}", control.escape_unicode()), "an id of visible characters")
 }
 
+/// Checks a number if it is present.
 pub(crate) fn optional(at: &At, value: Option<f64>, bounds: Bounds) -> Checked {
     value.map_or(Ok(()), |value| bounds.check(at, value))
 }
 
+/// Checks a known value: it must be in range, and either fixed or with a standard deviation.
 pub(crate) fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
     let Some(known) = known else { return Ok(()) };
     bounds.check(&at.key("value"), known.value)?;
@@ -178,11 +194,15 @@ pub(crate) fn known(at: &At, known: Option<&Known>, bounds: Bounds) -> Checked {
         (true, Some(_)) => {
             at.expected("both \"fixed\": true and a sigma", "only one of them: a fixed value, or a prior")
         }
-        (false, None) => at.expected("only a value", "also \"fixed\": true, or a \"sigma\" for a prior"),
+        (false, None) => at.expected(
+            "a value without \"fixed\" or \"sigma\"",
+            "\"fixed\": true, or a \"sigma\" for a prior",
+        ),
         _ => Ok(()),
     }
 }
 
+/// Checks that a list has at least `least` pixels with coordinates in range.
 pub(crate) fn pixels(at: &At, pixels: &[calib_core::camera::Pixel], least: usize) -> Checked {
     if pixels.len() < least {
         return at.expected(format!("{} points", pixels.len()), format!("at least {least}"));

@@ -25,25 +25,28 @@ pub(crate) struct BundleResult {
     /// Landmarks with their source in the site, at their estimated positions. Rejected landmarks are switched
     /// off.
     pub(crate) landmarks: Vec<(LandmarkSource, Landmark)>,
-    /// Covariances of the landmark parameters.
+    /// Covariance of the parameters of every landmark; `None` if it is not refined.
     pub(crate) covariances: Vec<Option<[[f64; 3]; 3]>>,
-    /// Distances, each with its index in the site.
+    /// Measured distances, each with its index in the site.
     pub(crate) measurements: Vec<(usize, DistanceMeasurement)>,
-    /// Rejected landmarks and distances, by their index here.
+    /// Rejected landmarks and distances, by their indices in `landmarks` and `measurements`.
     pub(crate) rejected: Vec<OutlierCandidate>,
     pub(crate) components: Vec<Component>,
-    /// Cameras with too few shared observations to be placed.
+    /// Indices of the cameras with too few shared observations to be placed.
     pub(crate) unplaced: Vec<usize>,
-    /// Cameras with too many shared observations to be solved jointly.
+    /// Indices of the cameras with too many shared observations to be solved jointly.
     pub(crate) too_many: Vec<usize>,
-    /// Cameras without a pose from which all their shared observations are visible.
+    /// Indices of the cameras without a pose from which all their shared observations are visible.
     pub(crate) unsolved: Vec<usize>,
-    /// Landmarks that are not visible in one of their cameras at the position from the other cameras.
+    /// Indices of unused landmarks: their triangulated position is not visible in one of the observing
+    /// cameras.
     pub(crate) unobservable: Vec<usize>,
-    /// Landmarks and distances without information.
+    /// Landmarks and distances that constrain no camera.
     pub(crate) unused: UnusedEvidence,
-    /// Estimated planes.
+    /// Estimate of every plane; `None` if the plane is fixed or not used.
     pub(crate) planes: Vec<Option<PlaneEstimate>>,
+    /// Largest root mean square disagreement on the floor after initialisation, in metres; `None` without
+    /// loops.
     pub(crate) loop_closure: Option<f64>,
     /// Cross-covariances of jointly refined pairs of cameras.
     pub(crate) pairs: HashMap<[usize; 2], CrossCovariance>,
@@ -64,12 +67,12 @@ pub(crate) const ABSENT: Camera = Camera {
 struct Member<'a> {
     entry: &'a SiteCamera,
     single: &'a SingleFit,
-    /// Camera as estimated by stage 1.
+    /// Camera with the pose of stage 1.
     own: Camera,
 }
 
 impl BundleResult {
-    /// Returns the connected cameras; the others are replaced by [`ABSENT`].
+    /// Returns all cameras at their refined poses; unconnected cameras are replaced by [`ABSENT`].
     pub(crate) fn connected_cameras(&self) -> Vec<Camera> {
         let connected = |joined: &Option<CameraEstimate>| {
             joined.as_ref().filter(|estimate| estimate.is_connected).map_or(ABSENT, |joined| joined.camera)
@@ -123,6 +126,7 @@ pub(crate) fn refine_lenses(
     adjust(entries, &members(entries, single_fits), SiteObservations::default(), planes)
 }
 
+/// Returns the participating cameras; `None` for cameras that do not take part.
 fn members<'a>(
     entries: &[&'a SiteCamera],
     single_fits: &'a [Result<SingleFit, Failure>],
@@ -131,6 +135,7 @@ fn members<'a>(
     each.map(|(entry, single)| Member::new(entry, single.as_ref().ok()?)).collect()
 }
 
+/// Runs the bundle adjustment. Unconnected cameras keep their pose of stage 1.
 fn adjust(
     entries: &[&SiteCamera],
     members: &[Option<Member>],
@@ -172,14 +177,14 @@ fn lens_owner(entry: &SiteCamera, entries: &[&SiteCamera], members: &[Option<Mem
 }
 
 impl<'a> Member<'a> {
-    /// Returns `None` for a camera without a maximum-likelihood fit, except for an entered camera with a
-    /// position.
+    /// Creates a member. Returns `None` for a camera without a maximum-likelihood fit. Exceptions are a
+    /// camera from control points, and an entered camera with a position.
     fn new(entry: &'a SiteCamera, single: &'a SingleFit) -> Option<Self> {
         let own = single.result.solution.camera()?;
         let takes_part = if entry.is_given() {
             single.result.solution.stage > Stage::Partial
         } else {
-            single.fit.is_some()
+            single.fit.is_some() || single.is_from_points
         };
         takes_part.then_some(Self { entry, single, own })
     }
@@ -226,6 +231,7 @@ impl<'a> Member<'a> {
         })
     }
 
+    /// Whether stage 1 determined the height.
     fn height_is_known(&self) -> bool {
         self.single.fit.as_ref().is_some_and(|fit| fit.is_height_known)
     }
@@ -251,7 +257,7 @@ impl<'a> Member<'a> {
         Camera { position: WorldPoint { z, ..self.own.position }, yaw: self.own.yaw, ..*refined }
     }
 
-    /// Returns the lens parameters that were fitted.
+    /// Returns the flags of the lens parameters that were fitted.
     fn free_lens(&self) -> [bool; Lens::PARAMETERS] {
         let fit = self.single.lens_estimate.fit.as_ref();
         fit.map_or([false; Lens::PARAMETERS], |fit| fit.free)

@@ -6,10 +6,10 @@ use crate::solution::{FailureEntry, Solution, SuggestionEntry, Warning};
 use calib_core::outcome::{Code, Failure, Finding, Suggestion};
 use calib_core::single::SuggestedLine;
 
-/// Numerical result of a camera, with its findings as values.
+/// Numerical result of a camera, with its findings as values instead of sentences.
 #[derive(Clone, Debug)]
 pub(crate) struct CameraResult {
-    /// Solution for the document; its messages are added last.
+    /// Solution for the document; its warnings and suggestions are added last.
     pub(crate) solution: Solution,
     pub(crate) findings: Vec<Finding>,
     /// Suggested annotations, the most useful first.
@@ -22,6 +22,7 @@ impl CameraResult {
         Self { solution, findings: Vec::new(), sketches: Vec::new() }
     }
 
+    /// Returns the most useful suggestion.
     pub(crate) fn suggestion(&self) -> Option<Suggestion> {
         self.sketches.first().map(|sketch| sketch.suggestion)
     }
@@ -66,8 +67,8 @@ impl Site {
         }
     }
 
-    /// Converts a failure to its entry. If the annotations belong to another image, this explanation and its
-    /// advice are used as well.
+    /// Converts a failure to its entry. If the annotations belong to another image, the message also contains
+    /// this reason, and the advice is about it.
     fn failure_entry(&self, camera: usize, failure: &Failure) -> FailureEntry {
         let mut entry = FailureEntry::from(failure);
         let outside = self.cameras.get(camera).and_then(|camera| self.points_outside(camera));

@@ -21,14 +21,14 @@ use calib_core::single::{Annotation, FieldUse, USUAL_SIZES};
 
 /// Largest length of a site file, in bytes, including `data:` images.
 pub const MAX_BYTES: usize = 1 << 30;
-/// Largest number of values in a site file, so that empty lists cannot fill the memory.
+/// Largest number of values in a site file. The limit prevents a file of empty lists from filling the memory.
 pub const MAX_VALUES: usize = 4_000_000;
 /// Largest number of segments and polylines of one camera. It is far above practical use, and such a camera
 /// is solved within minutes even if half of its lines are wrong.
 const MAX_LINES_PER_CAMERA: usize = 20_000;
 /// Largest number of segments and polylines of all cameras together, to bound the solving time of the site.
 const MAX_LINES_PER_SITE: usize = 100_000;
-/// Largest side of an image, in pixels.
+/// Largest width or height of an image, in pixels.
 pub const MAX_SIDE: u32 = 65_536;
 
 impl Site {
@@ -97,6 +97,7 @@ fn with_subject(text: &str, error: SiteError) -> SiteError {
     SiteError { subject: about, ..error }
 }
 
+/// Returns the camera and the annotation that contain the value at a JSON pointer.
 fn error_subject(text: &str, pointer: &str) -> Option<Box<ErrorSubject>> {
     let mut parts = pointer.split('/').skip(1);
     let (Some("cameras"), Some(index)) = (parts.next(), parts.next()) else { return None };
@@ -124,6 +125,7 @@ fn item<'a>(list: &'a str, index: &str) -> Option<&'a str> {
     items.get(index.parse::<usize>().ok()?).map(|value| value.get())
 }
 
+/// Returns a text field of a JSON object.
 fn text_of(object: &str, key: &str) -> Option<String> {
     serde_json::from_str(field(object, key)?).ok()
 }
@@ -143,6 +145,7 @@ fn count_values(text: &str) -> usize {
     values
 }
 
+/// Checks the scale, the origin and the georeference of a floor plan.
 fn check_plan(at: &At, plan: &Plan) -> Checked {
     Bounds::POSITIVE.check(&at.key("metres_per_px"), plan.metres_per_px)?;
     Bounds::COORDINATE.check_all(&at.key("origin_px"), &<[f64; 2]>::from(plan.origin_px))?;
@@ -156,6 +159,7 @@ fn check_georeference(at: &At, georeference: &Georeference) -> Checked {
     Bounds::DEGREES.check(&at.key("x_axis_azimuth_deg"), georeference.x_axis_azimuth_deg)
 }
 
+/// Checks one camera entry with its annotations, control points and solution.
 fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     id(&at.key("id"), Some(&camera.id))?;
     name(&at.key("name"), camera.name.as_ref())?;
@@ -204,6 +208,7 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     camera.solution.as_ref().map_or(Ok(()), |solution| check_solution(&at.key("solution"), solution))
 }
 
+/// Checks the entered lens values and the reference `like` to another camera.
 fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     let Some(lens) = &camera.lens else { return Ok(()) };
     known(&at.key("focal_px"), lens.focal_px.as_ref(), Bounds { low: 1.0, ..Bounds::POSITIVE })?;
@@ -243,11 +248,12 @@ fn check_annotations(at: &At, annotations: &[Annotation]) -> Checked {
     check_right_angle_references(at, annotations)
 }
 
-/// Returns the number of segments and polylines.
+/// Returns the number of segments and polylines of these annotations.
 fn line_count(annotations: &[Annotation]) -> usize {
     annotations.iter().map(|annotation| annotation.segments.as_ref().map_or(1, Vec::len)).sum()
 }
 
+/// Checks the number of lines of all cameras together.
 fn check_site_lines(at: &At, cameras: &[SiteCamera]) -> Checked {
     let found: usize = cameras.iter().map(|camera| line_count(&camera.annotations)).sum();
     if found <= MAX_LINES_PER_SITE {
@@ -259,6 +265,7 @@ fn check_site_lines(at: &At, cameras: &[SiteCamera]) -> Checked {
     )
 }
 
+/// Checks the number of lines of one camera.
 fn check_lines(at: &At, annotations: &[Annotation]) -> Checked {
     let found = line_count(annotations);
     if found <= MAX_LINES_PER_CAMERA {
@@ -270,6 +277,7 @@ fn check_lines(at: &At, annotations: &[Annotation]) -> Checked {
     )
 }
 
+/// Checks the fields of one annotation against its kind, and their values.
 fn check_annotation(at: &At, annotation: &Annotation) -> Checked {
     id(&at.key("id"), annotation.id.as_ref())?;
     name(&at.key("name"), annotation.name.as_ref())?;
@@ -314,6 +322,7 @@ fn check_like(at: &At, annotation: &Annotation) -> Checked {
     }
 }
 
+/// Checks the standard deviations of the scene errors.
 fn check_scene(at: &At, scene: Option<&SceneEntry>) -> Checked {
     let Some(SceneEntry::Sigmas(sigmas)) = scene else { return Ok(()) };
     optional(&at.key("floor_tilt_sigma_deg"), sigmas.floor_tilt_sigma_deg, Bounds::SCENE_DEGREES)?;
@@ -366,6 +375,7 @@ fn check_right_angle_references(at: &At, annotations: &[Annotation]) -> Checked 
     Ok(())
 }
 
+/// Checks the values of a control point, and that its coordinates are given in one way.
 fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Checked {
     id(&at.key("id"), point.id.as_ref())?;
     name(&at.key("name"), point.name.as_ref())?;
@@ -387,7 +397,7 @@ fn check_control_point(at: &At, point: &ControlPointEntry, site: &Site) -> Check
                     .expected("\"plan_px\" in a site without a plan", "\"world_m\", or a plan");
             }
         }
-        (Some(_), Some(_)) => return at.expected("both \"world_m\" and \"plan_px\"", "one of them"),
+        (Some(_), Some(_)) => return at.expected("both \"world_m\" and \"plan_px\"", "only one of them"),
         (None, None) => {
             return at.expected("no coordinates", "\"world_m\", or \"plan_px\" with \"height_m\"");
         }

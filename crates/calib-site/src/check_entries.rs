@@ -28,14 +28,15 @@ pub(crate) fn check_planes(at: &At, planes: &[PlaneEntry]) -> Checked {
     Ok(())
 }
 
+/// Checks one plane: names, numbers, region and solution.
 fn check_plane(at: &At, plane: &PlaneEntry) -> Checked {
     id(&at.key("id"), Some(&plane.id))?;
     name(&at.key("name"), plane.name.as_ref())?;
-    number(&at.key("height_m"), plane.height_m, Bounds::COORDINATE)?;
+    check_plane_number(&at.key("height_m"), plane.height_m, Bounds::COORDINATE)?;
     if let Some(tilt) = plane.tilt {
         let at = at.key("tilt");
-        number(&at.key("toward_deg"), tilt.toward_deg, Bounds::DEGREES)?;
-        number(&at.key("fall_deg"), tilt.fall_deg, Bounds::SCENE_DEGREES)?;
+        check_plane_number(&at.key("toward_deg"), tilt.toward_deg, Bounds::DEGREES)?;
+        check_plane_number(&at.key("fall_deg"), tilt.fall_deg, Bounds::SCENE_DEGREES)?;
     }
     let region = at.key("region");
     count(&region, plane.region.len(), MAX_ITEMS)?;
@@ -53,7 +54,8 @@ fn check_plane(at: &At, plane: &PlaneEntry) -> Checked {
     })
 }
 
-fn number(at: &At, number: Option<PlaneNumber>, bounds: Bounds) -> Checked {
+/// Checks the value and the standard deviation of a plane's height or angle.
+fn check_plane_number(at: &At, number: Option<PlaneNumber>, bounds: Bounds) -> Checked {
     match number {
         None => Ok(()),
         Some(PlaneNumber::Exact(value)) => bounds.check(at, value),
@@ -113,20 +115,21 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
     Ok(())
 }
 
+/// Checks one link: names, numbers, and observations of its kind by cameras of the site.
 fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
     id(&at.key("id"), link.id.as_ref())?;
     name(&at.key("name"), link.name.as_ref())?;
     optional(&at.key("height_m"), link.height_m, Bounds::COORDINATE)?;
     known(&at.key("length_m"), link.length_m.as_ref(), Bounds::POSITIVE)?;
     let kind = link.kind;
-    for (key, is_there, of) in [
-        ("height_m", link.height_m.is_some(), LinkKind::Point),
-        ("length_m", link.length_m.is_some(), LinkKind::Post),
+    for (key, is_there, of, word) in [
+        ("height_m", link.height_m.is_some(), LinkKind::Point, "point"),
+        ("length_m", link.length_m.is_some(), LinkKind::Post, "post"),
     ] {
         if is_there && kind != of {
             return at
                 .key(key)
-                .expected(format!("{key:?}"), format!("no {key:?}, except in a link of kind {of:?}"));
+                .expected(format!("{key:?}"), format!("no {key:?}, except in a link of kind {word:?}"));
         }
     }
     count(&at.key("seen"), link.seen.len(), MAX_ITEMS)?;
@@ -161,6 +164,7 @@ fn check_link(at: &At, link: &Link, cameras: &HashSet<&str>) -> Checked {
     Ok(())
 }
 
+/// Checks one mark: names, numbers, dimensions and observations of its named points.
 fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
     id(&at.key("id"), mark.id.as_ref())?;
     name(&at.key("name"), mark.name.as_ref())?;
@@ -194,8 +198,8 @@ fn check_mark(at: &At, mark: &Mark, cameras: &HashSet<&str>) -> Checked {
     Ok(())
 }
 
-/// Largest number of corners of an EFOV polygon on the floor: eight for each annotated corner, plus those
-/// from clipping.
+/// Largest number of corners of an EFOV polygon on the floor: eight for each annotated corner, plus the
+/// corners from clipping.
 const MAX_EFOV_CORNERS: usize = 10_000;
 
 /// Checks that an image circle has a positive radius and finite values.
@@ -210,7 +214,7 @@ pub(crate) fn check_circle(at: &At, circle: ImageCircle) -> Checked {
     )
 }
 
-/// Checks that a solution can be written and read again.
+/// Checks the values of a stored solution, so that it can be written and read again.
 pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
     let point = <[f64; 2]>::from(solution.principal_point_px);
@@ -248,6 +252,7 @@ pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     solution.covariance.as_ref().map_or(Ok(()), |c| check_covariance(&at.key("covariance"), c))
 }
 
+/// Checks the size, the values and the diagonal of a stored covariance.
 fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
     let n = covariance.of.len();
     count(&at.key("of"), n, 100)?;
@@ -273,6 +278,7 @@ fn check_covariance(at: &At, covariance: &CovarianceEntry) -> Checked {
     Ok(())
 }
 
+/// Checks a distortion entry. `focal` is the entered focal length of the camera, in pixels, if any.
 pub(crate) fn check_distortion(at: &At, entry: &DistortionEntry, focal: Option<f64>) -> Checked {
     let mut given = false;
     let own = entry.model.row().coefficients;

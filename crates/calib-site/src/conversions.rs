@@ -1,5 +1,5 @@
 //! Conversions between entries of the site file and geometric types: planes, plan, lens, camera, priors, and
-//! the field of view on its plane and on the floor.
+//! field of view.
 
 use calib_core::camera::{
     Camera, Coefficient, Covariance, Distortion, DistortionModel, FloorPoint, ImageCircle, Lens, Pixel,
@@ -80,7 +80,7 @@ impl Site {
         self.georeference.as_ref().or_else(|| self.plan.as_ref()?.georeference.as_ref())
     }
 
-    /// Returns the first entry with this id, whatever its period.
+    /// Returns the first entry with this id, independently of its validity period.
     pub(crate) fn first_entry(&self, id: &str) -> Option<&SiteCamera> {
         self.cameras.iter().find(|camera| camera.id == id)
     }
@@ -119,13 +119,14 @@ impl From<Placement> for PlacementEntry {
 }
 
 impl ControlPointEntry {
-    /// Returns the name in residuals: the id, or the index in the list of its camera.
+    /// Returns the name of the control point in residuals: its id, otherwise its index in the list of the
+    /// camera.
     #[must_use]
     pub fn label(&self, index: usize) -> String {
         self.id.clone().unwrap_or_else(|| index.to_string())
     }
 
-    /// Returns the point with its world coordinates; `None` for a plan pixel without a plan.
+    /// Returns the control point with its world coordinates; `None` for a plan pixel without a plan.
     #[must_use]
     pub fn control_point(&self, plan: Option<&Plan>) -> Option<ControlPoint> {
         let on_plan = || -> Option<WorldPoint> {
@@ -236,7 +237,7 @@ impl SiteCamera {
         Lens { focal, distortion: row.zero, image_circle: self.image_circle(), ..lens }
     }
 
-    /// Returns the fixed parameters with their values.
+    /// Returns the values of the fixed parameters, in radians, pixels and metres.
     #[must_use]
     pub fn fixed_parameters(&self) -> FixedParameters {
         let fixed = |known: Option<calib_core::single::Known>| {
@@ -253,7 +254,7 @@ impl SiteCamera {
         }
     }
 
-    /// Returns the priors on orientation, focal length and height.
+    /// Returns the priors on orientation, focal length and height, in radians, pixels and metres.
     #[must_use]
     pub fn priors(&self) -> Priors {
         let prior = |known: Option<calib_core::single::Known>| {
@@ -289,7 +290,7 @@ impl SiteCamera {
         self.solution.as_ref().is_some_and(|solution| solution.stage >= Stage::Placed)
     }
 
-    /// Returns the calibrated camera; `None` if it is not solved, or only its lens is.
+    /// Returns the calibrated camera; `None` if the camera is not solved, or only its lens is calibrated.
     #[must_use]
     pub fn camera(&self) -> Option<Camera> {
         self.solution.as_ref()?.camera()
@@ -310,7 +311,7 @@ impl SiteCamera {
 }
 
 impl Solution {
-    /// Creates a solution with the pose and the lens of a camera, without uncertainty.
+    /// Creates a solution with the pose and the lens of a camera, with an unknown uncertainty.
     #[must_use]
     pub fn from_camera(camera: &Camera, method: Method, stage: Stage) -> Self {
         Self {
@@ -337,14 +338,15 @@ impl Solution {
         })
     }
 
-    /// Stores the covariance and the standard deviations of a camera; neither if the uncertainty is unknown.
+    /// Stores the covariance and the standard deviations of a camera in the solution. Both are removed if the
+    /// uncertainty is unknown.
     pub(crate) fn set_uncertainty(&mut self, camera: &Camera, floor_length_rel: Option<f64>) {
         self.sigma = camera.covariance.is_known().then(|| Sigmas::from_camera(camera, floor_length_rel));
         self.covariance = CovarianceEntry::from_camera(camera);
     }
 
-    /// Returns the stored covariance, otherwise the one from the standard deviations, otherwise an unknown
-    /// covariance.
+    /// Returns the stored covariance, otherwise a diagonal covariance from the stored standard deviations,
+    /// otherwise an unknown covariance.
     fn known_covariance(&self) -> Covariance {
         let distortion = self.lens().distortion;
         let from_sigmas = || self.sigma.as_ref().map(CovarianceEntry::from_sigmas);
@@ -382,9 +384,10 @@ impl Site {
         project_onto_plane(entry, corners.into_iter().map(|at| at.at_height(0.0)), &plane)
     }
 
-    /// Returns the floor covered by a camera's EFOV, with planes removed, as used by [`Extent`].
+    /// Returns the EFOV of a camera as a polygon on the floor, in metres, as if no plane were in front of the
+    /// floor. [`Extent`] uses this polygon.
     ///
-    /// It equals [`SiteCamera::floor_polygon`] for an EFOV on the floor.
+    /// The polygon equals [`SiteCamera::floor_polygon`] for an EFOV on the floor.
     ///
     /// [`Extent`]: calib_core::floor::Extent
     #[must_use]
@@ -397,8 +400,8 @@ impl Site {
     }
 }
 
-/// Whether the stored corners on the plan are those on the plane. Without a solution, they are computed on
-/// the floor only.
+/// Whether the solution contains the corners of the EFOV, which are then on the plane of the EFOV. Without a
+/// solution, the corners are computed on the floor only.
 fn has_solved_outline(entry: &SiteCamera) -> bool {
     entry.solution.as_ref().is_some_and(|solution| !solution.efov_m.is_empty())
 }

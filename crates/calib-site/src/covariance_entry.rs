@@ -1,7 +1,7 @@
 //! Covariances in the site file: angles in degrees, and distortion coefficients that refer to the camera's
 //! focal length.
 //!
-//! Also cross-covariances of jointly solved cameras: their errors are correlated.
+//! The file also contains the cross-covariances of jointly solved cameras, whose errors are correlated.
 
 use calib_core::bundle::CrossCovariance;
 use calib_core::camera::{Camera, Covariance, Distortion, Pixel};
@@ -22,7 +22,7 @@ pub(crate) fn unit_in_file(index: usize) -> f64 {
     }
 }
 
-/// Returns the name of a parameter in files.
+/// Returns the name of a camera parameter in files, by its index in [`Covariance`].
 pub(crate) fn parameter_name(index: usize, distortion: &Distortion) -> Option<&'static str> {
     let own = || match index {
         Covariance::CENTRE => Some("principal_point_u_px"),
@@ -35,7 +35,7 @@ pub(crate) fn parameter_name(index: usize, distortion: &Distortion) -> Option<&'
 /// Computes the derivatives of the distortion coefficients in a file with respect to the internal
 /// coefficients and to the focal length.
 ///
-/// Coefficients in a file refer to the camera's focal length and change with it. Those of a
+/// Coefficients in a file refer to the camera's focal length and change with it. Coefficients of a
 /// [`Lens`](calib_core::camera::Lens) refer to a constant focal length, which is `ratio` times smaller than
 /// the camera's.
 pub(crate) fn file_jacobian(distortion: &Distortion, ratio: f64, focal: f64) -> [[f64; Covariance::SIZE]; 2] {
@@ -71,7 +71,7 @@ impl CovarianceEntry {
         covariance.with_correlated_shift(&scale, &by_focal.map(|jacobian| -jacobian))
     }
 
-    /// Creates a diagonal covariance from standard deviations.
+    /// Creates the entry of a diagonal covariance from standard deviations.
     pub(crate) fn from_sigmas(sigmas: &Sigmas) -> Self {
         let named: Vec<(&str, f64)> =
             sigmas.named_values().into_iter().filter_map(|(name, sigma)| Some((name, sigma?))).collect();
@@ -167,7 +167,9 @@ impl Sigmas {
 struct FileJacobian {
     /// Indices and names of the estimated parameters.
     rows: Vec<(usize, &'static str)>,
+    /// Derivative of each parameter with respect to the same parameter of the camera.
     by_own: [f64; Covariance::SIZE],
+    /// Derivative of each parameter with respect to the focal length of the camera.
     by_focal: [f64; Covariance::SIZE],
 }
 
@@ -255,7 +257,7 @@ impl CrossCovarianceEntry {
 }
 
 impl Site {
-    /// Returns the cross-covariances of jointly solved cameras.
+    /// Returns the entries of the cross-covariances of jointly solved cameras.
     pub(crate) fn cross_covariances(
         &self,
         bundle: &BundleResult,
@@ -274,9 +276,10 @@ impl Site {
         pairs.into_iter().filter_map(entry).filter(|entry| !entry.values.is_empty()).collect()
     }
 
-    /// Returns the covariance between the floor point of a pixel in one camera (rows) and that of a pixel in
-    /// another camera (columns), in square metres. It is the calibration part, which jointly solved cameras
-    /// share. A tracker that treats the two points as independent overestimates the accuracy of their mean.
+    /// Returns the covariance between the floor points of two pixels in two cameras, in square metres. Rows
+    /// belong to the first camera, columns to the second. The result is the calibration part of the
+    /// covariance, which jointly solved cameras share. A tracker that treats the two points as independent
+    /// overestimates the accuracy of their mean.
     ///
     /// Cameras that were not solved jointly are independent. Returns `None` if a camera has no solution,
     /// shows no floor at the pixel, or has an unknown uncertainty. In groups of more than 45 cameras it also
@@ -300,6 +303,7 @@ impl Site {
         }))
     }
 
+    /// Returns the cross-covariance of the parameters of two cameras; zeros if they were not solved jointly.
     fn covariance_between(&self, [a, b]: [&str; 2], cameras: [&Camera; 2]) -> Option<CrossCovariance> {
         if a == b {
             return Some(Box::new(cameras[0].covariance.0));

@@ -19,10 +19,10 @@ use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
 document! {
     /// Link between cameras: a point, a post or a line on the floor that several cameras observe.
     struct Link {
-        /// Identifier for references from other entries.
+        /// Identifier of the link, for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// Display name.
+        /// Display name of the link.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
         /// Whether the link is switched off. It is then not used; only its residual is reported.
@@ -46,7 +46,7 @@ document! {
         /// Observations, one for each camera that shows the link.
         #[serde(deserialize_with = "bounds::items")]
         seen: Vec<LinkObservation>,
-        /// Result of solving.
+        /// Result of solving: position and residuals of the link.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<ElementSolution>,
     }
@@ -54,7 +54,7 @@ document! {
     /// Observation of a link in one camera: `px` for a point, `foot` and `head` for a post, `segment` for a
     /// line.
     struct LinkObservation {
-        /// Id of the camera.
+        /// Id of the camera that observes the link.
         camera: String,
         /// Raw pixel of a point.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -75,10 +75,10 @@ document! {
 
     /// Virtual element of known shape, such as a box or a person.
     struct Mark {
-        /// Identifier for references from other entries.
+        /// Identifier of the mark, for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// Display name.
+        /// Display name of the mark.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
         /// Whether the mark is switched off. It is then not used; only its residuals are reported.
@@ -87,7 +87,7 @@ document! {
         /// Whether the mark is protected from rejection as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
-        /// Shape of the mark.
+        /// Kind of shape; it defines the dimensions in `size_m` and the names of the points.
         kind: MarkKind,
         /// World position of the foot or centre, in metres.
         at_m: WorldPoint,
@@ -99,30 +99,30 @@ document! {
         /// Whether the mark is fixed during joint refinement.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         fixed: bool,
-        /// Observations of named points of the mark.
+        /// Observations of named points of the mark in the images.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         seen: Vec<MarkObservation>,
-        /// Result of solving.
+        /// Result of solving: position and residuals of the mark.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<ElementSolution>,
     }
 
     /// Observation of a named point of a mark in one camera.
     struct MarkObservation {
-        /// Id of the camera.
+        /// Id of the camera that observes the mark.
         camera: String,
         /// Name of the point, as defined by the kind of mark.
         point: String,
-        /// Raw pixel.
+        /// Raw pixel of the observed point.
         px: Pixel,
     }
 
     /// Known distance between two links or marks.
     struct Distance {
-        /// Identifier for references from other entries.
+        /// Identifier of the distance, for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// Display name.
+        /// Display name of the distance.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
         /// Whether the distance is switched off. It is then not used.
@@ -192,17 +192,17 @@ pub enum Format {
 document! {
     /// Site: all data that are calibrated together.
     struct Site {
-        /// Identifies a site file: always "calib-site".
+        /// File format identifier: always "calib-site".
         format: Format,
         /// Version of the format: 1.
         version: u32,
-        /// Display name.
+        /// Display name of the site.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
-        /// Floor plan.
+        /// Floor plan of the site.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan: Option<Plan>,
-        /// Cameras.
+        /// Cameras of the site, one entry for each validity period.
         #[serde(default, deserialize_with = "bounds::cameras", skip_serializing_if = "Vec::is_empty")]
         cameras: Vec<SiteCamera>,
         /// Links between cameras.
@@ -258,9 +258,9 @@ document! {
 
     /// Camera: its image, known values, annotations and result.
     struct SiteCamera {
-        /// Identifier for references from other entries.
+        /// Identifier of the camera, for references from other entries.
         id: String,
-        /// Display name.
+        /// Display name of the camera.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
         /// Image of the camera: a path relative to the site file, or a `data:` URI.
@@ -277,8 +277,8 @@ document! {
         /// Standard deviation of an annotated coordinate, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma_px: Option<f64>,
-        /// Expected deviations of the scene in this image from the annotations' assumptions; those of the
-        /// site if absent.
+        /// Expected deviations of the scene in this image from the annotations' assumptions; the deviations
+        /// of the site if absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scene: Option<SceneEntry>,
         /// Annotations on the image.
@@ -302,10 +302,10 @@ document! {
         /// End of the validity of this calibration (RFC 3339), exclusive.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         valid_to: Option<String>,
-        /// Result of solving.
+        /// Result of solving: pose, focal length, lens and residuals of the camera.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<Solution>,
-        /// Reason why solving gave no result.
+        /// Reason why solving gave no result for the camera.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         error: Option<FailureEntry>,
     }
@@ -375,10 +375,10 @@ document! {
 
     /// Control point: an image point with known coordinates (`world_m`, or `plan_px` with `height_m`).
     struct ControlPointEntry {
-        /// Identifier for references from other entries.
+        /// Identifier of the control point, for references from other entries.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         id: Option<String>,
-        /// Display name.
+        /// Display name of the control point.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
         /// Whether the control point is switched off. It is then not used, but its residual is still
@@ -388,12 +388,12 @@ document! {
         /// Whether the control point is protected from rejection as an outlier.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         keep: bool,
-        /// Raw pixel.
+        /// Raw pixel of the control point.
         px: Pixel,
         /// World coordinates, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         world_m: Option<WorldPoint>,
-        /// Plan pixel.
+        /// Plan pixel of the control point; its world coordinates follow from the scale of the plan.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         plan_px: Option<PlanPixel>,
         /// Height above the floor of a point given by `plan_px`, in metres; 0 if absent.

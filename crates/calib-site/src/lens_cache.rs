@@ -1,4 +1,4 @@
-//! Cache of lens fits. While the operator drags a line, lenses with unchanged edges need not be fitted again.
+//! Cache of lens fits. While the operator drags a line, lenses with unchanged edges are not fitted again.
 
 use calib_core::single::{Edge, LensFit, LensOptions};
 
@@ -7,6 +7,7 @@ use calib_core::single::{Edge, LensFit, LensOptions};
 #[derive(Clone, Debug, Default)]
 pub struct LensCache(Vec<CachedFit>);
 
+/// Fit of a lens, with the edges and options from which it was computed.
 #[derive(Clone, Debug)]
 struct CachedFit {
     edges: Vec<Edge>,
@@ -15,6 +16,7 @@ struct CachedFit {
 }
 
 impl LensCache {
+    /// Returns the stored fit for these edges and options.
     fn find(&self, edges: &[Edge], options: &LensOptions) -> Option<&CachedFit> {
         self.0.iter().find(|known| known.edges == edges && known.options == *options)
     }

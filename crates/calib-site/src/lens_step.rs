@@ -18,12 +18,12 @@ use calib_core::single::{
 #[derive(Clone, Debug)]
 pub(crate) struct LensEstimate {
     pub(crate) lens: Lens,
-    /// Fit of the lens, if it was fitted.
+    /// Fit of the lens to the edges; `None` if the lens was not fitted.
     pub(crate) fit: Option<LensFit>,
-    /// RMS deviation from straight of the lines of one direction, in pixels. It is set if only these lines
-    /// are curved, so that the cause may be the lens or the scene; no distortion is then fitted.
+    /// RMS deviation of the lines of one direction from straight lines, in pixels. It is set if only these
+    /// lines are curved. The cause may then be the lens or the scene, so no distortion is fitted.
     pub(crate) curved_one_way_px: Option<f64>,
-    /// RMS distance from straight of every polyline, in raw pixels.
+    /// RMS deviation of every straight edge from a straight line, in raw pixels.
     pub(crate) straightness: Vec<(Source, f64)>,
 }
 
@@ -48,20 +48,21 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
     Some(FittedCoefficients { model: entry.model, which })
 }
 
-/// Returns the entered principal point.
+/// Returns the entered principal point of a camera, in raw pixels.
 fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
     entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
 }
 
-/// Returns the RMS deviations from straight, in pixels, of the edges that the fitted lens makes much
-/// straighter. The lines of one direction count as one edge. "Much" means a chi-square gain of 10, which is
-/// very strong evidence (Kass and Raftery 1995).
+/// Returns the edges that the fitted lens makes much straighter, each by its RMS deviation from a straight
+/// line without distortion, in pixels. The lines of one direction count as one edge. "Much" means a
+/// chi-square gain of 10, which is very strong evidence (Kass and Raftery 1995).
 fn straightened_rms(
     fit: &LensFit,
     annotations: &[Annotation],
     edges: &[Edge],
     options: &LensOptions,
 ) -> Vec<f64> {
+    /// Smallest decrease of an edge's chi-square by the fitted lens that counts as much straighter.
     const MIN_CHI2_GAIN: f64 = 10.0;
     let pinhole = Lens::pinhole(options.principal_point);
     let mut drawings: BTreeMap<(usize, usize), [f64; 3]> = BTreeMap::new();
@@ -117,6 +118,7 @@ impl Site {
         lens_estimate
     }
 
+    /// Returns the lens of a camera that is not shared: stored, entered, or fitted to edges.
     fn own_lens_estimate(
         &self,
         entry: &SiteCamera,
@@ -131,9 +133,9 @@ impl Site {
         let fit = problem.as_ref().and_then(|(edges, options)| known.fit(edges, options));
         let (mut own, mut curved_one_way_px) = (fit, None);
         if let Some((edges, options)) = problem.filter(|_| !is_lens_requested(entry, shared)) {
-            // Floor lines and verticals with three or more points are not drawn only for the lens. The fit is
-            // used only if more than one of them becomes straighter: a curved road bends all of its parallel
-            // lines.
+            // Floor lines and verticals with three or more points also serve other purposes than the lens.
+            // The fit is used only if more than one line becomes straighter: all parallel lines of a curved
+            // road are curved.
             let straightened = own
                 .as_ref()
                 .map_or_else(Vec::new, |fit| straightened_rms(fit, &entry.annotations, &edges, &options));
@@ -147,7 +149,7 @@ impl Site {
     }
 
     /// Fits the lenses of some cameras, reusing the fits in `before`. This is for repeated calibration while
-    /// the operator draws.
+    /// the operator annotates.
     pub(crate) fn lenses(&self, cameras: &[&SiteCamera], before: &LensCache) -> LensCache {
         let mut lenses = LensCache::default();
         // A shared lens is fitted with its owner.
@@ -229,8 +231,8 @@ impl LensEstimate {
         self.lens.distortion.is_wide() && self.fit.is_some() && given_centre(entry).is_none()
     }
 
-    /// Returns the principal point of a camera with the lens of `owner`: the point of its own entry, plus the
-    /// offset that the fit found for the owner.
+    /// Returns the principal point of a camera with the lens of `owner`: the principal point of `entry`, plus
+    /// the offset that the fit estimated for the owner.
     fn centre_on(&self, owner: &SiteCamera, entry: &SiteCamera) -> Pixel {
         let [own, its] = [owner, entry].map(SiteCamera::principal_point);
         if !self.has_own_centre(owner) {
@@ -240,7 +242,7 @@ impl LensEstimate {
         Pixel::new(u + (its.u - own.u), v + (its.v - own.v))
     }
 
-    /// Returns the lens of `owner` as used by another camera.
+    /// Returns the estimate for another camera that uses this lens of `owner`.
     pub(crate) fn for_camera(&self, owner: &SiteCamera, entry: &SiteCamera) -> Self {
         let lens = Lens { principal_point: self.centre_on(owner, entry), ..self.lens };
         let mut lens_estimate = Self { lens, fit: None, curved_one_way_px: None, straightness: Vec::new() };
@@ -248,7 +250,7 @@ impl LensEstimate {
         lens_estimate
     }
 
-    /// Computes the RMS distance of every straight edge from straight under a lens, in raw pixels.
+    /// Computes the RMS deviation of every straight edge from a straight line under a lens, in raw pixels.
     pub(crate) fn straightness_under(&self, lens: &Lens, annotations: &[Annotation]) -> Vec<(Source, f64)> {
         edges(annotations)
             .iter()
@@ -257,11 +259,12 @@ impl LensEstimate {
             .collect()
     }
 
-    /// Returns the findings about the lens.
+    /// Returns the findings about the lens of a camera.
     pub(crate) fn findings(&self, entry: &SiteCamera) -> Vec<Finding> {
         /// Largest accepted standard deviation of the undistorted image corner, in pixels.
         const MAX_CORNER_SIGMA_PX: f64 = 10.0;
-        /// Smallest number of edges, each uninformative alone, that may determine a lens together.
+        /// Smallest number of edges that may determine a lens together although each edge alone is
+        /// uninformative.
         const MIN_EDGES_TOGETHER: usize = 5;
         let Some(fit) = &self.fit else {
             let curved = self.curved_one_way_px.map(|px| Finding::CurvedInOneDirection { px });
@@ -297,8 +300,8 @@ impl LensEstimate {
         findings
     }
 
-    /// Returns the finding about straight edges under a fixed lens: they are not used, but their residuals
-    /// are reported.
+    /// Returns the finding about straight edges under a fixed lens. These edges are not used, but their
+    /// residuals are reported.
     fn unused_edges(&self) -> Option<Finding> {
         let (first, _) = self.straightness.first()?;
         let count = self.straightness.len();

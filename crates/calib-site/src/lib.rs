@@ -1,22 +1,22 @@
 //! Site document of the camera calibration: its types, its checks, and the pipeline that solves it.
 //!
-//! Rule: this crate handles names, degrees and the format of the site file. It contains no geometric formulas; those are
-//! in `calib_core`.
+//! Rule: this crate handles names, degrees and the format of the site file. It contains no geometric
+//! formulas; those are in `calib_core`.
 //!
 //! Document:
 //!
 //! - `document`, `scene`, `solution`, `site_solution`: entries of the site file and their results;
 //! - `conversions`, `covariance_entry`: conversions between entries and geometric types;
 //! - `bounds`, `check`, `check_entries`, `period`, `site_error`: reading and checking a site file;
-//! - `view`: lookup of calibrated cameras and of stored findings, for other languages.
+//! - `view`: lookup of calibrated cameras and of stored findings, for the language bindings.
 //!
 //! Pipeline, in the order of the data:
 //!
 //! - `options`: options of a calibration;
 //! - `pipeline`: runs all steps and returns the report;
-//! - `lens_step`: the lens of each camera, with `shared_lenses` (cameras with a common lens), `lens_cache` and
-//!   `lens_family` (recalibration while the operator draws);
-//! - `single_step`: stage 1, each camera separately;
+//! - `lens_step`: the lens of each camera, with `shared_lenses` (cameras with a common lens), `lens_cache`
+//!   and `lens_family` (recalibration of one lens family while the operator annotates);
+//! - `single_step`: stage 1, each camera separately, with `points_step` (stage 1 from control points);
 //! - `observations`, `bundle_step`: stage 2, all cameras jointly, from their shared observations;
 //! - `placement_step`: placement of cameras by control points or by hand;
 //! - `overlap`, `quality`, `points_outside`: agreement between cameras, and findings;
@@ -29,7 +29,8 @@
 //!
 //! # In a tracker
 //!
-//! Load a site, map detections to the floor with their status and uncertainty, and project a box into an image:
+//! Load a site, map detections to the floor with their status and uncertainty, and project a box into an
+//! image:
 //!
 //! ```
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -90,6 +91,7 @@ mod points_outside;
 mod lens_cache;
 mod shared_lenses;
 mod lens_step;
+mod points_step;
 mod single_step;
 mod observations;
 mod bundle_step;

@@ -3,8 +3,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use crate::document::{ControlPointEntry, Site};
-use crate::document::{Link, LinkKind, Mark};
+use crate::document::{ControlPointEntry, Link, LinkKind, Mark, Site, SiteCamera};
 use crate::single_step::SingleFit;
 use calib_core::bundle::{DistanceMeasurement, Landmark, LandmarkModel, Observation};
 use calib_core::camera::{Pixel, Plane, WorldPoint};
@@ -69,13 +68,20 @@ impl Site {
             index.entry(&camera.id).or_insert(i);
         }
         let camera = |id: &str| index.get(id).copied().filter(|&camera| is_there(camera));
-        let noise: Vec<f64> = single_fits.iter().map(annotation_sigma).collect();
+        let noise: Vec<f64> = self
+            .cameras
+            .iter()
+            .zip(single_fits)
+            .map(|(entry, single)| annotation_sigma(entry, single))
+            .collect();
         let mut landmarks = Vec::new();
         for (i, entry) in self.cameras.iter().enumerate().filter(|(i, _)| is_there(*i)) {
             for (k, point) in entry.control_points.iter().enumerate() {
                 let of = LandmarkSource::ControlPoint { camera: i, point: k };
-                landmarks
-                    .extend(self.control_point_landmark(point, i, noise[i]).map(|landmark| (of, landmark)));
+                let is_suspect =
+                    single_fits[i].as_ref().is_ok_and(|single| single.suspect_points.contains(&k));
+                let landmark = self.control_point_landmark(point, i, noise[i]);
+                landmarks.extend(landmark.map(|landmark| (of, Landmark { is_suspect, ..landmark })));
             }
         }
         self.drop_single_points(&mut landmarks);
@@ -197,8 +203,9 @@ impl SiteObservations {
 }
 
 /// Returns the standard deviation of the annotations of a camera, in pixels.
-fn annotation_sigma(single: &Result<SingleFit, Failure>) -> f64 {
-    single.as_ref().ok().and_then(|single| single.fit.as_ref()).map_or(1.0, |fit| fit.sigma)
+fn annotation_sigma(entry: &SiteCamera, single: &Result<SingleFit, Failure>) -> f64 {
+    let fit = single.as_ref().ok().and_then(|single| single.fit.as_ref());
+    fit.map_or_else(|| entry.sigma_px.unwrap_or(1.0), |fit| fit.sigma)
 }
 
 fn link_landmark(
@@ -244,6 +251,7 @@ fn link_landmark(
         observations,
         keep: link.keep,
         off: link.off,
+        is_suspect: false,
     }
 }
 
@@ -277,5 +285,6 @@ fn mark_landmark(mark: &Mark, camera: &dyn Fn(&str) -> Option<usize>, noise: &[f
         observations,
         keep: mark.keep,
         off: mark.off,
+        is_suspect: false,
     }
 }

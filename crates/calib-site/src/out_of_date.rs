@@ -17,8 +17,8 @@ use calib_core::single::{
     straightness_rms,
 };
 
-/// Largest accepted difference of a residual, in pixels. Quantities that several lines share, such as the
-/// slope of the floor, are estimated separately here.
+/// Largest accepted difference of a residual, in pixels. It allows for the recomputation, which estimates
+/// quantities that several lines share, such as the slope of the floor, separately.
 const MAX_DIFFERENCE_PX: f64 = 3.0;
 /// Largest accepted difference of a residual, in standard deviations of the annotations.
 const MAX_DIFFERENCE_SIGMAS: f64 = 3.0;
@@ -29,7 +29,7 @@ const MAX_POINT_DIFFERENCE_PX: f64 = 1.0;
 /// Largest accepted difference for a point with a stored position, relative to its residual.
 const MAX_POINT_DIFFERENCE_REL: f64 = 0.01;
 
-/// Evidence that does not match the solution; residuals in pixels.
+/// Evidence whose stored residual does not match its recomputed residual; residuals in pixels.
 #[derive(Clone, Copy, Debug)]
 struct Difference {
     what: Subject,
@@ -38,7 +38,7 @@ struct Difference {
 }
 
 impl Difference {
-    /// Returns the size of the difference; infinite if one of the residuals is missing.
+    /// Returns the size of the difference, in pixels; infinite if one of the residuals is missing.
     fn size(&self) -> f64 {
         self.stored.zip(self.now).map_or(f64::INFINITY, |(stored, now)| (now - stored).abs())
     }
@@ -59,6 +59,7 @@ impl Site {
         self.cameras.iter().enumerate().filter_map(of_camera).collect()
     }
 
+    /// Returns the evidence of a camera that does not match its solution, without links.
     fn differences(&self, entry: &SiteCamera) -> Vec<Difference> {
         let Some(solution) = entry.solution.as_ref().filter(|solution| solution.method != Method::Given)
         else {
@@ -119,7 +120,7 @@ impl Site {
         let constraints = Constraints::on_planes(&entry.annotations, &camera.lens, scene, &planes);
         let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
         let is_refined = solution.stage == Stage::Refined;
-        // For a camera placed by hand, the residuals are those from before the placement.
+        // For a camera placed by hand, the residuals were computed before the placement.
         let own_height = entry.fixed_parameters().height.filter(|_| !is_refined);
         let (height, width) = (own_height.unwrap_or(camera.position.z), entry.size()[0]);
         if solution.method == Method::Paper {
@@ -185,7 +186,8 @@ impl Site {
     }
 }
 
-/// Computes the residuals of a link in one camera, in pixels; `None` for links without a stored position.
+/// Computes the residuals of a link in one camera, in pixels. Returns `None` for a line, for a link on a
+/// plane, and for a point that the camera cannot see.
 fn link_residuals(link: &Link, found: &ElementSolution, id: &str, camera: &Camera) -> Option<Vec<f64>> {
     let foot = found.at_m;
     let head = WorldPoint { z: foot.z + found.length_m.unwrap_or(0.0), ..foot };
@@ -210,9 +212,9 @@ fn is_same(stored: f64, now: f64, sigma: f64) -> bool {
     (now.abs() - stored.abs()).abs() <= most
 }
 
-/// Whether the residual of a line can be recomputed from the stored camera. Exceptions: sizes with the
-/// paper's method, which does not estimate the height; cameras below the floor; and lines on planes, whose
-/// position is not stored with the camera.
+/// Whether the residual of a line can be recomputed from the stored camera. Exceptions are sizes with the
+/// paper's method, which does not estimate the height, and all lines of cameras below the floor. Lines on
+/// planes are also excluded, because the position of a plane is not stored with the camera.
 fn is_comparable(entry: &SiteCamera, solution: &Solution, source: Source) -> bool {
     let drawn = &entry.annotations[source.annotation];
     let is_size = matches!(drawn.kind.row().constraint, ConstraintKind::Length | ConstraintKind::Upright);
@@ -220,6 +222,7 @@ fn is_comparable(entry: &SiteCamera, solution: &Solution, source: Source) -> boo
     drawn.plane.is_none() && has_height && !(solution.method == Method::Paper && is_size)
 }
 
+/// Returns the annotated line of a residual; `None` for other evidence.
 fn source(residual: &Residual) -> Option<Source> {
     let of_drawing = residual.of == ResidualOf::Annotation;
     let (annotation, segment) = residual.annotation.zip(residual.segment).filter(|_| of_drawing)?;
@@ -240,7 +243,7 @@ fn removed_lines(entry: &SiteCamera, solution: &Solution) -> Vec<Difference> {
     gone.map(|(source, px)| Difference { what: Subject::Line(source), stored: Some(px), now: None }).collect()
 }
 
-/// Computes the distances of straight edges from straight under a lens, in pixels.
+/// Computes the RMS deviations of straight edges from straight lines under a lens, in raw pixels.
 fn straight_residuals(entry: &SiteCamera, lens: &Lens) -> Vec<(Source, f64)> {
     let edges = edges(&entry.annotations);
     let straight = edges.iter().filter(|edge| entry.annotations[edge.source.annotation].is_straight_edge());

@@ -1,4 +1,5 @@
-//! Overlaps: pairs of cameras that see the same floor, and their disagreement there.
+//! Overlaps: pairs of cameras that share landmarks or show the same floor, and their disagreement on the
+//! floor.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +15,7 @@ use calib_core::floor::Extent;
 use calib_core::outcome::Failure;
 
 impl Site {
-    /// Returns the pairs of cameras that share landmarks or floor.
+    /// Returns the pairs of cameras that share landmarks or floor, with their disagreement.
     pub(crate) fn overlaps(
         &self,
         bundle: &BundleResult,
@@ -50,6 +51,8 @@ impl Site {
             .collect()
     }
 
+    /// Returns the predicted standard deviation of the disagreement, in metres, for pairs whose EFOVs
+    /// overlap.
     fn predicted_overlaps(
         &self,
         bundle: &BundleResult,
@@ -94,7 +97,7 @@ impl Site {
                 let cross_covariance = bundle.pairs.get(&[a.index, b.index]).map(|block| &**block);
                 let variances: Vec<f64> = common
                     .iter()
-                    .filter_map(|&at| disagreement(at, &a.camera, &b.camera, cross_covariance))
+                    .filter_map(|&at| disagreement_variance(at, &a.camera, &b.camera, cross_covariance))
                     .collect();
                 if !variances.is_empty() {
                     let mean = variances.iter().sum::<f64>() / variances.len() as f64;
@@ -106,22 +109,24 @@ impl Site {
     }
 }
 
-/// Returns the points of a grid over a box that are inside both polygons.
+/// Returns the points of a grid over a box (metres) that are inside both polygons.
 fn common_points(low: [f64; 2], high: [f64; 2], a: &[FloorPoint], b: &[FloorPoint]) -> Vec<FloorPoint> {
-    const STEPS: usize = 4;
-    let share = |i: usize| (i as f64 + 0.5) / STEPS as f64;
-    let grid = (0..STEPS * STEPS).map(|k| FloorPoint {
-        x: low[0] + share(k % STEPS) * (high[0] - low[0]),
-        y: low[1] + share(k / STEPS) * (high[1] - low[1]),
+    /// Number of grid points along each side of the box.
+    const GRID_SIDE_POINTS: usize = 4;
+    let share = |i: usize| (i as f64 + 0.5) / GRID_SIDE_POINTS as f64;
+    let grid = (0..GRID_SIDE_POINTS * GRID_SIDE_POINTS).map(|k| FloorPoint {
+        x: low[0] + share(k % GRID_SIDE_POINTS) * (high[0] - low[0]),
+        y: low[1] + share(k / GRID_SIDE_POINTS) * (high[1] - low[1]),
     });
     let [a, b] = [a, b].map(|efov| Extent { size: [0.0; 2], efov });
     grid.filter(|&at| a.contains(at) && b.contains(at)).collect()
 }
 
-/// Returns the predicted variance of the distance between the floor positions of one point as computed from
-/// two cameras: the trace of `Ja Caa Ja' + Jb Cbb Jb' - Ja Cab Jb' - Jb Cab' Ja'`. `J` is the Jacobian of the
-/// floor point with respect to a camera's parameters, and `C` is the covariance of these parameters.
-fn disagreement(
+/// Returns the predicted variance, in square metres, of the distance between the floor positions of one point
+/// as computed from two cameras. The variance is the trace of
+/// `Ja Caa Ja' + Jb Cbb Jb' - Ja Cab Jb' - Jb Cab' Ja'`. `J` is the Jacobian of the floor point with respect
+/// to a camera's parameters, `C` is the covariance of these parameters. A prime marks the transpose.
+fn disagreement_variance(
     at: FloorPoint,
     a: &Camera,
     b: &Camera,

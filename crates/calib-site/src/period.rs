@@ -9,7 +9,7 @@ use crate::bounds::{At, Checked};
 use crate::document::{Site, SiteCamera};
 use crate::site_error::{SiteError, quoted};
 
-/// Checks the validity periods. An id may repeat if its periods do not overlap.
+/// Checks the validity periods of all cameras. An id may repeat if its periods do not overlap.
 pub(crate) fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
     let mut periods: HashMap<&str, Vec<(Timestamp, Timestamp)>> = HashMap::new();
     for (i, camera) in cameras.iter().enumerate() {
@@ -29,6 +29,7 @@ pub(crate) fn check_periods(at: &At, cameras: &[SiteCamera]) -> Checked {
     Ok(())
 }
 
+/// Parses a time (RFC 3339); returns `absent` if it is not set.
 fn instant(at: &At, text: Option<&String>, absent: Timestamp) -> Result<Timestamp, SiteError> {
     let Some(text) = text else { return Ok(absent) };
     match text.parse() {
@@ -64,8 +65,8 @@ impl fmt::Display for CameraLookupError {
 impl std::error::Error for CameraLookupError {}
 
 impl Site {
-    /// Returns the camera with this id. Returns `None` if no entry or several periods have this id; use
-    /// [`Self::camera_at`] with a time for those.
+    /// Returns the camera with this id. Returns `None` if no entry or several periods have this id. For
+    /// several periods, use [`Self::camera_at`] with a time.
     #[must_use]
     pub fn camera(&self, id: &str) -> Option<&SiteCamera> {
         self.camera_at(id, None).ok()

@@ -11,6 +11,7 @@ use crate::lens_cache::LensCache;
 use crate::options::Options;
 use crate::placement_step::placed_uncertainty;
 use crate::points_outside::SharedObservations;
+use crate::points_step::{Explanation, UsedPoints, is_possible};
 use crate::quality::is_recomputed;
 use crate::scene::PlaneSolution;
 use crate::shared_lenses::SharedLenses;
@@ -22,7 +23,8 @@ use calib_core::camera::{Camera, Covariance, Distortion, FloorPoint, Lens, Plane
 use calib_core::floor::{default_efov, efov_on_plane};
 use calib_core::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
 use calib_core::single::{
-    Constraints, InvalidSegment, MAX_LOG_FOCAL_SIGMA, PlanePrior, contradictory_uprights, is_inconsistent,
+    Constraints, FixedParameters, InvalidSegment, MAX_LOG_FOCAL_SIGMA, PlanePrior, Priors,
+    contradictory_uprights, is_inconsistent,
 };
 
 /// Result of a calibration.
@@ -203,12 +205,13 @@ impl Site {
             Some(joined) if joined.is_connected => {
                 // A conflict between height and placement is reported for connected cameras, too.
                 let mut conflicts = Vec::new();
-                let _ = self.place(entry, first.result.solution.camera().unwrap_or(own), &mut conflicts);
+                let single = first.result.solution.camera().unwrap_or(own);
+                let _ = self.place(entry, single, &first.suspect_points, &mut conflicts);
                 conflicts.retain(|finding: &Finding| finding.code() == Code::ScaleConflict);
                 result.findings.extend(conflicts);
                 (joined.camera, Stage::Refined)
             }
-            _ => self.place(entry, own, &mut result.findings),
+            _ => self.place(entry, own, &first.suspect_points, &mut result.findings),
         };
         let camera = if is_inconsistent_with(first, joined) {
             Camera { covariance: Covariance::UNKNOWN, ..camera }
@@ -217,6 +220,9 @@ impl Site {
         };
         if let Some(joined) = joined {
             apply_joint_estimate(entry, &camera, (first, &self.plane_priors()), joined, &mut result);
+            if joined.is_connected {
+                recount_redundancy(entry, first, &UsedPoints::new(self, entry), &mut result.findings);
+            }
         }
         result.solution.position_m = Some(camera.position);
         result.solution.yaw_deg = Some(camera.yaw.to_degrees());
@@ -230,10 +236,7 @@ impl Site {
         let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
         result.solution.residuals.extend(residual_entries(straightness.into_iter(), &[]));
         result.solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
-        result.findings.extend(first.lens_estimate.findings(entry));
-        result.findings.extend(invalid_segments(&first.constraints));
-        result.findings.extend(check_lens(entry, &camera));
-        result.findings.extend(height_findings(entry, &camera, &result.findings));
+        add_single_findings(entry, first, &camera, &mut result.findings);
         let camera = shown;
         result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
         result.findings.retain(|finding| !is_recomputed(finding.code()));
@@ -243,7 +246,39 @@ impl Site {
             result.findings.push(Finding::PlacedByHand);
         }
         self.add_control_residuals(entry, &camera, &mut result);
+        self.explain_points(entry, (first, &camera), &mut result)?;
         check_finite(result)
+    }
+}
+
+impl Site {
+    /// Adds a finding if two control points of a camera are exchanged.
+    ///
+    /// # Errors
+    /// If the control points contradict each other and no consensus remains: two are exchanged, all are mirrored,
+    /// or the camera is impossible.
+    fn explain_points(
+        &self,
+        entry: &SiteCamera,
+        (first, camera): (&SingleFit, &Camera),
+        result: &mut CameraResult,
+    ) -> Result<(), Failure> {
+        let points = UsedPoints::new(self, entry);
+        let options = points.options(entry, first.lens_estimate.lens, first.fixed);
+        let is_misfit = result.findings.iter().any(|finding| finding.code() == Code::Misfit);
+        if points.len() > 0 && (is_misfit || camera.position.z < 0.0) {
+            return match points.explanation(&options, &[]) {
+                Some(explanation) => Err(explanation.failure(entry)),
+                None if is_possible(camera, entry.size()) => Ok(()),
+                None => Err(Failure::ImpossibleCamera { focal: camera.focal, height: camera.position.z }),
+            };
+        }
+        if first.suspect_points.len() > 1
+            && let Some(Explanation::Exchanged(points)) = points.explanation(&options, &first.suspect_points)
+        {
+            result.findings.push(Finding::ExchangedControlPoints { points });
+        }
+        Ok(())
     }
 }
 
@@ -286,6 +321,49 @@ fn apply_joint_estimate(
     if joined.is_connected && joined.is_misfit {
         findings.retain(|finding| finding.code() != Code::Misfit);
         findings.push(Finding::JointMisfit { chi2: joined.chi2, dof: joined.dof });
+    }
+}
+
+/// Adds the findings about the lens and the lines of a camera.
+fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, findings: &mut Vec<Finding>) {
+    findings.extend(first.lens_estimate.findings(entry));
+    findings.extend(invalid_segments(&first.constraints));
+    findings.extend(check_lens(entry, camera));
+    findings.extend(height_findings(entry, camera, findings));
+}
+
+/// Counts the redundancy of lines and control points together; stage 1 counts the lines alone.
+fn recount_redundancy(
+    entry: &SiteCamera,
+    first: &SingleFit,
+    points: &UsedPoints,
+    findings: &mut Vec<Finding>,
+) {
+    /// Number of unknowns of a position and a yaw.
+    const UNKNOWNS: i64 = 4;
+    /// Degrees of freedom below which a wrong point is not detected reliably.
+    const MIN_DOF: i64 = 2;
+    let used = points.len() as i64 - first.suspect_points.len() as i64;
+    if used < 2 {
+        return;
+    }
+    let FixedParameters { roll, pitch, focal, height } = first.fixed;
+    let Priors { roll: by_roll, pitch: by_pitch, focal: by_focal, height: by_height, .. } = entry.priors();
+    let orientation = [(roll, by_roll), (pitch, by_pitch), (focal, by_focal)];
+    let open = orientation.iter().filter(|(fixed, prior)| fixed.is_none() && prior.is_none()).count() as i64;
+    let (of_lines, has_height) = match &first.fit {
+        // The lines were fitted with priors from the points.
+        Some(fit) if first.is_from_points => (fit.dof - open, fit.is_height_known),
+        Some(fit) => (fit.dof, fit.is_height_known),
+        None => (-open, height.is_some() || by_height.is_some()),
+    };
+    let rejected = first.suspect_points.len() + first.fit.as_ref().map_or(0, |fit| fit.outliers.len());
+    let dof = of_lines + 2 * used - UNKNOWNS + i64::from(has_height) - rejected as i64;
+    if dof >= MIN_DOF {
+        findings.retain(|finding| finding.code() != Code::Unchecked);
+    } else if first.is_from_points {
+        findings.retain(|finding| finding.code() != Code::Unchecked);
+        findings.push(Finding::UncheckedPoints { dof });
     }
 }
 

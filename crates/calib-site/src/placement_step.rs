@@ -16,15 +16,19 @@ use calib_core::single::{
 const PLACED_HEIGHT_SIGMA_REL: f64 = 0.02;
 
 impl Site {
-    /// Places a camera by control points or by the operator's placement, if available.
+    /// Places a camera by control points, except the suspects among them, or by the operator's placement, if
+    /// available.
     pub(crate) fn place(
         &self,
         entry: &SiteCamera,
         first: Camera,
+        suspects: &[usize],
         findings: &mut Vec<Finding>,
     ) -> (Camera, Stage) {
         let fixed = entry.placement.as_ref().is_some_and(|placement| placement.fixed);
-        let points = entry.control_points.iter().filter(|point| !point.off);
+        let points = entry.control_points.iter().enumerate();
+        let points =
+            points.filter(|(index, point)| !point.off && !suspects.contains(index)).map(|(_, point)| point);
         let points =
             without_duplicates(points.filter_map(|point| point.control_point(self.plan.as_ref())).collect());
         let fixed_height = entry.height_m.filter(|height| height.fixed).map(|height| height.value);

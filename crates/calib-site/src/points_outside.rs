@@ -23,10 +23,11 @@ use crate::document::{Site, SiteCamera};
 #[derive(Debug)]
 pub(crate) struct SharedObservations<'a>(BTreeMap<&'a str, CameraObservations>);
 
-/// Links and marks that cameras with one id observe; those switched off are not included.
+/// Indices of the links and marks that cameras with one id observe. Links and marks that are switched off are
+/// not included.
 #[derive(Clone, Debug, Default)]
 struct CameraObservations {
-    /// Index of the first entry with this id, whatever its period.
+    /// Index of the first entry with this id, independently of its validity period.
     first: Option<usize>,
     links: Vec<usize>,
     marks: Vec<usize>,
@@ -35,7 +36,7 @@ struct CameraObservations {
 impl<'a> SharedObservations<'a> {
     /// Builds the index for some cameras of a site.
     pub(crate) fn new(site: &Site, cameras: &[&'a SiteCamera]) -> Self {
-        // The map has only the requested ids: while an operator draws, it is built for a single camera.
+        // The map has only the requested ids: while an operator annotates, it is built for a single camera.
         let mut of: BTreeMap<&str, CameraObservations> =
             cameras.iter().map(|camera| (camera.id.as_str(), CameraObservations::default())).collect();
         for (index, camera) in site.cameras.iter().enumerate() {
@@ -56,7 +57,7 @@ impl<'a> SharedObservations<'a> {
         Self(of)
     }
 
-    /// Returns the first entry with this id in the site, whatever its period.
+    /// Returns the first entry with this id in the site, independently of its validity period.
     pub(crate) fn first<'b>(&self, site: &'b Site, id: &str) -> Option<&'b SiteCamera> {
         self.0.get(id)?.first.map(|index| &site.cameras[index])
     }
@@ -72,7 +73,7 @@ impl<'a> SharedObservations<'a> {
     }
 }
 
-/// Appends an index unless it is already the last one.
+/// Appends an index to a list, unless it is already the last item.
 fn push_once(to: &mut Vec<usize>, index: usize) {
     if to.last() != Some(&index) {
         to.push(index);
@@ -84,13 +85,14 @@ const MAX_BORDER_EXCESS: f64 = 0.05;
 
 impl Site {
     /// Reports points of a camera's annotations, control points, field of view, links and marks that are
-    /// outside its image. Points switched off are ignored.
+    /// outside its image. Items that are switched off are ignored.
     #[must_use]
     pub fn points_outside(&self, entry: &SiteCamera) -> Option<Finding> {
         self.shared_points_outside(entry, &SharedObservations::new(self, &[entry]))
     }
 
-    /// Reports points outside the image, using an existing index of links and marks.
+    /// Reports points outside the image like [`Self::points_outside`], with an existing index of links and
+    /// marks.
     pub(crate) fn shared_points_outside(
         &self,
         entry: &SiteCamera,
@@ -235,7 +237,7 @@ mod tests {
     fn failure_explains_that_annotations_belong_to_another_image() {
         let report = site([1080, 1920], &POINTS).calibrate(&crate::Options::default());
         let failure = report.cameras[0].1.as_ref().unwrap_err();
-        assert!(failure.message.contains("With u and v exchanged"), "{}", failure.message);
+        assert!(failure.message.contains("With u and v swapped"), "{}", failure.message);
         assert!(failure.advice.contains("size_px"), "{}", failure.advice);
     }
 }

@@ -1,7 +1,7 @@
 //! Quality of the solved site: positions of links and marks, disagreement between cameras, connected
 //! components of the view graph, scale.
 //!
-//! Also findings about a camera's pose that do not depend on how it was solved.
+//! The file also contains the findings about a camera's pose that do not depend on the method.
 
 use std::collections::BTreeMap;
 
@@ -21,7 +21,7 @@ use crate::observations::LandmarkSource;
 use crate::site_solution::{ElementSolution, ObservationResidual, Scale, SiteSolution};
 use crate::solution::{Sigmas, Stage};
 
-/// Landmark with the residual of each observation, in pixels.
+/// Landmark at its estimated position, with the residual of each observation, in pixels.
 #[derive(Clone, Debug)]
 pub(crate) struct Triangulated {
     landmark: Landmark,
@@ -29,7 +29,8 @@ pub(crate) struct Triangulated {
 }
 
 impl BundleResult {
-    /// Returns the landmarks that jointly solved cameras observe; `None` for the others.
+    /// Returns every landmark with its residuals in the jointly solved cameras; `None` if no such camera
+    /// observes it.
     pub(crate) fn triangulated(&self) -> Vec<Option<Triangulated>> {
         let cameras = self.connected_cameras();
         let is_tied = |view: usize| self.cameras[view].as_ref().is_some_and(|joined| joined.is_connected);
@@ -61,6 +62,7 @@ impl BundleResult {
             .collect()
     }
 
+    /// Whether a landmark was rejected as an outlier, by its index.
     fn is_rejected(&self, landmark: usize) -> bool {
         self.rejected.contains(&OutlierCandidate::Landmark(landmark))
     }
@@ -83,7 +85,7 @@ fn reprojection_error(landmark: &Landmark, seen: &Observation, camera: &Camera) 
     px.is_finite().then_some(px)
 }
 
-/// Returns the id, or the index in the list if there is no id.
+/// Returns the name of an entry: its id, otherwise its index in the list.
 fn name(id: Option<&String>, index: usize) -> String {
     id.cloned().unwrap_or_else(|| index.to_string())
 }
@@ -126,7 +128,10 @@ impl Site {
                 let Some(result) = by_camera.get_mut(&camera).filter(|_| outlier) else { continue };
                 let own = result.solution.residuals.iter_mut().filter(|r| r.of == what);
                 own.filter(|r| r.id.as_ref() == Some(&id)).for_each(|r| r.outlier = true);
-                result.findings.push(Finding::ControlPointOutlier { camera, point });
+                let is_explained = |finding: &Finding| matches!(finding, Finding::ExchangedControlPoints { points } if points.contains(&point));
+                if !result.findings.iter().any(is_explained) {
+                    result.findings.push(Finding::ControlPointOutlier { camera, point });
+                }
                 continue;
             }
             let mut squares: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
@@ -153,7 +158,7 @@ impl Site {
         let mut marks = vec![None; self.marks.len()];
         for (index, (of, _)) in bundle.landmarks.iter().enumerate() {
             let Some(Triangulated { landmark, seen }) = &triangulated[index] else { continue };
-            let mut found = element(landmark, bundle.covariances[index]);
+            let mut found = element_solution(landmark, bundle.covariances[index]);
             found.residuals = seen
                 .iter()
                 .map(|(seen, px)| ObservationResidual {
@@ -223,6 +228,8 @@ impl Site {
         (solution, findings)
     }
 
+    /// Returns findings about components apart from the largest, and about cameras with an undetermined
+    /// position.
     fn not_connected(
         &self,
         components: &[Vec<usize>],
@@ -243,8 +250,8 @@ impl Site {
                 Finding::NotConnected { cameras: views.clone(), reason: why }
             })
             .collect();
-        // Connected, but its position is undetermined: for example, a line along the view, or two points
-        // behind each other.
+        // A connected camera may have an undetermined position: for example, from a line along the view, or
+        // from two points behind each other.
         let slides = |result: &CameraResult| {
             let camera = Some(&result.solution).filter(|s| s.stage == Stage::Refined)?.camera()?;
             let wide =
@@ -279,6 +286,7 @@ fn unused_landmarks(bundle: &BundleResult) -> impl Iterator<Item = Finding> {
         .map(|(what, why)| Finding::Unused { subjects: what, reason: why })
 }
 
+/// Returns findings about links, marks and distances that were rejected as outliers.
 fn rejected_elements(
     bundle: &BundleResult,
     triangulated: &[Option<Triangulated>],
@@ -301,7 +309,8 @@ fn rejected_elements(
     bundle.rejected.iter().filter_map(finding)
 }
 
-fn element(
+/// Converts a landmark and the covariance of its parameters to the result of a link or mark.
+fn element_solution(
     landmark: &Landmark,
     covariance: Option<[[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS]>,
 ) -> ElementSolution {
@@ -342,8 +351,8 @@ fn element(
 }
 
 impl SiteCamera {
-    /// Returns findings about the current pose that do not depend on the annotations: the camera is below the
-    /// floor, no floor is visible, or the uncertainty is unknown.
+    /// Returns findings about the current pose that do not depend on the annotations. They report a camera
+    /// below the floor, an image without visible floor, or an unknown uncertainty.
     #[must_use]
     pub fn pose_findings(&self) -> Vec<Finding> {
         self.camera().map_or_else(Vec::new, |camera| self.findings_at(&camera))
@@ -367,7 +376,7 @@ impl SiteCamera {
 }
 
 /// Whether findings with this code are recomputed instead of taken from a stored solution. These are the
-/// findings of [`SiteCamera::pose_findings`] and those about annotations outside the image.
+/// findings of [`SiteCamera::pose_findings`] and the findings about annotations outside the image.
 pub(crate) const fn is_recomputed(code: Code) -> bool {
     matches!(
         code,
@@ -379,6 +388,7 @@ pub(crate) const fn is_recomputed(code: Code) -> bool {
     )
 }
 
+/// Whether the camera shows floor inside its EFOV, or inside its image without an EFOV.
 fn shows_floor(camera: &Camera, efov: Option<&[Pixel]>, size: [f64; 2]) -> bool {
     let polygon = match efov {
         Some(corners) => efov_on_floor(camera, corners).polygon,

@@ -2,10 +2,12 @@
 //! transferred to the new image. The validity of the old calibration ends where the new one begins.
 //!
 //! Links and marks refer to the first entry of an id, so from now on they belong to the new image. The
-//! solution of the old period is therefore kept: solving it again would lack them.
+//! solution of the old period is therefore kept: a new solution of the old period would lack these links and
+//! marks.
 //!
 //! The annotations are transferred as new evidence. The position and the height of the old solution become
-//! priors. Its angles and focal length do not: the same lines determine them and would be counted twice.
+//! priors. The old angles and focal length do not, because the same lines determine them and would be counted
+//! twice.
 
 use serde::{Deserialize, Serialize};
 
@@ -24,7 +26,8 @@ pub trait ImageTransfer {
     fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>>;
     /// Transfers a point with the same appearance; `None` if the new image shows something else there.
     fn point(&self, old: Pixel) -> Option<Pixel>;
-    /// Transfers a corner of a polygon, whatever the new image shows there; `None` outside the lens.
+    /// Transfers a corner of a polygon, independently of the content of the new image; `None` outside the
+    /// lens.
     fn corner(&self, old: Pixel) -> Option<Pixel>;
 }
 
@@ -49,7 +52,8 @@ pub struct Recovered {
 }
 
 impl Site {
-    /// Splits the entry of a rotated or zoomed camera into two periods: before and after the change.
+    /// Splits the entry of a rotated or zoomed camera into two periods: before and after the change. `turn`
+    /// is the change, `by` transfers the annotations, and `still` is the new image.
     ///
     /// Returns `None` for a camera that is not solved.
     #[must_use]
@@ -66,10 +70,10 @@ impl Site {
         let mut site = self.clone();
         // Links and marks belong to the newest period only.
         if self.owns_links(index) {
-            site.links.iter_mut().enumerate().for_each(|(i, link)| work.link(link, i, &old.id));
-            site.marks.iter_mut().enumerate().for_each(|(i, mark)| work.mark(mark, i, &old.id));
+            site.links.iter_mut().enumerate().for_each(|(i, link)| work.transfer_link(link, i, &old.id));
+            site.marks.iter_mut().enumerate().for_each(|(i, mark)| work.transfer_mark(mark, i, &old.id));
         }
-        let new = work.camera(old, &camera, turn, still);
+        let new = work.transfer_camera(old, &camera, turn, still);
         site.cameras.push(end_period(old, &still.since));
         site.cameras[index] = new;
         Some(Recovered { site, left_out: work.left_out, carried: work.carried })
@@ -85,7 +89,7 @@ fn end_period(old: &SiteCamera, since: &str) -> SiteCamera {
     SiteCamera { valid_to: Some(since.to_owned()), solution, ..old.clone() }
 }
 
-/// State of a transfer: counts of transferred and missing annotations.
+/// Running transfer of one camera: the number of transferred annotations, and the names of the missing ones.
 struct Transfer<'a> {
     by: &'a dyn ImageTransfer,
     left_out: Vec<String>,
@@ -93,14 +97,15 @@ struct Transfer<'a> {
 }
 
 impl Transfer<'_> {
-    fn camera(
+    /// Creates the entry of the camera for the new image.
+    fn transfer_camera(
         &mut self,
         old: &SiteCamera,
         camera: &Camera,
         turn: &RotationZoom,
         still: &NewImage,
     ) -> SiteCamera {
-        let annotations = self.annotations(&old.annotations);
+        let annotations = self.transfer_annotations(&old.annotations);
         let mut control_points = old.control_points.clone();
         let mut index = 0..;
         control_points.retain_mut(|point: &mut ControlPointEntry| {
@@ -115,7 +120,7 @@ impl Transfer<'_> {
             lens: lens(old, camera, turn, refits),
             height_m: height(old, camera),
             annotations,
-            efov_px: self.polygon(old.efov_px.as_deref()),
+            efov_px: self.transfer_polygon(old.efov_px.as_deref()),
             placement: placement(old, &turn.apply_to(camera)),
             control_points,
             valid_from: Some(still.since.clone()),
@@ -125,12 +130,13 @@ impl Transfer<'_> {
         }
     }
 
-    fn annotations(&mut self, old: &[Annotation]) -> Vec<Annotation> {
+    /// Transfers all annotations of an image. Annotations that the new image does not show are left out.
+    fn transfer_annotations(&mut self, old: &[Annotation]) -> Vec<Annotation> {
         let carried = old.iter().enumerate().filter_map(|(index, annotation)| {
             let mut segment = 0;
             let mut line = |points: &[Pixel], whole: bool| {
                 segment += 1;
-                self.counted(self.by.line(points, whole), || line_name(old, index, segment - 1))
+                self.count_transfer(self.by.line(points, whole), || line_name(old, index, segment - 1))
             };
             match annotation.kind.row().shape {
                 Shape::Segments => segments(annotation, &mut line),
@@ -148,7 +154,7 @@ impl Transfer<'_> {
     }
 
     /// Transfers the observations of a mark. Observations that the new image does not show are removed.
-    fn mark(&mut self, mark: &mut Mark, index: usize, camera: &str) {
+    fn transfer_mark(&mut self, mark: &mut Mark, index: usize, camera: &str) {
         let name = mark.id.clone().unwrap_or_else(|| index.to_string());
         mark.seen.retain_mut(|seen| {
             seen.camera != camera
@@ -156,18 +162,20 @@ impl Transfer<'_> {
         });
     }
 
-    fn link(&mut self, link: &mut Link, index: usize, camera: &str) {
+    /// Transfers the observations of a link. Observations that the new image does not show are removed.
+    fn transfer_link(&mut self, link: &mut Link, index: usize, camera: &str) {
         let name = link.id.clone().unwrap_or_else(|| index.to_string());
         link.seen.retain_mut(|seen| {
             if seen.camera != camera {
                 return true;
             }
             let moved = self.transfer_observation(seen);
-            let moved = self.counted(moved, || format!("link {name}"));
+            let moved = self.count_transfer(moved, || format!("link {name}"));
             moved.map(|moved| *seen = moved).is_some()
         });
     }
 
+    /// Transfers all pixels of an observation; `None` if the new image does not show all pixels.
     fn transfer_observation(&self, seen: &LinkObservation) -> Option<LinkObservation> {
         let point = |at: Option<Pixel>| at.map_or(Some(None), |at| self.by.point(at).map(Some));
         let segment = match &seen.segment {
@@ -184,18 +192,21 @@ impl Transfer<'_> {
         })
     }
 
-    /// Replaces a pixel by its position in the new image. Returns whether the transfer succeeded.
+    /// Replaces a pixel of the old image by its position in the new image. Returns whether the new image
+    /// shows the pixel.
     fn transfer_pixel(&mut self, pixel: &mut Pixel, name: impl FnOnce() -> String) -> bool {
         let moved = self.by.point(*pixel);
-        self.counted(moved, name).map(|moved| *pixel = moved).is_some()
+        self.count_transfer(moved, name).map(|moved| *pixel = moved).is_some()
     }
 
-    fn polygon(&self, old: Option<&[Pixel]>) -> Option<Vec<Pixel>> {
+    /// Transfers the EFOV polygon; `None` without a polygon, or if a corner is outside the lens.
+    fn transfer_polygon(&self, old: Option<&[Pixel]>) -> Option<Vec<Pixel>> {
         let corners: Option<Vec<Pixel>> = old?.iter().map(|&corner| self.by.corner(corner)).collect();
         corners.filter(|corners| corners.len() > 2)
     }
 
-    fn counted<T>(&mut self, carried: Option<T>, name: impl FnOnce() -> String) -> Option<T> {
+    /// Counts a transferred item, or records the name of a missing one.
+    fn count_transfer<T>(&mut self, carried: Option<T>, name: impl FnOnce() -> String) -> Option<T> {
         match &carried {
             Some(_) => self.carried += 1,
             None => self.left_out.push(name()),
@@ -255,14 +266,15 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
     (lens != LensEntry::default()).then_some(lens)
 }
 
-/// Returns the height as a prior from the old solution.
+/// Returns the entered height if it is fixed, otherwise a prior from the old solution.
 fn height(old: &SiteCamera, camera: &Camera) -> Option<Known> {
     let sigma = camera.covariance.sigma(Covariance::Z);
     let found = sigma.map(|sigma| Known::prior(camera.position.z, sigma));
     old.height_m.filter(|height| height.fixed).or(found).or(old.height_m)
 }
 
-/// Returns the placement from the old position and the yaw after the rotation.
+/// Returns the placement of a placed camera from its old position and its yaw after the rotation. Otherwise
+/// the entered placement is kept.
 fn placement(old: &SiteCamera, now: &Camera) -> Option<PlacementEntry> {
     let is_placed = old.solution.as_ref().is_some_and(|solution| solution.stage > Stage::Partial);
     let scale = Some(now.position.z / STAGE_1_HEIGHT);

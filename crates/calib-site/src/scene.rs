@@ -27,10 +27,10 @@ pub enum ExactScene {
 #[serde(untagged)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum SceneEntry {
-    /// The scene exactly matches the annotations' assumptions.
+    /// Scene that exactly matches the annotations' assumptions.
     Exact(ExactScene),
-    /// Standard deviations; absent values are the usual ones. Exception: if `floor_tilt_sigma_deg` is set, an
-    /// absent crossfall is 0.
+    /// Standard deviations; absent values have their usual value. Exception: if `floor_tilt_sigma_deg` is
+    /// set, an absent crossfall is 0.
     Sigmas(SceneSigmas),
 }
 
@@ -112,9 +112,9 @@ impl SceneEntry {
 )]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum PlaneNumber {
-    /// Exact value.
+    /// Exact value, in the unit of the field.
     Exact(f64),
-    /// Value that is fixed or has a standard deviation.
+    /// Value in the unit of the field, fixed or with a standard deviation.
     Known(Known),
 }
 
@@ -123,7 +123,7 @@ document! {
     struct PlaneEntry {
         /// Identifier for references from annotations, links and fields of view.
         id: String,
-        /// Display name.
+        /// Display name of the plane.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         name: Option<String>,
         /// Height above the floor at the mean of the corners of the region, in metres; unknown if absent.
@@ -136,7 +136,7 @@ document! {
         /// whose region its ray meets first.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         region: Vec<FloorPoint>,
-        /// Result of solving.
+        /// Result of solving: height and slope of the plane.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<PlaneSolution>,
     }
@@ -159,7 +159,8 @@ document! {
         height_m: f64,
         /// Rise per metre along x and along y.
         slope: [f64; 2],
-        /// Covariance of height and slope: upper triangle, row by row.
+        /// Covariance of height (metres) and slope along x and y (rise per metre): upper triangle, row by
+        /// row.
         covariance: [f64; 6],
     }
 }
@@ -170,7 +171,7 @@ const UNKNOWN_HEIGHT_SIGMA_M: f64 = 3.0;
 const UNKNOWN_FALL_SIGMA_DEG: f64 = 6.0;
 
 impl PlaneNumber {
-    /// Returns the value.
+    /// Returns the value in its unit (metres or degrees).
     #[must_use]
     pub const fn value(&self) -> f64 {
         match self {

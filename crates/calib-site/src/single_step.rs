@@ -9,6 +9,7 @@ use crate::lens_cache::LensCache;
 use crate::lens_step::LensEstimate;
 use crate::options::Options;
 use crate::points_outside::SharedObservations;
+use crate::points_step::{UsedPoints, from_points, priors_from};
 use crate::shared_lenses::SharedLenses;
 use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
@@ -75,8 +76,12 @@ pub(crate) struct SingleFit {
     pub(crate) constraints: Constraints,
     /// Parameters that were not estimated.
     pub(crate) fixed: FixedParameters,
-    /// Maximum-likelihood fit.
+    /// Maximum-likelihood fit to the lines. `None` if only control points determine the camera.
     pub(crate) fit: Option<Fit>,
+    /// Whether control points determine the camera, alone or together with the lines.
+    pub(crate) is_from_points: bool,
+    /// Indices of the control points that contradict the others.
+    pub(crate) suspect_points: Vec<usize>,
 }
 
 impl SingleFit {
@@ -111,47 +116,105 @@ impl Site {
         let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
         lens_estimate.lens = lens.unwrap_or(lens_estimate.lens);
         let lens = lens_estimate.lens;
-        let single_fit = |result, lens_estimate, constraints, fixed, fit| SingleFit {
+        if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
+            let (constraints, fixed) = (Constraints::default(), FixedParameters::default());
+            let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft };
+            return Ok(inputs.with_result(CameraResult::new(given.clone()), None));
+        }
+        let fixed = fixed_parameters(entry, owner)?;
+        let constraints =
+            Constraints::on_planes(&entry.annotations, &lens, self.scene_errors(entry), &self.plane_priors());
+        let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft };
+        if options.method != Method::Paper {
+            return self.fit_by_likelihood(inputs, options, others.shared);
+        }
+        if inputs.has_lens_only() {
+            let result = lens_only(entry, &inputs.lens_estimate);
+            return Ok(inputs.with_result(result, None));
+        }
+        let result = paper(entry, &inputs.constraints, &self.plane_priors(), lens, fixed)?;
+        Ok(inputs.with_result(result, None))
+    }
+
+    /// Runs stage 1 of a camera by maximum likelihood: from its lines, or from its control points where the
+    /// lines do not determine it.
+    fn fit_by_likelihood(
+        &self,
+        inputs: SingleInputs,
+        options: &Options,
+        shared: &SharedObservations,
+    ) -> Result<SingleFit, Failure> {
+        let SingleInputs { entry, fixed, .. } = inputs;
+        let points = UsedPoints::new(self, entry);
+        let of_points = points.options(entry, inputs.lens_estimate.lens, fixed);
+        let by_points = || inputs.is_open().then(|| points.determined(&of_points)).flatten();
+        if inputs.constraints.is_empty()
+            && let Some(found) = by_points()
+        {
+            let single = inputs.with_result(from_points(entry, &found), None);
+            return Ok(SingleFit { is_from_points: true, suspect_points: points.suspects(&found), ..single });
+        }
+        if inputs.has_lens_only() {
+            let result = lens_only(entry, &inputs.lens_estimate);
+            return Ok(inputs.with_result(result, None));
+        }
+        if inputs.constraints.is_empty() && inputs.is_open() && points.len() > 0 {
+            let explained = points.explanation(&of_points, &[]).map(|found| found.failure(entry));
+            return Err(explained.unwrap_or(Failure::UndeterminedByPoints { count: points.len() }));
+        }
+        let context = self.suggestion_context(entry, shared);
+        let planes = self.plane_priors();
+        let by_lines = |priors: Priors| likelihood(&inputs, &planes, priors, options.prior, context);
+        let alone = by_lines(entry.priors());
+        let is_determined = alone.as_ref().is_ok_and(|(_, fit)| fit.determines_camera());
+        if let Some(found) = if is_determined { None } else { by_points() }
+            && let Ok((result, fit)) = by_lines(priors_from(&found.camera, 1.0, &entry.priors()))
+        {
+            return Ok(SingleFit {
+                is_from_points: true,
+                suspect_points: points.suspects(&found),
+                ..inputs.with_result(result, Some(fit))
+            });
+        }
+        let (result, fit) = alone?;
+        let suspect_points = points.suspects_beside(&fit, &of_points);
+        Ok(SingleFit { suspect_points, ..inputs.with_result(result, Some(fit)) })
+    }
+}
+
+/// Camera entry with its lens and the constraints under that lens.
+struct SingleInputs<'a> {
+    entry: &'a SiteCamera,
+    lens_estimate: LensEstimate,
+    constraints: Constraints,
+    fixed: FixedParameters,
+    /// Whether the lens is the first fit, which may be wrong.
+    is_draft: bool,
+}
+
+impl SingleInputs<'_> {
+    /// Whether roll, pitch or focal length is estimated.
+    fn is_open(&self) -> bool {
+        let FixedParameters { roll, pitch, focal, .. } = self.fixed;
+        roll.is_none() || pitch.is_none() || focal.is_none()
+    }
+
+    /// Whether only the lens can be estimated: there are straight edges and no other lines.
+    fn has_lens_only(&self) -> bool {
+        self.constraints.is_empty() && self.lens_estimate.fit.is_some() && self.is_open()
+    }
+
+    fn with_result(self, result: CameraResult, fit: Option<Fit>) -> SingleFit {
+        let Self { lens_estimate, constraints, fixed, .. } = self;
+        SingleFit {
             result,
             lens_estimate,
             constraints,
             fixed,
             fit,
-        };
-        if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
-            return Ok(single_fit(
-                CameraResult::new(given.clone()),
-                lens_estimate,
-                Constraints::default(),
-                FixedParameters::default(),
-                None,
-            ));
+            is_from_points: false,
+            suspect_points: Vec::new(),
         }
-        let fixed = fixed_parameters(entry, owner)?;
-        let planes = self.plane_priors();
-        let constraints =
-            Constraints::on_planes(&entry.annotations, &lens, self.scene_errors(entry), &planes);
-        let is_open = fixed.roll.is_none() || fixed.pitch.is_none() || fixed.focal.is_none();
-        if constraints.is_empty() && lens_estimate.fit.is_some() && is_open {
-            return Ok(single_fit(lens_only(entry, &lens_estimate), lens_estimate, constraints, fixed, None));
-        }
-        let (result, fit) = match options.method {
-            Method::Paper => (paper(entry, &constraints, &planes, lens, fixed)?, None),
-            Method::MaximumLikelihood | Method::Given | Method::Kept => {
-                let weak_prior_used = options.prior;
-                let (result, fit) = likelihood(
-                    entry,
-                    &constraints,
-                    &planes,
-                    lens,
-                    fixed,
-                    [weak_prior_used, is_draft],
-                    self.suggestion_context(entry, others.shared),
-                )?;
-                (result, Some(fit))
-            }
-        };
-        Ok(single_fit(result, lens_estimate, constraints, fixed, fit))
     }
 }
 
@@ -171,27 +234,27 @@ impl Site {
     }
 }
 
-/// Runs stage 1 by maximum likelihood.
+/// Fits the lines of a camera by maximum likelihood, with these priors. `weak_prior` allows the weak prior on
+/// the focal length.
 fn likelihood(
-    entry: &SiteCamera,
-    constraints: &Constraints,
+    inputs: &SingleInputs,
     planes: &[PlanePrior],
-    lens: Lens,
-    fixed: FixedParameters,
-    [prior, keeps_all]: [bool; 2],
+    priors: Priors,
+    weak_prior: bool,
     SuggestionContext { has_neighbours, is_scale_open }: SuggestionContext,
 ) -> Result<(CameraResult, Fit), Failure> {
-    let is_kept = |&i: &usize| keeps_all || entry.annotations[i].keep;
+    let SingleInputs { entry, lens_estimate, constraints, fixed, is_draft } = inputs;
+    let is_kept = |&i: &usize| *is_draft || entry.annotations[i].keep;
     let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
     let options = FitOptions {
-        lens,
+        lens: lens_estimate.lens,
         size: entry.size(),
         efov: entry.efov_px.as_deref().unwrap_or_default(),
-        fixed,
+        fixed: *fixed,
         // A fixed focal length needs no prior.
-        priors: Priors { focal: entry.priors().focal.filter(|_| fixed.focal.is_none()), ..entry.priors() },
+        priors: Priors { focal: priors.focal.filter(|_| fixed.focal.is_none()), ..priors },
         sigma: entry.sigma_px,
-        weak_prior: prior,
+        weak_prior,
         keep: &keep,
         has_neighbours,
         is_scale_unknown: is_scale_open,

@@ -27,19 +27,19 @@ pub enum SiteErrorKind {
     TooLong {
         /// Length, in bytes.
         bytes: usize,
-        /// Limit, in bytes.
+        /// Largest accepted length, in bytes.
         most: usize,
     },
     /// The document has more values than the limit.
     TooManyValues {
         /// Approximate number of values.
         values: usize,
-        /// Limit.
+        /// Largest accepted number of values.
         most: usize,
     },
     /// The value is not allowed here.
     Unexpected {
-        /// Value that was found.
+        /// Invalid value, as text.
         found: String,
         /// Description of the allowed values.
         expected: String,
@@ -121,8 +121,8 @@ impl fmt::Display for ErrorSubject {
 
 /// Quotes a text from the document. Long texts are cut, so that a hostile file cannot fill the screen.
 pub(crate) fn quoted(text: &str) -> String {
-    const MOST: usize = 60;
-    let short: String = text.chars().take(MOST).collect();
+    const MAX_QUOTED_CHARS: usize = 60;
+    let short: String = text.chars().take(MAX_QUOTED_CHARS).collect();
     if short.len() < text.len() { format!("{short:?}...") } else { format!("{short:?}") }
 }
 
@@ -130,7 +130,7 @@ pub(crate) fn quoted(text: &str) -> String {
 ///
 /// This function has to parse the message, because the reader provides the expected type only there.
 pub(crate) fn kind_from_json_error(error: &serde_json::Error) -> SiteErrorKind {
-    const WORDS: [(&str, &str); 9] = [
+    const REPLACEMENTS: [(&str, &str); 9] = [
         ("expected f64", "expected a number, without quotes"),
         ("expected u32", "expected a whole number, without quotes"),
         (
@@ -151,6 +151,6 @@ pub(crate) fn kind_from_json_error(error: &serde_json::Error) -> SiteErrorKind {
     let message = error.to_string();
     let text = message.strip_suffix(&format!(" at line {} column {}", at[0], at[1]));
     let start = text.unwrap_or(&message).to_owned();
-    let why = WORDS.iter().fold(start, |why, (from, to)| why.replace(from, to));
+    let why = REPLACEMENTS.iter().fold(start, |why, (from, to)| why.replace(from, to));
     SiteErrorKind::Unreadable { why, at: text.map(|_| at) }
 }

@@ -10,16 +10,16 @@ document! {
     struct ElementSolution {
         /// World position, in metres.
         at_m: WorldPoint,
-        /// Rotation about the vertical axis, in degrees; absent without a direction.
+        /// Rotation about the vertical axis, in degrees; absent for elements without a direction.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         turn_deg: Option<f64>,
         /// Length of a post, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         length_m: Option<f64>,
-        /// Standard deviations.
+        /// Standard deviations of position and rotation.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         sigma: Option<Sigmas>,
-        /// Residuals, one for each observation.
+        /// Residuals of the element, one for each observation.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         residuals: Vec<ObservationResidual>,
     }
@@ -44,7 +44,8 @@ document! {
         /// Whether the scale of the site is known.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         scale: Option<Scale>,
-        /// Gap around the loops of the view graph, in metres.
+        /// Loop closure: largest root mean square disagreement on the floor after initialisation, in metres.
+        /// It is computed for pairs of cameras that close a loop of the view graph.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         loop_closure_m: Option<f64>,
         /// Pairs of cameras that share floor or links.
@@ -67,7 +68,7 @@ document! {
         rows: Vec<String>,
         /// Names of the second camera's parameters with their units, as in its solution.
         columns: Vec<String>,
-        /// Matrix, row by row.
+        /// Covariance matrix, row by row, in the units of the rows and columns.
         values: Vec<f64>,
     }
 
@@ -86,7 +87,7 @@ document! {
     }
 }
 
-/// Scale of the site.
+/// State of the scale of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -98,7 +99,7 @@ pub enum Scale {
 }
 
 impl SiteSolution {
-    /// Whether there are no results.
+    /// Whether the site has no results.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         let Self { components, scale, loop_closure_m, overlaps, cross_covariances, warnings } = self;

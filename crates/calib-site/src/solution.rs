@@ -26,7 +26,7 @@ pub(crate) use document;
 document! {
     /// Lens distortion: a model with its coefficients, or the coefficients to fit.
     struct DistortionEntry {
-        /// Distortion model.
+        /// Distortion model, which defines the meaning of the coefficients.
         model: DistortionModel,
         /// Coefficient k1 of Brown-Conrady or Kannala-Brandt.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -55,7 +55,7 @@ document! {
         /// Coefficient alpha of the double-sphere model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         alpha: Option<f64>,
-        /// Focal length for the coefficients, in pixels.
+        /// Focal length to which the coefficients refer, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<f64>,
         /// Names of the coefficients to fit.
@@ -65,9 +65,9 @@ document! {
 
     /// Result of solving a camera.
     struct Solution {
-        /// Method that produced the result.
+        /// Method that computed the result.
         method: Method,
-        /// Last completed stage.
+        /// Last completed stage of the calibration.
         stage: Stage,
         /// Position x0, y0, z0 of the camera, in metres.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -117,7 +117,7 @@ document! {
         /// Residuals of all annotations and control points.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         residuals: Vec<Residual>,
-        /// Other solutions that fit the data as well.
+        /// Other solutions that fit the data equally well.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         alternatives: Vec<Alternative>,
         /// Warnings about the result.
@@ -159,7 +159,7 @@ document! {
         kind: Option<Kind>,
         /// Suggestion as a sentence.
         message: String,
-        /// Example: pixel coordinates of the suggested segments.
+        /// Example of the suggested segments: their ends, in raw pixels.
         segments_px: Vec<[Pixel; 2]>,
         /// Predicted relative standard deviation of floor lengths with the suggested annotation.
         floor_length_rel: f64,
@@ -228,11 +228,11 @@ document! {
     struct CovarianceEntry {
         /// Names of the parameters with their units, as in the solution.
         of: Vec<String>,
-        /// Upper triangle, row by row.
+        /// Upper triangle of the matrix, row by row, in the units of the parameters.
         upper: Vec<f64>,
     }
 
-    /// Another solution that fits the data as well.
+    /// Another solution that fits the data equally well.
     struct Alternative {
         /// Focal length, in pixels.
         focal_px: f64,
@@ -254,12 +254,12 @@ document! {
 pub enum Method {
     /// Maximum-likelihood fit of all annotations, with residuals in pixels.
     MaximumLikelihood,
-    /// Criterion of the paper.
+    /// Criterion of the paper, for roll, pitch and focal length.
     Paper,
-    /// Imported or entered.
+    /// Imported or entered calibration, not computed from annotations.
     Given,
-    /// Kept from a validity period that has ended. The solution is not recomputed, even if its links were
-    /// then solved with other cameras.
+    /// Solution of a validity period that has ended. It is not recomputed, because links and marks refer to
+    /// the newest period of the camera.
     Kept,
 }
 
@@ -276,18 +276,18 @@ impl Method {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
-    /// Distortion only.
+    /// Lens only: the distortion is known, but not the orientation.
     Lens,
     /// Stage 1: roll, pitch and focal length.
     Partial,
-    /// Stage 2: also position and yaw.
+    /// Stage 2: position, yaw and height in addition.
     Placed,
-    /// Refined jointly with other cameras.
+    /// Joint refinement with other cameras.
     Refined,
 }
 
 impl DistortionEntry {
-    /// Returns the value of a coefficient.
+    /// Returns the value of a distortion coefficient; `None` if it is not entered.
     #[must_use]
     pub const fn coefficient(&self, which: Coefficient) -> Option<f64> {
         match which {
@@ -348,7 +348,7 @@ impl Solution {
         }
     }
 
-    /// Whether one of the warnings has this code.
+    /// Whether one of the warnings of the solution has this code.
     #[must_use]
     pub fn has_warning(&self, code: Code) -> bool {
         self.warnings.iter().any(|warning| warning.code == code)

@@ -14,13 +14,13 @@ use crate::solution::{FailureEntry, Solution, Stage, Warning};
 /// Error of a lookup of a calibrated camera.
 #[derive(Clone, Debug, PartialEq)]
 pub enum CameraViewError {
-    /// The id does not match an entry.
+    /// Failed lookup of the camera by id and time.
     Camera(CameraLookupError),
-    /// The camera is not calibrated; with the failure, if it could not be.
+    /// Camera without a calibration, with the reason if solving failed.
     Uncalibrated(Option<FailureEntry>),
-    /// Only the lens is calibrated.
+    /// Camera with a calibrated lens, but without a calibrated pose.
     LensOnly,
-    /// The stream does not match the image of the calibration.
+    /// Stream that does not match the image of the calibration.
     Stream(StreamError),
 }
 
@@ -64,7 +64,7 @@ impl Site {
     }
 
     /// Whether the scale of a camera is known: from a height, length, distance, control points, or its
-    /// placement on the plan. Cameras that were solved jointly without a scale share this state.
+    /// placement on the plan. For jointly solved cameras, the scale of the whole site must be known.
     #[must_use]
     pub fn scale_is_known(&self, entry: &SiteCamera) -> bool {
         let Some(solution) = &entry.solution else { return false };
@@ -73,9 +73,9 @@ impl Site {
         !(is_assumed || solution.stage == Stage::Refined && scale == Some(Scale::Unknown))
     }
 
-    /// Returns the camera of an entry for mapping points. If its scale is unknown, the variance of its height
-    /// is unknown. If it was placed by hand, the variance of its position is unknown. An unknown variance is
-    /// not the same as zero.
+    /// Returns the calibrated camera of an entry, for mapping points to the floor. If its scale is unknown,
+    /// the variance of its height is unknown. If it was placed by hand, the variance of its position is
+    /// unknown. An unknown variance is not the same as zero.
     #[must_use]
     pub fn camera_for_use(&self, entry: &SiteCamera) -> Option<Camera> {
         let camera = entry.camera()?;
@@ -85,7 +85,8 @@ impl Site {
         Some(Camera { covariance: camera.covariance.with_unknown(&open), ..camera })
     }
 
-    /// Returns a camera of this site with its field of view, for the pixels of its image.
+    /// Returns the view of an entry of this site: its calibrated camera with its field of view, for the
+    /// pixels of its image.
     ///
     /// # Errors
     /// If the camera is not calibrated.
@@ -109,19 +110,20 @@ fn has_warning(solution: &Solution, code: Code) -> bool {
 pub struct FindingEntry<'a> {
     /// Id of the camera; `None` for a finding about the site.
     pub camera: Option<&'a str>,
-    /// Code as in files: of [`Code`] or
+    /// Code of the finding, as in files: the text of a [`Code`] or of a
     /// [`FailureCode`](calib_core::outcome::FailureCode).
     pub code: &'static str,
-    /// Severity; a camera without a result is an error.
+    /// Severity of the finding; a camera without a result is an error.
     pub severity: Severity,
-    /// Description, as a sentence.
+    /// Description of the finding, as a sentence.
     pub message: &'a str,
     /// Advice for the operator, as a sentence.
     pub advice: &'a str,
 }
 
 impl Site {
-    /// Returns all stored findings: first of the cameras, in their order, then of the site.
+    /// Returns all stored findings: first the findings about cameras, in the order of the file, then the
+    /// findings about the site.
     pub fn findings(&self) -> impl Iterator<Item = FindingEntry<'_>> {
         let of_cameras = self.cameras.iter().flat_map(|entry| {
             let warnings = entry.solution.iter().flat_map(|solution| &solution.warnings);

@@ -13,18 +13,18 @@ use crate::bundle::view_graph::{Component, clusters};
 use crate::camera::Camera;
 use crate::single::{Constraints, PlanePrior, Problem, Source, State, predictable};
 
-/// Camera after the adjustment.
+/// Estimate of one camera after the bundle adjustment.
 #[derive(Clone, Debug)]
 pub struct CameraEstimate {
     /// Camera with the covariance of its estimated parameters.
     pub camera: Camera,
-    /// Whether the pose is in the base system, or in the common system of its component if that is not
-    /// located or oriented. If not, only orientation, focal length, lens and the height given by its own
+    /// Whether the pose is estimated: in the base system, or in the common system of a component that is not
+    /// located or oriented. Otherwise only orientation, focal length, lens and the height given by its own
     /// annotations were refined, and position and yaw keep their input values.
     pub is_connected: bool,
     /// Sum of the squared residuals, in standard deviations, of all cameras refined together with this one.
     pub chi2: f64,
-    /// Number of these residuals minus the number of parameters.
+    /// Degrees of freedom of `chi2`: number of residuals minus number of parameters.
     pub dof: i64,
     /// Standard deviation of the annotated pixels, in pixels: the given value, or the value estimated from
     /// the residuals.
@@ -36,37 +36,41 @@ pub struct CameraEstimate {
     pub is_misfit: bool,
 }
 
-/// Result of a bundle adjustment. Indices refer to the adjustment.
+/// Result of a bundle adjustment. Indices refer to the lists of the [`BundleAdjustment`].
 #[derive(Clone, Debug, Default)]
 pub struct BundleSummary {
     /// Estimate of every camera. It is `None` if the camera is not connected and its lens is not estimated,
     /// or if it is [`oversized`](Self::oversized) or [`unsolved`](Self::unsolved).
     pub cameras: Vec<Option<CameraEstimate>>,
-    /// Landmarks at their estimated positions; rejected and unused ones are switched off.
+    /// Landmarks at their estimated positions; rejected and unused landmarks are switched off.
     pub landmarks: Vec<Landmark>,
-    /// Covariance of the parameters of every refined landmark; zeros for fixed parameters.
+    /// Covariance of the parameters of every refined landmark, in the order and units of its model; zeros for
+    /// fixed parameters.
     pub landmark_covariances: Vec<Option<[[f64; 3]; 3]>>,
-    /// Estimated planes.
+    /// Estimate of every plane; `None` if the plane is fixed or not used.
     pub planes: Vec<Option<PlaneEstimate>>,
-    /// Distances; rejected and unused ones are switched off.
+    /// Measured distances; rejected and unused distances are switched off.
     pub distances: Vec<DistanceMeasurement>,
-    /// Rejected outliers.
+    /// Landmarks and distances that were rejected as outliers.
     pub rejected: Vec<OutlierCandidate>,
     /// Connected components of the view graph.
     pub components: Vec<Component>,
-    /// Cameras of a component that share too few landmarks with the others to be placed.
+    /// Cameras that share too few landmarks with the other cameras of their component to be placed.
     pub unreached: Vec<usize>,
-    /// Cameras whose shared landmarks would give a system of equations that exceeds any memory.
+    /// Cameras that are not adjusted because their shared landmarks would lead to a system of equations that
+    /// is too large for the memory.
     pub oversized: Vec<usize>,
-    /// Cameras of a cluster with a shared landmark that is not visible from the initial poses.
+    /// Cameras that are not adjusted because a shared landmark of their cluster is not visible from the
+    /// initial poses.
     pub unsolved: Vec<usize>,
-    /// Landmarks whose triangulated position is not visible in one of the observing cameras.
+    /// Landmarks that are not used because their triangulated position is not visible in one of the observing
+    /// cameras.
     pub unobservable: Vec<usize>,
     /// Largest root mean square disagreement on the floor after initialisation, in metres, over camera pairs
     /// that share landmarks but no edge of the spanning tree. It is `None` without loops.
     pub loop_closure: Option<f64>,
-    /// Covariance of every two cameras refined together, the lower index first. With more than 45 cameras,
-    /// only pairs that observe a common landmark are included.
+    /// Cross-covariance of every pair of cameras refined together, the lower index first. With more than 45
+    /// cameras, only pairs that observe a common landmark are included.
     pub cross_covariances: HashMap<[usize; 2], CrossCovariance>,
 }
 
@@ -76,13 +80,14 @@ impl BundleSummary {
         !self.unreached.contains(&camera) && self.components.iter().any(|c| c.views.contains(&camera))
     }
 
-    /// Returns the component of a camera; `None` if the camera is unreached.
+    /// Returns the component of a camera; `None` if the camera is unreached or in no component.
     pub(crate) fn component(&self, camera: usize) -> Option<&Component> {
         let component = self.components.iter().find(|component| component.views.contains(&camera));
         component.filter(|_| !self.unreached.contains(&camera))
     }
 
-    /// Returns the landmarks that these cameras observe, and the distances between them.
+    /// Returns the indices of the active landmarks that the cameras of a cluster observe, and of the active
+    /// distances between these landmarks. `cluster` must be ascending.
     pub(crate) fn observed_by(&self, cluster: &[usize]) -> (Vec<usize>, Vec<usize>) {
         let is_observed = |landmark: &Landmark| {
             let mut seen = landmark.observations.iter();
@@ -221,9 +226,9 @@ fn rejected_residuals(
 ///    their units. Outliers among landmarks and distances are rejected one by one.
 ///
 /// Unlike in structure from motion, roll, pitch, focal length and lens of every camera are approximately
-/// known in advance (from [`Fit`](crate::Fit) or another source), and the floor is horizontal. Only positions
-/// and yaws have no initial values. If no known value in the base system fixes the gauge of a component, the
-/// placement of one camera fixes it: the [root](crate::bundle::Component::root).
+/// known in advance, for example from [`Fit`](crate::Fit). The floor is horizontal. Only positions and yaws
+/// have no initial values. If no known value in the base system fixes the gauge of a component, the placement
+/// of one camera fixes it: the [root](crate::bundle::Component::root).
 ///
 /// # Example
 ///
@@ -282,41 +287,39 @@ pub struct BundleAdjustment<'a> {
 /// Invalid index or standard deviation in an adjustment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BundleError {
-    /// This camera shares the lens of a camera that does not exist, or that shares another camera's lens.
+    /// Camera that shares the lens of a missing camera, or of a camera that itself shares another lens.
     SharedLens {
         /// Index of the camera.
         camera: usize,
     },
-    /// This camera has constraints but no fit.
+    /// Camera with constraints but without a fit.
     MissingFit {
         /// Index of the camera.
         camera: usize,
     },
-    /// This camera has an annotation on a plane that does not exist.
+    /// Camera with an annotation on a missing plane.
     CameraPlane {
         /// Index of the camera.
         camera: usize,
     },
-    /// This landmark is on a plane that does not exist.
+    /// Landmark on a missing plane.
     LandmarkPlane {
         /// Index of the landmark.
         landmark: usize,
     },
-    /// This observation refers to a camera or point that does not exist, or its standard deviation is not
-    /// positive.
+    /// Observation of a missing camera or point, or with a standard deviation that is not positive.
     Observation {
         /// Index of the landmark.
         landmark: usize,
         /// Index of the observation in the landmark.
         observation: usize,
     },
-    /// This landmark has a prior on a parameter that does not exist, or with a standard deviation that is not
-    /// positive.
+    /// Landmark with a prior on a missing parameter, or with a standard deviation that is not positive.
     LandmarkPrior {
         /// Index of the landmark.
         landmark: usize,
     },
-    /// This distance refers to a landmark that does not exist, or its standard deviation is not positive.
+    /// Distance to a missing landmark, or with a standard deviation that is not positive.
     Distance {
         /// Index of the distance.
         distance: usize,
@@ -367,7 +370,8 @@ impl BundleAdjustment<'_> {
         Ok(self.solve_checked())
     }
 
-    /// Does the same as [`Self::solve`], for indices and standard deviations that are valid by construction.
+    /// Initialises and refines all cameras and landmarks like [`Self::solve`], without a check of indices and
+    /// standard deviations. They must be valid by construction.
     pub fn solve_checked(&self) -> BundleSummary {
         let initial = initialize(&self.cameras, &self.landmarks, &self.distances);
         let Initialization { poses, landmarks, distances, components, unreached, unobservable, loop_closure } =
@@ -390,7 +394,8 @@ impl BundleAdjustment<'_> {
         summary
     }
 
-    /// Refines a cluster of cameras, given by their indices in ascending order.
+    /// Refines a cluster of cameras, given by their indices in ascending order, and adds the result to the
+    /// summary.
     fn refine(&self, cluster: &[usize], poses: &[Camera], summary: &mut BundleSummary) {
         let (landmarks, distances) = summary.observed_by(cluster);
         if is_oversized(landmarks.iter().map(|&landmark| &summary.landmarks[landmark])) {
@@ -421,8 +426,8 @@ impl BundleAdjustment<'_> {
         }
     }
 
-    /// Returns the views of a cluster. Connected cameras start at their initial poses, the others at their
-    /// input poses.
+    /// Returns the views of a cluster. Connected cameras start at their initial poses; the other cameras
+    /// start at their input poses.
     fn views(&self, cluster: &[usize], poses: &[Camera], summary: &BundleSummary) -> Vec<View<'_>> {
         let view = |&index: &usize| {
             let camera = &self.cameras[index];
@@ -435,6 +440,7 @@ impl BundleAdjustment<'_> {
         cluster.iter().map(view).collect()
     }
 
+    /// Checks all indices and standard deviations.
     fn check(&self) -> Result<(), BundleError> {
         for (index, camera) in self.cameras.iter().enumerate() {
             let owner = camera.lens_owner(index);
@@ -465,6 +471,7 @@ impl BundleAdjustment<'_> {
         Ok(())
     }
 
+    /// Checks the indices and standard deviations of a landmark's observations and priors.
     fn check_landmark(&self, index: usize, landmark: &Landmark) -> Result<(), BundleError> {
         let points = match &landmark.model {
             LandmarkModel::Point { .. } | LandmarkModel::Measured => 1,
@@ -512,7 +519,8 @@ fn local_distances(
     distances.iter().map(local).collect()
 }
 
-/// Whether the shared landmarks of the cameras would give a system of equations that exceeds any memory.
+/// Whether so many pairs of cameras share landmarks that the system of equations would be too large for the
+/// memory.
 fn is_oversized<'a>(landmarks: impl Iterator<Item = &'a Landmark>) -> bool {
     /// Largest number of camera pairs that observe a common landmark: 450 cameras, each paired with every
     /// other.

@@ -13,7 +13,8 @@ use crate::optimize::{JacobianBlock, NormalEquations, NuisanceJacobian};
 use crate::single::{Constraints, LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL, State};
 
 impl BundleProblem<'_> {
-    /// Evaluates the residuals of stage 1, including the priors on the camera, under the lens of the state.
+    /// Calls `sink` with the residuals of stage 1 of a view, including the priors on the camera, under the
+    /// lens of the state.
     pub(crate) fn each_annotation(
         &self,
         state: &[f64],
@@ -117,14 +118,16 @@ impl BundleProblem<'_> {
         Some(JacobianBlock { block, by: sorted })
     }
 
-    /// Returns the block and index of a nuisance parameter that is not shared with other views.
+    /// Returns the block and index of a nuisance parameter of a view; `None` if it is shared with other views
+    /// or not used.
     fn own_nuisance_slot(&self, view: usize, nuisance: usize) -> Option<(usize, usize)> {
         let is_shared = |slot: &(usize, usize)| self.tilt.is_some_and(|tilt| tilt.block == slot.0);
         self.nuisance_layout[view][nuisance].filter(|slot| !is_shared(slot))
     }
 
-    /// Returns the shared tilt as it affects a view: its index among the nuisance parameters of the view, the
-    /// tilt in the base system, and the yaw of the view. Returns `None` if the view does not share it.
+    /// Returns the shared floor tilt for a view. The values are the index of the tilt among the nuisance
+    /// parameters of the view, the tilt in the base system, and the yaw of the view (radians). Returns `None`
+    /// if the view does not share the tilt.
     pub(crate) fn common_tilt(&self, state: &[f64], view: usize) -> Option<(usize, [f64; 2], f64)> {
         let CommonTilt { block, .. } = self.tilt?;
         let at = self.views[view].stage_1.nuisances().tilt();

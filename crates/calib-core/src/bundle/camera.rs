@@ -23,9 +23,9 @@ pub enum InitialPose {
 /// Coordinates of position and yaw that are fixed individually; the others are estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FixedPose {
-    /// Whether x0 is fixed.
+    /// Whether the x coordinate of the position is fixed.
     pub x: bool,
-    /// Whether y0 is fixed.
+    /// Whether the y coordinate of the position is fixed.
     pub y: bool,
     /// Whether the yaw is fixed.
     pub yaw: bool,
@@ -75,13 +75,14 @@ pub struct BundleCamera<'a> {
     /// Constraints of the annotations under the camera's own lens.
     pub constraints: &'a Constraints,
     /// Single-camera fit. Its outliers stay rejected, its noise is used, and its nuisance parameters are the
-    /// initial ones. Required if there are constraints.
+    /// initial values. Required if there are constraints. Without a fit, a focal length that is neither fixed
+    /// nor has a prior gets the weak prior if the landmarks do not determine it.
     pub fit: Option<&'a Fit>,
     /// Whether the standard deviations of the annotations are known. They are then not inflated by large
     /// residuals.
     pub noise_is_known: bool,
-    /// Index of the camera whose focal length and distortion this one shares, if any. That camera must not
-    /// share another camera's lens.
+    /// Index of the camera whose focal length and distortion this camera shares, if any. The owner of the
+    /// lens must not share another camera's lens.
     pub shared_lens: Option<usize>,
     /// Flags of the estimated lens parameters, in the order of [`Lens::PARAMETERS`]. For a shared lens the
     /// flags of its owner apply. If the own focal length of a wide lens is free, it equals the focal length
@@ -144,14 +145,18 @@ impl<'a> BundleCamera<'a> {
         let width = self.size[0];
         let sigma = self.fit.map_or(1.0, |fit| fit.sigma);
         let rejected = self.fit.map_or(&[][..], |fit| &fit.outliers[..]);
-        let weak_log_focal: Option<Prior> =
-            self.fit.filter(|fit| fit.has_weak_prior).map(|_| weak_prior(width));
         let focal = self.priors.focal.filter(|_| self.fixed.focal.is_none());
+        let has_weak_prior = match self.fit {
+            Some(fit) => fit.has_weak_prior,
+            None => self.fixed.focal.is_none() && focal.is_none(),
+        };
+        let weak_log_focal: Option<Prior> = has_weak_prior.then(|| weak_prior(width));
         let priors = Priors { focal, weak_log_focal, ..self.priors };
         Problem { rejected, ..Problem::new(self.constraints, self.fixed, priors, sigma, width) }
     }
 
-    /// Whether the height is determined by other information than the placement.
+    /// Whether the height is determined by other information than the placement: it is fixed, or stage 1
+    /// estimates it.
     pub(crate) fn height_is_known(&self) -> bool {
         self.initial_pose != InitialPose::Fixed
             && (self.fixed.height.is_some() || self.stage_1().free[LOG_HEIGHT])
@@ -167,18 +172,20 @@ impl<'a> BundleCamera<'a> {
         self.shared_lens.unwrap_or(index)
     }
 
-    /// Whether the wide lens has the same focal length as the camera.
+    /// Whether the focal length of a wide lens and the focal length of the camera are one estimated
+    /// parameter.
     fn has_tied_focal(&self) -> bool {
         self.camera.lens.distortion.is_wide() && self.free_lens[Lens::OWN_FOCAL] && self.fixed.focal.is_none()
     }
 
+    /// Whether lens parameters are estimated.
     pub(crate) fn fits_distortion(&self) -> bool {
         self.free_lens.contains(&true)
     }
 }
 
-/// Position, yaw and scale of a component that the placement of a camera fixes because no other information
-/// does: the gauge of the adjustment.
+/// Gauge of a component: flags of the position, yaw and scale that the placement of one camera fixes, because
+/// no other information determines them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Gauge {
     pub(crate) x: bool,
@@ -187,14 +194,14 @@ pub(crate) struct Gauge {
     pub(crate) scale: bool,
 }
 
-/// Camera with its residuals of stage 1, as a part of one problem.
+/// Camera of one bundle problem, with its residuals of stage 1.
 #[derive(Clone, Debug)]
 pub(crate) struct View<'a> {
     /// Initial values, and the values of the parameters that are not estimated.
     pub(crate) camera: Camera,
     /// Flags of the estimated parameters. For a shared lens the flags of its owner apply.
     pub(crate) free: [bool; CAMERA_PARAMS],
-    /// Index of the lens, including the focal length; views with the same index share it.
+    /// Index of the lens, including the focal length; views with the same index share the lens.
     pub(crate) lens: usize,
     /// Annotations, for the constraints under another lens.
     pub(crate) annotations: &'a [Annotation],
@@ -202,19 +209,21 @@ pub(crate) struct View<'a> {
     pub(crate) stage_1: Problem<'a>,
     /// Initial nuisance parameters of stage 1 (directions and lengths).
     pub(crate) nuisance: Vec<f64>,
-    /// Whether the view shares the floor of its cluster; otherwise it has its own.
+    /// Whether the view shares the floor with the other views of its cluster; otherwise its floor is
+    /// separate.
     pub(crate) shares_floor: bool,
-    /// Lines that are straight in space.
+    /// Straight edges of the annotations; empty if the lens is not estimated.
     pub(crate) edges: Vec<Edge>,
     /// Number of times that each edge is annotated.
     pub(crate) edge_counts: Vec<f64>,
-    /// Annotated point farthest from the principal point.
+    /// Annotated point farthest from the principal point, in raw pixels.
     pub(crate) outermost: Option<Pixel>,
     /// Width and height of the image, in pixels.
     pub(crate) size: [f64; 2],
     /// Circle of the image that a fisheye lens fills, if known.
     pub(crate) circle: Option<ImageCircle>,
-    /// Whether the wide lens and the camera have one focal length, which changes both.
+    /// Whether the focal length of a wide lens and the focal length of the camera are one estimated
+    /// parameter.
     pub(crate) has_tied_focal: bool,
 }
 
@@ -264,7 +273,7 @@ impl View<'_> {
         })
     }
 
-    /// Returns the prior residuals of the free lens parameters.
+    /// Returns the residuals of the priors on the free lens parameters.
     pub(crate) fn lens_prior_residuals(&self, lens: &Lens, free: &[usize]) -> Vec<LensResidual> {
         let of_slope = slope_prior(lens, self.outermost);
         lens_prior(lens, (self.size, self.circle), free).into_iter().chain(of_slope).collect()
@@ -280,6 +289,7 @@ impl View<'_> {
     }
 }
 
+/// Returns the flags of the camera parameters that the adjustment estimates.
 fn free_parameters(
     entry: &BundleCamera,
     owner: &BundleCamera,
@@ -307,8 +317,8 @@ fn free_parameters(
     free
 }
 
-/// Returns a camera with the focal length and distortion of the owner of its lens, at its fixed height if it
-/// has one.
+/// Returns the start camera with the focal length and distortion of the lens owner, and with the fixed height
+/// if one is set.
 fn with_lens_and_height(entry: &BundleCamera, start: &Camera, owner: &BundleCamera) -> Camera {
     let Lens { distortion, focal, .. } = owner.camera.lens;
     let z = entry.fixed_height().unwrap_or(start.position.z);

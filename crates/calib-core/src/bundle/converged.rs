@@ -21,15 +21,16 @@ use crate::single::MIN_LOG_FOCAL_SIGMA_FOR_PRIOR;
 /// [`Covariance`].
 pub type CrossCovariance = Box<[[f64; Covariance::SIZE]; Covariance::SIZE]>;
 
-/// Covariances of a problem at a state.
+/// Marginal covariances of the cameras of a bundle problem at a state.
 pub(crate) struct Marginals<'a> {
     pub(crate) problem: &'a BundleProblem<'a>,
     pub(crate) covariance: &'a BlockCovariance,
     /// Cameras at the state.
     pub(crate) cameras: &'a [Camera],
-    /// Factor of the standard deviations of every view.
+    /// Factor by which the standard deviations of each view are multiplied.
     pub(crate) inflation: &'a [f64],
-    /// Covariances of all pairs of camera blocks, if there are few cameras.
+    /// Covariances of all pairs of camera blocks, if there are few cameras; otherwise each block is computed
+    /// on request.
     pub(crate) between: Option<&'a HashMap<[usize; 2], DMatrix<f64>>>,
 }
 
@@ -42,15 +43,15 @@ pub(crate) fn has_all_pair_covariances(views: usize) -> bool {
     views > 1 && views * (views - 1) / 2 <= MAX_CAMERA_PAIRS
 }
 
-/// Returns the blocks of all cameras.
+/// Returns the indices of the parameter blocks of all cameras, ascending.
 pub(crate) fn camera_blocks(problem: &BundleProblem) -> Vec<usize> {
     let of = |view: usize| problem.camera_layout(view).iter().flatten().map(|&(block, _)| block);
     (0..problem.views.len()).flat_map(of).collect::<BTreeSet<usize>>().into_iter().collect()
 }
 
 impl Marginals<'_> {
-    /// Returns the covariance of the parameters of two cameras, or of one camera, with the focal length in
-    /// pixels.
+    /// Returns the covariance between the parameters of the views `a` (rows) and `b` (columns), which may be
+    /// equal, with the focal length in pixels.
     pub(crate) fn camera_covariance(&self, [a, b]: [usize; 2]) -> CrossCovariance {
         let inflation = self.inflation[a] * self.inflation[b];
         let mut found = Box::new([[0.0; CAMERA_PARAMS]; CAMERA_PARAMS]);
@@ -71,18 +72,19 @@ impl Marginals<'_> {
         found
     }
 
+    /// Returns the covariance between two parameter blocks.
     fn block(&self, pair: [usize; 2]) -> DMatrix<f64> {
         let known = self.between.and_then(|between| between.get(&pair)).cloned();
         known.unwrap_or_else(|| self.covariance.block(&self.problem.blocks, pair[0], pair[1]))
     }
 
-    /// Returns the derivative of a reported value with respect to its parameter. It is 1, except for the
-    /// focal length, whose parameter is its log.
+    /// Returns the derivative of a reported camera value with respect to its parameter in the state. The
+    /// derivative is 1, except for the focal length, which the state contains as a logarithm.
     fn per_parameter(&self, index: usize, view: usize) -> f64 {
         if index == Covariance::FOCAL { self.cameras[view].focal } else { 1.0 }
     }
 
-    /// Returns the pairs of correlated cameras, the lower index first, with their covariance.
+    /// Returns the pairs of correlated cameras, the lower index first, with their cross-covariance.
     pub(crate) fn camera_pair_covariances(&self) -> Vec<([usize; 2], CrossCovariance)> {
         let views = self.cameras.len();
         let pairs = match self.between {
@@ -94,7 +96,8 @@ impl Marginals<'_> {
     }
 }
 
-/// Returns the covariance of the parameters of a landmark; zeros for fixed parameters.
+/// Returns the covariance of the parameters of a landmark, multiplied by `inflation`; zeros for fixed
+/// parameters.
 pub(crate) fn landmark_covariance(
     problem: &BundleProblem,
     covariance: &BlockCovariance,
@@ -119,30 +122,30 @@ const MAX_STEPS: usize = 60;
 /// undetermined parameter then has a large variance, not an infinite one.
 const REGULARIZATION: f64 = 1e-12;
 
-/// Candidate for rejection as an outlier, by its index.
+/// Candidate for rejection as an outlier: a landmark or a measured distance, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OutlierCandidate {
     /// Landmark with all its observations.
     Landmark(usize),
-    /// Measured distance.
+    /// Measured distance between two landmarks.
     Distance(usize),
 }
 
 /// Landmark with its estimated parameters and their covariance, zeros for fixed parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LandmarkEstimate {
-    /// Model; for a line with the origin of its parameters.
+    /// Kind of the landmark; a line includes the origin to which its parameters refer.
     pub(crate) model: LandmarkModel,
     pub(crate) params: [f64; LANDMARK_PARAMS],
     pub(crate) covariance: [[f64; LANDMARK_PARAMS]; LANDMARK_PARAMS],
 }
 
-/// Estimated plane.
+/// Estimated plane with the covariance of its parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneEstimate {
-    /// Position and slope.
+    /// Height and slope of the plane.
     pub plane: Plane,
-    /// Covariance of height and slope, in square metres and squares of rise per metre.
+    /// Covariance of the height (in metres) and the slopes along x and y (rise per metre), in this order.
     pub covariance: [[f64; 3]; 3],
 }
 
@@ -150,35 +153,36 @@ pub struct PlaneEstimate {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scored {
     pub(crate) candidate: OutlierCandidate,
-    /// Sum of its squared residuals, in standard deviations.
+    /// Sum of the squared residuals of the candidate, in standard deviations.
     pub(crate) chi2: f64,
-    /// Number of these residuals minus the number of its free parameters.
+    /// Degrees of freedom: number of residuals minus number of free parameters of the candidate.
     pub(crate) dof: i64,
 }
 
 impl Scored {
-    /// Returns the standard normal score of its chi-square, with the assumed variances multiplied by
-    /// `factor`.
+    /// Returns the standard normal score of the candidate's chi-square, with the assumed variances multiplied
+    /// by `factor`.
     pub(crate) fn score(&self, factor: f64) -> f64 {
         chi2_score(self.chi2 / factor, self.dof as f64)
     }
 }
 
-/// Returns the score above which the largest of `count` candidates is an outlier.
+/// Returns the standard normal score above which the candidate with the largest score of `count` candidates
+/// is an outlier.
 pub(crate) fn outlier_score_limit(count: usize) -> f64 {
     (MISFIT_SCORE * MISFIT_SCORE + 2.0 * (count.max(1) as f64).ln()).sqrt()
 }
 
-/// Problem at its minimum, or close to it.
+/// Bundle problem at its minimum, or close to its minimum.
 pub(crate) struct Converged<'a> {
     pub(crate) problem: BundleProblem<'a>,
     /// Minimisation that produced the state.
     run: LevenbergMarquardt<BundleProblem<'a>>,
     pub(crate) chi2: f64,
     pub(crate) dof: i64,
-    /// Residuals, in standard deviations.
+    /// Kind and value of every residual; values in standard deviations.
     pub(crate) residuals: Vec<(ResidualKind, f64)>,
-    /// Covariance, once computed.
+    /// Covariance of the parameter blocks that share residuals; `None` until it is computed.
     pub(crate) covariance: Option<BlockCovariance>,
 }
 
@@ -207,6 +211,7 @@ pub(crate) fn nearly_converged(problem: BundleProblem<'_>) -> Option<Converged<'
     Converged::new(problem, run)
 }
 
+/// Minimises a problem until convergence; `None` if the geometry is impossible.
 pub(crate) fn converged(problem: BundleProblem<'_>) -> Option<Converged<'_>> {
     let mut run = LevenbergMarquardt::new(&problem, problem.start())?;
     run.run(&problem, MAX_STEPS);
@@ -222,7 +227,7 @@ impl<'a> Converged<'a> {
         Some(Self { problem, run, chi2, dof, residuals, covariance: None })
     }
 
-    /// Returns the minimum without weak priors on focal lengths, starting from a few steps with them.
+    /// Minimises the problem again without the weak priors on focal lengths, starting from this state.
     pub(crate) fn without_weak_priors(self) -> Option<Self> {
         let Self { mut problem, run: LevenbergMarquardt { state, mut normal, .. }, .. } = self;
         problem.drop_weak_priors(&state, &mut normal);
@@ -231,16 +236,18 @@ impl<'a> Converged<'a> {
         Self::new(problem, run)
     }
 
-    /// Returns the state.
+    /// Returns the values of all estimated parameters.
     pub(crate) fn state(&self) -> &[f64] {
         &self.run.state
     }
 
+    /// Computes the covariance of the parameter blocks that share residuals; `None` if the factorisation
+    /// fails.
     pub(crate) fn covariance(&self) -> Option<BlockCovariance> {
         self.problem.blocks.covariance(&self.run.normal, REGULARIZATION)
     }
 
-    /// Returns the covariances of all cameras with each other, if there are few.
+    /// Returns the covariances of all pairs of camera blocks; `None` if there are too many cameras.
     pub(crate) fn covariance_between_cameras(&self) -> Option<HashMap<[usize; 2], DMatrix<f64>>> {
         if !has_all_pair_covariances(self.problem.views.len()) {
             return None;
@@ -252,7 +259,7 @@ impl<'a> Converged<'a> {
         )
     }
 
-    /// Returns a camera without covariance; a free yaw is wrapped to [-180°, 180°).
+    /// Returns the camera of a view without covariance. A free yaw is wrapped to [-180°, 180°).
     pub(crate) fn camera(&self, view: usize) -> Camera {
         let camera = self.problem.camera(self.state(), view);
         let is_free = self.problem.camera_layout(view)[Covariance::YAW].is_some();
@@ -260,6 +267,8 @@ impl<'a> Converged<'a> {
         Camera { yaw, covariance: Covariance::EXACT, ..camera }
     }
 
+    /// Returns the estimate of every landmark; `None` if it is switched off. The covariance is multiplied by
+    /// `inflation`.
     pub(crate) fn landmarks(
         &self,
         covariance: Option<&BlockCovariance>,
@@ -277,7 +286,7 @@ impl<'a> Converged<'a> {
         (0..count).map(|index| (!problem.landmarks[index].off).then(|| estimate(index))).collect()
     }
 
-    /// Returns the estimated planes; `None` for those without a covariance.
+    /// Returns the estimate of every plane; `None` for a plane that is fixed or has no covariance.
     pub(crate) fn planes(
         &self,
         covariance: Option<&BlockCovariance>,
@@ -303,7 +312,7 @@ impl<'a> Converged<'a> {
         })
     }
 
-    /// Returns the outlier candidates with their chi-squares.
+    /// Returns all candidates for rejection as outliers, with their chi-squares.
     pub(crate) fn candidates(&self) -> Vec<Scored> {
         let (landmarks, distances) = self.chi2_by_candidate();
         let landmark = |(index, landmark): (usize, &Landmark)| {

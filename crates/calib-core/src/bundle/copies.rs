@@ -1,10 +1,11 @@
 //! Landmarks and distances that were annotated more than once, and count once.
 //!
-//! A landmark is a copy of another if each of its observations is close to one of the other's in the same
-//! image. Copies of a control point must also have the same measured position. Annotating an object twice
-//! repeats its systematic error. Each of `n` copies therefore gets `n` times the variance, in its
-//! observations and priors, so that together they have the weight of one. The same applies to distances
-//! between the same two landmarks. Their redundancy, residuals minus unknowns, is divided by `n`, too.
+//! A landmark is a copy of another if each of its observations is close to an observation of the other
+//! landmark in the same image. Copies of a control point must also have the same measured position.
+//! Annotating an object twice repeats its systematic error. Each of `n` copies therefore gets `n` times the
+//! variance, in its observations and priors. Together the copies then have the weight of one landmark. The
+//! same applies to distances between the same two landmarks. The redundancy of copies (residuals minus
+//! unknowns) is divided by `n`, too.
 
 use std::collections::HashMap;
 
@@ -12,7 +13,7 @@ use crate::bundle::landmark::{DistanceMeasurement, Landmark, LandmarkModel, Obse
 use crate::camera::Pixel;
 use crate::single::{MAX_OVERLAP_DISTANCE_PX, is_repeat_of};
 
-/// Numbers of copies of landmarks and distances.
+/// Number of times that every landmark and every distance is annotated; 1 without copies.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Copies {
     landmarks: Vec<f64>,
@@ -21,16 +22,16 @@ pub(crate) struct Copies {
 
 impl Copies {
     pub(crate) fn new(landmarks: &[Landmark], distances: &[DistanceMeasurement]) -> Self {
-        let sorts = IdenticalGroups::new(landmarks);
+        let groups = IdenticalGroups::new(landmarks);
         let mut counts: HashMap<[usize; 2], f64> = HashMap::new();
         let ends = |distance: &DistanceMeasurement| {
-            let [a, b] = distance.between.map(|landmark| sorts.group_of_landmark[landmark]);
+            let [a, b] = distance.between.map(|landmark| groups.group_of_landmark[landmark]);
             [a.min(b), a.max(b)]
         };
         distances.iter().for_each(|distance| *counts.entry(ends(distance)).or_default() += 1.0);
-        let of_sort = sorts.copy_counts(landmarks);
+        let count_of_group = groups.copy_counts(landmarks);
         Self {
-            landmarks: sorts.group_of_landmark.iter().map(|&sort| of_sort[sort]).collect(),
+            landmarks: groups.group_of_landmark.iter().map(|&group| count_of_group[group]).collect(),
             distances: distances.iter().map(|distance| counts[&ends(distance)]).collect(),
         }
     }
@@ -72,29 +73,30 @@ impl IdenticalGroups {
     fn new(landmarks: &[Landmark]) -> Self {
         let mut known: HashMap<Vec<u64>, usize> = HashMap::new();
         let mut members: Vec<(usize, f64)> = Vec::new();
-        let sort = |(index, landmark): (usize, &Landmark)| {
-            let sort = *known.entry(bits(landmark)).or_insert_with(|| {
+        let group = |(index, landmark): (usize, &Landmark)| {
+            let group = *known.entry(distinguishing_bits(landmark)).or_insert_with(|| {
                 members.push((index, 0.0));
                 members.len() - 1
             });
-            members[sort].1 += 1.0;
-            sort
+            members[group].1 += 1.0;
+            group
         };
-        let group_of_landmark = landmarks.iter().enumerate().map(sort).collect();
+        let group_of_landmark = landmarks.iter().enumerate().map(group).collect();
         Self { group_of_landmark, members }
     }
 
-    /// Returns the number of copies of each group, including copies in other groups.
+    /// Returns for each group the number of copies of its landmarks: the members of the group, and similar
+    /// landmarks of other groups.
     fn copy_counts(&self, landmarks: &[Landmark]) -> Vec<f64> {
         let mut by_cell: HashMap<Cell, Vec<usize>> = HashMap::new();
-        for (sort, &(first, _)) in self.members.iter().enumerate() {
+        for (group, &(first, _)) in self.members.iter().enumerate() {
             let mut cells = cells(&landmarks[first]);
             cells.sort_unstable();
             cells.dedup();
-            cells.into_iter().for_each(|cell| by_cell.entry(cell).or_default().push(sort));
+            cells.into_iter().for_each(|cell| by_cell.entry(cell).or_default().push(group));
         }
-        let copied = |sort: usize| -> f64 {
-            let own = &landmarks[self.members[sort].0];
+        let copied = |group: usize| -> f64 {
+            let own = &landmarks[self.members[group].0];
             let mut near: Vec<usize> = cells_around(own)
                 .into_iter()
                 .filter_map(|cell| by_cell.get(&cell))
@@ -103,10 +105,10 @@ impl IdenticalGroups {
                 .collect();
             near.sort_unstable();
             near.dedup();
-            let others = near.into_iter().filter(|&other| other != sort).map(|other| self.members[other]);
+            let others = near.into_iter().filter(|&other| other != group).map(|other| self.members[other]);
             others.filter(|&(first, _)| is_copy(own, &landmarks[first])).map(|(_, count)| count).sum()
         };
-        (0..self.members.len()).map(|sort| self.members[sort].1 + copied(sort)).collect()
+        (0..self.members.len()).map(|group| self.members[group].1 + copied(group)).collect()
     }
 }
 
@@ -118,13 +120,14 @@ const POINT_CELL_PX: f64 = MAX_OVERLAP_DISTANCE_PX;
 /// Side of a cell of lines, and the sampling distance along a line, in pixels.
 const LINE_CELL_PX: f64 = 64.0;
 
+/// Returns the cell of side `side` (pixels) that contains a pixel.
 fn cell((view, point): (usize, usize), at: Pixel, side: f64) -> Cell {
     let index = |coordinate: f64| (coordinate / side).floor() as i64;
     (view, point, [index(at.u), index(at.v)])
 }
 
-/// Returns the cells that contain a landmark. A line is sampled along its length, because a copy may have
-/// other points of it.
+/// Returns the cells that contain a landmark. A line is sampled along its length, because a copy may consist
+/// of other points of the same line.
 fn cells(landmark: &Landmark) -> Vec<Cell> {
     if !matches!(landmark.model, LandmarkModel::Line { .. }) {
         let of = |seen: &Observation| cell((seen.view, seen.point), seen.pixel, POINT_CELL_PX);
@@ -133,8 +136,9 @@ fn cells(landmark: &Landmark) -> Vec<Cell> {
     let along = |view: usize| {
         let ends = segment(landmark, view);
         let steps = ends.map_or(0.0, |[a, b]| (b[0] - a[0]).hypot(b[1] - a[1]) / LINE_CELL_PX).ceil();
-        let at =
-            move |i: usize| Some(cell((view, 0), between(ends?, i as f64 / steps.max(1.0)), LINE_CELL_PX));
+        let at = move |i: usize| {
+            Some(cell((view, 0), interpolate(ends?, i as f64 / steps.max(1.0)), LINE_CELL_PX))
+        };
         (0..=steps as usize).filter_map(at)
     };
     landmark.views().into_iter().flat_map(along).collect()
@@ -144,7 +148,7 @@ fn cells(landmark: &Landmark) -> Vec<Cell> {
 /// middle of its first segment.
 fn cells_around(own: &Landmark) -> Vec<Cell> {
     let Some(seen) = own.observations.first() else { return Vec::new() };
-    let middle = || Some(cell((seen.view, 0), between(segment(own, seen.view)?, 0.5), LINE_CELL_PX));
+    let middle = || Some(cell((seen.view, 0), interpolate(segment(own, seen.view)?, 0.5), LINE_CELL_PX));
     let cell = match own.model {
         LandmarkModel::Line { .. } => middle(),
         _ => Some(cell((seen.view, seen.point), seen.pixel, POINT_CELL_PX)),
@@ -155,12 +159,13 @@ fn cells_around(own: &Landmark) -> Vec<Cell> {
     cell.into_iter().flat_map(around).collect()
 }
 
-fn between([a, b]: [[f64; 2]; 2], share: f64) -> Pixel {
+/// Returns the pixel at the fraction `share` of the way from `a` to `b`.
+fn interpolate([a, b]: [[f64; 2]; 2], share: f64) -> Pixel {
     Pixel::new(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
 }
 
-/// Returns all values that distinguish two landmarks.
-fn bits(landmark: &Landmark) -> Vec<u64> {
+/// Returns the bits of all values that distinguish landmarks; identical landmarks have equal results.
+fn distinguishing_bits(landmark: &Landmark) -> Vec<u64> {
     let observations = landmark.observations.iter();
     let of = |seen: &Observation| {
         [seen.view as u64, seen.point as u64, seen.pixel.u.to_bits(), seen.pixel.v.to_bits()]
@@ -195,6 +200,7 @@ fn is_copy(own: &Landmark, other: &Landmark) -> bool {
         }
 }
 
+/// Whether two observations are at nearly the same pixel and of the same landmark point and view.
 fn is_same_point(a: &Observation, b: &Observation) -> bool {
     (a.view, a.point) == (b.view, b.point) && a.pixel.distance(b.pixel) <= MAX_OVERLAP_DISTANCE_PX
 }

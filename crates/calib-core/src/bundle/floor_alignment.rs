@@ -1,8 +1,8 @@
 //! Joint alignment of the floors of all cameras. It closes the loops of the spanning tree before the
 //! adjustment starts.
 //!
-//! Every camera observes the floor in true shape, because roll, pitch and focal length are known from stage
-//! 1, up to a similarity: rotation `t`, scale `s` and translation `m`. As in global structure from motion,
+//! Roll, pitch and focal length of every camera are known from stage 1. The camera therefore observes the
+//! floor up to a similarity: rotation `t`, scale `s` and translation `m`. As in global structure from motion,
 //! rotations are averaged before translations are solved for:
 //!
 //! 1. Two cameras a and b that share points give the similarity between their floors, with relative rotation
@@ -35,10 +35,11 @@ struct FloorSighting {
     view: usize,
     /// Position relative to the foot of the camera, in metres.
     at: [f64; 2],
+    /// Floor point below the camera.
     foot: FloorPoint,
     /// Index of the point, the same for all cameras that observe it.
     point: usize,
-    /// Pixels per metre at the point, divided by the focal length.
+    /// Resolution at the point: pixels per metre of floor, divided by the focal length in pixels.
     weight: f64,
 }
 
@@ -64,7 +65,7 @@ pub(crate) fn align_to_known(component: &[usize], cameras: &mut [Camera], landma
     if pairs.is_empty() {
         return;
     }
-    let (from, to, [a, b]) = similarity_to(&pairs);
+    let (from, to, [a, b]) = fit_similarity(&pairs);
     for &view in component {
         let WorldPoint { x, y, z } = cameras[view].position;
         let (x, y) = (x - from[0], y - from[1]);
@@ -89,9 +90,11 @@ fn known_positions(component: &[usize], cameras: &[Camera], landmarks: &[Landmar
     pairs
 }
 
-/// Returns the least-squares similarity `q = to + [a, -b; b, a] (p - from)` about the centroids. With complex
-/// numbers, `a + i b = sum conj(p) q / sum |p|^2`. It is a translation if all positions coincide.
-fn similarity_to(pairs: &[PositionPair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
+/// Fits the least-squares similarity `q = to + [a, -b; b, a] (p - from)` from computed positions p to known
+/// positions q. Returns the centroids `from` and `to`, and `[a, b]`. With complex numbers,
+/// `a + i b = sum conj(p) q / sum |p|^2`, with p and q relative to their centroids. The result is a
+/// translation if all positions coincide.
+fn fit_similarity(pairs: &[PositionPair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
     let count = pairs.len() as f64;
     let mean = |value: &dyn Fn(&PositionPair) -> f64| pairs.iter().map(value).sum::<f64>() / count;
     let (from, to) = ([mean(&|p| p.0[0]), mean(&|p| p.0[1])], [mean(&|p| p.1.x), mean(&|p| p.1.y)]);
@@ -114,11 +117,13 @@ fn similarity_to(pairs: &[PositionPair]) -> ([f64; 2], [f64; 2], [f64; 2]) {
 /// weight of both.
 type RelativeSimilarity = ([usize; 2], [f64; 2], f64);
 
-/// Returns the rotation and log scale of every free camera.
+/// Returns the rotation (radians) and log scale of every free camera, with the index of the camera.
 fn solve_rotations(sightings: &[FloorSighting], free: &[bool]) -> Option<Vec<(usize, [f64; 2])>> {
     let relative: Vec<RelativeSimilarity> = sightings_by_pair(sightings)
         .iter()
-        .filter_map(|(&pair, points)| similarity(points).map(|(change, weight)| (pair, change, weight)))
+        .filter_map(|(&pair, points)| {
+            robust_similarity(points).map(|(change, weight)| (pair, change, weight))
+        })
         .collect();
     let free = |view: usize| free[view] && relative.iter().any(|(pair, ..)| pair.contains(&view));
     let coupled = relative.iter().map(|(pair, ..)| pair.to_vec());
@@ -153,7 +158,7 @@ fn sightings_by_pair(sightings: &[FloorSighting]) -> BTreeMap<[usize; 2], Vec<[F
     pairs
 }
 
-/// Returns the translation of every free camera.
+/// Returns the translation (metres) of every free camera, with the index of the camera.
 fn solve_translations(
     sightings: &[FloorSighting],
     points: usize,
@@ -210,7 +215,8 @@ fn solve(
     Some(views.iter().enumerate().map(|(i, &view)| (view, [step[2 * i], step[2 * i + 1]])).collect())
 }
 
-/// Rotation and log scale about the centroids of weighted points.
+/// Similarity from the floor of one camera to the floor of another: rotation (radians) and log scale about
+/// the centroids of their shared points.
 struct FloorSimilarity {
     turn: f64,
     log_scale: f64,
@@ -220,7 +226,8 @@ struct FloorSimilarity {
 }
 
 impl FloorSimilarity {
-    /// Fits the similarity; `None` if all points of one floor coincide.
+    /// Fits the similarity to weighted pairs of sightings of the same points; `None` if all points of one
+    /// floor coincide.
     fn new(points: &[[FloorSighting; 2]], weights: &[f64]) -> Option<Self> {
         let total: f64 = weights.iter().sum();
         let mean = |which: usize, axis: usize| {
@@ -260,7 +267,7 @@ fn from_centre(pair: &[FloorSighting; 2], centres: &[[f64; 2]; 2], which: usize)
 
 /// Estimates the rotation and log scale from the first floor to the second, and their weight, by iteratively
 /// reweighted least squares.
-fn similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
+fn robust_similarity(points: &[[FloorSighting; 2]]) -> Option<([f64; 2], f64)> {
     /// Number of reweighting iterations; later ones change little.
     const ITERATIONS: usize = 4;
     if points.len() < 2 {
@@ -314,8 +321,8 @@ fn is_alignable(landmark: &Landmark) -> bool {
 
 /// Returns the sighting of a point at `height` metres by a camera.
 ///
-/// At a distance d from the foot of a camera h above the point, a pixel covers `(d^2 + h^2) / (f h)` metres
-/// of floor along the ray.
+/// Let h be the height of the camera above the point, d the floor distance of the point, and f the focal
+/// length in pixels. A pixel covers `(d^2 + h^2) / (f h)` metres of floor along the ray.
 fn sighting(view: usize, camera: &Camera, at: FloorPoint, height: f64, point: usize) -> FloorSighting {
     let foot = camera.position.on_floor();
     let at = [at.x - foot.x, at.y - foot.y];

@@ -1,5 +1,6 @@
-//! Initial state of the adjustment: cameras placed one after the other along a spanning tree of the view
-//! graph, floors aligned to close its loops, and landmarks triangulated.
+//! Initial state of the adjustment: camera poses and landmark positions. Cameras are placed one after the
+//! other along a spanning tree of the view graph. Floors are then aligned to close the loops of the graph,
+//! and landmarks are triangulated.
 //!
 //! # Shared tilt
 //!
@@ -30,20 +31,20 @@ pub(crate) struct Initialization {
     pub(crate) poses: Vec<Camera>,
     /// Triangulated landmarks, with observations only of cameras that have a pose.
     pub(crate) landmarks: Vec<Landmark>,
-    /// Distances; a distance is switched off if one of its landmarks is.
+    /// Measured distances. A distance is switched off if one of its landmarks is switched off.
     pub(crate) distances: Vec<DistanceMeasurement>,
     pub(crate) components: Vec<Component>,
-    /// Cameras of components that share too few landmarks with the others to be placed.
+    /// Cameras that share too few landmarks with the other cameras of their component to be placed.
     pub(crate) unreached: Vec<usize>,
     /// Landmarks that are switched off because their triangulated position is not visible in an observing
     /// camera.
     pub(crate) unobservable: Vec<usize>,
-    /// Largest root mean square disagreement on the floor, in metres, between two cameras that are not joined
-    /// by an edge of the tree; `None` without loops.
+    /// Largest root mean square disagreement on the floor, in metres, between two cameras that close a loop;
+    /// `None` without loops. Such cameras share landmarks, but no edge of the spanning tree.
     pub(crate) loop_closure: Option<f64>,
 }
 
-/// Growing spanning tree: the poses computed so far, and the edges that gave them.
+/// Growing spanning tree: the poses computed so far, and the edges from which they were computed.
 struct SpanningTree<'a> {
     cameras: &'a [BundleCamera<'a>],
     landmarks: &'a [Landmark],
@@ -56,7 +57,7 @@ struct SpanningTree<'a> {
 /// Neighbours of every camera in the view graph, with the landmarks of unknown position that both observe.
 type Neighbours = BTreeMap<usize, BTreeMap<usize, Vec<usize>>>;
 
-/// Initialises cameras and landmarks.
+/// Computes the initial poses of all cameras and the initial positions of all landmarks.
 pub(crate) fn initialize(
     cameras: &[BundleCamera],
     landmarks: &[Landmark],
@@ -94,7 +95,7 @@ pub(crate) fn initialize(
     Initialization { poses, landmarks, distances, components, unreached, unobservable, loop_closure }
 }
 
-/// Copies the distances. A distance is switched off if one of its landmarks is.
+/// Copies the distances. A distance is switched off if one of its landmarks is switched off.
 fn distances_between(distances: &[DistanceMeasurement], landmarks: &[Landmark]) -> Vec<DistanceMeasurement> {
     let without_end =
         |distance: &DistanceMeasurement| distance.between.iter().any(|&landmark| landmarks[landmark].off);
@@ -125,12 +126,13 @@ fn triangulate_all(landmarks: &mut [Landmark], poses: &[Camera], has_pose: &[boo
 }
 
 impl<'a> SpanningTree<'a> {
-    /// Places the cameras that do not depend on other cameras: fixed cameras, and cameras that observe enough
-    /// known positions.
+    /// Creates the tree with the cameras that do not depend on other cameras: fixed cameras, and cameras that
+    /// observe enough known positions.
     fn from_known(cameras: &'a [BundleCamera<'a>], landmarks: &'a [Landmark]) -> Self {
         let mut poses: Vec<Camera> = cameras.iter().map(|camera| camera.camera).collect();
         let mut has_pose = vec![false; cameras.len()];
-        let known: Vec<&Landmark> = landmarks.iter().filter(|l| !l.off && is_known(l)).collect();
+        let known: Vec<&Landmark> =
+            landmarks.iter().filter(|l| !(l.off || l.is_suspect) && is_known(l)).collect();
         for (view, camera) in cameras.iter().enumerate() {
             if camera.initial_pose == InitialPose::Fixed {
                 has_pose[view] = true;
@@ -154,20 +156,21 @@ impl<'a> SpanningTree<'a> {
         let neighbours = self.neighbours();
         let mut queue = BinaryHeap::new();
         let placed = component.iter().filter(|&&view| self.has_pose[view]);
-        placed.for_each(|&view| extend(&mut queue, view, &neighbours));
+        placed.for_each(|&view| queue_edges(&mut queue, view, &neighbours));
         loop {
             self.grow_tree(&mut queue, &neighbours);
             // If no single neighbour shares enough landmarks, all placed neighbours together may.
             let Some((view, pose)) = self.place_from_all_neighbours(component, &neighbours) else { break };
             self.poses[view] = pose;
             self.has_pose[view] = true;
-            extend(&mut queue, view, &neighbours);
+            queue_edges(&mut queue, view, &neighbours);
         }
         for &view in component {
             self.has_pose[view] |= self.cameras[view].initial_pose == InitialPose::Approximate;
         }
     }
 
+    /// Returns the neighbours of every camera, with the shared landmarks of unknown position.
     fn neighbours(&self) -> Neighbours {
         let mut neighbours = Neighbours::new();
         let is_unknown = |landmark: &Landmark| !landmark.off && !is_known(landmark);
@@ -182,7 +185,7 @@ impl<'a> SpanningTree<'a> {
         neighbours
     }
 
-    /// Places cameras as long as one placed camera is sufficient for the next.
+    /// Places the cameras in the queue, each from the landmarks that it shares with a single placed camera.
     fn grow_tree(&mut self, queue: &mut BinaryHeap<Edge>, neighbours: &Neighbours) {
         while let Some((_, Reverse((from, to)))) = queue.pop() {
             let shared = neighbours.get(&from).and_then(|near| near.get(&to));
@@ -191,12 +194,13 @@ impl<'a> SpanningTree<'a> {
                 self.poses[to] = pose;
                 self.has_pose[to] = true;
                 self.edges.insert([from.min(to), from.max(to)]);
-                extend(queue, to, neighbours);
+                queue_edges(queue, to, neighbours);
             }
         }
     }
 
-    /// Returns the first camera that can be placed by all placed cameras together.
+    /// Returns the first camera that can be placed from the landmarks of all placed cameras together, with
+    /// its pose.
     fn place_from_all_neighbours(
         &self,
         component: &[usize],
@@ -245,28 +249,28 @@ impl<'a> SpanningTree<'a> {
 /// The heap pops the edge with the most landmarks, on a tie with the lowest indices.
 type Edge = (usize, Reverse<(usize, usize)>);
 
-/// Adds the edges of a camera that has been placed.
-fn extend(queue: &mut BinaryHeap<Edge>, from: usize, neighbours: &Neighbours) {
+/// Adds the edges from a placed camera to all of its neighbours to the queue.
+fn queue_edges(queue: &mut BinaryHeap<Edge>, from: usize, neighbours: &Neighbours) {
     let near = neighbours.get(&from).into_iter().flatten();
     queue.extend(near.map(|(&to, shared)| (shared.len(), Reverse((from, to)))));
 }
 
-/// Tilt of the floor that views share.
+/// Parameters of the tilt of the floor that several views share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct CommonTilt {
-    /// Block of its two parameters.
+    /// Block of the two tilt parameters.
     pub(crate) block: usize,
     /// View whose residuals include the prior on the tilt.
     pub(crate) prior_view: usize,
 }
 
-/// Returns the directions to the right and ahead of a camera with this yaw, on the floor.
+/// Returns the unit vectors on the floor to the right and ahead of a camera with this yaw (radians).
 fn axes(yaw: f64) -> [[f64; 2]; 2] {
     let (sin, cos) = yaw.sin_cos();
     [[cos, sin], [-sin, cos]]
 }
 
-/// Transforms a tilt from the base system to the axes of a view with this yaw.
+/// Transforms a tilt from the base system to the axes of a view (right, ahead) with this yaw, in radians.
 pub(crate) fn base_to_view([x, y]: [f64; 2], yaw: f64) -> [f64; 2] {
     axes(yaw).map(|[a, b]| a * x + b * y)
 }

@@ -26,9 +26,9 @@ pub enum LandmarkModel {
     Post,
     /// Upright rigid shape. Parameters: x, y in metres, and rotation about the vertical in radians.
     Mark {
-        /// Height of its origin above the floor, in metres.
+        /// Height of the origin of the shape above the floor, in metres.
         z: f64,
-        /// Points relative to its origin at rotation 0, in metres.
+        /// Points of the shape relative to its origin, at rotation 0, in metres.
         points: Vec<[f64; 3]>,
     },
     /// Point with measured coordinates (a control point). Parameters: x, y, z in metres.
@@ -75,19 +75,22 @@ pub struct Landmark {
     /// Plane under the landmark, as an index into
     /// [`BundleAdjustment::planes`](crate::BundleAdjustment::planes); `None` is the floor.
     pub plane: Option<usize>,
-    /// Initial position of that plane, and its estimate after the adjustment. Heights of the model are
-    /// relative to it.
+    /// Plane under the landmark: its initial position, or its estimate after the adjustment. Heights of the
+    /// model are relative to this plane.
     pub ground: Plane,
     /// Flags of the estimated parameters.
     pub free: [bool; 3],
-    /// Priors on single parameters, with the index of each.
+    /// Priors on single parameters, each with the index of its parameter.
     pub priors: Vec<(usize, Prior)>,
     /// Observations in the images.
     pub observations: Vec<Observation>,
-    /// Whether it is never rejected as an outlier.
+    /// Whether the landmark is protected from rejection as an outlier.
     pub keep: bool,
-    /// Whether it is not used: switched off, or rejected.
+    /// Whether the landmark is not used: switched off, or rejected.
     pub off: bool,
+    /// Whether a robust fit of one camera contradicts the landmark. The landmark starts rejected, and is
+    /// restored if the refined cameras agree with it.
+    pub is_suspect: bool,
 }
 
 impl Landmark {
@@ -107,6 +110,7 @@ impl Landmark {
             observations,
             keep: false,
             off: false,
+            is_suspect: false,
         }
     }
 
@@ -130,9 +134,9 @@ pub struct DistanceMeasurement {
     pub between: [usize; 2],
     /// Length, in metres.
     pub length: Prior,
-    /// Whether it is never rejected as an outlier.
+    /// Whether the distance is protected from rejection as an outlier.
     pub keep: bool,
-    /// Whether it is not used: switched off, or rejected.
+    /// Whether the distance is not used: switched off, or rejected.
     pub off: bool,
 }
 
@@ -147,9 +151,11 @@ impl DistanceMeasurement {
 /// Residual of an observation, reprojected minus observed, in raw pixels, with its Jacobian.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReprojectionError {
+    /// Reprojected minus observed coordinate, in raw pixels.
     pub(crate) pixels: f64,
     /// Derivatives with respect to the camera's pose, log focal length and lens parameters.
     pub(crate) d_view: [f64; Covariance::SIZE],
+    /// Derivatives with respect to the parameters of the landmark.
     pub(crate) d_landmark: [f64; LANDMARK_PARAMS],
     /// Derivatives with respect to the height and slope of the plane under the landmark.
     pub(crate) d_plane: [f64; 3],
@@ -184,11 +190,11 @@ impl LandmarkModel {
         }
     }
 
-    /// Returns the reference point of the landmark with its derivatives with respect to the parameters. It is
-    /// its reported position and the end of distances.
+    /// Returns the reference point of the landmark with its derivatives with respect to the parameters. This
+    /// point is the reported position of the landmark and the end of measured distances.
     pub fn anchor(&self, params: &[f64; LANDMARK_PARAMS], ground: &Plane) -> PointJacobian {
         let level = match self {
-            // The origin, whichever of its points was observed.
+            // A mark is represented by its origin, independently of the observed points.
             Self::Mark { z, .. } => {
                 let jacobian = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3]];
                 (WorldPoint::new(params[0], params[1], *z), jacobian)
@@ -227,7 +233,8 @@ impl LandmarkModel {
         (WorldPoint { z: point.z + ground.height_at(foot), ..point }, jacobian)
     }
 
-    /// Returns the floor position for the height of the ground; `None` for a measured point.
+    /// Returns the floor position at which the height of the ground plane is evaluated; `None` for a measured
+    /// point.
     pub(crate) fn foot(&self, params: &[f64; LANDMARK_PARAMS]) -> Option<FloorPoint> {
         match self {
             Self::Measured => None,
@@ -237,8 +244,8 @@ impl LandmarkModel {
     }
 
     /// Returns the reprojection error of an observation: reprojected minus observed pixel, u and v. For a
-    /// line it is the signed distance of the observed pixel from the reprojected line. Returns `None` behind
-    /// the camera.
+    /// line it is the signed distance of the observed pixel from the reprojected line. Returns `None` if the
+    /// point is behind the camera.
     pub(crate) fn reprojection_error(
         &self,
         params: &[f64; LANDMARK_PARAMS],
@@ -260,7 +267,7 @@ impl LandmarkModel {
         )
     }
 
-    /// Returns the number of residuals of one observation.
+    /// Returns the number of residuals of one observation: 1 for a line, otherwise 2.
     pub(crate) fn residuals(&self) -> usize {
         if matches!(self, Self::Line { .. }) { 1 } else { 2 }
     }
@@ -318,15 +325,15 @@ fn point_errors(
 }
 
 impl Landmark {
-    /// Returns the number of residuals minus the number of free parameters.
+    /// Returns the redundancy of the landmark: number of residuals minus number of free parameters.
     pub fn redundancy(&self) -> i64 {
         let unknowns = self.free.iter().filter(|&&free| free).count();
         let residuals = self.observations.len() * self.model.residuals() + self.priors.len();
         residuals as i64 - unknowns as i64
     }
 
-    /// Returns the position: the point, the foot of a post, the origin of a mark, or the point of a line
-    /// closest to the line's origin.
+    /// Returns the position of the landmark in metres. It is the point, the foot of a post, the origin of a
+    /// mark, or the point of a line closest to the line's origin.
     #[must_use]
     pub fn position(&self) -> WorldPoint {
         self.model.anchor(&self.params, &self.ground).0
@@ -347,7 +354,7 @@ impl Landmark {
         pairs_among(&self.views()).collect()
     }
 
-    /// Returns the indices of the cameras that observe it, without duplicates, ascending.
+    /// Returns the indices of the cameras that observe the landmark, without duplicates, ascending.
     pub fn views(&self) -> Vec<usize> {
         let mut views: Vec<usize> = self.observations.iter().map(|seen| seen.view).collect();
         views.sort_unstable();

@@ -1,14 +1,16 @@
 //! Corrections of a step that keep local similarities exact. A group of points that is coupled mostly to
 //! itself then moves along the similarity, and not along its tangent.
 //!
-//! Let a step scale some cameras by `1 + s` and rotate them by theta. Heights and yaws follow exactly. With a
-//! floor point as a complex number p, the difference of two points should change by
-//! `((1 + s) e^(i theta) - 1) (p' - p)`. The linear step d changes it by `a (p' - p)`, `a = s + i theta`.
+//! Let a step scale some cameras by `1 + s` and rotate them by theta (radians). Heights and yaws follow
+//! exactly. Let p and p' be two floor points as complex numbers. Their difference should change by
+//! `((1 + s) e^(i theta) - 1) (p' - p)`. The linear step d changes the difference by `a (p' - p)` with
+//! `a = s + i theta`.
 //!
-//! The difference is of second order, but it rotates positions against yaws. Thousands of observations
-//! determine the yaws, while s and theta of a hall may be determined by a single camera. Without the
-//! correction the steps along such a hall stay short. A hall also deforms: one end rotates by more than the
-//! other. Therefore every point has its own a and h, from the points that share observations with it:
+//! The discrepancy between both changes is of second order, but it rotates positions against yaws. Thousands
+//! of observations determine the yaws, while s and theta of a hall may be determined by a single camera.
+//! Without the correction the steps along such a hall stay short. A hall also deforms: one end rotates by
+//! more than the other. Therefore every point has its own a and h, from the points that share observations
+//! with it:
 //!
 //! `a = sum conj(p' - p) (d' - d) / sum |p' - p|^2`, `h = (1 + s) e^(i theta) - 1 - a`.
 //!
@@ -24,6 +26,7 @@ use crate::optimize::{CholeskyFactor, SparseStructure};
 /// Graph of floor points: pairs that share observations, and the points that are free to be corrected.
 #[derive(Clone, Debug)]
 pub(crate) struct LocalSimilarities {
+    /// Pairs of points that share observations.
     pairs: Vec<[usize; 2]>,
     /// Index of every point among the free points.
     free_index: Vec<Option<usize>>,
@@ -31,16 +34,16 @@ pub(crate) struct LocalSimilarities {
     factor: CholeskyFactor,
 }
 
-/// Floor point and its step.
+/// Position of a floor point and its linear step, in metres, as complex numbers x + iy.
 pub(crate) type PointStep = (Complex<f64>, Complex<f64>);
 
 /// Correction from a linear step to a similarity.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Correction {
-    /// Correction of the point.
+    /// Correction of the position of the point, in metres, as a complex number x + iy.
     pub(crate) shift: Complex<f64>,
-    /// Second-order part h. A neighbour of the point is corrected additionally by h times its offset from the
-    /// point.
+    /// Second-order part h of the similarity at the point. A neighbour of the point is corrected additionally
+    /// by h times its offset from the point.
     pub(crate) similarity: Complex<f64>,
 }
 
@@ -72,7 +75,7 @@ impl LocalSimilarities {
         Some(Self { pairs, free_index, factor })
     }
 
-    /// Returns the corrections of all points.
+    /// Returns the corrections of all points; `moves` contains each point with its linear step.
     pub(crate) fn corrections(&self, moves: &[PointStep]) -> Vec<Correction> {
         let apart = |[from, to]: [usize; 2]| (moves[to].0 - moves[from].0, moves[to].1 - moves[from].1);
         let mut sums = vec![(Complex::default(), 0.0); moves.len()];
@@ -103,7 +106,7 @@ impl LocalSimilarities {
     }
 }
 
-/// Returns h; 0 if the rotation and scale are not small.
+/// Returns the second-order part h of the similarity with tangent a; 0 if rotation and scale are not small.
 fn second_order_part(tangent: Complex<f64>) -> Complex<f64> {
     let Complex { re: s, im: theta } = tangent;
     let is_small = tangent.norm_sqr() < 1.0;

@@ -1,7 +1,7 @@
 //! Stage 2: bundle adjustment of several cameras from shared landmarks.
 //!
-//! Rule: no document. Cameras, landmarks and observations are passed in and returned as values. The files, in
-//! the order of the data:
+//! Rule: this folder does not use the site file. Cameras, landmarks and observations are passed in and
+//! returned as values. The files, in the order of the data:
 //!
 //! - `landmark`: landmarks, observations, measured distances, and the reprojection error of an observation.
 //! - `copies`: landmarks and distances that were annotated more than once and count once.

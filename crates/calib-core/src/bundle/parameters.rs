@@ -1,10 +1,11 @@
 //! Parameter blocks: the grouping of parameters into blocks, and their positions in the state.
 //!
 //! A camera has one block of pose, focal length and distortion. A lens that several cameras share has a
-//! separate block. Both kinds are kept. Directions and lengths of stage 1 are blocks of one parameter, and
-//! landmarks are blocks of up to three. These are coupled to few cameras and are eliminated (Schur
-//! complement). A landmark at the end of a measured distance is kept, because two eliminated blocks must not
-//! share a residual. Planes that views and landmarks share have blocks, too.
+//! separate block. Both kinds of blocks are kept in the reduced system. Directions and lengths of stage 1 are
+//! blocks of one parameter, and landmarks are blocks of up to three parameters. Blocks of directions, lengths
+//! and landmarks are coupled to few cameras and are eliminated (Schur complement). A landmark at the end of a
+//! measured distance is kept, because two eliminated blocks must not share a residual. Planes that views and
+//! landmarks share have blocks, too.
 
 use std::collections::HashSet;
 
@@ -23,8 +24,8 @@ pub(crate) fn parameters_of_plane(plane: &Plane) -> [f64; PLANE_PARAMS] {
     [plane.height, plane.slope[0], plane.slope[1]]
 }
 
-/// Returns the flags of the estimated planes. A plane is estimated if it is not fixed and has an annotation
-/// or a landmark on it.
+/// Returns for every plane whether it is estimated: it is not fixed, and an annotation or a landmark is on
+/// it. `on_planes` lists the planes of all annotations and landmarks.
 pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item = usize>) -> Vec<bool> {
     let mut estimated = vec![false; planes.len()];
     for plane in on_planes {
@@ -35,29 +36,32 @@ pub(crate) fn is_estimated(planes: &[PlanePrior], on_planes: impl Iterator<Item 
     estimated
 }
 
-/// Block of every parameter of a camera and its index in the block; `None` if it is not estimated.
+/// Position of every parameter of a camera: its block, and its index in the block. `None` if the parameter is
+/// not estimated.
 pub(crate) type CameraLayout = [Option<(usize, usize)>; CAMERA_PARAMS];
 
-/// Block of every parameter.
+/// Positions of all parameters: the block of each parameter, and its index in the block.
 #[derive(Clone, Debug)]
 pub(crate) struct ParameterLayout {
     pub(crate) blocks: BlockStructure,
-    /// Layout of every view.
+    /// Positions of the camera parameters of every view.
     pub(crate) cameras: Vec<CameraLayout>,
-    /// Block of every used nuisance parameter of every view, and its index in the block.
+    /// Position of every nuisance parameter of stage 1 of every view; `None` if the parameter is not used.
     pub(crate) nuisances: Vec<Vec<Option<(usize, usize)>>>,
-    /// Block of every landmark, its free parameters in order.
+    /// Block of the free parameters of every landmark, in their order; `None` if no parameter is free.
     pub(crate) landmarks: Vec<Option<usize>>,
-    /// Block of every plane (height and slope); `None` if it is fixed or not shared.
+    /// Block of every plane (height and slope); `None` if the plane is fixed or not shared.
     pub(crate) planes: Vec<Option<usize>>,
-    /// Tilt of the floor that views share.
+    /// Tilt of the floor that several views share; `None` if fewer than two views constrain it.
     pub(crate) tilt: Option<CommonTilt>,
 }
 
-/// Blocks allocated so far.
+/// Builder of a [`ParameterLayout`]: the parameter blocks allocated so far.
 #[derive(Debug, Default)]
 struct LayoutBuilder {
+    /// Number of parameters of every block.
     sizes: Vec<usize>,
+    /// Flags of the blocks that are not eliminated by the Schur complement.
     keep: Vec<bool>,
     /// Groups of blocks that share residuals.
     coupled: Vec<Vec<usize>>,
@@ -98,7 +102,8 @@ impl ParameterLayout {
 }
 
 impl LayoutBuilder {
-    /// Allocates a block of this size; `None` for size 0.
+    /// Allocates a block of `size` parameters and returns its index; `None` for size 0. A block without
+    /// `keep` is eliminated by the Schur complement.
     fn block(&mut self, size: usize, keep: bool) -> Option<usize> {
         (size > 0).then(|| {
             self.sizes.push(size);
@@ -107,11 +112,13 @@ impl LayoutBuilder {
         })
     }
 
+    /// Records that residuals depend on all of these blocks together.
     fn couple(&mut self, blocks: impl Iterator<Item = usize>) {
         self.coupled.push(blocks.collect());
     }
 
-    /// Allocates the block of every lens that more than one view has.
+    /// Allocates a block for every lens that several views share. Returns the block of each lens; `None` for
+    /// a lens of a single view.
     fn shared_lenses(&mut self, views: &[View]) -> Vec<Option<usize>> {
         let count = views.iter().map(|view| view.lens + 1).max().unwrap_or(0);
         let mut users: Vec<Vec<&View>> = vec![Vec::new(); count];
@@ -126,7 +133,8 @@ impl LayoutBuilder {
             .collect()
     }
 
-    /// Allocates the block of a view, including its lens unless that is shared.
+    /// Allocates the block of a view: its pose, and its lens unless the lens is shared. Returns the position
+    /// of every camera parameter.
     fn camera(&mut self, free: &[bool; CAMERA_PARAMS], shared_lens: Option<usize>) -> CameraLayout {
         let is_of_lens = |k: usize| k >= Covariance::FOCAL;
         let is_own = |k: usize| free[k] && !(shared_lens.is_some() && is_of_lens(k));
@@ -142,7 +150,7 @@ impl LayoutBuilder {
         layout
     }
 
-    /// Allocates the block of the tilt if more than one view observes it.
+    /// Allocates the block of the shared floor tilt if more than one view constrains the tilt.
     fn common_tilt(&mut self, views: &[View]) -> Option<CommonTilt> {
         let showing: Vec<usize> = (0..views.len()).filter(|&view| observes_tilt(&views[view])).collect();
         let [first, _, ..] = showing[..] else { return None };
@@ -153,7 +161,7 @@ impl LayoutBuilder {
         Some(CommonTilt { block, prior_view: first })
     }
 
-    /// Allocates the blocks of the estimated planes.
+    /// Allocates the blocks of the estimated planes; `None` for the other planes.
     fn planes(
         &mut self,
         planes: &[PlanePrior],
@@ -210,6 +218,7 @@ impl LayoutBuilder {
         places
     }
 
+    /// Allocates the blocks of the active landmarks. Landmarks in `kept` are not eliminated.
     fn landmarks(
         &mut self,
         landmarks: &[Landmark],
@@ -235,11 +244,12 @@ impl LayoutBuilder {
     }
 }
 
-/// Whether a view observes the tilt of the floor that it shares with others.
+/// Whether a view constrains the tilt of the floor that it shares with other views.
 fn observes_tilt(view: &View) -> bool {
     view.shares_floor && view.stage_1.constraints.tilt_sigma().is_some()
 }
 
+/// Returns the blocks of the estimated parameters of a camera, with repetitions.
 fn blocks_of(camera: &CameraLayout) -> impl Iterator<Item = usize> + '_ {
     camera.iter().flatten().map(|(block, _)| *block)
 }

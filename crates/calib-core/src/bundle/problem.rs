@@ -19,23 +19,25 @@ pub(crate) struct BundleProblem<'a> {
     pub(crate) views: Vec<View<'a>>,
     pub(crate) landmarks: Vec<Landmark>,
     pub(crate) distances: Vec<DistanceMeasurement>,
-    /// Numbers of copies of the landmarks and distances.
+    /// Number of times that each landmark and each distance is annotated.
     copies: Copies,
     pub(crate) blocks: BlockStructure,
     pub(crate) camera_layout: Vec<CameraLayout>,
-    /// Block of every nuisance parameter of stage 1 of every view, and its index in the block.
+    /// Position of every nuisance parameter of stage 1 of every view: its block, and its index in the block.
+    /// `None` if the parameter is not estimated.
     pub(crate) nuisance_layout: Vec<Vec<Option<(usize, usize)>>>,
-    /// Block of the free parameters of every landmark.
+    /// Block of the free parameters of every landmark; `None` if no parameter is free.
     landmark_blocks: Vec<Option<usize>>,
-    /// Planes other than the floor.
+    /// Priors of the planes other than the floor.
     pub(crate) planes: Vec<PlanePrior>,
-    /// Block of every estimated plane.
+    /// Block of the height and slope of every plane; `None` if the plane is not estimated.
     pub(crate) plane_blocks: Vec<Option<usize>>,
-    /// Tilt of the floor that views share.
+    /// Tilt of the floor that several views share; `None` if fewer than two views constrain it.
     pub(crate) tilt: Option<CommonTilt>,
-    /// Local similarities of views and landmarks with shared observations.
+    /// Graph of views and landmarks for the second-order corrections of a step (`local_similarity.rs`).
     pub(crate) similarities: Option<LocalSimilarities>,
-    /// Undistorted observed pixels of views whose lens is not estimated.
+    /// Undistorted pixel of every observation of every landmark under the initial lens; `None` if it is
+    /// outside the lens. It is used for views whose lens is not estimated.
     observed: Vec<Vec<Option<ObservedPixel>>>,
 }
 
@@ -78,16 +80,19 @@ impl<'a> BundleProblem<'a> {
         problem
     }
 
+    /// Undistorts an observed pixel of a view under a lens; `None` if the pixel is outside the lens.
     fn undistort(&self, view: usize, pixel: Pixel, lens: &Lens) -> Option<ObservedPixel> {
         let this = &self.views[view];
         ObservedPixel::with_derivatives(&this.camera.lens, pixel, lens, this.lens_parameters())
     }
 
+    /// Whether lens parameters of a view are estimated.
     pub(crate) fn lens_is_free(&self, view: usize) -> bool {
         self.views[view].lens_parameters().contains(&true)
     }
 
-    /// Returns the initial state of views and landmarks.
+    /// Returns the initial state: the start values of all estimated parameters of cameras, planes and
+    /// landmarks.
     pub(crate) fn start(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.blocks.unknowns()];
         let mut set = |block: usize, index: usize, value: f64| {
@@ -118,7 +123,7 @@ impl<'a> BundleProblem<'a> {
         state
     }
 
-    /// Returns a camera at a state; its covariance stays unchanged.
+    /// Returns the camera of a view at a state, with the covariance of its initial camera.
     pub(crate) fn camera(&self, state: &[f64], view: usize) -> Camera {
         let camera = self.views[view].camera;
         let mut values = parameters_of(&camera);
@@ -128,7 +133,7 @@ impl<'a> BundleProblem<'a> {
             }
         }
         let [x, y, z, yaw, pitch, roll, log_focal, a, b, c, d, e, u, v] = values;
-        // A fixed focal length stays bit-identical.
+        // A fixed focal length is copied, because the logarithm and its inverse would round it.
         let fits_focal = self.camera_layout[view][Covariance::FOCAL].is_some();
         let focal = if fits_focal { log_focal.exp() } else { camera.focal };
         let lens = Lens {
@@ -174,8 +179,8 @@ impl<'a> BundleProblem<'a> {
         &self.camera_layout[view]
     }
 
-    /// Returns the degrees of freedom for this number of residuals. Parameters, and the redundant residuals
-    /// of edges and copies, are subtracted.
+    /// Returns the degrees of freedom: the number of residuals minus the parameters and the redundant
+    /// residuals of edges and copies.
     pub(crate) fn dof(&self, residuals: usize) -> i64 {
         // The line through the points of an edge has two parameters, which are eliminated. An edge that is
         // annotated twice counts once.
@@ -191,8 +196,8 @@ impl<'a> BundleProblem<'a> {
 
     /// Calls `sink` with every residual in standard deviations, its derivatives, and its kind.
     ///
-    /// Returns `None` if the geometry is impossible: a landmark behind a camera that observes it, a length
-    /// above the horizon, or a lens that is not invertible over the image.
+    /// Returns `None` if the geometry is impossible. Examples are a landmark behind a camera that observes
+    /// it, an annotated length above the horizon, or a lens that is not invertible over the image.
     pub(crate) fn each_residual(
         &self,
         state: &[f64],
@@ -216,7 +221,8 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Evaluates the straightness of the edges, in raw pixels, and the lens priors, if the lens is estimated.
+    /// Calls `sink` with the residuals of an estimated lens: the deviations of straight edges from straight
+    /// lines, and the priors on the lens parameters. Does nothing if the lens is not estimated.
     fn each_edge(
         &self,
         view: usize,
@@ -256,7 +262,7 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Evaluates the reprojection errors of a landmark.
+    /// Calls `sink` with the reprojection errors of all observations of a landmark, in standard deviations.
     fn each_observation(
         &self,
         state: &[f64],
@@ -288,7 +294,7 @@ impl<'a> BundleProblem<'a> {
         Some(())
     }
 
-    /// Evaluates `(value - prior) / sigma` for every prior on a free parameter of a landmark.
+    /// Calls `sink` with `(value - prior) / sigma` for every prior on a free parameter of a landmark.
     fn each_landmark_prior(
         &self,
         index: usize,
@@ -306,6 +312,7 @@ impl<'a> BundleProblem<'a> {
         }
     }
 
+    /// Calls `sink` with the residual of a measured distance, in standard deviations.
     fn each_distance(
         &self,
         state: &[f64],
@@ -340,7 +347,8 @@ impl<'a> BundleProblem<'a> {
         sink(residual, &blocks[..count], ResidualKind::Distance { distance: index });
     }
 
-    /// Returns the derivatives with respect to the free parameters of a landmark, if it has any.
+    /// Returns the Jacobian block of a landmark from the derivatives with respect to its free parameters;
+    /// `None` if no parameter is free.
     fn landmark_jacobian<'b>(
         &self,
         landmark: usize,
@@ -350,7 +358,8 @@ impl<'a> BundleProblem<'a> {
         Some(JacobianBlock { block, by: &by[..self.blocks.sizes[block]] })
     }
 
-    /// Calls `sink` with a residual of a view, its derivatives sorted into blocks.
+    /// Calls `sink` with a residual of a view, in standard deviations. `by` contains its derivatives with
+    /// respect to all camera parameters, and `others` its Jacobian blocks for other parameters.
     pub(crate) fn sink_view(
         &self,
         view: usize,
@@ -377,8 +386,8 @@ impl LeastSquares for BundleProblem<'_> {
     type Normal = NormalEquations;
 
     fn first_damping(&self) -> f64 {
-        // The damping must be tiny: the terms that keep a hall of cameras straight and at one scale are a
-        // millionth of the diagonal.
+        // The damping must be tiny. In a long hall, the terms that constrain the relative rotation and scale
+        // of distant cameras are a millionth of the diagonal.
         1e-9
     }
 

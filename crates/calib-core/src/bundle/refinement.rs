@@ -25,6 +25,12 @@
 //! The largest residual of a camera at least halves in each round. The number of rounds is therefore the
 //! base-2 logarithm of the ratio of a gross error to the noise, however many landmarks are wrong. At the end
 //! every rejected landmark is triangulated from the remaining cameras, and restored if they agree about it.
+//!
+//! # Suspects
+//!
+//! Two wrong control points can hide each other, so that leaving out one of them changes little. A robust fit
+//! of the camera finds such points beforehand (`single/point_fit.rs`). They start rejected, and are restored
+//! in the same way.
 
 use crate::bundle::camera::View;
 use crate::bundle::converged::{
@@ -254,22 +260,45 @@ impl Refinement<'_> {
         Some(self.finish(converged, rejected))
     }
 
-    /// Returns the minimum with all landmarks and distances.
+    /// Returns the minimum with all landmarks and distances, except the suspects that contradict it.
     fn unscreened(&self) -> Option<Screened<'_>> {
+        let suspects = self.suspects();
+        let without = if suspects.is_empty() { None } else { self.solve_without(&suspects, None) };
+        if let Some(without) = without.filter(|found| found.dof >= 1) {
+            let rejected = self.contradictory(&without, suspects.clone());
+            let is_same = rejected.len() == suspects.len();
+            let converged = if is_same { without } else { self.solve_without(&rejected, Some(&without))? };
+            return Some(Screened { rejected, converged, is_exhausted: false });
+        }
         let converged = self.solve_without(&[], None)?;
         Some(Screened { rejected: Vec::new(), converged, is_exhausted: false })
     }
 
-    /// Returns the minimum without gross outliers, of at most a tenth of the landmarks. Candidates that agree
-    /// with the rest are restored.
+    /// Returns the landmarks that a robust fit of their camera contradicts.
+    fn suspects(&self) -> Vec<OutlierCandidate> {
+        let is_suspect = |landmark: &Landmark| landmark.is_suspect && !landmark.off && !landmark.keep;
+        let all = (0..self.landmarks.len()).filter(|&index| is_suspect(&self.landmarks[index]));
+        all.map(OutlierCandidate::Landmark).collect()
+    }
+
+    /// Returns the rejected candidates that do not agree with the refined cameras.
+    fn contradictory(&self, found: &Converged, mut rejected: Vec<OutlierCandidate>) -> Vec<OutlierCandidate> {
+        let factor = if self.all_noise_is_known() { 1.0 } else { inflation(found.chi2, found.dof) };
+        let cameras: Vec<Camera> = (0..self.views.len()).map(|view| found.camera(view)).collect();
+        rejected.retain(|&candidate| !found.agrees_with(candidate, &cameras, factor));
+        rejected
+    }
+
+    /// Rejects gross outliers, and returns the minimum without them. Their number is at most a tenth of the
+    /// number of landmarks. Rejected candidates that agree with the refined cameras are restored.
     fn screened(&self) -> Option<Screened<'_>> {
         let has_weak_prior = self.has_weak_prior();
         let most = self.landmarks.len() / 10;
-        let mut rejected = Vec::new();
-        let mut found = nearly_converged(self.problem(&[], &has_weak_prior, None))?;
+        let mut rejected = self.suspects();
+        let mut found = nearly_converged(self.problem(&rejected, &has_weak_prior, None))?;
         let is_exhausted = loop {
             let suspects = found.suspects();
-            let room = most - rejected.len();
+            let room = most.saturating_sub(rejected.len());
             if suspects.is_empty() || room == 0 {
                 break !suspects.is_empty();
             }
@@ -280,10 +309,8 @@ impl Refinement<'_> {
                 Some((&found.problem, found.state())),
             ))?;
         };
-        let factor = if self.all_noise_is_known() { 1.0 } else { inflation(found.chi2, found.dof) };
-        let cameras: Vec<Camera> = (0..self.views.len()).map(|view| found.camera(view)).collect();
         let count = rejected.len();
-        rejected.retain(|&candidate| !found.agrees_with(candidate, &cameras, factor));
+        let rejected = self.contradictory(&found, rejected);
         let is_same = rejected.len() == count;
         let converged = if is_same {
             self.continue_without_weak_priors(&rejected, found)?

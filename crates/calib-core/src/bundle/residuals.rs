@@ -21,10 +21,10 @@ use crate::camera::{Lens, WorldPoint, dot};
 use crate::optimize::{ByLens, Dual, Gradient, JacobianBlock, NuisanceJacobian};
 use crate::single::{Constraints, Problem, Source, State};
 
-/// Source of a residual.
+/// Kind of a residual, with the index of its view, landmark or distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ResidualKind {
-    /// Annotation of a view.
+    /// Annotation of a view (residual of stage 1).
     Annotation { view: usize, source: Source },
     /// Point of a straight edge.
     StraightEdge,
@@ -36,7 +36,7 @@ pub(crate) enum ResidualKind {
     PlanePrior,
     /// Prior on a parameter of a landmark.
     LandmarkPrior { landmark: usize },
-    /// Measured distance.
+    /// Measured distance between two landmarks.
     Distance { distance: usize },
 }
 
@@ -78,11 +78,13 @@ pub(crate) fn pack_free(
 /// block of its shared lens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CameraJacobian {
+    /// Index, derivatives and size of the camera's own block and of its shared lens block; size 0 if unused.
     blocks: [(usize, [f64; CAMERA_PARAMS], usize); 2],
 }
 
 impl CameraJacobian {
-    /// Sorts derivatives into blocks; `sizes` are the sizes of all blocks.
+    /// Sorts the derivatives `by` with respect to all camera parameters into the blocks of `layout`. `sizes`
+    /// are the sizes of all parameter blocks.
     #[inline]
     pub(crate) fn new(by: &[f64; CAMERA_PARAMS], layout: &CameraLayout, sizes: &[usize]) -> Self {
         let mut blocks = [(usize::MAX, [0.0; CAMERA_PARAMS], 0); 2];
@@ -112,8 +114,9 @@ impl CameraJacobian {
     }
 }
 
-/// Residuals of stage 1: value in standard deviations, derivatives with respect to roll, pitch, log focal
-/// length and log height, derivatives with respect to nuisance parameters, and source.
+/// Residuals of stage 1. The tuple contains the value in standard deviations, the derivatives with respect to
+/// roll, pitch, log focal length and log height, the derivatives with respect to nuisance parameters, and the
+/// source.
 pub(crate) type Stage1Residuals = Vec<(f64, Gradient, NuisanceJacobian, Option<Source>)>;
 
 /// Returns all residuals of stage 1.
@@ -140,7 +143,7 @@ pub(crate) fn stage_1_by_lens(
     Some(gradients)
 }
 
-/// Moves the present blocks to the front and returns their number.
+/// Moves the blocks that are present to the front of the array, and returns their number.
 pub(crate) fn compact_blocks<const N: usize>(
     blocks: [Option<JacobianBlock<'_>>; N],
 ) -> ([JacobianBlock<'_>; N], usize) {

@@ -1,9 +1,9 @@
 //! State after a step, with points moved along the similarities of their neighbours (`local_similarity.rs`).
 //!
-//! It is a retraction (Absil, Mahony and Sepulchre 2008, "Optimization Algorithms on Matrix Manifolds",
-//! section 4.1): to first order the correction is zero. Fixed cameras and measured landmarks follow the
-//! linear step, and the other positions are corrected relative to them. Offsets of lines and slopes of planes
-//! are corrected by the next step.
+//! The mapping from a step to the new state is a retraction (Absil, Mahony and Sepulchre 2008, "Optimization
+//! Algorithms on Matrix Manifolds", section 4.1). To first order the correction is zero. Fixed cameras and
+//! measured landmarks follow the linear step, and the other positions are corrected relative to them. Offsets
+//! of lines and slopes of planes are corrected by the next step.
 
 use nalgebra::Complex;
 
@@ -29,7 +29,7 @@ impl BundleProblem<'_> {
         LocalSimilarities::new(&is_free, pairs)
     }
 
-    /// Returns the state after a step.
+    /// Returns the state after a step, with the second-order corrections of positions.
     pub(crate) fn retract(&self, state: &[f64], step: &[f64]) -> Vec<f64> {
         let mut next: Vec<f64> = state.iter().zip(step).map(|(value, step)| value + step).collect();
         let Some(similarities) = &self.similarities else { return next };
@@ -76,12 +76,13 @@ impl BundleProblem<'_> {
         landmarks.filter(|(_, landmark)| !landmark.off && is_measured(landmark)).map(|(index, _)| index)
     }
 
+    /// Returns the indices of x and y of a camera in the state.
     fn camera_axes(&self, view: usize) -> Axes {
         let layout = self.camera_layout(view);
         [Covariance::X, Covariance::Y].map(|axis| layout[axis].map(|at| self.blocks.parameter_index(at)))
     }
 
-    /// Returns the axes of a landmark that has a point; none for a line.
+    /// Returns the indices of x and y of a landmark in the state; none for a line, which has no point.
     fn landmark_axes(&self, landmark: usize) -> Axes {
         let Landmark { model, free: [x, y, _], .. } = &self.landmarks[landmark];
         let block = self.landmark_block(landmark);
@@ -93,6 +94,7 @@ impl BundleProblem<'_> {
     }
 }
 
+/// Whether both x and y are free.
 fn is_free(axes: Axes) -> bool {
     axes.iter().all(Option::is_some)
 }

@@ -1,9 +1,9 @@
 //! Planes of the scene that views and landmarks share. Each plane has three parameters in the base system,
 //! height and two slopes, with priors.
 //!
-//! The fit of one camera has no position. It has two separate slopes for every plane and the height of the
-//! plane under the camera. For a view with yaw y at (x, y) these are the slope rotated into its axes
-//! (`initialization.rs`) and the height of the plane at (x, y).
+//! The single-camera fit has no position. It has two separate slopes for every plane and the height of the
+//! plane under the camera. For a camera at (x, y), these parameters are the slope rotated into the axes of
+//! the view (`initialization.rs`), and the height of the plane at (x, y).
 
 use crate::bundle::initialization::{base_to_view, view_to_base};
 use crate::bundle::parameters::{PLANE_PARAMS, parameters_of_plane};
@@ -12,15 +12,17 @@ use crate::bundle::residuals::ResidualKind;
 use crate::camera::{Camera, Covariance, Plane};
 use crate::optimize::{JacobianBlock, NuisanceJacobian};
 
-/// Smallest standard deviation of a plane parameter, in metres: 0.01 mm. It replaces the zero of a fixed
-/// parameter next to free ones.
+/// Smallest standard deviation of a plane parameter: 0.01 mm for the height, 1e-5 for a slope. It replaces
+/// the zero of a parameter that is fixed while other parameters of the plane are free.
 const MIN_PLANE_SIGMA: f64 = 1e-5;
 
 /// Derivatives of a residual of a view with respect to a plane and to the pose.
 pub(crate) struct PlaneDerivatives {
+    /// Index of the plane.
     pub(crate) plane: usize,
+    /// Derivatives with respect to the height and the slopes along x and y of the plane.
     pub(crate) by_plane: [f64; PLANE_PARAMS],
-    /// Derivatives with respect to x, y and yaw.
+    /// Derivatives with respect to x, y and yaw of the camera.
     pub(crate) by_pose: [f64; 3],
 }
 
@@ -90,8 +92,8 @@ impl BundleProblem<'_> {
         })
     }
 
-    /// Evaluates `(value - prior) / sigma` for the height, the slope along the fall and the slope across it,
-    /// of every estimated plane.
+    /// Calls `sink` with `(value - prior) / sigma` for the height, the slope along the fall and the slope
+    /// across the fall of every estimated plane.
     pub(crate) fn each_plane_prior(
         &self,
         state: &[f64],

@@ -1,13 +1,13 @@
 //! Triangulation: the position of a landmark from the cameras that observe it.
 //!
 //! A point at a known height needs only the ray of one camera: its position is the intersection of the ray
-//! with the plane of that height. The same applies to feet of posts, points of marks and floor lines. The
-//! nearest observing camera is used, because a pixel covers the least floor there. The adjustment refines the
-//! position.
+//! with the horizontal plane at this height. The same applies to feet of posts, points of marks and floor
+//! lines. The nearest observing camera is used, because a pixel covers the least floor there. The adjustment
+//! refines the position.
 //!
 //! Only the length of a post needs a second ray: it is the height at which the ray of its head passes over
-//! the foot. The pose of a mark is the rigid motion that maps its points to their observed floor positions,
-//! in least squares (Horn 1987, in the plane).
+//! the foot. The pose of a mark is the least-squares rigid motion from its points to their observed floor
+//! positions (Horn 1987, in the plane).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -39,7 +39,8 @@ pub fn triangulate(
     params.iter().all(|value| value.is_finite()).then_some((model, params))
 }
 
-/// Does the same, with all parameters free.
+/// Triangulates a landmark from the observations `seen`, with all parameters free. Returns its model and
+/// parameters.
 fn from_observations(
     landmark: &Landmark,
     seen: &[Observation],
@@ -72,12 +73,13 @@ fn from_observations(
     })
 }
 
-/// Returns the distance on the floor from the foot of a camera, in metres.
+/// Returns the distance on the floor from the foot of a camera to a floor point, in metres.
 fn floor_distance(camera: &Camera, at: &FloorPoint) -> f64 {
     at.distance(camera.position.on_floor())
 }
 
-/// Returns the position of a point from the nearest camera that observes it.
+/// Returns the floor position at which the ray of a landmark point meets `plane`, from the nearest camera
+/// that observes the point.
 fn nearest_floor_position(
     seen: &[Observation],
     cameras: &[Camera],
@@ -141,11 +143,12 @@ fn longest_segment(
     ends.filter(|(a, b)| a != b).max_by(|(a, b), (c, d)| a.distance(*b).total_cmp(&c.distance(*d)))
 }
 
-/// Estimates the translation and rotation from the points of a mark to their observed positions. Returns x, y
-/// of its origin, and the rotation.
+/// Estimates the translation and rotation from the points of a mark to their observed positions. Returns x
+/// and y of the origin of the mark, in metres, and the rotation, in radians.
 ///
-/// About the centroids, with `c = sum p . q` and `s = sum p x q`, the rotation `atan2(s, c)` has the least
-/// sum of squares. `fixed_turn` overrides it, and `default_turn` is used if the points do not determine it.
+/// Let p be a point of the mark and q its observed position, both relative to their centroids. With
+/// `c = sum p . q` and `s = sum p x q`, the rotation `atan2(s, c)` minimises the sum of squares. `fixed_turn`
+/// overrides it, and `default_turn` is used if the points do not determine it.
 fn rigid_motion(pairs: &[PointPair], fixed_turn: Option<f64>, default_turn: f64) -> [f64; 3] {
     let count = pairs.len() as f64;
     let mean = |value: &dyn Fn(&PointPair) -> f64| pairs.iter().map(value).sum::<f64>() / count;

@@ -2,10 +2,10 @@
 //! adjusted independently. For each component this file determines what fixes its gauge in the base system.
 //!
 //! The floor and the vertical are known from stage 1. The gauge freedom of a component that shares only
-//! unknown landmarks is therefore a similarity of the floor: a translation, a rotation about the vertical,
-//! and a scale. Control points, fixed cameras and marks at known positions fix the translation and rotation.
-//! Known lengths and heights fix the scale. The placement of one camera, the root, fixes the rest
-//! ([`Gauge`]).
+//! unknown landmarks is therefore a similarity of the floor. It consists of a translation, a rotation about
+//! the vertical, and a scale. Control points, fixed cameras and marks at known positions fix the translation
+//! and rotation. Known lengths and heights fix the scale. The placement of one camera, the root, fixes the
+//! rest ([`Gauge`]).
 //!
 //! # Resection
 //!
@@ -61,7 +61,9 @@ impl Component {
 struct FixedGauge(Vec<[f64; 4]>);
 
 impl FixedGauge {
+    /// Direction of a rotation about the root, among the generators.
     const YAW: [f64; 4] = [0.0, 0.0, 1.0, 0.0];
+    /// Direction of a scaling about the root, among the generators.
     const SCALE: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
     /// Returns the derivatives of x and y of a point at `[a, b]` with respect to the generators.
@@ -100,7 +102,7 @@ impl DisjointSets {
         Self((0..count).collect())
     }
 
-    /// Returns the lowest node of the set.
+    /// Returns the lowest node of the set that contains `node`.
     fn find(&mut self, mut node: usize) -> usize {
         while self.0[node] != node {
             self.0[node] = self.0[self.0[node]];
@@ -109,6 +111,7 @@ impl DisjointSets {
         node
     }
 
+    /// Merges the sets that contain two nodes.
     fn union(&mut self, a: usize, b: usize) {
         let (a, b) = (self.find(a), self.find(b));
         self.0[a.max(b)] = a.min(b);
@@ -154,8 +157,8 @@ pub(crate) fn components(
     components.into_values().collect()
 }
 
-/// Returns the root of a component: the camera with an initial pose that has the most fixed coordinates, or
-/// the first camera if no pose is known.
+/// Returns the root of a component: among the cameras with an initial pose, the camera with the most fixed
+/// coordinates. Without initial poses it is the first camera.
 pub(crate) fn root(component: &[usize], cameras: &[BundleCamera]) -> usize {
     let posed = component.iter().filter(|&&view| cameras[view].initial_pose != InitialPose::Unknown);
     // `max_by_key` returns the last maximum, so the reversed order gives the first camera on a tie.
@@ -254,9 +257,9 @@ fn spread_of_heights(landmarks: &[&Landmark]) -> f64 {
     high - low
 }
 
-/// Groups cameras that are adjusted as one problem, by components and by shared lenses. The groups contain
-/// every component without its unreached cameras, and every camera that estimates its distortion or shares a
-/// lens. Indices are ascending.
+/// Returns the clusters of cameras; every cluster is adjusted as one problem. Cameras are in the same cluster
+/// if they are in one component or share a lens. Unreached and unconnected cameras are included only if they
+/// share a lens or estimate their distortion. Indices are ascending.
 pub(crate) fn clusters(
     cameras: &[BundleCamera],
     components: &[Component],
@@ -288,7 +291,8 @@ pub(crate) fn clusters(
 /// Landmark with its triangulated parameters.
 pub(crate) type TriangulatedLandmark = (Landmark, [f64; LANDMARK_PARAMS]);
 
-/// Returns the pose of camera number `view` from these landmarks, at `height` if given.
+/// Estimates the pose of the camera with index `view` from triangulated landmarks. The height is `height`
+/// (metres) if given.
 pub(crate) fn attach(
     camera: &Camera,
     view: usize,
@@ -360,16 +364,19 @@ fn errors(camera: &Camera, points: &[ControlPoint]) -> Vec<f64> {
     points.iter().map(error).collect()
 }
 
+/// Returns the median; the upper one for an even number of values.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
 
-/// Estimates the similarity of the floor that maps points to points and segments onto lines.
+/// Estimates the pose of a camera from the similarity of its floor that maps points to points and segments
+/// onto lines.
 ///
-/// With `a = s cos t`, `b = s sin t` for scale `s` and rotation `t`, a point (x, y) of the camera's own floor
-/// maps to `(a x - b y + x0, b x + a y + y0)`. A point gives two equations that are linear in a, b, x0, y0.
-/// Each end of a segment of a line gives one: their projection on the line's normal.
+/// Let s be the scale, t the rotation, `a = s cos t` and `b = s sin t`. A point (x, y) of the camera's own
+/// floor maps to `(a x - b y + x0, b x + a y + y0)`. A point gives two equations that are linear in a, b, x0,
+/// y0. Each end of a segment of a line gives one equation: the projection of the two equations on the line's
+/// normal.
 fn resect_from_points_and_lines(
     camera: &Camera,
     view: usize,

@@ -14,10 +14,10 @@ macro_rules! codes {
         }
 
         impl $name {
-            /// Every code of the list.
+            /// All codes of the list, in the order of declaration.
             pub const ALL: &'static [Self] = &[$(Self::$code),+];
 
-            /// Returns the code in site files.
+            /// Returns the code as written in site files.
             #[must_use]
             pub const fn as_str(self) -> &'static str {
                 match self { $(Self::$code => $text),+ }
@@ -49,6 +49,8 @@ codes! {
         Outlier = "outlier",
         /// The annotations contradict each other, and no single annotation explains it.
         Misfit = "misfit",
+        /// Two control points have each other's pixels.
+        PointsExchanged = "points-exchanged",
         /// There are too few redundant lines to detect errors in the annotations.
         Unchecked = "unchecked",
         /// The annotation noise is estimated from few residuals, so the standard deviations are widened.
@@ -119,6 +121,7 @@ impl Code {
             Self::Outlier
             | Self::Unusable
             | Self::Misfit
+            | Self::PointsExchanged
             | Self::OutOfDate
             | Self::BelowFloor
             | Self::NoFloor => Severity::Error,

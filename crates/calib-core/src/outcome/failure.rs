@@ -16,6 +16,10 @@ codes! {
         NoSolution = "no-solution",
         /// A value that the method needs is missing or contradicts another value.
         MissingValue = "missing-value",
+        /// Two control points have each other's pixels.
+        PointsExchanged = "points-exchanged",
+        /// The control points fit only the mirror image of the scene.
+        Mirrored = "mirrored",
     }
 }
 
@@ -33,6 +37,25 @@ pub enum Failure {
     NoFloorAnnotations,
     /// No annotation constrains the orientation.
     NoAnnotations,
+    /// The control points do not determine the pose and the focal length.
+    UndeterminedByPoints {
+        /// Number of control points that are switched on.
+        count: usize,
+    },
+    /// The control points fit only if two of them exchange their pixels.
+    ExchangedControlPoints {
+        /// Names of the two points.
+        points: [String; 2],
+    },
+    /// The control points fit only the mirror image of the scene.
+    MirroredControlPoints,
+    /// Contradictory evidence leads to a camera that cannot exist.
+    ImpossibleCamera {
+        /// Focal length, in pixels.
+        focal: f64,
+        /// Height, in metres.
+        height: f64,
+    },
     /// No pitch and focal length have possible geometry for the lines.
     NoPitchAndFocal,
     /// No roll, pitch and focal length have possible geometry for the lines.
@@ -62,8 +85,13 @@ impl Failure {
             | Self::CoincidentVerticals
             | Self::NoFloorAnnotations
             | Self::NoAnnotations => FailureCode::TooFewLines,
-            Self::NoPitchAndFocal | Self::NoOrientation | Self::TooExtreme => FailureCode::NoSolution,
-            Self::Underdetermined { .. } => FailureCode::Underdetermined,
+            Self::NoPitchAndFocal
+            | Self::NoOrientation
+            | Self::TooExtreme
+            | Self::ImpossibleCamera { .. } => FailureCode::NoSolution,
+            Self::ExchangedControlPoints { .. } => FailureCode::PointsExchanged,
+            Self::MirroredControlPoints => FailureCode::Mirrored,
+            Self::Underdetermined { .. } | Self::UndeterminedByPoints { .. } => FailureCode::Underdetermined,
             Self::SharedLensFailed { .. } => FailureCode::MissingValue,
         }
     }

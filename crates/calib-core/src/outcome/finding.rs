@@ -46,34 +46,34 @@ pub struct OtherMinimum {
     pub pitch: f64,
 }
 
-/// Estimator that ignores an annotation.
+/// Estimator of stage 1, named in findings about annotations that it does not use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Estimator {
     /// Maximum-likelihood fit.
     MaximumLikelihood,
-    /// Criterion of the paper.
+    /// Minimum of the paper's criterion C.
     Paper,
 }
 
 /// Reason why cameras are not connected to the rest of the site.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DisconnectionReason {
-    /// They share too few landmarks with the other cameras to be placed.
+    /// The cameras share too few landmarks with the other cameras to be placed.
     TooFewLandmarks,
-    /// They share no landmarks, and keep the placement that the operator set.
+    /// The cameras share no landmarks with others, and keep the placement that the operator set.
     PlacedByOperator,
-    /// They share no landmarks and have no placement.
+    /// The cameras share no landmarks with others and have no placement.
     NoLandmarks,
 }
 
 /// Reason why shared evidence is not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnusedReason {
-    /// Its position from the other views is not visible in one of the cameras.
+    /// The position that the other views determine is not visible in one of the cameras.
     NotVisible,
-    /// Only one camera observes it.
+    /// Only one camera observes the landmark.
     SingleView,
-    /// A distance without a length, or with an end whose position is unknown.
+    /// The distance has no length, or an end whose position is unknown.
     UnknownLengthOrEnd,
     /// No camera poses make all shared landmarks visible.
     NoPoses,
@@ -82,11 +82,11 @@ pub enum UnusedReason {
 /// Kind of evidence that cameras share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SharedEvidence {
-    /// Links.
+    /// Links between cameras.
     Links,
     /// Marks with observed pixels.
     Marks,
-    /// Distances.
+    /// Distances between links or marks.
     Distances,
 }
 
@@ -113,9 +113,9 @@ pub enum Finding {
     },
     /// Other cameras fit the lines equally well.
     TwoSolutions {
-        /// The other cameras.
+        /// Other local minima.
         others: Vec<OtherMinimum>,
-        /// Annotation that would decide between them.
+        /// Annotation that would decide between the minima.
         next: Option<Suggestion>,
     },
     /// The predicted relative error of floor lengths is large.
@@ -142,9 +142,9 @@ pub enum Finding {
     NoFloor,
     /// A line was rejected as an outlier.
     LineOutlier {
-        /// The line.
+        /// Line that was rejected.
         line: Source,
-        /// Residual of the line, in pixels; `None` above the horizon.
+        /// Residual of the line, in pixels; `None` if the line is above the horizon.
         px: Option<f64>,
     },
     /// The residuals are too large for the annotation noise.
@@ -172,14 +172,15 @@ pub enum Finding {
     },
     /// Straight edges are not straight under the best-fitting lens.
     CurvedEdges {
-        /// Root mean square distance from straight, in pixels.
+        /// Root mean square deviation of the edges from straight lines under the best-fitting lens, in
+        /// pixels.
         px: f64,
-        /// Root mean square distance from straight without distortion, in pixels.
+        /// Root mean square deviation of the edges from straight lines without a distortion model, in pixels.
         px_without_lens: f64,
     },
     /// Curved lines exist in one direction only: the cause may be the lens, or a curved road.
     CurvedInOneDirection {
-        /// Root mean square distance from straight, in pixels.
+        /// Root mean square deviation of the lines from straight lines, in pixels.
         px: f64,
     },
     /// Some straight edges carry almost no information about the lens.
@@ -188,14 +189,14 @@ pub enum Finding {
         edges: Vec<Source>,
         /// Number of all straight edges.
         total: usize,
-        /// Largest sagitta of these edges under a distortion of 10 px in the corner, in pixels.
+        /// Largest sagitta of the uninformative edges under a distortion of 10 px in the corner, in pixels.
         sagitta_px: f64,
     },
-    /// The straight edges leave the distortion in the corners of the image uncertain.
+    /// The straight edges do not determine the distortion in the corners of the image well.
     UncertainCorners {
         /// Standard deviation of the undistorted corner, in pixels.
         px: f64,
-        /// Whether the position is the rim of a fisheye image instead of the corners.
+        /// Whether `px` refers to the rim of a fisheye image instead of the corners.
         is_round: bool,
         /// Whether edges reach the border of the visible scene.
         is_reached: bool,
@@ -208,21 +209,21 @@ pub enum Finding {
         count: usize,
         /// Whether the fixed lens has no distortion.
         is_undistorted: bool,
-        /// Mean distance of the edges from straight under the fixed lens, in pixels.
+        /// Mean deviation of the edges from straight lines under the fixed lens, in pixels.
         px: f64,
     },
     /// The estimator does not use annotations of this kind.
     UnusedKind {
         /// Index of the annotation.
         annotation: usize,
-        /// The estimator.
+        /// Estimator that does not use the annotation.
         by: Estimator,
     },
     /// An annotation has fewer segments than its kind needs.
     TooFewSegments {
         /// Index of the annotation.
         annotation: usize,
-        /// The estimator.
+        /// Estimator that needs more segments.
         by: Estimator,
         /// Number of segments of the annotation.
         count: usize,
@@ -236,12 +237,12 @@ pub enum Finding {
     },
     /// A line has a point that cannot be undistorted.
     OutsideLens {
-        /// The line.
+        /// Line that contains the point.
         line: Source,
     },
     /// The ends of a line coincide.
     NoLength {
-        /// The line.
+        /// Line whose ends coincide.
         line: Source,
     },
     /// There are too few control points to place the camera.
@@ -279,7 +280,7 @@ pub enum Finding {
         subject: Subject,
         /// Residual in the stored solution, in pixels; `None` if the solution does not contain it.
         stored: Option<f64>,
-        /// Residual now, in pixels; `None` if it was removed or has no prediction.
+        /// Residual now, in pixels; `None` if the subject was removed or has no prediction.
         now: Option<f64>,
     },
     /// Annotated points are outside the image.
@@ -290,11 +291,11 @@ pub enum Finding {
         total: usize,
         /// Width and height of the image, in pixels.
         size: [u32; 2],
-        /// Whether all points would be inside if u and v, or width and height, were exchanged.
+        /// Whether all points would be inside the image if u and v, or its width and height, were exchanged.
         fits_exchanged: bool,
         /// Whether the annotations belong to another image, because too many points are outside.
         is_other_image: bool,
-        /// Annotation or observation of the first such point.
+        /// Annotation or observation that contains the first point outside the image.
         first: Subject,
     },
     /// The camera is below the floor.
@@ -310,6 +311,16 @@ pub enum Finding {
         worst: usize,
         /// Largest reprojection error, in pixels.
         worst_px: f64,
+    },
+    /// There are too few redundant coordinates of control points to detect a wrong point.
+    UncheckedPoints {
+        /// Degrees of freedom: residuals minus unknowns, of the control points, annotations and priors.
+        dof: i64,
+    },
+    /// Two control points fit if their pixels are exchanged.
+    ExchangedControlPoints {
+        /// Indices of the control points.
+        points: [usize; 2],
     },
     /// The scale of the camera is unknown.
     ScaleAssumed {
@@ -327,7 +338,7 @@ pub enum Finding {
     },
     /// A part of the EFOV is not on the floor.
     EfovAboveHorizon {
-        /// Whether no part of it is on the floor.
+        /// Whether no part of the EFOV is on the floor.
         is_whole: bool,
     },
     /// The distortion folds back on itself inside the image.
@@ -341,9 +352,9 @@ pub enum Finding {
     },
     /// A link or a mark was rejected as an outlier.
     ElementOutlier {
-        /// The link or the mark.
+        /// Link or mark that was rejected.
         element: Subject,
-        /// The camera of its largest residual, and that residual in pixels.
+        /// Index of the camera with the largest residual of the link or mark, and that residual in pixels.
         worst: Option<(usize, f64)>,
     },
     /// A distance was rejected as an outlier.
@@ -355,7 +366,7 @@ pub enum Finding {
     NotConnected {
         /// Indices of the cameras.
         cameras: Vec<usize>,
-        /// Reason why they are not connected.
+        /// Reason why the cameras are not connected.
         reason: DisconnectionReason,
     },
     /// The links of a camera do not determine its position.
@@ -379,22 +390,22 @@ pub enum Finding {
     },
     /// The bundle adjustment does not use some shared evidence.
     Unused {
-        /// The links, marks, distances or cameras.
+        /// Links, marks, distances or cameras that are not used.
         subjects: Vec<Subject>,
-        /// Reason why they are not used.
+        /// Reason why the evidence is not used.
         reason: UnusedReason,
     },
     /// Shared evidence is not used because every camera is solved separately.
     UnusedEvidence {
-        /// Kind of evidence.
+        /// Kind of evidence that is not used.
         evidence: SharedEvidence,
-        /// Number of links, marks or distances.
+        /// Number of links, marks or distances that are not used.
         count: usize,
     },
 }
 
 impl Finding {
-    /// Returns the code as written in files.
+    /// Returns the code of the finding.
     #[must_use]
     pub const fn code(&self) -> Code {
         match self {
@@ -404,7 +415,8 @@ impl Finding {
             Self::Weak { .. } => Code::Weak,
             Self::Unusable { .. } => Code::Unusable,
             Self::NoFloor => Code::NoFloor,
-            Self::Unchecked { .. } => Code::Unchecked,
+            Self::ExchangedControlPoints { .. } => Code::PointsExchanged,
+            Self::Unchecked { .. } | Self::UncheckedPoints { .. } => Code::Unchecked,
             Self::FewResiduals { .. } => Code::FewResiduals,
             Self::UncertaintyUnknown => Code::UncertaintyUnknown,
             Self::OutOfDate { .. } => Code::OutOfDate,
@@ -499,9 +511,10 @@ impl Finding {
             Self::HiddenControlPoints { points } => {
                 points.first().map_or(Subject::Placement, |&point| Subject::OwnControlPoint(point))
             }
-            Self::FarControlPoints { worst, .. } => Subject::OwnControlPoint(*worst),
+            Self::FarControlPoints { worst: point, .. }
+            | Self::ExchangedControlPoints { points: [point, _] } => Subject::OwnControlPoint(*point),
             Self::ScaleAssumed { .. } | Self::ScaleConflict { .. } => Subject::Parameter(Parameter::Height),
-            Self::PlacedByHand => Subject::Placement,
+            Self::PlacedByHand | Self::UncheckedPoints { .. } => Subject::Placement,
             Self::EfovAboveHorizon { .. } => Subject::Efov,
             Self::ControlPointOutlier { camera, point } => {
                 Subject::ControlPoint { camera: *camera, point: *point }

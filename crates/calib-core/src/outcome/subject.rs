@@ -3,13 +3,13 @@
 /// Parameter of one camera that is estimated or has a prior.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
-    /// Roll.
+    /// Roll angle of the camera.
     Roll,
-    /// Pitch.
+    /// Pitch angle of the camera.
     Pitch,
-    /// Focal length.
+    /// Focal length of the camera.
     Focal,
-    /// Height of the camera.
+    /// Height of the camera above the floor.
     Height,
 }
 
@@ -27,13 +27,13 @@ pub struct Source {
 pub enum Subject {
     /// The site as a whole.
     Site,
-    /// A camera.
+    /// Camera, by its index in the site.
     Camera(usize),
-    /// A link.
+    /// Link, by its index in the site.
     Link(usize),
-    /// A mark.
+    /// Mark, by its index in the site.
     Mark(usize),
-    /// A distance between links or marks.
+    /// Distance between links or marks, by its index in the site.
     Distance(usize),
     /// A control point.
     ControlPoint {
@@ -42,11 +42,11 @@ pub enum Subject {
         /// Index of the point in its camera.
         point: usize,
     },
-    /// An annotation of the camera that the finding belongs to.
+    /// Annotation of the camera that the finding belongs to, by its index.
     Annotation(usize),
     /// A line of an annotation of the camera that the finding belongs to.
     Line(Source),
-    /// A control point of the camera that the finding belongs to.
+    /// Control point of the camera that the finding belongs to, by its index.
     OwnControlPoint(usize),
     /// A parameter of the camera that the finding belongs to.
     Parameter(Parameter),

@@ -3,9 +3,9 @@
 //!
 //! `C = V + sum over directions of mean |1 - |dot|| + mean |dot| + sum over groups of std / mean`
 //!
-//! The camera is (0, 0, 3, roll, pitch, 0, focal). V is the mean sine of the angle between the viewing plane
-//! of a vertical and the vertical. The first dot products are between floor directions that must be parallel,
-//! the second between directions at right angles. The last term (option 2) compares lengths on the floor,
+//! The camera is at (0, 0, 3 m) with yaw 0. V is the mean sine of the angle between the viewing plane of a
+//! vertical and the vertical. The first dot products are between floor directions that must be parallel, the
+//! second between directions at right angles. The last term (option 2) compares lengths on the floor,
 //! independently of their scale. The direction of a floor line is the intersection of its viewing plane with
 //! the floor, which also exists above the horizon.
 
@@ -17,9 +17,10 @@ use crate::single::parameters::FixedParameters;
 use crate::single::parameters::Orientation;
 use crate::single::vanishing_point::{roll_from_verticals, unrolled, vanishing_point};
 
-/// Grid of start values: pitches in degrees, and horizontal fields of view in degrees.
+/// Start values of the pitch, in degrees.
 const START_PITCHES_DEG: [f64; 14] =
     [3.0, 8.0, 13.0, 18.0, 24.0, 30.0, 36.0, 42.0, 48.0, 54.0, 60.0, 67.0, 74.0, 82.0];
+/// Start values of the horizontal field of view, in degrees.
 const START_FIELDS_OF_VIEW_DEG: [f64; 12] =
     [24.0, 32.0, 40.0, 48.0, 56.0, 64.0, 72.0, 80.0, 90.0, 100.0, 110.0, 120.0];
 
@@ -58,9 +59,9 @@ pub fn minimum(
 
 /// Returns roll, pitch and focal length from two vanishing points, by `f^2 = -v . h`.
 ///
-/// `v` is the vanishing point of the verticals. `h` is the vanishing point of a group of parallel floor lines;
-/// if there are several groups, the group with the largest spread of image directions is used. `None` if no
-/// group gives a focal length.
+/// `v` is the vanishing point of the verticals, and `h` that of a group of parallel floor lines, both
+/// relative to the principal point. If there are several groups, the group with the largest spread of image
+/// directions is used. `None` if no group gives a focal length.
 #[must_use]
 pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
     let nadir =
@@ -79,7 +80,8 @@ pub fn closed_form(constraints: &Constraints) -> Option<Orientation> {
     Some(Orientation { roll: roll_from_verticals([x, y, w]), pitch: (focal * w).atan2(x.hypot(y)), focal })
 }
 
-/// Returns an end as an undistorted pixel, if a pinhole camera can show it.
+/// Returns the end of a segment as an undistorted pixel relative to the principal point, if a pinhole camera
+/// can show it.
 fn pinhole_point(chart: Option<&Chart>, point: [f64; 2]) -> Option<[f64; 2]> {
     chart.map_or(Some(point), |chart| chart.undistorted(point))
 }
@@ -99,6 +101,7 @@ fn spread<'a>(lines: impl Iterator<Item = &'a LineConstraint>) -> f64 {
     (total - cos.hypot(sin)) / count
 }
 
+/// Returns the roll, in radians, from the vanishing point of the verticals.
 fn roll_from_constraints(constraints: &Constraints) -> Result<f64, Failure> {
     let verticals = constraints.lines.iter().filter(|line| line.direction == Direction::Vertical);
     let count = verticals.clone().count();
@@ -108,6 +111,7 @@ fn roll_from_constraints(constraints: &Constraints) -> Result<f64, Failure> {
 
 /// Returns the lowest local minima of C on a grid, as (pitch, log focal length).
 fn starts(criterion: &Criterion, fixed: FixedParameters, width: f64) -> Vec<[f64; 2]> {
+    /// Maximum number of start values.
     const MAX_STARTS: usize = 3;
     let pitches: Vec<f64> = match fixed.pitch {
         Some(pitch) => vec![pitch],
@@ -150,6 +154,7 @@ struct Criterion {
     lengths: Vec<Vec<[[f64; 2]; 2]>>,
 }
 
+/// Floor line: its homogeneous line in unrolled axes, and its floor direction.
 struct FloorLine {
     line: [f64; 3],
     group: usize,
@@ -192,8 +197,8 @@ impl Criterion {
         if pairs + lengths > 0 || by_verticals { Ok(()) } else { Err(Failure::NoFloorAnnotations) }
     }
 
-    /// Returns the pairs of floor lines that must be parallel (`false`) or at right angles (`true`), by
-    /// group.
+    /// Returns the pairs of floor lines of the same group, by index. The flag is `false` if the lines must be
+    /// parallel, and `true` if they must be at right angles.
     fn pairs(&self) -> impl Iterator<Item = (usize, usize, bool)> + '_ {
         let count = self.floor.len();
         (0..count).flat_map(move |i| (i + 1..count).map(move |j| (i, j))).filter_map(|(i, j)| {
@@ -202,7 +207,8 @@ impl Criterion {
         })
     }
 
-    /// Returns C at this pitch and focal length; infinite if the geometry is impossible.
+    /// Returns the criterion C at a pitch in radians and a focal length in pixels. It is infinite if the
+    /// geometry is impossible.
     fn value(&self, pitch: f64, focal: f64) -> f64 {
         if pitch.abs() >= std::f64::consts::FRAC_PI_2 || focal.is_nan() || focal <= 1.0 || focal > 1e9 {
             return f64::INFINITY;
@@ -264,8 +270,8 @@ impl Criterion {
             .sum()
     }
 
-    /// Returns the standard deviation divided by the mean of the lengths of every group, summed; it does not
-    /// depend on the scale of the floor.
+    /// Returns the standard deviation divided by the mean of the lengths of every group, summed. The sum does
+    /// not depend on the scale of the floor.
     fn length_dispersion(&self, sin: f64, cos: f64, focal: f64) -> f64 {
         let to_floor = |[u, v]: [f64; 2]| {
             let depth = cos * v + sin * focal;

@@ -11,7 +11,7 @@ use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
 use nalgebra::Matrix4;
 
 /// Number of points per side of the grid.
-const SIDE: usize = 5;
+const POINTS_PER_SIDE: usize = 5;
 
 /// Grid of points in the EFOV, between which lengths are predicted; bilinear between four corners.
 ///
@@ -20,12 +20,15 @@ const SIDE: usize = 5;
 pub struct Grid(Vec<[f64; 3]>);
 
 impl Grid {
-    /// Creates the grid between the corners of the drawn polygon; with more than four, between those farthest
-    /// along the diagonals.
+    /// Creates the grid between the corners of the drawn polygon. With more than four corners, it uses those
+    /// farthest along the diagonals.
     pub(crate) fn from_polygon(camera: &Camera, corners: &[Pixel]) -> Self {
         let [a, b, c, d] = four_corners(corners);
-        let points = (0..SIDE * SIDE).filter_map(|k| {
-            let (s, t) = ((k % SIDE) as f64 / (SIDE - 1) as f64, (k / SIDE) as f64 / (SIDE - 1) as f64);
+        let points = (0..POINTS_PER_SIDE * POINTS_PER_SIDE).filter_map(|k| {
+            let (s, t) = (
+                (k % POINTS_PER_SIDE) as f64 / (POINTS_PER_SIDE - 1) as f64,
+                (k / POINTS_PER_SIDE) as f64 / (POINTS_PER_SIDE - 1) as f64,
+            );
             let mix = |value: fn(&Pixel) -> f64| {
                 (1.0 - t) * ((1.0 - s) * value(&a) + s * value(&b))
                     + t * ((1.0 - s) * value(&d) + s * value(&c))
@@ -78,7 +81,7 @@ pub(crate) fn floor_length_rel(
 }
 
 /// Computes [`floor_length_rel`] from floor points in camera heights with their derivatives by `N` unknowns;
-/// the fourth is the log height.
+/// the fourth unknown is the log height.
 fn length_rel<const N: usize>(
     points: &[([f64; 2], [[f64; 2]; N])],
     covariance: impl Fn(usize, usize) -> f64,
@@ -121,7 +124,7 @@ fn length_rel<const N: usize>(
 /// Computes the floor error of a placed camera like `floor_length_rel`, with its whole covariance,
 /// including its lens.
 ///
-/// Also `None` if the uncertainty of the camera is unknown.
+/// Returns `None` also if the uncertainty of the camera is unknown.
 pub fn placed_floor_length_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     placed_length_rel(camera, grid, camera.covariance.sigma(Covariance::Z).is_some())
 }
@@ -131,10 +134,13 @@ pub fn placed_floor_shape_rel(camera: &Camera, grid: &Grid) -> Option<f64> {
     placed_length_rel(camera, grid, false)
 }
 
+/// Computes the error of floor lengths of a placed camera; without the error of the common scale unless
+/// `height_known`.
 fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option<f64> {
     if !camera.covariance.is_known() {
         return None;
     }
+    /// Number of unknowns: roll, pitch, log focal length, log height, and the parameters of the lens.
     const N: usize = 4 + Lens::PARAMETERS;
     let parameters =
         [camera.roll, camera.pitch, camera.focal.ln(), camera.position.z.abs().max(f64::MIN_POSITIVE).ln()];
@@ -180,9 +186,11 @@ fn placed_length_rel(camera: &Camera, grid: &Grid, height_known: bool) -> Option
 
 /// Floor point in camera heights, with its derivatives by roll, pitch and log focal length.
 struct FloorJacobian {
+    /// Floor point, in camera heights.
     at: [f64; 2],
+    /// Derivatives of the floor point by roll, pitch and log focal length.
     by: [[f64; 2]; 3],
-    /// Derivatives by the bearing.
+    /// Derivatives of the floor point by the components x, y and w of the bearing.
     by_bearing: [[f64; 2]; 3],
 }
 

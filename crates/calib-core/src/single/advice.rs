@@ -31,9 +31,9 @@ use crate::single::scene_errors::{Deviation, SceneErrors};
 
 /// Assumed image positions of shared points, as fractions of width and height from the image centre.
 const SHARED_POINT_OFFSETS: [[f64; 2]; 4] = [[-0.25, 0.1], [0.25, 0.1], [-0.2, 0.35], [0.2, 0.35]];
-/// Number of parameters of one camera: roll, pitch and log focal length. The total includes both cameras and
-/// the similarity between their floors.
+/// Number of parameters of one camera: roll, pitch and log focal length.
 const CAMERA_PARAMETERS: usize = 3;
+/// Number of parameters of both cameras and of the similarity between their floors.
 const TOTAL_PARAMETERS: usize = 2 * CAMERA_PARAMETERS + 4;
 
 /// Returns the information about roll, pitch, log focal length and log height that four shared points add to
@@ -115,15 +115,17 @@ fn jacobian(camera: &Camera, pixel: Pixel, sigma: f64) -> Option<(DMatrix<f64>, 
     Some((DMatrix::from_fn(2, CAMERA_PARAMETERS, |i, k| columns[k][i]), Matrix2::new(xx, xy, xy, yy)))
 }
 
-/// Relative errors of floor lengths above which a result is weak, and above which it is unusable.
+/// Relative error of floor lengths above which a result is weak.
 const MAX_GOOD_FLOOR_ERROR: f64 = 0.03;
+/// Relative error of floor lengths above which a result is unusable.
 const MAX_USABLE_FLOOR_ERROR: f64 = 0.10;
 
 /// Relative standard deviation of an unknown scale: cameras are usually 2 to 5 m high.
 const GUESSED_SCALE_SIGMA_REL: f64 = 0.5;
 
-/// Length of a suggested measurement in camera heights, and its relative standard deviation.
+/// Length of a suggested measurement, in camera heights.
 const MEASURED_LENGTH: f64 = 0.5;
+/// Relative standard deviation of a suggested measurement.
 const MEASURED_SIGMA_REL: f64 = 0.01;
 
 /// Minimum pitch of a camera that looks down, in radians.
@@ -132,7 +134,7 @@ const MIN_LOOKS_DOWN_PITCH_RAD: f64 = 1.2;
 /// Suggested annotation with an example on the image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SuggestedLine {
-    /// Kind of annotation, and the error of floor lengths with it.
+    /// Kind of annotation, and the predicted error of floor lengths with the annotation.
     pub suggestion: Suggestion,
     /// Kind of the annotation to create; `None` for links.
     pub kind: Option<Kind>,
@@ -206,6 +208,7 @@ pub fn floor_finding(
 /// Wrong lines agree by chance with one redundant residual about once in a hundred cases, with two once in
 /// ten thousand. Every rejected line was chosen to make the rest agree, so it costs one degree of freedom.
 fn unchecked(fit: &Fit, next: Option<Suggestion>) -> Option<Finding> {
+    /// Minimum degrees of freedom, without the rejected lines, with which errors can be detected.
     const MIN_DOF: i64 = 2;
     let (dof, rejected) = (fit.dof, fit.outliers.len());
     (dof - (rejected as i64) < MIN_DOF).then_some(Finding::Unchecked { dof, rejected, next })
@@ -213,16 +216,19 @@ fn unchecked(fit: &Fit, next: Option<Suggestion>) -> Option<Finding> {
 
 /// Returns a finding if few residuals widen the standard deviations noticeably.
 fn few_residuals(fit: &Fit) -> Option<Finding> {
+    /// Minimum widening factor of standard deviations that is reported.
     const MIN_REPORTED_FACTOR: f64 = 1.2;
     let dof = fit.noise_dof.filter(|_| !fit.is_inconsistent)?;
     let factor = student_factor(dof);
     (factor > MIN_REPORTED_FACTOR).then_some(Finding::FewResiduals { dof, factor })
 }
 
+/// Returns the absolute residual of a constraint, in pixels.
 fn residual_px(fit: &Fit, source: Source) -> Option<f64> {
     fit.residuals.iter().find(|(s, _)| *s == source).map(|(_, pixels)| pixels.abs())
 }
 
+/// Returns the finding that the residuals are too large for the annotation noise.
 fn misfit(fit: &Fit) -> Finding {
     let worst = fit.residuals.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
     let worst = worst.map(|&(source, _)| (source, residual_px(fit, source).unwrap_or(f64::NAN)));
@@ -231,7 +237,7 @@ fn misfit(fit: &Fit) -> Finding {
 
 /// Returns the candidates that would reduce the error of floor lengths by at least a fifth, the best first.
 ///
-/// They include links to other cameras if `options` allow them.
+/// The candidates include links to other cameras if `options` allow links.
 #[must_use]
 pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions) -> Vec<SuggestedLine> {
     /// Maximum ratio of the error with the annotation to the present error.
@@ -257,7 +263,7 @@ pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions)
             segments,
         };
     let with = |candidate: &Candidate| {
-        let (constraints, state) = candidate.join(&inliers, &fit.state)?;
+        let (constraints, state) = candidate.added_to(&inliers, &fit.state)?;
         rel(information(&constraints, &state)?)
     };
     let drawn = candidates(fit, options).into_iter().filter_map(|candidate| {
@@ -285,7 +291,7 @@ pub fn suggest_lines(fit: &Fit, constraints: &Constraints, options: &FitOptions)
     suggestions
 }
 
-/// Returns a length across the near floor, measured with a tape.
+/// Returns the candidate of one length across the near floor, measured with a tape.
 ///
 /// `None` if the height is fixed or known as precisely, and if a plan or other cameras give the scale.
 fn known_size(fit: &Fit, options: &FitOptions) -> Option<Candidate> {
@@ -301,6 +307,7 @@ fn known_size(fit: &Fit, options: &FitOptions) -> Option<Candidate> {
     })
 }
 
+/// Returns the constraints without the rejected ones.
 fn without(constraints: &Constraints, rejected: &[Source]) -> Constraints {
     let mut kept = constraints.clone();
     kept.lines.retain(|line| !rejected.contains(&line.source));
@@ -331,7 +338,7 @@ struct Candidate {
 
 impl Candidate {
     /// Returns the constraints and the state with the candidate added.
-    fn join(&self, constraints: &Constraints, state: &State) -> Option<(Constraints, State)> {
+    fn added_to(&self, constraints: &Constraints, state: &State) -> Option<(Constraints, State)> {
         let mut joined = constraints.clone();
         let end = |point: [f64; 2]| Endpoint { point, covariance: [1.0, 0.0, 1.0] };
         let source = |segment: usize| Source { annotation: usize::MAX, segment };
@@ -383,7 +390,7 @@ impl Candidate {
         Some((joined, at))
     }
 
-    /// Returns the segments on the raw image.
+    /// Returns the segments of the candidate on the raw image.
     fn pixels(&self, fit: &Fit) -> Vec<[Pixel; 2]> {
         let lens = fit.camera.lens;
         let raw = |[x, y]: [f64; 2]| {
@@ -394,8 +401,8 @@ impl Candidate {
     }
 }
 
-/// Returns the state of the constraints with a candidate. The fitted nuisance parameters keep their values; those of the
-/// candidate are computed in closed form.
+/// Returns the state of the constraints with a candidate. The fitted nuisance parameters keep their values;
+/// the parameters of the candidate are computed in closed form.
 fn extended_state(constraints: &Constraints, joined: &Constraints, state: &State) -> Option<State> {
     let problem = Problem::new(joined, FixedParameters::default(), Priors::default(), 1.0, 1e3);
     let mut at = problem.state_at(state.parameters)?;
@@ -410,7 +417,8 @@ fn extended_state(constraints: &Constraints, joined: &Constraints, state: &State
     Some(at)
 }
 
-/// Suggested annotation, its kind, and its segments if they are visible in the image.
+/// Table entry of a candidate: suggested annotation, its kind, and its segments; `None` for an invisible
+/// segment.
 type CandidateRow = (SuggestedAnnotation, Kind, Vec<Option<[[f64; 2]; 2]>>);
 
 /// Returns candidates of every kind at their most informative positions, from the estimated floor.
@@ -453,6 +461,7 @@ fn candidates(fit: &Fit, options: &FitOptions) -> Vec<Candidate> {
         .collect()
 }
 
+/// Returns a vertical segment, `length` pixels long, upwards from a point relative to the principal point.
 fn vertical_at(fit: &Fit, [x, y]: [f64; 2], length: f64) -> Option<[[f64; 2]; 2]> {
     let v = fit.camera.vanishing_point([0.0, 0.0, -1.0]);
     let (dx, dy) = (v[0] - x * v[2], v[1] - y * v[2]);
@@ -460,7 +469,8 @@ fn vertical_at(fit: &Fit, [x, y]: [f64; 2], length: f64) -> Option<[[f64; 2]; 2]
     (norm > 1e-6).then(|| [[x, y], [x - length * dx / norm, y - length * dy / norm]])
 }
 
-/// Returns a floor segment centred at the floor point of a pixel, `length` camera heights long.
+/// Returns a floor segment centred at the floor point of an undistorted pixel relative to the principal
+/// point, `length` camera heights long.
 fn floor_at(fit: &Fit, [x, y]: [f64; 2], azimuth: f64, length: f64) -> Option<[[f64; 2]; 2]> {
     let camera = fit.camera;
     let centre = camera.lens.principal_point;

@@ -97,31 +97,32 @@ pub enum FieldUse {
 }
 
 impl FieldUse {
+    /// Returns `Always` if the condition is true, else `Never`.
     const fn always_if(is: bool) -> Self {
         if is { Self::Always } else { Self::Never }
     }
 }
 
-/// Row of the table of kinds.
+/// Entry of the table [`KINDS`]: the properties of one kind of annotation.
 #[derive(Clone, Copy, Debug)]
 pub struct KindRow {
-    /// The kind.
+    /// Kind of annotation that the entry describes.
     pub kind: Kind,
-    /// Name in files.
+    /// Name of the kind in files.
     pub name: &'static str,
-    /// Name on screen.
+    /// Name of the kind on screen.
     pub title: &'static str,
     /// Letter that, with a number, names a line: V1, P3.
     pub letter: char,
-    /// Shape on the image.
+    /// Shape of the annotation on the image.
     pub shape: Shape,
     /// Minimum number of segments that constrains the camera.
     pub min_segments: usize,
     /// Whether annotations of this kind have `length_m`.
     pub has_length: bool,
-    /// Constraint on the camera.
+    /// Constraint that annotations of this kind put on the camera.
     pub constraint: ConstraintKind,
-    /// Whether the paper's method uses it.
+    /// Whether the paper's method uses annotations of this kind.
     pub in_paper: bool,
     /// Whether each annotation of this kind is a separate group, distinguished by a letter.
     pub has_letter: bool,
@@ -212,7 +213,7 @@ pub fn line_name(annotations: &[Annotation], annotation: usize, segment: usize) 
 }
 
 impl Kind {
-    /// Returns the row of this kind in [`KINDS`].
+    /// Returns the entry of this kind in [`KINDS`].
     #[must_use]
     pub fn row(self) -> &'static KindRow {
         &KINDS[self as usize]
@@ -326,7 +327,7 @@ impl Annotation {
     }
 
     /// Returns the fields that depend on the kind: name in files, whether the field is present, and whether
-    /// it may be.
+    /// it must, may or must not be present.
     pub fn fields(&self) -> [(&'static str, bool, FieldUse); 11] {
         let row = self.kind.row();
         let of_shape = |shape| FieldUse::always_if(row.shape == shape);
@@ -371,7 +372,7 @@ impl Annotation {
         self.kind.row().constraint == ConstraintKind::StraightEdge
     }
 
-    /// Returns the label for messages: the name or id, else the kind, with the index.
+    /// Returns the label of the annotation for messages: its name or id, else its kind, with the index.
     #[must_use]
     pub fn label(&self, index: usize) -> String {
         let title = self.kind.row().title;
@@ -385,9 +386,9 @@ impl Annotation {
 /// Object of a usual size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UsualSize {
-    /// Name in files.
+    /// Name of the object in files.
     pub id: &'static str,
-    /// Name on screen, with the measured dimension.
+    /// Name of the object on screen, with the measured dimension.
     pub title: &'static str,
     /// Usual size with its standard deviation, in metres.
     pub size: Known,
@@ -500,6 +501,7 @@ impl Annotation {
         self.height_m.or_else(|| self.usual_size_for(ConstraintKind::Upright))
     }
 
+    /// Returns the usual size of the object, if the size is of this kind.
     fn usual_size_for(&self, constraint: ConstraintKind) -> Option<Known> {
         self.usual_size().filter(|usual| usual.constraint == constraint).map(|usual| usual.size)
     }

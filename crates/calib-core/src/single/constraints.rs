@@ -10,12 +10,12 @@
 //! A line that is drawn several times counts once. This applies to its noise, to the scene's own errors in
 //! it, and to its priors.
 //!
-//! Each of `n` copies has `n` times the variance in all its own quantities: the noise of its ends, the spread
-//! of its length, the height of its upright. A group of copies may share a quantity, for example the
-//! deviation of a direction or the prior of a length. Its variance is divided by the group's share of all
-//! copies of the same line. The shares of equal groups add up to 1. A right angle is a relation between two
-//! sides. It is a repeat if both sides are repeated, or if one side is repeated and both angles share the
-//! other side.
+//! Each of `n` copies has `n` times the variance in all its own quantities. These are the noise of its ends,
+//! the spread of its length, and the height of its upright. A group of copies may share a quantity, for
+//! example the deviation of a direction or the prior of a length. Its variance is divided by the group's
+//! share of all copies of the same line. The shares of equal groups add up to 1. A right angle is a relation
+//! between two sides. It is a repeat if both sides are repeated, or if one side is repeated and both angles
+//! share the other side.
 //!
 //! The information of a sum of two variances is concave in the shares. So repeated annotations never add
 //! information to a single one.
@@ -63,9 +63,9 @@ pub struct LineConstraint<E = f64> {
     /// The two ends. A polyline of three or more points is replaced by two points with equal first and second
     /// moments.
     pub ends: [Endpoint<E>; 2],
-    /// Direction in space.
+    /// Direction of the line in space.
     pub direction: Direction,
-    /// Deviation from that direction, as an index into [`Constraints::deviations`].
+    /// Deviation from the direction of the group, as an index into [`Constraints::deviations`].
     pub deviation: Option<usize>,
     /// Annotated segment.
     pub source: Source,
@@ -112,7 +112,7 @@ pub struct UprightConstraint<E = f64> {
 pub struct AnnotatedPlane {
     /// Index among all planes of the scene.
     pub index: usize,
-    /// Prior on the plane.
+    /// Prior on the height and slope of the plane.
     pub prior: PlanePrior,
 }
 
@@ -121,7 +121,7 @@ pub struct AnnotatedPlane {
 pub struct Constraints<E = f64> {
     /// Segments whose direction is constrained.
     pub lines: Vec<LineConstraint<E>>,
-    /// Number of groups of floor directions; the angle of each is a nuisance parameter.
+    /// Number of groups of floor directions; the angle of each group is a nuisance parameter.
     pub groups: usize,
     /// Segments whose length is constrained.
     pub lengths: Vec<LengthConstraint<E>>,
@@ -148,9 +148,9 @@ pub struct Constraints<E = f64> {
 /// Reason why a segment gives no constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InvalidSegment {
-    /// One of its points cannot be undistorted.
+    /// A point of the segment cannot be undistorted.
     OutsideLens,
-    /// Its ends coincide.
+    /// The ends of the segment coincide.
     NoLength,
 }
 
@@ -183,14 +183,15 @@ impl<E> Constraints<E> {
     }
 }
 
-/// Scales the variances of repeated annotations so that they count once.
+/// Scales the variances of repeated annotations so that all copies together count once.
 pub(crate) fn weight_repeats<E: Number>(drawn: &mut Constraints<E>) {
-    share_lines(drawn);
-    share_lengths(drawn);
-    share_uprights(drawn);
+    weight_repeated_lines(drawn);
+    weight_repeated_lengths(drawn);
+    weight_repeated_uprights(drawn);
 }
 
-fn share_lines<E: Number>(constraints: &mut Constraints<E>) {
+/// Scales the noise of repeated lines, and the variances of the deviations of their directions.
+fn weight_repeated_lines<E: Number>(constraints: &mut Constraints<E>) {
     let drawn: Vec<_> =
         constraints.lines.iter().map(|line| polyline(line.chart.as_ref(), line.ends.each_ref())).collect();
     let group = |line: usize| match constraints.lines[line].direction {
@@ -228,7 +229,8 @@ fn share_lines<E: Number>(constraints: &mut Constraints<E>) {
         .insert(constraints.lines.iter().zip(&counts).map(|(line, [count, ..])| (line.source, count.all)));
 }
 
-fn share_lengths<E: Number>(constraints: &mut Constraints<E>) {
+/// Scales the noise and spread of repeated lengths, and the variances of the priors on their groups.
+fn weight_repeated_lengths<E: Number>(constraints: &mut Constraints<E>) {
     let drawn: Vec<_> = constraints
         .lengths
         .iter()
@@ -258,7 +260,8 @@ fn share_lengths<E: Number>(constraints: &mut Constraints<E>) {
     );
 }
 
-fn share_uprights<E: Number>(constraints: &mut Constraints<E>) {
+/// Scales the noise of repeated uprights, and the variances of their heights.
+fn weight_repeated_uprights<E: Number>(constraints: &mut Constraints<E>) {
     let drawn: Vec<_> =
         constraints.uprights.iter().map(|of| polyline(of.chart.as_ref(), [&of.foot, &of.head])).collect();
     let times = Overlaps::new(&drawn).repeat_counts();
@@ -269,22 +272,25 @@ fn share_uprights<E: Number>(constraints: &mut Constraints<E>) {
     constraints.repeats.insert(constraints.uprights.iter().map(|upright| upright.source).zip(times));
 }
 
+/// Multiplies the noise covariance of an end point by a repeat count.
 fn scale_variance<E: Number>(end: &mut Endpoint<E>, times: f64) {
     if times > 1.0 {
         end.covariance = end.covariance.map(|entry| entry * times);
     }
 }
 
-/// Returns both ends in an image that all lines share: undistorted pixels, or equidistant for a wide lens.
+/// Returns both ends of a segment in an image that all lines share: in undistorted pixels, or in equidistant
+/// pixels for a wide lens.
 fn polyline<E: Number>(chart: Option<&Chart>, ends: [&Endpoint<E>; 2]) -> Vec<[f64; 2]> {
     let points = ends.map(|end| end.point.map(Number::value));
     points.map(|point| chart.map_or(point, |chart| chart.equidistant_point(point))).to_vec()
 }
 
-/// Sum of the shares of the members of every group, and their number.
+/// Sum of the shares of the members of every group, and the number of members.
 struct Shares(Vec<(f64, f64)>);
 
 impl Shares {
+    /// Sums the shares of members, given as pairs of group and share; members without a group are ignored.
     fn new(groups: usize, members: impl Iterator<Item = (Option<usize>, f64)>) -> Self {
         let mut sums = vec![(0.0, 0.0); groups];
         for (group, share) in members {
@@ -306,16 +312,18 @@ impl Shares {
         mean((all.0 - sum, all.1 - count))
     }
 
+    /// Returns the mean share of the members of every group.
     fn mean_shares(&self) -> Vec<f64> {
         (0..self.0.len()).map(|group| self.mean_share(group)).collect()
     }
 }
 
+/// Returns the mean of `count` shares with this sum, at most 1; `None` without shares.
 fn mean((sum, count): (f64, f64)) -> Option<f64> {
     (count > 0.5).then(|| (sum / count).min(1.0))
 }
 
-/// Minimum length of a segment with a direction, in pixels.
+/// Minimum distance of the ends of a segment with a defined direction, in undistorted pixels.
 const MIN_SEGMENT_LENGTH_PX: f64 = 1e-3;
 impl Constraints {
     /// Computes the constraints of the annotations that are switched on, undistorted by `lens`.
@@ -325,7 +333,7 @@ impl Constraints {
     }
 
     /// Computes constraints like [`Self::new`], for annotations that may be on these planes. An annotation
-    /// that names none of them is on the floor.
+    /// that names no plane is on the floor.
     #[must_use]
     pub fn on_planes(
         annotations: &[Annotation],
@@ -376,6 +384,7 @@ struct Builder<'a, E> {
 }
 
 impl<'a, E: LensNumber> Builder<'a, E> {
+    /// Computes the constraints of the annotations for which `is_used` holds.
     fn build(
         annotations: &'a [Annotation],
         [lens, charts]: [&'a Lens; 2],
@@ -396,6 +405,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         builder.constraints
     }
 
+    /// Adds the constraints of an annotation, according to its kind.
     fn add(&mut self, index: usize, annotation: &Annotation) {
         let segments = annotation.segments.as_deref().unwrap_or_default();
         match annotation.kind.row().constraint {
@@ -408,6 +418,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         }
     }
 
+    /// Adds the lines of an annotation of parallel floor lines.
     fn add_parallels(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
         let groups = &mut self.constraints.groups;
         let (group, orthogonal) = direction_of(self.annotations, index, &mut self.directions, groups);
@@ -419,6 +430,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         self.add_lines(index, segments, |_| (Direction::Floor { group, orthogonal }, deviation));
     }
 
+    /// Adds the lines of a right angle on the floor.
     fn add_right_angles(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
         let group = self.constraints.groups;
         self.constraints.groups += 1;
@@ -453,6 +465,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         }))
     }
 
+    /// Adds one line for every segment; `direction` returns its direction and deviation.
     fn add_lines(
         &mut self,
         annotation: usize,
@@ -473,6 +486,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         }
     }
 
+    /// Adds the lengths of an annotation as one group.
     fn add_lengths(&mut self, index: usize, annotation: &Annotation, segments: &[Vec<Pixel>]) {
         let group = self.constraints.length_groups.len();
         let known = annotation.length();
@@ -506,6 +520,7 @@ impl<'a, E: LensNumber> Builder<'a, E> {
         }
     }
 
+    /// Adds an upright with a known height.
     fn add_upright(&mut self, index: usize, annotation: &Annotation) {
         let source = Source { annotation: index, segment: 0 };
         let (Some(foot), Some(head), Some(height)) = (annotation.foot, annotation.head, annotation.height())
@@ -598,11 +613,13 @@ impl LensNumber for ByLens {
     }
 }
 
-/// Returns `J J'`.
+/// Returns the covariance `J J'` of an undistorted point for unit noise of the raw pixel, as `[uu, uv, vv]`.
+/// J is the Jacobian of the undistortion.
 fn covariance_of_unit_noise<E: Number>([[a, b], [c, d]]: [[E; 2]; 2]) -> [E; 3] {
     [a * a + b * b, a * c + b * d, c * c + d * d]
 }
 
+/// Returns the ends if they are at least [`MIN_SEGMENT_LENGTH_PX`] apart.
 fn with_distinct_ends<E: Number>(ends: [Endpoint<E>; 2]) -> Result<[Endpoint<E>; 2], InvalidSegment> {
     let [a, b] = ends.map(|end| end.point.map(Number::value));
     if (a[0] - b[0]).hypot(a[1] - b[1]) < MIN_SEGMENT_LENGTH_PX {

@@ -2,13 +2,14 @@
 //!
 //! A floor is off level by `N(0, floor_tilt^2)` in each direction. Ground with marks of equal length is
 //! usually a road, which slopes to the side of its marks for drainage. Its additional slope is
-//! `N(0, (r crossfall)^2)`. r is the mean resultant length of the doubled directions of the marks (Mardia and
-//! Jupp 2000, section 2.3.1: the directions have no sign). r is 1 for marks along a lane. It is 0 for marks
-//! at right angles, as for the joints of tiles, which are laid level. The slope along the marks is smaller by
-//! the factor g ([`GRADIENT_RATIO`]). With the mean (c, s) of `(cos 2a, sin 2a)`, `r^2 = c^2 + s^2`, the
-//! covariance of the lean of the verticals against the floor is
+//! `N(0, (r crossfall)^2)`. r is the mean resultant length of the doubled directions a of the marks (Mardia
+//! and Jupp 2000, section 2.3.1). The directions are doubled because they have no sign. r is 1 for marks
+//! along a lane. It is 0 for marks at right angles, as for the joints of tiles, which are laid level. The
+//! slope along the marks is smaller by the factor g ([`GRADIENT_RATIO`]). With the mean (c, s) of
+//! `(cos 2a, sin 2a)`, `r^2 = c^2 + s^2`, the covariance of the lean of the verticals against the floor is
 //!
-//! `floor_tilt^2 I + crossfall^2 r / 2 [(1 + g^2) r - (1 - g^2) c, -(1 - g^2) s; -(1 - g^2) s, (1 + g^2) r + (1 - g^2) c]`.
+//! `floor_tilt^2 I + crossfall^2 r / 2 [k - m c, -m s; -m s, k + m c]` with `k = (1 + g^2) r` and
+//! `m = 1 - g^2`.
 //!
 //! The directions are computed at the current state, with their derivatives.
 
@@ -24,8 +25,11 @@ const GRADIENT_RATIO: f64 = 0.25;
 /// Lower Cholesky factor of the covariance of the lean to the right and away from the camera: its first
 /// column, and the last entry.
 pub(super) struct LeanSpread<N> {
+    /// Standard deviation of the lean to the right.
     right: N,
+    /// Entry below the diagonal: lean away from the camera per standard deviation of the lean to the right.
     ahead_by_right: N,
+    /// Standard deviation of the lean away from the camera, given the lean to the right.
     ahead: N,
 }
 
@@ -48,7 +52,7 @@ impl<E: Number> Problem<'_, E> {
             return Some(LeanSpread { right: sigma, ahead_by_right: N::constant(0.0), ahead: sigma });
         }
         let [cos, sin] = self.mean_direction(at);
-        // Slightly above zero, because the root has no derivative at zero.
+        // The argument is slightly above zero, because the root has no derivative at zero.
         let resultant = (cos * cos + sin * sin).at_least(1e-18).sqrt();
         let share = resultant * (0.5 * constraints.scene.crossfall.powi(2));
         let (both, [cos, sin]) = (
@@ -98,7 +102,7 @@ impl<E: Number> Problem<'_, E> {
 }
 
 impl LeanSpread<f64> {
-    /// Returns the log determinant of the covariance.
+    /// Returns the log determinant of the covariance of the lean.
     pub(super) fn log_determinant(&self) -> f64 {
         2.0 * (self.right * self.ahead).ln()
     }

@@ -11,11 +11,13 @@ use crate::single::scene_errors::Deviation;
 pub(crate) struct Directions<'a, E> {
     constraints: &'a Constraints<E>,
     nuisances: Nuisances,
+    /// Vanishing point of the verticals.
     nadir: VanishingPoint,
     /// Vanishing points along and at right angles to every group; empty if every line deviates.
     groups: Vec<[VanishingPoint; 2]>,
     /// Vanishing point of every deviating direction.
     deviations: Vec<VanishingPoint>,
+    /// Whether the tilt of the floor is estimated.
     has_tilt: bool,
 }
 

@@ -38,8 +38,8 @@ use crate::single::accuracy::{Grid, floor_length_rel};
 use crate::single::constraints::{Constraints, Source};
 use crate::single::likelihood::{Problem, State};
 use crate::single::minima::{
-    MAX_LOG_FOCAL_SIGMA, MIN_LOG_FOCAL_SIGMA_FOR_PRIOR, Minimum, Solutions, USUAL_FOCAL_PER_WIDTH,
-    weak_prior, with_weak_prior,
+    MAX_LOG_FOCAL_SIGMA, MIN_CHI2_DIFFERENCE, MIN_LOG_FOCAL_SIGMA_FOR_PRIOR, Minimum, Solutions,
+    USUAL_FOCAL_PER_WIDTH, weak_prior, with_weak_prior,
 };
 use crate::single::outliers::{Noise, OutlierSearch, is_inconsistent, solve_without_outliers};
 use crate::single::parameters::{FixedParameters, Orientation, Priors};
@@ -97,8 +97,8 @@ impl FitOptions<'_> {
 impl FitOptions<'_> {
     /// Returns the image width that corresponds to a usual field of view.
     ///
-    /// It is the width of the image, except for a wide lens. The focal length of a wide lens is already close
-    /// to that of the camera.
+    /// The result is the width of the image, except for a wide lens. The focal length of a wide lens is
+    /// already close to that of the camera.
     fn width(&self) -> f64 {
         if self.lens.distortion.is_wide() { self.lens.focal / USUAL_FOCAL_PER_WIDTH } else { self.size[0] }
     }
@@ -151,14 +151,13 @@ pub struct Fit {
     pub has_weak_prior: bool,
     /// Whether the height is fixed, or determined by a prior, an upright or a known length.
     pub is_height_known: bool,
-    /// Like `floor_length_rel`, but for ratios of lengths: without the error of the common scale.
+    /// Predicted relative standard deviation of ratios of lengths on the floor. Unlike `floor_length_rel`, it
+    /// excludes the error of the common scale.
     pub(crate) floor_shape_rel: Option<f64>,
     pub(crate) state: State,
+    /// Covariance of roll, pitch, log focal length and log height.
     pub(crate) core_covariance: Matrix4<f64>,
 }
-
-/// Minimum difference in chi-square that rules out the worse of two cameras.
-pub const MIN_CHI2_DIFFERENCE: f64 = 6.0;
 
 impl Fit {
     /// Computes the maximum-likelihood fit.
@@ -224,6 +223,13 @@ impl Fit {
             core_covariance,
             outliers: rejected,
         })
+    }
+
+    /// Whether the annotations alone determine the camera: one minimum, without the weak prior.
+    #[must_use]
+    pub fn determines_camera(&self) -> bool {
+        let is_sharp = self.log_focal_sigma.is_none_or(|sigma| sigma < MIN_LOG_FOCAL_SIGMA_FOR_PRIOR);
+        is_sharp && !(self.has_weak_prior || self.has_two_solutions || self.is_misfit)
     }
 
     /// Returns the standard deviation of the log focal length of this fit, with the weak prior if it was
@@ -307,7 +313,8 @@ fn nearest(minima: &[Minimum], to: &Minimum) -> Option<usize> {
     (0..minima.len()).min_by(|&a, &b| distance(&minima[a]).total_cmp(&distance(&minima[b])))
 }
 
-/// Returns the grid in the drawn EFOV, or in the default EFOV.
+/// Returns the grid of points between which floor lengths are predicted, in the drawn EFOV or in the default
+/// EFOV.
 pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
     if efov.is_empty() {
         Grid::from_floor(camera, &default_efov(camera, size).polygon)
@@ -340,6 +347,7 @@ fn choose(found: &Solutions, problem: &Problem, options: &FitOptions) -> Option<
     possible.min_by(|(_, a), (_, b)| badness(a).total_cmp(&badness(b))).map(|(i, _)| i)
 }
 
+/// Returns the orientation and chi-square of a minimum.
 fn local_minimum(minimum: &Minimum) -> LocalMinimum {
     LocalMinimum { orientation: minimum.state.orientation(), chi2: minimum.chi2 }
 }
@@ -384,12 +392,14 @@ fn covariance_of(minimum: &Minimum, spread: f64) -> Covariance {
     covariance
 }
 
+/// Checks that there are constraints, unless roll, pitch and focal length are fixed.
 fn check_not_empty(problem: &Problem) -> Result<(), Failure> {
     let count = problem.lines().count() + problem.lengths().count() + problem.uprights().count();
     let open = problem.free[..3].iter().any(|&free| free);
     if count > 0 || !open { Ok(()) } else { Err(Failure::NoAnnotations) }
 }
 
+/// Checks that the constraints determine the camera accurately enough; the error names the weakest parameter.
 fn check_determined(best: &Minimum, rel: Option<f64>, problem: &Problem) -> Result<(), Failure> {
     /// Relative error of floor lengths below which a singular fit is accepted: the undetermined parameter
     /// does not matter.
@@ -416,7 +426,8 @@ impl Fit {
     /// standard deviation of 30 px, so that rejections are no advantage.
     #[must_use]
     pub fn restricted_log_likelihood(constraints: &Constraints, options: &FitOptions) -> Option<f64> {
-        const OUTLIER_PX: f64 = 30.0;
+        /// Standard deviation of the residual of an outlier, in pixels.
+        const OUTLIER_SIGMA_PX: f64 = 30.0;
         let sigma = options.sigma?;
         let fit = Self::new(constraints, options).ok()?;
         let problem = Problem::new(constraints, options.fixed, options.priors, sigma, options.size[0]);
@@ -427,7 +438,7 @@ impl Fit {
         constraints.each_scene_prior(|_, sigma| of_sigmas += 2.0 * sigma.ln());
         let at = CameraTerms::<f64>::new(&fit.state.parameters, [0.0; 2]);
         of_sigmas += problem.lean_spread(&at).map_or(0.0, |spread| spread.log_determinant());
-        let of_outliers = 2.0 * fit.outliers.len() as f64 * OUTLIER_PX.ln();
+        let of_outliers = 2.0 * fit.outliers.len() as f64 * OUTLIER_SIGMA_PX.ln();
         let determinant = problem.normal(&fit.state)?.log_determinant(problem.free);
         Some(problem.cost(&fit.state)? + determinant + of_sigmas + of_outliers)
     }

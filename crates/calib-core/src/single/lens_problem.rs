@@ -31,10 +31,13 @@ use crate::single::straightness::{
     Edge, outermost, straightness_in_charts_of, straightness_with_jacobian, uninformative,
 };
 
-/// Standard deviations of k1, of k2 minus the square of a negative k1, of k3, and of p1 and p2.
+/// Standard deviation of k1 of the Brown-Conrady model, with coordinates in units of half the image diagonal.
 const K1_SIGMA: f64 = 0.2;
+/// Standard deviation of k2. The expected value is the square of k1 if k1 is negative, and otherwise 0.
 const K2_SIGMA: f64 = 0.1;
+/// Standard deviation of k3.
 const K3_SIGMA: f64 = 0.1;
+/// Standard deviation of p1 and of p2.
 const TANGENTIAL_SIGMA: f64 = 0.003;
 
 /// Standard deviations of k1 to k4 of a fisheye. The design families of fisheyes have k1 and k2 of 0 and 0
@@ -60,8 +63,11 @@ const CENTRE_SIGMA_PER_RADIUS: f64 = 0.01;
 /// lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LensResidual {
+    /// Residual, in standard deviations.
     pub(crate) value: f64,
+    /// Derivatives of the residual by the parameters of the lens.
     pub(crate) by: [f64; Lens::PARAMETERS],
+    /// Standard deviation of the prior, in the unit of the parameter; 1 for the prior on the slope.
     pub(crate) sigma: f64,
 }
 
@@ -80,7 +86,7 @@ pub(crate) fn lens_prior(
     };
     let row = DistortionModel::BrownConrady.row();
     // Conversion of the coefficient of r^n from units of the focal length to units of half the diagonal:
-    // times this ratio to the power n.
+    // multiplication by this ratio to the power n.
     let ratio = 0.5 * size[0].hypot(size[1]) / lens.focal;
     let square = ratio * ratio;
     let place = |of: Coefficient| row.coefficients.iter().position(|&named| named == of);
@@ -153,6 +159,7 @@ pub(super) struct LensProblem<'a> {
     pub(super) edges: Vec<&'a Edge>,
     /// Repeat count of every edge.
     pub(super) repeat_counts: Vec<f64>,
+    /// Distortion model and its fitted coefficients.
     pub(super) fitted: FittedCoefficients,
     /// Free parameters other than coefficients, as indices among the parameters of the lens.
     ///
@@ -177,6 +184,7 @@ impl LensProblem<'_> {
         self.lens(&[])
     }
 
+    /// Returns the lens with these values of the fitted parameters; missing values are 0.
     pub(super) fn lens(&self, values: &[f64]) -> Lens {
         let mut lens = Lens {
             principal_point: self.principal_point,
@@ -206,7 +214,7 @@ impl LensProblem<'_> {
         self.edges.iter().map(move |edge| edge_cost([&lens, &start], edge))
     }
 
-    /// Returns the sum over all edges, with every edge counted once regardless of its repeats.
+    /// Returns the sum of the squared residuals of all edges; all copies of an edge together count once.
     pub(super) fn cost(&self, values: &[f64]) -> f64 {
         self.costs(values).zip(&self.repeat_counts).map(|(cost, times)| cost / times).sum()
     }
@@ -219,8 +227,8 @@ impl LensProblem<'_> {
         lens_prior(&lens, (self.size, self.circle), fitted).into_iter().chain(of_slope).collect()
     }
 
-    /// Returns residuals and Jacobian in pixels, the priors last. The line of every edge is refitted, so it
-    /// is eliminated.
+    /// Returns residuals and Jacobian in pixels, the priors last. The straight line of every edge is
+    /// refitted, so the line is eliminated.
     ///
     /// `None` if the lens folds back on itself before a corner of the image.
     pub(super) fn residuals_and_jacobian(&self, values: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
@@ -374,17 +382,18 @@ impl LensProblem<'_> {
 }
 
 /// Returns the derivatives of the undistorted position of a pixel by the parameters of a lens; for a wide
-/// lens, in the chart around it.
+/// lens, in the chart around the pixel.
 ///
 /// Outside the lens, the nearest valid pixel toward the principal point is used.
 pub(super) fn undistorted_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {
-    const STEPS: usize = 40;
+    /// Number of positions between the pixel and the principal point that are tried for a wide lens.
+    const MAX_POSITIONS: usize = 40;
     let centre = lens.principal_point;
     let toward = |k: usize| {
-        let share = 1.0 - k as f64 / STEPS as f64;
+        let share = 1.0 - k as f64 / MAX_POSITIONS as f64;
         Pixel::new(centre.u + share * (place.u - centre.u), centre.v + share * (place.v - centre.v))
     };
-    let tried = if lens.distortion.is_wide() { STEPS } else { 1 };
+    let tried = if lens.distortion.is_wide() { MAX_POSITIONS } else { 1 };
     (0..tried).map(toward).find_map(|pixel| {
         let chart = Chart::centred_on(lens, &[pixel]);
         let point = lens.pixel_to_chart(pixel, chart.as_ref())?;
@@ -392,7 +401,8 @@ pub(super) fn undistorted_by_parameters(lens: &Lens, place: Pixel) -> Option<ByP
     })
 }
 
-/// Normal equations of a lens fit.
+/// Normal equations of a lens fit: the matrix J'J and the gradient J'r of the residuals r with the Jacobian
+/// J.
 pub(crate) struct Normal {
     square: DMatrix<f64>,
     gradient: DVector<f64>,
@@ -436,15 +446,16 @@ impl Normal {
     }
 }
 
-/// Start values of the first two coefficients, in units of half the diagonal.
+/// Start values of the first two coefficients, with coordinates in units of half the image diagonal.
 const STARTS: [[f64; 2]; 7] =
     [[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [-0.25, 0.05], [-0.4, 0.15], [-0.55, 0.3], [-0.1, -0.02]];
 
-/// Start values for a fisheye: the families equidistant, equisolid and stereographic.
+/// Start values of the first two coefficients of a fisheye: the families equidistant, equisolid and
+/// stereographic.
 const FISHEYE_STARTS: [[f64; 2]; 3] = [[0.0, 0.0], [-0.042, 0.0005], [0.083, 0.008]];
 
-/// Returns the sum of the squared distances of a polyline's points from straight; infinite if a point cannot
-/// be undistorted.
+/// Returns the sum of the squared distances of the points of a polyline from the best straight line, in
+/// square pixels. The sum is infinite if a point cannot be undistorted.
 fn edge_cost(lenses: [&Lens; 2], edge: &Edge) -> f64 {
     straightness_in_charts_of(lenses, &edge.points)
         .map_or(f64::INFINITY, |distances| distances.iter().map(|d| d * d).sum())
@@ -455,8 +466,10 @@ impl LensProblem<'_> {
     ///
     /// The focal length starts at the value with the straightest edges.
     pub(super) fn with_free_focal(mut self, is_centre_fixed: bool) -> Self {
-        /// Focal lengths of fisheyes from 60 to 250 degrees, in units of half the image diagonal.
-        const STARTS: [f64; 5] = [0.4, 0.52, 0.68, 0.9, 1.2];
+        /// Start values of the focal length: fisheyes from 60 to 250 degrees, in units of half the image
+        /// diagonal.
+        const START_FOCALS: [f64; 5] = [0.4, 0.52, 0.68, 0.9, 1.2];
+        /// Number of steps from every start value.
         const FIRST_STEPS: usize = 8;
         self.free = vec![Lens::OWN_FOCAL];
         if !is_centre_fixed {
@@ -472,7 +485,7 @@ impl LensProblem<'_> {
         };
         let mut best: Option<(f64, f64)> = None;
         let mut reached: Vec<Vec<f64>> = Vec::new();
-        for start in STARTS {
+        for start in START_FOCALS {
             self.unit = start * half_diagonal;
             let is_known = |values: &Vec<f64>, _| {
                 let here = absolute(values, self.unit);

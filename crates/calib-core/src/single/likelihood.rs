@@ -34,7 +34,7 @@ pub(crate) struct Problem<'a, E = f64> {
     /// Standard deviation of a drawn coordinate, in pixels.
     pub(crate) sigma: f64,
     pub(crate) priors: Priors,
-    /// Flag for every core parameter that is estimated.
+    /// Flag for every core parameter: whether it is estimated.
     pub(crate) free: [bool; 4],
     /// Constraints rejected as outliers.
     pub(crate) rejected: &'a [Source],
@@ -46,12 +46,13 @@ pub(crate) struct Problem<'a, E = f64> {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
     pub(crate) parameters: Parameters,
-    /// Angle of every floor direction in radians, then the log length of every group of lengths in units of
-    /// the camera height, then the scene's own errors ([`Nuisances`]).
+    /// Nuisance parameters: angle of every floor direction (radians), log length of every group of lengths
+    /// (unit: camera height), and the scene's own errors ([`Nuisances`]).
     pub(crate) nuisance: Vec<f64>,
 }
 
 impl State {
+    /// Returns roll, pitch and focal length at this state.
     pub(crate) fn orientation(&self) -> Orientation {
         let [roll, pitch, log_focal, _] = self.parameters;
         Orientation { roll, pitch, focal: log_focal.exp() }
@@ -89,8 +90,8 @@ impl<'a> Problem<'a> {
         count - unknowns as i64
     }
 
-    /// Returns the number of residuals of repeated annotations, minus the unknowns of these alone, rounded
-    /// up.
+    /// Returns the number of residuals of repeated annotations, minus the unknowns of these annotations
+    /// alone, rounded up.
     pub(crate) fn repeated_residuals(&self) -> i64 {
         let Constraints { repeats, groups, length_groups, .. } = self.constraints;
         let again = |source: Source| 1.0 - repeats.repeat_count(source).recip();
@@ -108,7 +109,7 @@ impl<'a> Problem<'a> {
         (lines + lengths + 2.0 * uprights - directions - unknown - 1e-9).ceil() as i64
     }
 
-    /// Returns a flag for every nuisance parameter that any residual depends on.
+    /// Returns a flag for every nuisance parameter: whether a residual depends on it.
     pub(crate) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.nuisances().count()];
         for line in self.lines() {
@@ -149,7 +150,7 @@ impl<'a> Problem<'a> {
             let Direction::Floor { group, orthogonal } = line.direction else { continue };
             let [a, b, c] = unrolled(line, [sr, cr]);
             // Direction in which the viewing plane of the segment intersects the floor. An axis has no sign,
-            // so its doubled angle is averaged.
+            // so the doubled angle of the direction is averaged.
             let (x, y) = (cp * c - sp * f * b, -f * a);
             let square = x * x + y * y;
             if square > 0.0 {
@@ -239,8 +240,8 @@ impl PlaneState {
 }
 
 impl<E> Constraints<E> {
-    /// Returns the camera with these parameters relative to every plane; `None` for a plane that it is not
-    /// above.
+    /// Returns the camera with these parameters relative to every plane; `None` for a plane that the camera
+    /// is not above.
     pub(crate) fn plane_frames(&self, parameters: &Parameters, nuisance: &[f64]) -> Vec<Option<PlaneFrame>> {
         let nuisances = Nuisances::new(self);
         let tilt = [0, 1].map(|axis| nuisance[nuisances.tilt() + axis]);
@@ -272,18 +273,22 @@ impl<'a, E: Number> Problem<'a, E> {
         Nuisances::new(self.constraints)
     }
 
+    /// Whether the constraint of this source is not rejected.
     fn is_used(&self, source: Source) -> bool {
         self.rejected.is_empty() || !self.rejected.contains(&source)
     }
 
+    /// Iterates over the lines that are not rejected.
     pub(crate) fn lines(&self) -> impl Iterator<Item = &'a LineConstraint<E>> + '_ {
         self.constraints.lines.iter().filter(|line| self.is_used(line.source))
     }
 
+    /// Iterates over the lengths that are not rejected.
     pub(crate) fn lengths(&self) -> impl Iterator<Item = &'a LengthConstraint<E>> + '_ {
         self.constraints.lengths.iter().filter(|length| self.is_used(length.source))
     }
 
+    /// Iterates over the uprights that are not rejected.
     pub(crate) fn uprights(&self) -> impl Iterator<Item = &'a UprightConstraint<E>> + '_ {
         self.constraints.uprights.iter().filter(|upright| self.is_used(upright.source))
     }

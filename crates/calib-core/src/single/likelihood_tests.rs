@@ -14,7 +14,7 @@ fn any_end() -> impl Strategy<Value = Endpoint> {
     )
 }
 
-/// A plane with a slope of about three degrees.
+/// Returns a plane with a slope of about three degrees.
 fn ramp() -> PlanePrior {
     let plane = Plane { height: 0.3, slope: [0.05, 0.0], anchor: FloorPoint::default() };
     PlanePrior { id: "ramp".into(), plane, along: [1.0, 0.0], sigma: [0.1, 0.02, 0.01] }
@@ -212,7 +212,7 @@ fn drawn_toward(parameters: &Parameters, drawn: &[([f64; 2], f64, f64)]) -> Cons
     Constraints { lines: lines.collect(), groups: 1, ..Constraints::default() }
 }
 
-/// The problem in the interface of the levenberg-marquardt crate.
+/// Least-squares problem in the interface of the levenberg-marquardt crate.
 struct Oracle<'a> {
     problem: &'a Problem<'a>,
     state: State,

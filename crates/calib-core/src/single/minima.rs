@@ -8,6 +8,7 @@ use crate::single::likelihood::{Problem, State};
 use crate::single::parameters::FixedParameters;
 use crate::single::parameters::Prior;
 use crate::single::residual::{LOG_FOCAL, PITCH, Parameters, ROLL};
+use crate::single::size_residual::CameraTerms;
 use crate::single::vanishing_point::{roll_from_verticals, vanishing_point};
 
 /// Horizontal fields of view of the start values of the focal length, in degrees.
@@ -21,6 +22,8 @@ pub const MAX_LOG_FOCAL_SIGMA: f64 = 0.2;
 /// Standard deviation of the log focal length above which the weak prior is added: it then has at least a
 /// twelfth of the information of the constraints.
 pub(crate) const MIN_LOG_FOCAL_SIGMA_FOR_PRIOR: f64 = 0.1;
+/// Minimum difference in chi-square that rules out the worse of two cameras.
+pub const MIN_CHI2_DIFFERENCE: f64 = 6.0;
 /// Maximum number of accepted steps of a run. Near a minimum convergence is quadratic; if the cost is flat in
 /// the focal length, the weak prior resolves it.
 const MAX_STEPS: usize = 60;
@@ -60,7 +63,36 @@ pub(crate) fn minima_including(
         found = with_minimum_from(start, problem, found);
     }
     found.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
+    without_vague(found, problem)
+}
+
+/// Removes minima that fit the uprights only because they predict them vaguely.
+///
+/// The likelihood contains the log determinant of the covariance of the predicted heads, in addition to the
+/// chi-square. The differences of the determinant between usual cameras are negligible. A camera at the
+/// height of the heads predicts them so vaguely that its chi-square is 0.
+fn without_vague(mut found: Vec<Minimum>, problem: &Problem) -> Vec<Minimum> {
+    if problem.uprights().next().is_none() || found.len() < 2 {
+        return found;
+    }
+    let of_all: Vec<(f64, f64)> =
+        found.iter().map(|minimum| (minimum.chi2, log_spread(&minimum.state, problem))).collect();
+    let is_vague = |&(chi2, spread): &(f64, f64)| {
+        let is_better = |&(other, sharp): &(f64, f64)| {
+            sharp + MIN_CHI2_DIFFERENCE < spread && other + sharp + MIN_CHI2_DIFFERENCE < chi2 + spread
+        };
+        of_all.iter().any(is_better)
+    };
+    let mut vague = of_all.iter().map(is_vague);
+    found.retain(|_| !vague.next().unwrap_or(false));
     found
+}
+
+/// Returns the log determinant of the covariance of the predicted heads; 0 without uprights.
+fn log_spread(state: &State, problem: &Problem) -> f64 {
+    let at = CameraTerms::<f64>::new(&state.parameters, [0.0; 2]);
+    // The determinant of a huge covariance is lost in rounding errors.
+    problem.log_spread_of_uprights(&at).filter(|spread| !spread.is_nan()).unwrap_or(f64::INFINITY)
 }
 
 /// Adds the minimum reached from a start, if it is new or lower.
@@ -77,8 +109,8 @@ fn with_minimum_from(start: State, problem: &Problem, mut found: Vec<Minimum>) -
     found
 }
 
-/// Whether a run from a state converges to a minimum: the state is within one standard deviation of every
-/// parameter, and one unit of chi-square.
+/// Whether a run from a state would converge to a known minimum: the state is within one standard deviation
+/// of every parameter, and one unit of chi-square.
 fn is_near_minimum(minimum: &Minimum, state: &State, cost: f64, problem: &Problem) -> bool {
     let is_near = |i: usize| {
         let off = (state.parameters[i] - minimum.state.parameters[i]).abs();
@@ -118,6 +150,7 @@ pub(crate) fn minimum_near(problem: &Problem, state: &State) -> Option<Minimum> 
     minimum(problem, least_squares(problem, start, MAX_STEPS)?)
 }
 
+/// Returns the minimum that a run reached, with its angles normalised and its covariance.
 fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {
     let Summary { mut state, cost: chi2, normal, .. } = summary;
     let parameters = state.parameters;
@@ -131,8 +164,8 @@ fn minimum(problem: &Problem, summary: Summary<Problem>) -> Option<Minimum> {
     Some(Minimum { state, chi2, uncertainty })
 }
 
-/// Normalises the pitch to [-90, 90] degrees and the roll to [-180, 180). A pitch beyond the vertical is the
-/// same camera with roll and yaw rotated by 180 degrees.
+/// Normalises the pitch to [-90, 90] degrees and the roll to [-180, 180). A camera with a pitch beyond the
+/// vertical equals a camera with roll and yaw rotated by 180 degrees.
 fn normalize_angles(state: &mut State, problem: &Problem) {
     use std::f64::consts::{FRAC_PI_2, PI, TAU};
     // A roll or pitch that is fixed or has a prior keeps its range.
@@ -150,7 +183,7 @@ fn normalize_angles(state: &mut State, problem: &Problem) {
         // The yaw also changes by 180 degrees. The angle of a floor direction does not, because an axis has
         // no sign.
     }
-    // A roll within the range is returned bit by bit.
+    // A roll within the range keeps its exact value.
     if !(-PI..PI).contains(roll) {
         *roll = (*roll + PI).rem_euclid(TAU) - PI;
     }
@@ -158,6 +191,7 @@ fn normalize_angles(state: &mut State, problem: &Problem) {
 
 /// Whether two states are the same minimum: their distance is below one standard deviation.
 fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
+    /// Largest difference of roll and pitch (radians) and of log focal length between equal states.
     const SAME_STATE_DISTANCE: f64 = 1e-4;
     let turn = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
     let difference: [f64; 3] = std::array::from_fn(|i| match i {
@@ -175,7 +209,9 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     !(is_far(a) && is_far(b))
 }
 
+/// Returns the start states: the best states on a grid of focal lengths, and of pitches if necessary.
 fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
+    /// Maximum number of start states.
     const MAX_STARTS: usize = 4;
     let verticals = problem.lines().filter(|line| line.direction == Direction::Vertical);
     let vanishing = vanishing_point(verticals);
@@ -202,10 +238,10 @@ fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
             );
         }
     }
-    lowest(problem, &rows, MAX_STARTS)
+    lowest_on_grid(problem, &rows, MAX_STARTS)
 }
 
-/// Returns the start values of the focal length, in pixels: the fixed one, or a range and the mean of the
+/// Returns the start values of the focal length, in pixels: the fixed value, or a range and the mean of the
 /// prior.
 fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
     if let Some(focal) = fixed.focal {
@@ -220,15 +256,16 @@ fn focals(problem: &Problem, fixed: FixedParameters) -> Vec<f64> {
     focals
 }
 
-/// Returns the states at the local minima of the cost on a grid of parameters, the lowest first.
-fn lowest(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State> {
+/// Returns the states at the local minima of the cost on a grid of parameters, the lowest first, at most
+/// `most`. The cost includes the log determinant of the predicted heads.
+fn lowest_on_grid(problem: &Problem, rows: &[Vec<Parameters>], most: usize) -> Vec<State> {
     let states: Vec<Vec<Option<(f64, State)>>> = rows
         .iter()
         .map(|row| {
             row.iter()
                 .map(|&parameters| {
                     let state = problem.state_at(parameters)?;
-                    Some((problem.cost(&state)?, state))
+                    Some((problem.cost(&state)? + log_spread(&state, problem), state))
                 })
                 .collect()
         })

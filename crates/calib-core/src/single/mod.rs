@@ -22,6 +22,7 @@
 //! - `accuracy`: covariance propagated to **the relative error of floor lengths**;
 //! - `plausibility`: prior that cameras are upright and see the floor;
 //! - `fit`: entry point; [`Fit::new`] runs the whole estimate;
+//! - `p3p`, `point_fit`: pose and focal length from control points alone;
 //! - `advice`: findings about a fit, and suggested annotations.
 
 mod annotation;
@@ -48,6 +49,8 @@ mod prediction;
 mod accuracy;
 mod plausibility;
 mod fit;
+mod p3p;
+mod point_fit;
 mod advice;
 
 pub use abramov::{closed_form, minimum as paper_minimum};
@@ -60,7 +63,7 @@ pub use constraints::{
     AnnotatedPlane, Constraints, Direction, Endpoint, InvalidSegment, LengthConstraint, LineConstraint,
     Source, UprightConstraint,
 };
-pub use fit::{Fit, FitOptions, LocalMinimum, MIN_CHI2_DIFFERENCE, grid};
+pub use fit::{Fit, FitOptions, LocalMinimum, grid};
 pub(crate) use lens_problem::{LensResidual, lens_prior, slope_prior};
 pub use outliers::{contradictory_uprights, is_inconsistent};
 pub(crate) use outliers::{inflation, is_significant, student_factor};
@@ -68,6 +71,7 @@ pub(crate) use overlaps::is_repeat_of;
 pub use overlaps::{MAX_OVERLAP_DISTANCE_PX, Repeats};
 pub use parameters::{FittedCoefficients, FixedParameters, Orientation, PlanePrior, Prior, Priors};
 pub use plumb_line::{LensFit, LensOptions};
+pub use point_fit::{PointFit, PointFitOptions};
 pub(crate) use prediction::predictable;
 pub use prediction::{StoredCamera, residuals_at, residuals_of_stored};
 pub use scene_errors::{Deviation, SceneErrors};
@@ -76,6 +80,6 @@ pub(crate) use straightness::{edge_redundancy, repeat_counts, straightness_with_
 
 pub use accuracy::{placed_floor_length_rel, placed_floor_shape_rel};
 pub(crate) use likelihood::{Problem, State};
-pub use minima::MAX_LOG_FOCAL_SIGMA;
+pub use minima::{MAX_LOG_FOCAL_SIGMA, MIN_CHI2_DIFFERENCE};
 pub(crate) use minima::{MIN_LOG_FOCAL_SIGMA_FOR_PRIOR, weak_prior};
 pub(crate) use residual::{LOG_FOCAL, LOG_HEIGHT, PITCH, ROLL};

@@ -11,18 +11,23 @@ use crate::single::constraints::{AnnotatedPlane, Constraints, Direction, LineCon
 /// height under the camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Nuisances {
+    /// Number of groups of floor directions.
     groups: usize,
+    /// Number of groups of lengths.
     lengths: usize,
+    /// Number of deviating directions.
     deviations: usize,
+    /// Number of annotated planes.
     planes: usize,
 }
 
-/// First indices of the nuisance parameters that an annotation on a plane depends on.
+/// Indices of the nuisance parameters that an annotation on a plane depends on; `None` for parameters that
+/// are not estimated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlaneNuisances {
-    /// Index of the two tilts of the floor.
+    /// Index of the first of the two tilts of the floor.
     pub(crate) tilt: Option<usize>,
-    /// Index of the two slopes of the plane.
+    /// Index of the first of the two slopes of the plane.
     pub(crate) slope: Option<usize>,
     /// Index of the height of the plane under the camera.
     pub(crate) foot: Option<usize>,
@@ -40,25 +45,26 @@ impl Nuisances {
         self.groups + group
     }
 
-    /// Returns the index of the azimuth of a deviation; its elevation is the next.
+    /// Returns the index of the azimuth of a deviation; its elevation has the next index.
     pub(crate) fn deviation(&self, deviation: usize) -> usize {
         self.groups + self.lengths + 2 * deviation
     }
 
-    /// Returns the index of the lean of the verticals to the right; the lean away from the camera is the
-    /// next.
+    /// Returns the index of the lean of the verticals to the right; the lean away from the camera has the
+    /// next index.
     pub(crate) fn tilt(&self) -> usize {
         self.deviation(self.deviations)
     }
 
     /// Returns the index of the slope of a plane to the right.
     ///
-    /// The slope away from the camera is the next. The third is the height under the camera, relative to the
-    /// expected height of the plane.
+    /// The next index is that of the slope away from the camera. The third is that of the height under the
+    /// camera, relative to the expected height of the plane.
     pub(crate) fn plane(&self, plane: usize) -> usize {
         self.tilt() + 2 + 3 * plane
     }
 
+    /// Returns the number of nuisance parameters.
     pub(crate) fn count(&self) -> usize {
         self.plane(self.planes)
     }
@@ -87,8 +93,8 @@ impl Nuisances {
 }
 
 impl<E> Constraints<E> {
-    /// Calls `sink` with the index and sigma of every nuisance parameter that has its own prior. The two
-    /// tilts have a joint prior (`crossfall.rs`).
+    /// Calls `sink` with the index and the standard deviation of every nuisance parameter that has its own
+    /// prior. The two tilts have a joint prior (`crossfall.rs`).
     pub(crate) fn each_scene_prior(&self, mut sink: impl FnMut(usize, f64)) {
         let nuisances = Nuisances::new(self);
         let deviations = self.deviations.iter().enumerate().flat_map(|(index, deviation)| {
@@ -129,10 +135,12 @@ impl<E> Constraints<E> {
 }
 
 impl AnnotatedPlane {
+    /// Returns the standard deviation of each slope of the plane, in rise per metre.
     fn slope_sigma(&self) -> f64 {
         self.prior.slope_in_any_direction()
     }
 
+    /// Returns the standard deviation of the height of the plane under the camera, in metres.
     fn foot_sigma(&self) -> f64 {
         self.prior.height_sigma_under_camera()
     }

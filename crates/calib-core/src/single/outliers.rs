@@ -4,17 +4,17 @@
 //! If the test fails, the fit is repeated without each annotation. The annotation whose removal gives the
 //! best agreement of the rest is rejected. A large residual is not a substitute: an outlier pulls the fit
 //! toward itself, and with few lines its residual may be the smallest. With many lines only the most
-//! promising are left out, ranked by the linear model ([`Problem::chi2_without`]). Its residuals are
-//! corrected for their own leverage. Each costs a four by four system instead of a fit.
+//! promising are left out, ranked by the linear model ([`Problem::chi2_without`]). The model corrects the
+//! residuals for their own leverage. Each constraint costs a four by four system instead of a fit.
 //!
 //! # Contradictory uprights
 //!
 //! Each upright alone determines the camera height. If these heights contradict each other, the wrong upright
 //! is the lowest or the highest.
 //!
-//! For a known orientation, let `z` be the height of the camera, and `f` the horizontal vector that the ray
-//! of the foot covers while it falls one metre. The foot is at the distance `z |f|` from the point below the
-//! camera. Let the ray of the head have the component `a` along `f` and the rise `c`. It passes above the
+//! For a known orientation, let `z` be the height of the camera. Let `f` be the horizontal vector that the
+//! ray of the foot covers while it falls one metre. The foot is at the distance `z |f|` from the point below
+//! the camera. Let the ray of the head have the component `a` along `f` and the rise `c`. It passes above the
 //! foot at the height `z + z |f| c / a`, which equals the height `h` of the upright. So
 //! `z = h a / (a + |f| c)`.
 
@@ -60,7 +60,7 @@ fn height_from_upright(camera: &Camera, annotation: &Annotation) -> Option<f64> 
 
 /// Returns the estimated factor of the assumed variance of a drawn coordinate: `chi2 / dof`, at least 1.
 ///
-/// It is 1 if there are too few residuals for an estimate, unless they are a misfit.
+/// The factor is 1 if there are too few residuals for an estimate, unless the residuals are a misfit.
 pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
     /// Minimum degrees of freedom for an estimate of the noise.
     const MIN_DOF: i64 = 10;
@@ -73,13 +73,13 @@ pub(crate) fn inflation(chi2: f64, dof: i64) -> f64 {
 /// for the fit without it. The level is 1 % for the largest of `count` constraints.
 pub(crate) fn is_significant(chi2: f64, chi2_without: f64, dof_without: i64, count: usize) -> bool {
     /// Normal quantile of 0.005: two-sided 1 %.
-    const TWO_SIDED: f64 = 2.576;
+    const TWO_SIDED_QUANTILE: f64 = 2.576;
     if dof_without < 3 {
         return false;
     }
     let nu = dof_without as f64;
     // Normal quantile for the largest of many, and Student's quantile from it.
-    let z = (TWO_SIDED * TWO_SIDED + 2.0 * (count as f64).ln()).sqrt();
+    let z = (TWO_SIDED_QUANTILE * TWO_SIDED_QUANTILE + 2.0 * (count as f64).ln()).sqrt();
     let student = student_quantile(z, nu);
     chi2 - chi2_without > student * student * chi2_without / nu
 }
@@ -97,12 +97,12 @@ fn student_quantile(z: f64, nu: f64) -> f64 {
 /// The widened normal interval equals the 95 % interval of Student's distribution.
 pub(crate) fn student_factor(dof: i64) -> f64 {
     /// Normal quantile of 0.975.
-    const Z: f64 = 1.959_964;
+    const NORMAL_QUANTILE: f64 = 1.959_964;
     // One and two degrees of freedom have closed forms: tan(0.475 pi), and 0.95 sqrt(2 / (1 - 0.95^2)).
     match dof {
-        ..=1 => 12.706_205 / Z,
-        2 => 4.302_653 / Z,
-        _ => student_quantile(Z, dof as f64) / Z,
+        ..=1 => 12.706_205 / NORMAL_QUANTILE,
+        2 => 4.302_653 / NORMAL_QUANTILE,
+        _ => student_quantile(NORMAL_QUANTILE, dof as f64) / NORMAL_QUANTILE,
     }
 }
 
@@ -112,6 +112,7 @@ pub(crate) fn student_factor(dof: i64) -> f64 {
 /// Clicks and curved edges have errors of a few pixels. Larger errors are wrong annotations, not noise, and
 /// no factor converts them to a standard deviation.
 pub fn is_inconsistent(chi2: f64, dof: i64) -> bool {
+    /// Largest ratio of the estimated to the assumed standard deviation of the noise.
     const MAX_SIGMAS: f64 = 5.0;
     is_misfit(chi2, dof) && chi2 > MAX_SIGMAS * MAX_SIGMAS * dof as f64
 }
@@ -126,7 +127,7 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// Noise given by the caller.
+    /// Noise whose standard deviation is given by the caller.
     pub(crate) const GIVEN: Self = Self { inflation: 1.0, dof: None };
 
     /// Estimates the noise by [`inflation`].
@@ -167,8 +168,8 @@ pub(crate) struct OutlierSearch<'a> {
 
 /// Returns the solutions without outliers, and the outliers.
 ///
-/// At most a third of the degrees of freedom, and at most four constraints, are rejected. If no rejection
-/// explains the misfit, nothing is rejected.
+/// The number of rejected constraints is at most four, and at most a third of the degrees of freedom, but one
+/// rejection is always tried. If no rejection explains the misfit, nothing is rejected.
 pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -> (Solutions, Vec<Source>) {
     let mut rejected: Vec<Source> = Vec::new();
     let mut results = vec![solve(problem, search.fixed, search.weak_prior)];
@@ -187,7 +188,7 @@ pub(crate) fn solve_without_outliers(problem: &Problem, search: OutlierSearch) -
         if round == most {
             break;
         }
-        if !may_explain(&without, best, most - round) {
+        if !may_remove_misfit(&without, best, most - round) {
             break;
         }
         let Some(Outlier { source, chi2, runner_up }) = worst_outlier(&without, best, search) else { break };
@@ -218,8 +219,9 @@ const MAX_REFITTED_CONSTRAINTS: usize = 400;
 ///
 /// With few constraints this is unknown before trying. With many, the largest residuals predict it, with a
 /// margin for their influence on the fit.
-fn may_explain(problem: &Problem, best: &Minimum, most: i64) -> bool {
-    const MARGIN: f64 = 4.0;
+fn may_remove_misfit(problem: &Problem, best: &Minimum, most: i64) -> bool {
+    /// Factor of the predicted gain, for the influence of the residuals on the fit.
+    const GAIN_MARGIN: f64 = 4.0;
     let count = sources(problem).len();
     if count <= MAX_REFITTED_CONSTRAINTS {
         return true;
@@ -230,7 +232,7 @@ fn may_explain(problem: &Problem, best: &Minimum, most: i64) -> bool {
     });
     squares.sort_by(|a, b| b.total_cmp(a));
     let gain: f64 = squares.iter().take(usize::try_from(most).unwrap_or(0)).sum();
-    !is_misfit(best.chi2 - MARGIN * gain, problem.dof() - most)
+    !is_misfit(best.chi2 - GAIN_MARGIN * gain, problem.dof() - most)
 }
 
 /// Minimum difference in chi-square between the best and the second-best rejection.
@@ -245,16 +247,17 @@ struct Outlier {
     runner_up: f64,
 }
 
+/// Returns the constraint whose rejection gives the best agreement of the rest.
 fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Option<Outlier> {
-    /// Largest number of candidates that are all solved from every start, and the number solved so if there
-    /// are more.
+    /// Largest number of candidates that are all solved from every start.
     const MAX_MULTISTART: usize = 40;
-    const MULTISTART_OF_MORE: usize = 10;
+    /// Number of candidates that are solved from every start if there are more.
+    const REDUCED_MULTISTART: usize = 10;
     let candidates = outlier_candidates(problem, best, search);
     let multistart = match sources(problem).len() {
         count if count > MAX_REFITTED_CONSTRAINTS => 0,
         _ if candidates.len() <= MAX_MULTISTART => candidates.len(),
-        _ => MULTISTART_OF_MORE,
+        _ => REDUCED_MULTISTART,
     };
     let mut scored: Vec<(f64, Source, f64)> = Vec::new();
     for (rank, &source) in candidates.iter().enumerate() {
@@ -264,7 +267,8 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
         if without.dof() < 1 {
             continue;
         }
-        // A gross error may have led the fit to another minimum, so all starts are tried, not only this one.
+        // A gross error may have led the fit to another minimum, so all starts are tried, not only the
+        // present minimum.
         let mut found: Vec<Minimum> = minimum_near(&without, &best.state).into_iter().collect();
         if rank < multistart {
             found = minima_including(found, &without, search.fixed);
@@ -282,23 +286,24 @@ fn worst_outlier(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Op
 fn outlier_candidates(problem: &Problem, best: &Minimum, search: OutlierSearch) -> Vec<Source> {
     /// Largest number of constraints for which all are candidates.
     const MAX_UNSELECTED: usize = 40;
-    /// Number of selected candidates.
-    const SELECTED: usize = 16;
+    /// Number of candidates if there are more constraints than `MAX_UNSELECTED`.
+    const MAX_CANDIDATES: usize = 16;
     let mut found = problem.residuals_in_pixels(&best.state).unwrap_or_default();
     found.retain(|(source, _)| !(search.keep)(*source));
     found.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     let mut sources: Vec<Source> = found.into_iter().map(|(source, _)| source).collect();
     if sources.len() > MAX_REFITTED_CONSTRAINTS {
-        sources.truncate(SELECTED);
+        sources.truncate(MAX_CANDIDATES);
     } else if sources.len() > MAX_UNSELECTED {
         let promised = problem.chi2_without(&best.state);
         let of = |source: &Source| promised.get(source).copied().unwrap_or(f64::INFINITY);
         sources.sort_by(|a, b| of(a).total_cmp(&of(b)));
-        sources.truncate(SELECTED);
+        sources.truncate(MAX_CANDIDATES);
     }
     sources
 }
 
+/// Returns the sources of all constraints that are not rejected.
 fn sources(problem: &Problem) -> Vec<Source> {
     let lines = problem.lines().map(|line| line.source);
     let lengths = problem.lengths().map(|length| length.source);

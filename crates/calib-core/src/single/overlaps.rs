@@ -8,8 +8,9 @@
 //!
 //! A polyline overlaps another as far as its pieces have both ends within [`MAX_OVERLAP_DISTANCE_PX`] of
 //! pieces of the other. Polylines that are identical bit by bit share one location, which is evaluated once.
-//! Pieces are sorted by angle. If one piece overlaps another, their angles differ by at most the distance
-//! divided by the length of the one. So only few pairs of many lines are compared.
+//! Pieces are sorted by angle. If one piece overlaps another, the sine of the difference of their angles is
+//! limited. It is at most twice [`MAX_OVERLAP_DISTANCE_PX`] divided by the length of the first piece. So only
+//! few pairs of many lines are compared.
 
 use std::collections::HashMap;
 
@@ -22,15 +23,18 @@ const MIN_LENGTH_RATIO: f64 = 0.8;
 /// Minimum length of a piece whose angle restricts the candidates, in pixels.
 const MIN_ANGLE_LENGTH_PX: f64 = 8.0 * MAX_OVERLAP_DISTANCE_PX;
 
-/// Repeat count of a polyline, including itself: among all polylines that have a class, and in its own class.
+/// Repeat counts of a polyline, including the polyline itself. Polylines without a class are not counted, and
+/// their counts are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Count {
+    /// Repeat count among the polylines of all classes.
     pub(crate) all: f64,
+    /// Repeat count among the polylines of the same class.
     pub(crate) own: f64,
 }
 
 impl Count {
-    /// Returns the fraction of the copies that are in its own class; 1 without a class.
+    /// Returns the fraction of the copies that are in the same class; 1 without a class.
     pub(crate) fn share(&self) -> f64 {
         if self.all > 0.0 { self.own / self.all } else { 1.0 }
     }
@@ -38,8 +42,9 @@ impl Count {
 
 /// Polylines, grouped by location.
 pub(crate) struct Overlaps<'a> {
+    /// Distinct polylines, one for each location.
     places: Vec<Extent<'a>>,
-    /// Location of every polyline.
+    /// Index of the location of every polyline, in `places`.
     place_of: Vec<usize>,
     /// Pieces of all locations, sorted by angle.
     pieces: Vec<Piece>,
@@ -98,8 +103,8 @@ impl<'a> Overlaps<'a> {
         classes.into_iter().map(Tally::new).collect()
     }
 
-    /// Calls `sink` with every location, another location that it overlaps, and the overlapping fraction of
-    /// it.
+    /// Calls `sink` for every pair of locations of which the first overlaps the second. The arguments are the
+    /// indices of both, and the overlapping fraction of the length of the first.
     fn each_overlap(&self, mut sink: impl FnMut(usize, usize, f64)) {
         // Overlap of the current piece and of the current location with every other location.
         let (mut of_piece, mut of_place) = (Lengths::of(self.places.len()), Lengths::of(self.places.len()));
@@ -107,7 +112,7 @@ impl<'a> Overlaps<'a> {
             for ends in segments(own.points) {
                 let whole = length(&ends);
                 self.each_near(own, &ends, |other| {
-                    if other.place != index && own.may_lie_on(&self.places[other.place]) {
+                    if other.place != index && own.may_overlap(&self.places[other.place]) {
                         of_piece.add(other.place, common_length(&ends, &other.ends));
                     }
                 });
@@ -117,12 +122,12 @@ impl<'a> Overlaps<'a> {
         }
     }
 
-    /// Calls `sink` with every piece that a piece of a polyline may overlap.
+    /// Calls `sink` with every piece that the piece with these ends of the polyline `own` may overlap.
     fn each_near(&self, own: &Extent, ends: &[[f64; 2]; 2], mut sink: impl FnMut(&Piece)) {
         use std::f64::consts::PI;
         let whole = length(ends);
         if whole < MIN_ANGLE_LENGTH_PX {
-            let near = self.places.iter().enumerate().filter(|(_, other)| own.may_lie_on(other));
+            let near = self.places.iter().enumerate().filter(|(_, other)| own.may_overlap(other));
             for (place, other) in near {
                 segments(other.points).for_each(|ends| sink(&Piece::new(place, ends)));
             }
@@ -144,17 +149,21 @@ impl<'a> Overlaps<'a> {
     }
 }
 
-/// Lengths by location, with few non-zero entries at a time.
+/// Lengths by location, in pixels, with few non-zero entries at a time.
 struct Lengths {
+    /// Length at every location.
     by_place: Vec<f64>,
+    /// Indices of the locations with a non-zero length.
     known: Vec<usize>,
 }
 
 impl Lengths {
+    /// Returns lengths of zero for `count` locations.
     fn of(count: usize) -> Self {
         Self { by_place: vec![0.0; count], known: Vec::new() }
     }
 
+    /// Adds a length at a location.
     fn add(&mut self, place: usize, length: f64) {
         if length > 0.0 {
             if self.by_place[place] == 0.0 {
@@ -164,6 +173,7 @@ impl Lengths {
         }
     }
 
+    /// Calls `sink` with every location of non-zero length, and that length. Resets all lengths to zero.
     fn drain(&mut self, mut sink: impl FnMut(usize, f64)) {
         for place in self.known.drain(..) {
             sink(place, std::mem::take(&mut self.by_place[place]));
@@ -174,6 +184,7 @@ impl Lengths {
 /// Number of polylines at one location, in total and by class.
 struct Tally {
     all: f64,
+    /// Classes with the number of polylines in each, sorted by class.
     by_class: Vec<(usize, f64)>,
 }
 
@@ -184,11 +195,12 @@ impl Tally {
         Self { all: classes.len() as f64, by_class }
     }
 
-    /// Returns the position of a class in the list.
+    /// Returns the position of a class in `by_class`.
     fn position(&self, class: usize) -> Option<usize> {
         self.by_class.binary_search_by_key(&class, |&(known, _)| known).ok()
     }
 
+    /// Returns the number of polylines of a class.
     fn of(&self, class: usize) -> f64 {
         self.position(class).map_or(0.0, |at| self.by_class[at].1)
     }
@@ -198,6 +210,7 @@ impl Tally {
 /// the location.
 struct WeightedTally {
     all: f64,
+    /// Weighted number of polylines of every class, in the order of the tally of the location.
     by_class: Vec<f64>,
 }
 
@@ -206,6 +219,7 @@ impl WeightedTally {
         Self { all: tally.all, by_class: tally.by_class.iter().map(|&(_, drawn)| drawn).collect() }
     }
 
+    /// Adds the tally of another location, weighted by the overlapping fraction `share`.
     fn add(&mut self, own: &Tally, other: &Tally, share: f64) {
         self.all += share * other.all;
         for (sum, &(class, _)) in self.by_class.iter_mut().zip(&own.by_class) {
@@ -213,6 +227,7 @@ impl WeightedTally {
         }
     }
 
+    /// Returns the repeat counts of a polyline of this class; 0 without a class.
     fn count(&self, own: &Tally, class: Option<usize>) -> Count {
         let own = class.and_then(|class| own.position(class));
         own.map_or(Count::default(), |at| Count { all: self.all, own: self.by_class[at] })
@@ -221,9 +236,10 @@ impl WeightedTally {
 
 /// Segment of a polyline at a location.
 struct Piece {
+    /// Index of the location.
     place: usize,
     ends: [[f64; 2]; 2],
-    /// Angle, in [0, pi).
+    /// Angle of the segment, in radians, in [0, pi).
     angle: f64,
 }
 
@@ -237,7 +253,9 @@ impl Piece {
 struct Extent<'a> {
     points: &'a [[f64; 2]],
     length: f64,
+    /// Smallest coordinates of the points, in pixels.
     low: [f64; 2],
+    /// Largest coordinates of the points, in pixels.
     high: [f64; 2],
 }
 
@@ -252,8 +270,8 @@ impl<'a> Extent<'a> {
         }
     }
 
-    /// Whether another polyline is long enough to count, and near enough.
-    fn may_lie_on(&self, other: &Self) -> bool {
+    /// Whether another polyline is long enough to count against this one, and near enough to overlap it.
+    fn may_overlap(&self, other: &Self) -> bool {
         let is_near = |k: usize| {
             self.low[k] <= other.high[k] + MAX_OVERLAP_DISTANCE_PX
                 && other.low[k] <= self.high[k] + MAX_OVERLAP_DISTANCE_PX
@@ -262,15 +280,17 @@ impl<'a> Extent<'a> {
     }
 }
 
+/// Iterates over the segments of a polyline.
 fn segments(points: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> + '_ {
     points.windows(2).map(|pair| [pair[0], pair[1]])
 }
 
+/// Returns the length of a segment, in pixels.
 fn length([a, b]: &[[f64; 2]; 2]) -> f64 {
     (b[0] - a[0]).hypot(b[1] - a[1])
 }
 
-/// Returns the angle of the line through two points, in [0, pi).
+/// Returns the angle of the line through two points, in radians, in [0, pi).
 fn angle([a, b]: &[[f64; 2]; 2]) -> f64 {
     let angle = (b[1] - a[1]).atan2(b[0] - a[0]).rem_euclid(std::f64::consts::PI);
     if angle < std::f64::consts::PI { angle } else { 0.0 }
@@ -281,7 +301,7 @@ pub(crate) fn is_repeat_of(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> bo
     common_length(segment, other) >= MIN_LENGTH_RATIO * length(segment)
 }
 
-/// Returns the length of a segment's overlap with another.
+/// Returns the length of the part of a segment that overlaps another, in pixels.
 fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
     let [from, to] = *other;
     let reach = length(other);
@@ -305,57 +325,61 @@ fn common_length(segment: &[[f64; 2]; 2], other: &[[f64; 2]; 2]) -> f64 {
 pub struct Repeats {
     /// Repeat counts by segment, sorted.
     times: Vec<(Source, f64)>,
-    /// Share of a group of directions among all copies of the same lines, if less than 1.
+    /// Groups of directions with their share among all copies of the same lines, if it is less than 1.
     directions: Vec<(usize, f64)>,
-    /// Share of a group of lengths among all copies of the same segments, if less than 1.
+    /// Groups of lengths with their share among all copies of the same segments, if it is less than 1.
     lengths: Vec<(usize, f64)>,
 }
 
+/// Returns the sort key of a segment.
 const fn key(source: Source) -> (usize, usize) {
     (source.annotation, source.segment)
 }
 
+/// Returns the share of a group in a sorted list; 1 if the list does not contain the group.
 fn share(of: &[(usize, f64)], group: usize) -> f64 {
     of.binary_search_by_key(&group, |&(group, _)| group).map_or(1.0, |at| of[at].1)
 }
 
-/// Returns the groups whose share is less than 1.
+/// Returns the groups whose share is less than 1, with that share.
 fn shared(shares: &[f64]) -> Vec<(usize, f64)> {
     shares.iter().copied().enumerate().filter(|&(_, share)| share < 1.0).collect()
 }
 
 impl Repeats {
-    /// Every line is drawn once.
+    /// Repeat counts of an image in which every line is drawn once.
     pub const NONE: Self = Self { times: Vec::new(), directions: Vec::new(), lengths: Vec::new() };
 
-    /// Returns the repeat count of a segment.
+    /// Returns the repeat count of a segment; 1 if the segment is not repeated.
     pub(crate) fn repeat_count(&self, source: Source) -> f64 {
         let found = self.times.binary_search_by_key(&key(source), |&(of, _)| key(of));
         found.map_or(1.0, |at| self.times[at].1)
     }
 
-    /// Returns the fraction of an unknown that a group of directions represents.
+    /// Returns the share of a group of directions among all copies of its lines. It is the fraction of one
+    /// unknown that the direction of the group counts as.
     pub(crate) fn share_of_direction(&self, group: usize) -> f64 {
         share(&self.directions, group)
     }
 
-    /// Returns the fraction of an unknown that a group of lengths represents.
+    /// Returns the share of a group of lengths among all copies of its segments. It is the fraction of one
+    /// unknown that the length of the group counts as.
     pub(crate) fn share_of_length(&self, group: usize) -> f64 {
         share(&self.lengths, group)
     }
 
-    /// Stores repeat counts.
+    /// Stores the repeat counts of segments; counts of 1 are omitted.
     pub(crate) fn insert(&mut self, times: impl Iterator<Item = (Source, f64)>) {
         self.times.extend(times.filter(|&(_, times)| times > 1.0));
         self.times.sort_by_key(|&(of, _)| key(of));
     }
 
-    /// Stores the shares of the groups of directions.
+    /// Stores the shares of the groups of directions; shares of 1 are omitted.
     pub(crate) fn set_direction_shares(&mut self, shares: &[f64]) {
         self.directions = shared(shares);
     }
 
-    /// Stores the shares of the groups of lengths.
+    /// Stores the shares of the groups of lengths; shares of 1 are omitted.
     pub(crate) fn set_length_shares(&mut self, shares: &[f64]) {
         self.lengths = shared(shares);
     }
@@ -385,7 +409,7 @@ mod tests {
         };
         let others = |i: usize| (0..drawn.len()).filter(move |&j| j != i);
         let covered = |i: usize| -> f64 {
-            let on = others(i).filter(|&j| drawn[i].may_lie_on(&drawn[j]));
+            let on = others(i).filter(|&j| drawn[i].may_overlap(&drawn[j]));
             on.map(|j| common(&drawn[i], &drawn[j])).sum()
         };
         (0..drawn.len()).map(|i| 1.0 + covered(i)).collect()

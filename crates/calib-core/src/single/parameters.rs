@@ -8,12 +8,12 @@ use crate::camera::{Distortion, DistortionModel, Plane};
 pub struct PlanePrior {
     /// Id for references from annotations.
     pub id: String,
-    /// Expected plane.
+    /// Expected height and slope of the plane.
     pub plane: Plane,
     /// Horizontal direction of the fall, of unit length.
     pub along: [f64; 2],
-    /// Standard deviations of the height in metres, and of the slope along and across that direction in rise
-    /// per metre; 0 if fixed.
+    /// Standard deviations of the height in metres, and of the slope along and across the fall in rise per
+    /// metre; 0 if fixed.
     pub sigma: [f64; 3],
 }
 
@@ -33,7 +33,7 @@ impl PlanePrior {
         self.sigma == [0.0; 3]
     }
 
-    /// Returns the covariance of height and slope, in square metres and squares of rise per metre.
+    /// Returns the covariance of the height (in metres) and of the slopes in x and y (in rise per metre).
     #[must_use]
     pub fn covariance(&self) -> [[f64; 3]; 3] {
         let rows = self.directions();
@@ -43,7 +43,8 @@ impl PlanePrior {
         std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
     }
 
-    /// Returns the directions of height, slope along and slope across, as rows over height and slope.
+    /// Returns the unit vectors of height, slope along the fall and slope across it, as rows. The columns are
+    /// height, slope in x and slope in y.
     pub(crate) fn directions(&self) -> [[f64; 3]; 3] {
         let [x, y] = self.along;
         [[1.0, 0.0, 0.0], [0.0, x, y], [0.0, -y, x]]
@@ -63,12 +64,12 @@ impl PlanePrior {
     }
 }
 
-/// Distortion model and its fitted coefficients.
+/// Distortion model, and the selection of the coefficients that are fitted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FittedCoefficients {
     /// Distortion model.
     pub model: DistortionModel,
-    /// Flag for every coefficient that is fitted, in the order of [`Distortion::coefficients`].
+    /// Flag for every coefficient: whether it is fitted, in the order of [`Distortion::coefficients`].
     pub which: [bool; Distortion::MAX_COEFFICIENTS],
 }
 
@@ -79,6 +80,7 @@ impl FittedCoefficients {
         Self { model, which: std::array::from_fn(|k| k < count) }
     }
 
+    /// Returns the number of fitted coefficients.
     pub(super) fn len(&self) -> usize {
         self.which.iter().filter(|&&is| is).count()
     }

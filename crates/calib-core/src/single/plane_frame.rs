@@ -1,14 +1,15 @@
 //! Camera relative to a plane: an annotation on a plane equals an annotation on the floor of a camera with
 //! another pose.
 //!
-//! That camera has roll, pitch and height relative to the plane, and verticals that lean against the normal
-//! of the plane. So no formula for the floor is duplicated.
+//! The other camera has roll, pitch and height relative to the plane, and verticals that lean against the
+//! normal of the plane. So no formula for the floor is duplicated.
 //!
-//! In unrolled axes up is `(0, -cos p, -sin p)` and ahead on the floor is `(0, -sin p, cos p)`. The plane
-//! rises by s to the right and by t ahead. Its normal is `up - s right - t ahead` divided by its length N. It
-//! equals `(-cos p' sin q, -cos p' cos q, -sin p')`, with p' the pitch relative to the plane. q is the roll
-//! relative to the plane minus the roll relative to the floor. The distance of the camera from the plane is
-//! `(z0 - h) / N`, with h the height of the plane under it.
+//! In unrolled axes, with the pitch p, up is `(0, -cos p, -sin p)` and ahead on the floor is
+//! `(0, -sin p, cos p)`. The plane rises by s to the right and by t ahead. Its normal is
+//! `up - s right - t ahead` divided by its length N. It equals `(-cos p' sin q, -cos p' cos q, -sin p')`,
+//! with p' the pitch relative to the plane. q is the roll relative to the plane minus the roll relative to
+//! the floor. The distance of the camera from the plane is `(z0 - h) / N`, with z0 the height of the camera
+//! and h the height of the plane under the camera.
 
 use crate::optimize::{Dual, Gradient, NuisanceJacobian, Number};
 use crate::single::nuisances::PlaneNuisances;
@@ -31,16 +32,22 @@ pub(crate) struct PlaneFrame {
     by_foot: f64,
 }
 
-/// Rows of the derivatives.
+/// Row of the relative roll in [`PlaneFrame::by`].
 const ROLL_ROW: usize = 0;
+/// Row of the relative pitch in [`PlaneFrame::by`].
 const PITCH_ROW: usize = 1;
+/// Row of the log distance across the plane in [`PlaneFrame::by`].
 const DISTANCE_ROW: usize = 2;
+/// Row of the log distance along the verticals in [`PlaneFrame::by`].
 const VERTICAL_ROW: usize = 3;
+/// Rows of both leans of the verticals in [`PlaneFrame::by`].
 const LEAN_ROWS: [usize; 2] = [4, 5];
 
-/// Columns of the derivatives: pitch, both tilts of the floor, both slopes of the plane.
+/// Column of the derivatives by the pitch of the camera.
 const PITCH_SLOT: usize = 0;
+/// Columns of the derivatives by both tilts of the floor.
 const TILT_SLOTS: [usize; 2] = [1, 2];
+/// Columns of the derivatives by both slopes of the plane.
 const SLOPE_SLOTS: [usize; 2] = [3, 4];
 
 /// Reference direction of the distance from a plane.
@@ -53,10 +60,10 @@ pub(crate) enum DistanceKind {
 }
 
 impl PlaneFrame {
-    /// Computes the camera relative to a plane; `None` if the camera is not above it.
+    /// Computes the camera relative to a plane; `None` if the camera is not above the plane.
     ///
-    /// The plane rises by `slope` to the right of the camera and ahead of it. It is `foot` metres above the
-    /// floor under the camera.
+    /// The plane rises by `slope` to the right of the camera and ahead of it. Under the camera, the plane is
+    /// `foot` metres above the floor.
     pub(crate) fn new(parameters: &Parameters, tilt: Tilt, slope: [f64; 2], foot: f64) -> Option<Self> {
         let [roll, pitch, log_focal, log_height] = *parameters;
         let drop = log_height.exp() - foot;

@@ -49,6 +49,7 @@ fn fraction_without_floor(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> f6
     above as f64 / efov.len() as f64
 }
 
+/// Returns the fraction of the visible part of the image that is not on the floor.
 fn image_fraction_without_floor(camera: &Camera, [w, h]: [f64; 2]) -> f64 {
     /// Number of rows and columns of cells whose centres are sampled.
     const CELLS: u32 = 8;

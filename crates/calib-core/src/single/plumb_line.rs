@@ -19,7 +19,7 @@ use crate::single::lens_problem::{LensProblem, undistorted_by_parameters};
 use crate::single::parameters::FittedCoefficients;
 use crate::single::straightness::{Edge, edge_redundancy, outermost, repeat_counts, straightness};
 
-/// Twice the log of the evidence ratio that counts as very strong (Kass and Raftery 1995).
+/// Twice the log of the smallest evidence ratio that counts as very strong (Kass and Raftery 1995).
 const STRONG_EVIDENCE: f64 = 10.0;
 
 /// Largest number of free parameters of a fisheye: two coefficients, focal length and principal point.
@@ -38,10 +38,10 @@ pub struct LensFit {
     pub fitted: Option<FittedCoefficients>,
     /// Root mean square distance of the points from their lines, in raw pixels, before and after the fit.
     pub straightness: [f64; 2],
-    /// Root mean square distance of every polyline from straight, in raw pixels.
+    /// Root mean square deviation of every polyline from a straight line, in raw pixels.
     pub residuals: Vec<(Source, f64)>,
-    /// Fitted parameters, in the order of [`Lens::PARAMETERS`]. They are the coefficients, and the focal length and
-    /// principal point of a fisheye unless given.
+    /// Fitted parameters, in the order of [`Lens::PARAMETERS`]. The fitted parameters are the coefficients,
+    /// and the focal length and principal point of a fisheye unless they are given.
     pub free: [bool; Lens::PARAMETERS],
     /// Covariance of the parameters; zero for parameters that are not fitted.
     pub covariance: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
@@ -79,10 +79,11 @@ pub struct LensOptions {
 impl LensFit {
     /// Fits a lens to polylines. Polylines of fewer than three points are ignored.
     ///
-    /// `None` without a polyline of three points.
+    /// Returns `None` without redundancy, for example if no polyline has three points.
     #[must_use]
     pub fn new(edges: &[Edge], options: &LensOptions) -> Option<Self> {
-        /// Maximum number of points: enough for any lens, and a limit on the run time for hostile files.
+        /// Maximum number of points of all polylines: enough for any lens, and a limit on the run time for
+        /// hostile files.
         const MAX_POINTS: usize = 20_000;
         let mut room = MAX_POINTS;
         let edges: Vec<&Edge> = edges
@@ -141,6 +142,7 @@ impl LensFit {
         Some(Self::of(&model, cost_before, redundancy, options))
     }
 
+    /// Returns the lens of a fitted model, with its covariance and residuals.
     fn of(model: &FittedModel, cost_before: f64, redundancy: i64, options: &LensOptions) -> Self {
         let FittedModel { problem, values, cost, rejected } = model;
         let edges = problem.edges.iter().zip(&problem.repeat_counts);
@@ -173,7 +175,9 @@ impl LensFit {
 /// Distortion model with its estimated coefficients.
 struct FittedModel<'a> {
     problem: LensProblem<'a>,
+    /// Values of the fitted parameters, in the order of the problem.
     values: Vec<f64>,
+    /// Sum of the squared residuals of all edges, in square pixels.
     cost: f64,
     /// Rejected larger model, with its posterior probability relative to this one.
     rejected: Option<(Lens, f64)>,
@@ -202,11 +206,11 @@ impl<'a> FittedModel<'a> {
         redundancy > MAX_FREE_PARAMETERS && (options.circle.is_some() || is_bent_otherwise())
     }
 
-    /// Whether the edges support a fisheye very strongly against this other lens.
+    /// Whether the edges support this fisheye model very strongly against the other model.
     ///
-    /// Several edges must support it, not only one that may not be straight in space. They must be in a
-    /// region of the image that only fisheyes see. With an image circle, the fisheye need only fit equally
-    /// well.
+    /// Several edges must support it, because a single edge may not be straight in space. The edges must be
+    /// in a region of the image that only fisheyes see. With an image circle, the fisheye need only fit
+    /// equally well.
     fn is_better_than(&self, other: &Self, redundancy: i64, options: &LensOptions) -> bool {
         /// Largest angle from the axis that other lenses are built for, in radians.
         const MAX_RECTILINEAR_ANGLE_RAD: f64 = 0.9;
@@ -227,6 +231,7 @@ impl<'a> FittedModel<'a> {
         bearing.map_or(0.0, |[x, y, ahead]| x.hypot(y).atan2(lens.focal * ahead))
     }
 
+    /// Returns the model with these values of its parameters.
     fn of(problem: LensProblem<'a>, values: Vec<f64>) -> Self {
         let cost = problem.cost(&values);
         Self { problem, values, cost, rejected: None }
@@ -272,7 +277,7 @@ fn select_model<'a>(
 /// Returns the variance of a drawn coordinate, in square pixels: the given one, or a larger one estimated
 /// from the edges.
 ///
-/// Models are compared in units of it (overdispersion, Burnham and Anderson 2002, section 2.5).
+/// Models are compared in units of this variance (overdispersion, Burnham and Anderson 2002, section 2.5).
 fn noise_variance(problem: &LensProblem, values: &[f64], dof: i64) -> f64 {
     (problem.cost(values) / dof.max(1) as f64).max(problem.sigma * problem.sigma)
 }

@@ -1,11 +1,12 @@
 //! Predictions of a fixed camera for constraints, and the predicted chi-square without each constraint.
 //!
 //! The linear model predicts the chi-square of the rest if one constraint is left out. Let `N d = -g` be the
-//! normal equations at the minimum, r the residuals of the constraint and J their Jacobian. Without it they
-//! are `N' = N - J'J`, `g' = g - J'r`. After the step `d = -N'^-1 g'` the chi-square of the rest is
-//! `chi2 - r'r - g' N'^-1 g'`. This equals `chi2 - r' (1 - H)^-1 r` with the leverage `H = J N^-1 J'` (Cook
-//! 1977, "Detection of Influential Observation in Linear Regression"). So a constraint that alone determines
-//! the fit is found, although its residual is small: its leverage is large.
+//! normal equations at the minimum, with the step d and the gradient g. Let r be the residuals of the
+//! constraint and J their Jacobian. Without the constraint the normal equations have `N' = N - J'J`,
+//! `g' = g - J'r`. After the step `d = -N'^-1 g'` the chi-square of the rest is `chi2 - r'r - g' N'^-1 g'`.
+//! This equals `chi2 - r' (1 - H)^-1 r` with the leverage `H = J N^-1 J'` (Cook 1977, "Detection of
+//! Influential Observation in Linear Regression"). So a constraint that alone determines the fit is detected.
+//! Its residual is small, but its leverage is large.
 
 use std::collections::HashMap;
 

@@ -29,7 +29,7 @@
 //!
 //! `r = sqrt(2 w1 w2) (l . V) / sqrt(T + sqrt(T^2 - 4 D))`.
 //!
-//! It is finite for V at infinity. It is the exact maximum-likelihood residual: its `J'J` equals the Schur
+//! r is finite for V at infinity. It is the exact maximum-likelihood residual: its `J'J` equals the Schur
 //! complement of the full problem with the line as an unknown. On the sphere of rays, `l . V = 0` means that
 //! V is on the great circle of the segment. In coordinates divided by the focal length, `(l . V) / (|l| |V|)`
 //! is the sine of the angle between V and that circle. r is the same error in pixels at the annotated ends,
@@ -43,27 +43,35 @@ use crate::optimize::Number;
 use crate::single::constraints::Endpoint;
 use crate::single::vanishing_point::line_through;
 
-/// Roll in radians, pitch in radians, log of the focal length in pixels, log of the height in metres.
+/// Core parameters: roll in radians, pitch in radians, log of the focal length in pixels, log of the height
+/// in metres.
 pub(crate) type Parameters = [f64; 4];
 
-/// Indices in [`Parameters`].
+/// Index of the roll in [`Parameters`].
 pub(crate) const ROLL: usize = 0;
+/// Index of the pitch in [`Parameters`].
 pub(crate) const PITCH: usize = 1;
+/// Index of the log focal length in [`Parameters`].
 pub(crate) const LOG_FOCAL: usize = 2;
+/// Index of the log height in [`Parameters`].
 pub(crate) const LOG_HEIGHT: usize = 3;
 
 /// Lean of the verticals against the normal of the floor: to the right, and away from the camera, in radians.
 pub(crate) type Tilt = [f64; 2];
 
-/// Index of the first tilt among the derivatives of a formula.
+/// Index of the first tilt among the derivatives of a residual, after the core parameters.
 pub(crate) const TILT: usize = 4;
 
 /// Vanishing point relative to the principal point, homogeneous, with its derivatives.
 #[derive(Clone, Copy)]
 pub(crate) struct VanishingPoint {
+    /// Homogeneous coordinates, relative to the principal point.
     pub(crate) at: [f64; 3],
+    /// Derivatives of the coordinates by the roll.
     pub(crate) d_roll: [f64; 3],
+    /// Derivatives of the coordinates by the pitch.
     pub(crate) d_pitch: [f64; 3],
+    /// Derivatives of the coordinates by the log focal length.
     pub(crate) d_log_focal: [f64; 3],
     /// Derivatives by two further parameters: angle and elevation of a floor direction, or the two tilts for
     /// the nadir.
@@ -140,20 +148,25 @@ impl Angles {
 /// The weights are 1 without distortion. The terms of the formula in the module documentation are stored for
 /// the derivative.
 pub(crate) struct LineResidual<E = f64> {
+    /// Residual r, in pixels.
     pub(crate) pixels: E,
+    /// End points `p1` and `p2` of the segment.
     ends: [[E; 2]; 2],
+    /// Vanishing point V.
     v: [f64; 3],
+    /// Line `l = p1 x p2`.
     line: [E; 3],
+    /// Inverse variances `w1` and `w2` of the ends across the segment.
     weights: [E; 2],
-    /// `l . V`.
+    /// Incidence `l . V` of the vanishing point with the line.
     incidence: E,
-    /// `T`.
+    /// Trace `T` of M.
     trace: E,
-    /// `sqrt(T^2 - 4 D)`.
+    /// Root `sqrt(T^2 - 4 D)`.
     root: E,
-    /// `T + sqrt(T^2 - 4 D)`.
+    /// Sum `T + sqrt(T^2 - 4 D)`.
     sum: E,
-    /// `r / (l . V)`.
+    /// Factor `r / (l . V)`.
     factor: E,
 }
 

@@ -49,7 +49,7 @@ pub struct SceneErrors {
 }
 
 impl SceneErrors {
-    /// A scene without errors: every annotation is exactly true.
+    /// Standard deviations of a scene without errors: every annotation is exactly true.
     pub const EXACT: Self = Self { floor_tilt: 0.0, crossfall: 0.0, angle: 0.0, length: 0.0 };
 
     /// Returns the standard deviation of the elevation of an annotated direction above the floor plane, in

@@ -43,8 +43,9 @@ impl<N: Number> CameraTerms<N> {
 /// Returns the log length of a segment on the floor in camera heights, and its standard deviation for noise
 /// of 1 px in every coordinate of the ends.
 ///
-/// With the unrolled pixel (u, v): `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`.
-/// `None` if an end is on or above the horizon.
+/// With the unrolled pixel (u, v), the pitch p and the focal length f, the floor point is (X, Y):
+/// `D = cos p v + f sin p`, `X = u / D`, `Y = (f cos p - v sin p) / D`. `None` if an end is on or above the
+/// horizon.
 #[inline]
 pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
     at: &CameraTerms<N>,
@@ -60,7 +61,7 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
         let [x, y] = end.point;
         let (u, v) = (cr * x - sr * y, sr * x + cr * y);
         let depth = cp * v + sp * f;
-        // At least a millionth of a radian below the horizon.
+        // The end must be at least a millionth of a radian below the horizon.
         (depth.value() > 1e-6 * f.value()).then(|| {
             let per_depth = one / depth;
             (u, per_depth, u * per_depth, (cp * f - sp * v) * per_depth)
@@ -73,7 +74,7 @@ pub(crate) fn floor_length<E: Number, N: NumberOver<E>>(
         return None;
     }
     let per_square = one / square;
-    // d log length / d (u, v) of one end, rotated back into image axes.
+    // Variance from the derivatives of the log length by (u, v) of one end, rotated back into image axes.
     let variance = |(u, per_depth, _, _): (N, N, N, N), end: &Endpoint<E>| {
         let share = per_square * per_depth;
         let across = dx * share;
@@ -108,8 +109,9 @@ pub(crate) fn floor_direction<E: Number, N: NumberOver<E>>(
 /// Returns the two residuals of a head predicted from its foot, in standard deviations, whitened by the noise
 /// of both ends and of the height.
 ///
-/// With the unrolled foot (u, v), `D = cos p v + f sin p`, `k = H D / z0` and the upward direction of
-/// verticals `(t, -c, -s)` in unrolled axes, `(0, -cos p, -sin p)` without tilt, the head is at
+/// Let (u, v) be the unrolled foot, p the pitch, f the focal length, H the height of the upright, and z0 the
+/// height of the camera. The upward direction of verticals is `(t, -c, -s)` in unrolled axes; without tilt it
+/// is `(0, -cos p, -sin p)`. With `D = cos p v + f sin p` and `k = H D / z0`, the head is at
 /// `f (u + k t, v - k c) / (f - k s)`. `None` if the foot is above the horizon or the head is behind the
 /// camera.
 pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
@@ -117,8 +119,32 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     upright: &UprightConstraint<E>,
     sigma: f64,
 ) -> Option<[N; 2]> {
+    let (off, covariance) = upright_difference(at, upright, sigma)?;
+    Some(whitened(off, covariance).map(|residual| residual * sigma.recip()))
+}
+
+/// Returns the log of the determinant of the covariance of a predicted head, in units of `sigma`.
+///
+/// This term is a part of the log likelihood, because poses predict the heads with different uncertainties. A
+/// camera at the height of the heads predicts them with any error.
+pub(crate) fn upright_log_determinant<E: Number, N: NumberOver<E>>(
+    at: &CameraTerms<N>,
+    upright: &UprightConstraint<E>,
+    sigma: f64,
+) -> Option<N> {
+    let (_, [caa, cab, cbb]) = upright_difference(at, upright, sigma)?;
+    Some((caa * cbb - cab * cab).ln())
+}
+
+/// Returns the difference between a predicted head and the annotated one, with its covariance in units of
+/// `sigma`.
+fn upright_difference<E: Number, N: NumberOver<E>>(
+    at: &CameraTerms<N>,
+    upright: &UprightConstraint<E>,
+    sigma: f64,
+) -> Option<([N; 2], [N; 3])> {
     if let Some(chart) = &upright.chart {
-        return at.upright_residuals_in(chart, upright, sigma);
+        return at.upright_difference_in(chart, upright, sigma);
     }
     let CameraTerms { roll: (sr, cr), pitch: (sp, cp), focal: f, per_height, tilt: [right, ahead] } = *at;
     let (up_y, up_w) = (cp + ahead * sp, sp - ahead * cp);
@@ -164,7 +190,7 @@ pub(crate) fn upright_residuals<E: Number, N: NumberOver<E>>(
     let cbb = hvv + b_by_v * b_by_v * fvv + b_by_h * b_by_h * square;
     let [hx, hy] = upright.head.point;
     let off = [a - (cr * hx - sr * hy), b - (sr * hx + cr * hy)];
-    Some(whitened(off, [caa, cab, cbb]).map(|residual| residual * sigma.recip()))
+    Some((off, [caa, cab, cbb]))
 }
 
 /// Multiplies a difference by the inverse of the lower Cholesky factor of its covariance.
@@ -206,7 +232,7 @@ impl<N: Number> CameraTerms<N> {
         let on_floor = |end: &Endpoint<E>| {
             let bearing = bearing::<E, N>(chart, end.point);
             let [depth, x, y] = forms.map(|form| product(form, bearing));
-            // At least a millionth of a radian below the horizon.
+            // The end must be at least a millionth of a radian below the horizon.
             let is_below = depth.value() > 1e-6 * self.focal.value();
             is_below.then(|| (depth, [x / depth, y / depth]))
         };
@@ -228,12 +254,12 @@ impl<N: Number> CameraTerms<N> {
         Some((square.ln() * 0.5, noise))
     }
 
-    fn upright_residuals_in<E: Number>(
+    fn upright_difference_in<E: Number>(
         &self,
         chart: &Chart,
         upright: &UprightConstraint<E>,
         sigma: f64,
-    ) -> Option<[N; 2]>
+    ) -> Option<([N; 2], [N; 3])>
     where
         N: NumberOver<E>,
     {
@@ -273,7 +299,7 @@ impl<N: Number> CameraTerms<N> {
         let entry = |own: E, i: usize, j: usize| of_foot(i, j) + by_height[i] * by_height[j] * square + own;
         let covariance = [entry(huu, 0, 0), entry(huv, 0, 1), entry(hvv, 1, 1)];
         let off = [at[0] - upright.head.point[0], at[1] - upright.head.point[1]];
-        Some(whitened(off, covariance).map(|residual| residual * sigma.recip()))
+        Some((off, covariance))
     }
 }
 

@@ -6,7 +6,7 @@ use crate::single::constraints::{LengthConstraint, Source};
 use crate::single::likelihood::{PlaneState, Problem, State};
 use crate::single::plane_frame::DistanceKind;
 use crate::single::residual::{LOG_HEIGHT, Parameters};
-use crate::single::size_residual::{CameraTerms, floor_length, upright_residuals};
+use crate::single::size_residual::{CameraTerms, floor_length, upright_log_determinant, upright_residuals};
 
 impl<E: Number> Problem<'_, E> {
     /// Passes the residual of every length to `sink`: [`floor_length`] minus the log length of its group,
@@ -64,7 +64,7 @@ impl<E: Number> Problem<'_, E> {
         Some((residual, NuisanceJacobian::new(index, -scale / noise.value())))
     }
 
-    /// Passes the two residuals of every upright to `sink`.
+    /// Passes the two residuals of every upright to `sink`, in standard deviations.
     #[inline]
     pub(super) fn each_upright<N: NumberOver<E>>(
         &self,
@@ -97,6 +97,16 @@ impl<E: Number> Problem<'_, E> {
         Some(())
     }
 
+    /// Returns the sum of the log determinants of the covariances of the predicted heads of all uprights on
+    /// the floor. `None` if one of the heads has no prediction.
+    pub(super) fn log_spread_of_uprights<N: NumberOver<E>>(&self, at: &CameraTerms<N>) -> Option<f64> {
+        let on_floor = self.uprights().filter(|upright| upright.plane.is_none());
+        let each = on_floor.map(|upright| {
+            Some(upright_log_determinant(at, upright, self.sigma_of(upright.source))?.value())
+        });
+        each.sum()
+    }
+
     /// Passes `log (length / known) / relative sigma` of every group with a prior on its length to `sink`.
     pub(super) fn each_length_prior<N: NumberOver<E>>(
         &self,
@@ -110,8 +120,8 @@ impl<E: Number> Problem<'_, E> {
         }
     }
 
-    /// Returns the groups of lengths that have a prior and a segment: index, metres and relative standard
-    /// deviation.
+    /// Returns the groups of lengths that have a prior and a segment: index of the group, length in metres,
+    /// and relative standard deviation.
     pub(super) fn lengths_known_about(&self) -> impl Iterator<Item = (usize, f64, f64)> + '_ {
         let groups = self.constraints.length_groups.iter().enumerate();
         let known = groups.filter_map(|(group, length)| Some((group, (*length)?)));
@@ -123,13 +133,13 @@ impl<E: Number> Problem<'_, E> {
     }
 }
 
-/// Returns the log of a length in metres, in units of the camera height.
+/// Returns the log of a length, given in metres, in units of the camera height.
 #[inline]
 fn in_heights<N: Number>(metres: f64, parameters: &Parameters) -> N {
     N::constant(metres.ln()) - N::parameter(parameters[LOG_HEIGHT], LOG_HEIGHT)
 }
 
-/// Adds the spread of true lengths to the noise of a log length.
+/// Adds the spread of the true log lengths to the noise of a log length (standard deviations).
 #[inline]
 fn with_spread<N: Number>(noise: N, spread: f64) -> N {
     if spread > 0.0 { (noise * noise + spread * spread).sqrt() } else { noise }

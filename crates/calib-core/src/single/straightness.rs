@@ -3,12 +3,12 @@
 //!
 //! The residual of a point is `(n . u - c) / |J' n|`. It is the distance of the undistorted point u from the
 //! line `n . x = c`, divided by the noise magnification across the line. J is the Jacobian of the
-//! undistortion. The line minimises the sum of squares of the polyline. As its weights depend on n, it is
-//! fitted three times, each time with the weights of the previous line.
+//! undistortion. The line minimises the sum of squares of the polyline. As the weights depend on n, the line
+//! is fitted three times, each time with the weights of the previous line.
 //!
 //! The file also determines which straight edges carry information about the lens, from the sagitta that a
 //! distortion gives them. A line through the principal point stays straight under radial distortion and
-//! carries none.
+//! carries no information.
 
 use crate::camera::{BrownConrady, ByCoefficient, Chart, ChartPoint, Distortion, Lens, Matrix2, Pixel};
 use crate::single::annotation::{Annotation, Kind};
@@ -95,12 +95,13 @@ pub(crate) fn straightness_with_jacobian(
 struct UndistortedPolyline {
     /// Chart of the points, for a wide lens.
     chart: Option<Chart>,
+    /// Undistorted points; for a wide lens, in the chart.
     points: Vec<[f64; 2]>,
     /// `d undistorted / d raw` of every point.
     jacobians: Vec<Matrix2>,
-    /// Line of every fit.
+    /// Lines of the three fits, in order.
     lines: [BestLine; 3],
-    /// Weights of every fit.
+    /// Weights of the points in the three fits, in order.
     weights: [Vec<f64>; 3],
     /// Sign of the distances on the side of the normal.
     sign: f64,
@@ -136,7 +137,8 @@ impl UndistortedPolyline {
         Some(Self { chart, points, jacobians, lines, weights, sign })
     }
 
-    /// Returns `(n . u - c) sqrt(w)` of every point.
+    /// Returns the signed distance `(n . u - c) sqrt(w)` of every point u with weight w from the line
+    /// `n . x = c`, in raw pixels.
     fn distances(&self) -> Vec<f64> {
         let BestLine { normal: [x, y], offset: c, .. } = self.lines[2];
         let distance = |([u, v], weight): (&[f64; 2], &f64)| self.sign * (x * u + y * v - c) * weight.sqrt();
@@ -189,7 +191,7 @@ impl UndistortedPolyline {
 pub(crate) struct BestLine {
     /// Unit normal.
     pub(crate) normal: [f64; 2],
-    /// Offset of the line along the normal.
+    /// Offset of the line from the origin along the normal, in the unit of the points.
     pub(crate) offset: f64,
     /// Sum of the weights.
     total: f64,
@@ -247,7 +249,8 @@ impl BestLine {
     }
 }
 
-/// Returns the root mean square distance of a polyline's points from straight under a lens, in raw pixels.
+/// Returns the root mean square deviation of a polyline from a straight line after undistortion, converted to
+/// raw pixels.
 ///
 /// `None` if a point cannot be undistorted.
 #[must_use]

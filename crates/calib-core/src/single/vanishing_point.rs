@@ -12,7 +12,7 @@ pub(crate) fn line_through<E: Number>([x1, y1]: [E; 2], [x2, y2]: [E; 2]) -> [E;
 }
 
 /// Returns the homogeneous line of bearings through the ends of a segment.
-fn of_bearings(line: &LineConstraint) -> [f64; 3] {
+fn bearing_line(line: &LineConstraint) -> [f64; 3] {
     let through = line_through(line.ends[0].point, line.ends[1].point);
     line.chart.map_or(through, |chart| chart.line_to_bearings(through))
 }
@@ -21,7 +21,7 @@ fn of_bearings(line: &LineConstraint) -> [f64; 3] {
 /// sine and cosine of the roll.
 pub(crate) fn unrolled(line: &LineConstraint, [sin, cos]: [f64; 2]) -> [f64; 3] {
     if line.chart.is_some() {
-        let [a, b, c] = of_bearings(line);
+        let [a, b, c] = bearing_line(line);
         return [a * cos - b * sin, a * sin + b * cos, c];
     }
     let [a, b] = line.ends.map(|end| end.point).map(|[x, y]| [x * cos - y * sin, x * sin + y * cos]);
@@ -30,9 +30,9 @@ pub(crate) fn unrolled(line: &LineConstraint, [sin, cos]: [f64; 2]) -> [f64; 3] 
 
 /// Returns the homogeneous point with the smallest sum of squared distances from all lines.
 ///
-/// It is the eigenvector with the smallest eigenvalue of the scatter matrix of the lines. The lines have unit
-/// normals, in coordinates scaled to magnitude 1. The point may be at infinity (third coordinate 0). `None`
-/// for fewer than two lines, or for lines that coincide.
+/// The result is the eigenvector with the smallest eigenvalue of the scatter matrix of the lines. The lines
+/// have unit normals, in coordinates scaled to magnitude 1. The point may be at infinity (third coordinate
+/// 0). `None` for fewer than two lines, or for lines that coincide.
 pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a LineConstraint>) -> Option<[f64; 3]> {
     let lines: Vec<&LineConstraint> = lines.collect();
     if lines.len() < 2 {
@@ -44,9 +44,10 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a LineConstraint
         .flat_map(|line| line.ends)
         .fold(0.0_f64, |most, end| most.max(end.point[0].abs()).max(end.point[1].abs()));
     let scatter = lines.iter().fold(Matrix3::zeros(), |sum, drawn| {
-        let [a, b, c] = of_bearings(drawn);
+        let [a, b, c] = bearing_line(drawn);
         let line = Vector3::new(a * size, b * size, c);
-        // Beside the camera, a line has no normal in a pinhole image.
+        // A line beside the camera has no normal in a pinhole image, so the norm of the plane through the
+        // bearings is used.
         let of_normal = if drawn.chart.is_some() { line.norm_squared() } else { line.xy().norm_squared() };
         sum + line * line.transpose() / of_normal.max(f64::MIN_POSITIVE)
     });
@@ -64,7 +65,7 @@ pub(crate) fn vanishing_point<'a>(lines: impl Iterator<Item = &'a LineConstraint
 
 /// Returns the roll of the camera, in radians, from the vanishing point of the verticals.
 ///
-/// It is `atan2(vx, vy)` toward the nadir, measured on the side below the principal point.
+/// The roll is `atan2(vx, vy)` toward the nadir, measured on the side below the principal point.
 pub(crate) fn roll_from_verticals([x, y, _]: [f64; 3]) -> f64 {
     if y < 0.0 { (-x).atan2(-y) } else { x.atan2(y) }
 }

@@ -9,7 +9,7 @@ use crate::english::phrase::suggestion_text;
 use crate::english::phrase::{
     Names, SentenceContext, corners, counted, curved, default_focal, efov, estimator, evidence,
     few_residuals, field, floor, joint_misfit, other_minima, scale_assumed, scale_conflict, unchecked,
-    undetermined_focal,
+    unchecked_points, undetermined_focal,
 };
 use crate::solution::{FailureEntry, Warning};
 
@@ -24,12 +24,18 @@ impl Site {
     }
 }
 
+/// Message for a camera with an unknown uncertainty.
 const UNCERTAINTY_UNKNOWN: &str =
     "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.";
+/// Message for a camera that was placed by hand.
 const PLACED_BY_HAND: &str = "The camera was placed by hand, so the uncertainty of its position is unknown.";
+/// Advice for two exchanged control points.
+const EXCHANGE: &str = "Exchange their pixels, or their coordinates.";
+/// Message for a distortion that is not invertible over the image.
 const NOT_INVERTIBLE: &str = "The distortion cannot be inverted in a corner of the image.";
 
 impl SentenceContext<'_> {
+    /// Returns the description of a finding, as sentences.
     fn message(&self, finding: &Finding) -> String {
         use Finding as F;
         match finding {
@@ -78,6 +84,8 @@ impl SentenceContext<'_> {
             F::FarControlPoints { rms_px, worst, worst_px } => {
                 self.far_control_points(*rms_px, *worst, *worst_px)
             }
+            F::UncheckedPoints { dof } => unchecked_points(*dof).into(),
+            F::ExchangedControlPoints { points } => self.exchanged_control_points(*points),
             F::ScaleAssumed { height } => scale_assumed(*height),
             F::PlacedByHand => PLACED_BY_HAND.into(),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
@@ -109,7 +117,7 @@ impl SentenceContext<'_> {
     }
 }
 
-/// Returns the advice for a finding.
+/// Returns the advice for a finding, as sentences; empty if none is needed.
 fn advice(finding: &Finding) -> String {
     use Finding as F;
     let next = || next(finding.suggestion());
@@ -125,7 +133,7 @@ fn advice(finding: &Finding) -> String {
         F::Weak { scale_rel: Some(scale), next, .. } | F::Unusable { scale_rel: Some(scale), next, .. }
             if next.is_none_or(|next| next.annotation == SuggestedAnnotation::KnownSize) =>
         {
-            measure_one(*scale)
+            measure_length_advice(*scale)
         }
         F::Weak { .. } | F::Unusable { .. } | F::Unchecked { .. } => next(),
         F::ContradictoryUprights { .. } => CHECK_HEIGHTS.into(),
@@ -137,26 +145,33 @@ fn advice(finding: &Finding) -> String {
     }
 }
 
+/// Advice for uprights that contradict each other.
 const CHECK_HEIGHTS: &str = "Check the height, foot and head of both: they must stand on the floor. To compare, switch one off and solve again.";
 
+/// Advice for a camera that shows no floor.
 const CHECK_FLOOR_LINES: &str =
     "Check that floor lines and verticals are not confused, and draw the field of view on the floor.";
 
+/// Advice for a camera that was placed by hand.
 const CONNECT_OR_FIX: &str =
     "Add two control points, or link it to a camera that has them, then refine. Or fix the measured values.";
 
+/// Advice for lines that are curved in one direction only.
 const ANOTHER_EDGE: &str =
     "If the lens is the cause, draw a straight edge in another direction, with three or more points.";
 
+/// Advice for an unknown scale.
 const ENTER_A_SCALE: &str = "Enter a known distance, height or length, or two control points on the plan.";
 
+/// Returns the message for a prior that the paper's method does not use; `field` is its JSON field.
 fn unused_prior(field: &str) -> String {
     format!("The paper's method does not use the prior {field}.")
 }
 
+/// Returns the message for lines that are curved in one direction only; `px` is their RMS deviation.
 fn curved_one_way(px: f64) -> String {
     format!(
-        "The lines of one direction are curved by {px:.1} px RMS: because of the lens, a curved edge, or a misplaced point."
+        "The lines in one direction are curved by {px:.1} px RMS. The cause is the lens, a curved edge, or a misplaced point."
     )
 }
 
@@ -206,12 +221,14 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::OutsideLens { .. } => "Move the point inwards, or correct the distortion.",
         F::NoLength { .. } => "Redraw it or delete it.",
         F::TooFewControlPoints { .. } => {
-            "Add control points: two that are far apart are required, and more make the result safer."
+            "Add control points: at least two that are far apart are required, and more improve the reliability."
         }
         F::HiddenControlPoints { .. } => "Check their coordinates and pixels.",
         F::FarControlPoints { .. } => {
             "Check the coordinates and the pixel of the worst one, or switch it off and solve again."
         }
+        F::UncheckedPoints { .. } => "Click another control point, or draw lines.",
+        F::ExchangedControlPoints { .. } => EXCHANGE,
         F::ScaleConflict { .. } => {
             "Check the scale of the plan, the heights and lengths, and the size of the field of view on the plan."
         }
@@ -235,7 +252,9 @@ const fn shared_advice(finding: &Finding) -> &'static str {
         }
         F::DistanceOutlier { .. } => "Check the length and its unit.",
         F::NotConnected { .. } => "Link two points with a connected camera, or add control points.",
-        F::UndeterminedPosition { .. } => "Link another point, far from the others, or fix its placement.",
+        F::UndeterminedPosition { .. } => {
+            "Link another point, far from the others, or fix the placement of the camera."
+        }
         F::ScaleAssumed { .. } | F::ScaleUnknown { .. } => ENTER_A_SCALE,
         F::PlacedByHand => CONNECT_OR_FIX,
         F::TooManyCameras { .. } => "Use fewer cameras for each link and mark.",
@@ -244,6 +263,7 @@ const fn shared_advice(finding: &Finding) -> &'static str {
     }
 }
 
+/// Returns the advice for annotated points outside the image.
 const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'static str {
     match (fits_exchanged, is_other_image) {
         (true, _) => {
@@ -257,6 +277,7 @@ const fn advice_on_points(fits_exchanged: bool, is_other_image: bool) -> &'stati
     }
 }
 
+/// Returns the advice for unused links, marks, distances and cameras.
 const fn advice_on_unused(why: UnusedReason) -> &'static str {
     match why {
         UnusedReason::NotVisible => {
@@ -266,19 +287,21 @@ const fn advice_on_unused(why: UnusedReason) -> &'static str {
             "Mark it in a second camera, or enter its distance to another link or mark."
         }
         UnusedReason::UnknownLengthOrEnd => {
-            "Use links or marks that cameras show, and enter \"sigma\" or \"fixed\" for the length."
+            "Use links or marks that are annotated in images, and enter \"sigma\" or \"fixed\" for the length."
         }
         UnusedReason::NoPoses => "Switch off links and marks one at a time, the farthest first.",
     }
 }
 
-fn measure_one(scale: f64) -> String {
+/// Returns the advice to measure a length; `scale` is the relative uncertainty of the scale.
+fn measure_length_advice(scale: f64) -> String {
     format!(
         "The scale limits the accuracy: it comes from a size or height known only to \u{b1} {:.1} %. Measure a length, as long as possible, and enter it with its uncertainty.",
         100.0 * scale
     )
 }
 
+/// Describes the suggested annotation, or gives general advice if there is none.
 fn next(suggestion: Option<Suggestion>) -> String {
     suggestion.map_or_else(
         || "Draw lines in other parts of the image and in other directions.".into(),
@@ -310,7 +333,28 @@ fn failure_text(failure: &Failure) -> [String; 2] {
         ],
         Failure::NoAnnotations => [
             "No lines are drawn that determine the orientation of the camera.".into(),
-            "Draw two verticals and two parallel floor lines that run away from the camera.".into(),
+            "Draw two verticals and two parallel floor lines that run away from the camera, or click four control points.".into(),
+        ],
+        Failure::ExchangedControlPoints { points: [a, b] } => [
+            format!("Control points {a} and {b} are exchanged: all points fit if each has the pixel of the other."),
+            EXCHANGE.into(),
+        ],
+        Failure::MirroredControlPoints => [
+            "The control points fit no camera, but their mirror image does.".into(),
+            "Check the order of the points, the signs of the coordinates, and whether the image is mirrored.".into(),
+        ],
+        Failure::ImpossibleCamera { focal, height } => [
+            format!(
+                "The control points and annotations contradict each other: they lead to a focal length of {focal:.0} px and a height of {height:.1} m."
+            ),
+            "Check the coordinates and pixels of the control points, the known lengths and the units.".into(),
+        ],
+        Failure::UndeterminedByPoints { count } => [
+            format!(
+                "{} not determine the camera.",
+                counted(*count, "control point alone does", "control points alone do")
+            ),
+            "Click at least four control points that are not on one line. Three are enough if the focal length is known.".into(),
         ],
         Failure::NoPitchAndFocal => {
             ["No pitch and focal length fit these lines on a floor.".into(), CHECK_KINDS.into()]
@@ -324,7 +368,7 @@ fn failure_text(failure: &Failure) -> [String; 2] {
         ],
         Failure::SharedLensFailed { camera, reason: because } => [
             format!("This camera uses the lens of camera \"{camera}\", which has no result: {}", failure_text(because)[0]),
-            format!("Complete camera \"{camera}\" first, or enter a separate lens for this camera."),
+            format!("Calibrate camera \"{camera}\" first, or enter a separate lens for this camera."),
         ],
         Failure::TooExtreme => [
             "A drawn or entered value is too extreme for the calculation.".into(),
@@ -333,7 +377,9 @@ fn failure_text(failure: &Failure) -> [String; 2] {
     }
 }
 
+/// Advice for a roll that the verticals do not determine.
 const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or fix lens.roll_deg.";
+/// Advice for lines that fit no camera.
 const CHECK_KINDS: &str =
     "Check that no floor line was drawn as a vertical, and no length above the horizon.";
 

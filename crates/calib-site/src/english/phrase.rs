@@ -36,7 +36,7 @@ pub(crate) fn suggestion_text(suggestion: &Suggestion) -> String {
         }
     };
     let gain = match suggestion.ratio {
-        r if r < 0.28 => "reduce the floor uncertainty to a fraction".into(),
+        r if r < 0.28 => "greatly reduce the floor uncertainty".into(),
         r if r < 0.4 => "reduce the floor uncertainty to a third".into(),
         r if r < 0.6 => "halve the floor uncertainty".into(),
         r => format!("reduce the floor uncertainty by {:.0} %", 100.0 * (1.0 - r)),
@@ -60,7 +60,7 @@ pub enum Names {
 /// Context for the sentences: the site, the camera and the naming scheme.
 pub(super) struct SentenceContext<'a> {
     pub(super) site: &'a Site,
-    /// Camera that the finding is about.
+    /// Camera of the finding; `None` for a finding about the site.
     pub(super) entry: Option<&'a SiteCamera>,
     pub(super) names: Names,
 }
@@ -84,6 +84,7 @@ impl SentenceContext<'_> {
         }
     }
 
+    /// Returns the name of a line, such as `V1`.
     fn line(&self, line: Source) -> String {
         line_name(self.annotations(), line.annotation, line.segment)
     }
@@ -96,17 +97,17 @@ impl SentenceContext<'_> {
         }
     }
 
-    /// Returns the id of a camera, or an empty string if the index is out of range.
-    pub(super) fn id(&self, camera: usize) -> &str {
-        self.site.cameras.get(camera).map_or("", |entry| &entry.id)
+    /// Returns the quoted id of a camera; empty quotes if the index is out of range.
+    pub(super) fn id(&self, camera: usize) -> String {
+        format!("\"{}\"", self.site.cameras.get(camera).map_or("", |entry| &entry.id))
     }
 
     fn ids(&self, cameras: &[usize]) -> String {
-        let ids: Vec<String> = cameras.iter().map(|&camera| self.id(camera).to_owned()).collect();
+        let ids: Vec<String> = cameras.iter().map(|&camera| self.id(camera)).collect();
         enumerated(&ids)
     }
 
-    /// Returns the name of a control point, as used for residuals.
+    /// Returns the name of a control point of a camera, as used for residuals.
     fn control_point(&self, entry: Option<&SiteCamera>, index: usize) -> String {
         entry.and_then(|entry| entry.control_points.get(index)).map_or_else(String::new, |p| p.label(index))
     }
@@ -141,7 +142,7 @@ impl SentenceContext<'_> {
     pub(super) fn line_outlier(&self, line: Source, px: Option<f64>) -> String {
         let line = self.line_of(line);
         match px {
-            Some(px) => format!("{line} contradicts the others by {px:.1} px and was rejected."),
+            Some(px) => format!("{line} contradicts the other lines by {px:.1} px and was rejected."),
             None => format!("{line} is above the horizon of the other lines and was rejected."),
         }
     }
@@ -180,7 +181,7 @@ impl SentenceContext<'_> {
             Subject::Efov => "the field of view".into(),
             shared => self.shared(shared),
         };
-        let exchanged = if *fits_exchanged { " With u and v exchanged, all would be inside." } else { "" };
+        let exchanged = if *fits_exchanged { " With u and v swapped, all would be inside." } else { "" };
         format!(
             "{outside} of {drawn} points are outside the image of {width} x {height} pixels, the first in {first}.{exchanged}"
         )
@@ -190,11 +191,11 @@ impl SentenceContext<'_> {
     pub(super) fn out_of_date(&self, what: Subject, stored: Option<f64>, now: Option<f64>) -> String {
         let name = match what {
             Subject::Line(line) if self.annotations().get(line.annotation).is_some() => self.line_of(line),
-            Subject::Line(line) => format!("Annotation {}", line.annotation),
+            Subject::Line(line) => format!("annotation {}", line.annotation),
             Subject::OwnControlPoint(point) => {
-                format!("Control point {}", self.control_point(self.entry, point))
+                format!("control point {}", self.control_point(self.entry, point))
             }
-            what => capitalised(&self.shared(what)),
+            what => self.shared(what),
         };
         match (stored, now) {
             (Some(stored), Some(now)) => format!(
@@ -219,11 +220,11 @@ impl SentenceContext<'_> {
 
     pub(super) fn uninformative(&self, edges: &[Source], drawn: usize, bend_px: f64) -> String {
         /// Largest number of edges listed by name; longer lists give only their count.
-        const NAMED: usize = 4;
+        const MAX_NAMED_EDGES: usize = 4;
         let names: Vec<String> = edges.iter().map(|&edge| self.line(edge)).collect();
         let who = match names.len() {
             1 => format!("{} hardly constrains", names[0]),
-            2..=NAMED => format!("{} hardly constrain", names.join(", ")),
+            2..=MAX_NAMED_EDGES => format!("{} hardly constrain", names.join(", ")),
             count => format!("{count} of {drawn} straight edges hardly constrain"),
         };
         let by = if names.len() == 1 { "it by" } else { "them by at most" };
@@ -246,6 +247,13 @@ impl SentenceContext<'_> {
     pub(super) fn far_control_points(&self, rms_px: f64, worst: usize, worst_px: f64) -> String {
         let name = self.control_point(self.entry, worst);
         format!("The control points have an RMS error of {rms_px:.1} px. Worst: {name}, {worst_px:.1} px.")
+    }
+
+    pub(super) fn exchanged_control_points(&self, points: [usize; 2]) -> String {
+        let [a, b] = points.map(|point| self.control_point(self.entry, point));
+        format!(
+            "Control points {a} and {b} are exchanged: all points fit if each has the pixel of the other."
+        )
     }
 
     pub(super) fn control_point_outlier(&self, camera: usize, point: usize) -> String {
@@ -309,13 +317,17 @@ impl SentenceContext<'_> {
 
 /// Joins names as "a, b, c and 7 more".
 fn enumerated(names: &[String]) -> String {
-    const MOST: usize = 6;
+    /// Largest number of names in a complete list; longer lists end with a count.
+    const MAX_LISTED_NAMES: usize = 6;
     match names.len() {
-        0..=MOST => names.join(", "),
-        count => format!("{} and {} more", names[..MOST - 1].join(", "), count - MOST + 1),
+        0..=MAX_LISTED_NAMES => names.join(", "),
+        count => {
+            format!("{} and {} more", names[..MAX_LISTED_NAMES - 1].join(", "), count - MAX_LISTED_NAMES + 1)
+        }
     }
 }
 
+/// Returns the text with an uppercase first letter.
 fn capitalised(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
@@ -323,10 +335,10 @@ fn capitalised(text: &str) -> String {
 
 pub(super) fn undetermined_focal(sigma: f64, floor_seen_from_above: Option<f64>) -> String {
     let known =
-        if sigma > 1.0 { String::new() } else { format!(" better than \u{b1} {:.0} %", 100.0 * sigma) };
+        if sigma > 1.0 { String::new() } else { format!(" to better than \u{b1} {:.0} %", 100.0 * sigma) };
     match floor_seen_from_above {
         Some(rel) => format!(
-            "The camera looks down, so the lines do not determine the focal length{known}. Floor lengths are good to {:.1} %, but heights are not.",
+            "The camera looks down, so the lines do not determine the focal length{known}. Floor lengths are accurate to \u{b1} {:.1} %, but heights are not.",
             100.0 * rel
         ),
         None => {
@@ -351,7 +363,16 @@ pub(super) fn other_minima(others: &[OtherMinimum]) -> String {
             format!("focal length {:.0} px with pitch {:.1}\u{b0}", other.focal, other.pitch.to_degrees())
         })
         .collect();
-    format!("The lines also fit another camera: {}.", list.join("; "))
+    let who = if list.len() == 1 { "Another solution also fits" } else { "Other solutions also fit" };
+    format!("{who} the lines: {}.", list.join("; "))
+}
+
+pub(super) const fn unchecked_points(dof: i64) -> &'static str {
+    if dof < 1 {
+        "The control points have no redundant coordinate, so a wrong point cannot be detected."
+    } else {
+        "The control points have one redundant coordinate, which is too few to detect a wrong point reliably."
+    }
 }
 
 pub(super) fn unchecked(dof: i64, rejected: usize) -> String {
@@ -400,9 +421,9 @@ pub(super) fn curved(px: f64, px_without_lens: f64) -> String {
 
 pub(super) fn corners(px: f64, is_round: bool) -> String {
     /// Uncertainty above which the distortion counts as undetermined, in pixels: the width of a large image.
-    const MAX_PX: f64 = 4000.0;
+    const MAX_CORNER_SIGMA_PX: f64 = 4000.0;
     let place = if is_round { "at the rim" } else { "in the corners" };
-    if px < MAX_PX {
+    if px < MAX_CORNER_SIGMA_PX {
         format!("The distortion {place} of the image is uncertain by \u{b1} {px:.0} px.")
     } else {
         format!("The straight edges do not determine the distortion {place} of the image.")
@@ -440,7 +461,7 @@ pub(super) const fn efov(is_whole: bool) -> &'static str {
     if is_whole {
         "The whole field of view (EFOV) is above the horizon or outside the lens."
     } else {
-        "A part of the field of view (EFOV) was cut off: it is above the horizon, farther than 50 camera heights, or outside the lens."
+        "Part of the field of view (EFOV) was cut off: it is above the horizon, farther than 50 camera heights, or outside the lens."
     }
 }
 

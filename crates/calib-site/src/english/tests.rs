@@ -64,6 +64,8 @@ fn number(finding: &Finding) -> usize {
         F::ContradictoryUprights { .. } => 41,
         F::PlacedByHand => 42,
         F::CurvedInOneDirection { .. } => 43,
+        F::ExchangedControlPoints { .. } => 44,
+        F::UncheckedPoints { .. } => 45,
     }
 }
 
@@ -101,6 +103,8 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::NoLength { line: LINE }, Subject::Line(LINE)),
         (F::TooFewControlPoints { count: 1 }, Subject::Placement),
         (F::HiddenControlPoints { points: vec![0] }, Subject::OwnControlPoint(0)),
+        (F::ExchangedControlPoints { points: [0, 0] }, Subject::OwnControlPoint(0)),
+        (F::UncheckedPoints { dof: 0 }, Subject::Placement),
         (F::FarControlPoints { rms_px: 9.0, worst: 0, worst_px: 14.0 }, Subject::OwnControlPoint(0)),
         (F::ScaleConflict { estimated: 3.0, placed: 5.0 }, Subject::Parameter(Parameter::Height)),
         (F::EfovAboveHorizon { is_whole: false }, Subject::Efov),
@@ -157,6 +161,10 @@ fn failures() -> Vec<Failure> {
         Failure::CoincidentVerticals,
         Failure::NoFloorAnnotations,
         Failure::NoAnnotations,
+        Failure::UndeterminedByPoints { count: 2 },
+        Failure::ExchangedControlPoints { points: ["a".into(), "b".into()] },
+        Failure::MirroredControlPoints,
+        Failure::ImpossibleCamera { focal: 9e5, height: 9e3 },
         Failure::NoPitchAndFocal,
         Failure::NoOrientation,
         Failure::Underdetermined { weakest: Some(Parameter::Roll) },

@@ -1,0 +1,150 @@
+//! Perspective-three-point problem: the poses of a camera of known focal length that shows three known
+//! points.
+//!
+//! Let `s1, s2, s3` be the distances of the points from the centre of projection, `a, b, c` the sides of
+//! their triangle (opposite to point 1, 2, 3), and `alpha, beta, gamma` the angles between the rays (2, 3),
+//! (1, 3), (1, 2). The law of cosines gives three equations. With `s2 = u s1` and `s3 = v s1` they reduce to
+//! a quartic in `v` with up to four positive roots (Grunert 1841; Haralick, Lee, Ottenberg and Nolle 1994,
+//! "Review and Analysis of Solutions of the Three Point Perspective Pose Estimation Problem", equation 9).
+//! The distances give the points in camera axes, and the frames of the two triangles give the pose.
+
+use nalgebra::{Matrix3, Matrix4, Vector3};
+
+/// Pose of a camera: `in_camera = rotation (world - centre)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pose {
+    /// Rows right, down, forward in world axes.
+    pub(super) rotation: [[f64; 3]; 3],
+    /// Centre of projection, in metres.
+    pub(super) centre: [f64; 3],
+}
+
+/// Returns the poses from which three points in the `world`, in metres, are at the `rays` in camera axes, of
+/// any length. Empty for collinear points.
+///
+/// A double root that noise has made complex is returned as its real part: the poses are starts of a
+/// refinement.
+pub(super) fn p3p(rays: &[[f64; 3]; 3], world: &[[f64; 3]; 3]) -> Vec<Pose> {
+    let rays = rays.map(|ray| Vector3::from(ray).normalize());
+    let world = world.map(Vector3::from);
+    let [a, b, c] = [
+        (world[1] - world[2]).norm_squared(),
+        (world[0] - world[2]).norm_squared(),
+        (world[0] - world[1]).norm_squared(),
+    ];
+    let [cos_alpha, cos_beta, cos_gamma] =
+        [rays[1].dot(&rays[2]), rays[0].dot(&rays[2]), rays[0].dot(&rays[1])];
+    let Some(world_frame) = frame(&world).filter(|_| b > 0.0) else { return Vec::new() };
+    let (difference, sum) = ((a - c) / b, (a + c) / b);
+    let (a, c) = (a / b, c / b);
+    let quartic = [
+        (1.0 + difference).powi(2) - 4.0 * a * cos_gamma.powi(2),
+        4.0 * (-difference * (1.0 + difference) * cos_beta + 2.0 * a * cos_gamma.powi(2) * cos_beta
+            - (1.0 - sum) * cos_alpha * cos_gamma),
+        2.0 * (difference.powi(2) - 1.0
+            + 2.0 * (difference * cos_beta).powi(2)
+            + 2.0 * (1.0 - c) * cos_alpha.powi(2)
+            - 4.0 * sum * cos_alpha * cos_beta * cos_gamma
+            + 2.0 * (1.0 - a) * cos_gamma.powi(2)),
+        4.0 * (difference * (1.0 - difference) * cos_beta - (1.0 - sum) * cos_alpha * cos_gamma
+            + 2.0 * c * cos_alpha.powi(2) * cos_beta),
+        (difference - 1.0).powi(2) - 4.0 * c * cos_alpha.powi(2),
+    ];
+    let pose = |v: f64| {
+        let u = ((difference - 1.0) * v * v - 2.0 * difference * cos_beta * v + 1.0 + difference)
+            / (2.0 * (cos_gamma - v * cos_alpha));
+        let first = (b / (1.0 + v * v - 2.0 * v * cos_beta)).sqrt();
+        let distances = [first, u * first, v * first];
+        if !distances.iter().all(|distance| distance.is_finite() && *distance > 0.0) {
+            return None;
+        }
+        let in_camera: [Vector3<f64>; 3] = std::array::from_fn(|i| rays[i] * distances[i]);
+        let rotation = frame(&in_camera)? * world_frame.transpose();
+        let centre = world[0] - rotation.transpose() * in_camera[0];
+        let rows = std::array::from_fn(|i| std::array::from_fn(|j| rotation[(i, j)]));
+        Some(Pose { rotation: rows, centre: centre.into() })
+    };
+    real_roots(quartic).into_iter().filter_map(pose).collect()
+}
+
+/// Returns the axes of a triangle as columns: along its first side, across in its plane, and normal to it.
+/// `None` for a triangle without area.
+fn frame([a, b, c]: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
+    /// Least area of the triangle, relative to the product of two sides.
+    const MIN_SINE: f64 = 1e-9;
+    let (along, other) = (b - a, c - a);
+    let normal = along.cross(&other);
+    if normal.norm().is_nan() || normal.norm() <= MIN_SINE * along.norm() * other.norm() {
+        return None;
+    }
+    let (x, z) = (along.normalize(), normal.normalize());
+    Some(Matrix3::from_columns(&[x, z.cross(&x), z]))
+}
+
+/// Returns the positive real roots of a quartic, the lowest coefficient first, as eigenvalues of its
+/// companion matrix.
+fn real_roots([c0, c1, c2, c3, c4]: [f64; 5]) -> Vec<f64> {
+    /// Largest imaginary part of a double root with noise, relative to the root.
+    const MAX_IMAGINARY: f64 = 0.05;
+    let companion = Matrix4::new(
+        -c3 / c4,
+        -c2 / c4,
+        -c1 / c4,
+        -c0 / c4, //
+        1.0,
+        0.0,
+        0.0,
+        0.0, //
+        0.0,
+        1.0,
+        0.0,
+        0.0, //
+        0.0,
+        0.0,
+        1.0,
+        0.0,
+    );
+    if !companion.iter().all(|value| value.is_finite()) {
+        return Vec::new();
+    }
+    let roots = companion.complex_eigenvalues();
+    roots
+        .iter()
+        .filter(|root| root.re > 0.0 && root.im.abs() <= MAX_IMAGINARY * root.re)
+        .map(|root| root.re)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn one_pose_is_that_of_the_camera_that_shows_the_points(
+            camera in any_camera(),
+            at in proptest::array::uniform3(proptest::array::uniform3(-1.0..1.0_f64)),
+        ) {
+            let depth = 8.0;
+            let rotation = Matrix3::from_fn(|i, j| camera.rotation()[i][j]);
+            let centre = Vector3::new(camera.position.x, camera.position.y, camera.position.z);
+            let rays = at.map(|[x, y, z]| [3.0 * x, 2.0 * y, depth + 3.0 * z]);
+            let world = rays.map(|ray| <[f64; 3]>::from(centre + rotation.transpose() * Vector3::from(ray)));
+            let sides = [Vector3::from(world[1]) - Vector3::from(world[0]), Vector3::from(world[2]) - Vector3::from(world[0])];
+            prop_assume!(sides[0].cross(&sides[1]).norm() > 0.3);
+            let off = |pose: &Pose| (Vector3::from(pose.centre) - centre).norm();
+            let nearest = p3p(&rays, &world).iter().map(off).fold(f64::INFINITY, f64::min);
+            // Near the danger cylinder two roots coincide, and rounding grows to its square root.
+            prop_assert!(nearest < 1e-3, "{nearest}");
+        }
+    }
+
+    #[test]
+    fn collinear_points_have_no_pose() {
+        let rays = [[0.0, 0.1, 1.0], [0.0, 0.0, 1.0], [0.0, -0.1, 1.0]];
+        let world = [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 3.0, 0.0]];
+        assert_eq!(p3p(&rays, &world), []);
+    }
+}

@@ -1,0 +1,210 @@
+//! Stage 1 of one camera from its control points: pose and focal length where its lines do not determine
+//! them, and the points that contradict the others.
+
+use crate::camera_result::CameraResult;
+use crate::document::{Site, SiteCamera};
+use crate::solution::{Alternative, Method, Solution, Stage};
+use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
+use calib_core::floor::{ControlPoint, view_angle};
+use calib_core::optimize::is_misfit;
+use calib_core::outcome::{Failure, Finding, OtherMinimum};
+use calib_core::single::{
+    Fit, FixedParameters, MAX_LOG_FOCAL_SIGMA, PointFit, PointFitOptions, Prior, Priors,
+};
+
+/// Control points of a camera with known coordinates that are switched on, each with its index.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct UsedPoints {
+    indices: Vec<usize>,
+    points: Vec<ControlPoint>,
+    /// Standard deviations of their coordinates, in metres; 0 for exact coordinates.
+    position_sigmas: Vec<f64>,
+}
+
+/// Mistake that explains control points which contradict each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Explanation {
+    /// These two points have each other's pixels, by their indices.
+    Exchanged([usize; 2]),
+    /// The points are mirrored.
+    Mirrored,
+}
+
+impl Explanation {
+    /// Returns the failure of a camera of which no consensus of points remains.
+    pub(crate) fn failure(self, entry: &SiteCamera) -> Failure {
+        match self {
+            Self::Mirrored => Failure::MirroredControlPoints,
+            Self::Exchanged(pair) => Failure::ExchangedControlPoints {
+                points: pair.map(|index| entry.control_points[index].label(index)),
+            },
+        }
+    }
+}
+
+/// Least number of points of which one can contradict the others.
+const MIN_POINTS: usize = 4;
+
+impl UsedPoints {
+    pub(crate) fn new(site: &Site, entry: &SiteCamera) -> Self {
+        let used = entry.control_points.iter().enumerate().filter(|(_, point)| !point.off);
+        let known = used.filter_map(|(index, point)| Some((index, point.control_point(site.plan.as_ref())?)));
+        let (indices, points): (Vec<usize>, Vec<ControlPoint>) = known.unzip();
+        let sigma = |&index: &usize| entry.control_points[index].sigma_m.unwrap_or(0.0);
+        Self { position_sigmas: indices.iter().map(sigma).collect(), indices, points }
+    }
+
+    /// Returns the inputs of a fit to the points.
+    pub(crate) fn options(
+        &self,
+        entry: &SiteCamera,
+        lens: Lens,
+        fixed: FixedParameters,
+    ) -> PointFitOptions<'_> {
+        let focal = entry.priors().focal.filter(|_| fixed.focal.is_none());
+        PointFitOptions {
+            lens,
+            size: entry.size(),
+            fixed,
+            priors: Priors { focal, ..entry.priors() },
+            sigma: entry.sigma_px.unwrap_or(1.0),
+            position_sigmas: &self.position_sigmas,
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Fits the camera to the points. `None` if they determine no pose.
+    fn fit(&self, options: &PointFitOptions) -> Option<PointFit> {
+        PointFit::new(&self.points, options)
+    }
+
+    /// Fits the camera to the points. `None` if points and priors do not determine the pose and the focal
+    /// length.
+    pub(crate) fn determined(&self, options: &PointFitOptions) -> Option<PointFit> {
+        let found = self.fit(options)?;
+        let is_sharp = found.log_focal_sigma.is_none_or(|sigma| sigma < MAX_LOG_FOCAL_SIGMA);
+        (is_sharp && found.dof >= 0 && found.camera.covariance.is_known()).then_some(found)
+    }
+
+    /// Returns the indices of the points that contradict a fit.
+    pub(crate) fn suspects(&self, fit: &PointFit) -> Vec<usize> {
+        fit.outliers.iter().map(|&outlier| self.indices[outlier]).collect()
+    }
+
+    /// Returns the indices of the points that contradict the others, for a camera that its lines determine.
+    ///
+    /// Points that all agree with the camera are not searched.
+    pub(crate) fn suspects_beside(&self, fit: &Fit, options: &PointFitOptions) -> Vec<usize> {
+        /// Factor of the standard deviations of the lines: the lines themselves may be slightly wrong.
+        const SPREAD: f64 = 3.0;
+        if self.len() < MIN_POINTS {
+            return Vec::new();
+        }
+        let priors = priors_from(&fit.camera, SPREAD, &options.priors);
+        let Some(found) = self.fit(&PointFitOptions { priors, ..*options }) else { return Vec::new() };
+        self.suspects(&found)
+    }
+
+    /// Explains points that contradict each other: two that are exchanged, or all of them mirrored.
+    pub(crate) fn explanation(&self, options: &PointFitOptions, suspects: &[usize]) -> Option<Explanation> {
+        /// Largest number of points of which every pair is tried.
+        const MAX_POINTS_FOR_PAIRS: usize = 12;
+        let is_good = |found: &PointFit| {
+            found.outliers.is_empty()
+                && found.dof >= 1
+                && !is_misfit(found.chi2, found.dof)
+                && is_possible(&found.camera, options.size)
+        };
+        let n = self.len();
+        if n < MIN_POINTS || suspects.is_empty() && self.fit(options).as_ref().is_some_and(is_good) {
+            return None;
+        }
+        let mirrored: Vec<ControlPoint> = self
+            .points
+            .iter()
+            .map(|point| ControlPoint { world: WorldPoint { x: -point.world.x, ..point.world }, ..*point })
+            .collect();
+        if PointFit::new(&mirrored, options).as_ref().is_some_and(is_good) {
+            return Some(Explanation::Mirrored);
+        }
+        let is_tried = |i: usize, j: usize| {
+            let both = [i, j].map(|k| suspects.contains(&self.indices[k]));
+            if suspects.is_empty() { n <= MAX_POINTS_FOR_PAIRS } else { both == [true, true] }
+        };
+        let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).filter(|&(i, j)| is_tried(i, j));
+        let exchanged = |(i, j): (usize, usize)| {
+            let mut points = self.points.clone();
+            (points[i].pixel, points[j].pixel) = (points[j].pixel, points[i].pixel);
+            PointFit::new(&points, options).filter(is_good).map(|found| (found.chi2, [i, j]))
+        };
+        let found: Vec<(f64, [usize; 2])> = pairs.filter_map(exchanged).collect();
+        match found[..] {
+            [(_, pair)] => Some(Explanation::Exchanged(pair.map(|k| self.indices[k]))),
+            _ => None,
+        }
+    }
+}
+
+/// Whether a camera can exist: above its floor, at most 200 m high, with a focal length of at most 50 image
+/// widths.
+pub(crate) fn is_possible(camera: &Camera, [width, _]: [f64; 2]) -> bool {
+    (0.0..=200.0).contains(&camera.position.z) && camera.focal <= 50.0 * width
+}
+
+/// Returns priors on the orientation and focal length from an estimate, with its standard deviations
+/// multiplied by `spread`. The prior on the height is that of `entered`.
+pub(crate) fn priors_from(camera: &Camera, spread: f64, entered: &Priors) -> Priors {
+    /// Least standard deviations of an angle in radians, and of the log focal length.
+    const MIN_SIGMA: [f64; 2] = [1e-3, 2e-3];
+    let sigma = |index: usize, least: f64| {
+        let sigma = camera.covariance.sigma(index).map_or(0.0, |sigma| spread * sigma);
+        sigma.max(least)
+    };
+    let angle = |value: f64, index: usize| Some(Prior { value, sigma: sigma(index, MIN_SIGMA[0]) });
+    Priors {
+        roll: angle(camera.roll, Covariance::ROLL),
+        pitch: angle(camera.pitch, Covariance::PITCH),
+        focal: Some(Prior {
+            value: camera.focal,
+            sigma: sigma(Covariance::FOCAL, MIN_SIGMA[1] * camera.focal),
+        }),
+        height: entered.height,
+        weak_log_focal: None,
+    }
+}
+
+/// Returns the result of stage 1 of a camera that only control points determine. Stage 2 places it.
+pub(crate) fn from_points(entry: &SiteCamera, found: &PointFit) -> CameraResult {
+    let placed = found.camera;
+    let mut covariance = placed.covariance;
+    for index in [Covariance::X, Covariance::Y, Covariance::YAW] {
+        for k in 0..Covariance::SIZE {
+            covariance.0[index][k] = 0.0;
+            covariance.0[k][index] = 0.0;
+        }
+    }
+    let position = WorldPoint::new(0.0, 0.0, placed.position.z);
+    let camera = Camera { position, yaw: 0.0, covariance, ..placed };
+    let mut solution = Solution::from_camera(&camera, Method::MaximumLikelihood, Stage::Partial);
+    solution.set_uncertainty(&camera, None);
+    solution.chi2 = Some(found.chi2);
+    solution.dof = usize::try_from(found.dof.max(0)).ok();
+    let other = |other: &Camera| Alternative {
+        focal_px: other.focal,
+        hfov_deg: view_angle(&other.lens, other.focal, entry.size()).to_degrees(),
+        pitch_deg: other.pitch.to_degrees(),
+        roll_deg: other.roll.to_degrees(),
+        chi2: found.chi2,
+    };
+    solution.alternatives = found.alternatives.iter().map(other).collect();
+    let mut findings = Vec::new();
+    if !found.alternatives.is_empty() {
+        let others = found.alternatives.iter();
+        let others = others.map(|other| OtherMinimum { focal: other.focal, pitch: other.pitch }).collect();
+        findings.push(Finding::TwoSolutions { others, next: None });
+    }
+    CameraResult { findings, ..CameraResult::new(solution) }
+}

@@ -1,0 +1,133 @@
+//! Cameras that control points alone calibrate: by how far, with which errors in the points, and what is
+//! reported.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
+use calib_core::outcome::{Code, FailureCode};
+use calib_core::single::Known;
+use calib_site::{ControlPointEntry, LensEntry, Options, Site, SiteCamera, Solution, Stage};
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+fn truth() -> Camera {
+    Camera {
+        position: WorldPoint::new(2.0, -9.0, 6.5),
+        yaw: 0.2,
+        pitch: 24_f64.to_radians(),
+        roll: 1.5_f64.to_radians(),
+        focal: 1250.0,
+        lens: Lens::pinhole(Pixel::new(960.0, 540.0)),
+        covariance: Covariance::EXACT,
+    }
+}
+
+/// Returns the corners of a tennis court, and points inside it.
+fn court(count: usize) -> Vec<WorldPoint> {
+    let corners = [(-5.485, 0.0), (5.485, 0.0), (5.485, 23.77), (-5.485, 23.77)];
+    let inside = [(0.0, 5.485), (-4.115, 5.485), (4.115, 18.285), (0.0, 18.285), (4.115, 5.485)];
+    corners.into_iter().chain(inside).take(count).map(|(x, y)| WorldPoint::new(x, y, 0.0)).collect()
+}
+
+/// Returns a site with one camera that shows these points, with normal noise of `sigma` pixels.
+fn site(points: &[WorldPoint], sigma: f64, random: &mut ChaCha8Rng) -> Site {
+    let mut camera = SiteCamera::new("court", [1920, 1080]);
+    let mut normal = || sigma * ((0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0);
+    camera.control_points = points
+        .iter()
+        .enumerate()
+        .map(|(index, &world)| {
+            let shown = truth().world_to_pixel(world).unwrap();
+            let pixel = Pixel::new(shown.u + normal(), shown.v + normal());
+            ControlPointEntry {
+                id: Some(format!("p{index}")),
+                name: None,
+                off: false,
+                keep: false,
+                px: pixel,
+                world_m: Some(world),
+                plan_px: None,
+                height_m: None,
+                sigma_px: None,
+                sigma_m: None,
+            }
+        })
+        .collect();
+    Site { cameras: vec![camera], ..Site::default() }
+}
+
+fn solve(site: &Site) -> Solution {
+    let report = site.calibrate(&Options::default());
+    report.cameras.into_iter().next().unwrap().1.unwrap_or_else(|failure| panic!("{failure:?}"))
+}
+
+fn codes(solution: &Solution) -> Vec<Code> {
+    solution.warnings.iter().map(|warning| warning.code).collect()
+}
+
+#[test]
+fn corners_of_a_court_calibrate_a_camera() {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let solution = solve(&site(&court(4), 0.0, &mut random));
+    assert_eq!(solution.stage, Stage::Refined);
+    assert!((solution.focal_px / 1250.0 - 1.0).abs() < 1e-6, "{solution:?}");
+    assert!(solution.position_m.unwrap().distance(truth().position) < 1e-5, "{solution:?}");
+    // Eight coordinates for seven unknowns.
+    assert_eq!((codes(&solution), solution.dof), (vec![Code::Unchecked], Some(1)));
+}
+
+#[test]
+fn nine_points_are_as_accurate_as_stated() {
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let (mut square, mut with_findings, trials) = (0.0, 0, 150);
+    for _ in 0..trials {
+        let solution = solve(&site(&court(9), 1.0, &mut random));
+        with_findings += i32::from(!codes(&solution).is_empty());
+        square += ((solution.focal_px - 1250.0) / solution.sigma.unwrap().focal_px.unwrap()).powi(2);
+    }
+    // One test in a hundred rejects a right point.
+    assert!(with_findings <= 4, "{with_findings} of {trials}");
+    let ratio = (square / f64::from(trials)).sqrt();
+    assert!((0.87..1.13).contains(&ratio), "root mean square error over sigma: {ratio:.3}");
+}
+
+#[test]
+fn two_exchanged_points_of_nine_are_set_aside_and_named() {
+    for (a, b) in [(0, 7), (4, 5), (1, 2)] {
+        let mut site = site(&court(9), 0.5, &mut ChaCha8Rng::seed_from_u64(3));
+        let points = &mut site.cameras[0].control_points;
+        (points[a].px, points[b].px) = (points[b].px, points[a].px);
+        let solution = solve(&site);
+        assert!((solution.focal_px / 1250.0 - 1.0).abs() < 0.02, "{}", solution.focal_px);
+        let named = solution.warnings.iter().find(|w| w.code == Code::PointsExchanged).unwrap();
+        assert!([a, b].iter().all(|i| named.message.contains(&format!("p{i}"))), "{}", named.message);
+    }
+}
+
+#[test]
+fn exchanged_corners_and_mirrored_coordinates_are_refused_by_name() {
+    let right = site(&court(4), 0.3, &mut ChaCha8Rng::seed_from_u64(4));
+    let failure = |site: &Site| site.calibrate(&Options::default()).cameras.remove(0).1.unwrap_err();
+    let mut exchanged = right.clone();
+    let points = &mut exchanged.cameras[0].control_points;
+    (points[2].px, points[3].px) = (points[3].px, points[2].px);
+    let found = failure(&exchanged);
+    assert_eq!(found.code, FailureCode::PointsExchanged);
+    assert!(found.message.contains("p2 and p3"), "{}", found.message);
+    let mut mirrored = right;
+    for point in &mut mirrored.cameras[0].control_points {
+        point.world_m = point.world_m.map(|at| WorldPoint { x: -at.x, ..at });
+    }
+    assert_eq!(failure(&mirrored).code, FailureCode::Mirrored);
+}
+
+#[test]
+fn three_points_are_enough_if_the_focal_length_is_known() {
+    let mut three = site(&court(3), 0.0, &mut ChaCha8Rng::seed_from_u64(5));
+    let refused = three.calibrate(&Options::default()).cameras.remove(0).1.unwrap_err();
+    assert!(refused.message.contains("3 control points alone do not determine"), "{}", refused.message);
+    three.cameras[0].lens = Some(LensEntry { focal_px: Some(Known::fixed(1250.0)), ..LensEntry::default() });
+    let solution = solve(&three);
+    let at = solution.position_m.unwrap();
+    assert!(at.distance(truth().position) < 1e-4 || !solution.alternatives.is_empty(), "{solution:?}");
+}
