@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
         return Err(CommandError::Usage("--max-rms-px: expected a number of pixels above 0".into()));
     }
     if args.max_overlap_m.is_some_and(|most| most.is_nan() || most <= 0.0) {
-        return Err(CommandError::Usage("--max-overlap-m: expected metres above 0".into()));
+        return Err(CommandError::Usage("--max-overlap-m: expected a number of metres above 0".into()));
     }
     let file = args.site.read_without_warnings()?;
     let cameras = file.site.cameras.iter().enumerate();

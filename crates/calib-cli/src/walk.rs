@@ -162,7 +162,7 @@ fn check_single_person(names: &[String], result: &WalkResult) -> Result<(), Comm
     };
     let Some(camera) = (0..names.len()).find(is_crowd) else { return Ok(()) };
     Err(CommandError::Invalid(format!(
-        "{} detected several people at {} times; give only the rows of the person who walked",
+        "{} detected several people at once, {} times; keep only the rows of the person who walked",
         names[camera], result.crowded_moments[camera]
     )))
 }

@@ -1,4 +1,4 @@
-//! Distances between solved links and marks and their observations in every camera.
+//! Distances between the solved position of each link or mark and its observation in every camera.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -11,54 +11,55 @@ use calib_site::{ElementSolution, Link, LinkKind, Mark, Site, SiteCamera};
 /// Solved link or mark with its observations.
 #[derive(Clone, Debug)]
 pub struct Element<'a> {
-    /// "link" or "mark".
+    /// Kind of the element: "link" or "mark".
     pub kind: &'static str,
-    /// Id, as in residuals and warnings.
+    /// Id of the link or mark, as in residuals and warnings; its index in the site if it has no id.
     pub id: String,
-    /// Solution.
+    /// Solution of the link or mark.
     pub solution: &'a ElementSolution,
-    /// Whether it contradicts other observations and is not used.
+    /// Whether an observation of the element is an outlier, so that the element is rejected.
     pub is_rejected: bool,
-    /// Whether the operator switched it off.
+    /// Whether the operator switched the element off.
     pub is_off: bool,
-    /// Whether it is a post or a line, whose points in a view are ends of one element.
+    /// Whether the element is a post or a line. Its points in a view are then the ends of one element.
     pub is_long: bool,
-    /// Observations by camera.
+    /// Observations of the element, one entry for each camera that shows it.
     pub views: Vec<View<'a>>,
 }
 
-/// Observations of an element by one camera.
+/// Observations of a link or mark by one camera.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
-    /// Camera.
+    /// Entry of the camera in the site.
     pub entry: &'a SiteCamera,
     /// Index of the camera in its site.
     pub index: usize,
-    /// Observed points.
+    /// Points of the element that the camera shows.
     pub sightings: Vec<Sighting>,
 }
 
-/// Observed pixel and its solved point.
+/// Annotated pixel, compared with the solved point that it shows.
 #[derive(Clone, Debug)]
 pub struct Sighting {
-    /// Annotated pixel.
+    /// Annotated position in the image, in raw pixels.
     pub annotated: Pixel,
-    /// Reprojection of the solved point.
+    /// Projection of the solved point into the image, in raw pixels.
     pub reprojected: Pixel,
-    /// Solved point, seen from above.
+    /// Solved point projected vertically onto the floor, in metres.
     pub solved_floor: FloorPoint,
-    /// Floor position of the pixel according to the camera, at the height of the solved point.
+    /// Intersection of the ray of the annotated pixel with the plane through the solved point, as floor
+    /// metres. `None` if the ray does not meet the plane.
     pub floor: Option<FloorPoint>,
 }
 
 impl View<'_> {
-    /// Returns the RMS distance in the image, in pixels.
+    /// Returns the RMS distance between annotated and reprojected points in the image, in pixels.
     #[must_use]
     pub fn px(&self) -> f64 {
         rms(self.sightings.iter().map(|seen| seen.annotated.distance(seen.reprojected))).unwrap_or(0.0)
     }
 
-    /// Returns the RMS distance on the floor, in metres.
+    /// Returns the RMS distance between annotated and solved points on the floor, in metres.
     #[must_use]
     pub fn floor_m(&self) -> Option<f64> {
         rms(self.sightings.iter().filter_map(|seen| Some(seen.floor?.distance(seen.solved_floor))))
@@ -66,19 +67,20 @@ impl View<'_> {
 }
 
 impl Element<'_> {
-    /// Whether it contributes to the solution of the site.
+    /// Whether the element contributes to the solution of the site: neither rejected nor switched off.
     #[must_use]
     pub fn is_used(&self) -> bool {
         !self.is_rejected && !self.is_off
     }
 
-    /// Returns the largest RMS error of a camera, in pixels.
+    /// Returns the RMS distance of the camera with the largest one, in pixels.
     #[must_use]
     pub fn worst_px(&self) -> f64 {
         self.views.iter().map(View::px).fold(0.0, f64::max)
     }
 }
 
+/// Returns the root mean square of values; `None` without values.
 fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value * value, count + 1.0));
     (count > 0.0).then(|| f64::sqrt(sum / count))
@@ -108,7 +110,7 @@ pub fn elements(site: &Site) -> Vec<Element<'_>> {
             kind: "link",
             id,
             solution: found,
-            is_rejected: is_aside(found),
+            is_rejected: has_outlier(found),
             is_off: link.off,
             is_long: link.kind != LinkKind::Point,
             views,
@@ -124,7 +126,7 @@ pub fn elements(site: &Site) -> Vec<Element<'_>> {
             kind: "mark",
             id,
             solution: found,
-            is_rejected: is_aside(found),
+            is_rejected: has_outlier(found),
             is_off: mark.off,
             is_long: false,
             views,
@@ -133,10 +135,13 @@ pub fn elements(site: &Site) -> Vec<Element<'_>> {
     links.chain(marks).collect()
 }
 
-fn is_aside(found: &ElementSolution) -> bool {
+/// Whether any residual of the element is an outlier.
+fn has_outlier(found: &ElementSolution) -> bool {
     found.residuals.iter().any(|residual| residual.outlier)
 }
 
+/// Returns the observations by camera. `cameras` contains the placed cameras by id, and `seen` compares the
+/// observations of one camera.
 fn views<'a>(
     site: &'a Site,
     cameras: &HashMap<&str, (usize, Camera)>,
@@ -155,6 +160,7 @@ fn views<'a>(
         .collect()
 }
 
+/// Compares the points of one link observation with the solved link: one point, foot and head, or a segment.
 fn points_of_link(
     link: &Link,
     found: &ElementSolution,
@@ -164,39 +170,44 @@ fn points_of_link(
 ) -> Vec<Sighting> {
     let at = found.at_m;
     match link.kind {
-        LinkKind::Point => seen.px.and_then(|px| sighting(camera, px, at, plane)).into_iter().collect(),
+        LinkKind::Point => {
+            seen.px.and_then(|px| compare_with_point(camera, px, at, plane)).into_iter().collect()
+        }
         LinkKind::Post => {
             let head = WorldPoint { z: at.z + found.length_m.unwrap_or(0.0), ..at };
             [(seen.foot, at), (seen.head, head)]
                 .into_iter()
-                .filter_map(|(px, at)| sighting(camera, px?, at, plane))
+                .filter_map(|(px, at)| compare_with_point(camera, px?, at, plane))
                 .collect()
         }
         LinkKind::Line => {
             let turn = found.turn_deg.unwrap_or(0.0).to_radians();
             let drawn = seen.segment.iter().flatten();
-            drawn.filter_map(|&px| sighting_of_line(camera, px, (at.on_floor(), turn), plane)).collect()
+            drawn.filter_map(|&px| compare_with_line(camera, px, (at.on_floor(), turn), plane)).collect()
         }
     }
 }
 
+/// Compares the pinned corners of a mark in one camera with the solved mark.
 fn points_of_mark(mark: &Mark, camera_id: &str, camera: &Camera) -> Vec<Sighting> {
     let shape = mark.shape();
     let of = mark.seen.iter().filter(|seen| seen.camera == camera_id);
-    of.filter_map(|seen| sighting(camera, seen.px, shape.point(&seen.point)?, &Plane::FLOOR)).collect()
+    of.filter_map(|seen| compare_with_point(camera, seen.px, shape.point(&seen.point)?, &Plane::FLOOR))
+        .collect()
 }
 
-/// Compares a pixel with its solved point. The pixel is intersected with a plane through the point, parallel
-/// to the point's own plane.
-fn sighting(camera: &Camera, annotated: Pixel, at: WorldPoint, plane: &Plane) -> Option<Sighting> {
+/// Compares an annotated pixel with a solved point. For the floor position, the ray of the pixel is
+/// intersected with the plane through the point that is parallel to `plane`.
+fn compare_with_point(camera: &Camera, annotated: Pixel, at: WorldPoint, plane: &Plane) -> Option<Sighting> {
     let reprojected = camera.world_to_pixel(at)?;
     let through = Plane { height: at.z, anchor: at.on_floor(), ..*plane };
     let floor = camera.pixel_to_plane(annotated, &through).map(WorldPoint::on_floor);
     Some(Sighting { annotated, reprojected, solved_floor: at.on_floor(), floor })
 }
 
-/// Compares a pixel with a solved line: with the closest point on the line in the image.
-fn sighting_of_line(
+/// Compares an annotated pixel with the point of a solved floor line that is closest to it in the image. The
+/// line is given by a point and an angle in radians.
+fn compare_with_line(
     camera: &Camera,
     annotated: Pixel,
     (through, turn): (FloorPoint, f64),

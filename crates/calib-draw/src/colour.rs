@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Colour: red, green and blue.
+/// Colour as red, green and blue, each from 0 to 255.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Rgb(pub [u8; 3]);
 
@@ -18,7 +18,7 @@ impl Rgb {
     pub const WHITE: Self = Self::hex(0xFFFFFF);
     /// Colour of a link that needs another view, and of its epipolar line.
     pub const INCOMPLETE: Self = Self::hex(0xF2DF4A);
-    /// Colour of unknown values.
+    /// Colour of values that are unknown.
     pub const UNKNOWN: Self = Self::hex(0xFFB020);
     /// Colour of suspected outliers and gross errors.
     pub const BAD: Self = Self::hex(0xFF5470);
@@ -35,22 +35,25 @@ impl Rgb {
     /// Colour of text and lines on a light plan.
     pub const INK: Self = Self::hex(0x1B1F23);
 
-    /// Returns the colour of a camera. With many cameras, hues become similar; always show the name too.
+    /// Returns the colour of a camera, for images and dark backgrounds. With many cameras, hues become
+    /// similar; always show the name of the camera too.
     #[must_use]
     pub fn camera(index: usize) -> Self {
-        CAMERAS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.74), |[on_dark, _]| *on_dark)
+        CAMERA_COLOURS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.74), |[on_dark, _]| *on_dark)
     }
 
-    /// Returns the same hue, dark enough for lines on a light plan.
+    /// Returns the hue of [`Self::camera`] in a darker colour, for lines on a light plan.
     #[must_use]
     pub fn camera_on_light(index: usize) -> Self {
-        CAMERAS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.37), |[_, on_light]| *on_light)
+        CAMERA_COLOURS.get(index).map_or_else(|| Self::of_hue(index, 0.7, 0.37), |[_, on_light]| *on_light)
     }
 
-    /// Returns a colour with a new hue, one golden angle from the hue of the previous index.
+    /// Returns a colour whose hue differs from the hue of the previous index by the golden angle. Saturation
+    /// and lightness are from 0 to 1.
     fn of_hue(index: usize, saturation: f64, lightness: f64) -> Self {
-        const GOLDEN: f64 = 0.381_966_011_250_105;
-        let hue = (index as f64 * GOLDEN).fract() * 6.0;
+        /// Golden angle, as a fraction of a full turn.
+        const GOLDEN_ANGLE_TURNS: f64 = 0.381_966_011_250_105;
+        let hue = (index as f64 * GOLDEN_ANGLE_TURNS).fract() * 6.0;
         let chroma = (1.0 - (2.0 * lightness - 1.0).abs()) * saturation;
         // The channels peak one after the other, 120 degrees apart.
         let channel = |shift: f64| {
@@ -63,7 +66,7 @@ impl Rgb {
 }
 
 /// Colours of the first cameras: for images and dark backgrounds, and for light backgrounds.
-const CAMERAS: [[Rgb; 2]; 8] = [
+const CAMERA_COLOURS: [[Rgb; 2]; 8] = [
     [Rgb::hex(0xFF9D7A), Rgb::hex(0xC4552B)],
     [Rgb::hex(0x6FE0D2), Rgb::hex(0x0F8A7A)],
     [Rgb::hex(0xC3A6FF), Rgb::hex(0x7A4FD0)],

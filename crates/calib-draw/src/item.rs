@@ -1,5 +1,5 @@
-//! Items of an overlay: geometry and meaning. The meaning determines the appearance; painters need nothing
-//! else.
+//! Items of an overlay: geometry and meaning. The meaning determines the appearance; painters need no other
+//! data.
 
 use calib_core::Kind;
 
@@ -8,120 +8,120 @@ use crate::kind::Sign;
 /// Annotated line on an image, with its residual.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AnnotatedLine {
-    /// Kind of annotation.
+    /// Kind of the annotation.
     pub kind: Kind,
     /// Index of the annotation in its camera.
     pub annotation: usize,
     /// Index of the line in its annotation.
     pub segment: usize,
-    /// Whether the operator switched it off.
+    /// Whether the operator switched the annotation, link or mark off.
     pub is_off: bool,
-    /// Whether it is rejected as an outlier.
+    /// Whether the line is rejected as an outlier.
     pub is_outlier: bool,
-    /// Residual, in pixels.
+    /// Residual of the line, in pixels; `None` if the line is not part of a solution.
     pub residual_px: Option<f64>,
-    /// Absolute residual, in standard deviations of the annotations.
+    /// Absolute residual divided by the standard deviation of the annotations.
     pub over_sigma: Option<f64>,
 }
 
 /// Solved link or mark, in the view of one camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ElementStatus {
-    /// Index of the camera; `None` for the element itself, common to all cameras.
+    /// Index of the camera; `None` for the solved position, which is common to all cameras.
     pub camera: Option<usize>,
-    /// Whether it contradicts other observations and is not used.
+    /// Whether the link or mark contradicts other observations and is not used.
     pub is_rejected: bool,
-    /// Whether the operator switched it off.
+    /// Whether the operator switched the annotation, link or mark off.
     pub is_off: bool,
 }
 
-/// Meaning of an item; indices refer to the site.
+/// Meaning of an item. Indices of cameras, planes, links and marks refer to the site.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Meaning {
     /// Line that is straight in the scene and curved by the distortion.
     LensGrid,
     /// Line of the metre grid on the floor.
     Grid,
-    /// Horizon.
+    /// Horizon of a camera.
     Horizon,
-    /// Effective field of view (EFOV) of a camera.
+    /// Effective field of view (EFOV) of a camera, by its index.
     Efov(usize),
-    /// EFOV of a camera other than the camera of the image.
+    /// EFOV of another camera than the camera of the image, by its index.
     OtherEfov(usize),
-    /// Prism over the EFOV of a camera.
+    /// Prism over the EFOV of a camera, by its index.
     Prism(usize),
-    /// Figure on the floor, for checking height and verticality.
+    /// Person on the floor at the pointer, for checking the height and tilt of the camera.
     Guide,
-    /// Region of a plane other than the floor.
+    /// Region of a plane other than the floor, by the index of the plane.
     Plane(usize),
-    /// Virtual element.
+    /// Virtual element (mark), by its index.
     Mark(usize),
-    /// Annotated line.
+    /// Line that the operator annotated.
     Annotation(AnnotatedLine),
-    /// Extension of an annotated line beyond its ends, towards its vanishing point.
+    /// Extension of an annotated line of this kind beyond its ends, towards its vanishing point.
     Extension(Kind),
-    /// Suggested next line.
+    /// Suggested next line of this kind.
     Suggestion(Kind),
     /// Control point as annotated or entered by the operator.
     ControlPoint {
-        /// Index of its camera.
+        /// Index of the camera of the control point.
         camera: usize,
-        /// Index of the point in its camera.
+        /// Index of the control point in the list of the camera.
         index: usize,
-        /// Whether it is not used.
+        /// Whether the operator switched the control point off.
         is_off: bool,
     },
-    /// Observed corner of a mark.
+    /// Corner of a mark that is pinned to a pixel, by the index of the mark.
     MarkObservation(usize),
-    /// Residual: from the annotated point to its reprojection.
+    /// Line from an annotated point to its reprojection.
     Residual {
         /// Whether the point is not used.
         is_off: bool,
     },
-    /// Link as annotated.
+    /// Observation of a link as annotated.
     Link {
         /// Index of the link.
         index: usize,
-        /// Whether it needs an observation in another view.
+        /// Whether the link needs an observation in another view.
         is_incomplete: bool,
     },
-    /// Position of a link according to one view.
+    /// Floor position of a link according to one view.
     LinkPosition {
         /// Index of the link.
         index: usize,
-        /// Index of the camera; `None` for the line between two positions.
+        /// Index of the camera; `None` for the line that connects the positions of different cameras.
         camera: Option<usize>,
     },
-    /// Epipolar line: possible positions of a point of another view.
+    /// Epipolar line: the possible positions in this image of a point that another view shows.
     Epipolar,
     /// Observation of a link or mark in a view.
     Observed(ElementStatus),
     /// Solved position of a link or mark.
     Solved(ElementStatus),
-    /// Uncertainty ellipse of a camera's position.
+    /// Uncertainty ellipse of a camera's position, by the index of the camera.
     PositionEllipse(usize),
-    /// Camera on the plan.
+    /// Camera on the plan, by its index.
     Camera(usize),
 }
 
-/// Geometry of an item, in raw pixels of an image or in metres of the floor.
+/// Geometry of an item. Points are raw pixels on an image, or floor metres on the plan.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Geometry<P> {
     /// Open line.
     Polyline(Vec<P>),
     /// Closed outline.
     Polygon(Vec<P>),
-    /// Point; its symbol is chosen by the painter.
+    /// Point; the painter chooses a symbol for its meaning.
     Point(P),
     /// Sign of constant screen size, on the line between two points.
     Sign(Sign, [P; 2]),
     /// Text at a point.
     Label(P, String),
-    /// Camera seen from above, a cone of constant screen size.
+    /// Camera seen from above: the cone of its horizontal field of view, with constant screen size.
     Cone {
         /// Position of the camera.
         foot: P,
-        /// Point ahead of the camera.
+        /// Floor point in the viewing direction of the camera.
         ahead: P,
         /// Half the horizontal field of view, in radians.
         half_angle: f64,
@@ -131,9 +131,9 @@ pub enum Geometry<P> {
 /// Item of an overlay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item<P> {
-    /// Meaning.
+    /// Meaning, which determines the appearance.
     pub meaning: Meaning,
-    /// Geometry.
+    /// Geometry in raw pixels or floor metres.
     pub geometry: Geometry<P>,
 }
 

@@ -1,18 +1,19 @@
-//! Appearance of every kind of line. A new kind needs only a row here; no painter changes.
+//! Appearance of every kind of line. A new kind needs only an entry in [`KIND_LOOKS`]; no painter changes.
 //!
 //! Small signs distinguish the kinds without colour. They have constant screen size; a painter places them on
-//! its line.
+//! its line with [`place_sign`].
 
 use calib_core::Kind;
 
 use crate::colour::Rgb;
 
-/// Shape of a part of a sign.
+/// Shape of a part of a sign. Points are (along, across) the line in screen points; radii are in screen
+/// points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SignShape {
     /// Line through these points.
     Stroke(&'static [[f64; 2]]),
-    /// Convex area.
+    /// Convex area with these corners.
     Fill(&'static [[f64; 2]]),
     /// Ring with this radius.
     Ring(f64),
@@ -23,48 +24,56 @@ pub enum SignShape {
 /// Position of a part of a sign on its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SignPosition {
-    /// First point.
+    /// First point of the line.
     First,
-    /// Middle.
+    /// Middle of the line.
     Middle,
-    /// Middle, reversed if needed to point down the image.
+    /// Middle of the line. The part is reversed if needed, so that it points down the image.
     MiddleDown,
-    /// Last point.
+    /// Last point of the line.
     Last,
 }
 
-/// Sign: its parts, in screen points along the line and across it, to the right of its direction.
+/// Sign as a list of parts. Coordinates are in screen points: along the line, and across it to the right of
+/// its direction.
 pub type Sign = &'static [(SignPosition, SignShape)];
 
+/// Empty sign, for kinds that are distinguished by their shape.
 pub(crate) const NONE: Sign = &[];
+/// Arrow that points down the image, for verticals.
 pub(crate) const ARROW: Sign =
     &[(SignPosition::MiddleDown, SignShape::Fill(&[[4.0, 0.0], [-4.0, 4.0], [-4.0, -4.0]]))];
+/// Two chevrons along the line, for parallels.
 pub(crate) const CHEVRONS: Sign = &[
     (SignPosition::Middle, SignShape::Stroke(&[[-7.0, 4.0], [-3.0, 0.0], [-7.0, -4.0]])),
     (SignPosition::Middle, SignShape::Stroke(&[[-2.0, 4.0], [2.0, 0.0], [-2.0, -4.0]])),
 ];
+/// Right-angle sign, for perpendiculars.
 pub(crate) const SQUARE: Sign =
     &[(SignPosition::Middle, SignShape::Stroke(&[[0.0, 0.0], [0.0, -10.0], [10.0, -10.0], [10.0, 0.0]]))];
-/// Square next to the chevrons of a direction at right angles to another one.
+/// Right-angle sign next to the chevrons, for a direction at right angles to another one.
 pub(crate) const SQUARE_OFFSET: Sign =
     &[(SignPosition::Middle, SignShape::Stroke(&[[6.0, 0.0], [6.0, -8.0], [14.0, -8.0], [14.0, 0.0]]))];
+/// Two ticks across the line, for lines of equal length.
 pub(crate) const TICKS: Sign = &[
     (SignPosition::Middle, SignShape::Stroke(&[[-2.0, 5.0], [-2.0, -5.0]])),
     (SignPosition::Middle, SignShape::Stroke(&[[2.0, 5.0], [2.0, -5.0]])),
 ];
+/// Ticks at both ends, for lines of known length.
 pub(crate) const ENDS: Sign = &[
     (SignPosition::First, SignShape::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
     (SignPosition::Last, SignShape::Stroke(&[[0.0, 6.0], [0.0, -6.0]])),
 ];
+/// Ring at the foot and disc at the head, for uprights.
 pub(crate) const FOOT_AND_HEAD: Sign =
     &[(SignPosition::First, SignShape::Ring(7.0)), (SignPosition::Last, SignShape::Disc(5.0))];
 
-/// Part of a sign placed on a line, in the units of the canvas.
+/// Part of a sign placed on a line, in canvas units.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PlacedShape {
-    /// Line.
+    /// Line through these points.
     Stroke(Vec<[f64; 2]>),
-    /// Convex area.
+    /// Convex area with these corners.
     Fill(Vec<[f64; 2]>),
     /// Ring: centre and radius.
     Ring([f64; 2], f64),
@@ -72,24 +81,27 @@ pub enum PlacedShape {
     Disc([f64; 2], f64),
 }
 
-/// Places a sign on the line from `a` to `b`; `scale` is the length of a screen point on the canvas.
+/// Places a sign on the line from `a` to `b`, in canvas units; `scale` is the length of a screen point in
+/// these units.
 #[must_use]
 pub fn place_sign(sign: Sign, [a, b]: [[f64; 2]; 2], scale: f64) -> Vec<PlacedShape> {
     let by = [b[0] - a[0], b[1] - a[1]];
     let size = scale / by[0].hypot(by[1]).max(1.0);
-    sign.iter().map(|&(stand, form)| lay_part(stand, form, [a, b], size, scale)).collect()
+    sign.iter().map(|&(position, shape)| place_shape(position, shape, [a, b], size, scale)).collect()
 }
 
-fn lay_part(
-    stand: SignPosition,
-    form: SignShape,
+/// Places a part of a sign on the line from `a` to `b`. `size` is the length of a screen point divided by the
+/// length of the line; `scale` is the length of a screen point on the canvas.
+fn place_shape(
+    position: SignPosition,
+    shape: SignShape,
     [a, b]: [[f64; 2]; 2],
     size: f64,
     scale: f64,
 ) -> PlacedShape {
     let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-    let turn = if stand == SignPosition::MiddleDown && dy < 0.0 { -1.0 } else { 1.0 };
-    let about = match stand {
+    let turn = if position == SignPosition::MiddleDown && dy < 0.0 { -1.0 } else { 1.0 };
+    let about = match position {
         SignPosition::First => a,
         SignPosition::Middle | SignPosition::MiddleDown => [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])],
         SignPosition::Last => b,
@@ -98,7 +110,7 @@ fn lay_part(
         let (along, across) = (turn * along, turn * across);
         [about[0] + size * (along * dx - across * dy), about[1] + size * (along * dy + across * dx)]
     };
-    match form {
+    match shape {
         SignShape::Stroke(points) => PlacedShape::Stroke(points.iter().map(|&point| at(point)).collect()),
         SignShape::Fill(points) => PlacedShape::Fill(points.iter().map(|&point| at(point)).collect()),
         SignShape::Ring(radius) => PlacedShape::Ring(about, scale * radius),
@@ -109,13 +121,13 @@ fn lay_part(
 /// Appearance of the annotations of one kind.
 #[derive(Clone, Copy, Debug)]
 pub struct KindLook {
-    /// Kind.
+    /// Kind of the annotations.
     pub kind: Kind,
     /// Colour on images and dark backgrounds.
     pub colour: Rgb,
-    /// Same hue on a light background.
+    /// Colour on light backgrounds: the same hue, darker.
     pub on_light: Rgb,
-    /// Lengths of dashes and gaps; solid if empty.
+    /// Lengths of dashes and gaps, in screen points; empty for a solid line.
     pub dash: &'static [f64],
     /// Sign that identifies the kind without colour.
     pub sign: Sign,
@@ -123,6 +135,8 @@ pub struct KindLook {
 
 /// Appearance of every kind, in the order of `calib_core::single::KINDS`.
 pub const KIND_LOOKS: [KindLook; calib_core::single::KINDS.len()] = {
+    /// Creates the table entry of a kind from its colours (`0xRRGGBB`, for dark and light backgrounds) and
+    /// its sign.
     const fn row(kind: Kind, [colour, on_light]: [u32; 2], sign: Sign) -> KindLook {
         KindLook { kind, colour: Rgb::hex(colour), on_light: Rgb::hex(on_light), dash: &[], sign }
     }

@@ -1,11 +1,11 @@
 //! Overlays of a site on the images of its cameras and on its floor plan, shared by all painters (app,
 //! report).
 //!
-//! Its rule: a painter asks for layers ([`on_image`], [`on_plan`]) and gets items with geometry and
-//! [`Meaning`]. [`Look`] maps a meaning to colour, width and dash. A new kind of annotation needs only a row
-//! in [`KIND_LOOKS`]; no painter changes. Items are polylines, points and labels, in raw pixels or in metres
-//! of the floor. Handles, hover and gestures belong to the app. Signs of constant screen size are placed by
-//! the painter on its line ([`place_sign`]). The files in data-flow order:
+//! A painter passes layers to [`on_image`] or [`on_plan`], which return items with geometry and [`Meaning`].
+//! [`Look`] maps a meaning to colour, width and dash. A new kind of annotation needs only an entry in
+//! [`KIND_LOOKS`]; no painter changes. Items are polylines, points and labels, in raw pixels or floor metres.
+//! The app adds handles, hover and gestures. The painter places signs of constant screen size on its lines
+//! with [`place_sign`]. The files in data-flow order:
 //!
 //! - `scene`: a site and its results;
 //! - `agreement`: distances between observed and solved links and marks;

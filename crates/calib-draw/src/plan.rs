@@ -12,64 +12,64 @@ use crate::scene::Scene;
 /// Layer of a plan overlay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlanLayer {
-    /// Metre grid inside four corners; the value is the distance of its lines, in metres.
+    /// Metre grid inside four floor corners; the number is the distance of grid lines in metres.
     Grid([FloorPoint; 4], f64),
     /// Regions of the planes other than the floor, with their names.
     Planes,
     /// EFOV of every camera.
     Efovs,
-    /// Uncertainty ellipse of every camera's position; the value is its size, in standard deviations.
+    /// Uncertainty ellipse of every camera's position; the value is its semi-axis in standard deviations.
     PositionEllipses(f64),
-    /// Virtual elements.
+    /// Marks: virtual elements on the floor.
     Marks,
-    /// Positions of links according to each view, connected to show their disagreement.
+    /// Floor positions of each link according to every view that shows it, connected by a line.
     Links,
-    /// Solved links and marks, with their positions according to each camera.
+    /// Solved links and marks, with lines to their positions according to each camera.
     Observations,
-    /// Control points, with their positions according to their cameras.
+    /// Control points, with lines to their positions according to the calibrated cameras.
     ControlPoints,
-    /// All cameras.
+    /// Cameras, as cones of their horizontal fields of view.
     Cameras,
 }
 
-/// Floor plan, for overlays.
+/// Floor plan with the cameras that its overlays show.
 #[derive(Clone, Copy, Debug)]
 pub struct PlanView<'a> {
     scene: &'a dyn Scene,
-    first: Option<usize>,
-    is_placed: bool,
+    uppermost: Option<usize>,
+    placed_only: bool,
 }
 
 impl<'a> PlanView<'a> {
     /// Creates the view of a site with all solved cameras.
     #[must_use]
     pub fn new(scene: &'a dyn Scene) -> Self {
-        Self { scene, first: None, is_placed: false }
+        Self { scene, uppermost: None, placed_only: false }
     }
 
     /// Restricts the view to placed cameras.
     #[must_use]
     pub fn placed_only(self) -> Self {
-        Self { is_placed: true, ..self }
+        Self { placed_only: true, ..self }
     }
 
-    /// Puts one camera above all others.
+    /// Draws the camera with this index above all others.
     #[must_use]
     pub fn with_uppermost(self, camera: usize) -> Self {
-        Self { first: Some(camera), ..self }
+        Self { uppermost: Some(camera), ..self }
     }
 
-    /// Returns the visible cameras from the lowest to the highest. A superseded camera is visible only as the
-    /// uppermost one.
+    /// Returns the visible cameras with their indices, in drawing order. A camera entry that a newer period
+    /// supersedes is visible only if it is the uppermost one.
     fn cameras(&self) -> impl Iterator<Item = (usize, Camera)> {
         let count = self.scene.site().cameras.len();
-        let uppermost = self.first.filter(|&camera| camera < count);
+        let uppermost = self.uppermost.filter(|&camera| camera < count);
         let is_below =
             move |&camera: &usize| Some(camera) != uppermost && !self.scene.site().is_superseded(camera);
         let below = (0..count).filter(is_below);
         below.chain(uppermost).filter_map(|camera| {
             let solution =
-                if self.is_placed { self.scene.placed(camera) } else { self.scene.solution(camera) };
+                if self.placed_only { self.scene.placed(camera) } else { self.scene.solution(camera) };
             Some((camera, solution.and_then(|_| self.scene.pose(camera))?))
         })
     }
@@ -97,7 +97,7 @@ impl PlanLayer {
     }
 }
 
-/// Returns the overlays of a plan, from the lowest layer to the highest.
+/// Returns the items of some layers on the plan, in drawing order: the first layer is the lowest.
 #[must_use]
 pub fn on_plan(view: &PlanView, layers: &[PlanLayer]) -> Vec<Item<FloorPoint>> {
     layers.iter().flat_map(|layer| layer.items(view)).collect()
@@ -128,7 +128,7 @@ fn cone(view: &PlanView, camera: usize, pose: &Camera) -> Item<FloorPoint> {
     let foot = pose.position.on_floor();
     let ahead = FloorPoint { x: foot.x - pose.yaw.sin(), y: foot.y + pose.yaw.cos() };
     let size = view.scene.site().cameras[camera].size();
-    // A wide camera under a ceiling sees all round.
+    // A fisheye camera that looks down by more than 45° covers all directions.
     let all_round = pose.lens.distortion.is_wide() && pose.pitch > 0.25 * std::f64::consts::PI;
     let view = if all_round { std::f64::consts::TAU } else { view_angle(&pose.lens, pose.focal, size) };
     let half_angle = 0.5 * view;
@@ -172,43 +172,45 @@ fn links(view: &PlanView) -> Vec<Item<FloorPoint>> {
     items
 }
 
-/// Returns the connecting lines first, then the links and marks.
+/// Returns the solved links and marks. Lines to the positions according to each camera are below the points.
 fn sightings(view: &PlanView) -> Vec<Item<FloorPoint>> {
     let elements: Vec<Element> =
         elements(view.scene.site()).into_iter().filter(|element| !element.is_off).collect();
     let mut items: Vec<Item<FloorPoint>> = elements.iter().flat_map(observation_lines).collect();
     for element in elements.iter().filter(|element| !element.views.is_empty()) {
-        let (at, meaning) = (element.solution.at_m.on_floor(), Meaning::Solved(sighted(element, None)));
+        let (at, meaning) =
+            (element.solution.at_m.on_floor(), Meaning::Solved(element_status(element, None)));
         items.push(Item::point(meaning, at));
         items.push(Item::label(meaning, at, element.id.clone()));
     }
     items
 }
 
-fn sighted(element: &Element, camera: Option<usize>) -> ElementStatus {
+/// Returns the status of a link or mark, in the view of a camera or common to all cameras.
+fn element_status(element: &Element, camera: Option<usize>) -> ElementStatus {
     ElementStatus { camera, is_rejected: element.is_rejected, is_off: element.is_off }
 }
 
-/// Returns the line of a link, and the lines from the position according to each camera to the solved
-/// position.
+/// Returns the solved line of a line link, and the lines from the position according to each camera to the
+/// solved position.
 fn observation_lines(element: &Element) -> Vec<Item<FloorPoint>> {
-    let mut items: Vec<Item<FloorPoint>> = line(element).into_iter().collect();
+    let mut items: Vec<Item<FloorPoint>> = floor_line(element).into_iter().collect();
     for view in &element.views {
-        let meaning = Meaning::Observed(sighted(element, Some(view.index)));
+        let meaning = Meaning::Observed(element_status(element, Some(view.index)));
         let pairs = view.sightings.iter().filter_map(|seen| Some(vec![seen.floor?, seen.solved_floor]));
         items.extend(pairs.map(|pair| Item::polyline(meaning, pair)));
     }
     items
 }
 
-/// Returns the part of a floor line that the cameras show.
-fn line(element: &Element) -> Option<Item<FloorPoint>> {
+/// Returns the part of a solved floor line that the cameras show; `None` for other elements.
+fn floor_line(element: &Element) -> Option<Item<FloorPoint>> {
     let turn = element.solution.turn_deg.filter(|_| element.is_long)?;
     let (sin, cos) = turn.to_radians().sin_cos();
     let mut points: Vec<FloorPoint> =
         element.views.iter().flat_map(|view| view.sightings.iter().map(|seen| seen.solved_floor)).collect();
     points.sort_by(|a, b| (a.x * cos + a.y * sin).total_cmp(&(b.x * cos + b.y * sin)));
-    Some(Item::polyline(Meaning::Solved(sighted(element, None)), points))
+    Some(Item::polyline(Meaning::Solved(element_status(element, None)), points))
 }
 
 fn control_points(view: &PlanView) -> Vec<Item<FloorPoint>> {
@@ -228,12 +230,13 @@ fn control_points(view: &PlanView) -> Vec<Item<FloorPoint>> {
     items
 }
 
-/// Returns the outline of a camera's cone with this length. It is a triangle, with a curved front if the cone
-/// is wide; a disc about the foot for an all-round view.
+/// Returns the outline of a camera's cone in canvas units. It is a triangle, or has a curved front if the
+/// cone is wide. For an all-round view it is a disc about the foot. `half_angle` is in radians.
 #[must_use]
 pub fn cone_corners(foot: [f64; 2], ahead: [f64; 2], half_angle: f64, length: f64) -> Vec<[f64; 2]> {
-    /// Smallest half angle with a curved front, in radians.
-    const BOWED: f64 = 1.25;
+    /// Smallest half angle of a cone with a curved front, in radians.
+    const MIN_CURVED_HALF_ANGLE_RAD: f64 = 1.25;
+    /// Number of segments in half of a curved front.
     const STEPS: i32 = 12;
     let [x, y] = foot;
     let angle = (ahead[1] - y).atan2(ahead[0] - x);
@@ -242,10 +245,10 @@ pub fn cone_corners(foot: [f64; 2], ahead: [f64; 2], half_angle: f64, length: f6
     if half_angle >= std::f64::consts::PI {
         return (-STEPS..STEPS).map(|step| tip(half_angle * share(step), 0.6 * length)).collect();
     }
-    if half_angle < BOWED {
+    if half_angle < MIN_CURVED_HALF_ANGLE_RAD {
         return vec![foot, tip(-half_angle, length), tip(half_angle, length)];
     }
-    // Painters fill only convex areas.
+    // The half angle is limited, because painters fill only convex areas.
     let half_angle = half_angle.min(std::f64::consts::FRAC_PI_2);
     let bow = (-STEPS..=STEPS).map(|step| tip(half_angle * share(step), 0.8 * length));
     std::iter::once(foot).chain(bow).collect()

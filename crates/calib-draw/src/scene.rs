@@ -1,9 +1,9 @@
-//! Access to a site and its results, from a file or from running solves.
+//! Access to a site and its results, whether they are stored in a file or solved while the site is edited.
 
 use calib_core::{Camera, Plane};
 use calib_site::{Site, Solution, Stage};
 
-/// Site with the results of its cameras.
+/// Site with the results of its cameras, as overlays need them. Cameras are numbered as in the site.
 pub trait Scene: std::fmt::Debug {
     /// Returns the site.
     fn site(&self) -> &Site;
@@ -11,10 +11,10 @@ pub trait Scene: std::fmt::Debug {
     /// Returns the pose and lens of a camera, if known.
     fn pose(&self, camera: usize) -> Option<Camera>;
 
-    /// Returns the solution of a camera.
+    /// Returns the solution of a camera, if it is solved.
     fn solution(&self, camera: usize) -> Option<&Solution>;
 
-    /// Returns the solution of a camera that is placed in the site.
+    /// Returns the solution of a camera if the camera is placed in world coordinates.
     fn placed(&self, camera: usize) -> Option<&Solution> {
         self.solution(camera).filter(|solution| solution.stage >= Stage::Placed)
     }

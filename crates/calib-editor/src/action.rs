@@ -1,4 +1,4 @@
-//! Requests of a view: every change of the document or of the editor's state outside it.
+//! Requests of a view to the editor: every change of the document, of the selection, and of the current tool.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,37 +25,37 @@ use crate::tools::{Pane, Pointer};
 pub struct Opened {
     /// The site.
     pub site: Site,
-    /// Source of its images.
+    /// Source of the images of the site.
     pub images: Images,
-    /// Its file, if it has one.
+    /// File of the site, if it has one.
     pub path: Option<PathBuf>,
-    /// Whether it differs from its file, for example after a crash.
+    /// Whether the site differs from its file, for example when it is restored after a crash.
     pub is_unsaved: bool,
 }
 
-/// Image file that was read, to be used as the image of a camera or as the floor plan.
+/// Image that was read, to be used as the image of a camera or as the floor plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewImage {
     /// Name of the image in the site.
     pub image: String,
     /// Name of the image for the operator.
     pub title: String,
-    /// Size, in pixels.
+    /// Width and height of the image, in pixels.
     pub size: [u32; 2],
-    /// Image circle of a fisheye: the image is black outside it.
+    /// Image circle of a fisheye lens, if detected: the image is black outside it.
     pub image_circle: Option<ImageCircle>,
 }
 
-/// Number of a camera's placement that can be fixed separately.
+/// Component of a camera's placement that can be fixed separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlacementNumber {
-    /// x of the camera position.
+    /// World x of the camera position.
     X,
-    /// y of the camera position.
+    /// World y of the camera position.
     Y,
-    /// Rotation about the vertical.
+    /// Rotation of the camera about the vertical.
     Rotation,
-    /// Height above the floor.
+    /// Height of the camera above the floor.
     Height,
 }
 
@@ -64,27 +64,28 @@ pub enum PlacementNumber {
 pub enum Action {
     /// Opens a site and closes the current one.
     Open(Box<Opened>),
-    /// Records that the site was written to its file. Relative image paths then start at its folder.
+    /// Records that the site was written to a file. Relative image paths then start at the folder of the
+    /// file.
     Saved {
-        /// File that was written.
+        /// Path of the file.
         path: PathBuf,
-        /// Base folder of image paths, if there is a file system.
+        /// Folder to which image paths become relative; `None` without a file system.
         folder: Option<PathBuf>,
     },
-    /// Replaces the site by a changed one, as one undo step.
+    /// Replaces the site by a changed version, as one undo step.
     Change {
         /// Changed site.
         site: Box<Site>,
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Stores images under new names: pairs of the name in the site and the stored name.
+    /// Replaces image names in the site by the ids of stored images: pairs of the name and the id.
     Attach(Vec<(String, String)>),
     /// Shows a note in the status line.
     Note(String),
-    /// Adds an error to the error that is shown.
+    /// Adds an error message to the message that is shown.
     AddError(String),
-    /// Shows an error and discards the previous one.
+    /// Shows an error message and discards the previous one.
     SetError(String),
     /// Closes the error message.
     CloseError,
@@ -95,31 +96,31 @@ pub enum Action {
     CancelGesture,
     /// Applies a command to the current gesture.
     Gesture(Gesture),
-    /// Selects a tool by its index in the list.
+    /// Selects the tool with this index in [`TOOLS`](crate::TOOLS).
     SelectTool(usize),
     /// Sets the kind of mark that the mark tool creates, and selects the tool.
     MarkKind(MarkKind),
-    /// Records that the distance measured on the plan was entered.
+    /// Discards the two points of the plan that were measured, because their distance was entered.
     ClearMeasurement,
 
-    /// Selects a camera.
+    /// Selects the camera with this index.
     SelectCamera(usize),
-    /// Selects a camera and only this part of it.
+    /// Selects the camera with this index and only this part of its image.
     SelectOn(usize, Part),
-    /// Selects only this part of the selected camera.
+    /// Selects only this part of the selected camera's image.
     Select(Part),
-    /// Adds a part to the selection, or removes it.
+    /// Adds a part to the selection, or removes it if it is selected.
     SelectMore(Part),
     /// Selects the part at a pixel of a camera's image, unless it is already selected.
     SelectAt {
         /// Index of the camera.
         camera: usize,
-        /// Position, in pixels.
+        /// Position in the image, in raw pixels.
         at: [f64; 2],
-        /// Search radius, in pixels.
+        /// Search radius, in raw pixels.
         near: f64,
     },
-    /// Applies a command to the selected parts. The image, if available, is used to move lines onto edges.
+    /// Applies a command to the selected parts. Moving lines onto edges needs the image of the camera.
     Selection(Selection, Option<Arc<RgbImage>>),
     /// Moves, rotates or scales the selection by a small step.
     Nudge {
@@ -130,14 +131,14 @@ pub enum Action {
         /// Canvas with the keyboard focus.
         pane: Option<Pane>,
     },
-    /// Applies a command to lines.
+    /// Applies a command to the annotations of the selected camera.
     Lines(Lines),
 
-    /// Stores the automatic calibration of a camera's image.
+    /// Stores the automatic calibration of the image of a calibration period.
     SetAutomaticCalibration(Period, Box<AutomaticCalibration>),
-    /// Applies a decision about the automatic calibration of the selected camera.
+    /// Applies a decision of the operator about the automatic calibration of the selected camera.
     DecideCalibration(CalibrationDecision),
-    /// Applies a command to the automatic calibration.
+    /// Applies a command to the automatic calibration of the selected camera.
     Proposing(Proposing),
 
     /// Applies an action on newer images.
@@ -145,24 +146,24 @@ pub enum Action {
 
     /// Applies a command to the list of cameras.
     Cameras(Cameras),
-    /// Adds a camera for an image.
+    /// Adds a camera with this image.
     AddCamera(NewImage),
-    /// Replaces the image of a camera. Annotations keep their pixel coordinates.
+    /// Replaces the image of a calibration period. Annotations keep their pixel coordinates.
     ReplaceImage(Period, NewImage),
-    /// Sets the opacity of the replaced image, 0 to 1.
+    /// Sets the opacity of the replaced image over the new one, 0 to 1.
     BlendReplacedImage(f32),
     /// Hides the replaced image.
     HideReplacedImage,
-    /// Scales the annotations of the replaced image to the size of the new one.
+    /// Scales the annotations of the camera from the size of the replaced image to the size of the new one.
     RescaleToImage,
     /// Changes the id of the selected camera and all references to it.
     Rename(String),
-    /// Sets the name of the selected camera, or removes it if empty.
+    /// Sets the name of the selected camera; an empty text removes the name.
     Name(String),
 
     /// Changes an annotation of the selected camera.
     Annotate {
-        /// Index of the annotation.
+        /// Index of the annotation in the camera.
         index: usize,
         /// Changed annotation.
         annotation: Box<Annotation>,
@@ -176,37 +177,37 @@ pub enum Action {
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Changes the prior on the height of the selected camera.
+    /// Changes the prior on the height of the selected camera above the floor.
     Height {
-        /// Height with its standard deviation, in metres.
+        /// Height with its standard deviation, in metres; `None` removes the prior.
         known: Option<Known>,
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Shows another camera that fits equally well: the first or second one shown, with this horizontal field
-    /// of view in degrees.
+    /// Shows another camera that fits equally well. The index (0 or 1) selects which of the two shown cameras
+    /// is replaced. The number is its horizontal field of view in degrees.
     ShowView(usize, f64),
     /// Sets a prior on the focal length, in pixels, to choose among cameras that fit equally well.
     SetFocalPrior(f64),
 
-    /// Places a camera on the floor.
+    /// Places a camera in the world.
     Place {
         /// Index of the camera.
         camera: usize,
-        /// Placement of the camera.
+        /// New placement of the camera.
         placement: Placement,
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
     /// Fixes or unfixes the placement of the selected camera.
     TogglePlacementFixed,
-    /// Fixes or unfixes one number of the placement of the selected camera.
+    /// Fixes or unfixes one component of the placement of the selected camera.
     ToggleNumberFixed(PlacementNumber),
     /// Removes the placement of the selected camera.
     RemovePlacement,
-    /// Loads an image as the floor plan, positioned by the world file if there is one.
+    /// Loads an image as the floor plan. A world file, if present, gives its position and scale.
     LoadPlan(NewImage, Option<Plan>),
-    /// Positions the plan by the world file of this name.
+    /// Sets the position and scale of the plan from a world file with this name.
     ApplyWorldFile(Plan, String),
     /// Changes the position and scale of the plan.
     SetPlan {
@@ -215,11 +216,11 @@ pub enum Action {
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Changes a control point of the selected camera.
+    /// Changes the control point with this index in the selected camera.
     SetControl(usize, Box<ControlPointEntry>),
-    /// Changes a link.
+    /// Changes the link with this index.
     SetLink(usize, Box<Link>),
-    /// Changes a mark.
+    /// Changes a mark of the site.
     SetMark {
         /// Index of the mark.
         index: usize,
@@ -228,18 +229,18 @@ pub enum Action {
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Changes a plane other than the floor, or the annotations on it.
+    /// Applies an action on planes other than the floor, or on the annotations on them.
     Planes(PlaneAction),
-    /// Changes the measured distances.
+    /// Replaces the measured distances of the site.
     SetDistances(Vec<Distance>),
 
-    /// Imports lenses and cameras from files of another program, with notes for the operator.
+    /// Imports lenses and cameras that were read from files of another program, with notes for the operator.
     Import(Box<Site>, Vec<String>),
-    /// Applies a joint solution: the site that was solved, and the result.
+    /// Applies the result of a joint solve: the site that was the input, and the solved site.
     Refined(Box<(Site, Site)>),
     /// Sets the largest duration of a joint solve that runs after every gesture, in milliseconds.
     SetMaxJointSolveMs(f64),
-    /// Sets the saved version to compare with, or none.
+    /// Sets the saved version of the site to compare with; `None` ends the comparison.
     Compare(Option<Box<Site>>),
     /// Pauses or resumes solving.
     TogglePause,

@@ -1,6 +1,7 @@
 //! Agreement of placed cameras about the floor that they share.
 //!
-//! Distances between the positions that two views give to one link, with their expected standard deviation.
+//! The measure is the distance between the floor positions of one link according to two cameras, compared
+//! with its predicted standard deviation.
 
 use std::collections::BTreeSet;
 
@@ -10,7 +11,7 @@ use calib_site::{Link, LinkKind, LinkObservation};
 
 use crate::session::Session;
 
-/// Distance between the floor positions that two views give to a link; the largest of all pairs.
+/// Distance between the floor positions of a link according to two cameras, or the RMS of such distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkDistance {
     /// Distance, in metres.
@@ -27,14 +28,14 @@ impl LinkDistance {
         self.z_score() > 3.0
     }
 
-    /// Returns the distance over its standard deviation; 0 if that is unknown.
+    /// Returns the distance divided by its standard deviation; 0 if the standard deviation is unknown.
     fn z_score(self) -> f64 {
         self.sigma.map_or(0.0, |sigma| self.metres / sigma)
     }
 }
 
-/// Returns the distance between the floor positions of a point link; `None` with fewer than two placed
-/// cameras.
+/// Returns the distance between the floor positions of a point link, for the pair of cameras with the most
+/// significant distance. `None` with fewer than two placed cameras.
 #[must_use]
 pub fn link_distance(session: &Session, link: &Link) -> Option<LinkDistance> {
     if link.kind != LinkKind::Point {
@@ -50,13 +51,14 @@ pub fn link_distance(session: &Session, link: &Link) -> Option<LinkDistance> {
     far.max_by(|a, b| a.z_score().total_cmp(&b.z_score()).then(a.metres.total_cmp(&b.metres)))
 }
 
-/// Returns the plane of a point link.
+/// Returns the plane of a link, raised by the height of the link.
 fn plane_of(session: &Session, link: &Link) -> Plane {
     let plane = session.solved.plane(&session.site, link.plane.as_deref());
     plane.raised(link.height_m.unwrap_or(0.0))
 }
 
-/// Returns the floor position of an observation and its standard deviation.
+/// Returns the floor position of a point observation and its standard deviation in the worst direction, in
+/// metres. `None` if the camera is not placed.
 fn floor_position(
     session: &Session,
     seen: &LinkObservation,
@@ -93,8 +95,8 @@ pub(crate) fn pair_link_distance(session: &Session, pair: [usize; 2]) -> Option<
     (!all.is_empty()).then(|| LinkDistance { metres: rms(&mut all.iter().map(|(metres, _)| *metres)), sigma })
 }
 
-/// Returns the RMS distance, in pixels, of a camera's line links from the lines of the other cameras in its
-/// image, and the number of lines. `None` without a line that a placed camera shares.
+/// Returns the RMS distance between a camera's line links and the same lines according to the other cameras,
+/// in pixels of its image. Also returns the number of lines. `None` if no placed camera shares a line.
 #[must_use]
 pub fn line_distance_rms(session: &Session, camera: usize) -> Option<(f64, usize)> {
     if !session.site.owns_links(camera) {
@@ -108,7 +110,8 @@ pub fn line_distance_rms(session: &Session, camera: usize) -> Option<(f64, usize
     (count > 0.0).then(|| ((square / count).sqrt(), all.len()))
 }
 
-/// Returns the distances of a camera's observations of a line from the line of every other camera, in pixels.
+/// Returns the distances between the points of a line link that `camera` observes and the same line according
+/// to every other camera, in pixels.
 fn line_distances(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
     let plane = plane_of(session, link);
     let id = &session.site.cameras[camera].id;
@@ -131,7 +134,8 @@ fn line_distances(session: &Session, link: &Link, camera: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Returns the RMS floor distance, in metres, of the points that two cameras with these poses share.
+/// Returns the RMS floor distance of the point links that two cameras share, in metres. `poses` contains the
+/// pose of every camera.
 #[must_use]
 pub fn pair_rms_distance(session: &Session, poses: &[Option<Camera>], pair: [usize; 2]) -> Option<f64> {
     if !pair.iter().all(|&camera| session.site.owns_links(camera)) {
@@ -150,8 +154,8 @@ pub fn pair_rms_distance(session: &Session, poses: &[Option<Camera>], pair: [usi
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-/// Returns the number of a camera's links whose distance exceeds three standard deviations, and the number of
-/// its links.
+/// Returns the number of a camera's point links whose distance exceeds three standard deviations, and the
+/// number of all its point links with a distance.
 #[must_use]
 pub fn inconsistent_links(session: &Session, camera: usize) -> (usize, usize) {
     if !session.site.owns_links(camera) {
@@ -163,31 +167,32 @@ pub fn inconsistent_links(session: &Session, camera: usize) -> (usize, usize) {
     known.fold((0, 0), |(far, all), apart| (far + usize::from(apart.is_significant()), all + 1))
 }
 
-/// Overlap and agreement of a camera with another one.
+/// Overlap of the fields of view of two cameras, and distance between their positions of shared links.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
     /// Index of the other camera.
     pub other: usize,
     /// Fraction of the camera's field of view that the other one covers, 0 to 1.
     pub overlap: f64,
-    /// RMS distance of the shared links; `None` without shared links.
+    /// RMS distance of the shared point links; `None` without shared links.
     pub distance: Option<LinkDistance>,
-    /// RMS distance with the poses before, in metres.
+    /// RMS distance of the shared point links with earlier poses, in metres; `None` without earlier poses.
     pub distance_before_m: Option<f64>,
 }
 
-/// Returns the cameras that share floor or links with a placed camera, in the order of the site, so that rows
-/// keep their order while a camera is dragged. `before` contains poses to compare with, and may be empty.
+/// Returns the agreement of a placed camera with every camera that shares floor or links with it. The order
+/// is that of the site, so that it is stable while a camera is dragged. `before` contains the earlier poses
+/// of all cameras, or is empty.
 #[must_use]
 pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -> Vec<Agreement> {
-    // Links belong to the newest images: an ended period has none.
-    let Some(own) = field(session, camera).filter(|_| session.site.owns_links(camera)) else {
+    // Links belong to the image of the newest period; an ended calibration period has no links.
+    let Some(own) = efov_of(session, camera).filter(|_| session.site.owns_links(camera)) else {
         return Vec::new();
     };
-    let (inside, linked) = (points_within(own), linked(session, camera));
+    let (inside, linked) = (points_within(own), linked_cameras(session, camera));
     let of = |with: usize| {
-        let other = field(session, with)?;
-        let overlap = share(&inside, other);
+        let other = efov_of(session, with)?;
+        let overlap = covered_fraction(&inside, other);
         let is_linked = linked.contains(&*session.site.cameras[with].id);
         let both = is_linked.then_some([camera, with]);
         let apart = both.and_then(|both| pair_link_distance(session, both));
@@ -201,33 +206,38 @@ pub fn agreements(session: &Session, camera: usize, before: &[Option<Camera>]) -
 }
 
 /// Returns the ids of the cameras that share a link with a camera, including the camera itself.
-fn linked(session: &Session, camera: usize) -> BTreeSet<&str> {
+fn linked_cameras(session: &Session, camera: usize) -> BTreeSet<&str> {
     let own = &session.site.cameras[camera].id;
     let links = session.site.links.iter().filter(|link| link.seen.iter().any(|seen| seen.camera == *own));
     links.flat_map(|link| &link.seen).map(|seen| &*seen.camera).collect()
 }
 
-/// Returns the field of view of a placed camera, in floor metres.
-fn field(session: &Session, camera: usize) -> Option<&[FloorPoint]> {
+/// Returns the EFOV of a placed camera as a polygon in floor metres.
+fn efov_of(session: &Session, camera: usize) -> Option<&[FloorPoint]> {
     session.solved.placed_pose(camera)?;
     session.solved.solution(camera).map(|solution| &*solution.efov_m)
 }
 
-/// Returns the points of a regular grid that are inside a polygon.
+/// Returns the points of a regular grid over the bounding box of a polygon that are inside the polygon.
 fn points_within(polygon: &[FloorPoint]) -> Vec<FloorPoint> {
-    /// Grid points per side of the bounding box: the fraction is accurate to 1 or 2 %.
-    const STEPS: usize = 32;
+    /// Number of grid points along each side of the bounding box. A fraction of the points is accurate to 1
+    /// or 2 %.
+    const GRID_POINTS_PER_SIDE: usize = 32;
     let [low, high] = bounds(polygon);
-    let at = |i: usize, low: f64, high: f64| low + (i as f64 + 0.5) / STEPS as f64 * (high - low);
+    let at =
+        |i: usize, low: f64, high: f64| low + (i as f64 + 0.5) / GRID_POINTS_PER_SIDE as f64 * (high - low);
     let extent = Extent { size: [0.0; 2], efov: polygon };
-    (0..STEPS * STEPS)
-        .map(|k| FloorPoint { x: at(k % STEPS, low.x, high.x), y: at(k / STEPS, low.y, high.y) })
+    (0..GRID_POINTS_PER_SIDE * GRID_POINTS_PER_SIDE)
+        .map(|k| FloorPoint {
+            x: at(k % GRID_POINTS_PER_SIDE, low.x, high.x),
+            y: at(k / GRID_POINTS_PER_SIDE, low.y, high.y),
+        })
         .filter(|&point| extent.contains(point))
         .collect()
 }
 
-/// Returns the fraction of these points that is inside a polygon.
-fn share(points: &[FloorPoint], polygon: &[FloorPoint]) -> f64 {
+/// Returns the fraction of points that is inside a polygon, 0 to 1.
+fn covered_fraction(points: &[FloorPoint], polygon: &[FloorPoint]) -> f64 {
     let [low, high] = bounds(polygon);
     let is_near = |p: &&FloorPoint| p.x >= low.x && p.x <= high.x && p.y >= low.y && p.y <= high.y;
     let extent = Extent { size: [0.0; 2], efov: polygon };
@@ -235,6 +245,7 @@ fn share(points: &[FloorPoint], polygon: &[FloorPoint]) -> f64 {
     seen as f64 / points.len().max(1) as f64
 }
 
+/// Returns the lower and the upper corner of the bounding box of a polygon.
 fn bounds(polygon: &[FloorPoint]) -> [FloorPoint; 2] {
     let of = |value: fn(&FloorPoint) -> f64, pick: fn(f64, f64) -> f64, start: f64| {
         polygon.iter().map(value).fold(start, pick)
@@ -279,7 +290,7 @@ mod tests {
         };
         let own = points_within(&square(0.0, 4.0));
         for (x, side, wanted) in [(0.0, 4.0, 1.0), (3.0, 4.0, 0.25), (0.0, 2.0, 0.25), (4.5, 4.0, 0.0)] {
-            let found = share(&own, &square(x, side));
+            let found = covered_fraction(&own, &square(x, side));
             assert!((found - wanted).abs() < 0.02, "{found}, not {wanted}");
         }
     }

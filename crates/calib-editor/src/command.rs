@@ -2,21 +2,21 @@
 //! the tests.
 //!
 //! Each group of commands has its own enum, so that its handler must match every command in it. A new command
-//! needs a row here and an arm in the handler of its group.
+//! needs a table entry here and a match arm in the handler of its group.
 
 use crate::keys::{Key, Modifiers, Shortcut};
 use crate::tools::TOOLS;
 
-/// Row of the command table.
+/// Entry of the command table.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Command of the row.
+    /// Command that the entry describes.
     pub command: Command,
     /// Text of the command in the palette.
     pub text: &'static str,
     /// Condition under which the command is enabled.
     pub needs: Needs,
-    /// Keyboard shortcut.
+    /// Keyboard shortcut, if the command has one.
     pub keys: Option<Shortcut>,
 }
 
@@ -38,29 +38,34 @@ pub enum Needs {
     Proposed,
     /// A newer image of the selected camera.
     Newer,
-    /// A newer image that shows that the selected camera moved.
+    /// A newer image with which the comparison has found that the selected camera moved.
     Moved,
     /// A gesture to undo.
     Undo,
     /// A gesture to redo.
     Redo,
-    /// A suggestion of what to draw next.
+    /// A suggestion of the next annotation for the selected camera.
     Suggestion,
-    /// A second solution that fits equally well.
+    /// A second solution that fits the annotations of the selected camera equally well.
     SecondSolution,
     /// Copied annotations, and a camera to paste them onto.
     Copied,
-    /// Earlier poses to compare with.
+    /// Earlier poses of the cameras to compare with.
     Before,
     /// A running background task.
     Work,
 }
 
+/// No modifier key.
 const NONE: Modifiers = Modifiers::NONE;
+/// Ctrl, or Cmd on a Mac.
 const CTRL: Modifiers = Modifiers::COMMAND;
+/// Shift key.
 const SHIFT: Modifiers = Modifiers::SHIFT;
+/// Ctrl and Shift, or Cmd and Shift on a Mac.
 const CTRL_SHIFT: Modifiers = Modifiers::COMMAND_SHIFT;
 
+/// Expands to an optional keyboard shortcut.
 macro_rules! keys {
     () => {
         None
@@ -70,6 +75,7 @@ macro_rules! keys {
     };
 }
 
+/// Expands to the condition of a command; `Nothing` if it is omitted.
 macro_rules! needs {
     () => {
         Needs::Nothing
@@ -79,7 +85,7 @@ macro_rules! needs {
     };
 }
 
-/// Declares the commands by group: name, text, condition and shortcut.
+/// Declares the commands by group, each with its name, text, condition and shortcut.
 macro_rules! commands {
     ($(#[$doc:meta] $group:ident {
         $($name:ident $text:literal $([$needs:ident])? $($modifiers:ident $key:ident)?;)*
@@ -99,10 +105,10 @@ macro_rules! commands {
             pub enum $group { $($name,)* }
         )*
 
-        /// Command, typed by its group.
+        /// Command as a member of its group.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Group {
-            /// Selects a tool, by its index in the list.
+            /// Selects the tool with this index in the list of tools.
             Tool(usize),
             $(#[$doc] $group($group),)*
         }
@@ -118,7 +124,7 @@ macro_rules! commands {
             }
         }
 
-        /// All commands except the tools, which have their own table.
+        /// Table of all commands, except the selection of tools, which have their own table.
         pub const COMMANDS: &[Row] = &[$($(Row {
             command: Command::$name,
             text: $text,
@@ -255,7 +261,7 @@ commands! {
     }
 }
 
-/// Returns all commands: the table, then the tools.
+/// Returns the entries of all commands: the command table, then the tools.
 pub fn all() -> impl Iterator<Item = Row> {
     let tools = TOOLS.iter().enumerate().map(|(index, tool)| Row {
         command: Command::Tool(index),
@@ -266,7 +272,7 @@ pub fn all() -> impl Iterator<Item = Row> {
     COMMANDS.iter().copied().chain(tools)
 }
 
-/// Returns the row of a command.
+/// Returns the table entry of a command or tool.
 #[must_use]
 pub fn row(command: Command) -> Option<Row> {
     all().find(|row| row.command == command)

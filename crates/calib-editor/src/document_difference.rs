@@ -2,22 +2,39 @@
 
 use calib_site::{Site, SiteCamera};
 
-/// Returns the differences of `to` from `from`. Results are ignored, because they follow from the inputs.
+/// Returns the differences of the site `to` from the site `from`, one text each. Results are ignored, because
+/// they follow from the inputs.
 #[must_use]
 pub fn differences(from: &Site, to: &Site) -> Vec<String> {
     let mut differences: Vec<String> =
-        to.cameras.iter().filter_map(|camera| of_camera(from, camera)).collect();
+        to.cameras.iter().filter_map(|camera| camera_difference(from, camera)).collect();
     let is_there = |camera: &&SiteCamera| to.cameras.iter().any(|other| other.is_same_period(camera));
     let removed = from.cameras.iter().filter(|camera| !is_there(camera));
     differences.extend(removed.map(|camera| format!("{}: removed", camera.id)));
     let counted = [
-        ("links", from.links.len(), to.links.len(), unsolved(from).links != unsolved(to).links),
-        ("marks", from.marks.len(), to.marks.len(), unsolved(from).marks != unsolved(to).marks),
-        ("planes", from.planes.len(), to.planes.len(), unsolved(from).planes != unsolved(to).planes),
+        (
+            "links",
+            from.links.len(),
+            to.links.len(),
+            without_shared_solutions(from).links != without_shared_solutions(to).links,
+        ),
+        (
+            "marks",
+            from.marks.len(),
+            to.marks.len(),
+            without_shared_solutions(from).marks != without_shared_solutions(to).marks,
+        ),
+        (
+            "planes",
+            from.planes.len(),
+            to.planes.len(),
+            without_shared_solutions(from).planes != without_shared_solutions(to).planes,
+        ),
         ("distances", from.distances.len(), to.distances.len(), from.distances != to.distances),
     ];
-    differences
-        .extend(counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count(what, a, b)));
+    differences.extend(
+        counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count_text(what, a, b)),
+    );
     if from.plan != to.plan {
         differences.push("floor plan".into());
     }
@@ -27,7 +44,8 @@ pub fn differences(from: &Site, to: &Site) -> Vec<String> {
     differences
 }
 
-fn unsolved(site: &Site) -> Site {
+/// Returns the site without the solutions of links, marks and planes.
+fn without_shared_solutions(site: &Site) -> Site {
     let mut bare = site.clone();
     bare.links.iter_mut().for_each(|link| link.solution = None);
     bare.marks.iter_mut().for_each(|mark| mark.solution = None);
@@ -35,17 +53,19 @@ fn unsolved(site: &Site) -> Site {
     bare
 }
 
-fn count(what: &str, a: usize, b: usize) -> String {
+/// Describes a change of a list, from `a` to `b` entries.
+fn count_text(what: &str, a: usize, b: usize) -> String {
     if a == b { format!("{what}: changed") } else { format!("{what}: {a} \u{2192} {b}") }
 }
 
-fn of_camera(from: &Site, camera: &SiteCamera) -> Option<String> {
+/// Describes the changes of the inputs of a camera; `None` without changes.
+fn camera_difference(from: &Site, camera: &SiteCamera) -> Option<String> {
     let own = from.cameras.iter().find(|own| own.is_same_period(camera));
     let Some(own) = own else { return Some(format!("{}: added", camera.id)) };
     let lines = |camera: &SiteCamera| camera.annotations.iter().map(|a| a.polylines().count()).sum::<usize>();
     let mut parts = Vec::new();
     if own.annotations != camera.annotations {
-        parts.push(count("lines", lines(own), lines(camera)));
+        parts.push(count_text("lines", lines(own), lines(camera)));
     }
     let others = [
         ("lens", own.lens != camera.lens),

@@ -1,6 +1,6 @@
 //! Edits of a site: add, move, insert, delete and duplicate annotations. Independent of the user interface.
 //!
-//! Also the names that the operator sees for selected parts.
+//! Also the names of selected parts that the app shows.
 
 use std::collections::BTreeSet;
 
@@ -11,11 +11,11 @@ use calib_site::{Site, SiteCamera};
 use crate::hit::Part;
 use crate::session::Session;
 
-/// Prior on the height of an upright until the operator enters another, in metres: mean and standard
-/// deviation.
-const DEFAULT_HEIGHT_M: Known = Known::prior(1.75, 0.07);
+/// Prior on the height of an upright until the operator enters another height: mean and standard deviation,
+/// in metres.
+const DEFAULT_UPRIGHT_HEIGHT_M: Known = Known::prior(1.75, 0.07);
 
-/// Returns the pixel of a movable point.
+/// Returns the raw pixel of a point for editing; `None` for parts that are not a single point.
 pub fn pixel_mut(site: &mut Site, camera: usize, part: Part) -> Option<&mut Pixel> {
     let entry = site.cameras.get_mut(camera)?;
     match part {
@@ -34,6 +34,7 @@ pub fn pixel_mut(site: &mut Site, camera: usize, part: Part) -> Option<&mut Pixe
     }
 }
 
+/// Returns a point of an annotation for editing.
 fn vertex_mut(annotation: &mut Annotation, segment: usize, vertex: usize) -> Option<&mut Pixel> {
     match annotation.kind.row().shape {
         Shape::Segments => annotation.segments.as_mut()?.get_mut(segment)?.get_mut(vertex),
@@ -52,7 +53,7 @@ fn line_mut(annotation: &mut Annotation, segment: usize) -> Option<&mut Vec<Pixe
     }
 }
 
-/// Returns the points that move with these parts, without duplicates.
+/// Returns the points that move when these parts are moved, without duplicates.
 #[must_use]
 pub fn points_of(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet<Part> {
     let mut points = BTreeSet::new();
@@ -76,7 +77,8 @@ pub fn points_of(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet
     points
 }
 
-/// Returns the lines that contain these parts, without duplicates, as (annotation, segment).
+/// Returns the lines that contain these parts, without duplicates, as pairs of the indices of annotation and
+/// segment.
 #[must_use]
 pub fn lines_of(parts: &BTreeSet<Part>) -> BTreeSet<(usize, usize)> {
     let line = |part: &Part| match *part {
@@ -88,7 +90,7 @@ pub fn lines_of(parts: &BTreeSet<Part>) -> BTreeSet<(usize, usize)> {
     parts.iter().filter_map(line).collect()
 }
 
-/// Moves parts of an image by a displacement in pixels.
+/// Moves parts of an image by a displacement (du, dv) in raw pixels.
 pub fn shift(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, [du, dv]: [f64; 2]) {
     for part in points_of(site, camera, parts) {
         if let Some(pixel) = pixel_mut(site, camera, part) {
@@ -97,21 +99,21 @@ pub fn shift(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, [du, dv]: [
     }
 }
 
-/// Adds a line of this kind. The line joins the last annotation of its kind if the kind allows it and `fresh`
-/// is false.
+/// Adds a line of this kind and returns it. The line joins the last annotation of its kind if the kind allows
+/// this and `fresh` is false.
 pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: bool) -> Part {
     let row = kind.row();
     let last = entry.annotations.iter().rposition(|annotation| annotation.kind == kind);
     match row.shape {
         Shape::Segments => {
-            // Two lines make a right angle: a third line begins the next annotation.
+            // A right angle consists of two lines; a third line begins the next annotation.
             let is_open = |annotation: &Annotation| {
                 let count = annotation.segments.as_ref().map_or(0, Vec::len);
                 !fresh && (kind != Kind::Perpendicular || count < row.min_segments)
             };
             let index = last.filter(|&index| is_open(&entry.annotations[index])).unwrap_or_else(|| {
-                // A length that was not entered constrains nothing: the annotation is off until one is
-                // entered.
+                // The annotation is switched off until the operator enters a length, because an unknown
+                // length constrains nothing.
                 let (length_m, off) = (row.has_length.then_some(1.0), row.has_length);
                 let empty = Annotation::from_segments(kind, Vec::new());
                 entry.annotations.push(Annotation { length_m, off, ..empty });
@@ -126,7 +128,8 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
             Part::Line { annotation: entry.annotations.len() - 1, segment: 0 }
         }
         Shape::FootAndHead => {
-            let height = last.and_then(|index| entry.annotations[index].height_m).unwrap_or(DEFAULT_HEIGHT_M);
+            let height =
+                last.and_then(|index| entry.annotations[index].height_m).unwrap_or(DEFAULT_UPRIGHT_HEIGHT_M);
             let (foot, head) = (line.first().copied(), line.last().copied());
             let drawn = Annotation { foot, head, height_m: Some(height), ..Annotation::new(kind) };
             entry.annotations.push(drawn);
@@ -135,7 +138,8 @@ pub fn add_line(entry: &mut SiteCamera, kind: Kind, line: Vec<Pixel>, fresh: boo
     }
 }
 
-/// Inserts a point after point `edge` of a line or of the field of view.
+/// Inserts a point after point `edge` of a line or of the field of view. Returns the new point; `None` for
+/// other parts.
 pub fn insert(site: &mut Site, camera: usize, part: Part, edge: usize, at: Pixel) -> Option<Part> {
     let entry = site.cameras.get_mut(camera)?;
     match part {
@@ -153,16 +157,16 @@ pub fn insert(site: &mut Site, camera: usize, part: Part, edge: usize, at: Pixel
     }
 }
 
-/// Deletes parts. Lines with fewer than two points and annotations without lines are removed too.
+/// Deletes parts. Lines with too few points and annotations without lines are removed too.
 pub fn delete(site: &mut Site, camera: usize, parts: &BTreeSet<Part>) {
-    // Both ends of a line are one observation. Deletes from the back, so that lower indices stay valid, and
-    // pins before the marks that contain them.
+    // All points of an observation of a link are deleted together. Items are deleted in descending order, so
+    // that lower indices stay valid. Pins are deleted before the marks that contain them.
     let sightings: BTreeSet<(usize, usize)> = parts
         .iter()
         .filter_map(|part| if let Part::Link { link, seen, .. } = *part { Some((link, seen)) } else { None })
         .collect();
     for (link, seen) in sightings.into_iter().rev() {
-        delete_sighting(site, link, seen);
+        delete_observation(site, link, seen);
     }
     for &part in parts.iter().rev() {
         if let Part::Pin { mark, seen } = part
@@ -190,7 +194,8 @@ pub fn delete(site: &mut Site, camera: usize, parts: &BTreeSet<Part>) {
     remove_dangling_distances(site);
 }
 
-fn delete_sighting(site: &mut Site, link: usize, seen: usize) {
+/// Deletes an observation of a link.
+fn delete_observation(site: &mut Site, link: usize, seen: usize) {
     if let Some(link) = site.links.get_mut(link)
         && seen < link.seen.len()
     {
@@ -198,6 +203,7 @@ fn delete_sighting(site: &mut Site, link: usize, seen: usize) {
     }
 }
 
+/// Deletes a mark.
 fn delete_mark(site: &mut Site, mark: usize) {
     if mark < site.marks.len() {
         site.marks.remove(mark);
@@ -215,6 +221,7 @@ pub(crate) fn remove_dangling_distances(site: &mut Site) {
     site.distances.retain(|distance| distance.between.iter().all(|id| ids.contains(id)));
 }
 
+/// Deletes a part of a camera's own annotations. Incomplete annotations stay until `remove_incomplete`.
 fn delete_part(entry: &mut SiteCamera, part: Part) {
     match part {
         Part::Vertex { annotation, segment, vertex } => {
@@ -230,7 +237,8 @@ fn delete_part(entry: &mut SiteCamera, part: Part) {
         Part::Line { annotation, segment } => {
             let Some(drawn) = entry.annotations.get_mut(annotation) else { return };
             match line_mut(drawn, segment) {
-                // Cleared here and removed in `sweep`, so that the other indices stay valid.
+                // The line is cleared here and removed in `remove_incomplete`, so that the other indices stay
+                // valid.
                 Some(line) => line.clear(),
                 None => (drawn.foot, drawn.head) = (None, None),
             }
@@ -269,8 +277,8 @@ fn remove_incomplete(entry: &mut SiteCamera) {
     }
 }
 
-/// Copies the selected lines, displaced by `by` pixels, into new annotations. Returns the copies, to be
-/// selected.
+/// Copies the lines that contain these parts into new annotations, displaced by `by` in raw pixels. Returns
+/// the copies, which the caller selects.
 pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -> BTreeSet<Part> {
     let lines = lines_of(parts);
     let mut copies = BTreeSet::new();
@@ -302,7 +310,8 @@ pub fn duplicate(entry: &mut SiteCamera, parts: &BTreeSet<Part>, by: [f64; 2]) -
     copies
 }
 
-/// Scales the points of an annotation to an image of another size.
+/// Scales the points of an annotation to an image of another size. `ratio` is the new size divided by the old
+/// one, in u and v.
 pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
     let segments = annotation.segments.iter_mut().flatten().flatten();
     let points = annotation.points.iter_mut().flatten();
@@ -322,7 +331,8 @@ pub(crate) fn remove_observations(site: &mut Site, id: &str) {
     }
 }
 
-/// Scales all annotations of a camera to an image of another size.
+/// Scales all pixel coordinates of a camera to an image of another size. `ratio` is the new size divided by
+/// the old one, in u and v.
 pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
     let has_shared = site.owns_links(index);
     let Some(entry) = site.cameras.get_mut(index) else { return };
@@ -347,7 +357,7 @@ pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
     }
 }
 
-/// Returns an id that no link or mark of the site has: the letter and a number.
+/// Returns an id that no link or mark of the site has. It consists of the letter and a number.
 #[must_use]
 pub fn free_id(site: &Site, letter: char) -> String {
     let is_free = |id: &String| {
@@ -358,7 +368,8 @@ pub fn free_id(site: &Site, letter: char) -> String {
 }
 
 impl Session {
-    /// Returns the name of a part for the operator: "V2", "corner 3", "control point 7", "M1".
+    /// Returns the name of a part of the selected camera for the operator, for example "V2", "corner 3" or
+    /// "control point 7".
     #[must_use]
     pub fn part_name(&self, part: Part) -> String {
         let Some(entry) = self.entry() else { return String::new() };

@@ -16,40 +16,41 @@ use crate::proposed::Preview;
 use crate::session::Session;
 use crate::tools::{TOOLS, Tool};
 
-/// Image that a camera had before its current one.
+/// Image that a camera had before its current image, shown over the current image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplacedImage {
-    /// Camera of the image.
+    /// Calibration period of the camera whose image was replaced.
     pub of: Period,
     /// Name of the image in the site.
     pub image: String,
     /// Opacity, 0 to 1.
     pub opacity: f32,
-    /// Its size, if it differs from the new image and the annotations were not scaled yet.
+    /// Width and height of the replaced image in pixels. `None` if the new image has the same size, or if the
+    /// annotations were scaled to it.
     pub size: Option<[u32; 2]>,
 }
 
-/// Editor of the document: readable by everyone, changed only by [`Editor::apply`].
+/// Editor of the document. Views read it; only [`Editor::apply`] changes the document.
 #[derive(Debug)]
 pub struct Editor {
     pub(crate) session: Session,
     pub(crate) tool: Box<dyn Tool>,
-    /// Tool that moves the handles on the plan while the current tool does not act there.
+    /// Tool that moves the handles of cameras on the plan if the current tool does not act on the plan.
     pub(crate) plan_tool: Box<dyn Tool>,
-    /// Index of the current tool in the list.
+    /// Index of the current tool in the list of tools.
     pub(crate) tool_row: usize,
-    /// Copied annotations, with the size of their image.
+    /// Copied annotations, with the width and height of their image in pixels.
     pub(crate) copied_annotations: Option<(Vec<Annotation>, [u32; 2])>,
     pub(crate) replaced_image: Option<ReplacedImage>,
     /// Newer images, at most one per camera.
     pub(crate) newer: Vec<NewerImage>,
-    /// Saved version to compare with.
+    /// Saved version of the site to compare with.
     pub(crate) compared_site: Option<Site>,
-    /// Other cameras that fit equally well, with the index of the camera.
+    /// Alternative cameras that fit equally well, with the index of the camera in the site.
     pub(crate) family: Option<(usize, Family)>,
-    /// Selected camera with its whole automatic calibration accepted.
+    /// Preview: the selected camera with its whole automatic calibration accepted.
     pub(crate) preview: Option<Preview>,
-    /// Error message, until it is closed.
+    /// Error message that the operator has not closed yet.
     pub(crate) error: Option<String>,
 }
 
@@ -84,7 +85,8 @@ impl Editor {
         &self.session.site
     }
 
-    /// Returns the current tool; while a handle on the plan is dragged, the tool that moves it.
+    /// Returns the current tool. While a handle of a camera on the plan is dragged, returns the tool that
+    /// moves the handle.
     #[must_use]
     pub fn tool(&self) -> &dyn Tool {
         if self.plan_tool.is_idle() { &*self.tool } else { &*self.plan_tool }
@@ -96,7 +98,7 @@ impl Editor {
         self.tool_row
     }
 
-    /// Returns the kind of annotation that the current tool draws.
+    /// Returns the kind of annotation that the current tool draws; `None` for tools that draw no annotation.
     #[must_use]
     pub fn tool_kind(&self) -> Option<Kind> {
         TOOLS.get(self.tool_row)?.kind
@@ -108,7 +110,7 @@ impl Editor {
         self.replaced_image.as_ref()
     }
 
-    /// Returns the newer image of a camera, by its index.
+    /// Returns the newer image of the camera with this index.
     #[must_use]
     pub fn newer(&self, camera: usize) -> Option<&NewerImage> {
         let entry = self.session.site.cameras.get(camera)?;
@@ -121,19 +123,19 @@ impl Editor {
         self.newer(self.session.camera)
     }
 
-    /// Returns the saved version to compare with.
+    /// Returns the saved version of the site to compare with.
     #[must_use]
     pub const fn compared_site(&self) -> Option<&Site> {
         self.compared_site.as_ref()
     }
 
-    /// Returns the error message that was not closed yet.
+    /// Returns the error message that the operator has not closed yet.
     #[must_use]
     pub fn error(&self) -> Option<&str> {
         self.error.as_deref()
     }
 
-    /// Whether no gesture has changed the site since the last finished one.
+    /// Whether the site is unchanged since the last finished gesture.
     #[must_use]
     pub fn is_settled(&self) -> bool {
         self.session.history.is_unchanged(&self.session.site)
@@ -157,18 +159,18 @@ impl Editor {
         self.session.solve()
     }
 
-    /// Begins a frame: a slow solve then runs at most once in it.
+    /// Begins a frame of the display. A slow solve then runs at most once in this frame.
     pub fn begin_frame(&mut self) {
         self.session.begin_frame();
     }
 
-    /// Searches other cameras that fit the selected camera's annotations equally well. Returns whether there
-    /// are any.
+    /// Searches for other cameras that fit the selected camera's annotations equally well. Returns whether
+    /// there are any.
     pub fn find_family(&mut self) -> bool {
         let session = &self.session;
         let camera = session.camera;
         let Some(entry) = session.entry() else { return false };
-        // During a gesture the last result is kept.
+        // During a gesture the last result is kept, because the search would be too slow.
         if !self.tool().is_idle() || session.solved.paused {
             return self.family.as_ref().is_some_and(|(of, _)| *of == camera);
         }
@@ -189,20 +191,21 @@ impl Editor {
         self.family.is_some()
     }
 
-    /// Returns the other cameras that fit equally well, with the index of the camera.
+    /// Returns the alternative cameras that fit equally well, with the index of the camera in the site.
     #[must_use]
     pub fn family(&self) -> Option<(usize, &Family)> {
         self.family.as_ref().map(|(camera, family)| (*camera, family))
     }
 
-    /// Computes the selected camera with its whole automatic calibration accepted.
+    /// Computes the preview, unless it is current: the selected camera with its whole automatic calibration
+    /// accepted.
     pub fn find_preview(&mut self) -> Option<&Preview> {
         let session = &self.session;
         let (Some(entry), Some(proposed)) = (session.entry(), session.proposed()) else {
             self.preview = None;
             return None;
         };
-        // During a gesture the last result is kept.
+        // During a gesture the last result is kept, because the search would be too slow.
         let is_known = |preview: &Preview| preview.is_current(entry, proposed) || !self.tool().is_idle();
         if !self.preview.as_ref().is_some_and(is_known) {
             self.preview = Some(Preview::new(entry, session.pose(), proposed));
@@ -210,14 +213,15 @@ impl Editor {
         self.preview.as_ref()
     }
 
-    /// Returns the last computed preview.
+    /// Returns the last computed preview, if the selected camera has an undecided automatic calibration.
     #[must_use]
     pub fn preview(&self) -> Option<&Preview> {
         self.preview.as_ref().filter(|_| self.session.proposed().is_some())
     }
 
-    /// Returns poses to be shown as ghosts: those before the current gesture. Otherwise, if `wanted`, those
-    /// of the compared version or before the joint solve.
+    /// Returns earlier poses of all cameras, to be shown as ghosts. During a gesture they are the poses
+    /// before the gesture. Otherwise, if `wanted` is set, they are the poses of the compared version, or the
+    /// poses before the joint solve.
     #[must_use]
     pub fn ghost_poses(&self, wanted: bool) -> Vec<Option<Camera>> {
         if !self.tool().is_idle() {
@@ -255,7 +259,7 @@ impl Editor {
         }
     }
 
-    /// Returns the current text of a command: undo and redo include the name of their step.
+    /// Returns the current text of a command. The texts of undo and redo include the name of the step.
     #[must_use]
     pub fn command_text(&self, command: Command) -> String {
         let history = &self.session.history;

@@ -1,4 +1,5 @@
-//! Search lines of links: the positions where another view shows a link that one view shows.
+//! Search lines of links: the possible positions of a link in another view, given its observation in one
+//! view.
 
 use calib_core::{Camera, Pixel, Plane, Ray, WorldPoint};
 
@@ -7,18 +8,18 @@ use calib_site::{Link, LinkKind, LinkObservation};
 /// Search line of a link for another view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchLine {
-    /// World polyline: of a point, the ray above the floor; of a post, the post; of a line, its extended
-    /// floor line.
+    /// World polyline of possible positions, in metres. For a point link it is the ray above the plane. For a
+    /// post it is the post, and for a line the extended line.
     pub path: Vec<WorldPoint>,
-    /// Most likely position of the link on it.
+    /// Most likely position of the link on the polyline, in world metres.
     pub at: Option<WorldPoint>,
     /// Instruction for the operator.
     pub instruction: &'static str,
 }
 
 impl SearchLine {
-    /// Returns the search line of a link on a plane, observed by `camera` as `seen`; `None` if its pixels are
-    /// above the horizon.
+    /// Returns the search line of a link on `plane` that `camera` observes as `seen`. `None` if the observed
+    /// pixels are above the horizon.
     #[must_use]
     pub fn from_link(camera: &Camera, link: &Link, plane: &Plane, seen: &LinkObservation) -> Option<Self> {
         match link.kind {
@@ -41,7 +42,8 @@ impl SearchLine {
                 Some(Self { at: path.first().copied(), path, instruction: invites })
             }
             LinkKind::Line => {
-                /// Extension of a line at both ends, in metres: another view may show a distant part of it.
+                /// Extension of a line link at both ends, in metres. Another view may show a distant part of
+                /// the line.
                 const LINE_EXTENSION_M: f64 = 20.0;
                 let segment = seen.segment.as_ref()?;
                 let [a, b] =
@@ -62,7 +64,7 @@ impl SearchLine {
     }
 }
 
-/// Assumed height of a post of unknown height, in metres.
+/// Assumed height of a post whose height is unknown, in metres.
 const DEFAULT_POST_HEIGHT_M: f64 = 2.0;
 
 /// Returns the ray of `pixel` above a plane, as its lowest and highest point.
@@ -75,8 +77,8 @@ fn ray(camera: &Camera, pixel: Pixel, plane: &Plane, height: f64) -> Option<Vec<
     Some(vec![low, high])
 }
 
-/// Returns the height above its foot at which the ray of a post's head passes closest to the vertical there,
-/// in metres.
+/// Returns the height of a post above its foot, in metres. It is the height at which the ray of the pixel of
+/// the head passes closest to the vertical through the foot.
 #[must_use]
 pub fn post_length(camera: &Camera, foot: WorldPoint, head: Pixel) -> Option<f64> {
     let Ray { origin, direction: [x, y, z] } = camera.pixel_to_ray(head)?;
@@ -91,7 +93,7 @@ mod tests {
 
     use super::*;
 
-    /// Returns two cameras of the demonstration with their true poses.
+    /// Returns two cameras of the demonstration site with their true poses.
     fn cameras() -> [Camera; 2] {
         let truth = calib_demo::demo_site().truth;
         [truth[0].1, truth[1].1]

@@ -10,43 +10,46 @@ use calib_site::{LensCache, Site, SiteCamera, Solution};
 /// Camera that was fitted with a prescribed horizontal field of view.
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// Horizontal field of view, in degrees.
+    /// Prescribed horizontal field of view, in degrees.
     pub view: f64,
-    /// Its solution.
+    /// Solution with this field of view.
     pub solution: Solution,
-    /// Its pose.
+    /// Pose and lens of the solution.
     pub pose: Camera,
 }
 
-/// Alternatives that fit as well as the solution.
+/// Alternative cameras that fit the annotations as well as the solution.
 #[derive(Clone, Debug)]
 pub struct Family {
-    /// Input of the computation.
+    /// Camera from which the alternatives were computed.
     camera: SiteCamera,
-    /// Range of the horizontal field of view in which all cameras fit, in degrees; `None` if there are only
+    /// Range of horizontal fields of view for which a camera fits, in degrees. `None` if there are exactly
     /// two solutions.
     pub range: Option<[f64; 2]>,
-    /// Cameras at the ends of that range.
+    /// Cameras at the ends of `range`.
     pub ends: Option<[Camera; 2]>,
-    /// Two cameras that are shown.
+    /// Two alternatives that the app shows for comparison.
     pub shown: [Fit; 2],
 }
 
-/// Horizontal fields of view that are tried, in multiples of `STEP` degrees.
+/// Horizontal fields of view that are tried, in multiples of `HFOV_STEP_DEG`.
 const HFOV_STEPS: std::ops::RangeInclusive<i32> = 2..=15;
+/// Step of the horizontal fields of view that are tried, in degrees.
 const HFOV_STEP_DEG: f64 = 8.0;
 
-/// Returns the horizontal field of view of a focal length in pixels, in degrees.
+/// Returns the horizontal field of view of a camera with this focal length, in degrees. The focal length is
+/// in pixels.
 #[must_use]
 pub fn hfov_deg(camera: &SiteCamera, focal: f64) -> f64 {
     2.0 * (0.5 * camera.size()[0] / focal).atan().to_degrees()
 }
 
-fn focal_of(camera: &SiteCamera, view: f64) -> f64 {
+/// Returns the focal length in pixels for a horizontal field of view in degrees.
+fn focal_px(camera: &SiteCamera, view: f64) -> f64 {
     0.5 * camera.size()[0] / (0.5 * view.to_radians()).tan()
 }
 
-/// Fits the camera with this horizontal field of view.
+/// Fits a camera with a prescribed horizontal field of view in degrees. `None` if the fit fails.
 #[must_use]
 pub(crate) fn fit(site: &Site, index: usize, view: f64, lenses: &LensCache) -> Option<Fit> {
     let family = site.lens_families().into_iter().find(|family| family.contains(&index))?;
@@ -54,7 +57,7 @@ pub(crate) fn fit(site: &Site, index: usize, view: f64, lenses: &LensCache) -> O
     let mut alone = Site { cameras, plan: site.plan.clone(), ..Site::new() };
     let own = family.iter().position(|&camera| camera == index)?;
     let camera = alone.cameras.get_mut(own)?;
-    let focal = focal_of(camera, view);
+    let focal = focal_px(camera, view);
     camera.lens.get_or_insert_default().focal_px = Some(Known::fixed(focal));
     let everyone: Vec<usize> = (0..family.len()).collect();
     let (report, _) = alone.calibrate_family(&everyone, lenses);
@@ -64,12 +67,12 @@ pub(crate) fn fit(site: &Site, index: usize, view: f64, lenses: &LensCache) -> O
 }
 
 impl Family {
-    /// Returns the alternatives of a camera, if any.
+    /// Returns the alternatives to the solution of a camera, if any.
     #[must_use]
     pub fn find(site: &Site, index: usize, solution: &Solution, lenses: &LensCache) -> Option<Self> {
         let camera = site.cameras.get(index)?;
-        // A focal length alone does not determine the field of view of a fisheye, and its horizon is a closed
-        // curve.
+        // Fisheye lenses have no alternatives here: their focal length alone does not determine the field of
+        // view, and their horizon is a closed curve.
         if solution.lens().distortion.is_wide() {
             return None;
         }
@@ -92,20 +95,22 @@ impl Family {
             return None;
         }
         let own = own.clamp(low, high);
-        // The second camera shown is halfway to the end of the range that differs most.
+        // The field of view of the second camera is halfway between the first one and the farther end of the
+        // range.
         let far = if own - low > high - own { low } else { high };
         let shown = shown(own, 0.5 * (own + far))?;
         let ends = Some([first.pose, last.pose]);
         Some(Self { camera: camera.clone(), range: Some([low, high]), ends, shown })
     }
 
-    /// Whether the family was computed from the current state of a camera.
+    /// Whether the alternatives were computed from the current state of a camera.
     #[must_use]
     pub fn is_current(&self, camera: &SiteCamera) -> bool {
         self.camera == *camera
     }
 
-    /// Shows the member with another field of view, in degrees.
+    /// Replaces one of the two shown alternatives; `which` is 0 or 1. `view` is the new horizontal field of
+    /// view, in degrees.
     pub fn show(&mut self, site: &Site, index: usize, which: usize, view: f64, lenses: &LensCache) {
         if let (Some(shown), Some(fit)) = (self.shown.get_mut(which), fit(site, index, view, lenses)) {
             *shown = fit;

@@ -6,7 +6,7 @@ use calib_site::{Site, SiteCamera};
 
 use crate::proposed::PendingCalibration;
 
-/// State of a site. Unchanged cameras are shared between snapshots.
+/// Snapshot of a site. Unchanged cameras are shared between snapshots.
 #[derive(Clone, Debug)]
 struct Snapshot {
     cameras: Vec<Arc<SiteCamera>>,
@@ -42,7 +42,7 @@ impl Snapshot {
     }
 }
 
-/// Restores everything except the cameras.
+/// Restores all fields of a site except the cameras.
 fn restore_rest(site: &mut Site, known: &Site) {
     let Site {
         cameras: _,
@@ -59,24 +59,25 @@ fn restore_rest(site: &mut Site, known: &Site) {
         solution,
     } = known;
     (site.format, site.version) = (*format, *version);
-    restore(&mut site.name, name);
-    restore(&mut site.plan, plan);
-    restore(&mut site.links, links);
-    restore(&mut site.marks, marks);
-    restore(&mut site.distances, distances);
-    restore(&mut site.georeference, georeference);
-    restore(&mut site.scene, scene);
-    restore(&mut site.planes, planes);
-    restore(&mut site.solution, solution);
+    restore_value(&mut site.name, name);
+    restore_value(&mut site.plan, plan);
+    restore_value(&mut site.links, links);
+    restore_value(&mut site.marks, marks);
+    restore_value(&mut site.distances, distances);
+    restore_value(&mut site.georeference, georeference);
+    restore_value(&mut site.scene, scene);
+    restore_value(&mut site.planes, planes);
+    restore_value(&mut site.solution, solution);
 }
 
-fn restore<T: Clone + PartialEq>(value: &mut T, known: &T) {
+/// Copies a value if it differs, to avoid copies of equal values.
+fn restore_value<T: Clone + PartialEq>(value: &mut T, known: &T) {
     if value != known {
         value.clone_from(known);
     }
 }
 
-/// Whether everything except the cameras is equal.
+/// Whether two sites are equal except for their cameras.
 fn is_same_rest(a: &Site, b: &Site) -> bool {
     a.format == b.format
         && a.version == b.version
@@ -91,6 +92,7 @@ fn is_same_rest(a: &Site, b: &Site) -> bool {
         && a.solution == b.solution
 }
 
+/// Returns a copy of the site without its cameras.
 fn without_cameras(site: &Site) -> Site {
     Site {
         cameras: Vec::new(),
@@ -108,43 +110,45 @@ fn without_cameras(site: &Site) -> Site {
     }
 }
 
+/// Undo step: a gesture with the state of the site after it.
 #[derive(Clone, Debug)]
 struct Step {
     /// Name of the gesture, as shown after "Undo": "move V2".
     name: String,
     after: Snapshot,
-    /// Undecided automatic calibrations at that time.
+    /// Undecided automatic calibrations after the gesture.
     proposed: Arc<Vec<PendingCalibration>>,
-    /// Joint result of the site at that time.
+    /// Serial number of the joint result from which the site was derived after the gesture.
     joint: Option<u64>,
 }
 
-/// All states of the site since it was opened.
+/// Undo history: all states of the site since it was opened.
 #[derive(Clone, Debug)]
 pub struct History {
     first: Snapshot,
-    /// Joint result in the opened file.
+    /// Serial number of the joint result in the opened file, if any.
     first_joint: Option<u64>,
-    /// Empty list: a site is opened without automatic calibrations.
-    nothing: Arc<Vec<PendingCalibration>>,
+    /// Empty list of automatic calibrations, for the state before the first step.
+    no_calibrations: Arc<Vec<PendingCalibration>>,
     steps: Vec<Step>,
-    /// Number of steps that are done and not undone.
+    /// Number of steps that are in effect; later steps were undone.
     done: usize,
 }
 
 impl History {
-    /// Creates a history that begins with this site.
+    /// Creates a history whose first state is this site.
     #[must_use]
     pub fn new(site: &Site) -> Self {
         Self {
             first: Snapshot::new(site, None),
             first_joint: None,
-            nothing: Arc::default(),
+            no_calibrations: Arc::default(),
             steps: Vec::new(),
             done: 0,
         }
     }
 
+    /// Returns the state after the last finished gesture.
     fn now(&self) -> &Snapshot {
         self.done.checked_sub(1).and_then(|last| self.steps.get(last)).map_or(&self.first, |step| &step.after)
     }
@@ -156,7 +160,7 @@ impl History {
     }
 
     /// Restores the site to its state after the last finished gesture. Cameras and lists that did not change
-    /// are compared but not copied.
+    /// are not copied.
     pub fn restore_last(&self, site: &mut Site) {
         let now = self.now();
         site.cameras.truncate(now.cameras.len());
@@ -170,7 +174,7 @@ impl History {
         restore_rest(site, &now.rest);
     }
 
-    /// Returns a camera after the last finished gesture.
+    /// Returns the camera with this index as it was after the last finished gesture.
     #[must_use]
     pub fn camera(&self, index: usize) -> Option<&SiteCamera> {
         self.now().cameras.get(index).map(Arc::as_ref)
@@ -182,7 +186,8 @@ impl History {
         self.now().matches(site)
     }
 
-    /// Ends a gesture and discards undone steps. Returns false if the gesture changed nothing.
+    /// Stores the site as the state after a gesture, and discards undone steps. Returns false if the gesture
+    /// changed nothing.
     pub fn commit(
         &mut self,
         name: impl Into<String>,
@@ -203,16 +208,17 @@ impl History {
     #[must_use]
     pub fn proposed(&self) -> &Arc<Vec<PendingCalibration>> {
         let last = self.done.checked_sub(1).and_then(|last| self.steps.get(last));
-        last.map_or(&self.nothing, |step| &step.proposed)
+        last.map_or(&self.no_calibrations, |step| &step.proposed)
     }
 
-    /// Returns the cameras after the last finished gesture.
+    /// Returns the cameras as they were after the last finished gesture.
     #[must_use]
     pub(crate) fn cameras(&self) -> &[Arc<SiteCamera>] {
         &self.now().cameras
     }
 
-    /// Adds a consequence of the last gesture to its step.
+    /// Stores the site as the state after the last gesture, so that a consequence of the gesture belongs to
+    /// its undo step.
     pub(crate) fn amend(&mut self, site: &Site) {
         if self.is_unchanged(site) {
             return;
@@ -223,13 +229,15 @@ impl History {
         }
     }
 
-    /// Returns the joint result of the site after the last finished gesture.
+    /// Returns the serial number of the joint result that the site is derived from, after the last finished
+    /// gesture.
     pub(crate) fn joint(&self) -> Option<u64> {
         let last = self.done.checked_sub(1).and_then(|last| self.steps.get(last));
         last.map_or(self.first_joint, |step| step.joint)
     }
 
-    /// Sets the joint result of the site after the last finished gesture.
+    /// Sets the serial number of the joint result that the site is derived from, after the last finished
+    /// gesture.
     pub(crate) fn set_joint(&mut self, number: Option<u64>) {
         match self.done.checked_sub(1).and_then(|last| self.steps.get_mut(last)) {
             Some(step) => step.joint = number,
@@ -249,21 +257,22 @@ impl History {
         Some(&self.steps.get(self.done)?.name)
     }
 
-    /// Undoes the last gesture. Returns the site before it, and the name of the step.
+    /// Undoes the last gesture. Returns the site before this gesture, and the name of the step.
     pub fn undo(&mut self) -> Option<(Site, String)> {
         let name = self.undo_name()?.to_owned();
         self.done -= 1;
         Some((self.site(), name))
     }
 
-    /// Repeats the gesture that was undone last. Returns the site after it, and the name of the step.
+    /// Repeats the gesture that was undone last. Returns the site after this gesture, and the name of the
+    /// step.
     pub fn redo(&mut self) -> Option<(Site, String)> {
         let name = self.redo_name()?.to_owned();
         self.done += 1;
         Some((self.site(), name))
     }
 
-    /// Changes every state in the same way, for example when image paths change.
+    /// Applies a change to every state of the history, for example when the folder of the images changes.
     pub fn map(&mut self, change: impl Fn(&Site) -> Site) {
         self.first = Snapshot::new(&change(&self.first.site()), None);
         let mut before = self.first.clone();

@@ -1,4 +1,4 @@
-//! Parts of an image near the pointer: a pure function of the site and a pixel.
+//! Search for the part of an image near the pointer. It depends only on the site and a pixel.
 
 use std::collections::BTreeSet;
 
@@ -16,21 +16,21 @@ pub enum Part {
     Vertex {
         /// Index of the annotation.
         annotation: usize,
-        /// Index of its line.
+        /// Index of the line in the annotation.
         segment: usize,
-        /// Index of the point.
+        /// Index of the point in the line.
         vertex: usize,
     },
     /// Line of an annotation.
     Line {
         /// Index of the annotation.
         annotation: usize,
-        /// Index of its line.
+        /// Index of the line in the annotation.
         segment: usize,
     },
     /// Corner of the field of view, by its index.
     Corner(usize),
-    /// The whole field of view.
+    /// Outline of the whole field of view.
     Field,
     /// Control point, by its index.
     Control(usize),
@@ -40,10 +40,10 @@ pub enum Part {
         link: usize,
         /// Index of the observation.
         seen: usize,
-        /// Index of the point of that observation.
+        /// Index of the point in the observation.
         point: usize,
     },
-    /// Pin of a mark at a pixel.
+    /// Corner of a mark that is pinned to a pixel of this camera.
     Pin {
         /// Index of the mark.
         mark: usize,
@@ -54,14 +54,15 @@ pub enum Part {
     Mark(usize),
 }
 
-/// Part near the pointer.
+/// Part that was found near the pointer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// The part.
+    /// Part that was found.
     pub part: Part,
-    /// For a line or the field of view: index of the point before the pointer.
+    /// Index of the edge under the pointer, which is the index of its first point. It is 0 for parts other
+    /// than a line or the field of view.
     pub edge: usize,
-    /// Distance from the pointer, in pixels.
+    /// Distance from the pointer, in raw pixels.
     pub distance: f64,
 }
 
@@ -96,7 +97,8 @@ pub fn handles(site: &Site, index: usize) -> Vec<(Part, Pixel)> {
     list
 }
 
-/// Returns the part at a pixel: selected parts first, then points, then marks, then lines.
+/// Returns the part at a raw pixel. Selected points have priority, then points, then marks, then lines.
+/// `radius` is in raw pixels.
 #[must_use]
 pub fn pick(
     site: &Site,
@@ -119,18 +121,20 @@ pub fn pick(
         .or_else(|| line_at(entry, &shown_lens(entry, pose), at, 0.75 * radius))
 }
 
-/// Returns the lens under which lines of a camera are shown: the solved lens, otherwise the most likely one.
+/// Returns the lens with which the lines of a camera are displayed: the solved lens, otherwise the most
+/// likely one.
 #[must_use]
 pub fn shown_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Lens {
     pose.map_or_else(|| entry.likely_lens(), |pose| pose.lens)
 }
 
-/// Returns the lens under which lines of a camera are shown, by its index in the site.
+/// Returns the lens with which the lines of the camera with this index are displayed, as [`shown_lens`] does.
 #[must_use]
 pub fn lens_of(site: &Site, camera: usize, pose: Option<&Camera>) -> Option<Lens> {
     site.cameras.get(camera).map(|entry| shown_lens(entry, pose))
 }
 
+/// Returns the line or the field of view nearest to a raw pixel; `None` if none is within `radius` pixels.
 fn line_at(entry: &SiteCamera, lens: &Lens, at: Pixel, radius: f64) -> Option<Hit> {
     let mut hits = Vec::new();
     for (annotation, drawn) in entry.annotations.iter().enumerate() {
@@ -150,7 +154,8 @@ fn line_at(entry: &SiteCamera, lens: &Lens, at: Pixel, radius: f64) -> Option<Hi
     hits.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
-/// Returns the mark that is shown at a pixel.
+/// Returns the mark whose outline or foot is nearest to a raw pixel; `None` if none is within `radius`
+/// pixels.
 #[must_use]
 pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit> {
     let used = site.marks.iter().enumerate().filter(|(_, mark)| !mark.off);
@@ -167,7 +172,7 @@ pub fn mark_at(site: &Site, pose: &Camera, at: Pixel, radius: f64) -> Option<Hit
 }
 
 /// Returns the index of the edge of a line that is closest to a raw pixel, and the distance in pixels. Edges
-/// are curved as the distortion shows them.
+/// are curved by the distortion of the lens.
 #[must_use]
 pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     if !lens.distortion.is_wide() {
@@ -178,7 +183,8 @@ pub fn nearest_drawn(lens: &Lens, line: &[Pixel], at: Pixel) -> Option<(usize, f
     edges.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Returns the index of the edge of a polyline that is closest to a pixel, and the distance in pixels.
+/// Returns the index of the edge of a polyline that is closest to a pixel, and the distance in pixels. Edges
+/// are straight.
 #[must_use]
 pub fn nearest(line: &[Pixel], at: Pixel) -> Option<(usize, f64)> {
     let edges = line.windows(2).map(|pair| distance_to_segment(pair[0], pair[1], at));

@@ -1,6 +1,7 @@
-//! Images of a site: files in its folder, or bytes in a store with ids.
+//! Images of a site: files in the folder of the site, or stored bytes with ids.
 //!
-//! Also decoding, the files that may be read without asking, and the camera name that a file name contains.
+//! Also the decoding of images, the files that may be read without asking the operator, and camera names from
+//! file names.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -11,13 +12,13 @@ use calib_input::relative;
 use calib_site::Site;
 use image::RgbImage;
 
-/// Whether a name has this extension, ignoring case.
+/// Whether a file name has this extension, ignoring case.
 #[must_use]
 pub fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending))
 }
 
-/// Whether a name has the extension of a supported image format.
+/// Whether a file name has the extension of a supported image format.
 #[must_use]
 pub fn is_image(path: &Path) -> bool {
     ["png", "jpg", "jpeg"].iter().any(|ending| has_ending(path, ending))
@@ -29,8 +30,8 @@ pub fn file_name(name: &str) -> &str {
     name.rsplit(['/', '\\']).next().unwrap_or(name)
 }
 
-/// Returns the name of a camera from the path of its image: the file's stem. If the stem is only a number or
-/// a word like "frame", as programs that extract video frames write, returns the name of the folder.
+/// Returns the name of a camera from the path of its image: the file name without extension. Programs that
+/// extract video frames write names like "frame" or a number; the result is then the name of the folder.
 #[must_use]
 pub fn camera_name(path: &Path) -> String {
     let text = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
@@ -42,14 +43,15 @@ pub fn camera_name(path: &Path) -> String {
     folder.filter(|folder| is_generic && !folder.is_empty()).unwrap_or(stem)
 }
 
-/// Returns the MIME type of an image with this name.
+/// Returns the MIME type of an image by its file name.
 #[must_use]
 pub fn mime(name: &str) -> &'static str {
     if name.to_lowercase().ends_with(".png") { "image/png" } else { "image/jpeg" }
 }
 
-/// Files that may be read without asking: the site's folder, and files that the operator chose or allowed.
-/// The author of a site file could name any picture on this computer, and would see it in reports.
+/// Files that may be read without asking: files in the site's folder, and files that the operator chose or
+/// allowed. Without this limit, the author of a site file could name any image on this computer, and receive
+/// it in a report.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct AllowedFiles {
     /// Folder of the site; `None` if the site has no file yet.
@@ -59,7 +61,8 @@ pub struct AllowedFiles {
 }
 
 impl AllowedFiles {
-    /// Whether a file may be read. `real` returns the canonical path of a file; `None` if it does not exist.
+    /// Whether a file may be read without asking. `real` returns the canonical path of a file; `None` if the
+    /// file does not exist.
     #[must_use]
     pub fn allows(&self, file: &Path, real: impl Fn(&Path) -> Option<PathBuf>) -> bool {
         let Some(file) = real(file) else { return false };
@@ -71,17 +74,18 @@ impl AllowedFiles {
     }
 }
 
+/// Base64 encoding of `data:` URIs.
 const BASE64: base64::engine::GeneralPurpose = base64::engine::general_purpose::STANDARD;
 /// Prefix of the ids of stored images in an open site.
-const STORED: &str = "stored:";
+const STORED_PREFIX: &str = "stored:";
 
-/// Result of opening or saving a document; the error is a message for the operator.
+/// Result of a file operation; the error is a message for the operator.
 pub type FileResult<T> = Result<T, String>;
 
-/// Function of the platform that reads a file that may be read.
+/// Function of the platform that reads a file, if the file is allowed.
 pub type ReadFile = fn(&Path, &AllowedFiles) -> FileResult<Vec<u8>>;
 
-/// Function that renders the image of this name when its file is missing.
+/// Function that renders the image with this name if its file is missing.
 pub type RenderImage = fn(&str) -> FileResult<Vec<u8>>;
 
 /// Image source of a site.
@@ -89,15 +93,16 @@ pub type RenderImage = fn(&str) -> FileResult<Vec<u8>>;
 pub struct Images {
     /// Base folder of image names in the site.
     pub folder: Option<PathBuf>,
-    /// Function that renders missing images.
+    /// Function that renders images whose file is missing, if any.
     pub missing: Option<RenderImage>,
     /// Allowed files outside the folder, as canonical paths.
     pub allowed: BTreeSet<PathBuf>,
     stored: BTreeMap<String, Stored>,
-    /// Images that `missing` rendered, so that each is rendered once.
-    made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
+    /// Images that `missing` rendered, by name, so that each is rendered once.
+    rendered_images: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
 }
 
+/// Stored image.
 #[derive(Clone, Debug)]
 struct Stored {
     bytes: Arc<[u8]>,
@@ -107,17 +112,18 @@ struct Stored {
 }
 
 impl Images {
-    /// Creates an image source for files in a folder. `missing` renders images without a file.
+    /// Creates an image source for files in a folder. `missing` renders images whose file is missing.
     #[must_use]
     pub fn in_folder(folder: Option<PathBuf>, missing: Option<RenderImage>) -> Self {
         Self { folder, missing, ..Self::default() }
     }
 
-    /// Stores bytes and returns their id for the site.
+    /// Stores the bytes of an image and returns its id, by which the site refers to the image. Equal bytes
+    /// are stored once.
     pub fn store(&mut self, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) -> String {
         let known = self.stored.iter().find(|(_, stored)| stored.bytes == bytes).map(|(id, _)| id.clone());
         known.unwrap_or_else(|| {
-            let id = format!("{STORED}{}", self.stored.len() + 1);
+            let id = format!("{STORED_PREFIX}{}", self.stored.len() + 1);
             self.restore(&id, bytes, mime, name);
             id
         })
@@ -131,7 +137,7 @@ impl Images {
         base.unwrap_or("an image of this site").to_owned()
     }
 
-    /// Stores bytes under their previous id.
+    /// Stores the bytes of an image under the id that they had before, for example after a crash.
     pub fn restore(&mut self, id: &str, bytes: Arc<[u8]>, mime: &str, name: Option<&str>) {
         let stored = Stored { bytes, mime: mime.to_owned(), name: name.map(str::to_owned) };
         self.stored.insert(id.to_owned(), stored);
@@ -144,13 +150,14 @@ impl Images {
             .map(|(id, stored)| (id.as_str(), stored.mime.as_str(), stored.name.as_deref(), &*stored.bytes))
     }
 
-    /// Whether bytes are stored under this name.
+    /// Whether this name is the id of a stored image.
     #[must_use]
     pub fn is_stored(&self, name: &str) -> bool {
         self.stored.contains_key(name)
     }
 
-    /// Moves `data:` URIs from the site to the store, so that snapshots contain ids only.
+    /// Moves images in `data:` URIs from the site to the stored images, so that snapshots of the site contain
+    /// only ids.
     pub fn extract_from(&mut self, site: &mut Site) {
         for image in images_mut(site) {
             let Some((mime, bytes)) = parse_data_uri(image) else { continue };
@@ -158,7 +165,7 @@ impl Images {
         }
     }
 
-    /// Returns the site with stored images as `data:` URIs, and paths relative to `folder`.
+    /// Returns the site with stored images as `data:` URIs, and other image paths relative to `folder`.
     #[must_use]
     pub fn embed_into(&self, site: &Site, folder: Option<&Path>) -> Site {
         let mut site = site.clone();
@@ -166,7 +173,7 @@ impl Images {
             if let Some(stored) = self.stored.get(image.as_str()) {
                 *image = data_uri(&stored.mime, &stored.bytes);
             } else if self.folder.is_none()
-                && let Some(Ok(bytes)) = self.missing.map(|make| self.reader(image).make(make))
+                && let Some(Ok(bytes)) = self.missing.map(|render| self.reader(image).render(render))
             {
                 *image = data_uri(mime_of(&bytes), &bytes);
             }
@@ -174,7 +181,7 @@ impl Images {
         folder.map_or_else(|| site.clone(), |folder| self.rebased(&site, folder))
     }
 
-    /// Returns an image as a `data:` URI, to be embedded in a page; `read` reads files.
+    /// Returns an image as a `data:` URI for embedding in a page, and its bytes; `read` reads files.
     ///
     /// # Errors
     /// The file is missing and cannot be rendered.
@@ -190,7 +197,7 @@ impl Images {
         for image in images_mut(&mut site) {
             if let Some(stored) = self.stored.get(image.as_str()) {
                 let end = if stored.mime == "image/png" { "png" } else { "jpg" };
-                let made_up = || format!("{}.{end}", image.trim_start_matches(STORED));
+                let made_up = || format!("{}.{end}", image.trim_start_matches(STORED_PREFIX));
                 *image = stored.name.clone().unwrap_or_else(made_up);
             }
         }
@@ -215,6 +222,7 @@ impl Images {
         relative(&from, folder)
     }
 
+    /// Returns the path of an image name relative to the folder of the site.
     fn path(&self, name: &str) -> PathBuf {
         self.folder.as_ref().map_or_else(|| PathBuf::from(name), |folder| folder.join(name))
     }
@@ -238,10 +246,10 @@ impl Images {
         Source {
             stored: self.stored.get(name).map(|stored| Arc::clone(&stored.bytes)),
             path: self.path(name),
-            reach: self.allowed_files(),
+            allowed_files: self.allowed_files(),
             missing: self.missing,
             name: name.to_owned(),
-            made: Arc::clone(&self.made),
+            rendered_images: Arc::clone(&self.rendered_images),
         }
     }
 }
@@ -251,10 +259,10 @@ impl Images {
 pub struct Source {
     stored: Option<Arc<[u8]>>,
     path: PathBuf,
-    reach: AllowedFiles,
+    allowed_files: AllowedFiles,
     missing: Option<RenderImage>,
     name: String,
-    made: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
+    rendered_images: Arc<Mutex<BTreeMap<String, Arc<[u8]>>>>,
 }
 
 impl Source {
@@ -267,15 +275,17 @@ impl Source {
         Some(images.reader(&id))
     }
 
-    /// Reads its bytes; `read` reads files.
+    /// Reads the bytes of the image; `read` reads files. A missing file is rendered if possible.
     ///
     /// # Errors
     /// The file is missing and cannot be rendered.
     pub fn read(self, read: ReadFile) -> FileResult<Arc<[u8]>> {
         match (&self.stored, self.missing) {
             (Some(bytes), _) => Ok(Arc::clone(bytes)),
-            (None, Some(make)) => read(&self.path, &self.reach).map(Into::into).or_else(|_| self.make(make)),
-            (None, None) => read(&self.path, &self.reach).map(Into::into),
+            (None, Some(render)) => {
+                read(&self.path, &self.allowed_files).map(Into::into).or_else(|_| self.render(render))
+            }
+            (None, None) => read(&self.path, &self.allowed_files).map(Into::into),
         }
     }
 
@@ -286,33 +296,35 @@ impl Source {
         is_to_be_made.then_some(self.name.as_str())
     }
 
+    /// Returns the bytes of the image if it was rendered already.
     fn rendered(&self) -> Option<Arc<[u8]>> {
-        self.made.lock().unwrap_or_else(PoisonError::into_inner).get(&self.name).cloned()
+        self.rendered_images.lock().unwrap_or_else(PoisonError::into_inner).get(&self.name).cloned()
     }
 
-    /// Stores a rendered image, so that it is rendered once.
+    /// Stores the bytes of the rendered image, so that it is rendered once.
     pub fn store_rendered(&self, bytes: Arc<[u8]>) {
-        self.made.lock().unwrap_or_else(PoisonError::into_inner).insert(self.name.clone(), bytes);
+        self.rendered_images.lock().unwrap_or_else(PoisonError::into_inner).insert(self.name.clone(), bytes);
     }
 
-    fn make(&self, make: RenderImage) -> FileResult<Arc<[u8]>> {
+    /// Renders the image, unless it was rendered already.
+    fn render(&self, render: RenderImage) -> FileResult<Arc<[u8]>> {
         if let Some(known) = self.rendered() {
             return Ok(known);
         }
-        let bytes: Arc<[u8]> = make(&self.name)?.into();
+        let bytes: Arc<[u8]> = render(&self.name)?.into();
         self.store_rendered(Arc::clone(&bytes));
         Ok(bytes)
     }
 }
 
-/// Returns the names of a site's images.
+/// Returns the names of the images of a site: of its cameras, then of its plan.
 #[must_use]
 pub fn image_names(site: &Site) -> Vec<String> {
     let plan = site.plan.iter().filter_map(|plan| plan.image.clone());
     site.cameras.iter().filter_map(|camera| camera.image.clone()).chain(plan).collect()
 }
 
-/// Returns the names of a site's images for editing.
+/// Returns mutable references to the names of the images of a site.
 pub(crate) fn images_mut(site: &mut Site) -> impl Iterator<Item = &mut String> {
     let plan = site.plan.iter_mut().filter_map(|plan| plan.image.as_mut());
     site.cameras.iter_mut().filter_map(|camera| camera.image.as_mut()).chain(plan)
@@ -323,18 +335,20 @@ fn mime_of(bytes: &[u8]) -> &'static str {
     if bytes.starts_with(&[0xff, 0xd8]) { "image/jpeg" } else { "image/png" }
 }
 
-/// Returns bytes as a `data:` URI.
+/// Returns bytes with their MIME type as a `data:` URI.
 #[must_use]
 pub fn data_uri(mime: &str, bytes: &[u8]) -> String {
     format!("data:{mime};base64,{}", BASE64.encode(bytes))
 }
 
+/// Returns the MIME type and the bytes of a `data:` URI; `None` if it is not valid base64.
 fn parse_data_uri(text: &str) -> Option<(String, Vec<u8>)> {
     let (mime, encoded) = text.strip_prefix("data:")?.split_once(";base64,")?;
     Some((mime.to_owned(), BASE64.decode(encoded.trim()).ok()?))
 }
 
-/// Parses a site; embedded images go to the returned store.
+/// Parses the text of a site file. Embedded images are moved to the returned image source; other images are
+/// read from `folder`.
 ///
 /// # Errors
 /// The text is not a valid site; the message names the field.

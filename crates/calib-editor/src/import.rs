@@ -1,11 +1,12 @@
-//! Files of other programs: detection of their format, and scaling of their lenses to the size of our images.
+//! Import of files of other programs: detection of their format, and scaling of their lenses to the size of
+//! the images of the site.
 
 use calib_core::Pixel;
 
 use calib_formats::{FORMATS, File, Format, Imported};
 use calib_site::{LensEntry, Plan, SiteCamera};
 
-/// Largest relative difference between the aspect ratios of images that count as equal.
+/// Largest relative difference between two aspect ratios that are treated as equal.
 const MAX_ASPECT_DIFFERENCE: f64 = 2e-3;
 
 /// Returns the world file format.
@@ -13,13 +14,13 @@ fn world_format() -> Option<&'static Format> {
     FORMATS.iter().find(|format| format.name == "worldfile")
 }
 
-/// Returns the extensions of world files.
+/// Returns the file name extensions of world files.
 #[must_use]
 pub fn world_endings() -> &'static [&'static str] {
     world_format().map_or(&[], |format| format.extensions)
 }
 
-/// Reads a world file: the position and scale of the plan, without its image.
+/// Reads the position and scale of a plan from a world file. The plan has no image.
 ///
 /// # Errors
 /// The file cannot be read, or does not describe a plan.
@@ -29,10 +30,10 @@ pub fn plan_from_world_file(file: File) -> Result<Plan, String> {
     read.site.plan.ok_or_else(|| "The world file does not describe a plan.".into())
 }
 
-/// Imports files with the first format that accepts them, by their extensions.
+/// Imports files with the first format that accepts them; formats with the extension of the files are tried.
 ///
 /// # Errors
-/// No format accepts them; the message contains the error of each format that was tried.
+/// No format accepts the files. The message contains the error of each format that was tried.
 pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String> {
     let extension = |file: &File| {
         file.name.rsplit_once('.').map_or_else(String::new, |(_, extension)| extension.to_lowercase())
@@ -52,10 +53,11 @@ pub fn import_any(files: &[File]) -> Result<(&'static Format, Imported), String>
             FORMATS.iter().filter(|format| format.can_import()).map(|format| format.name).collect();
         return Err(format!("File format not recognised. Supported formats: {}.", known.join(", ")));
     }
-    Err(format!("Cannot read the files. {}", wrong.join("; ")))
+    Err(format!("Cannot read the files {}", wrong.join("; ")))
 }
 
-/// Returns the lens of a camera, scaled to images of another size and the same aspect ratio.
+/// Returns the lens of a camera, scaled to images of another width and height. The error names a different
+/// aspect ratio.
 pub(crate) fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, String> {
     let mut lens = camera.lens.clone().unwrap_or_default();
     let ratio = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(camera.size_px[axis].max(1)));
@@ -70,7 +72,7 @@ pub(crate) fn scaled(camera: &SiteCamera, size: [u32; 2]) -> Result<LensEntry, S
     Ok(lens)
 }
 
-/// Scales a lens to images that are larger by a factor.
+/// Multiplies all pixel values of a lens by a factor, for images that are larger by this factor.
 pub(crate) fn scale_lens(lens: &mut LensEntry, by: f64) {
     if let Some(focal) = &mut lens.focal_px {
         (focal.value, focal.sigma) = (by * focal.value, focal.sigma.map(|sigma| by * sigma));

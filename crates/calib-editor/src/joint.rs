@@ -1,5 +1,5 @@
-//! Results of a joint solve, with the inputs from which they were computed. They are kept until an input
-//! changes.
+//! Results of a joint solve, with the inputs from which they were computed. A result is valid until one of
+//! its inputs changes.
 
 use calib_core::{Camera, Plane};
 
@@ -8,28 +8,28 @@ use calib_site::{
     Stage,
 };
 
-/// Returns the camera without results, except a result that the operator entered.
+/// Returns the camera without results. A result that the operator entered is kept.
 pub(crate) fn without_results(camera: &SiteCamera) -> SiteCamera {
     let given = camera.solution.as_ref().filter(|s| s.method.is_entered()).cloned();
     SiteCamera { solution: given, error: None, ..camera.clone() }
 }
 
-/// Removes the results of a site, except results that the operator entered.
+/// Removes the results of a site. Results that the operator entered are kept.
 pub(crate) fn remove_results(site: &mut Site) {
     for camera in &mut site.cameras {
         camera.solution.take_if(|solution| !solution.method.is_entered());
         camera.error = None;
     }
     site.solution = None;
-    // A mark that a solve moved keeps its new position: it is edited from there.
+    // A mark that a solve moved keeps its new position, where the operator continues to edit it.
     site.links.iter_mut().for_each(|link| link.solution = None);
     site.marks.iter_mut().for_each(|mark| mark.solution = None);
     site.planes.iter_mut().for_each(|plane| plane.solution = None);
 }
 
-/// Whether two cameras have equal inputs, so that a result of one is valid for the other.
+/// Whether two camera entries have equal inputs, so that the result of one is valid for the other.
 pub(crate) fn has_same_inputs(known: &SiteCamera, camera: &SiteCamera) -> bool {
-    // Compared by field, to avoid cloning a camera.
+    // The fields are compared one by one, to avoid cloning a camera.
     known.id == camera.id
         && known.size_px == camera.size_px
         && known.lens == camera.lens
@@ -50,13 +50,13 @@ pub(crate) struct Joint {
     report: Report,
     /// Pose of each camera of `site`; `None` for a camera that was not solved jointly.
     poses: Vec<Option<Camera>>,
-    /// Whether the results were read from a file in which they were out of date: it had no results about the
-    /// whole site.
+    /// Whether the results were read from a file in which they were out of date. Such a file has no results
+    /// about the whole site.
     was_out_of_date: bool,
 }
 
 impl Joint {
-    /// Creates the results of a site.
+    /// Creates the joint results from a site and the report of its joint solve.
     pub(crate) fn new(site: &Site, report: Report) -> Self {
         let mut poses = vec![None; site.cameras.len()];
         for (index, result) in &report.cameras {
@@ -69,19 +69,20 @@ impl Joint {
         Self { site: site.clone(), report, poses, was_out_of_date }
     }
 
-    /// Returns the results in a file if its cameras were solved jointly.
+    /// Returns the results that a site file contains, if its cameras were solved jointly.
     pub(crate) fn report_in_file(site: &Site) -> Option<Report> {
         let is_refined = |camera: &SiteCamera| {
             camera.solution.as_ref().is_some_and(|solution| solution.stage == Stage::Refined)
         };
-        // A fixed camera counts as refined without a joint solve. Only results of links, marks or the site
-        // show that there was one.
+        // A fixed camera has the stage `Refined` even without a joint solve. Only results of links, marks or
+        // the whole site prove a joint solve.
         let has_shared = site.solution.is_some()
             || site.links.iter().any(|link| link.solution.is_some())
             || site.marks.iter().any(|mark| mark.solution.is_some());
         (has_shared && site.cameras.iter().any(is_refined)).then(|| stored_report(site))
     }
 
+    /// Returns the report of the joint solve.
     pub(crate) const fn report(&self) -> &Report {
         &self.report
     }
@@ -95,12 +96,14 @@ impl Joint {
         result.as_ref().ok()
     }
 
-    /// Returns, for every camera of a site, its index here if it was solved jointly and its inputs have not
-    /// changed.
+    /// Returns, for every camera of a site, its index in the solved site. `None` for a camera that was not
+    /// solved jointly or whose inputs have changed.
     pub(crate) fn camera_indices(&self, site: &Site) -> Vec<Option<usize>> {
         site.cameras.iter().map(|camera| self.camera_index(site, camera)).collect()
     }
 
+    /// Returns the index of a camera in the solved site if it was solved jointly and its inputs have not
+    /// changed.
     fn camera_index(&self, site: &Site, camera: &SiteCamera) -> Option<usize> {
         let place = self.site.cameras.iter().position(|known| known.is_same_period(camera))?;
         let took_part = self.poses.get(place)?.is_some();
@@ -110,13 +113,14 @@ impl Joint {
         (took_part && is_same).then_some(place)
     }
 
-    /// Whether the result here is still valid for any camera of a site.
+    /// Whether the joint result is still valid for any camera of a site.
     pub(crate) fn applies_to_any(&self, site: &Site) -> bool {
         site.cameras.iter().any(|camera| self.camera_index(site, camera).is_some())
     }
 
-    /// Whether no input has changed in a site: the cameras that were solved, the owners of their lenses, the
-    /// scale of the plan, and all links, marks and distances that connect cameras.
+    /// Whether no input of the joint result has changed in a site. The inputs are the solved cameras, the
+    /// cameras that share their lenses, the scene, the planes, and the scale of the plan. They also include
+    /// all links, marks and distances that connect cameras.
     pub(crate) fn is_current_for(&self, site: &Site) -> bool {
         !self.was_out_of_date
             && self.solved_cameras().all(|known| self.has_same_family(site, known))
@@ -132,6 +136,7 @@ impl Joint {
         self.solved_cameras().any(|camera| camera.id == id)
     }
 
+    /// Returns the cameras that were solved jointly, as they were at the solve.
     fn solved_cameras(&self) -> impl Iterator<Item = &SiteCamera> {
         self.site.cameras.iter().zip(&self.poses).filter(|(_, pose)| pose.is_some()).map(|(camera, _)| camera)
     }
@@ -148,7 +153,7 @@ impl Joint {
         sharing.filter(is_same).count() == family(&self.site) && family(&self.site) == family(site)
     }
 
-    /// Copies the plane solutions into `planes` if the plane inputs have not changed since the solve.
+    /// Copies the plane solutions into `planes` if the inputs of all planes have not changed since the solve.
     pub(crate) fn write_planes(&self, planes: &mut [PlaneEntry]) {
         let same = has_same_planes(&self.site.planes, planes);
         for (index, plane) in planes.iter_mut().enumerate() {
@@ -156,7 +161,8 @@ impl Joint {
         }
     }
 
-    /// Returns the solution of a plane if the plane inputs have not changed since the solve.
+    /// Returns the solution of the plane with this id if the inputs of all planes have not changed since the
+    /// solve.
     pub(crate) fn plane(&self, site: &Site, id: &str) -> Option<Plane> {
         let index = site.planes.iter().position(|plane| plane.id == id)?;
         let found = self.report.planes.get(index).copied().flatten();
@@ -165,20 +171,21 @@ impl Joint {
         Some(Plane { height: height_m, slope, anchor: site.planes[index].anchor() })
     }
 
-    /// Returns the solution of a link if the link has not changed since the solve.
+    /// Returns the solution of the link with this index if the link has not changed since the solve.
     pub(crate) fn link(&self, site: &Site, link: usize) -> Option<&ElementSolution> {
         let now = site.links.get(link)?;
-        let place = self.site.links.iter().position(|known| same_link(known, now))?;
+        let place = self.site.links.iter().position(|known| has_same_link_inputs(known, now))?;
         self.report.links.get(place)?.as_ref()
     }
 
+    /// Returns the solution of a mark if the mark has not changed since the solve.
     fn mark(&self, now: &Mark) -> Option<&ElementSolution> {
-        let place = self.site.marks.iter().position(|known| same_mark(known, now))?;
+        let place = self.site.marks.iter().position(|known| has_same_mark_inputs(known, now))?;
         self.report.marks.get(place)?.as_ref()
     }
 
-    /// Writes the solutions of links and marks into a site, and the results about the whole site if they are
-    /// current.
+    /// Writes the solutions of unchanged links and marks into a site. Results about the whole site are
+    /// written if they are current.
     pub(crate) fn write_shared(&self, site: &mut Site, is_current: bool) {
         for index in 0..site.links.len() {
             site.links[index].solution = self.link(site, index).cloned();
@@ -191,12 +198,13 @@ impl Joint {
     }
 }
 
-/// Returns the id of the camera that owns the lens of a camera.
+/// Returns the id of the camera whose lens a camera uses: another camera, or the camera itself.
 fn lens_owner(camera: &SiteCamera) -> &str {
     camera.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or(&camera.id)
 }
 
-fn same_link(a: &Link, b: &Link) -> bool {
+/// Whether two links have equal inputs.
+fn has_same_link_inputs(a: &Link, b: &Link) -> bool {
     let Link { id, name: _, off, keep, kind, height_m, plane, length_m, seen, solution: _ } = a;
     *id == b.id
         && (*off, *keep, *kind, *height_m) == (b.off, b.keep, b.kind, b.height_m)
@@ -204,7 +212,7 @@ fn same_link(a: &Link, b: &Link) -> bool {
         && *seen == b.seen
 }
 
-/// Whether the plane inputs are equal.
+/// Whether two lists of planes have equal inputs.
 pub(crate) fn has_same_planes(known: &[PlaneEntry], now: &[PlaneEntry]) -> bool {
     let is_same = |(a, b): (&PlaneEntry, &PlaneEntry)| {
         let PlaneEntry { id, name: _, height_m, tilt, region, solution: _ } = a;
@@ -213,7 +221,8 @@ pub(crate) fn has_same_planes(known: &[PlaneEntry], now: &[PlaneEntry]) -> bool 
     known.len() == now.len() && known.iter().zip(now).all(is_same)
 }
 
-fn same_mark(a: &Mark, b: &Mark) -> bool {
+/// Whether two marks have equal inputs.
+fn has_same_mark_inputs(a: &Mark, b: &Mark) -> bool {
     let Mark { id, name: _, off, keep, kind, at_m, turn_deg, size_m, fixed, seen, solution: _ } = a;
     *id == b.id
         && (*off, *keep, *kind, *fixed) == (b.off, b.keep, b.kind, b.fixed)
@@ -238,12 +247,13 @@ impl PartialEq for Connections<'_> {
         self.links.len() == other.links.len()
             && self.marks.len() == other.marks.len()
             && self.distances.len() == other.distances.len()
-            && self.links.iter().zip(&other.links).all(|(a, b)| same_link(a, b))
-            && self.marks.iter().zip(&other.marks).all(|(a, b)| same_mark(a, b))
+            && self.links.iter().zip(&other.links).all(|(a, b)| has_same_link_inputs(a, b))
+            && self.marks.iter().zip(&other.marks).all(|(a, b)| has_same_mark_inputs(a, b))
             && self.distances.iter().zip(&other.distances).all(|(a, b)| same(a, b))
     }
 }
 
+/// Returns the links, marks and distances of a site that connect cameras.
 fn connections(site: &Site) -> Connections<'_> {
     let distances: Vec<_> = site.distances.iter().filter(|distance| !distance.off).collect();
     let is_measured =
@@ -268,7 +278,7 @@ pub(crate) fn stored_report(site: &Site) -> Report {
         marks: site.marks.iter().map(|mark| mark.solution.clone()).collect(),
         planes: site.planes.iter().map(|plane| plane.solution).collect(),
         site: site.solution.clone().unwrap_or_default(),
-        // A file contains only the text of findings.
+        // A site file contains findings only as text, in its warnings.
         findings: Vec::new(),
         site_findings: Vec::new(),
     }

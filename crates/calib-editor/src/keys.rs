@@ -1,26 +1,26 @@
-//! Keys and modifiers, as used by the commands and tools.
+//! Keys and modifier keys of commands and tools.
 
 /// Modifier keys that are pressed together with a key or a pointer button.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Modifiers {
-    /// Shift.
+    /// Whether Shift is pressed.
     pub shift: bool,
-    /// Ctrl, on every system.
+    /// Whether Ctrl is pressed, on every system.
     pub ctrl: bool,
-    /// Alt.
+    /// Whether Alt is pressed.
     pub alt: bool,
-    /// Ctrl, or Cmd on a Mac.
+    /// Whether Ctrl is pressed, or Cmd on a Mac.
     pub command: bool,
 }
 
 impl Modifiers {
-    /// No modifier.
+    /// No modifier key.
     pub const NONE: Self = Self { shift: false, ctrl: false, alt: false, command: false };
-    /// Shift.
+    /// Shift only.
     pub const SHIFT: Self = Self { shift: true, ..Self::NONE };
-    /// Alt.
+    /// Alt only.
     pub const ALT: Self = Self { alt: true, ..Self::NONE };
-    /// Ctrl, or Cmd on a Mac.
+    /// Ctrl only, or Cmd on a Mac.
     pub const COMMAND: Self = Self { command: true, ..Self::NONE };
     /// Ctrl and Shift, or Cmd and Shift on a Mac.
     pub const COMMAND_SHIFT: Self = Self { shift: true, ..Self::COMMAND };
@@ -34,7 +34,7 @@ macro_rules! keys {
         pub enum Key { $($name),* }
 
         impl Key {
-            /// Returns its name in keyboard events of browsers.
+            /// Returns the name of the key in keyboard events of browsers.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$name => $word),* }
@@ -52,11 +52,11 @@ keys! {
     CloseBracket "]", Minus "Minus", OpenBracket "[", Plus "Plus", Questionmark "?",
 }
 
-/// Key with its modifiers.
+/// Keyboard shortcut: a key with modifier keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shortcut {
-    /// Modifier keys.
+    /// Modifier keys that must be pressed.
     pub modifiers: Modifiers,
-    /// The key.
+    /// Key that is pressed last.
     pub key: Key,
 }

@@ -1,12 +1,12 @@
 //! Operator's document without a user interface: the open site, its editing tools, its history and its
 //! results. A view reads the [`Editor`] and sends [`Action`]s. Only [`Editor::apply`] changes the document.
-//! The tests operate it without a window: see `tests/day.rs`.
+//! The tests operate the editor without a window: see `tests/day.rs`.
 //!
 //! The files, in data-flow order:
 //!
 //! - `units`, `keys`: formatting of lengths, and keyboard shortcuts.
 //! - `images`: images of the cameras, files to open, image files of the site.
-//! - `document_difference`, `period`: differences between two documents, and calibration periods of a camera.
+//! - `document_difference`, `period`: differences between two sites, and calibration periods of a camera.
 //! - `hit`: parts of an image near the pointer.
 //! - `suggest`, `proposed`: suggested edges, and automatic calibrations of images.
 //! - `history`: undo and redo.
@@ -15,7 +15,7 @@
 //! - `edit`, `epipolar`, `planes`, `snap`, `family`, `placing`: edits of the site and their geometry.
 //! - `newer`, `proposals`, `agreement`, `steps`, `verdict`: newer images, suggestions, consistency and
 //!   status.
-//! - `tools`: pointer tools. `command`, `import`, `action`: the requests of a view.
+//! - `tools`: pointer tools. `command`, `import`, `action`: commands, file import, and requests of a view.
 //! - `editor`, `apply`: the editor, and the effect of each action.
 //!
 //! Coordinates in the document are raw image pixels or floor metres, never screen points. The crate does not

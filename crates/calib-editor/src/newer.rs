@@ -1,7 +1,7 @@
-//! Newer images of the cameras, and the results of comparing them.
+//! Newer images of the cameras, and the results of comparing them with the calibrated images.
 //!
-//! They are stored outside the site and its undo history. Recovering a camera replaces its image by the newer
-//! one, and undo restores the old image, against which the newer one was compared.
+//! Newer images are stored outside the site and its undo history. Recovering a camera replaces its image by
+//! the newer one. Undo restores the old image, with which the newer one was compared.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -18,27 +18,27 @@ use crate::session::Session;
 /// Newer image of a camera, with the result of the comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewerImage {
-    /// Id of the camera, and every id to which it was renamed since: a rename may be undone.
+    /// Id of the camera, and every id that it had since the comparison, because a rename may be undone.
     pub ids: BTreeSet<String>,
     /// `valid_from` and `valid_to` of the camera entry that was compared.
     pub period: [Option<String>; 2],
-    /// Name of the compared image in the site.
+    /// Name in the site of the calibrated image with which the newer one was compared.
     pub old: Option<String>,
     /// Name of the newer image in the site.
     pub image: String,
     /// Name of the newer image for the operator.
     pub title: String,
-    /// Time since when the camera has its new pose (RFC 3339): the capture time of the image, or as entered
+    /// Time from which the camera has its new pose (RFC 3339): the capture time of the image, or as entered
     /// by the operator; empty if unknown.
     pub since: String,
-    /// Pose and lens that were compared.
+    /// Calibrated pose and lens of the camera, the reference of the comparison.
     pub pose: Camera,
     /// Result of the comparison.
     pub comparison: Comparison,
 }
 
 impl NewerImage {
-    /// Whether the comparison belongs to this camera entry: same period and same image.
+    /// Whether the comparison belongs to this camera entry: same calibration period and same image.
     #[must_use]
     pub fn is_of(&self, entry: &SiteCamera) -> bool {
         let is_period = self.period.each_ref().map(Option::as_ref)
@@ -46,20 +46,21 @@ impl NewerImage {
         self.ids.contains(&entry.id) && self.old == entry.image && entry.image.is_some() && is_period
     }
 
-    /// Whether two comparisons belong to the same camera entry.
+    /// Whether two newer images were compared with the same camera entry.
     #[must_use]
     pub fn is_same_camera(&self, other: &Self) -> bool {
         (&self.old, &self.period) == (&other.old, &other.period) && !self.ids.is_disjoint(&other.ids)
     }
 
-    /// Whether the image was taken before another one; false if a time is unknown.
+    /// Whether the image was taken before another newer image; false if a time is unknown.
     #[must_use]
     pub fn is_before(&self, other: &Self) -> bool {
         let [own, other] = [&self.since, &other.since].map(|time| nanoseconds(time.trim()));
         own.zip(other).is_some_and(|(own, other)| own < other)
     }
 
-    /// Whether the camera was rotated or zoomed at an unchanged position, so that it can be recovered.
+    /// Whether the camera was rotated or zoomed at an unchanged position, so that its calibration can be
+    /// recovered.
     #[must_use]
     pub fn has_moved(&self) -> bool {
         self.comparison.change == CameraChange::Moved
@@ -79,21 +80,22 @@ pub fn valid_since(session: &Session, camera: usize) -> Option<u64> {
     u64::try_from(nanoseconds(&valid_from)? / 1_000_000_000).ok()
 }
 
-/// Converts a time (RFC 3339) to nanoseconds since 1970.
+/// Converts a time (RFC 3339) to nanoseconds since 1970; `None` if it is invalid.
 fn nanoseconds(time: &str) -> Option<i64> {
     let entry = SiteCamera { valid_from: Some(time.to_owned()), ..SiteCamera::new("", [1, 1]) };
     entry.period_ns().ok().map(|[from, _]| from)
 }
 
-/// Action on newer images.
+/// Action on newer images of cameras.
 #[derive(Clone, Debug)]
 pub enum NewerAction {
-    /// Stores the result of a comparison and replaces an older one of the same camera.
+    /// Stores the result of a comparison; it replaces an older result of the same camera.
     Compared(Box<NewerImage>),
-    /// Sets the time since when the newer image of the selected camera applies.
+    /// Sets the time from which the newer image of the selected camera applies.
     SetSince(String),
     /// Removes the newer image of the selected camera.
     Dismiss,
-    /// Applies the recovery of the camera with this id: the site from which it was computed, and the result.
+    /// Applies the recovery of the camera with this id. The pair contains the site from which it was
+    /// computed, and the result.
     Recovered(String, Box<(Site, Recovered)>),
 }

@@ -1,13 +1,13 @@
-//! Identity of a calibration period of a camera, independent of its index in the list.
+//! Identity of a calibration period of a camera, independent of the index of the camera entry in the site.
 
 use calib_site::{Site, SiteCamera};
 
-/// Calibration period of a camera: an id may occur again with another start time.
+/// Identity of a calibration period: several camera entries may have the same id, with different start times.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Period {
     /// Id of the camera.
     pub camera: String,
-    /// `valid_from` of the entry.
+    /// Start of the period: `valid_from` of the camera entry.
     pub from: Option<String>,
 }
 
@@ -24,7 +24,7 @@ impl Period {
         (&self.camera, &self.from) == (&entry.id, &entry.valid_from)
     }
 
-    /// Returns the index of its entry in a site.
+    /// Returns the index of the camera entry with this period in a site.
     #[must_use]
     pub fn index(&self, site: &Site) -> Option<usize> {
         site.cameras.iter().position(|entry| self.matches(entry))

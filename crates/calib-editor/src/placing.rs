@@ -17,8 +17,8 @@ impl Session {
         Some(Placement { scale, ..entry.placement() })
     }
 
-    /// Places a camera; other fields of the entry are kept. Moving or rotating a camera does not set its
-    /// scale.
+    /// Sets the placement of a camera; its fixed components stay marked as fixed. If only the position or
+    /// rotation changes, no scale is entered.
     pub fn place(&mut self, index: usize, placement: Placement) {
         let is_scaled =
             self.placement(index).is_none_or(|now| (placement.scale / now.scale - 1.0).abs() > 1e-9);

@@ -1,6 +1,6 @@
 //! Edits of planes other than the floor, and of the annotations on them. Independent of the user interface.
 //!
-//! Also estimated positions and lengths of links, marks and lines: hints for the operator, never
+//! Also estimated positions and lengths of links, marks and lines. They are hints for the operator, never
 //! measurements.
 
 use std::collections::BTreeSet;
@@ -17,26 +17,26 @@ use crate::session::Session;
 /// Action on planes; each is one undo step.
 #[derive(Clone, Debug)]
 pub enum PlaneAction {
-    /// Selects a plane: its values are shown, and the region tool draws its region.
+    /// Selects the plane with this index, or none. The region tool draws the region of the selected plane.
     Choose(Option<usize>),
-    /// Adds a plane without known values, and selects it.
+    /// Adds a plane without known values, and selects the plane.
     Add,
-    /// Deletes a plane; its annotations return to the floor.
+    /// Deletes the plane with this index; its annotations return to the floor.
     Delete(usize),
-    /// Changes the id of a plane and all references to it.
+    /// Changes the id of the plane with this index, and all references to it.
     Rename(usize, String),
     /// Changes the known values of a plane.
     Set {
         /// Index of the plane.
         index: usize,
-        /// Changed entry.
+        /// Changed entry of the plane.
         plane: Box<PlaneEntry>,
         /// Name of the undo step, as shown after "Undo".
         name: String,
     },
-    /// Sets its region to the field of view of the selected camera.
+    /// Sets the region of the plane with this index to the field of view of the selected camera.
     SetRegionFromField(usize),
-    /// Assigns the selected parts to the plane with this id, or to the floor.
+    /// Assigns the selected parts to the plane with this id, or to the floor if it is `None`.
     Assign(Option<String>),
 }
 
@@ -61,7 +61,7 @@ pub fn rename_plane(site: &mut Site, index: usize, id: &str) -> bool {
     true
 }
 
-/// Deletes a plane; its annotations return to the floor.
+/// Deletes the plane with this index; its annotations return to the floor.
 pub fn delete_plane(site: &mut Site, index: usize) {
     if index < site.planes.len() {
         let PlaneEntry { id, .. } = site.planes.remove(index);
@@ -69,7 +69,7 @@ pub fn delete_plane(site: &mut Site, index: usize) {
     }
 }
 
-/// Returns all references to planes.
+/// Returns mutable references to all plane ids in cameras, annotations and links.
 fn plane_references(site: &mut Site) -> impl Iterator<Item = &mut Option<String>> {
     let cameras = site.cameras.iter_mut().flat_map(|camera| {
         let drawn = camera.annotations.iter_mut().map(|annotation| &mut annotation.plane);
@@ -78,7 +78,7 @@ fn plane_references(site: &mut Site) -> impl Iterator<Item = &mut Option<String>
     cameras.chain(site.links.iter_mut().map(|link| &mut link.plane))
 }
 
-/// Sets the region of a plane and discards its solution.
+/// Sets the region of a plane (a floor polygon in metres), and discards the solution of the plane.
 pub fn set_region(plane: &mut PlaneEntry, region: Vec<FloorPoint>) {
     (plane.region, plane.solution) = (region, None);
 }
@@ -90,7 +90,8 @@ pub fn supports_plane(annotation: &Annotation) -> bool {
     row.is_level() || row.constraint == ConstraintKind::Upright
 }
 
-/// Returns the planes of those parts that can be assigned to one; the floor is `None`. Empty if no part can.
+/// Returns the ids of the planes of all parts that can be on a plane; `None` is the floor. Empty if no part
+/// can be on a plane.
 #[must_use]
 pub fn planes_of_parts(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BTreeSet<Option<String>> {
     let entry = site.cameras.get(camera);
@@ -102,7 +103,7 @@ pub fn planes_of_parts(site: &Site, camera: usize, parts: &BTreeSet<Part>) -> BT
     drawn.chain(links).chain(field).collect()
 }
 
-/// Assigns the parts that can be on a plane to the plane with this id, or to the floor.
+/// Assigns the parts that can be on a plane to the plane with this id, or to the floor if `plane` is `None`.
 pub fn assign_plane(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, plane: Option<&String>) {
     for link in links_of(parts) {
         if let Some(link) = site.links.get_mut(link) {
@@ -121,16 +122,18 @@ pub fn assign_plane(site: &mut Site, camera: usize, parts: &BTreeSet<Part>, plan
     }
 }
 
+/// Returns the indices of the links among these parts.
 fn links_of(parts: &BTreeSet<Part>) -> BTreeSet<usize> {
     let link = |part: &Part| if let Part::Link { link, .. } = *part { Some(link) } else { None };
     parts.iter().filter_map(link).collect()
 }
 
+/// Whether the field of view or one of its corners is among these parts.
 fn has_field(parts: &BTreeSet<Part>) -> bool {
     parts.iter().any(|part| matches!(part, Part::Field | Part::Corner(_)))
 }
 
-/// Returns the estimated position of a link or mark, by its id, from the cameras that show it.
+/// Returns the estimated world position of the link or mark with this id, from the cameras that show it.
 #[must_use]
 pub fn estimated_position(session: &Session, id: &str) -> Option<WorldPoint> {
     let is_own = |own: &Option<String>| own.as_deref() == Some(id);
@@ -154,13 +157,13 @@ pub fn estimated_position(session: &Session, id: &str) -> Option<WorldPoint> {
     (!places.is_empty()).then(|| WorldPoint::new(mean(|at| at.x), mean(|at| at.y), mean(|at| at.z)))
 }
 
-/// Returns the estimated distance between two links or marks, in metres.
+/// Returns the estimated distance between two links or marks with these ids, in metres.
 #[must_use]
 pub fn estimated_distance(session: &Session, [a, b]: &[String; 2]) -> Option<f64> {
     Some(estimated_position(session, a)?.distance(estimated_position(session, b)?))
 }
 
-/// Returns the estimated height of a post in a view that shows it, in metres.
+/// Returns the estimated height of a post link above its foot, in metres, from a view that shows it.
 #[must_use]
 pub fn estimated_post_height(session: &Session, link: &Link) -> Option<f64> {
     let plane = session.solved.plane(&session.site, link.plane.as_deref());
@@ -171,7 +174,7 @@ pub fn estimated_post_height(session: &Session, link: &Link) -> Option<f64> {
     })
 }
 
-/// Returns the estimated length of a floor line in the selected camera, in metres.
+/// Returns the estimated length of a floor line that is annotated in the selected camera, in metres.
 #[must_use]
 pub fn estimated_line_length(session: &Session, line: &[Pixel]) -> Option<f64> {
     let on_floor = |pixel: &Pixel| session.pose()?.pixel_to_floor(*pixel, 0.0);

@@ -1,11 +1,11 @@
-//! Suggestions of what to draw next, except dismissed ones.
+//! Suggestions of the next annotation, without the suggestions that the operator dismissed.
 
 use calib_site::SuggestionEntry;
 
 use crate::session::Session;
 
 impl Session {
-    /// Returns the best suggestion for the selected camera that was not dismissed.
+    /// Returns the best suggestion for the selected camera that the operator has not dismissed.
     #[must_use]
     pub fn suggestion(&self) -> Option<&SuggestionEntry> {
         let id = &self.entry()?.id;

@@ -1,14 +1,14 @@
-//! Undecided automatic calibration of an image, shown in addition to the annotations until the operator
+//! Undecided automatic calibration of an image. It is shown in addition to the annotations until the operator
 //! accepts or dismisses it.
 //!
-//! The site does not contain it: a group is added to the site when it is accepted. Groups of floor lines are
-//! distinguished by the name of their direction, which becomes the id of the annotation. A group that is
-//! accepted later joins the annotation of its direction. Directions at right angles are linked once both are
-//! accepted.
+//! The site does not contain an undecided calibration: a group of lines is added to the site when it is
+//! accepted. Groups of floor lines are distinguished by the name of their direction, which becomes the id of
+//! the annotation. A group that is accepted later joins the annotation of its direction. Two directions at
+//! right angles refer to each other once both are accepted.
 //!
-//! Also the preview of the camera with all groups accepted, and the group to decide first. That group
+//! Also the preview of the camera with all groups accepted, and the group to decide first. This group
 //! minimises the predicted relative error of floor lengths. The prediction uses the covariance, as for
-//! suggestions of what to draw next.
+//! suggestions.
 
 use calib_core::{Annotation, Camera, Kind, Lens, Orientation, Pixel};
 use calib_image::{AutomaticCalibration, Confidence, EdgeClass, Group, Reason};
@@ -24,22 +24,22 @@ pub struct PendingGroup {
     pub kind: Kind,
     /// Name of the direction of the lines on the floor; used only for floor lines.
     pub direction: String,
-    /// Lines, as they would be annotated.
+    /// Lines as they would be annotated, in raw pixels.
     pub lines: Vec<Vec<Pixel>>,
-    /// Probability of each line that it belongs to the group, in the order of the lines.
+    /// Probability that a line belongs to the group, for each line in order.
     pub probabilities: Vec<f64>,
-    /// Class of each line, in the order of the lines.
+    /// Class of the edge of a line, for each line in order.
     pub classes: Vec<EdgeClass>,
 }
 
 impl PendingGroup {
-    /// Returns the mean probability of the lines.
+    /// Returns the mean probability that a line belongs to the group.
     #[must_use]
     pub fn probability(&self) -> f64 {
         self.probabilities.iter().sum::<f64>() / self.probabilities.len().max(1) as f64
     }
 
-    /// Removes a line.
+    /// Removes the line with this index from the group.
     pub(crate) fn reject_line(&mut self, line: usize) {
         if line < self.lines.len() {
             self.lines.remove(line);
@@ -48,7 +48,7 @@ impl PendingGroup {
         }
     }
 
-    /// Returns the number of lines in a class.
+    /// Returns the number of lines whose edge has this class.
     #[must_use]
     pub fn count_of_class(&self, class: EdgeClass) -> usize {
         self.classes.iter().filter(|&&own| own == class).count()
@@ -64,7 +64,8 @@ impl PendingGroup {
         }
     }
 
-    /// Changes verticals to floor lines and floor lines to verticals. Straight edges stay unchanged.
+    /// Changes a group of verticals to floor lines, or a group of floor lines to verticals. Straight edges
+    /// stay unchanged.
     pub(crate) const fn flip(&mut self) {
         self.kind = match self.kind {
             Kind::Vertical => Kind::Parallel,
@@ -73,13 +74,15 @@ impl PendingGroup {
         };
     }
 
-    /// Creates the group from the detected edges that are not annotated yet.
-    fn of(group: &Group, direction: String, entry: &SiteCamera) -> Self {
+    /// Creates an undecided group from a detected group; edges that are annotated already are omitted.
+    fn from_group(group: &Group, direction: String, entry: &SiteCamera) -> Self {
         let scores = group.probabilities.iter().copied().zip(group.classes.iter().copied());
-        Self::of_lines(group.annotation.kind, direction, group.annotation.polylines().zip(scores), entry)
+        Self::from_lines(group.annotation.kind, direction, group.annotation.polylines().zip(scores), entry)
     }
 
-    fn of_lines(
+    /// Creates an undecided group from lines with their probabilities and classes; lines that are annotated
+    /// already are omitted.
+    fn from_lines(
         kind: Kind,
         direction: String,
         lines: impl Iterator<Item = (Vec<Pixel>, (f64, EdgeClass))>,
@@ -95,28 +98,28 @@ impl PendingGroup {
     }
 }
 
-/// Decision of the operator about the automatic calibration of the selected camera; groups and lines by
-/// index.
+/// Decision of the operator about the automatic calibration of the selected camera. Groups and lines are
+/// given by index.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CalibrationDecision {
-    /// Selects a line with its group, or none.
+    /// Selects a line by the indices of group and line, or no line.
     SelectLine(Option<(usize, usize)>),
     /// Accepts all groups.
     AcceptAll,
     /// Chooses one of two cameras that explain the edges equally well.
     Decide {
-        /// Whether the alternative is chosen.
+        /// Whether the alternative camera is chosen.
         other: bool,
     },
-    /// Accepts a group.
+    /// Accepts the group with this index.
     Accept(usize),
-    /// Changes verticals to floor lines, or floor lines to verticals.
+    /// Changes the group with this index from verticals to floor lines, or from floor lines to verticals.
     Flip(usize),
-    /// Assigns a group to the floor direction with this name.
+    /// Assigns the group with this index to the floor direction with this name.
     SetDirection(usize, String),
-    /// Rejects a group.
+    /// Rejects the group with this index.
     Delete(usize),
-    /// Rejects a line of a group.
+    /// Rejects a line, by the indices of group and line.
     RejectLine(usize, usize),
     /// Dismisses the whole automatic calibration.
     Dismiss,
@@ -131,31 +134,32 @@ pub struct PendingCalibration {
     pub confidence: Confidence,
     /// Reasons why the confidence is not `sure`.
     pub reasons: Vec<Reason>,
-    /// Undecided groups.
+    /// Groups of lines that the operator has not decided about.
     pub groups: Vec<PendingGroup>,
-    /// Orientation that was estimated from all edges, if any.
+    /// Roll, pitch and focal length that were estimated from all edges, if any.
     pub orientation: Option<Orientation>,
     /// Alternative camera that explains the edges almost as well, with its own groups.
     pub alternative: Option<Box<Hypothesis>>,
-    /// Pairs of direction names that are at right angles.
-    ties: Vec<[String; 2]>,
-    /// Distortion assumed for the detection of the lines.
+    /// Pairs of names of floor directions that are at right angles.
+    perpendicular_pairs: Vec<[String; 2]>,
+    /// Distortion that was assumed when the lines were detected.
     distortion: Option<DistortionEntry>,
 }
 
-/// Camera that would explain the edges of an image.
+/// Camera that would explain the edges of an image, as an alternative to the best one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
     /// Roll, pitch and focal length of this camera.
     pub orientation: Orientation,
     /// Undecided groups of lines that apply if this camera is chosen.
     groups: Vec<PendingGroup>,
-    /// Pairs of direction names that are at right angles.
-    ties: Vec<[String; 2]>,
+    /// Pairs of names of floor directions that are at right angles.
+    perpendicular_pairs: Vec<[String; 2]>,
 }
 
 impl Hypothesis {
-    /// Returns a short description for an image of this width in pixels: field of view and pitch.
+    /// Returns a short description of a camera: horizontal field of view and pitch. `width` is the image
+    /// width in pixels.
     #[must_use]
     pub fn description(orientation: &Orientation, width: f64) -> String {
         let wide = 2.0 * (0.5 * width / orientation.focal).atan().to_degrees();
@@ -172,17 +176,17 @@ impl PendingCalibration {
     pub fn new(entry: &SiteCamera, proposal: &AutomaticCalibration) -> Self {
         let straight =
             proposal.curved_edges.iter().map(|line| (line.clone(), (1.0, EdgeClass::Undetermined)));
-        let straight = PendingGroup::of_lines(Kind::Straight, String::new(), straight, entry);
+        let straight = PendingGroup::from_lines(Kind::Straight, String::new(), straight, entry);
         let drawable = |groups: &[Group]| {
-            let (mut groups, ties) = name_directions(entry, groups);
+            let (mut groups, perpendicular_pairs) = name_directions(entry, groups);
             groups.insert(0, straight.clone());
             groups.retain(|group| !group.lines.is_empty());
-            (groups, ties)
+            (groups, perpendicular_pairs)
         };
-        let (groups, ties) = drawable(&proposal.groups);
+        let (groups, perpendicular_pairs) = drawable(&proposal.groups);
         let alternative = proposal.alternative.as_ref().map(|other| {
-            let (groups, ties) = drawable(&other.groups);
-            Box::new(Hypothesis { orientation: other.orientation, groups, ties })
+            let (groups, perpendicular_pairs) = drawable(&other.groups);
+            Box::new(Hypothesis { orientation: other.orientation, groups, perpendicular_pairs })
         });
         Self {
             of: Period::from_camera(entry),
@@ -191,18 +195,19 @@ impl PendingCalibration {
             groups,
             orientation: proposal.solution.as_ref().and_then(orientation),
             alternative,
-            ties,
+            perpendicular_pairs,
             distortion: proposal.camera.as_ref().and_then(|camera| camera.lens.clone()?.distortion),
         }
     }
 
-    /// Chooses between two cameras that explain the edges equally well: the alternative if `other` is set.
-    /// Other reasons for a reduced confidence remain.
+    /// Chooses between two cameras that explain the edges equally well. If `other` is set, the alternative is
+    /// chosen. Other reasons for a reduced confidence remain.
     pub(crate) fn decide(&mut self, other: bool) {
         let Some(rival) = self.alternative.take() else { return };
         if other {
-            let Hypothesis { orientation, groups, ties } = *rival;
-            (self.orientation, self.groups, self.ties) = (Some(orientation), groups, ties);
+            let Hypothesis { orientation, groups, perpendicular_pairs } = *rival;
+            (self.orientation, self.groups, self.perpendicular_pairs) =
+                (Some(orientation), groups, perpendicular_pairs);
         }
         self.reasons.retain(|reason| !matches!(reason, Reason::TwoHypotheses { .. }));
         if self.reasons.is_empty() {
@@ -216,8 +221,8 @@ impl PendingCalibration {
         self.groups.iter().map(|group| group.lines.len()).sum()
     }
 
-    /// Returns the indices of the group and of the line nearest to a raw pixel; `None` if none is within
-    /// `radius` pixels. Lines are curved as the distortion shows them.
+    /// Returns the indices of the group and of the line nearest to a raw pixel. `None` if no line is within
+    /// `radius` pixels. Lines are curved by the distortion of the lens.
     #[must_use]
     pub fn line_at(&self, lens: &Lens, at: Pixel, radius: f64) -> Option<(usize, usize)> {
         let lines = self.groups.iter().enumerate().flat_map(|(group, of)| {
@@ -229,7 +234,8 @@ impl PendingCalibration {
         near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(which, _)| which)
     }
 
-    /// Returns the floor directions to which a group can be assigned: the existing ones and a new one.
+    /// Returns the names of the floor directions to which a group can be assigned: the existing directions
+    /// and a new one.
     #[must_use]
     pub fn directions(&self) -> Vec<String> {
         let mut own: Vec<String> = Vec::new();
@@ -243,7 +249,7 @@ impl PendingCalibration {
         own
     }
 
-    /// Returns the camera with some groups accepted.
+    /// Returns the camera with the groups accepted that `which` selects by index.
     #[must_use]
     pub(crate) fn with_groups(&self, entry: &SiteCamera, which: impl Fn(usize) -> bool) -> SiteCamera {
         let mut drawn = entry.clone();
@@ -258,6 +264,7 @@ impl PendingCalibration {
         drawn
     }
 
+    /// Adds the annotations of a group to a camera.
     fn add_group(&self, entry: &mut SiteCamera, group: &PendingGroup) {
         match group.kind {
             Kind::Straight => {
@@ -268,14 +275,15 @@ impl PendingCalibration {
         }
     }
 
-    /// Adds floor lines to the annotation of their direction, and links it to a direction at right angles.
+    /// Adds floor lines to the annotation of their direction. A new annotation refers to an annotation whose
+    /// direction is at right angles, if any.
     fn add_floor_lines(&self, entry: &mut SiteCamera, group: &PendingGroup) {
         let of = |id: &String| entry.annotations.iter().position(|drawn| drawn.id.as_ref() == Some(id));
         if let Some(known) = of(&group.direction) {
             entry.annotations[known].segments.get_or_insert_default().extend(group.lines.clone());
             return;
         }
-        let own = self.ties.iter().filter(|tie| tie.contains(&group.direction));
+        let own = self.perpendicular_pairs.iter().filter(|tie| tie.contains(&group.direction));
         let tied = own.flatten().find(|id| **id != group.direction && of(id).is_some()).cloned();
         entry.annotations.push(Annotation {
             id: Some(group.direction.clone()),
@@ -284,8 +292,8 @@ impl PendingCalibration {
         });
     }
 
-    /// Sets the distortion with which the lines were detected, if the distortion is unknown and no straight
-    /// edges can determine it.
+    /// Sets the distortion that was assumed when the lines were detected. It is set only if the distortion is
+    /// unknown and no straight edges can determine it.
     fn set_distortion(&self, entry: &mut SiteCamera) {
         let has_edges = entry.annotations.iter().any(Annotation::is_straight_edge);
         let waits = self.groups.iter().any(|group| group.kind == Kind::Straight);
@@ -296,8 +304,8 @@ impl PendingCalibration {
     }
 }
 
-/// Converts groups to undecided groups, each with a new direction name. No annotation of the camera has this
-/// name as its id. Also returns the pairs of direction names that are at right angles.
+/// Converts detected groups to undecided groups, each with a new direction name. No annotation of the camera
+/// has this name as its id. Also returns the pairs of direction names that are at right angles.
 fn name_directions(entry: &SiteCamera, groups: &[Group]) -> (Vec<PendingGroup>, Vec<[String; 2]>) {
     let is_taken = |name: &String| entry.annotations.iter().any(|drawn| drawn.id.as_ref() == Some(name));
     let mut free = direction_names().filter(|name| !is_taken(name));
@@ -310,33 +318,35 @@ fn name_directions(entry: &SiteCamera, groups: &[Group]) -> (Vec<PendingGroup>, 
         let (_, other) = names.iter().find(|(id, _)| id.as_ref() == Some(other))?;
         Some([own.clone(), other.clone()])
     };
-    let ties = level.iter().zip(&names).filter_map(tie).collect();
+    let perpendicular_pairs = level.iter().zip(&names).filter_map(tie).collect();
     let named = plumb.iter().zip(names.iter().skip(level.len())).chain(level.iter().zip(&names));
-    let groups = named.map(|(group, (_, direction))| PendingGroup::of(group, direction.clone(), entry));
-    (groups.collect(), ties)
+    let groups =
+        named.map(|(group, (_, direction))| PendingGroup::from_group(group, direction.clone(), entry));
+    (groups.collect(), perpendicular_pairs)
 }
 
-/// Returns the orientation of a solution, if it has one.
+/// Returns the roll, pitch and focal length of a solution; `None` if the solution has no roll or pitch.
 fn orientation(solution: &Solution) -> Option<Orientation> {
     let [roll, pitch] = [solution.roll_deg?, solution.pitch_deg?].map(f64::to_radians);
     Some(Orientation { roll, pitch, focal: solution.focal_px })
 }
 
-/// Returns names of floor directions.
+/// Returns the names of floor directions in order: "floor 1", "floor 2", …
 fn direction_names() -> impl Iterator<Item = String> {
     (1..).map(|number| format!("floor {number}"))
 }
 
-/// Camera with its whole automatic calibration accepted.
+/// Preview of a camera with its whole automatic calibration accepted.
 #[derive(Clone, Debug)]
 pub struct Preview {
-    /// Inputs of the computation.
+    /// Camera and automatic calibration from which the preview was computed.
     from: (SiteCamera, PendingCalibration),
     /// Solution of the camera; `None` if it cannot be solved.
     pub solution: Option<Solution>,
-    /// Pose of the solution.
+    /// Pose and lens of the solution, if it has a pose.
     pub pose: Option<Camera>,
-    /// Group to decide first: it minimises the predicted error of floor lengths.
+    /// Index of the group to decide first: it minimises the predicted error of floor lengths. `None` without
+    /// groups.
     pub next: Option<usize>,
 }
 
@@ -344,15 +354,15 @@ impl Preview {
     /// Computes the preview of a camera, given its current pose if known.
     #[must_use]
     pub fn new(entry: &SiteCamera, pose: Option<&Camera>, proposed: &PendingCalibration) -> Self {
-        let bare = unlinked(entry, pose);
-        let with = |which: &dyn Fn(usize) -> bool| solved(proposed.with_groups(&bare, which));
+        let bare = without_links(entry, pose);
+        let with = |which: &dyn Fn(usize) -> bool| solve_alone(proposed.with_groups(&bare, which));
         let solution = with(&|_| true);
         let off = |group: usize| {
             let sigma = with(&|other| other == group)?.sigma?;
             sigma.floor_length_rel.filter(|rel| rel.is_finite())
         };
-        // Without a solved floor, errors cannot be compared: the first group, which contains the straight
-        // edges, is decided first.
+        // Errors can only be compared with a solved floor. Otherwise the first group, which contains any
+        // straight edges, is decided first.
         let first = || (!proposed.groups.is_empty()).then_some(0);
         let best = (0..proposed.groups.len()).filter_map(|group| Some((group, off(group)?)));
         let next = best.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(group, _)| group).or_else(first);
@@ -367,8 +377,9 @@ impl Preview {
     }
 }
 
-/// Returns the camera without links to others: its annotations and its known lens only.
-fn unlinked(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
+/// Returns the camera with its annotations and its known lens only, so that it can be solved without other
+/// cameras.
+fn without_links(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
     let like = entry.lens.as_ref().is_some_and(|lens| lens.like.is_some());
     SiteCamera {
         lens: if like { fixed_lens(entry, pose) } else { entry.lens.clone() },
@@ -388,21 +399,22 @@ fn fixed_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Option<LensEntry> {
         Some(DistortionEntry { focal_px: Some(pose.lens.focal), fit: None, ..entry })
     });
     let distortion = distortion.or(own.distortion.clone().filter(|entry| entry.distortion().is_some()));
-    // The principal point of a fisheye was estimated from its edges.
+    // The principal point is copied for a fisheye lens only, where it was estimated from the straight edges.
     let centre = pose.filter(|pose| pose.lens.distortion.is_wide()).map(|pose| pose.lens.principal_point);
     let principal_point_px = centre.or(own.principal_point_px);
     Some(LensEntry { like: None, distortion, principal_point_px, ..own })
         .filter(|lens| *lens != LensEntry::default())
 }
 
-/// Returns the camera without annotations, with its lens fixed if it is known: the input of an automatic
-/// calibration.
+/// Returns the camera without annotations and with its lens fixed if it is known. It is the input of an
+/// automatic calibration.
 #[must_use]
 pub(crate) fn without_annotations(entry: &SiteCamera, pose: Option<&Camera>) -> SiteCamera {
     SiteCamera { lens: fixed_lens(entry, pose), ..SiteCamera::new(entry.id.clone(), entry.size_px) }
 }
 
-fn solved(entry: SiteCamera) -> Option<Solution> {
+/// Solves a camera without other cameras; `None` if it cannot be solved.
+fn solve_alone(entry: SiteCamera) -> Option<Solution> {
     let site = Site { cameras: vec![entry], ..Site::new() };
     let mut report = site.calibrate(&Options::default());
     report.cameras.pop()?.1.ok()

@@ -1,4 +1,4 @@
-//! Joint solve of a whole site, written back as placements.
+//! Joint solve of a whole site; its poses are written into the site as placements.
 
 use calib_core::Placement;
 
@@ -22,11 +22,11 @@ pub fn refined(mut site: Site) -> Site {
             (mark.at_m, mark.turn_deg) = (found.at_m, found.turn_deg.unwrap_or(mark.turn_deg));
         }
     }
-    // Solved again from the new placements, as a program that opens the file does.
+    // The site is solved again from the new placements, as a program that opens the saved file does.
     site.calibrate(&Options::default()).write_into(&site)
 }
 
-/// Returns a new placement in which the fixed numbers keep their previous values exactly.
+/// Returns the new placement `now`, in which the fixed components keep exactly the values of `before`.
 fn keep_fixed_numbers(before: Option<&PlacementEntry>, mut now: PlacementEntry) -> PlacementEntry {
     let Some(before) = before else { return now };
     let held = before.held;
@@ -37,7 +37,7 @@ fn keep_fixed_numbers(before: Option<&PlacementEntry>, mut now: PlacementEntry) 
     PlacementEntry { fixed: before.fixed, held, ..now }
 }
 
-/// Rounds a placement: it is known to 0.1 mm at best, and files should not claim more.
+/// Rounds a placement to 1e-6 m, 1e-6 degrees and a scale of 1e-8, to avoid meaningless digits in files.
 pub(crate) fn rounded(placement: Placement) -> PlacementEntry {
     let round = |value: f64, digits: f64| (value * digits).round() / digits;
     let mut entry = PlacementEntry::from(placement);

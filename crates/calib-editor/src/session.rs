@@ -1,4 +1,4 @@
-//! Open site with its operations: begin and end gestures, undo, select, solve.
+//! Open site with its operations: end gestures, undo, select, solve.
 //!
 //! A slow solve runs at most once per frame, so that the display stays responsive.
 
@@ -20,21 +20,22 @@ use crate::refine::rounded;
 use crate::solved::{Solved, keep_polygon};
 use crate::units::Units;
 
-/// Largest duration of a joint solve that runs during editing, in milliseconds.
+/// Default of the largest duration of a joint solve that runs after every gesture, in milliseconds.
 const MAX_LIVE_JOINT_SOLVE_MS: f64 = 80.0;
 
 /// Settings of the tools.
 #[derive(Clone, Debug)]
 pub struct ToolSettings {
-    /// Index of the selected plane: the region tool draws on it.
+    /// Index of the selected plane, whose region the region tool draws; `None` if no plane is selected.
     pub plane: Option<usize>,
     /// Kind of mark that the mark tool creates.
     pub mark_kind: MarkKind,
     /// Whether the next line begins a new annotation.
     pub fresh_group: bool,
-    /// Two points of the plan for which the operator has not entered a distance yet.
+    /// Two measured points of the plan whose distance the operator has not entered yet.
     pub measured: Option<[PlanPixel; 2]>,
-    /// Floor point about which a polygon is rotated, in metres, if the operator pinned one.
+    /// Floor point about which the corners of a polygon rotate, in metres; `None` for the centre of the
+    /// polygon.
     pub pivot: Option<[f64; 2]>,
     /// Display unit of lengths.
     pub units: Units,
@@ -53,12 +54,12 @@ pub struct PendingLines {
     pub(crate) picked_line: Option<(usize, usize)>,
 }
 
-/// Counter of finished gestures, for autosave.
+/// Counter of finished gestures, by which autosave detects changes.
 #[derive(Clone, Debug)]
 pub struct Revision {
-    /// Number of finished gestures; autosave compares it.
+    /// Number of finished gestures that changed the site.
     pub generation: u64,
-    /// Generation that was saved last.
+    /// Value of `generation` when the site was saved last.
     pub saved: u64,
 }
 
@@ -67,9 +68,9 @@ pub struct Revision {
 pub struct LiveSolve {
     /// Poses at the last finished gesture: the reference for polygons that keep their position.
     pub(crate) settled: Vec<Option<Camera>>,
-    /// Inputs of those poses.
+    /// Cameras at the last finished gesture: the inputs of the poses in `settled`.
     pub(crate) settled_cameras: Vec<Arc<SiteCamera>>,
-    /// Number of slow solves that are left in this frame; `None` without frames, where it is unlimited.
+    /// Number of slow solves that may still run in this frame; `None` (unlimited) if no frame was begun.
     pub(crate) solves_left: Option<u32>,
     /// Whether a gesture ended without being solved.
     pub(crate) is_solve_postponed: bool,
@@ -79,7 +80,7 @@ pub struct LiveSolve {
     pub(crate) last_joint_solve_ms: f64,
     /// Largest accepted duration of a joint solve during editing, in milliseconds.
     pub max_joint_solve_ms: f64,
-    /// Poses before the last joint solve.
+    /// Poses of all cameras before the last joint solve, for comparison.
     pub before_refine: Option<Vec<Option<Camera>>>,
 }
 
@@ -98,7 +99,7 @@ pub struct Session {
     pub path: Option<PathBuf>,
     /// Index of the selected camera.
     pub camera: usize,
-    /// Selected parts of its image.
+    /// Selected parts of the selected camera's image.
     pub selection: BTreeSet<Part>,
     /// Last event, as a sentence for the status line.
     pub note: Option<String>,
@@ -106,14 +107,14 @@ pub struct Session {
     pub tool: ToolSettings,
     /// Lines that the operator has not decided about: suggestions and automatic calibrations.
     pub pending: PendingLines,
-    /// Counter of finished gestures, for autosave.
+    /// Counter of finished gestures, by which autosave detects changes.
     pub revision: Revision,
     /// State of solving during editing.
     pub live: LiveSolve,
 }
 
 impl Session {
-    /// Creates a session for this site.
+    /// Creates a session for a site with its images; `path` is the file of the site, if it has one.
     #[must_use]
     pub fn new(mut site: Site, images: Images, path: Option<PathBuf>) -> Self {
         let joint = Joint::report_in_file(&site);
@@ -190,7 +191,7 @@ impl Session {
         Some(proposed::without_annotations(self.entry()?, self.pose()))
     }
 
-    /// Removes automatic calibrations whose camera was removed or has another image now.
+    /// Removes the automatic calibrations of cameras that were removed or have another image now.
     fn remove_stale_calibrations(&mut self) {
         let (before, site) = (self.history.cameras(), &self.site);
         let image_of = |camera: &SiteCamera| (camera.image.clone(), camera.size_px);
@@ -205,8 +206,8 @@ impl Session {
         }
     }
 
-    /// Whether links and marks may be drawn on a camera; otherwise sets the note. They belong to the image of
-    /// the newest calibration period of an id.
+    /// Whether links and marks may be added to a camera; otherwise sets a note with the reason. Links and
+    /// marks belong to the newest calibration period of a camera.
     pub(crate) fn check_may_share(&mut self, camera: usize) -> bool {
         let may = self.site.owns_links(camera);
         if !may && let Some(entry) = self.site.cameras.get(camera) {
@@ -224,14 +225,14 @@ impl Session {
         self.solved.solution(self.camera)
     }
 
-    /// Returns the pose of the selected camera.
+    /// Returns the pose and lens of the selected camera.
     #[must_use]
     pub fn pose(&self) -> Option<&Camera> {
         self.solved.pose(self.camera)
     }
 
-    /// Solves the cameras whose inputs changed. A placed polygon keeps its position when the stage 1 solution
-    /// changes.
+    /// Solves the cameras whose inputs changed. A polygon that was placed by hand keeps its position on the
+    /// plan when the stage 1 solution changes. Returns whether any camera was solved.
     pub fn solve(&mut self) -> bool {
         let changed = self.solved.update(&self.site);
         if changed && self.keep_polygons() {
@@ -240,6 +241,8 @@ impl Session {
         changed
     }
 
+    /// Moves the cameras whose stage 1 solution changed, so that their polygons keep their position on the
+    /// plan. Returns whether any camera was moved.
     fn keep_polygons(&mut self) -> bool {
         let mut moved = false;
         for index in 0..self.site.cameras.len() {
@@ -276,7 +279,7 @@ impl Session {
         moved
     }
 
-    /// Stores the current poses as the reference for the next gesture.
+    /// Stores the current cameras and poses as the reference for the next gesture.
     pub(crate) fn store_reference(&mut self) {
         self.live.settled_cameras = self.history.cameras().to_vec();
         self.live.was_joint_current = self.solved.is_joint_current();
@@ -287,8 +290,8 @@ impl Session {
             (0..self.site.cameras.len()).map(|index| self.solved.pose(index).copied()).collect();
     }
 
-    /// Returns the message of a warning with the names of annotations as in the app: "V1" instead of
-    /// "Vertical (annotation 0)", which is the name in a file.
+    /// Returns the message of a warning with the names of annotations as in the app. The app shows "V1"; a
+    /// file contains "Vertical (annotation 0)".
     #[must_use]
     pub fn warning_text(&self, camera: usize, warning: &Warning) -> String {
         match self.solved.finding(&self.site, camera, warning) {
@@ -297,13 +300,13 @@ impl Session {
         }
     }
 
-    /// Returns the poses at the last finished gesture.
+    /// Returns the poses of all cameras at the last finished gesture.
     #[must_use]
     pub fn settled(&self) -> &[Option<Camera>] {
         &self.live.settled
     }
 
-    /// Discards the kept solution of an ended period once its annotations are changed.
+    /// Discards the kept solution of an ended calibration period if the inputs of the camera have changed.
     fn discard_changed_solutions(&mut self) {
         let before = self.history.cameras();
         for camera in &mut self.site.cameras {
@@ -316,7 +319,8 @@ impl Session {
         }
     }
 
-    /// Ends a gesture as an undo step with this name. A gesture that makes the site invalid is reverted.
+    /// Ends a gesture: solves the site and stores an undo step with this name. A gesture that makes the site
+    /// invalid is reverted.
     pub fn commit(&mut self, name: impl Into<String>) {
         self.discard_changed_solutions();
         if let Err(error) = self.site.check() {
@@ -371,7 +375,7 @@ impl Session {
         self.note = Some(note);
         self.live.is_solve_postponed = false;
         self.solved.set_lineage(self.history.joint());
-        // Cleared before solving, so that no polygon is kept at an undone position.
+        // The reference poses are cleared before solving, so that no polygon is kept at an undone position.
         self.live.settled.clear();
         self.solve();
         self.store_reference();
@@ -387,7 +391,7 @@ impl Session {
         }
     }
 
-    /// Selects only this part.
+    /// Selects the camera with this index and only this part of its image.
     pub fn select_only(&mut self, camera: usize, part: Part) {
         self.select_camera(camera);
         self.selection = BTreeSet::from([part]);
@@ -399,8 +403,8 @@ impl Session {
         self.revision.generation == self.revision.saved
     }
 
-    /// Returns the vertical edges of a camera's prism: at the annotated corners only, not where distortion
-    /// curves its outline.
+    /// Returns the vertical edges of a camera's prism as world polylines. They are at the annotated corners
+    /// only, not at the other points of a curved outline.
     #[must_use]
     pub fn prism_edges(&self, index: usize) -> Vec<calib_core::Polyline> {
         let drawn = self.site.cameras.get(index).and_then(|camera| camera.efov_px.as_ref());
@@ -422,7 +426,8 @@ impl Session {
     }
 }
 
-/// Returns the corners of the field of view, or the lower part of the image if it has none.
+/// Returns the corners of the annotated field of view in raw pixels. If it is not annotated, returns the
+/// corners of the lower part of the image.
 #[must_use]
 pub fn corners_of(camera: &SiteCamera) -> Vec<Pixel> {
     let [w, h] = camera.size();
@@ -432,11 +437,11 @@ pub fn corners_of(camera: &SiteCamera) -> Vec<Pixel> {
     })
 }
 
-/// Duration of a solve that may run many times in a frame, in milliseconds.
+/// Largest duration of a solve that may run several times in one frame, in milliseconds.
 const FAST_SOLVE_MS: f64 = 2.0;
 
 impl Session {
-    /// Begins a frame: a slow solve then runs at most once per frame.
+    /// Begins a frame of the display. A slow solve then runs at most once in this frame.
     pub(crate) fn begin_frame(&mut self) {
         self.live.solves_left = Some(1);
     }
@@ -453,9 +458,9 @@ impl Session {
         true
     }
 
-    /// Runs a postponed solve; its effects are added to the last gesture.
+    /// Runs a postponed solve; its effects are added to the undo step of the last gesture.
     pub(crate) fn solve_postponed(&mut self) {
-        // If another gesture is in progress, its end solves both.
+        // If another gesture is in progress, the solve at its end includes the postponed one.
         if !self.live.is_solve_postponed || !self.history.is_unchanged(&self.site) {
             return;
         }

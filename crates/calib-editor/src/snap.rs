@@ -13,8 +13,8 @@ use crate::hit::Part;
 
 pub use calib_image::SNAP_RADIUS_PX;
 
-/// Moves every line that contains any of these parts onto its edge, with distortion. Returns the number of
-/// lines that were moved.
+/// Moves every line that contains any of these parts onto the nearest image edge. With a lens, the edge is a
+/// curve. Returns the number of lines that were moved.
 pub(crate) fn pull_parts(
     site: &mut Site,
     camera: usize,
@@ -28,7 +28,8 @@ pub(crate) fn pull_parts(
     pull_points(site, camera, &points, lens, image)
 }
 
-/// Moves only these points onto the edges along their lines. Returns the number of lines that were moved.
+/// Moves only these points onto the image edges along their lines. Returns the number of lines that were
+/// moved.
 pub(crate) fn pull_points(
     site: &mut Site,
     camera: usize,

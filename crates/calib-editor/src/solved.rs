@@ -1,4 +1,4 @@
-//! Results of the site: recomputed when their inputs change, never edited.
+//! Results of the site. They are recomputed when their inputs change, and never edited.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use web_time::Instant;
 
 use crate::joint::{Joint, has_same_inputs, has_same_planes, without_results};
 
-/// Inputs of the results of cameras that share a lens, and the lenses that were fitted for them.
+/// Inputs of the results of cameras that share a lens, and the lenses that were fitted to these cameras.
 #[derive(Clone, Debug)]
 struct LensFamily {
     cameras: Vec<SiteCamera>,
@@ -32,7 +32,7 @@ impl LensFamily {
         Self { cameras, plan, scene: site.scene, planes, measured, lenses: LensCache::default() }
     }
 
-    /// Whether these inputs are unchanged in `site` for these cameras.
+    /// Whether the inputs are unchanged in `site` for the cameras with these indices.
     fn is_current(&self, site: &Site, family: &[usize]) -> bool {
         self.cameras.len() == family.len()
             && self
@@ -47,14 +47,15 @@ impl LensFamily {
     }
 }
 
+/// Returns, for each camera, whether the site has reference coordinates for it.
 fn measured<'a>(site: &'a Site, family: &'a [usize]) -> impl Iterator<Item = bool> + 'a {
     family.iter().map(|&index| site.has_reference_coordinates(&site.cameras[index]))
 }
 
-/// Result of one camera in a report, with its index.
+/// Result of one camera in a report, with the index of the camera.
 type CameraResult = (usize, Result<Solution, FailureEntry>);
 
-/// Result of one camera.
+/// Result of one camera, with the inputs from which it was computed.
 #[derive(Clone, Debug)]
 struct Entry {
     id: String,
@@ -67,6 +68,7 @@ struct Entry {
 }
 
 impl Entry {
+    /// Whether the result belongs to this camera entry: same id and same start of the calibration period.
     fn is_of(&self, camera: &SiteCamera) -> bool {
         self.id == camera.id && self.from == camera.valid_from
     }
@@ -78,9 +80,9 @@ pub struct Solved {
     entries: Vec<Entry>,
     /// Joint results, each with its serial number.
     joint: Vec<(u64, Joint)>,
-    /// Serial number of the joint result that the site is derived from, current or out of date.
+    /// Serial number of the joint result from which the site is derived, even if it is out of date.
     lineage: Option<u64>,
-    /// Joint result that applies to the site.
+    /// Joint result that applies to the site, even if it is out of date.
     active_joint: Option<ActiveJoint>,
     /// Duration of the last solve, in milliseconds.
     pub milliseconds: f64,
@@ -94,11 +96,11 @@ const MAX_JOINT_RESULTS: usize = 64;
 /// Reference to a stored joint result that applies to a site.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct ActiveJoint {
-    /// Index in `Solved::joint`.
+    /// Index of the joint result in `Solved::joint`.
     joint: usize,
-    /// For every camera of the site: its index in that result, if the inputs of the camera have not changed
-    /// since.
-    places: Vec<Option<usize>>,
+    /// Index of every camera of the site in the joint result; `None` if the camera is not in it or its inputs
+    /// have changed since.
+    camera_indices: Vec<Option<usize>>,
     /// Whether no input of the result has changed.
     is_current: bool,
 }
@@ -125,7 +127,7 @@ impl Solved {
         let mut solved: Vec<(usize, Entry)> =
             open.into_iter().flat_map(|family| self.solve(site, family)).collect();
         self.entries.truncate(site.cameras.len());
-        // Sorted by index, so that each new entry is appended after the entries before it.
+        // The results are sorted by index, so that appending new entries keeps the order of the site.
         solved.sort_by_key(|(index, _)| *index);
         for (index, entry) in solved {
             match self.entries.get_mut(index) {
@@ -137,14 +139,14 @@ impl Solved {
         true
     }
 
-    /// Keeps each result with its camera when cameras are added or removed while solving is paused.
+    /// Assigns the results to their cameras again when cameras are added or removed while solving is paused.
     fn realign(&mut self, site: &Site) {
         let is_aligned = self.entries.len() == site.cameras.len()
             && self.entries.iter().zip(&site.cameras).all(|(entry, camera)| entry.is_of(camera));
         if is_aligned {
             return;
         }
-        // Inputs without cameras never match a camera, so these entries are solved when solving is resumed.
+        // Inputs without cameras never match a camera, so the new entries are solved when solving is resumed.
         let nothing = Arc::new(LensFamily::new(site, &[]));
         let waits = |camera: &SiteCamera| Entry {
             id: camera.id.clone(),
@@ -166,7 +168,8 @@ impl Solved {
             .collect();
     }
 
-    /// Returns the results of cameras that share a lens, each with its index.
+    /// Returns the results of cameras that share a lens, each with the index of the camera. Known results are
+    /// reused.
     fn solve(&self, site: &Site, family: &[usize]) -> Vec<(usize, Entry)> {
         let known = |index: &usize| {
             let same =
@@ -193,19 +196,18 @@ impl Solved {
         family.iter().zip(report.cameras.into_iter().zip(report.findings)).map(entry).collect()
     }
 
-    /// Returns the joint result that is current for a site, otherwise the last one that still applies to some
-    /// of its cameras.
+    /// Returns the joint result that is current for a site. Otherwise returns the joint result from which the
+    /// site is derived, if it still applies to any camera.
     fn find_joint(&self, site: &Site) -> Option<ActiveJoint> {
         let newest = || self.joint.iter().enumerate().rev();
         let current =
             newest().find(|(_, (_, joint))| joint.is_current_for(site)).map(|(index, _)| (index, true));
-        // A site that undo restored to its state before the joint solve has no joint result that is out of
-        // date.
+        // A site that undo restored to its state before the joint solve is not derived from this result.
         let is_own = |number: u64, joint: &Joint| self.lineage == Some(number) && joint.applies_to_any(site);
         let last =
             || newest().find(|(_, (number, joint))| is_own(*number, joint)).map(|(index, _)| (index, false));
         let (joint, is_current) = current.or_else(last)?;
-        Some(ActiveJoint { joint, places: self.joint[joint].1.camera_indices(site), is_current })
+        Some(ActiveJoint { joint, camera_indices: self.joint[joint].1.camera_indices(site), is_current })
     }
 
     /// Stores the results of a joint solve for this site.
@@ -223,44 +225,45 @@ impl Solved {
         self.active_joint.as_ref().and_then(|shown| Some(self.joint.get(shown.joint)?.0))
     }
 
-    /// Sets the joint result that the site is derived from.
+    /// Sets the serial number of the joint result from which the site is derived.
     pub(crate) const fn set_lineage(&mut self, number: Option<u64>) {
         self.lineage = number;
     }
 
+    /// Returns the joint result that applies to the site, even if it is out of date.
     fn joint(&self) -> Option<&Joint> {
         self.joint.get(self.active_joint.as_ref()?.joint).map(|(_, joint)| joint)
     }
 
-    /// Returns the joint result and the camera's index in it, if the inputs of the camera have not changed
-    /// since.
+    /// Returns the joint result and the index of a camera in it. `None` if the inputs of the camera have
+    /// changed since.
     fn joint_of_camera(&self, index: usize) -> Option<(&Joint, usize)> {
-        let place = *self.active_joint.as_ref()?.places.get(index)?;
+        let place = *self.active_joint.as_ref()?.camera_indices.get(index)?;
         Some((self.joint()?, place?))
     }
 
-    /// Returns the report of the joint solve, current or out of date.
+    /// Returns the report of the joint solve, even if it is out of date.
     #[must_use]
     pub fn joint_report(&self) -> Option<&Report> {
         self.joint().map(Joint::report)
     }
 
-    /// Returns the joint solution of a link, if the link has not changed since.
+    /// Returns the joint solution of the link with this index, if the link has not changed since.
     #[must_use]
     pub fn joint_link(&self, site: &Site, link: usize) -> Option<&ElementSolution> {
         self.joint()?.link(site, link)
     }
 
-    /// Returns a plane by its id: as estimated jointly, otherwise as entered. Returns the floor if `id` is
-    /// `None`.
+    /// Returns the plane with this id: as estimated jointly, otherwise as entered. Returns the floor if `id`
+    /// is `None`.
     #[must_use]
     pub fn plane(&self, site: &Site, id: Option<&str>) -> Plane {
         let found = id.and_then(|id| self.joint()?.plane(site, id));
         found.unwrap_or_else(|| site.plane_or_floor(id))
     }
 
-    /// Returns the planes with regions to which pixels are mapped in addition to the floor, as
-    /// [`Self::plane`] returns them.
+    /// Returns the planes with a region, to which pixels are mapped in addition to the floor. The values are
+    /// those of [`Self::plane`].
     #[must_use]
     pub fn surfaces(&self, site: &Site) -> Vec<Surface> {
         let mut found = Site { planes: site.planes.clone(), scene: site.scene, ..Site::new() };
@@ -270,7 +273,7 @@ impl Solved {
         found.covering_surfaces()
     }
 
-    /// Returns the plane of a camera's field of view.
+    /// Returns the plane of a camera's field of view; the floor if the field of view is not annotated.
     #[must_use]
     pub fn efov_plane(&self, site: &Site, camera: &SiteCamera) -> Plane {
         self.plane(site, camera.efov_plane.as_deref().filter(|_| camera.efov_px.is_some()))
@@ -296,7 +299,7 @@ impl Solved {
             && id.zip(self.joint()).is_some_and(|(id, joint)| joint.includes_camera(id))
     }
 
-    /// Returns the lenses that were fitted for a camera.
+    /// Returns the lenses that were fitted to a camera and to the cameras that share its lens.
     #[must_use]
     pub fn lenses(&self, index: usize) -> LensCache {
         self.entries.get(index).map(|entry| entry.family.lenses.clone()).unwrap_or_default()
@@ -317,10 +320,12 @@ impl Solved {
         self.result(index)?.ok()
     }
 
-    /// Returns the finding behind a warning of a camera; `None` for a warning that was read from a file.
+    /// Returns the finding from which a warning of a camera was written; `None` for a warning that was read
+    /// from a file.
     #[must_use]
     pub fn finding(&self, site: &Site, index: usize, warning: &Warning) -> Option<&Finding> {
-        // The results of a joint solve are stored as a document, which contains only the text of a warning.
+        // The results of a joint solve are stored like a site file, which contains only the text of a
+        // warning.
         let matches_warning = |finding: &&Finding| {
             finding.code() == warning.code
                 && site.describe_finding(Some(index), finding, Names::InFile) == *warning
@@ -344,8 +349,8 @@ impl Solved {
         self.pose(index).filter(|_| stage >= Stage::Placed)
     }
 
-    /// Returns the site with its results, as it is saved. Results about the site as a whole are omitted if
-    /// they are out of date, so that a reader of the file recognises this.
+    /// Returns the site with its results, as it is saved. Results about the whole site are omitted if they
+    /// are out of date, so that a reader of the file can detect this.
     #[must_use]
     pub fn write_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
@@ -362,14 +367,14 @@ impl Solved {
         solved
     }
 
-    /// Returns a state of the site with its joint results. Results of single cameras are solved again when it
-    /// is opened.
+    /// Returns a state of the site with its joint results. Results of single cameras are omitted; they are
+    /// solved again when the site is opened.
     #[must_use]
     pub fn write_joint_into(&self, site: &Site) -> Site {
         let mut solved = site.clone();
         let Some(shown) = self.find_joint(site) else { return solved };
         let (_, joint) = &self.joint[shown.joint];
-        for (camera, place) in solved.cameras.iter_mut().zip(shown.places) {
+        for (camera, place) in solved.cameras.iter_mut().zip(shown.camera_indices) {
             if let Some(solution) = place.and_then(|place| joint.solution(place)) {
                 camera.solution = Some(solution.clone());
             }
@@ -379,24 +384,27 @@ impl Solved {
     }
 }
 
-/// Floor position of a corner, in metres: unplaced under the camera after, and placed under the camera
-/// before.
+/// Two floor positions of one corner, in metres: according to the new camera without placement, and according
+/// to the previous camera.
 type Pair = ([f64; 2], [f64; 2]);
 
-/// Returns the placement that brings the polygon of `after` closest to the polygon of `before`.
+/// Returns the placement of the camera `after` for which its floor polygon is closest to the floor polygon of
+/// the camera `before`. `corners` are raw pixels. `None` if the corners do not determine a placement.
 ///
-/// Least squares of a similarity over the corners, as complex numbers:
-/// `b = translation + scale e^(i rotation) a`.
+/// Least squares of a similarity over the corners: `b = translation + scale e^(i rotation) a`. The complex
+/// numbers `a` and `b` are the floor positions of a corner (x + i y) according to `after` without placement
+/// and to `before`.
 #[must_use]
 pub(crate) fn keep_polygon(before: &Camera, after: &Camera, corners: &[Pixel]) -> Option<Placement> {
-    /// Largest distance of a corner that is used, in camera heights: farther corners are too uncertain.
-    const MAX_CORNER_DISTANCE: f64 = 30.0;
+    /// Largest distance on the floor from the camera to a corner, in camera heights. Farther corners are too
+    /// uncertain and are not used.
+    const MAX_CORNER_DISTANCE_HEIGHTS: f64 = 30.0;
     let unplaced = Placement::NONE.apply(after);
     let pairs: Vec<Pair> = corners
         .iter()
         .filter_map(|&pixel| {
             let (a, b) = (unplaced.pixel_to_floor(pixel, 0.0)?, before.pixel_to_floor(pixel, 0.0)?);
-            (a.x.hypot(a.y) < MAX_CORNER_DISTANCE * calib_core::floor::STAGE_1_HEIGHT)
+            (a.x.hypot(a.y) < MAX_CORNER_DISTANCE_HEIGHTS * calib_core::floor::STAGE_1_HEIGHT)
                 .then(|| (a.into(), b.into()))
         })
         .collect();
@@ -426,9 +434,9 @@ mod tests {
     use calib_core::{Annotation, Covariance, Distortion, Kind, Lens, WorldPoint};
     use calib_site::{LensEntry, Options};
 
-    /// Returns the demonstration's cameras; the first three share one lens, which is fitted to their straight
-    /// edges.
-    fn sharing() -> Site {
+    /// Returns the demonstration site. Its first three cameras share one lens, which is fitted to their
+    /// straight edges.
+    fn site_with_shared_lens() -> Site {
         let mut site = calib_demo::demo_site().site;
         site.cameras.truncate(4);
         (site.links, site.marks, site.distances) = Default::default();
@@ -439,13 +447,14 @@ mod tests {
             site.cameras[index].lens = Some(LensEntry { like: Some(like.clone()), ..LensEntry::default() });
         }
         for camera in &mut site.cameras[..3] {
-            camera.annotations.extend(bent(0.1).into_iter().chain(bent(0.9)));
+            camera.annotations.extend(distorted_edge(0.1).into_iter().chain(distorted_edge(0.9)));
         }
         site
     }
 
-    /// Returns a straight edge near the side of the image, curved by distortion.
-    fn bent(share: f64) -> Option<Annotation> {
+    /// Returns a straight edge, curved by distortion. `share` is its position across the image, as a fraction
+    /// of the width.
+    fn distorted_edge(share: f64) -> Option<Annotation> {
         let points = (1..10).map(|i| {
             let t = f64::from(i) / 10.0 - 0.5;
             Pixel::new(1920.0 * (share + 0.04 * (0.5 - share) * (1.0 - 4.0 * t * t)), 1080.0 * (t + 0.5))
@@ -455,7 +464,7 @@ mod tests {
 
     #[test]
     fn shared_lens_equals_the_result_of_the_whole_site() {
-        let site = sharing();
+        let site = site_with_shared_lens();
         let whole = site.calibrate(&Options { refine: false, ..Options::default() });
         let mut solved = Solved::default();
         assert!(solved.update(&site));
@@ -471,11 +480,11 @@ mod tests {
 
     #[test]
     fn an_edge_changes_the_lens_of_all_cameras_that_share_it_and_no_other() {
-        let mut site = sharing();
+        let mut site = site_with_shared_lens();
         let mut solved = Solved::default();
         solved.update(&site);
         let before: Vec<Lens> = (0..4).map(|i| solved.pose(i).unwrap().lens).collect();
-        site.cameras[2].annotations.extend(bent(0.06));
+        site.cameras[2].annotations.extend(distorted_edge(0.06));
         assert!(solved.update(&site));
         let differs = |i: usize| solved.pose(i).unwrap().lens.distortion != before[i].distortion;
         assert_eq!([0, 1, 2, 3].map(differs), [true, true, true, false]);

@@ -1,6 +1,6 @@
-//! Work steps of one camera, and what each step still needs.
+//! Work steps of one camera, and the input that is missing in each step.
 //!
-//! Also the subject of a warning about the whole site, so that the app can show it.
+//! Also the subject of a warning about the whole site, to which the app can navigate.
 
 use calib_core::outcome::DisconnectionReason;
 use calib_core::single::straightness_rms;
@@ -9,8 +9,8 @@ use calib_site::{Names, Report, Site, Stage, Warning, counted};
 
 use crate::session::Session;
 
-/// Returns the subject of a warning that a joint solve gave about the site. Joint results are stored as text
-/// only, so the finding is searched whose text equals the warning.
+/// Returns the subject of a warning about the whole site from a joint solve. Joint results contain warnings
+/// only as text, so the subject is that of the possible finding with the same text.
 #[must_use]
 pub fn site_subject(site: &Site, report: &Report, warning: &Warning) -> Option<Subject> {
     let matches_warning = |finding: &Finding| {
@@ -19,7 +19,7 @@ pub fn site_subject(site: &Site, report: &Report, warning: &Warning) -> Option<S
     possible_findings(site, report).find(matches_warning).map(|finding| finding.subject())
 }
 
-/// Returns all findings that a report of this site may contain.
+/// Returns all findings about the whole site that a report of this site may contain.
 fn possible_findings<'a>(site: &'a Site, report: &'a Report) -> impl Iterator<Item = Finding> + 'a {
     let index = |id: &String| site.cameras.iter().position(|camera| camera.id == *id);
     let links = report.links.iter().enumerate().map(|(i, found)| (Subject::Link(i), found));
@@ -53,7 +53,7 @@ fn possible_findings<'a>(site: &'a Site, report: &'a Report) -> impl Iterator<It
 pub struct Step {
     /// Name of the step.
     pub title: &'static str,
-    /// Text about the state of the step: the available or the missing input.
+    /// State of the step as a text: the available or the missing input.
     pub state: String,
     /// Whether the step is done.
     pub is_done: bool,
@@ -63,19 +63,24 @@ pub struct Step {
     pub is_contradicted: bool,
 }
 
+/// Title of the step that determines the distortion.
 pub(crate) const LENS: &str = "Lens";
+/// Title of the step with vertical lines.
 pub(crate) const VERTICALS: &str = "Verticals";
+/// Title of the step with floor lines.
 pub(crate) const FLOOR_LINES: &str = "Floor lines";
+/// Title of the step with the field of view.
 pub(crate) const FIELD: &str = "Field of view";
+/// Title of the step with the placement of the camera.
 pub(crate) const PLACE: &str = "Placement";
 
-/// Returns the steps that a warning about no particular line contradicts. Warnings about missing information
-/// contradict none.
+/// Returns the titles of the steps that a warning with this code contradicts, if the warning is about no
+/// particular line. Warnings about missing information contradict no step.
 fn steps_of_code(code: Code) -> Vec<&'static str> {
     if matches!(code, Code::Outlier | Code::Misfit) { vec![VERTICALS, FLOOR_LINES] } else { Vec::new() }
 }
 
-/// Returns the steps that a serious warning contradicts.
+/// Returns the titles of the steps that the serious warnings of a camera contradict.
 fn contradicted_steps(session: &Session, camera: usize) -> Vec<&'static str> {
     let Some((entry, solution)) = session.site.cameras.get(camera).zip(session.solved.solution(camera))
     else {
@@ -100,11 +105,11 @@ fn contradicted_steps(session: &Session, camera: usize) -> Vec<&'static str> {
     solution.warnings.iter().filter(|warning| is_serious(warning.code)).flat_map(of).collect()
 }
 
-/// Returns the largest RMS deviation of the straight edges from straightness, in pixels; `None` if a lens was
-/// fitted to them or annotation noise explains it.
+/// Returns the largest RMS deviation of an annotated edge from a straight line, in pixels. `None` if a lens
+/// was fitted to the edges, or if annotation noise explains the deviation.
 #[must_use]
 pub fn nonstraightness_px(session: &Session, camera: usize) -> Option<f64> {
-    /// Largest deviation that annotation noise explains, in standard deviations of an annotated point.
+    /// Largest RMS deviation that annotation noise explains, in standard deviations of an annotated point.
     const MAX_DEVIATION_SIGMAS: f64 = 3.0;
     let entry = session.site.cameras.get(camera)?;
     let lens = &session.solved.pose(camera)?.lens;
@@ -123,7 +128,7 @@ pub fn nonstraightness_px(session: &Session, camera: usize) -> Option<f64> {
     (worst > MAX_DEVIATION_SIGMAS * entry.sigma_px.unwrap_or(1.0)).then_some(worst)
 }
 
-/// Returns the number of lines of a kind, and of annotations of that kind.
+/// Returns the number of lines of a kind, and the number of annotations of the same kind.
 fn line_count(session: &Session, camera: usize, kind: Kind) -> (usize, usize) {
     let Some(entry) = session.site.cameras.get(camera) else { return (0, 0) };
     let of_kind = entry.annotations.iter().filter(|a| a.kind == kind && !a.off);
@@ -144,8 +149,8 @@ fn is_fisheye(session: &Session, camera: usize) -> bool {
     !is_told && (entry.image_circle().is_some() || entry.likely_lens().distortion.is_wide())
 }
 
-/// Returns the source of the lens, and whether the lens is known.
-fn lens(session: &Session, camera: usize) -> (String, bool) {
+/// Returns a text about the source of the lens, and whether the lens is known well enough.
+fn lens_state(session: &Session, camera: usize) -> (String, bool) {
     let entry = session.site.cameras.get(camera).and_then(|entry| entry.lens.as_ref());
     let like = entry.and_then(|lens| lens.like.as_ref());
     let distortion = entry.and_then(|lens| lens.distortion.as_ref());
@@ -177,7 +182,7 @@ pub fn steps(session: &Session, camera: usize) -> Vec<Step> {
     let Some(entry) = session.site.cameras.get(camera) else { return Vec::new() };
     let count = |kind| line_count(session, camera, kind);
     let solution = session.solved.solution(camera);
-    let (lens, has_lens) = lens(session, camera);
+    let (lens, has_lens) = lens_state(session, camera);
     let contradicted = contradicted_steps(session, camera);
     let (verticals, uprights) = (count(Kind::Vertical).0, count(Kind::Upright).0);
     let plumb = verticals + uprights;
@@ -255,7 +260,7 @@ pub fn is_serious(code: Code) -> bool {
     code.severity() > Severity::Note || code.fails_check()
 }
 
-/// Returns the predicted relative error of lengths on a camera's floor.
+/// Returns the predicted relative standard deviation of floor lengths that a camera measures, if known.
 #[must_use]
 pub fn floor_sigma(session: &Session, camera: usize) -> Option<f64> {
     session.solved.solution(camera)?.sigma.as_ref()?.floor_length_rel

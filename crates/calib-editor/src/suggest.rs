@@ -1,6 +1,6 @@
 //! Image edges for suggested lines: detected edges that run like the suggestion.
 //!
-//! A suggestion is an example: the solver places it where the estimate has floor, without using the image.
+//! A suggestion is an example: the solver computes it from the estimated camera, without using the image.
 //! Only an edge in the image is evidence, and only after the operator has accepted it.
 
 use calib_core::{Camera, Covariance, FloorPoint, Kind, Pixel, WorldPoint};
@@ -10,19 +10,21 @@ use calib_site::{SiteCamera, SuggestionEntry};
 
 use crate::hit;
 
-/// Largest distance of an edge from the example, as a fraction of the image diagonal.
+/// Largest distance between the midpoints of an edge and of the suggested line, divided by the image
+/// diagonal.
 const MAX_DISTANCE_REL: f64 = 0.22;
-/// Smallest length of an edge, as a fraction of the example's length.
+/// Smallest length of an edge, divided by the length of the suggested line.
 const MIN_LENGTH_REL: f64 = 0.2;
-/// Largest angle of an edge from vertical, in radians; generous, because the estimate uses few lines.
+/// Largest angle between an edge and the vertical, in radians. It is generous, because the estimate uses few
+/// lines.
 const MAX_LEAN_RAD: f64 = 0.1;
-/// Largest angle on the floor between an edge and the example, in radians.
+/// Largest angle on the floor between an edge and the suggested line, in radians.
 const MAX_DIRECTION_ERROR_RAD: f64 = 0.45;
-/// Largest angle by which two edges on the floor may differ from parallel or from perpendicular, in radians.
+/// Largest deviation of two edges on the floor from parallel or from perpendicular, in radians.
 const MAX_ANGLE_ERROR_RAD: f64 = 0.06;
 
-/// Returns, for every line of the suggestion, the best edge that is not annotated yet; empty unless every
-/// line has one.
+/// Returns, for every line of the suggestion, the best edge that is not annotated yet. The result is empty
+/// unless every line has an edge.
 #[must_use]
 pub fn edges_for_suggestion(
     next: &SuggestionEntry,
@@ -38,12 +40,12 @@ pub fn edges_for_suggestion(
         let fits = |edge: &&Edge| {
             !chosen.contains(edge)
                 && !is_annotated(edge, entry)
-                && long_enough(edge, example)
-                && middle(edge).distance(middle(example)) < reach
+                && is_long_enough(edge, example)
+                && midpoint(edge).distance(midpoint(example)) < reach
                 && is_similar(kind, camera, edge, example)
                 && chosen.first().is_none_or(|first| is_consistent(kind, camera, edge, first))
         };
-        let off = |edge: &Edge| middle(edge).distance(middle(example)) - 0.5 * edge[0].distance(edge[1]);
+        let off = |edge: &Edge| midpoint(edge).distance(midpoint(example)) - 0.5 * edge[0].distance(edge[1]);
         let best = edges.iter().filter(fits).min_by(|a, b| off(a).total_cmp(&off(b)));
         let Some(edge) = best else { return Vec::new() };
         chosen.push(*edge);
@@ -51,10 +53,10 @@ pub fn edges_for_suggestion(
     chosen
 }
 
-/// Whether an edge is annotated already: both of its ends are close to a line, or both ends of a line to the
-/// edge.
+/// Whether an edge is annotated already. Either both ends of the edge are close to an annotated line, or both
+/// ends of an annotated line are close to the edge.
 pub(crate) fn is_annotated(edge: &Edge, entry: &SiteCamera) -> bool {
-    /// Largest distance of the ends, in pixels.
+    /// Largest distance of an end from the other line, in pixels.
     const MAX_LINE_DISTANCE_PX: f64 = 8.0;
     let along = |[a, b]: Edge, [c, d]: Edge| {
         hit::distance_to_segment(a, b, c) < MAX_LINE_DISTANCE_PX
@@ -69,38 +71,44 @@ pub(crate) fn is_annotated(edge: &Edge, entry: &SiteCamera) -> bool {
     })
 }
 
-fn middle([a, b]: &Edge) -> Pixel {
+/// Returns the midpoint of an edge.
+fn midpoint([a, b]: &Edge) -> Pixel {
     Pixel::new(0.5 * (a.u + b.u), 0.5 * (a.v + b.v))
 }
 
-fn long_enough(edge: &Edge, example: &Edge) -> bool {
+/// Whether an edge is long enough compared with the suggested line.
+fn is_long_enough(edge: &Edge, example: &Edge) -> bool {
     edge[0].distance(edge[1]) >= MIN_LENGTH_REL * example[0].distance(example[1])
 }
 
-/// Returns the uncertainty of directions in the estimate, in radians: few lines determine them poorly.
+/// Returns the standard deviation of directions according to the estimated camera, in radians, limited to a
+/// maximum. Few lines determine directions poorly.
 fn direction_sigma(camera: &Camera) -> f64 {
-    const MAX_SIGMA_RAD: f64 = 0.3;
-    camera.covariance.sigma(Covariance::PITCH).map_or(0.0, |sigma| sigma.min(MAX_SIGMA_RAD))
+    /// Largest standard deviation that is returned, in radians.
+    const MAX_DIRECTION_SIGMA_RAD: f64 = 0.3;
+    camera.covariance.sigma(Covariance::PITCH).map_or(0.0, |sigma| sigma.min(MAX_DIRECTION_SIGMA_RAD))
 }
 
-/// Whether an edge can replace the suggested line `example`: it has about the same direction in space. It is
-/// false for kinds that depend on lengths, because an image does not show which lengths are equal.
+/// Whether an edge can replace the suggested line `example`, because both have about the same direction in
+/// space. False for kinds that depend on lengths, because an image does not show which lengths are equal.
 fn is_similar(kind: Kind, camera: &Camera, edge: &Edge, example: &Edge) -> bool {
     match kind {
         Kind::Vertical => {
             lean(camera, edge).is_some_and(|lean| lean < MAX_LEAN_RAD + direction_sigma(camera))
         }
         Kind::Parallel | Kind::Perpendicular => {
-            let turned = azimuth(camera, edge).zip(azimuth(camera, example)).map(|(a, b)| between(a, b));
+            let turned =
+                azimuth(camera, edge).zip(azimuth(camera, example)).map(|(a, b)| angle_between(a, b));
             turned.is_some_and(|turned| turned < MAX_DIRECTION_ERROR_RAD + direction_sigma(camera))
         }
         _ => false,
     }
 }
 
-/// Whether an edge is consistent with the first edge of the suggestion.
+/// Whether an edge is parallel or perpendicular to the first chosen edge, as the kind of the suggestion
+/// requires.
 fn is_consistent(kind: Kind, camera: &Camera, edge: &Edge, first: &Edge) -> bool {
-    let apart = || Some(between(azimuth(camera, edge)?, azimuth(camera, first)?));
+    let apart = || Some(angle_between(azimuth(camera, edge)?, azimuth(camera, first)?));
     let agree = MAX_ANGLE_ERROR_RAD + direction_sigma(camera);
     match kind {
         Kind::Parallel => apart().is_some_and(|apart| apart < agree),
@@ -112,28 +120,34 @@ fn is_consistent(kind: Kind, camera: &Camera, edge: &Edge, first: &Edge) -> bool
 /// Returns the angle in the image between an edge and the vertical at its midpoint, in radians.
 #[must_use]
 pub fn lean(camera: &Camera, edge: &Edge) -> Option<f64> {
-    /// Distance along the ray, in metres; its value does not matter.
-    const FAR: f64 = 5.0;
-    let ray = camera.pixel_to_ray(middle(edge))?;
+    /// Distance of the point on the ray at which the vertical is projected, in metres. Its value does not
+    /// affect the result.
+    const SAMPLE_DISTANCE_M: f64 = 5.0;
+    let ray = camera.pixel_to_ray(midpoint(edge))?;
     let at = |z: f64| {
         let [x, y, own] = ray.direction;
         let o = ray.origin;
-        camera.world_to_pixel(WorldPoint::new(o.x + FAR * x, o.y + FAR * y, o.z + FAR * own + z))
+        camera.world_to_pixel(WorldPoint::new(
+            o.x + SAMPLE_DISTANCE_M * x,
+            o.y + SAMPLE_DISTANCE_M * y,
+            o.z + SAMPLE_DISTANCE_M * own + z,
+        ))
     };
     let (low, high) = (at(-0.1)?, at(0.1)?);
     let angle = |a: Pixel, b: Pixel| (b.v - a.v).atan2(b.u - a.u);
-    Some(between(angle(low, high), angle(edge[0], edge[1])))
+    Some(angle_between(angle(low, high), angle(edge[0], edge[1])))
 }
 
-/// Returns the direction of an edge on the floor, in radians; `None` above the horizon.
+/// Returns the direction of an edge on the floor, in radians counter-clockwise from +x. `None` if an end is
+/// above the horizon.
 fn azimuth(camera: &Camera, edge: &Edge) -> Option<f64> {
     let [a, b]: [Option<FloorPoint>; 2] = edge.map(|end| camera.pixel_to_floor(end, 0.0));
     let (a, b) = (a?, b?);
     Some((b.y - a.y).atan2(b.x - a.x))
 }
 
-/// Returns the angle between two lines, at most a right angle, in radians.
-fn between(a: f64, b: f64) -> f64 {
+/// Returns the angle between two undirected lines with these directions, from 0 to π/2, in radians.
+fn angle_between(a: f64, b: f64) -> f64 {
     let half = std::f64::consts::PI;
     let by = (a - b).rem_euclid(half);
     by.min(half - by)

@@ -1,5 +1,5 @@
-//! Joint results while the document changes: solved again during editing if fast enough, otherwise out of
-//! date.
+//! Joint results while the site is edited. They are solved again after a gesture if this is fast enough;
+//! otherwise they are out of date.
 
 use calib_site::{Site, SiteCamera};
 
@@ -8,8 +8,8 @@ use crate::refine::refined;
 use crate::session::Session;
 
 impl Session {
-    /// Repeats the joint solve after a gesture if it is fast enough. A placement by hand is not overwritten:
-    /// the joint result is then out of date until the operator refines again.
+    /// Repeats the joint solve after a gesture if it is fast enough. A placement by hand is not overwritten.
+    /// The joint result is then out of date until the operator runs the joint solve again.
     pub(crate) fn refine_if_fast(&mut self) {
         let may = self.live.was_joint_current && self.solved.is_joint_out_of_date() && !self.solved.paused;
         if !may || self.live.last_joint_solve_ms > self.live.max_joint_solve_ms || self.is_placed_by_hand() {
@@ -19,7 +19,8 @@ impl Session {
         let refined = refined(self.site.clone());
         self.live.last_joint_solve_ms = start.elapsed().as_secs_f64() * 1e3;
         self.apply_refined(&refined);
-        // Polygons are at their jointly solved positions, not at their previous ones.
+        // The cameras are updated without keeping polygons in place: the joint solve determines their
+        // positions.
         self.solved.update(&self.site);
     }
 
@@ -52,8 +53,8 @@ impl Session {
         self.solved.write_joint_into(&self.history.site())
     }
 
-    /// Applies the joint result of `from` as one undo step. If the site has changed since, the result is
-    /// discarded.
+    /// Applies the joint result `refined` of the site `from` as one undo step. If the site has changed since,
+    /// the result is discarded.
     pub fn commit_refined(&mut self, from: &Site, refined: &Site) {
         if self.site != *from {
             self.note = Some("The site changed during Refine. Refine again.".into());

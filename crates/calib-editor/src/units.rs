@@ -2,7 +2,7 @@
 //!
 //! Also formatting of numbers.
 
-/// Formats a number with a number of decimals and a typographic minus sign.
+/// Formats a number with `digits` decimals and a typographic minus sign.
 #[must_use]
 pub fn number(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
@@ -20,13 +20,13 @@ pub enum Units {
     Feet,
 }
 
-/// Metres in a foot.
-const FOOT: f64 = 0.3048;
-/// Metres in an inch.
-const INCH: f64 = 0.0254;
+/// Length of a foot, in metres.
+const METRES_PER_FOOT: f64 = 0.3048;
+/// Length of an inch, in metres.
+const METRES_PER_INCH: f64 = 0.0254;
 
 impl Units {
-    /// Returns the other unit.
+    /// Returns the unit to which the switch of units changes.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -40,7 +40,7 @@ impl Units {
     pub const fn metres(self) -> f64 {
         match self {
             Self::Metres => 1.0,
-            Self::Feet => FOOT,
+            Self::Feet => METRES_PER_FOOT,
         }
     }
 
@@ -53,46 +53,48 @@ impl Units {
         }
     }
 
-    /// Formats a length in metres as a number in this unit.
+    /// Formats a length given in metres as a number in this unit, with `digits` decimals and without the
+    /// unit.
     #[must_use]
     pub fn number(self, metres: f64, digits: usize) -> String {
         number(metres / self.metres(), digits)
     }
 
-    /// Formats a length in metres, with the unit.
+    /// Formats a length given in metres in this unit, with `digits` decimals and the unit.
     #[must_use]
     pub fn length(self, metres: f64, digits: usize) -> String {
         format!("{} {}", self.number(metres, digits), self.symbol())
     }
 
-    /// Formats a short length in metres in centimetres or inches; from one metre on, in metres or feet.
+    /// Formats a length given in metres in centimetres or inches; from one metre on, in metres or feet.
     #[must_use]
     pub fn short_length(self, metres: f64) -> String {
         match self {
             _ if metres.abs() >= 1.0 => self.length(metres, 2),
             Self::Metres => format!("{} cm", number(100.0 * metres, 1)),
-            Self::Feet => format!("{} in", number(metres / INCH, 1)),
+            Self::Feet => format!("{} in", number(metres / METRES_PER_INCH, 1)),
         }
     }
 
-    /// Formats a short length and its standard deviation, both in metres, in one unit.
+    /// Formats a length and its standard deviation, both given in metres, in the same unit.
     #[must_use]
     pub fn short_length_and_sigma(self, metres: f64, sigma: f64) -> String {
         let (one, sign) = match self {
             _ if metres.abs().max(sigma) >= 1.0 => (self.metres(), self.symbol()),
             Self::Metres => (0.01, "cm"),
-            Self::Feet => (INCH, "in"),
+            Self::Feet => (METRES_PER_INCH, "in"),
         };
         format!("{} \u{b1} {} {sign}", number(metres / one, 1), number(sigma / one, 1))
     }
 
-    /// Formats a floor point in metres, with the unit.
+    /// Formats a floor point given in metres in this unit: x and y with `digits` decimals.
     #[must_use]
     pub fn point(self, [x, y]: [f64; 2], digits: usize) -> String {
         format!("{}, {}", self.number(x, digits), self.length(y, digits))
     }
 
-    /// Returns the smallest round step, in metres, that divides `reach` metres into fewer than `most` parts.
+    /// Returns the smallest step that divides `reach` metres into fewer than `most` parts. The step is in
+    /// metres, and round in this unit.
     #[must_use]
     pub fn step(self, reach: f64, most: f64) -> f64 {
         let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
@@ -119,6 +121,6 @@ mod tests {
     #[test]
     fn steps_are_round_in_their_unit() {
         assert_eq!(Units::Metres.step(25.0, 30.0), 1.0);
-        assert!((Units::Feet.step(25.0, 30.0) - 5.0 * FOOT).abs() < 1e-12);
+        assert!((Units::Feet.step(25.0, 30.0) - 5.0 * METRES_PER_FOOT).abs() < 1e-12);
     }
 }

@@ -7,23 +7,23 @@ use calib_site::Warning;
 use crate::session::Session;
 use crate::steps::{FIELD, LENS, PLACE, Step, is_serious, nonstraightness_px, steps};
 
-/// Severity of a camera's status.
+/// Level of a camera's status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum StatusLevel {
-    /// Fit for use, or ready for the next step.
+    /// The camera is fit for use, or ready for the next step.
     Good,
-    /// Incomplete: something remains to be done.
+    /// Work steps of the camera are missing.
     Incomplete,
-    /// Contradictory: the result does not fit the annotations.
+    /// The annotations contradict each other: the result does not fit them.
     Contradictory,
 }
 
-/// Status of a camera, as a short text with a severity.
+/// Status of a camera, as a short text with a level.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CameraStatus {
-    /// Short text.
+    /// Text of the status for the list of cameras.
     pub text: String,
-    /// Severity.
+    /// Level of the status, which determines its colour.
     pub level: StatusLevel,
 }
 
@@ -33,7 +33,7 @@ impl CameraStatus {
     }
 }
 
-/// Returns the status of a camera.
+/// Returns the status of the camera with this index.
 #[must_use]
 pub fn camera_status(session: &Session, camera: usize) -> CameraStatus {
     let steps = steps(session, camera);
@@ -47,7 +47,7 @@ pub fn camera_status(session: &Session, camera: usize) -> CameraStatus {
         })
 }
 
-/// Returns the status of a camera with contradictory annotations, regardless of its steps.
+/// Returns the status of a camera whose annotations contradict each other; `None` for other cameras.
 fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
     let solution = session.solved.solution(camera)?;
     let suspects = solution.warnings.iter().filter(|warning| warning.code == Code::Outlier).count();
@@ -66,12 +66,13 @@ fn contradiction(session: &Session, camera: usize) -> Option<CameraStatus> {
         (None, Some(chi2), Some(dof)) if chi2 > 2.0 * dof as f64 => {
             format!("lines contradict each other: \u{3c7}\u{b2} {chi2:.0} on {dof}")
         }
-        _ => first_words(session, camera, misfit),
+        _ => first_sentence(session, camera, misfit),
     };
     Some(CameraStatus::new(text, StatusLevel::Contradictory))
 }
 
-/// Returns the status of a camera whose annotations are complete but which is not fit for use.
+/// Returns the status of a camera whose annotations are complete but which is not fit for use; `None` for
+/// other cameras.
 fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
     if let Some(px) = nonstraightness_px(session, camera) {
         return Some(CameraStatus::new(
@@ -84,7 +85,7 @@ fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
     if let Some(worst) = grave.max_by_key(|warning| warning.code.severity()) {
         let is_error = worst.code.severity() == Severity::Error;
         let level = if is_error { StatusLevel::Contradictory } else { StatusLevel::Incomplete };
-        return Some(CameraStatus::new(first_words(session, camera, worst), level));
+        return Some(CameraStatus::new(first_sentence(session, camera, worst), level));
     }
     session
         .solved
@@ -92,11 +93,13 @@ fn remaining_problem(session: &Session, camera: usize) -> Option<CameraStatus> {
         .then(|| CameraStatus::new("changed since the last Refine".into(), StatusLevel::Incomplete))
 }
 
-fn first_words(session: &Session, camera: usize, warning: &Warning) -> String {
+/// Returns the first sentence of a warning, without the full stop.
+fn first_sentence(session: &Session, camera: usize, warning: &Warning) -> String {
     let message = session.warning_text(camera, warning);
     message.split_once(". ").map_or(message.as_str(), |(first, _)| first).trim_end_matches('.').to_owned()
 }
 
+/// Returns the status of a camera whose next step is not done.
 fn step_status(step: &Step) -> CameraStatus {
     let text = match step.title {
         FIELD => "draw the field of view".into(),
@@ -106,7 +109,7 @@ fn step_status(step: &Step) -> CameraStatus {
     CameraStatus::new(text, StatusLevel::Incomplete)
 }
 
-/// Returns a short summary of a camera, for a tooltip.
+/// Returns a short summary of a camera for a tooltip: id, name, image size and status.
 #[must_use]
 pub fn summary(session: &Session, camera: usize) -> String {
     let Some(entry) = session.site.cameras.get(camera) else { return String::new() };

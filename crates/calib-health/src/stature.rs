@@ -75,7 +75,7 @@ const ROWS: usize = 24;
 /// Height of the person for whom derivatives are computed, in metres.
 const REFERENCE_HEIGHT_M: f64 = 1.7;
 
-/// Height measurement with one camera.
+/// Measurement of the heights of people in the images of one camera.
 #[derive(Clone, Debug)]
 pub(crate) struct Stature {
     camera: Camera,

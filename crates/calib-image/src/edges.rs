@@ -77,7 +77,7 @@ pub fn from_numbers(numbers: &[f64]) -> Vec<Edge> {
 
 /// Correlation length of the noise along an edge, in pixels.
 const NOISE_LENGTH_PX: f64 = 4.0;
-/// Systematic error of a whole edge, in pixels.
+/// Standard deviation of the error common to all points of an edge, in pixels.
 const SYSTEMATIC_SIGMA_PX: f64 = 0.3;
 /// Largest number of edges with measured noise, which limits the computing time; shorter edges keep the
 /// detector's noise.

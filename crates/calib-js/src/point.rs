@@ -69,7 +69,7 @@ impl FloorPoint {
         object(&[("x", x.into()), ("y", y.into()), ("sigma", sigma), ("status", status.name().into())])
     }
 
-    /// Adds the height, and the plane if it is not the floor.
+    /// Sets the height above the floor, in metres, and the id of the plane; `None` for the floor.
     pub(crate) fn on_plane(self, z: f64, plane: Option<&str>) -> Self {
         let fields = [("z", z.into())].into_iter().chain(plane.map(|id| ("plane", id.into())));
         set(&self, fields);

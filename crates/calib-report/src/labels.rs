@@ -3,18 +3,20 @@
 use crate::style;
 use crate::svg::{Anchor, Svg};
 
-/// Offset of a label's baseline from its point, to the right and down in screen pixels, and its anchor.
+/// Position of a label relative to its point: offset of the baseline to the right and down, in screen pixels,
+/// and the anchor of the text.
 pub(crate) type LabelOffset = (f64, f64, Anchor);
 
-/// Rectangles of placed labels, as left, top, right and bottom, with their texts.
+/// Placed labels of a drawing.
 #[derive(Debug, Default)]
 pub(crate) struct Labels {
+    /// Rectangles of the labels (left, top, right and bottom, in pixels), with their texts.
     occupied: Vec<([f64; 4], String)>,
 }
 
 impl Labels {
-    /// Places a label at the first of the offsets without overlap; returns baseline and anchor, or `None` if
-    /// all overlap.
+    /// Places a label at the first offset without overlap and reserves its rectangle. Returns the start of
+    /// the baseline and the anchor, or `None` if all offsets overlap.
     pub(crate) fn place(
         &mut self,
         svg: &Svg,
@@ -23,8 +25,8 @@ impl Labels {
         places: &[LabelOffset],
     ) -> Option<([f64; 2], Anchor)> {
         places.iter().map(|place| label_position(svg, about, place)).find(|&(at, anchor)| {
-            let own = extent(svg, at, text, anchor);
-            let is_free = !self.occupied.iter().any(|(other, _)| meet(&own, other));
+            let own = label_rectangle(svg, at, text, anchor);
+            let is_free = !self.occupied.iter().any(|(other, _)| is_overlapping(&own, other));
             if is_free {
                 self.occupied.push((own, text.to_owned()));
             }
@@ -32,22 +34,22 @@ impl Labels {
         })
     }
 
-    /// Whether the same text already overlaps this position: a point and its reprojection need only one
-    /// label.
+    /// Whether a label with the same text already overlaps this position. A point and its reprojection need
+    /// only one label.
     pub(crate) fn has_duplicate(&self, svg: &Svg, about: [f64; 2], text: &str, place: &LabelOffset) -> bool {
         let (at, anchor) = label_position(svg, about, place);
-        let own = extent(svg, at, text, anchor);
-        self.occupied.iter().any(|(other, said)| said == text && meet(&own, other))
+        let own = label_rectangle(svg, at, text, anchor);
+        self.occupied.iter().any(|(other, said)| said == text && is_overlapping(&own, other))
     }
 
-    /// Reserves the rectangle of a tag with this upper left corner.
+    /// Reserves the rectangle of a tag; the point is its upper left corner.
     pub(crate) fn reserve_tag(&mut self, svg: &Svg, [x, y]: [f64; 2], text: &str) {
         let [width, height] = svg.tag_size(text);
         self.occupied.push(([x, y, x + width, y + height], text.to_owned()));
     }
 }
 
-/// Returns baseline and anchor of a label at an offset from a point.
+/// Returns the baseline position and the anchor of a label at an offset from a point.
 pub(crate) fn label_position(
     svg: &Svg,
     [x, y]: [f64; 2],
@@ -56,20 +58,24 @@ pub(crate) fn label_position(
     ([x + right * svg.scale, y + down * svg.scale], anchor)
 }
 
-/// Returns the rectangle of a label, slightly lower than its line; descenders may touch.
-fn extent(svg: &Svg, [x, y]: [f64; 2], text: &str, anchor: Anchor) -> [f64; 4] {
-    const ABOVE: f64 = 0.75;
-    const BELOW: f64 = 0.2;
+/// Returns the rectangle of a label: left, top, right and bottom in pixels. It is slightly lower than the
+/// text line, because descenders may touch another label.
+fn label_rectangle(svg: &Svg, [x, y]: [f64; 2], text: &str, anchor: Anchor) -> [f64; 4] {
+    /// Height of the rectangle above the baseline, relative to the letter height.
+    const ASCENT_REL: f64 = 0.75;
+    /// Height of the rectangle below the baseline, relative to the letter height.
+    const DESCENT_REL: f64 = 0.2;
     let (size, width) = (style::TEXT * svg.scale, svg.text_width(text));
     let left = match anchor {
         Anchor::Start => x,
         Anchor::Middle => x - 0.5 * width,
         Anchor::End => x - width,
     };
-    [left, y - ABOVE * size, left + width, y + BELOW * size]
+    [left, y - ASCENT_REL * size, left + width, y + DESCENT_REL * size]
 }
 
-fn meet(a: &[f64; 4], b: &[f64; 4]) -> bool {
+/// Whether two rectangles overlap.
+fn is_overlapping(a: &[f64; 4], b: &[f64; 4]) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 

@@ -1,7 +1,8 @@
 //! Customer-facing reports of a site: overlays as SVG, and self-contained HTML pages.
 //!
-//! Its rule: no files, no clock, no pixel decoding; callers provide images as `data:` URIs. The command line,
-//! the desktop app and the browser app therefore write identical reports. In data-flow order:
+//! The crate reads no files and no clock, and decodes no images; callers provide images as `data:` URIs. The
+//! command line, the desktop app and the browser app therefore write identical reports. The files in
+//! data-flow order:
 //!
 //! - `style`, `words`, `svg`, `labels`, `frame`: sizes, text formats, SVG output, label placement, and the
 //!   HTML frame;
@@ -10,7 +11,7 @@
 //! - `site_section`, `planes`, `walk_page`: sections of the report;
 //! - `page`: the report of a site; `watch_page`: the report of drift detection.
 
-// A module uses only those above it.
+// A module uses only the modules above it.
 mod style;
 mod words;
 mod svg;

@@ -15,7 +15,8 @@ use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 use crate::words::straight_down_text;
 
-/// Draws all results of a camera for its image; `lens_grid` adds the grid that shows the distortion.
+/// Draws the annotations and all results of a camera over its image. `lens_grid` adds the grid that shows the
+/// distortion.
 #[must_use]
 pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     let size = entry.size();
@@ -24,7 +25,7 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     let colour = Rgb::camera(index);
     let items = on_image(&ImageView::new(site, index).with_labels(svg.scale), &layers(entry, lens_grid));
     for item in &items {
-        draw(&mut svg, item);
+        draw_item(&mut svg, item);
     }
     let title = entry.name.as_deref().unwrap_or(&entry.id);
     let margin = 10.0 * svg.scale;
@@ -38,7 +39,7 @@ pub fn overlay(site: &Site, entry: &SiteCamera, lens_grid: bool) -> Svg {
     svg
 }
 
-/// Returns the layers from the lowest to the highest.
+/// Returns the layers of the overlay in drawing order: the first one is the lowest.
 fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
     let efov = entry.solution.as_ref().map_or(&[][..], |solution| &solution.efov_m);
     let others = [
@@ -54,17 +55,20 @@ fn layers(entry: &SiteCamera, lens_grid: bool) -> Vec<ImageLayer> {
     lens_grid.then_some(ImageLayer::LensGrid).into_iter().chain(others).collect()
 }
 
-/// Returns a grid step with distinguishable cells: 0.5, 1, 2, 5, 10, … metres.
+/// Returns the smallest step with distinguishable cells for a grid over a polygon: 0.5, 1, 2, 5, 10, …
+/// metres.
 pub(crate) fn grid_step(polygon: &[FloorPoint]) -> f64 {
     let reach = diagonal(polygon);
     [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|step| reach / step < 24.0).unwrap_or(100.0)
 }
 
-fn array(pixels: &[Pixel]) -> Vec<[f64; 2]> {
+/// Converts pixels to coordinate pairs.
+fn to_arrays(pixels: &[Pixel]) -> Vec<[f64; 2]> {
     pixels.iter().map(|&pixel| pixel.into()).collect()
 }
 
-fn draw(svg: &mut Svg, item: &Item<Pixel>) {
+/// Draws the geometry of an item, except labels.
+fn draw_item(svg: &mut Svg, item: &Item<Pixel>) {
     let meaning = item.meaning;
     if matches!(meaning, Meaning::ControlPoint { is_off: true, .. } | Meaning::Residual { is_off: true }) {
         return;
@@ -74,40 +78,43 @@ fn draw(svg: &mut Svg, item: &Item<Pixel>) {
         Geometry::Polyline(points) if matches!(meaning, Meaning::Residual { .. }) => {
             draw_residual(svg, points, stroke);
         }
-        Geometry::Polyline(points) => svg.line(&array(points), false, stroke),
-        Geometry::Polygon(points) => svg.line(&array(points), true, stroke),
+        Geometry::Polyline(points) => svg.line(&to_arrays(points), false, stroke),
+        Geometry::Polygon(points) => svg.line(&to_arrays(points), true, stroke),
         Geometry::Point(at) => draw_point(svg, meaning, (*at).into(), stroke),
         Geometry::Sign(sign, ends) => draw_sign(svg, meaning, sign, ends.map(<[f64; 2]>::from)),
         Geometry::Label(..) | Geometry::Cone { .. } => {}
     }
 }
 
-/// Draws a line from the annotated to the reprojected point; residuals below a pixel are invisible and
-/// omitted.
+/// Draws a line from the annotated to the reprojected point. Residuals below one pixel are omitted, because
+/// they would be invisible.
 fn draw_residual(svg: &mut Svg, points: &[Pixel], stroke: Stroke) {
     let [annotated, shown] = points else { return };
     if shown.distance(*annotated) > 1.0 {
-        svg.line(&array(points), false, stroke);
+        svg.line(&to_arrays(points), false, stroke);
         svg.dot((*shown).into(), 2.5, stroke.colour);
     }
 }
 
+/// Draws the symbol of a point: a cross, a ring or a dot, depending on its meaning.
 fn draw_point(svg: &mut Svg, meaning: Meaning, at: [f64; 2], stroke: Stroke) {
     match meaning {
-        Meaning::ControlPoint { .. } => cross(svg, at, 7.0, stroke),
+        Meaning::ControlPoint { .. } => draw_cross(svg, at, 7.0, stroke),
         Meaning::Observed(_) => svg.ring(at, style::HANDLE + 1.0, stroke),
-        Meaning::Solved(_) => cross(svg, at, 4.0, stroke),
+        Meaning::Solved(_) => draw_cross(svg, at, 4.0, stroke),
         Meaning::Annotation(line) => svg.dot(at, style::HANDLE, line.colour()),
         _ => svg.dot(at, style::HANDLE, stroke.colour),
     }
 }
 
-fn cross(svg: &mut Svg, [u, v]: [f64; 2], arm: f64, stroke: Stroke) {
+/// Draws a cross; `arm` is half its width in screen pixels.
+fn draw_cross(svg: &mut Svg, [u, v]: [f64; 2], arm: f64, stroke: Stroke) {
     let arm = arm * svg.scale;
     svg.line(&[[u - arm, v], [u + arm, v]], false, stroke);
     svg.line(&[[u, v - arm], [u, v + arm]], false, stroke);
 }
 
+/// Draws the sign of an annotated line.
 fn draw_sign(svg: &mut Svg, meaning: Meaning, sign: Sign, ends: [[f64; 2]; 2]) {
     let Meaning::Annotation(line) = meaning else { return };
     let colour = KindLook::of(line.kind).colour;
@@ -122,21 +129,23 @@ fn draw_sign(svg: &mut Svg, meaning: Meaning, sign: Sign, ends: [[f64; 2]; 2]) {
     }
 }
 
-/// Text on a dark background, with its upper left corner.
+/// Text on a dark background.
 struct Tag {
+    /// Upper left corner, in pixels.
     at: [f64; 2],
     text: String,
     colour: Rgb,
 }
 
-/// Draws labels clear of their points and of each other; numbers of the grid only if there is space.
+/// Draws the labels beside their points and without overlaps. Labels of the grid are omitted if there is no
+/// space.
 fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
     let mut labels = Labels::default();
     tags.iter().for_each(|tag| labels.reserve_tag(svg, tag.at, &tag.text));
     let (last, first): (Vec<_>, Vec<_>) = items.iter().partition(|item| item.meaning == Meaning::Grid);
     for Item { meaning, geometry } in first.into_iter().chain(last) {
         let Geometry::Label(at, text) = geometry else { continue };
-        let (at, places) = (<[f64; 2]>::from(*at), places(*meaning));
+        let (at, places) = (<[f64; 2]>::from(*at), label_offsets(*meaning));
         let [usual, ..] = &places[..] else { continue };
         if labels.has_duplicate(svg, at, text, usual) {
             continue;
@@ -152,8 +161,8 @@ fn draw_labels(svg: &mut Svg, items: &[Item<Pixel>], tags: &[Tag]) {
     }
 }
 
-/// Returns the possible offsets of a label, the preferred one first.
-fn places(meaning: Meaning) -> Vec<LabelOffset> {
+/// Returns the possible offsets of a label from its point; the preferred offset is first.
+fn label_offsets(meaning: Meaning) -> Vec<LabelOffset> {
     let beside = |down: f64| {
         let [right, left] = [(7.0, Anchor::Start), (-7.0, Anchor::End)];
         let at = |(right, anchor): (f64, Anchor), down: f64| (right, down, anchor);
@@ -161,7 +170,7 @@ fn places(meaning: Meaning) -> Vec<LabelOffset> {
     };
     let above_or_below = |downs: &[f64]| downs.iter().map(|&down| (0.0, down, Anchor::Middle)).collect();
     match meaning {
-        // Below the edge of the field, and clear of its line.
+        // Below the edge of the field of view, and clear of the line of the edge.
         Meaning::Grid => above_or_below(&[15.0]),
         Meaning::Horizon => above_or_below(&[-7.0, 15.0]),
         Meaning::Mark(_) => above_or_below(&[16.0, 30.0, -7.0]),
@@ -172,7 +181,7 @@ fn places(meaning: Meaning) -> Vec<LabelOffset> {
     }
 }
 
-/// Describes pose and accuracy in one line.
+/// Describes the pose of a camera and its accuracy in one line.
 fn summary(entry: &SiteCamera) -> String {
     let Some(solution) = &entry.solution else {
         return entry
@@ -198,7 +207,7 @@ fn summary(entry: &SiteCamera) -> String {
     text.replace('-', "\u{2212}")
 }
 
-/// Returns the names of all kinds in use, with their positions and colours.
+/// Returns the legend as tags: the name of every kind of item in use, with its position and colour.
 fn legend(svg: &Svg, entry: &SiteCamera, camera: Rgb, lens_grid: bool, items: &[Item<Pixel>]) -> Vec<Tag> {
     let [_, h] = entry.size();
     let step = 22.0 * svg.scale;

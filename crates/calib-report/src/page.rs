@@ -23,11 +23,11 @@ use crate::words::{scene_errors_text, straight_down_text};
 pub struct EmbeddedImage {
     /// URI for `href`: a `data:` URI, so that the page is complete without other files.
     pub href: String,
-    /// Width and height, in pixels.
+    /// Width and height of the image, in pixels.
     pub size: [u32; 2],
 }
 
-/// Image that the page needs.
+/// Request for an image that the page needs.
 #[derive(Clone, Copy, Debug)]
 pub enum ImageRequest<'a> {
     /// Image of a camera.
@@ -36,29 +36,30 @@ pub enum ImageRequest<'a> {
     Plan,
 }
 
-/// Callback that returns an image, or the reason why it is missing.
+/// Callback that returns a requested image, or the reason why the image is missing.
 pub type ImageSource<'a> = &'a mut dyn FnMut(ImageRequest<'_>) -> Result<EmbeddedImage, String>;
 
-/// Writes the page: summary, site, planes, plan, acceptance walk, then every camera. A missing image is
-/// replaced by its reason, so that the page is still usable.
+/// Returns the HTML of the report: summary, site, planes, plan, acceptance walk, then every camera. A missing
+/// image is replaced by the reason why it is missing.
 #[must_use]
 pub fn page(site: &Site, walk: Option<&WalkPage<'_>>, pictures: ImageSource<'_>) -> String {
     let mut html = page_start(site.name.as_deref().unwrap_or("Camera calibration"));
-    summary(&mut html, &site.cameras);
+    write_summary(&mut html, &site.cameras);
     site_section(&mut html, site);
     planes_section(&mut html, site);
-    plan_section(&mut html, site, pictures);
+    write_plan_section(&mut html, site, pictures);
     if let Some(walk) = walk {
         walk.section(&mut html);
     }
     for camera in &site.cameras {
-        section(&mut html, site, camera, pictures);
+        write_section(&mut html, site, camera, pictures);
     }
     html.push_str(PAGE_END);
     html
 }
 
-fn plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>) {
+/// Writes the section with the site from above.
+fn write_plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>) {
     let has_image = site.plan.as_ref().is_some_and(|plan| plan.image.is_some());
     let plan = has_image.then(|| resolve_image(html, pictures(ImageRequest::Plan))).flatten();
     if !site.cameras.iter().any(SiteCamera::is_placed) {
@@ -77,18 +78,19 @@ fn plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>) {
     let _ = write!(html, "<h2>From above</h2><figure>{}</figure>", svg.finish(&beneath));
 }
 
-/// Returns the image with an escaped URI; a missing image becomes a note on the page.
+/// Returns the image with an escaped URI. If the image is missing, writes the reason as a note on the page.
 fn resolve_image(html: &mut String, picture: Result<EmbeddedImage, String>) -> Option<EmbeddedImage> {
     let picture = picture.map_err(|why| write!(html, "<p class=\"note bad\">{}</p>", escape(&why))).ok()?;
     Some(EmbeddedImage { href: picture.href.replace('"', "&quot;"), ..picture })
 }
 
-/// Writes an overlay on its image.
+/// Returns an SVG element with an overlay on top of its image.
 fn figure(EmbeddedImage { href, size: [w, h] }: &EmbeddedImage, svg: &Svg) -> String {
     svg.finish(&format!(r#"<image href="{href}" width="{w}" height="{h}"/>"#))
 }
 
-fn summary(html: &mut String, cameras: &[SiteCamera]) {
+/// Writes the table with one row for every camera.
+fn write_summary(html: &mut String, cameras: &[SiteCamera]) {
     html.push_str(
         "<table><thead><tr><th>Camera<th>Stage<th class=n>Focal length, px<th class=n>Pitch<th class=n>Roll<th class=n>Yaw\
          <th class=n>x, m<th class=n>y, m<th class=n>Height, m<th class=n>Floor scale<th class=n>RMS residual, px</tr></thead><tbody>\n",
@@ -128,7 +130,7 @@ fn summary(html: &mut String, cameras: &[SiteCamera]) {
             floor.unwrap_or_else(|| "\u{2013}".into()),
             solution.rms_px.map_or_else(|| "\u{2013}".into(), |rms| format!("{rms:.2}")),
         ];
-        let _ = write!(html, "<tr><td><a href=\"#{id}\">{id}</a><td>{}", stage(solution.stage));
+        let _ = write!(html, "<tr><td><a href=\"#{id}\">{id}</a><td>{}", stage_text(solution.stage));
         for cell in cells {
             let _ = write!(html, "<td class=n>{cell}");
         }
@@ -137,7 +139,8 @@ fn summary(html: &mut String, cameras: &[SiteCamera]) {
     html.push_str("</tbody></table>\n");
 }
 
-fn stage(stage: Stage) -> &'static str {
+/// Returns the name of a calibration stage for the reader of the report.
+fn stage_text(stage: Stage) -> &'static str {
     match stage {
         Stage::Lens => "lens only",
         Stage::Partial => "not placed",
@@ -146,13 +149,15 @@ fn stage(stage: Stage) -> &'static str {
     }
 }
 
+/// Formats a value with its standard deviation and unit; a dash if the value is missing.
 fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize, unit: &str) -> String {
     let Some(value) = value else { return "\u{2013}".into() };
     let plus_minus = sigma.map_or_else(String::new, |sigma| format!(" \u{b1} {sigma:.digits$}"));
     format!("{value:.digits$}{plus_minus}{unit}").replace('-', "\u{2212}")
 }
 
-fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: ImageSource<'_>) {
+/// Writes the section of a camera: its image with overlay, and its results or its error.
+fn write_section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: ImageSource<'_>) {
     let id = escape(&camera.id);
     let name = camera.name.as_ref().map_or_else(String::new, |name| format!(" \u{2013} {}", escape(name)));
     let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}{name}</h2>");
@@ -164,7 +169,7 @@ fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: ImageS
         let _ = write!(html, "<figure>{}</figure>", figure(&picture, &svg));
     }
     match (&camera.solution, &camera.error) {
-        (Some(solution), _) => details(html, site, camera, solution),
+        (Some(solution), _) => write_details(html, site, camera, solution),
         (None, Some(error)) => {
             let _ = write!(
                 html,
@@ -179,7 +184,8 @@ fn section(html: &mut String, site: &Site, camera: &SiteCamera, pictures: ImageS
     html.push_str("</section>\n");
 }
 
-fn details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solution) {
+/// Writes the results of a camera: pose, lens, warnings and residuals.
+fn write_details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solution) {
     for warning in &solution.warnings {
         let _ = writeln!(
             html,
@@ -212,14 +218,15 @@ fn details(html: &mut String, site: &Site, camera: &SiteCamera, solution: &Solut
         let _ = writeln!(
             html,
             "<tr{class}><td>{}<td class=n>{:.2}<td>{note}</tr>",
-            label(camera, residual),
+            residual_label(camera, residual),
             residual.px.abs()
         );
     }
     html.push_str("</tbody></table>\n");
 }
 
-/// Returns the pixel standard deviation of a control point or link, if specified.
+/// Returns the standard deviation in pixels that was entered for the control point or link of a residual, if
+/// any.
 fn own_sigma(site: &Site, camera: &SiteCamera, residual: &Residual) -> Option<f64> {
     let id = residual.id.as_ref()?;
     match residual.of {
@@ -234,7 +241,8 @@ fn own_sigma(site: &Site, camera: &SiteCamera, residual: &Residual) -> Option<f6
     }
 }
 
-fn label(camera: &SiteCamera, residual: &Residual) -> String {
+/// Returns the name of the annotation, control point, link or mark of a residual, as HTML.
+fn residual_label(camera: &SiteCamera, residual: &Residual) -> String {
     match (residual.of, residual.annotation) {
         (ResidualOf::Annotation, Some(index)) => {
             let annotation = camera.annotations.get(index).map_or_else(String::new, |a| a.label(index));

@@ -10,22 +10,24 @@ use calib_site::Site;
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg};
 
-/// Magnification of the errors of links and marks.
+/// Magnification of the errors of links and marks on the plan.
 const ERROR_MAGNIFICATION: f64 = 10.0;
-/// Size of an ellipse, in standard deviations.
+/// Semi-axis of a position ellipse before its magnification, in standard deviations.
 const ELLIPSE_SIGMAS: f64 = 2.0;
 /// Number of corners of the ellipse in the legend.
-const CORNERS: usize = 48;
-/// Map from the floor to pixels of the plan.
+const ELLIPSE_CORNERS: usize = 48;
+/// Map from floor metres to pixels of the plan.
 type OnPlan<'a> = &'a dyn Fn(FloorPoint) -> [f64; 2];
-/// Rectangle: left, top, right, bottom.
+/// Rectangle as left, top, right and bottom, in pixels of the plan.
 type Rectangle = [f64; 4];
 
 /// Uncertainties of a site, ready to draw on its plan.
 pub(crate) struct PlanQuality {
+    /// Solved links and marks with their errors in each camera.
     sightings: Vec<Item<FloorPoint>>,
+    /// Magnified position ellipses of the cameras.
     pub(crate) ellipses: Vec<Item<FloorPoint>>,
-    /// Magnification of the ellipses.
+    /// Magnification of the position ellipses; 1 if they are drawn at the scale of the plan.
     magnified: f64,
 }
 
@@ -34,16 +36,18 @@ impl PlanQuality {
     pub(crate) fn new(site: &Site, scale: f64, to_plan: OnPlan<'_>) -> Self {
         let view = PlanView::new(site).placed_only();
         let ellipses = |times: f64| on_plan(&view, &[PlanLayer::PositionEllipses(times * ELLIPSE_SIGMAS)]);
-        // The largest ellipse must be visible around the dot of its camera; all have the same magnification,
-        // for comparison.
+        // The largest ellipse must be visible around the dot of its camera. All ellipses have the same
+        // magnification, so that they can be compared.
         let least = 16.0 * scale;
-        let is_seen = |times: &f64| ellipses(*times).iter().any(|item| reach(site, item, to_plan) > least);
+        let is_seen =
+            |times: &f64| ellipses(*times).iter().any(|item| ellipse_extent_px(site, item, to_plan) > least);
         let magnified = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(is_seen).unwrap_or(100.0);
         let sightings = on_plan(&view, &[PlanLayer::Observations]);
         Self { sightings, ellipses: ellipses(magnified), magnified }
     }
 
-    /// Draws links and marks with their errors in every camera, and their names if `taken` leaves space.
+    /// Draws links and marks with their errors in every camera, and their names if there is space. `taken`
+    /// contains the occupied rectangles; new ones are added.
     pub(crate) fn draw_elements(
         &self,
         svg: &mut Svg,
@@ -79,7 +83,7 @@ impl PlanQuality {
         }
     }
 
-    /// Returns the entries of the legend, one for every kind of symbol in use.
+    /// Returns the entries of the legend: symbol and text of every kind of symbol in use.
     pub(crate) fn legend(&self) -> Vec<(Sample, String)> {
         let mut rows = Vec::new();
         if !self.ellipses.is_empty() {
@@ -119,14 +123,15 @@ pub(crate) enum Sample {
 }
 
 impl Sample {
-    /// Draws the symbol at a point.
+    /// Draws the symbol; the point is its centre, in pixels.
     pub(crate) fn draw(self, svg: &mut Svg, [x, y]: [f64; 2]) {
         let half = 11.0 * svg.scale;
         match self {
             Self::Ellipse => {
-                let corners: Vec<[f64; 2]> = (0..CORNERS)
+                let corners: Vec<[f64; 2]> = (0..ELLIPSE_CORNERS)
                     .map(|i| {
-                        let (sin, cos) = (std::f64::consts::TAU * i as f64 / CORNERS as f64).sin_cos();
+                        let (sin, cos) =
+                            (std::f64::consts::TAU * i as f64 / ELLIPSE_CORNERS as f64).sin_cos();
                         [x + half * cos, y + 0.55 * half * sin]
                     })
                     .collect();
@@ -148,8 +153,8 @@ impl Sample {
     }
 }
 
-/// Returns the extent of an ellipse from its camera, in plan pixels.
-fn reach(site: &Site, item: &Item<FloorPoint>, to_plan: OnPlan<'_>) -> f64 {
+/// Returns the largest distance of a position ellipse from its camera, in pixels of the plan.
+fn ellipse_extent_px(site: &Site, item: &Item<FloorPoint>, to_plan: OnPlan<'_>) -> f64 {
     let (Meaning::PositionEllipse(camera), Geometry::Polygon(corners)) = (item.meaning, &item.geometry)
     else {
         return 0.0;
@@ -160,7 +165,8 @@ fn reach(site: &Site, item: &Item<FloorPoint>, to_plan: OnPlan<'_>) -> f64 {
     corners.map(|p| (p[0] - x).hypot(p[1] - y)).fold(0.0, f64::max)
 }
 
-/// Draws the line of a link, or the error of a camera; returns the rectangles covered by an error.
+/// Draws the line of a link, or the error of a link or mark in one camera. Returns the rectangles that the
+/// error covers.
 fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Rectangle> {
     match (meaning, points) {
         (Meaning::Observed(of), &[observed, at]) => {
@@ -168,7 +174,7 @@ fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Re
             let times = if of.is_rejected { 1.0 } else { ERROR_MAGNIFICATION };
             let tail = [0, 1].map(|k| at[k] + times * (observed[k] - at[k]));
             draw_error(svg, meaning, [tail, at]);
-            pieces(svg, tail, at)
+            covered_rectangles(svg, tail, at)
         }
         _ => {
             svg.line(points, false, Stroke::of(Look::on_light(meaning)));
@@ -177,21 +183,21 @@ fn draw_sighting(svg: &mut Svg, meaning: Meaning, points: &[[f64; 2]]) -> Vec<Re
     }
 }
 
-/// Draws an arrow to the solved position; rejected observations have no arrow head.
+/// Draws an error as an arrow to the solved position. Rejected observations have no arrow head.
 fn draw_error(svg: &mut Svg, meaning: Meaning, [tail, tip]: [[f64; 2]; 2]) {
     let stroke = Stroke::of(Look::on_light(meaning));
     svg.line(&[tail, tip], false, stroke);
     if !matches!(meaning, Meaning::Observed(of) if of.is_rejected) {
-        arrow_head(svg, tail, tip, stroke.colour);
+        draw_arrow_head(svg, tail, tip, stroke.colour);
     }
 }
 
-/// Returns the rectangles covered by a line, piece by piece.
-fn pieces(svg: &Svg, from: [f64; 2], to: [f64; 2]) -> Vec<Rectangle> {
-    /// Largest number of pieces; a longer line extends beyond the plan.
-    const MOST: f64 = 100.0;
+/// Returns small rectangles that together cover a line, for the placement of labels.
+fn covered_rectangles(svg: &Svg, from: [f64; 2], to: [f64; 2]) -> Vec<Rectangle> {
+    /// Largest number of rectangles; a line that needs more extends beyond the plan.
+    const MAX_PIECES: f64 = 100.0;
     let step = 6.0 * svg.scale;
-    let count = ((to[0] - from[0]).hypot(to[1] - from[1]) / step).min(MOST) as usize;
+    let count = ((to[0] - from[0]).hypot(to[1] - from[1]) / step).min(MAX_PIECES) as usize;
     let half = 0.5 * step;
     (1..=count)
         .map(|i| {
@@ -203,11 +209,11 @@ fn pieces(svg: &Svg, from: [f64; 2], to: [f64; 2]) -> Vec<Rectangle> {
 }
 
 /// Draws the head of an arrow; short arrows have none.
-fn arrow_head(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: Rgb) {
+fn draw_arrow_head(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: Rgb) {
     let (dx, dy) = (tip[0] - tail[0], tip[1] - tail[1]);
     let length = dx.hypot(dy);
     let head = 6.0 * svg.scale;
-    // The head is in front of the dot that covers the tip.
+    // The head ends before the dot that covers the tip of the arrow.
     let before = 3.5 * svg.scale;
     if length < head + before {
         return;
@@ -217,7 +223,8 @@ fn arrow_head(svg: &mut Svg, tail: [f64; 2], tip: [f64; 2], colour: Rgb) {
     svg.fill(&[at(before, 0.0), at(before + head, 0.4 * head), at(before + head, -0.4 * head)], colour, 1.0);
 }
 
-/// Finds a free position for a label near a point, and reserves it; `None` if there is no space.
+/// Finds a free position for a label near a point and reserves its rectangle in `taken`. Returns the left end
+/// of the baseline; `None` if there is no space.
 fn free_position(
     svg: &Svg,
     [x, y]: [f64; 2],
@@ -226,7 +233,8 @@ fn free_position(
     taken: &mut Vec<Rectangle>,
 ) -> Option<[f64; 2]> {
     let (tall, wide) = (style::TEXT * svg.scale, svg.text_width(text));
-    // Close to the point, or a little farther from arrows around it.
+    // Positions close to the point are tried first, then positions farther away, clear of arrows around the
+    // point.
     let corners = [5.0, 16.0].into_iter().flat_map(|gap| {
         let gap = gap * svg.scale;
         [

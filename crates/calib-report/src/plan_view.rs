@@ -11,11 +11,11 @@ use crate::plan_quality::{PlanQuality, Sample};
 use crate::style;
 use crate::svg::{Anchor, Stroke, Svg, TAG_LETTER};
 
-/// Longest side of the view of a site without a plan image, in pixels.
-const LONGEST: f64 = 1600.0;
-/// Background colour: red, green and blue.
+/// Length of the longest side of the background of a site without a plan image, in pixels.
+const MAX_SIDE_PX: f64 = 1600.0;
+/// Colour of an empty background, as red, green and blue.
 pub const BACKGROUND: [u8; 3] = [247, 248, 249];
-/// Opacity of the plan image; it is faded so that the overlay stands out.
+/// Opacity of the plan image, 0 to 1. The image is faded so that the overlay is clearly visible.
 pub const PLAN_OPACITY: f64 = 0.55;
 
 /// Background of the view from above.
@@ -27,13 +27,15 @@ pub struct PlanBackground {
     pub has_image: bool,
 }
 
-/// Draws a site from above; `picture` is the size of the plan image, if available. Returns the background and
-/// the overlay.
+/// Draws a site from above. `picture` is the width and height of the plan image in pixels, if available.
+/// Returns the background and the overlay.
 #[must_use]
 pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (PlanBackground, Svg) {
     let (sides, scale) = match (&site.plan, picture) {
         (Some(plan), Some(sides)) => (sides, plan.scale()),
-        (plan, _) => blank(site, plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default()),
+        (plan, _) => {
+            blank_background(site, plan.as_ref().map(|plan| plan.x_axis_deg.to_radians()).unwrap_or_default())
+        }
     };
     let size = sides.map(f64::from);
     let draw_scale = style::scale(size);
@@ -60,7 +62,8 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (PlanBackground, Svg
     let room = camera_spacing(&cameras, &on_plan) / svg.scale;
     let figures: Vec<Figure> =
         cameras.iter().filter_map(|item| Figure::new(&svg, site, item, room, size, &on_plan)).collect();
-    let mut taken: Vec<[f64; 4]> = figures.iter().flat_map(|figure| figure.covers(&svg)).collect();
+    let mut taken: Vec<[f64; 4]> =
+        figures.iter().flat_map(|figure| figure.occupied_rectangles(&svg)).collect();
     taken.push([0.0, size[1] - 56.0 * svg.scale, 0.25 * size[0], size[1]]);
     quality.draw_elements(&mut svg, &on_plan, size, &mut taken);
     figures.iter().for_each(|figure| figure.draw(&mut svg));
@@ -70,9 +73,9 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (PlanBackground, Svg
     (ground, svg)
 }
 
-/// Returns size and scale of the background of a site without a plan image: everything visible, with a
-/// margin.
-fn blank(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
+/// Returns the size in pixels and the scale of the background of a site without a plan image. It contains all
+/// results, with a margin of 1 m.
+fn blank_background(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
     let unit = PlanScale { metres_per_px: 1.0, origin: PlanPixel::default(), x_axis };
     let solutions = || site.cameras.iter().filter_map(|camera| camera.solution.as_ref());
     let elements = site.links.iter().filter_map(|link| link.solution.as_ref());
@@ -90,19 +93,20 @@ fn blank(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
         if low <= high { (low - 1.0, high + 1.0) } else { (-5.0, 5.0) }
     };
     let ((left, right), (top, bottom)) = (range(|p| p.x), range(|p| p.y));
-    let metres_per_px = (right - left).max(bottom - top) / LONGEST;
-    let side = |length: f64| (length / metres_per_px).clamp(64.0, LONGEST) as u32;
+    let metres_per_px = (right - left).max(bottom - top) / MAX_SIDE_PX;
+    let side = |length: f64| (length / metres_per_px).clamp(64.0, MAX_SIDE_PX) as u32;
     let origin = PlanPixel { x: -left / metres_per_px, y: -top / metres_per_px };
     ([side(right - left), side(bottom - top)], PlanScale { metres_per_px, origin, x_axis })
 }
 
-/// Returns the grid of the whole plan.
+/// Returns the metre grid over the whole plan.
 fn grid(scale: &PlanScale, [w, h]: [f64; 2]) -> PlanLayer {
     let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]].map(|p| scale.floor_from_plan(p.into()));
     PlanLayer::Grid(corners, grid_step(&corners))
 }
 
-/// Draws lines with their appearance on a light plan, and fills areas with the colour of their camera.
+/// Draws lines with their appearance on a light plan. Fills areas with the colour of their meaning; `cover`
+/// is the opacity, 0 to 1.
 fn draw_items(
     svg: &mut Svg,
     items: &[Item<FloorPoint>],
@@ -127,7 +131,7 @@ fn draw_items(
     }
 }
 
-/// Returns the median distance of a camera to its nearest neighbour, in pixels of the plan.
+/// Returns the median over all cameras of the distance to the nearest other camera, in pixels of the plan.
 fn camera_spacing(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) -> f64 {
     let feet: Vec<[f64; 2]> = cameras
         .iter()
@@ -146,12 +150,13 @@ fn camera_spacing(cameras: &[Item<FloorPoint>], on_plan: &dyn Fn(FloorPoint) -> 
     all.get(all.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Camera on the plan: a tag, and a cone of its horizontal field of view with a legible length at any scale.
+/// Camera on the plan: a tag with its name, and a cone of its horizontal field of view. The cone has the same
+/// screen size at any scale of the plan.
 struct Figure {
     index: usize,
     foot: [f64; 2],
     cone: Vec<[f64; 2]>,
-    /// Upper left corner of the tag.
+    /// Upper left corner of the tag, in pixels.
     corner: [f64; 2],
     text: String,
 }
@@ -193,8 +198,8 @@ impl Figure {
         }
     }
 
-    /// Returns the occupied rectangles of the plan: tag and cone.
-    fn covers(&self, svg: &Svg) -> [[f64; 4]; 2] {
+    /// Returns the rectangles of the tag and of the cone: left, top, right and bottom in pixels.
+    fn occupied_rectangles(&self, svg: &Svg) -> [[f64; 4]; 2] {
         let size = style::TEXT * svg.scale;
         let [left, top] = self.corner;
         let range = |k: usize| {
@@ -215,8 +220,9 @@ impl Figure {
 
 /// Legend below the plan, so that it hides nothing.
 struct Legend {
-    /// Position, symbol and text of every entry.
+    /// Entries of the legend: position in pixels, symbol and text.
     rows: Vec<([f64; 2], Sample, String)>,
+    /// Height of the legend, in pixels; 0 without entries.
     height: f64,
 }
 
@@ -252,7 +258,7 @@ impl Legend {
     }
 }
 
-/// Draws an arrow to the north of a georeferenced site; otherwise along world +y.
+/// Draws an arrow to the north if the site is georeferenced, otherwise an arrow along world +y.
 fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
     let (turn, name) = match site.georeference() {
         // Angle of north, counter-clockwise from +x, which equals the azimuth of +x.
@@ -271,6 +277,7 @@ fn draw_north(svg: &mut Svg, site: &Site, scale: &PlanScale, [w, _]: [f64; 2]) {
     svg.ink([x, y + 0.35 * style::TEXT * svg.scale], name, Rgb::INK, Anchor::Middle);
 }
 
+/// Draws a bar of a round length with its length in metres.
 fn draw_scale_bar(svg: &mut Svg, scale: &PlanScale, [w, h]: [f64; 2]) {
     let round = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
     let length = round.into_iter().rfind(|metres| metres / scale.metres_per_px < 0.22 * w).unwrap_or(0.5);

@@ -8,12 +8,12 @@ use calib_site::Site;
 
 use crate::svg::escape;
 
-/// Formatted solution of a plane.
+/// Solution of a plane, formatted as one line of a table.
 pub(crate) struct PlaneRow<'a> {
     pub(crate) title: &'a str,
     pub(crate) height: String,
     pub(crate) fall: String,
-    /// Direction of the fall; a dash if the fall is not significant.
+    /// Direction in which the plane falls; a dash if the fall is not significant.
     pub(crate) toward: String,
 }
 
@@ -42,7 +42,7 @@ impl<'a> PlaneRow<'a> {
     }
 }
 
-/// Returns the table as text; empty without solved planes.
+/// Returns the table of solved planes as text; empty without solved planes.
 #[must_use]
 pub fn planes_text(site: &Site) -> String {
     let planes = solved_planes(site);
@@ -61,7 +61,7 @@ pub fn planes_text(site: &Site) -> String {
     out
 }
 
-/// Writes the section of the report; nothing without solved planes.
+/// Writes the section about the solved planes; writes nothing without solved planes.
 pub(crate) fn planes_section(html: &mut String, site: &Site) {
     let planes = solved_planes(site);
     if planes.is_empty() {
@@ -83,7 +83,7 @@ pub(crate) fn planes_section(html: &mut String, site: &Site) {
 mod tests {
     use super::*;
 
-    /// Ramp that falls by 3° toward +y, and a platform with a known height only.
+    /// Returns a site with a ramp that falls by 3° toward +y, and a platform with a known height only.
     fn site() -> Option<Site> {
         let steep = 3_f64.to_radians().tan();
         let text = format!(

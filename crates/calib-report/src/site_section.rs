@@ -1,4 +1,4 @@
-//! Section of the report about the whole site: connectivity, the largest disagreements of cameras, and
+//! Section of the report about the whole site: connectivity, the largest differences between cameras, and
 //! warnings.
 
 use std::fmt::Write as _;
@@ -10,7 +10,8 @@ use calib_site::{Overlap, Scale, Site, SiteSolution, Warning};
 use crate::svg::escape;
 use crate::words::{centimetres, distance, shortened_list};
 
-/// Describes components, scale and loop closure in one line.
+/// Describes the connectivity of a site in one line: connected components, source of the scale, and loop
+/// closure.
 #[must_use]
 pub fn connectivity_text(solution: &SiteSolution) -> Option<String> {
     let mut groups: Vec<&Vec<String>> = solution.components.iter().collect();
@@ -44,7 +45,8 @@ pub fn connectivity_text(solution: &SiteSolution) -> Option<String> {
     Some(line)
 }
 
-/// Sorts pairs of cameras by the measured error, then by the predicted one, the largest first.
+/// Returns the pairs of cameras sorted by measured error, then by predicted error; the largest errors are
+/// first.
 #[must_use]
 pub fn worst_first(overlaps: &[Overlap]) -> Vec<&Overlap> {
     let mut sorted: Vec<&Overlap> = overlaps.iter().collect();
@@ -59,18 +61,19 @@ pub fn worst_first(overlaps: &[Overlap]) -> Vec<&Overlap> {
 /// Warnings with the same code and advice.
 #[derive(Clone, Debug)]
 pub struct WarningGroup<'a> {
-    /// Code of the warnings.
+    /// Code that all warnings of the group have.
     pub code: Code,
-    /// First messages, and the number of further ones.
+    /// Messages of the first warnings; the last entry gives the number of further warnings, if any.
     pub messages: Vec<String>,
-    /// Common advice.
+    /// Advice that all warnings of the group have.
     pub advice: &'a str,
 }
 
 /// Groups warnings by code and advice.
 #[must_use]
 pub fn group_warnings(warnings: &[Warning]) -> Vec<WarningGroup<'_>> {
-    const MESSAGES: usize = 4;
+    /// Largest number of lines in a group, including the line about further warnings.
+    const MAX_MESSAGES: usize = 4;
     let mut kinds: Vec<WarningGroup> = Vec::new();
     for Warning { code, message, advice } in warnings {
         match kinds.iter_mut().find(|kind| kind.code == *code && kind.advice == advice) {
@@ -79,25 +82,26 @@ pub fn group_warnings(warnings: &[Warning]) -> Vec<WarningGroup<'_>> {
         }
     }
     for WarningGroup { messages, .. } in &mut kinds {
-        if messages.len() > MESSAGES {
-            let more = format!("and {} more", messages.len() - (MESSAGES - 1));
-            messages.truncate(MESSAGES - 1);
+        if messages.len() > MAX_MESSAGES {
+            let more = format!("and {} more", messages.len() - (MAX_MESSAGES - 1));
+            messages.truncate(MAX_MESSAGES - 1);
             messages.push(more);
         }
     }
     kinds
 }
 
-/// Number of visible rows; further rows are collapsed.
-const PAIRS: usize = 30;
-const ELEMENTS: usize = 15;
+/// Largest number of visible rows in the table of camera pairs; further rows are collapsed.
+const MAX_VISIBLE_PAIRS: usize = 30;
+/// Largest number of visible links and marks in their table; further ones are collapsed.
+const MAX_VISIBLE_ELEMENTS: usize = 15;
 
-/// Writes the section about the site; nothing without a joint solution.
+/// Writes the section about the whole site; writes nothing without a joint solution.
 pub(crate) fn site_section(html: &mut String, site: &Site) {
     let Some(solution) = &site.solution else { return };
     html.push_str("<section id=\"the-site\"><h2>The site</h2>\n");
     if let Some(line) = connectivity_text(solution) {
-        let _ = writeln!(html, "<p>{}.</p>", escape(&sentence(&line)));
+        let _ = writeln!(html, "<p>{}.</p>", escape(&capitalized(&line)));
     }
     for kind in group_warnings(&solution.warnings) {
         let messages: Vec<String> = kind.messages.iter().map(|message| escape(message)).collect();
@@ -110,18 +114,19 @@ pub(crate) fn site_section(html: &mut String, site: &Site) {
         );
     }
     html.push_str("<div class=side>\n");
-    overlaps(html, &solution.overlaps);
-    links(html, &elements(site));
+    write_overlaps(html, &solution.overlaps);
+    write_links(html, &elements(site));
     html.push_str("</div></section>\n");
 }
 
-fn sentence(text: &str) -> String {
+/// Returns the text with a capital first letter.
+fn capitalized(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// Writes a table with the worst rows first; rows beyond the first `most` are collapsed.
-fn table(html: &mut String, head: &str, rows: &[String], most: usize) {
+/// Writes a table. `rows` are sorted, the worst first; rows beyond the first `most` are collapsed.
+fn write_table(html: &mut String, head: &str, rows: &[String], most: usize) {
     let _ = writeln!(html, "<table><thead><tr>{head}</tr></thead>");
     let (shown, hidden) = rows.split_at(rows.len().min(most));
     let _ = writeln!(html, "{}</table>", shown.concat());
@@ -135,7 +140,8 @@ fn table(html: &mut String, head: &str, rows: &[String], most: usize) {
     }
 }
 
-fn overlaps(html: &mut String, overlaps: &[Overlap]) {
+/// Writes the table of camera pairs with overlapping views.
+fn write_overlaps(html: &mut String, overlaps: &[Overlap]) {
     if overlaps.is_empty() {
         return;
     }
@@ -153,11 +159,17 @@ fn overlaps(html: &mut String, overlaps: &[Overlap]) {
             )
         })
         .collect();
-    table(html, "<th>Cameras<th class=n>Measured, cm<th class=n>Predicted, cm", &rows, PAIRS);
+    write_table(
+        html,
+        "<th>Cameras<th class=n>Measured, cm<th class=n>Predicted, cm",
+        &rows,
+        MAX_VISIBLE_PAIRS,
+    );
     html.push_str("</div>\n");
 }
 
-fn links(html: &mut String, elements: &[Element]) {
+/// Writes the table of links and marks with their errors in each camera.
+fn write_links(html: &mut String, elements: &[Element]) {
     let mut sorted: Vec<&Element> = elements.iter().filter(|element| !element.views.is_empty()).collect();
     if sorted.is_empty() {
         return;
@@ -169,14 +181,14 @@ fn links(html: &mut String, elements: &[Element]) {
     });
     html.push_str("<div class=links><h3>Links and marks</h3>\n");
     html.push_str("<p class=dim>Error in each camera: the distance from the solved position, in the image (px) and on the floor (cm).</p>\n");
-    let rows: Vec<String> = sorted.into_iter().map(row).collect();
+    let rows: Vec<String> = sorted.into_iter().map(element_rows).collect();
     let head = "<th>Link or mark<th><th class=n>x, m<th class=n>y, m<th>Camera<th class=n>px<th class=n>cm";
-    table(html, head, &rows, ELEMENTS);
+    write_table(html, head, &rows, MAX_VISIBLE_ELEMENTS);
     html.push_str("</div>\n");
 }
 
-/// Writes one link or mark, with a row for every camera.
-fn row(element: &Element) -> String {
+/// Returns the table rows of a link or mark, one for every camera that shows it.
+fn element_rows(element: &Element) -> String {
     let note = match (element.is_rejected, element.is_off) {
         (true, _) => "rejected",
         (false, true) => "off",
@@ -195,7 +207,7 @@ fn row(element: &Element) -> String {
                 row,
                 "<td rowspan={}>{} {}<td rowspan={0}>{note}<td class=n rowspan={0}>{}<td class=n rowspan={0}>{}",
                 element.views.len(),
-                sentence(element.kind),
+                capitalized(element.kind),
                 escape(&element.id),
                 at(element.solution.at_m.x, sigma.and_then(|s| s.x_m)),
                 at(element.solution.at_m.y, sigma.and_then(|s| s.y_m)),

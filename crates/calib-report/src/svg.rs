@@ -6,39 +6,39 @@ use calib_draw::{Look, Outline, Rgb};
 
 use crate::style;
 
-/// Average width of a letter relative to its height.
+/// Average width of a letter divided by the letter height.
 pub(crate) const TAG_LETTER: f64 = 0.49;
 
-/// Appearance of a line.
+/// Appearance of a line. Lengths are in screen pixels and are multiplied by [`Svg::scale`].
 #[derive(Clone, Copy, Debug)]
 pub struct Stroke<'a> {
-    /// Colour.
+    /// Colour of the line.
     pub colour: Rgb,
-    /// Width, in screen pixels.
+    /// Width of the line, in screen pixels.
     pub width: f64,
-    /// Opacity, from 0 to 1.
+    /// Opacity of the line, from 0 to 1.
     pub opacity: f64,
-    /// Lengths of dashes and gaps; empty for a solid line.
+    /// Lengths of dashes and gaps, in screen pixels; empty for a solid line.
     pub dash: &'a [f64],
     /// Whether the line has a dark outline, for contrast with any background.
     pub outlined: bool,
 }
 
 impl<'a> Stroke<'a> {
-    /// Creates a solid line.
+    /// Creates an opaque, solid line with a dark outline; `width` is in screen pixels.
     #[must_use]
     pub const fn new(colour: Rgb, width: f64) -> Self {
         Self { colour, width, opacity: 1.0, dash: &[], outlined: true }
     }
 
-    /// Creates the stroke for an appearance.
+    /// Creates the stroke with the appearance of an overlay item.
     #[must_use]
     pub fn of(look: Look) -> Self {
         let Look { colour, width, dash, opacity, outline } = look;
         Self { colour, width, opacity, dash, outlined: outline == Outline::Dark }
     }
 
-    /// Returns the stroke with this opacity and without outline.
+    /// Returns the stroke with another opacity and without outline.
     #[must_use]
     pub const fn faint(self, opacity: f64) -> Self {
         Self { opacity, outlined: false, ..self }
@@ -66,29 +66,30 @@ impl Anchor {
     }
 }
 
-/// Drawing, in pixels of its background.
+/// SVG drawing. Coordinates are pixels of its background.
 #[derive(Clone, Debug)]
 pub struct Svg {
     size: [f64; 2],
-    /// Scale relative to the screen.
+    /// Length of a screen pixel in pixels of the background.
     pub scale: f64,
     body: String,
 }
 
 impl Svg {
-    /// Returns width and height of the background, in pixels.
+    /// Returns the width and height of the background, in pixels.
     #[must_use]
     pub const fn size(&self) -> [f64; 2] {
         self.size
     }
 
-    /// Creates an empty drawing on a background of this size; `scale` is relative to the screen.
+    /// Creates an empty drawing on a background of this width and height. `scale` is the length of a screen
+    /// pixel in pixels of the background.
     #[must_use]
     pub fn new(size: [f64; 2], scale: f64) -> Self {
         Self { size, scale, body: String::new() }
     }
 
-    /// Draws a polyline in pixels; `closed` returns to its start.
+    /// Draws a polyline; `closed` connects its end with its start.
     pub fn line(&mut self, points: &[[f64; 2]], closed: bool, stroke: Stroke) {
         let path = self.path(points, closed);
         if path.is_empty() {
@@ -117,13 +118,13 @@ impl Svg {
         );
     }
 
-    /// Draws a filled polygon.
+    /// Draws a filled polygon without outline; `opacity` is from 0 to 1.
     pub fn fill(&mut self, points: &[[f64; 2]], colour: Rgb, opacity: f64) {
         let path = self.path(points, true);
         let _ = writeln!(self.body, r#"<path d="{path}" fill="{colour}" fill-opacity="{opacity:.3}"/>"#);
     }
 
-    /// Draws a dot with a dark rim.
+    /// Draws a dot with a dark rim; `radius` is in screen pixels.
     pub fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Rgb) {
         let (radius, rim) = (radius * self.scale, self.scale);
         let _ = writeln!(
@@ -133,7 +134,7 @@ impl Svg {
         );
     }
 
-    /// Draws a ring.
+    /// Draws a ring; `radius` is in screen pixels.
     pub fn ring(&mut self, [x, y]: [f64; 2], radius: f64, stroke: Stroke) {
         let Stroke { colour, width, opacity, outlined, .. } = stroke;
         let (radius, width) = (radius * self.scale, width * self.scale);
@@ -152,7 +153,7 @@ impl Svg {
         );
     }
 
-    /// Draws a text with a dark halo.
+    /// Draws a text with a dark halo; the anchor is at the point, on the baseline.
     pub fn text(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
         let size = style::TEXT * self.scale;
         let anchor = anchor.name();
@@ -165,7 +166,7 @@ impl Svg {
         );
     }
 
-    /// Draws a text on a light background, in a dark colour without halo.
+    /// Draws a text without halo, for dark colours on a light background.
     pub(crate) fn ink(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb, anchor: Anchor) {
         let size = style::TEXT * self.scale;
         let anchor = anchor.name();
@@ -176,18 +177,18 @@ impl Svg {
         );
     }
 
-    /// Returns the approximate width of a text.
+    /// Returns the approximate width of a text, in pixels of the background.
     pub(crate) fn text_width(&self, text: &str) -> f64 {
         style::TEXT * self.scale * TAG_LETTER * text.chars().count() as f64
     }
 
-    /// Returns width and height of the background of a tag.
+    /// Returns the width and height of a tag with this text, in pixels of the background.
     pub(crate) fn tag_size(&self, text: &str) -> [f64; 2] {
         let size = style::TEXT * self.scale;
         [self.text_width(text) + size, 1.6 * size]
     }
 
-    /// Draws a text on a dark background, with its upper left corner at this pixel.
+    /// Draws a tag: a text on a dark rectangle whose upper left corner is at the point.
     pub fn tag(&mut self, [x, y]: [f64; 2], text: &str, colour: Rgb) {
         let size = style::TEXT * self.scale;
         let [width, height] = self.tag_size(text);
@@ -202,11 +203,15 @@ impl Svg {
         );
     }
 
+    /// Returns the path data of a polyline.
     fn path(&self, points: &[[f64; 2]], closed: bool) -> String {
-        // Points far outside are skipped, because huge numbers break rasterisers.
-        const FAR: f64 = 1e5;
+        // Largest coordinate of a drawn point, in pixels. Points farther away are skipped, because
+        // rasterisers fail on huge numbers.
+        const MAX_COORDINATE_PX: f64 = 1e5;
         let mut path = String::new();
-        for [x, y] in points.iter().filter(|[x, y]| x.abs() < FAR && y.abs() < FAR) {
+        for [x, y] in
+            points.iter().filter(|[x, y]| x.abs() < MAX_COORDINATE_PX && y.abs() < MAX_COORDINATE_PX)
+        {
             let _ = write!(path, "{}{x:.2} {y:.2}", if path.is_empty() { "M" } else { "L" });
         }
         if closed && !path.is_empty() {
@@ -215,7 +220,8 @@ impl Svg {
         path
     }
 
-    /// Returns the drawing as an SVG element, on top of the SVG in `beneath`.
+    /// Returns the drawing as an SVG element. `beneath` is SVG code that is drawn below it, for example an
+    /// image.
     #[must_use]
     pub fn finish(&self, beneath: &str) -> String {
         let [w, h] = self.size;
@@ -228,7 +234,7 @@ impl Svg {
 
 /// Escapes text for HTML and SVG.
 pub(crate) fn escape(text: &str) -> String {
-    // XML has no control characters.
+    // XML does not allow control characters; they become spaces.
     let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

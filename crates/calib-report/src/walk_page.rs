@@ -13,22 +13,22 @@ use crate::frame::{PAGE_END, page_start};
 use crate::svg::{Anchor, Stroke, Svg, escape};
 use crate::words::{centimetres, shortened_list};
 
-/// Result of a walk, with the decision.
+/// Result of an acceptance walk, with the decision whether the site passed.
 #[derive(Clone, Copy, Debug)]
 pub struct WalkPage<'a> {
     /// Title of the site.
     pub title: &'a str,
-    /// Ids of the cameras, by index.
+    /// Ids of the cameras, by the camera index of the result.
     pub names: &'a [String],
-    /// Result.
+    /// Result of the walk.
     pub result: &'a WalkResult,
-    /// Result by zone of the floor.
+    /// Results of the walk for each zone of the floor.
     pub zones: &'a Zones,
-    /// Reasons for the failure; empty if passed.
+    /// Reasons why the site failed; empty if it passed.
     pub faults: &'a [String],
 }
 
-/// Returns the name of a zone: a letter for the column, a number for the row.
+/// Returns the name of a zone: letters for the column and a number for the row, as in "A1".
 #[must_use]
 pub fn zone_name(zone: &Zone) -> String {
     let [column, row] = zone.cell;
@@ -37,7 +37,8 @@ pub fn zone_name(zone: &Zone) -> String {
     format!("{first}{}{}", letter(column), row + 1)
 }
 
-/// Describes the offset of a camera's walker positions, and its most likely pose errors.
+/// Describes the mean offset of the walker positions according to one camera, and the most likely errors of
+/// its pose.
 #[must_use]
 pub fn disagreement_text(one: &Disagreement) -> String {
     let [x, y] = one.shift;
@@ -73,6 +74,7 @@ impl WalkPage<'_> {
         out
     }
 
+    /// Returns the decision as a sentence.
     fn decision(&self) -> String {
         if self.faults.is_empty() { "PASSED".into() } else { format!("FAILED: {}", self.faults.join("; ")) }
     }
@@ -88,13 +90,14 @@ impl WalkPage<'_> {
         }
     }
 
+    /// Returns the names of the zones that the walker did not enter, shortened; "none" if there are none.
     fn not_walked(&self) -> String {
         let names: Vec<String> =
             self.zones.list.iter().filter(|zone| zone.moments == 0).map(zone_name).collect();
         if names.is_empty() { "none".into() } else { shortened_list(names.iter().map(String::as_str)) }
     }
 
-    /// Returns the page.
+    /// Returns the result as a self-contained HTML page.
     #[must_use]
     pub fn html(&self) -> String {
         let mut html = page_start(self.title);
@@ -103,7 +106,7 @@ impl WalkPage<'_> {
         html
     }
 
-    /// Writes the result as a section of a page.
+    /// Writes the result as a section of the report.
     pub(crate) fn section(&self, html: &mut String) {
         let class = if self.faults.is_empty() { "note good" } else { "note bad" };
         let _ =
@@ -130,7 +133,7 @@ impl WalkPage<'_> {
         html.push_str("</tbody></table>\n<p>Name, date, signature: ________________________________</p>\n");
     }
 
-    /// Draws the zones from above, shaded by their error, with the path of the walker.
+    /// Returns an SVG of the zones from above, shaded by their error, with the path of the walker.
     fn plan(&self) -> String {
         let Zones { side, list } = self.zones;
         let fold =
@@ -148,9 +151,9 @@ impl WalkPage<'_> {
             let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
                 .map(|[a, b]| at(FloorPoint::new(x + a * side, y + b * side)));
             if let Some(error) = zone.error {
-                /// Error with the darkest shade, in metres.
-                const WORST: f64 = 0.5;
-                svg.fill(&corners, Rgb::BAD_ON_LIGHT, (0.6 * error / WORST).min(0.6));
+                /// Smallest error with the darkest shade, in metres.
+                const MAX_SHADED_ERROR_M: f64 = 0.5;
+                svg.fill(&corners, Rgb::BAD_ON_LIGHT, (0.6 * error / MAX_SHADED_ERROR_M).min(0.6));
             }
             svg.line(&corners, true, line.faint(0.3));
             let [left, top] = corners[3];

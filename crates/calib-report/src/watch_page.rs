@@ -15,16 +15,16 @@ use crate::svg::{Anchor, Stroke, Svg, escape};
 /// Camera with the result of its drift detection.
 #[derive(Clone, Copy, Debug)]
 pub struct WatchedCamera<'a> {
-    /// Id.
+    /// Id of the camera.
     pub id: &'a str,
-    /// Result.
+    /// Result of its drift detection.
     pub health: &'a CameraHealth,
 }
 
-/// Formatter of a time, in nanoseconds since 1970.
+/// Function that formats a time, given in nanoseconds since 1970.
 type Instant<'a> = &'a dyn Fn(i64) -> String;
 
-/// Writes the page.
+/// Returns the HTML page with the result and the plot of every camera.
 #[must_use]
 pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'_>) -> String {
     let mut html = page_start(title);
@@ -44,7 +44,7 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
         let text = escape(&watch_text(health, instant));
         let _ = writeln!(html, "<section id=\"{id}\"><h2>{id}</h2><p class=\"note\">{text}</p>");
         if let Some(plot) = plot(health, instant) {
-            let _ = writeln!(html, "<figure>{}</figure>", plot.finish(GROUND));
+            let _ = writeln!(html, "<figure>{}</figure>", plot.finish(PLOT_BACKGROUND));
         }
         html.push_str("</section>\n");
     }
@@ -52,7 +52,7 @@ pub fn watch_page(title: &str, cameras: &[WatchedCamera<'_>], instant: Instant<'
     html
 }
 
-/// Describes the result of a camera in one line.
+/// Describes the result of the drift detection of a camera in one line.
 #[must_use]
 pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
     let tracks = counted(usize::try_from(health.tracks).unwrap_or(usize::MAX), "track", "tracks");
@@ -72,7 +72,7 @@ pub fn watch_text(health: &CameraHealth, instant: Instant<'_>) -> String {
     }
 }
 
-/// Describes the movement of a camera.
+/// Describes the detected movement of a camera: pan, tilt, roll and zoom with their standard deviations.
 fn movement_text(change: &Change) -> String {
     let PanTiltZoom { pan, tilt, roll, zoom } = change.movement;
     let [pan_sigma, tilt_sigma, roll_sigma, zoom_sigma] = change.sigmas;
@@ -88,6 +88,7 @@ fn movement_text(change: &Change) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
+/// Returns the kind of evidence for a change.
 fn evidence_text(change: &Change) -> &'static str {
     match (change.is_seen_in_heights, change.is_seen_by_others) {
         (true, false) => "the apparent heights of people changed",
@@ -96,7 +97,7 @@ fn evidence_text(change: &Change) -> &'static str {
     }
 }
 
-/// Describes the smallest detectable movements.
+/// Describes the smallest detectable pan, tilt and zoom of a camera.
 fn detectable_text(health: &CameraHealth) -> String {
     let [pan, tilt, _, zoom] = health.smallest_detectable;
     let pan = if pan.is_finite() && pan < 0.5 {
@@ -114,12 +115,12 @@ fn detectable_text(health: &CameraHealth) -> String {
     )
 }
 
-/// Background of a plot.
-const GROUND: &str = r#"<rect width="1000" height="300" fill="white"/>"#;
-/// Left, top, right and bottom of a plot.
-const AREA: [f64; 4] = [60.0, 20.0, 980.0, 250.0];
-/// Largest relative difference of heights on the plot.
-const SHOWN: f64 = 0.1;
+/// SVG code of the background of a plot.
+const PLOT_BACKGROUND: &str = r#"<rect width="1000" height="300" fill="white"/>"#;
+/// Left, top, right and bottom of the plot area, in pixels of the drawing.
+const PLOT_AREA_PX: [f64; 4] = [60.0, 20.0, 980.0, 250.0];
+/// Largest relative difference of heights that the plot shows; larger differences are drawn at its edge.
+const MAX_HEIGHT_DIFFERENCE: f64 = 0.1;
 
 /// Draws the heights of people over time, the significance of a change at every time, and the detected
 /// change.
@@ -128,9 +129,13 @@ fn plot(health: &CameraHealth, instant: Instant<'_>) -> Option<Svg> {
     let first = spans.clone().map(|span| span[0]).min()?;
     let last = spans.map(|span| span[1]).max()?;
     let mut svg = Svg::new([1000.0, 300.0], 1.0);
-    let [left, top, right, bottom] = AREA;
+    let [left, top, right, bottom] = PLOT_AREA_PX;
     let x = |at: i64| left + (right - left) * (at - first) as f64 / (last - first).max(1) as f64;
-    let y = |height: f64| 0.5 * (top + bottom) - 0.5 * (bottom - top) * height.clamp(-SHOWN, SHOWN) / SHOWN;
+    let y = |height: f64| {
+        0.5 * (top + bottom)
+            - 0.5 * (bottom - top) * height.clamp(-MAX_HEIGHT_DIFFERENCE, MAX_HEIGHT_DIFFERENCE)
+                / MAX_HEIGHT_DIFFERENCE
+    };
     let ink = Stroke { outlined: false, ..Stroke::new(Rgb::INK, 1.0) };
     if let Some(change) = &health.change {
         let [low, high] = change.between.map(|at| x(at).clamp(left, right));
@@ -163,7 +168,9 @@ fn plot(health: &CameraHealth, instant: Instant<'_>) -> Option<Svg> {
         false,
         Stroke { dash: &[4.0, 4.0], ..red },
     );
-    for (height, text) in [(SHOWN, "+10 %"), (0.0, "height"), (-SHOWN, "\u{2212}10 %")] {
+    for (height, text) in
+        [(MAX_HEIGHT_DIFFERENCE, "+10 %"), (0.0, "height"), (-MAX_HEIGHT_DIFFERENCE, "\u{2212}10 %")]
+    {
         svg.ink([4.0, y(height) + 4.0], text, Rgb::INK, Anchor::Start);
     }
     svg.ink([left, bottom + 18.0], &instant(first), Rgb::INK, Anchor::Start);

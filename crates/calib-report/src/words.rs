@@ -1,49 +1,52 @@
-//! Text and number formats for operators, and the state of a lens.
+//! Formats of texts and numbers for the reader, and the origin of a lens.
 
 use std::fmt::Write as _;
 
 use calib_core::{Distortion, Lens, SceneErrors};
 use calib_site::{Method, SiteCamera, Solution, Stage};
 
-/// Lists names, shortened: "a, b, c and 997 more".
+/// Joins names to a list; a long list is shortened to "a, b, c and 997 more".
 #[must_use]
 pub fn shortened_list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    /// Longest list that is written in full.
-    const MOST: usize = 6;
-    const SHOWN: usize = 3;
+    /// Largest number of names in a list that is written in full.
+    const MAX_FULL_LIST: usize = 6;
+    /// Number of names that are written of a longer list.
+    const SHOWN_NAMES: usize = 3;
     let names: Vec<&str> = names.into_iter().collect();
-    if names.len() <= MOST {
+    if names.len() <= MAX_FULL_LIST {
         return names.join(", ");
     }
-    format!("{} and {} more", names[..SHOWN].join(", "), names.len() - SHOWN)
+    format!("{} and {} more", names[..SHOWN_NAMES].join(", "), names.len() - SHOWN_NAMES)
 }
 
-/// Returns the number of decimals supported by a standard deviation: two significant digits of it.
+/// Returns the number of decimals for a value with this standard deviation. Two significant digits of the
+/// standard deviation are shown.
 #[must_use]
 pub fn decimals(sigma: f64) -> usize {
     /// Number of decimals without a valid standard deviation.
-    const USUAL: usize = 2;
-    const MOST: f64 = 7.0;
+    const DEFAULT_DECIMALS: usize = 2;
+    /// Largest number of decimals.
+    const MAX_DECIMALS: f64 = 7.0;
     if !(sigma.is_finite() && sigma > 0.0) {
-        return USUAL;
+        return DEFAULT_DECIMALS;
     }
-    (1.0 - sigma.log10().floor()).clamp(0.0, MOST) as usize
+    (1.0 - sigma.log10().floor()).clamp(0.0, MAX_DECIMALS) as usize
 }
 
-/// Formats metres as centimetres, with one decimal below a metre.
+/// Formats a length in metres as centimetres without the unit; lengths below one metre have one decimal.
 #[must_use]
 pub fn centimetres(metres: f64) -> String {
     let value = 100.0 * metres;
     if value < 100.0 { format!("{value:.1}") } else { format!("{value:.0}") }
 }
 
-/// Formats a distance in centimetres or metres.
+/// Formats a distance given in metres, with the unit: centimetres below one metre, otherwise metres.
 #[must_use]
 pub fn distance(metres: f64) -> String {
     if metres < 1.0 { format!("{} cm", centimetres(metres)) } else { format!("{metres:.1} m") }
 }
 
-/// Describes the assumed accuracy of the scene.
+/// Describes the assumed accuracy of the scene (scene errors) in one sentence.
 #[must_use]
 pub fn scene_errors_text(errors: &SceneErrors) -> String {
     if *errors == SceneErrors::EXACT {
@@ -62,8 +65,8 @@ pub fn scene_errors_text(errors: &SceneErrors) -> String {
     )
 }
 
-/// Describes the orientation of a camera that looks straight down; `None` for other cameras. It replaces the
-/// roll and, if the camera is placed, the yaw.
+/// Describes the orientation of a camera that looks straight down; `None` for other cameras. The text
+/// replaces the roll and, if the camera is placed, the yaw.
 #[must_use]
 pub fn straight_down_text(solution: &Solution) -> Option<String> {
     let down = solution.camera()?.straight_down()?;
@@ -80,14 +83,14 @@ pub fn straight_down_text(solution: &Solution) -> Option<String> {
     Some(text)
 }
 
-/// Returns the lens of a camera, which may be known without its pose.
+/// Returns the lens of a camera: the solved lens, otherwise the lens as entered.
 #[must_use]
 pub fn camera_lens(entry: &SiteCamera) -> Lens {
     entry.solution.as_ref().map_or_else(|| entry.lens(), Solution::lens)
 }
 
-/// Whether the lens of a camera was estimated from annotations, on its own image or on images of a camera of
-/// the same type.
+/// Whether the lens of a camera was estimated from annotations on its image or on images of other cameras
+/// that share the lens.
 #[must_use]
 pub fn is_lens_estimated(entry: &SiteCamera) -> bool {
     let solved = entry.solution.as_ref().is_some_and(|solution| solution.method != Method::Given);

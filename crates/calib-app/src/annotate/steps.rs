@@ -35,7 +35,7 @@ pub(crate) enum Ink {
 }
 
 impl Ink {
-    /// Returns the class name of the line in `web/page.css`.
+    /// Returns the name of this meaning in `web/page.css`.
     #[cfg(test)]
     const fn name(self) -> &'static str {
         match self {

@@ -32,7 +32,7 @@ pub fn above_ui(app: &mut App, ui: &mut Ui) {
         ui.label(egui::RichText::new("Floor from above").font(theme::medium(12.0)));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let look = Look { size: Vec2::splat(20.0), ..Look::default() };
-            hide = icons::button(ui, Icon::Close, "Hide the floor from above", "Hide (Y)", look).clicked();
+            hide = icons::button(ui, Icon::Close, "Hide the top view", "Hide (Y)", look).clicked();
         });
     });
     let rect = ui.available_rect_before_wrap().with_max_y(ui.max_rect().bottom() - 20.0);

@@ -89,7 +89,7 @@ impl App {
         let first = self.jobs.comparing.front()?;
         let others = match self.jobs.comparing.len() {
             1 => String::new(),
-            count => format!(", {} more wait", count - 1),
+            count => format!(", {} more waiting", count - 1),
         };
         Some(format!("comparing a newer image of {}{others}", first.camera))
     }

@@ -51,8 +51,8 @@ struct AutosaveFile {
 }
 
 impl Autosave {
-    /// Returns the autosave slots of a folder. With several slots, sessions do not overwrite the work of each
-    /// other.
+    /// Returns the autosave slots of a folder. With several slots, sessions do not overwrite each other's
+    /// work.
     pub fn slots(folder: &Path) -> impl Iterator<Item = Self> + '_ {
         /// Number of autosave slots.
         const SLOT_COUNT: usize = 9;

@@ -289,7 +289,7 @@ impl View<'_> {
     }
 }
 
-/// Returns the flags of the camera parameters that the adjustment estimates.
+/// Returns a flag for each camera parameter: whether the adjustment estimates it.
 fn free_parameters(
     entry: &BundleCamera,
     owner: &BundleCamera,

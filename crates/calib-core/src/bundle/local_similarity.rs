@@ -34,13 +34,13 @@ pub(crate) struct LocalSimilarities {
     factor: CholeskyFactor,
 }
 
-/// Position of a floor point and its linear step, in metres, as complex numbers x + iy.
+/// Position of a floor point and its linear step, in metres, as complex numbers x + i y.
 pub(crate) type PointStep = (Complex<f64>, Complex<f64>);
 
 /// Correction from a linear step to a similarity.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Correction {
-    /// Correction of the position of the point, in metres, as a complex number x + iy.
+    /// Correction of the position of the point, in metres, as a complex number x + i y.
     pub(crate) shift: Complex<f64>,
     /// Second-order part h of the similarity at the point. A neighbour of the point is corrected additionally
     /// by h times its offset from the point.

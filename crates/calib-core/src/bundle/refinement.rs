@@ -228,7 +228,7 @@ pub(crate) struct Refinement<'a> {
     pub(crate) noise_is_known: Vec<bool>,
 }
 
-/// Minimum without gross outliers.
+/// Minimum of the adjustment after the rejection of gross outliers.
 struct Screened<'a> {
     rejected: Vec<OutlierCandidate>,
     converged: Converged<'a>,

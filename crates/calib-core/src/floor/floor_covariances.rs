@@ -212,7 +212,8 @@ impl FlowCovariance {
     }
 }
 
-/// Returns the derivatives of the homography by every parameter of the pose and by the focal length.
+/// Returns the derivatives of the homography of a plane with respect to the pose parameters and the focal
+/// length. `drop` is the height of the plane below the camera minus the height of the camera, in metres.
 fn flows(camera: &Camera, plane: &Plane, axes: &[[f64; 3]; 3], drop: f64) -> [Flow; Covariance::LENS] {
     // The arguments are the change of d at x = y = 0, and its derivatives by x and by y.
     let flow = |[none, by_x, by_y]: [[f64; 3]; 3]| {

@@ -10,7 +10,7 @@ use crate::floor::scene::Polyline;
 /// the camera plane. Parts outside the image are included, for a canvas that is larger than the image.
 #[must_use]
 pub fn on_image(camera: &Camera, polyline: &[WorldPoint]) -> Vec<Vec<Pixel>> {
-    /// Minimum depth of a line, in metres.
+    /// Minimum depth of the visible part of a line, in metres; nearer parts are cut off.
     const MIN_DEPTH_M: f64 = 0.05;
     let mut pieces = vec![Vec::new()];
     for pair in polyline.windows(2) {

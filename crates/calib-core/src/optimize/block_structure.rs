@@ -166,7 +166,8 @@ impl BlockStructure {
         self.add_weighted(normal, -1.0, residual, jacobian);
     }
 
-    /// Adds the products of a residual and its derivatives, multiplied by `weight`.
+    /// Adds the contribution of a residual, multiplied by `weight`, to the cost, gradient and matrices of the
+    /// normal equations.
     #[inline(always)]
     fn add_weighted(
         &self,

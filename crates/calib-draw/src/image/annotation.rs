@@ -11,19 +11,20 @@ use crate::kind::{KindLook, SQUARE, SQUARE_OFFSET, Sign};
 /// Signs on lines, in addition to their colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signs {
-    /// Signs of all kinds.
+    /// Signs of all kinds of annotations.
     All,
-    /// Right-angle signs only, for views in which every line has a name. The letter of the name shows the
-    /// kind. Only lines at right angles to the first line of their annotation are marked.
+    /// Right-angle signs only, for views in which the name of every line shows its kind. Only lines at right
+    /// angles to the first line of their annotation have the sign.
     RightAngles,
 }
 
+/// Returns the annotated lines of a camera with their points, signs and names.
 pub(super) fn annotations(view: &ImageView, signs: Signs) -> Vec<Item<Pixel>> {
     let Some(entry) = view.entry() else { return Vec::new() };
     let mut items = Vec::new();
     for (index, annotation) in entry.annotations.iter().enumerate() {
         for (segment, points) in annotation.polylines().enumerate() {
-            let meaning = Meaning::Annotation(line(view, annotation, index, segment));
+            let meaning = Meaning::Annotation(annotated_line(view, annotation, index, segment));
             let ends = points.first().copied().zip(points.last().copied());
             let dots: Vec<Item<Pixel>> = points.iter().map(|&at| Item::point(meaning, at)).collect();
             let drawn_points = points.len();
@@ -44,26 +45,29 @@ pub(super) fn annotations(view: &ImageView, signs: Signs) -> Vec<Item<Pixel>> {
 }
 
 impl Signs {
+    /// Returns the signs on a line of an annotation.
     fn of(self, annotation: &Annotation, segment: usize) -> impl Iterator<Item = Sign> {
         let of_kind = KindLook::of(annotation.kind).sign;
         let of_kind = match self {
             Self::All => Some(of_kind),
             Self::RightAngles => Some(of_kind).filter(|&sign| sign == SQUARE && segment > 0),
         };
-        // A second direction at right angles to a parallel group also has the square.
+        // The first line of a direction at right angles to another one has the square in addition.
         let is_second = annotation.at_right_angles_to.is_some() && segment == 0 && self == Self::All;
         of_kind.into_iter().chain(is_second.then_some(SQUARE_OFFSET))
     }
 }
 
-/// Returns the segment for a sign: the chord of a line, moved to the middle of the line if it is curved.
+/// Returns the segment on which a sign is placed, in raw pixels: the chord of the line. If the line is
+/// curved, the chord is moved to the middle of the curve.
 fn sign_segment(middle: Option<Pixel>, (a, b): (Pixel, Pixel)) -> [Pixel; 2] {
     let Some(middle) = middle else { return [a, b] };
     let (u, v) = (middle.u - 0.5 * (a.u + b.u), middle.v - 0.5 * (a.v + b.v));
     [a, b].map(|end| Pixel::new(end.u + u, end.v + v))
 }
 
-fn line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize) -> AnnotatedLine {
+/// Returns the kind, indices, state and residual of a line.
+fn annotated_line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize) -> AnnotatedLine {
     let residuals = view.scene.solution(view.camera).map_or(&[][..], |solution| &solution.residuals);
     let is_of = |r: &&Residual| r.annotation == Some(annotation) && r.segment == Some(segment);
     let residual = residuals.iter().find(is_of);
@@ -80,11 +84,13 @@ fn line(view: &ImageView, drawn: &Annotation, annotation: usize, segment: usize)
 }
 
 /// Returns the extensions of an annotated line beyond both ends, towards its vanishing point, curved by the
-/// distortion. Polylines have none, because they follow an edge.
+/// distortion. A polyline has no extensions, because it follows an edge that ends.
 #[must_use]
 pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixel>> {
+    /// Number of segments in an extension.
     const STEPS: i32 = 60;
-    const REACH: f64 = 8.0;
+    /// Length of an extension, in lengths of the annotated line.
+    const EXTENSION_LENGTHS: f64 = 8.0;
     if kind.row().shape == Shape::Polyline {
         return Vec::new();
     }
@@ -101,9 +107,10 @@ pub fn extension(camera: &Camera, kind: Kind, points: &[Pixel]) -> Vec<Item<Pixe
         let points = (0..=STEPS).map_while(|i| at(from + (to - from) * f64::from(i) / f64::from(STEPS)));
         Item::polyline(Meaning::Extension(kind), points.collect())
     };
-    vec![side(0.0, -REACH), side(1.0, 1.0 + REACH)]
+    vec![side(0.0, -EXTENSION_LENGTHS), side(1.0, 1.0 + EXTENSION_LENGTHS)]
 }
 
+/// Returns the control points of a camera with their residuals and names.
 pub(super) fn control_points(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(entry) = view.entry() else { return Vec::new() };
     let plan = view.site().plan.as_ref();

@@ -1,5 +1,5 @@
-//! Floor and planes on an image: the metre grid, the fields of view, the prism over the camera's own, and the
-//! regions of planes.
+//! Floor and planes on an image: the metre grid, the fields of view, the prism over the camera's own field of
+//! view, and the regions of planes.
 
 use calib_core::floor::{PRISM_HEIGHT, prism, vertical};
 use calib_core::{Camera, FloorPoint, Pixel, Plane, Polyline, WorldPoint, floor_grid};
@@ -7,6 +7,7 @@ use calib_core::{Camera, FloorPoint, Pixel, Plane, Polyline, WorldPoint, floor_g
 use crate::image::{ImageView, project};
 use crate::item::{Item, Meaning};
 
+/// Returns the regions of the planes other than the floor, with their names.
 pub(super) fn planes(view: &ImageView) -> Vec<Item<Pixel>> {
     let (Some(camera), site) = (view.pose, view.site()) else { return Vec::new() };
     let mut items = Vec::new();
@@ -20,17 +21,19 @@ pub(super) fn planes(view: &ImageView) -> Vec<Item<Pixel>> {
     items
 }
 
-/// Returns the closed outline of a polygon, at this height in metres above a plane.
+/// Returns the closed outline of a floor polygon, raised by `height` metres above a plane.
 pub(super) fn outline(polygon: &[FloorPoint], plane: &Plane, height: f64) -> Polyline {
     let raised = plane.raised(height);
     polygon.iter().chain(polygon.first()).map(|&at| at.at_height(raised.height_at(at))).collect()
 }
 
-/// Moves a polyline on or above the floor onto a plane.
+/// Raises each point of a polyline by the height of a plane at this point, in metres.
 pub(super) fn onto_plane(line: &[WorldPoint], plane: &Plane) -> Polyline {
     line.iter().map(|&at| WorldPoint { z: at.z + plane.height_at(at.on_floor()), ..at }).collect()
 }
 
+/// Returns the metre grid inside the solved EFOV, on its plane; `step` is the distance of its lines in
+/// metres.
 pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
     let Some((camera, solution)) = view.solved() else { return Vec::new() };
     let (mut items, plane) = (Vec::new(), view.efov_plane(view.camera));
@@ -39,18 +42,20 @@ pub(super) fn grid(view: &ImageView, step: f64) -> Vec<Item<Pixel>> {
         items.extend(project(&camera, Meaning::Grid, &line));
         let size = view.entry().map(calib_site::SiteCamera::size);
         if let (Some(scale), Some(size)) = (view.label_scale, size) {
-            items.extend(number(&camera, &line, size, scale));
+            items.extend(grid_label(&camera, &line, size, scale));
         }
     }
     items
 }
 
-/// Labels a grid line with its metres, at its visible point closest to the camera.
-fn number(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixel>> {
+/// Returns the label of a grid line: its x or y in metres, at its visible point closest to the camera.
+/// `scale` is the size of letters relative to the screen.
+fn grid_label(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64) -> Option<Item<Pixel>> {
+    /// Number of intervals in which a grid line is sampled.
     const SAMPLES: usize = 200;
     let (&a, &b) = (line.first()?, line.last()?);
     let margin = 16.0 * scale;
-    // Title and legend are on the left; numbers keep clear of them.
+    // The title and the legend of the image are on the left; labels keep clear of them.
     let inside = |p: &Pixel| p.u > 7.0 * margin && p.v > 3.0 * margin && p.u < w - margin && p.v < h - margin;
     let points = (0..=SAMPLES).map(|i| {
         let t = i as f64 / SAMPLES as f64;
@@ -65,15 +70,14 @@ fn number(camera: &Camera, line: &[WorldPoint], [w, h]: [f64; 2], scale: f64) ->
     Some(Item::label(Meaning::Grid, at, text))
 }
 
-/// Formats metres with a typographic minus sign, and without trailing zeros.
+/// Formats a length in metres with at most 3 decimals, a typographic minus sign, and no trailing zeros.
 #[must_use]
 pub fn metres(value: f64) -> String {
     let rounded = (value * 1000.0).round() / 1000.0;
     format!("{}", rounded + 0.0).replace('-', "\u{2212}")
 }
 
-/// Returns the diagonal of the bounding rectangle of a polygon, in metres. The step of a grid is chosen from
-/// it.
+/// Returns the diagonal of the bounding rectangle of a polygon, in metres. It determines the step of a grid.
 #[must_use]
 pub fn diagonal(polygon: &[FloorPoint]) -> f64 {
     let span = |value: fn(&FloorPoint) -> f64| {
@@ -83,17 +87,18 @@ pub fn diagonal(polygon: &[FloorPoint]) -> f64 {
     span(|p| p.x).hypot(span(|p| p.y))
 }
 
+/// Returns the annotated EFOV with its corners.
 pub(super) fn annotated_efov(view: &ImageView) -> Vec<Item<Pixel>> {
     let corners = view.entry().and_then(|entry| entry.efov_px.as_ref()).filter(|corners| corners.len() >= 2);
     let Some(corners) = corners else { return Vec::new() };
     let meaning = Meaning::Efov(view.camera);
     let points = corners.iter().map(|&corner| Item::point(meaning, corner));
-    // Straight pixel polygon under any lens, because a pixel is tested against this polygon.
+    // The polygon has straight sides in raw pixels under any lens, because pixels are tested against it.
     std::iter::once(Item::polygon(meaning, corners.clone())).chain(points).collect()
 }
 
-/// Returns the prism over an annotated field of view; its vertical edges start at the annotated corners. A
-/// field without annotation has no useful prism.
+/// Returns the prism over an annotated field of view; its vertical edges start at the annotated corners. The
+/// result is empty if the field of view is not annotated.
 pub(super) fn annotated_prism(view: &ImageView) -> Vec<Item<Pixel>> {
     let annotated = view.entry().and_then(|entry| entry.efov_px.as_ref());
     let (Some((camera, solution)), Some(drawn)) = (view.solved(), annotated) else { return Vec::new() };
@@ -104,19 +109,22 @@ pub(super) fn annotated_prism(view: &ImageView) -> Vec<Item<Pixel>> {
     lines.flat_map(|line| project(&camera, Meaning::Prism(view.camera), &line)).collect()
 }
 
+/// Returns the solved EFOV and the prism over it.
 pub(super) fn solved_efov(view: &ImageView) -> Vec<Item<Pixel>> {
-    /// Largest number of corners with a full prism. Clipped or curved outlines have more; their prism shows
-    /// only the faces.
-    const CORNERS: usize = 8;
-    const FACES: usize = 2;
+    /// Largest number of corners of an EFOV whose prism is drawn with vertical edges. Clipped or curved
+    /// outlines have more corners; only the base and the top face of their prism are drawn.
+    const MAX_PRISM_CORNERS: usize = 8;
+    /// Number of faces of a prism: base and top.
+    const PRISM_FACES: usize = 2;
     let Some((camera, solution)) = view.solved() else { return Vec::new() };
     let lines = prism(&solution.efov_m);
-    let count = if solution.efov_m.len() > CORNERS { FACES } else { lines.len() };
+    let count = if solution.efov_m.len() > MAX_PRISM_CORNERS { PRISM_FACES } else { lines.len() };
     let meaning = |index| if index == 0 { Meaning::Efov(view.camera) } else { Meaning::Prism(view.camera) };
     let (lines, plane) = (lines.iter().take(count).enumerate(), view.efov_plane(view.camera));
     lines.flat_map(|(index, line)| project(&camera, meaning(index), &onto_plane(line, &plane))).collect()
 }
 
+/// Returns the EFOVs of the other placed cameras.
 pub(super) fn other_efovs(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(camera) = view.pose.filter(|_| view.scene.placed(view.camera).is_some()) else {
         return Vec::new();

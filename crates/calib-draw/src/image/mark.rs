@@ -1,4 +1,4 @@
-//! Virtual elements and links on an image: marks of the site, a figure for comparison, and links as annotated
+//! Virtual elements and links on an image: marks of the site, a person for comparison, and links as annotated
 //! and as solved.
 
 use calib_core::{Camera, MarkKind, MarkShape, Pixel, WorldPoint};
@@ -8,10 +8,11 @@ use crate::agreement::{Element, View, elements};
 use crate::image::{ImageView, project};
 use crate::item::{ElementStatus, Item, Meaning};
 
+/// Returns the marks that are switched on, as outlines with names.
 pub(super) fn marks(view: &ImageView) -> Vec<Item<Pixel>> {
     let Some(camera) = view.pose else { return Vec::new() };
     let mut items = Vec::new();
-    for (index, mark) in used(view) {
+    for (index, mark) in used_marks(view) {
         let (shape, meaning) = (mark.shape(), Meaning::Mark(index));
         items.extend(shape.polylines().iter().flat_map(|line| project(&camera, meaning, line)));
         let named = mark.name.as_ref().or(mark.id.as_ref()).zip(camera.world_to_pixel(shape.at));
@@ -20,13 +21,13 @@ pub(super) fn marks(view: &ImageView) -> Vec<Item<Pixel>> {
     items
 }
 
-/// Returns the corners of marks that the operator pinned to pixels of this image.
+/// Returns the corners of marks that the operator pinned to pixels of this image, with their residuals.
 pub(super) fn pins(view: &ImageView) -> Vec<Item<Pixel>> {
     let entry = view.entry().filter(|_| view.site().owns_links(view.camera));
     let (Some(camera), Some(entry)) = (view.pose, entry) else { return Vec::new() };
     let mut items = Vec::new();
-    // Marks behind the camera cannot be compared.
-    for (index, mark) in used(view).filter(|(_, mark)| camera.world_to_pixel(mark.at_m).is_some()) {
+    // The pins of marks behind the camera are omitted: they have no reprojection.
+    for (index, mark) in used_marks(view).filter(|(_, mark)| camera.world_to_pixel(mark.at_m).is_some()) {
         let shape = mark.shape();
         for pin in mark.seen.iter().filter(|seen| seen.camera == entry.id) {
             items.push(Item::point(Meaning::MarkObservation(index), pin.px));
@@ -38,12 +39,13 @@ pub(super) fn pins(view: &ImageView) -> Vec<Item<Pixel>> {
     items
 }
 
-fn used<'a>(view: &ImageView<'a>) -> impl Iterator<Item = (usize, &'a Mark)> {
+/// Returns the marks that are switched on, each with its index.
+fn used_marks<'a>(view: &ImageView<'a>) -> impl Iterator<Item = (usize, &'a Mark)> {
     view.site().marks.iter().enumerate().filter(|(_, mark)| !mark.off)
 }
 
-/// Returns a person of this height in metres, standing at the floor point of a pixel, with the pixel of the
-/// top of the head.
+/// Returns the outline of a person whose feet are at the floor point of a pixel, and the pixel of the top of
+/// the head. `height` is in metres. `None` if the pixel shows no floor.
 #[must_use]
 pub fn guide(camera: &Camera, foot: Pixel, height: f64) -> Option<(Vec<Item<Pixel>>, Option<Pixel>)> {
     let at = camera.pixel_to_floor(foot, 0.0)?.at_height(0.0);
@@ -52,7 +54,8 @@ pub fn guide(camera: &Camera, foot: Pixel, height: f64) -> Option<(Vec<Item<Pixe
     Some((items, camera.world_to_pixel(WorldPoint { z: height, ..at })))
 }
 
-/// Returns the links annotated in this image. A link waits if only one view shows it, or if it is `begun`.
+/// Returns the links annotated in this image. A link is incomplete if only one view shows it, or if its index
+/// is `begun`.
 pub(super) fn links(view: &ImageView, begun: Option<usize>) -> Vec<Item<Pixel>> {
     let Some(entry) = view.entry().filter(|_| view.site().owns_links(view.camera)) else { return Vec::new() };
     let mut items = Vec::new();
@@ -72,17 +75,19 @@ pub(super) fn links(view: &ImageView, begun: Option<usize>) -> Vec<Item<Pixel>> 
     items
 }
 
+/// Returns the solved links and marks as observed and as reprojected in this image.
 pub(super) fn sightings(view: &ImageView) -> Vec<Item<Pixel>> {
     let mut items = Vec::new();
     for element in elements(view.site()) {
         for own in element.views.iter().filter(|of| of.index == view.camera) {
-            items.extend(sighting(view, &element, own));
+            items.extend(observation_items(view, &element, own));
         }
     }
     items
 }
 
-fn sighting(image: &ImageView, element: &Element, view: &View) -> Vec<Item<Pixel>> {
+/// Returns the observed and the reprojected points of an element in one view, with lines between them.
+fn observation_items(image: &ImageView, element: &Element, view: &View) -> Vec<Item<Pixel>> {
     let of =
         ElementStatus { camera: Some(view.index), is_rejected: element.is_rejected, is_off: element.is_off };
     let (seen, solved) = (Meaning::Observed(of), Meaning::Solved(of));
@@ -97,7 +102,7 @@ fn sighting(image: &ImageView, element: &Element, view: &View) -> Vec<Item<Pixel
         items.push(Item::point(seen, sighting.annotated));
         items.push(Item::point(solved, sighting.reprojected));
     }
-    // A mark already has its own label.
+    // Only links are labelled here: the layer of marks labels the marks.
     let named = first.filter(|_| element.kind == "link");
     items.extend(named.map(|at| Item::label(solved, at, element.id.clone())));
     items

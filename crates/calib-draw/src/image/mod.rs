@@ -1,7 +1,7 @@
 //! Overlays of a camera's image, in raw pixels.
 //!
 //! Geometry outside the image is kept, because a canvas may be larger than the image. Geometry outside the
-//! camera's view or its lens model is dropped. The files: `annotation` for lines and control points, `floor`
+//! camera's view or its lens model is omitted. The files: `annotation` for lines and control points, `floor`
 //! for grid, planes and fields of view, `horizon` for horizon and lens grid, `mark` for marks and links.
 
 mod floor;
@@ -27,14 +27,14 @@ use crate::scene::Scene;
 /// Layer of an image overlay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ImageLayer {
-    /// Straight lines of the scene, curved by the distortion.
+    /// Grid of lines that are straight in the scene, curved by the distortion.
     LensGrid,
-    /// Metre grid of the floor, or of the plane of the EFOV; the value is the distance of its lines, in
-    /// metres.
+    /// Metre grid on the plane of the EFOV, which is usually the floor. The value is the distance of grid
+    /// lines in metres.
     Grid(f64),
     /// Regions of the planes other than the floor, with their names.
     Planes,
-    /// EFOV as annotated by the operator.
+    /// Effective field of view (EFOV) as annotated by the operator.
     AnnotatedEfov,
     /// Prism over the annotated EFOV.
     AnnotatedPrism,
@@ -42,26 +42,26 @@ pub enum ImageLayer {
     SolvedEfov,
     /// EFOVs of other placed cameras.
     OtherEfovs,
-    /// Horizon.
+    /// Horizon, curved by the distortion.
     Horizon,
-    /// Virtual elements.
+    /// Marks: virtual elements on the floor.
     Marks,
-    /// Corners of virtual elements at their observed pixels.
+    /// Corners of marks at the pixels to which the operator pinned them.
     Pins,
-    /// Annotated lines, with these signs.
+    /// Annotated lines; the value selects their signs.
     Annotations(Signs),
-    /// Control points, used or not.
+    /// Control points, including those that are switched off.
     ControlPoints,
-    /// Links as annotated; the link `incomplete` needs a second view.
+    /// Links as annotated by the operator.
     Links {
-        /// Index of that link.
+        /// Index of a link that needs an observation in another view, if any.
         incomplete: Option<usize>,
     },
     /// Solved links and marks: observed and reprojected points.
     Observations,
 }
 
-/// Image of a camera, for overlays.
+/// Image of a camera with the results that its overlays show.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageView<'a> {
     pub(crate) scene: &'a dyn Scene,
@@ -71,14 +71,14 @@ pub struct ImageView<'a> {
 }
 
 impl<'a> ImageView<'a> {
-    /// Creates the view of the camera with this index.
+    /// Creates the view of the camera with this index, without labels.
     #[must_use]
     pub fn new(scene: &'a dyn Scene, camera: usize) -> Self {
         Self { scene, camera, pose: scene.pose(camera), label_scale: None }
     }
 
-    /// Adds labels: names of lines, metres of the grid, and the word "horizon". `scale` is the size of
-    /// letters relative to the screen.
+    /// Adds labels to the overlays: names of lines, metres of the grid, and the word "horizon". `scale` is
+    /// the size of letters relative to the screen.
     #[must_use]
     pub fn with_labels(self, scale: f64) -> Self {
         Self { label_scale: Some(scale), ..self }
@@ -92,14 +92,14 @@ impl<'a> ImageView<'a> {
         self.site().cameras.get(self.camera)
     }
 
-    /// Returns the lens for drawing lines: the solved one, otherwise the most likely one. It may be known
-    /// without the pose.
+    /// Returns the lens for drawing lines: the solved lens, otherwise the most likely one. A lens may be
+    /// known without the pose.
     fn lens(&self) -> Option<Lens> {
         let found = self.scene.solution(self.camera).map(Solution::lens);
         found.or_else(|| self.entry().map(SiteCamera::likely_lens))
     }
 
-    /// Returns the image curve of a line with these annotated points.
+    /// Returns the curve of an annotated line in raw pixels, as distorted by the lens.
     fn image_curve(&self, points: Vec<Pixel>) -> Vec<Pixel> {
         match self.lens() {
             Some(lens) => annotated_line_curve(&lens, &points),
@@ -113,7 +113,7 @@ impl<'a> ImageView<'a> {
         self.scene.plane(entry.and_then(|entry| entry.efov_plane.as_deref()))
     }
 
-    /// Returns the camera with its solution.
+    /// Returns the pose and lens of the camera, with its solution.
     fn solved(&self) -> Option<(Camera, &'a Solution)> {
         self.pose.zip(self.scene.solution(self.camera))
     }
@@ -140,13 +140,13 @@ impl ImageLayer {
     }
 }
 
-/// Returns the overlays of an image, from the lowest layer to the highest.
+/// Returns the items of some layers on an image, in drawing order: the first layer is the lowest.
 #[must_use]
 pub fn on_image(view: &ImageView, layers: &[ImageLayer]) -> Vec<Item<Pixel>> {
     layers.iter().flat_map(|layer| layer.items(view)).collect()
 }
 
-/// Projects a polyline of the scene into the image of a camera.
+/// Projects a polyline from world metres into raw pixels; parts that the camera does not show are omitted.
 #[must_use]
 pub fn project(camera: &Camera, meaning: Meaning, polyline: &[WorldPoint]) -> Vec<Item<Pixel>> {
     let pieces = calib_core::on_image(camera, polyline).into_iter();

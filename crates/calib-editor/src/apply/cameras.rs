@@ -1,6 +1,6 @@
-//! Actions on the list of cameras and their images: select, add, replace, rename, remove.
+//! Actions on the list of cameras and on their images: select, add, replace, rename, remove.
 //!
-//! Also results of comparisons with newer images, and cameras recovered from them.
+//! Also the results of comparisons with newer images, and cameras that are recovered from newer images.
 
 use calib_site::{LensEntry, Recovered, Site, SiteCamera};
 
@@ -46,7 +46,7 @@ impl Editor {
         site.cameras.push(SiteCamera { image: Some(image), lens, ..SiteCamera::new(id.clone(), size) });
         let added = site.cameras.len() - 1;
         self.session.commit(format!("add {id}"));
-        // Of several new cameras the first is selected; an unfinished gesture is not interrupted.
+        // If several cameras are added, the first one is selected. An unfinished gesture is not interrupted.
         let is_begun =
             self.session.entry().is_some_and(|entry| !entry.annotations.is_empty() || entry.is_given());
         if is_begun && self.tool().is_idle() {
@@ -79,7 +79,7 @@ impl Editor {
         }
     }
 
-    /// Scales all annotations of the replaced image to the size of the new one.
+    /// Scales all annotations of the camera from the size of the replaced image to the size of the new one.
     pub(super) fn rescale_to_image(&mut self) {
         let Some(ReplacedImage { of, size, .. }) = &mut self.replaced_image else { return };
         let (of, Some(from)) = (of.clone(), size.take()) else { return };
@@ -124,7 +124,7 @@ impl Editor {
         if let Some(old_image) = self.replaced_image.as_mut().filter(|replaced| replaced.of.camera == old) {
             id.clone_into(&mut old_image.of.camera);
         }
-        // Undo restores the old id, so both ids are kept.
+        // Undo restores the old id, so the newer image is stored with both ids.
         for newer in self.newer.iter_mut().filter(|newer| newer.ids.contains(&old)) {
             newer.ids.insert(id.to_owned());
         }
@@ -140,7 +140,7 @@ impl Editor {
         let removed = session.site.cameras.remove(session.camera);
         let of = Period::from_camera(&removed);
         let id = removed.id;
-        // Links and marks belong to the image of the newest period only.
+        // Links and marks belong to the image of the newest calibration period only.
         if had_shared {
             edit::remove_observations(&mut session.site, &id);
         }
@@ -197,8 +197,8 @@ impl Editor {
         self.newer.iter_mut().find(|newer| newer.is_of(entry))
     }
 
-    /// Replaces the site by one with a new period of the camera, unless the site changed since the
-    /// comparison.
+    /// Replaces the site by a site with a new calibration period of the camera. `from` is the site from which
+    /// it was computed; a site that has changed since is not replaced.
     fn apply_recovered(&mut self, camera: &str, from: &Site, found: Recovered) {
         self.cancel();
         if self.session.site != *from {

@@ -36,8 +36,8 @@ impl Editor {
         }
     }
 
-    /// Selects the tool for the suggested line. No line is added: only lines that the operator placed on
-    /// image pixels are evidence.
+    /// Selects the tool for the suggested line. It adds no line, because only lines that the operator places
+    /// on the image are evidence.
     fn select_suggested_tool(&mut self) {
         let Some(next) = self.session.suggestion().cloned() else { return };
         let makes_it = |tool: &ToolRow| match next.kind {
@@ -69,7 +69,7 @@ impl Editor {
         self.session.commit("set two directions at right angles");
     }
 
-    /// Adds the copied annotations to the selected camera, scaled to its image.
+    /// Adds the copied annotations to the selected camera, scaled to the size of its image.
     fn paste_lines(&mut self) {
         let Some((copied, from)) = self.copied_annotations.clone() else { return };
         let Some(entry) = self.session.entry_mut() else { return };
@@ -79,7 +79,7 @@ impl Editor {
         for mut annotation in copied {
             edit::scale(&mut annotation, ratio);
             annotation.id.take_if(|id| used_ids.contains(id));
-            // The referenced annotation lost its id, or the id belongs to another annotation here.
+            // The reference is removed: the id belongs to another annotation of this camera.
             annotation.at_right_angles_to.take_if(|id| used_ids.contains(id));
             entry.annotations.push(annotation);
         }
@@ -108,7 +108,7 @@ impl Editor {
         self.session.commit(name);
     }
 
-    /// Sets a prior on the focal length, which the operator can see and remove.
+    /// Sets a prior on the focal length in pixels, which the operator can see and remove.
     pub(super) fn set_focal_prior(&mut self, focal: f64, name: &str) {
         let lens = self.session.entry().and_then(|entry| entry.lens.clone()).unwrap_or_default();
         self.set_lens(LensEntry { focal_px: Some(Known::prior(focal, 0.05 * focal)), ..lens }, name);

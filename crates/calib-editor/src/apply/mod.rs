@@ -18,7 +18,7 @@ use crate::action::Action;
 use crate::editor::Editor;
 
 impl Editor {
-    /// Applies an action. A change of the site ends as one undo step.
+    /// Applies an action. If the action changes the site, the change is one undo step.
     pub fn apply(&mut self, action: Action) {
         match action {
             Action::Open(opened) => self.open(*opened),

@@ -25,7 +25,7 @@ impl Editor {
         self.session.commit(name);
     }
 
-    /// Rotates or scales the selected camera about its foot, as its handles on the plan do.
+    /// Rotates or scales the selected camera about its foot. `verb` names the undo step.
     pub(super) fn rotate_or_scale(&mut self, verb: &str, change: impl FnOnce(&mut Placement)) {
         self.cancel();
         let session = &mut self.session;
@@ -68,8 +68,8 @@ impl Editor {
         session.commit(format!("{verb} {id}"));
     }
 
-    /// Fixes or unfixes one number of the placement. If the whole placement was fixed, its other numbers stay
-    /// fixed.
+    /// Fixes or unfixes one component of the placement. If the whole placement was fixed, the other
+    /// components stay fixed.
     pub(super) fn toggle_number_fixed(&mut self, number: PlacementNumber) {
         self.cancel();
         let session = &mut self.session;
@@ -80,7 +80,7 @@ impl Editor {
         }
         let Some(entry) = session.entry_mut() else { return };
         let Some(placement) = &mut entry.placement else { return };
-        // Rounded to a millimetre: no height is known better.
+        // The height is rounded to 1 mm, because no height is known more accurately.
         let height = (1e3 * STAGE_1_HEIGHT * now.scale).round() / 1e3;
         let was_whole = std::mem::take(&mut placement.fixed);
         if was_whole {
@@ -194,7 +194,7 @@ impl Editor {
         }
     }
 
-    /// Replaces a plane's entry and discards its solution.
+    /// Replaces the entry of a plane and discards the solution of the plane.
     fn set_plane_entry(&mut self, index: usize, plane: PlaneEntry, name: String) {
         if let Some(own) = self.session.site.planes.get_mut(index) {
             *own = PlaneEntry { solution: None, ..plane };

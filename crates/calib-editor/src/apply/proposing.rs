@@ -11,7 +11,8 @@ use crate::period::Period;
 use crate::proposed::{CalibrationDecision, PendingCalibration, PendingGroup};
 
 impl Editor {
-    /// Shows the automatic calibration of a camera's image instead of an earlier one.
+    /// Stores an automatic calibration as undecided. It replaces an earlier one of the same calibration
+    /// period.
     pub(super) fn set_automatic_calibration(&mut self, of: &Period, proposal: &AutomaticCalibration) {
         self.cancel();
         let Some(entry) = self.session.site.cameras.iter().find(|entry| of.matches(entry)) else { return };
@@ -20,7 +21,7 @@ impl Editor {
         let note = match (proposed.count(), proposed.confidence) {
             (0, Confidence::None) => Some(format!("No lines were detected in the image of {camera}.")),
             (0, _) => Some(format!("All detected lines of {camera} are annotated already.")),
-            // The status line shows the available keys as long as the automatic calibration is undecided.
+            // No note: the status line shows the available keys while the automatic calibration is undecided.
             _ => None,
         };
         let all = Arc::make_mut(&mut self.session.pending.proposed);
@@ -31,11 +32,11 @@ impl Editor {
         self.session.note = note;
     }
 
-    /// Applies a command to the selected group, or to the group that reduces the floor error most.
+    /// Applies a command to the selected group of lines, or to the group that reduces the floor error most.
     pub(super) fn proposing(&mut self, command: Proposing) {
         let mut group = || self.selected_group();
         let action = match command {
-            // The view runs this command, because it has the pixels.
+            // The view runs this command, because it has the decoded image.
             Proposing::Propose => None,
             Proposing::AcceptProposed => Some(CalibrationDecision::AcceptAll),
             Proposing::DismissProposed => Some(CalibrationDecision::Dismiss),
@@ -97,7 +98,8 @@ impl Editor {
         }
     }
 
-    /// Accepts groups. The other groups stay undecided; if none remain, the automatic calibration is removed.
+    /// Accepts the groups that `which` selects by index. The other groups stay undecided. If no groups
+    /// remain, the automatic calibration is removed.
     fn accept(&mut self, which: impl Fn(usize) -> bool, verb: &str) {
         let Some(proposed) = self.session.proposed().cloned() else { return };
         let chosen = || (0..proposed.groups.len()).filter(|&group| which(group));

@@ -133,10 +133,12 @@ impl Editor {
             },
             Selection::Duplicate => self.duplicate(&parts, &name),
             Selection::OnOff => {
-                self.flags(&parts, &format!("switch {name} on or off"), |off, _| *off = !*off);
+                self.change_flags(&parts, &format!("switch {name} on or off"), |off, _| *off = !*off);
             }
             Selection::UseAnyway => {
-                self.flags(&parts, &format!("use {name} anyway"), |off, keep| (*off, *keep) = (false, true));
+                self.change_flags(&parts, &format!("use {name} anyway"), |off, keep| {
+                    (*off, *keep) = (false, true);
+                });
             }
             Selection::SelectAll => {
                 let handles = hit::handles(&self.session.site, self.session.camera);
@@ -165,8 +167,9 @@ impl Editor {
         session.commit(format!("duplicate {name}"));
     }
 
-    /// Changes the `off` and `keep` flags of all selected annotations, each once.
-    fn flags(&mut self, parts: &BTreeSet<Part>, name: &str, change: impl Fn(&mut bool, &mut bool)) {
+    /// Changes the flags `off` and `keep` of all selected annotations, control points, links and marks, each
+    /// once.
+    fn change_flags(&mut self, parts: &BTreeSet<Part>, name: &str, change: impl Fn(&mut bool, &mut bool)) {
         let mut seen = BTreeSet::new();
         let site = &mut self.session.site;
         for &part in parts {
@@ -224,8 +227,8 @@ impl Editor {
         }
     }
 
-    /// Moves the selected parts in pixels. Marks move by multiples of 0.1 m, as does the camera if nothing is
-    /// selected.
+    /// Moves the selected parts by a displacement in pixels. Marks move on the floor by multiples of 0.1 m.
+    /// If nothing is selected, the camera moves by multiples of 0.1 m.
     fn nudge_by(&mut self, by: [f64; 2], pane: Option<Pane>) {
         if !self.tool().is_idle() {
             self.cancel();

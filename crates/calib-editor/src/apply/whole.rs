@@ -1,6 +1,6 @@
 //! Actions on the whole document: open, save, attach images, import from other programs.
 //!
-//! Also links, marks, distances and control points that are changed in their tables.
+//! Also changes of links, marks, distances and control points in the tables of the app.
 
 use std::path::PathBuf;
 
@@ -66,7 +66,7 @@ impl Editor {
     }
 
     pub(super) fn saved(&mut self, path: PathBuf, folder: Option<PathBuf>) {
-        // Image paths are now relative to the folder of the file.
+        // From now on, image paths are relative to the folder of the file.
         if let Some(folder) = folder.filter(|folder| self.session.images.folder.as_ref() != Some(folder)) {
             let images = self.session.images.clone();
             let names = self.newer.iter_mut().flat_map(|newer| [Some(&mut newer.image), newer.old.as_mut()]);
@@ -102,7 +102,7 @@ impl Editor {
         let session = &mut self.session;
         session.site = rename(&session.site);
         session.history.map(rename);
-        // Autosave stores the new images after this, and with the next gesture.
+        // The new generation makes autosave store the new images.
         session.revision.generation += u64::from(session.revision.generation > 0);
     }
 
@@ -131,8 +131,8 @@ impl Editor {
         self.session.note = Some(format!("Imported: {lenses_in_words}. Added: {added_in_words}.{notes}"));
     }
 
-    /// Imports a camera: its lens if the camera exists, otherwise a new camera. Returns whether a camera was
-    /// added.
+    /// Imports a camera. If the camera exists in the site, only its lens is imported. Returns whether a
+    /// camera was added.
     fn import_camera(&mut self, camera: SiteCamera, is_alone: bool) -> Result<bool, String> {
         let session = &mut self.session;
         let known = session.site.cameras.iter().position(|own| own.id == camera.id);

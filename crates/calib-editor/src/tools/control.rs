@@ -1,4 +1,4 @@
-//! Control point tool: a pixel of an image, then its position on the plan.
+//! Control point tool: a click on an image, then a click on the corresponding position on the plan.
 
 use calib_core::{FloorPoint, Pixel};
 use calib_site::ControlPointEntry;
@@ -10,9 +10,10 @@ use crate::tools::{MAX_CLICK_SIGMA_PX, Pane, Phase, Pointer, Tool, imprecise_not
 /// Tool that adds control points.
 #[derive(Debug, Default)]
 pub(super) struct Control {
-    /// Pixel without a plan position: camera, pixel, standard deviation in pixels.
+    /// Clicked pixel that has no plan position yet: index of the camera, raw pixel, and standard deviation in
+    /// pixels.
     pending: Option<(usize, Pixel, Option<f64>)>,
-    /// Floor position of the pointer, for the preview.
+    /// Floor position of the pointer in metres, for the preview.
     pointer_m: Option<[f64; 2]>,
 }
 
@@ -62,7 +63,8 @@ impl Tool for Control {
     }
 
     fn accept(&mut self, session: &mut Session) {
-        // Current estimate of its position: a start for values that are typed in the table.
+        // The point starts at its estimated floor position; the operator then enters its coordinates in the
+        // table.
         let at =
             self.pending.and_then(|(camera, px, _)| session.solved.pose(camera)?.pixel_to_floor(px, 0.0));
         if let Some(at) = at {

@@ -17,15 +17,16 @@ enum Gesture {
     Pressed { camera: usize, start: Pixel, end: Pixel },
 }
 
-/// Tool that adds links. The last started link, or the selected one, is extended by the next view until Enter
-/// or Esc.
+/// Tool that adds links. An observation in another view extends the link that was started last or is
+/// selected, until Enter or Esc.
 #[derive(Debug, Default)]
 pub(super) struct Linking {
     gesture: Gesture,
-    /// Id of the link that the next view extends.
+    /// Id of the link that an observation in another view extends.
     open_id: Option<String>,
 }
 
+/// Creates an observation of a link of this kind from a drag.
 fn observation(
     camera: &str,
     [start, end]: [Pixel; 2],
@@ -40,7 +41,7 @@ fn observation(
     }
 }
 
-/// Returns the selected link.
+/// Returns the index of the selected link.
 fn selected(session: &Session) -> Option<usize> {
     session.selection.iter().find_map(|part| match part {
         Part::Link { link, .. } => Some(*link),
@@ -49,7 +50,8 @@ fn selected(session: &Session) -> Option<usize> {
 }
 
 impl Linking {
-    /// Continues a clicked link in the next view. A link that was started before is merged into it.
+    /// Continues the clicked link `drawn` in the next view. The link `begun`, which was started before, is
+    /// merged into it.
     fn continue_link(&mut self, session: &mut Session, drawn: usize, begun: Option<usize>) {
         let free = edit::free_id(&session.site, 'L');
         let links = &mut session.site.links;
@@ -74,7 +76,8 @@ impl Linking {
         self.open_id = Some(name);
     }
 
-    /// Continues the selected link, because choosing another camera clears the selection.
+    /// Stores the id of the selected link as the link to continue, because selecting another camera clears
+    /// the selection.
     fn continue_selected(&mut self, session: &Session) {
         let link = selected(session).and_then(|index| session.site.links.get(index));
         if let Some(id) = link.and_then(|link| link.id.clone()) {
@@ -109,7 +112,7 @@ impl Linking {
             session.site.links.push(Link::new(Some(free.clone()), kind, seen));
             free
         };
-        // This link is continued, regardless of the selection.
+        // The link is continued by its id, so its parts are removed from the selection.
         session.selection.retain(|part| !matches!(part, Part::Link { .. }));
         session.commit(format!("link {name} in {id}"));
         if let (Some(sigma), None) = (sigma.filter(|sigma| *sigma > MAX_CLICK_SIGMA_PX), &session.note) {
@@ -119,7 +122,7 @@ impl Linking {
     }
 }
 
-/// Returns the point link at the pointer in this camera.
+/// Returns the index of the point link at the pointer in the camera with this id.
 fn link_at(session: &Session, camera: &str, pointer: &Pointer) -> Option<usize> {
     let at = Pixel::from(pointer.at);
     let is_there = |seen: &LinkObservation| {
@@ -157,12 +160,12 @@ impl Tool for Linking {
     }
 
     fn cancel(&mut self) {
-        // The link is continued: the operator may have to choose the next view first.
+        // The open link stays open: the operator may have to select the next view first.
         self.gesture = Gesture::Idle;
     }
 
     fn is_idle(&self) -> bool {
-        // A link that can be extended by another view is a finished gesture.
+        // A link that another view can extend is not an unfinished gesture.
         self.gesture == Gesture::Idle
     }
 

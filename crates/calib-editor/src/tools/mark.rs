@@ -1,4 +1,4 @@
-//! Mark tool: virtual objects that are created on the floor, dragged in any view, and pinned with Alt.
+//! Mark tool. Virtual elements are created on the floor, dragged in any view, and pinned to pixels with Alt.
 
 use calib_core::{ControlPoint, MarkKind, Pixel, Placement, WorldPoint};
 
@@ -10,9 +10,9 @@ use crate::session::Session;
 use crate::tools::place::{SNAP_M, fit_pins, round};
 use crate::tools::{Pane, Phase, Pointer, Tool};
 
-/// Returns the size of a new mark, in metres.
+/// Returns the dimensions of a new mark of this kind, in metres.
 #[must_use]
-fn usual_size(kind: MarkKind) -> Vec<f64> {
+fn default_size_m(kind: MarkKind) -> Vec<f64> {
     match kind {
         MarkKind::Cross => vec![0.5],
         MarkKind::Post => vec![0.1, 0.1, 2.0],
@@ -24,7 +24,8 @@ fn usual_size(kind: MarkKind) -> Vec<f64> {
     }
 }
 
-fn add(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
+/// Adds a mark of this kind at a floor point in metres, and returns its index.
+fn add_mark(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
     site.marks.push(Mark {
         id: Some(edit::free_id(site, 'M')),
         name: None,
@@ -33,7 +34,7 @@ fn add(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
         kind,
         at_m: WorldPoint::new(at[0], at[1], 0.0),
         turn_deg: 0.0,
-        size_m: usual_size(kind),
+        size_m: default_size_m(kind),
         fixed: false,
         seen: Vec::new(),
         solution: None,
@@ -43,9 +44,11 @@ fn add(site: &mut Site, kind: MarkKind, at: [f64; 2]) -> usize {
 
 #[derive(Clone, Debug, PartialEq)]
 enum DragKind {
-    /// The mark follows the pointer on the floor.
+    /// The mark follows the pointer on the floor. `offset` is the mark minus the pointer at the start, in
+    /// metres.
     Slide { offset: [f64; 2] },
-    /// A point of the mark is pinned to a pixel: the camera moves.
+    /// A point of the mark is pinned to a pixel, and the camera moves accordingly. `own` is its placement at
+    /// the start.
     Pin { camera: usize, point: String, own: Placement },
 }
 
@@ -59,7 +62,7 @@ pub(super) struct MarkDrag {
 }
 
 impl MarkDrag {
-    /// Returns the mark whose foot is at the pointer on the plan.
+    /// Returns the index of the mark whose foot is at the pointer on the plan.
     pub(super) fn under(session: &Session, pointer: &Pointer) -> Option<usize> {
         session.site.marks.iter().position(|mark| {
             !mark.off && (mark.at_m.x - pointer.at[0]).hypot(mark.at_m.y - pointer.at[1]) <= pointer.radius
@@ -101,17 +104,18 @@ impl MarkDrag {
         }
         session.revert();
         match &self.kind {
-            DragKind::Slide { offset } => self.slide(session, pointer, *offset),
+            DragKind::Slide { offset } => self.move_on_floor(session, pointer, *offset),
             DragKind::Pin { camera, point, own } if pointer.pane == Pane::Image(*camera) => {
-                self.pin(session, *camera, point, *own, pointer.at.into());
+                self.pin_to_pixel(session, *camera, point, *own, pointer.at.into());
             }
             DragKind::Pin { .. } => {}
         }
         self
     }
 
-    fn slide(&self, session: &mut Session, pointer: &Pointer, offset: [f64; 2]) {
-        let raised = pointer.modifiers.ctrl.then(|| self.raised(session, pointer)).flatten();
+    /// Moves the mark to the pointer on the floor; while Ctrl is pressed, changes its height.
+    fn move_on_floor(&self, session: &mut Session, pointer: &Pointer, offset: [f64; 2]) {
+        let raised = pointer.modifiers.ctrl.then(|| self.dragged_height(session, pointer)).flatten();
         let under = pointer.floor(session, self.height);
         let snaps = session.tool.snap && pointer.pane == Pane::Plan;
         let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
@@ -125,8 +129,9 @@ impl MarkDrag {
         }
     }
 
-    /// Returns the height at which the mark's foot appears closest to the pointer's row, in metres.
-    fn raised(&self, session: &Session, pointer: &Pointer) -> Option<f64> {
+    /// Returns the height of the mark's foot above the floor for which it appears in the pixel row of the
+    /// pointer, in metres.
+    fn dragged_height(&self, session: &Session, pointer: &Pointer) -> Option<f64> {
         let (camera, at) = pointer.pixel()?;
         let pose = session.solved.pose(camera)?;
         let foot = session.site.marks.get(self.mark)?.at_m;
@@ -136,7 +141,9 @@ impl MarkDrag {
         Some(self.height + (self.started.v - at.v) / rise)
     }
 
-    fn pin(&self, session: &mut Session, camera: usize, point: &str, own: Placement, px: Pixel) {
+    /// Pins a point of the mark to a pixel of a camera, and moves the camera so that it shows all pins at
+    /// their pixels.
+    fn pin_to_pixel(&self, session: &mut Session, camera: usize, point: &str, own: Placement, px: Pixel) {
         let Some(id) = session.site.cameras.get(camera).map(|c| c.id.clone()) else { return };
         let Some(mark) = session.site.marks.get_mut(self.mark) else { return };
         match mark.seen.iter_mut().find(|seen| seen.camera == id && seen.point == point) {
@@ -163,8 +170,8 @@ impl MarkDrag {
         if let DragKind::Pin { camera, point, own } = &self.kind
             && session.history.is_unchanged(&session.site)
         {
-            // A click with Alt pins it at its current pixel.
-            self.pin(session, *camera, point, *own, self.started);
+            // A click with Alt, without a drag, pins the point at the clicked pixel.
+            self.pin_to_pixel(session, *camera, point, *own, self.started);
         }
         let name = session.part_name(Part::Mark(self.mark));
         match self.kind {
@@ -186,7 +193,7 @@ impl MarkDrag {
     }
 }
 
-/// Tool that creates marks; the kind is selected in the panel.
+/// Tool that creates marks; the operator selects their kind in the panel.
 #[derive(Debug, Default)]
 pub(super) struct Marking {
     drag: Option<MarkDrag>,
@@ -205,7 +212,7 @@ impl Tool for Marking {
                     return;
                 };
                 let kind = session.tool.mark_kind;
-                let mark = add(&mut session.site, kind, at.into());
+                let mark = add_mark(&mut session.site, kind, at.into());
                 let what = DragKind::Slide { offset: [0.0, 0.0] };
                 session.selection = [Part::Mark(mark)].into();
                 self.drag = Some(MarkDrag { mark, height: 0.0, kind: what, started: pointer.at.into() });
@@ -216,8 +223,9 @@ impl Tool for Marking {
                 session.commit(format!("add {name}"));
             }
             (Some(drag), _) if pointer.moved => {
-                // The last finished state does not contain the mark, so it is moved without reverting.
-                drag.slide(session, pointer, [0.0, 0.0]);
+                // The new mark is moved without reverting the site, because the last finished state does not
+                // contain the mark.
+                drag.move_on_floor(session, pointer, [0.0, 0.0]);
             }
             _ => {}
         }

@@ -1,6 +1,7 @@
-//! Tools on the plan: its scale from two clicks and a length that is entered in the panel.
+//! Tools on the plan. The scale of the plan follows from two clicks and their distance, which is entered in
+//! the panel.
 //!
-//! Also the region of a plane other than the floor, corner by corner.
+//! Also the tool that draws the region of a plane other than the floor, corner by corner.
 
 use calib_core::FloorPoint;
 
@@ -8,7 +9,7 @@ use crate::planes::{add_plane, set_region};
 use crate::session::Session;
 use crate::tools::{Pane, Phase, Pointer, Tool, plan_scale};
 
-/// Tool that measures the scale of the plan.
+/// Tool that selects two points of the plan, whose distance the operator enters.
 #[derive(Debug, Default)]
 pub(super) struct Measure {
     from: Option<[f64; 2]>,
@@ -68,13 +69,15 @@ impl Tool for Measure {
 /// Tool that draws the region of the selected plane, or of a new one.
 #[derive(Debug, Default)]
 pub(super) struct Region {
-    /// Corners so far; the last one follows the pointer. Empty without a gesture in progress.
+    /// Corners of the unfinished region, in floor metres; the last one follows the pointer. Empty if no
+    /// gesture is in progress.
     corners: Vec<FloorPoint>,
     is_done: bool,
 }
 
 impl Region {
-    /// Shows the unfinished region in the site and returns the index of its plane.
+    /// Writes the unfinished region into the site, and returns the index of its plane. `None` with fewer than
+    /// three corners.
     fn show(session: &mut Session, corners: &[FloorPoint]) -> Option<usize> {
         session.revert();
         if corners.len() < 3 {
@@ -86,7 +89,8 @@ impl Region {
         Some(index)
     }
 
-    /// Finishes with the corners that were set; fewer than three are discarded.
+    /// Finishes the region without the corner that follows the pointer. Fewer than three corners are
+    /// discarded.
     fn finish(&mut self, session: &mut Session) {
         let mut corners = std::mem::take(&mut self.corners);
         corners.pop();

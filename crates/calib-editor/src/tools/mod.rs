@@ -27,12 +27,12 @@ use crate::session::Session;
 
 pub use place::{PlanHandle, is_inside, plan_handles};
 
-/// Canvas of the tools.
+/// Canvas on which the tools act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Pane {
-    /// Image of a camera; coordinates are raw pixels.
+    /// Image of the camera with this index; coordinates are raw pixels.
     Image(usize),
-    /// Floor, on the plan if there is one; coordinates are metres.
+    /// Floor seen from above, on the plan if the site has one; coordinates are floor metres.
     Plan,
 }
 
@@ -52,21 +52,21 @@ pub enum Phase {
 /// Pointer event on a canvas.
 #[derive(Clone, Debug)]
 pub struct Pointer {
-    /// The canvas.
+    /// Canvas of the event.
     pub pane: Pane,
-    /// Position, in coordinates of the canvas.
+    /// Position, in coordinates of the canvas (raw pixels or floor metres).
     pub at: [f64; 2],
     /// Kind of the event.
     pub phase: Phase,
-    /// Modifier keys.
+    /// Modifier keys that are pressed.
     pub modifiers: Modifiers,
-    /// Hit radius, in units of the canvas.
+    /// Search radius around the pointer, in units of the canvas.
     pub radius: f64,
-    /// Size of a screen point in units of the canvas: the accuracy of a click.
+    /// Size of a screen point in units of the canvas, which is the accuracy of a click.
     pub point_size: f64,
     /// Whether the pointer has moved since the button was pressed.
     pub moved: bool,
-    /// Whether this is the second click of a double click.
+    /// Whether the event belongs to the second click of a double click.
     pub double: bool,
     /// Detected image edge under the pointer, which a click accepts.
     pub edge: Option<Edge>,
@@ -77,13 +77,13 @@ pub struct Pointer {
 /// Standard deviation of a click above which the operator is warned, in pixels.
 const MAX_CLICK_SIGMA_PX: f64 = 1.5;
 
-/// Returns the warning that a click is imprecise, with advice.
+/// Returns the note that a click is imprecise, with advice. `sigma` is its standard deviation in pixels.
 fn imprecise_note(name: &str, sigma: f64) -> String {
     format!("{name} is accurate to \u{b1} {sigma:.1} px at this zoom. Zoom in and drag it to improve it.")
 }
 
-/// Standard deviation of annotated points in a camera, in pixels: as entered, or as estimated by its
-/// solution.
+/// Returns the standard deviation of annotated points of a camera, in pixels: as entered, otherwise as
+/// estimated by its solution.
 pub(crate) fn annotation_sigma_px(session: &Session, camera: usize) -> f64 {
     let given = session.site.cameras.get(camera).and_then(|entry| entry.sigma_px);
     let found = || session.solved.solution(camera)?.sigma_px;
@@ -91,14 +91,14 @@ pub(crate) fn annotation_sigma_px(session: &Session, camera: usize) -> f64 {
 }
 
 impl Pointer {
-    /// Returns the standard deviation of a click, in pixels, if it exceeds that of the camera's annotations:
-    /// in a small view a click is accurate to a screen point only.
+    /// Returns the standard deviation of a click, in pixels, if it exceeds the standard deviation of the
+    /// camera's annotations. In a small view, a click is accurate only to a screen point.
     pub(crate) fn sigma_px(&self, session: &Session, camera: usize) -> Option<f64> {
         let hundredths = (100.0 * self.point_size).round() / 100.0;
         (hundredths > annotation_sigma_px(session, camera)).then_some(hundredths)
     }
 
-    /// Returns the position as a pixel, with the index of the camera.
+    /// Returns the index of the camera and the position in raw pixels; `None` on the plan.
     #[must_use]
     pub fn pixel(&self) -> Option<(usize, Pixel)> {
         match self.pane {
@@ -107,7 +107,8 @@ impl Pointer {
         }
     }
 
-    /// Returns the position on the floor; in an image, through its camera.
+    /// Returns the position in floor metres. In an image, the ray of the pixel is intersected with the
+    /// horizontal plane at `height` metres.
     #[must_use]
     pub fn floor(&self, session: &Session, height: f64) -> Option<FloorPoint> {
         match self.pane {
@@ -122,18 +123,18 @@ pub trait Tool: std::fmt::Debug {
     /// Processes a pointer event.
     fn pointer(&mut self, session: &mut Session, pointer: &Pointer);
 
-    /// Finishes a gesture that needs it (Enter).
+    /// Finishes a gesture that does not end with a click, when the operator presses Enter.
     fn accept(&mut self, _session: &mut Session) {}
 
-    /// Removes the last point of a gesture (Backspace). Returns whether there was one.
+    /// Removes the last point of a gesture (Backspace). Returns whether a point was removed.
     fn step_back(&mut self, _session: &mut Session) -> bool {
         false
     }
 
-    /// Cancels the current gesture; the session restores the site.
+    /// Cancels the current gesture. The caller restores the site.
     fn cancel(&mut self);
 
-    /// Returns the link that the next view extends.
+    /// Returns the index of the link that an observation in another view extends, if any.
     fn open_link(&self, _session: &Session) -> Option<usize> {
         None
     }
@@ -141,26 +142,26 @@ pub trait Tool: std::fmt::Debug {
     /// Whether no gesture is in progress.
     fn is_idle(&self) -> bool;
 
-    /// Whether the tool has finished its only object, so that the selection tool replaces it.
+    /// Whether the tool has finished its only object. The selection tool then replaces it.
     fn is_done(&self) -> bool {
         false
     }
 
-    /// Returns a hint about the next click or release.
+    /// Returns a hint about the next click, for the status line.
     fn hint(&self, session: &Session) -> String;
 
-    /// Returns the dragged point, for the magnifier.
+    /// Returns the canvas and the position of the dragged point, for the magnifier.
     fn dragged_point(&self) -> Option<(Pane, [f64; 2])> {
         None
     }
 
-    /// Returns the preview lines of the current gesture, in units of the pane.
+    /// Returns the preview lines of the current gesture on a canvas, in units of the canvas.
     fn preview_lines(&self, _pane: Pane) -> Vec<Vec<[f64; 2]>> {
         Vec::new()
     }
 }
 
-/// Icon of a tool.
+/// Icon of a tool in the toolbar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "each icon is named after its tool")]
 pub enum Icon {
@@ -180,23 +181,23 @@ pub enum Icon {
     Region,
 }
 
-/// Row of the list of tools.
+/// Entry of the list of tools.
 #[derive(Clone, Copy, Debug)]
 pub struct ToolRow {
     /// Title of the tool in the app.
     pub title: &'static str,
-    /// Key that selects it.
+    /// Key that selects the tool.
     pub key: Key,
-    /// Its icon.
+    /// Icon of the tool.
     pub icon: Icon,
-    /// Kind of annotation that it draws.
+    /// Kind of annotation that the tool draws, if any.
     pub kind: Option<Kind>,
-    /// Function that creates it.
+    /// Function that creates the tool.
     pub make: fn() -> Box<dyn Tool>,
 }
 
 impl ToolRow {
-    /// Whether the tool acts on the plan; otherwise a drag there moves the handles of cameras.
+    /// Whether the tool acts on the plan. Otherwise, a drag on the plan moves the handles of cameras.
     #[must_use]
     pub fn acts_on_plan(&self) -> bool {
         matches!(self.icon, Icon::Select | Icon::Control | Icon::Mark | Icon::Measure | Icon::Region)
@@ -265,16 +266,17 @@ pub const TOOLS: &[ToolRow] = &[
     },
 ];
 
+/// Creates the list entry of a tool that draws annotations of this kind.
 const fn line(kind: Kind, key: Key, icon: Icon, make: fn() -> Box<dyn Tool>) -> ToolRow {
     ToolRow { title: calib_core::single::KINDS[kind as usize].title, key, icon, kind: Some(kind), make }
 }
 
-/// Returns the index of the tool with this title.
+/// Returns the index of the tool with this title in [`TOOLS`]; 0 if there is none.
 pub(crate) fn tool_index(title: &str) -> usize {
     TOOLS.iter().position(|tool| tool.title == title).unwrap_or(0)
 }
 
-/// Returns the scale of the plan, or 1 cm per pixel without a plan.
+/// Returns the scale of the plan; 1 cm per pixel if the site has no plan.
 #[must_use]
 pub fn plan_scale(site: &Site) -> PlanScale {
     let bare = PlanScale { metres_per_px: 0.01, origin: calib_core::PlanPixel::new(0.0, 0.0), x_axis: 0.0 };

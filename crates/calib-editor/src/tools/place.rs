@@ -1,4 +1,4 @@
-//! Stage 2 by hand: a camera's polygon on the floor is moved, rotated and scaled by its handles.
+//! Stage 2 by hand: the operator moves, rotates and scales a camera's polygon on the floor by its handles.
 
 use calib_core::{FloorPoint, Pixel, Placement, WorldPoint};
 
@@ -10,20 +10,22 @@ use crate::tools::Pointer;
 /// Handle of a placed camera on the plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum PlanHandle {
-    /// Foot of the camera: moves it.
+    /// Foot of the camera: moves the camera.
     Foot,
-    /// Ring on its axis: rotates it about the foot.
+    /// Ring on the axis of the camera: rotates the camera about its foot.
     Rotate,
-    /// Square on its axis: scales it about the foot, which sets the height.
+    /// Square on the axis of the camera: scales the polygon about the foot, which sets the height of the
+    /// camera.
     Scale,
-    /// Corner of the polygon: rotates and scales it about its centre, or about the pinned pivot.
+    /// Corner of the polygon, by its index: rotates and scales the polygon about its centre, or about the
+    /// pinned pivot.
     Corner(usize),
-    /// Polygon: moves it.
+    /// Inside of the polygon: moves the camera.
     Body,
 }
 
 impl PlanHandle {
-    /// Returns the verb for its effect.
+    /// Returns the verb for the effect of the handle, for the name of the undo step.
     #[must_use]
     pub const fn verb(self) -> &'static str {
         match self {
@@ -35,24 +37,26 @@ impl PlanHandle {
     }
 }
 
-/// Positions of the handles on the axis, as a fraction of the distance from the foot to the middle of the far
-/// edge.
-const SCALE_AT: f64 = 0.55;
-const TURN_AT: f64 = 1.12;
-/// Grid of snapped positions, in metres.
+/// Distance of the handle for scaling from the foot, divided by the distance of the farthest corner from the
+/// foot.
+const SCALE_HANDLE_AT: f64 = 0.55;
+/// Distance of the handle for rotation from the foot, divided by the distance of the farthest corner from the
+/// foot.
+const ROTATE_HANDLE_AT: f64 = 1.12;
+/// Grid to which positions and heights snap, in metres.
 pub(super) const SNAP_M: f64 = 0.1;
-/// Grid of snapped rotations, in radians.
-const SNAP_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
+/// Step to which rotations snap, in radians.
+const SNAP_ROTATION_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
 
 /// Returns the nearest multiple of a step.
 pub(super) fn round(value: f64, step: f64) -> f64 {
     (value / step).round() * step
 }
 
-/// Fraction of the pointer's movement applied while Shift is pressed.
+/// Ratio of the movement of a handle to the movement of the pointer while Shift is pressed.
 const FINE_DRAG: f64 = 0.1;
 
-/// Returns the handles of a camera on the floor, in metres; empty without a pose.
+/// Returns the handles of a camera with their positions in floor metres; empty if the camera has no pose.
 #[must_use]
 pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 2])> {
     let (Some(entry), Some(pose)) = (session.site.cameras.get(camera), session.solved.pose(camera)) else {
@@ -68,8 +72,8 @@ pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 
     let along = |share: f64| [foot.x + share * reach * ahead[0], foot.y + share * reach * ahead[1]];
     let mut handles = vec![
         (PlanHandle::Foot, foot.into()),
-        (PlanHandle::Rotate, along(TURN_AT)),
-        (PlanHandle::Scale, along(SCALE_AT)),
+        (PlanHandle::Rotate, along(ROTATE_HANDLE_AT)),
+        (PlanHandle::Scale, along(SCALE_HANDLE_AT)),
     ];
     handles.extend(corners.iter().enumerate().map(|(i, &corner)| (PlanHandle::Corner(i), corner.into())));
     handles
@@ -80,18 +84,18 @@ pub fn plan_handles(session: &Session, camera: usize) -> Vec<(PlanHandle, [f64; 
 pub(super) struct PlaceDrag {
     camera: usize,
     handle: PlanHandle,
-    /// Pointer position at the start of the drag.
+    /// Position of the pointer at the start of the drag, in floor metres.
     from: [f64; 2],
-    /// Placement at the start of the drag.
+    /// Placement of the camera at the start of the drag.
     own: Placement,
-    /// Centre of rotation and scaling for a corner.
+    /// Centre of rotation and scaling for the drag of a corner, in floor metres.
     pivot: [f64; 2],
 }
 
 impl PlaceDrag {
     /// Starts a drag of the handle under the pointer; handles of the selected camera have priority.
     pub(super) fn start(session: &mut Session, pointer: &Pointer) -> Option<Self> {
-        let (camera, handle) = Self::under(session, pointer)?;
+        let (camera, handle) = Self::handle_under(session, pointer)?;
         session.select_camera(camera);
         if pointer.double {
             let is_pinned = session.tool.pivot.take().is_some();
@@ -119,7 +123,8 @@ impl PlaceDrag {
         Some(Self { camera, handle, from: pointer.at, own, pivot })
     }
 
-    fn under(session: &Session, pointer: &Pointer) -> Option<(usize, PlanHandle)> {
+    /// Returns the camera and the handle under the pointer.
+    fn handle_under(session: &Session, pointer: &Pointer) -> Option<(usize, PlanHandle)> {
         let near = |camera: usize| {
             let far = |at: &[f64; 2]| (at[0] - pointer.at[0]).hypot(at[1] - pointer.at[1]);
             plan_handles(session, camera)
@@ -147,14 +152,15 @@ impl PlaceDrag {
             let at =
                 std::array::from_fn(|axis| self.from[axis] + share * (pointer.at[axis] - self.from[axis]));
             session.revert();
-            let placed = self.placed(at);
-            session.place(self.camera, if session.tool.snap { self.snapped(placed) } else { placed });
+            let placed = self.moved_placement(at);
+            session
+                .place(self.camera, if session.tool.snap { self.snapped_placement(placed) } else { placed });
         }
         self
     }
 
     /// Returns the placement that moves the dragged handle from its start to `at`.
-    fn placed(&self, at: [f64; 2]) -> Placement {
+    fn moved_placement(&self, at: [f64; 2]) -> Placement {
         let foot = [self.own.by.x, self.own.by.y];
         match self.handle {
             PlanHandle::Foot | PlanHandle::Body => Placement {
@@ -167,19 +173,19 @@ impl PlaceDrag {
         }
     }
 
-    /// Returns the placement with the changed values rounded to the grid.
-    fn snapped(&self, placed: Placement) -> Placement {
+    /// Returns a placement with the values that the handle changes rounded to the grid.
+    fn snapped_placement(&self, placed: Placement) -> Placement {
         let height = STAGE_1_HEIGHT * placed.scale;
         match self.handle {
             PlanHandle::Foot | PlanHandle::Body => {
                 let by = FloorPoint::new(round(placed.by.x, SNAP_M), round(placed.by.y, SNAP_M));
                 Placement { by, ..placed }
             }
-            PlanHandle::Rotate => Placement { turn: round(placed.turn, SNAP_RAD), ..placed },
+            PlanHandle::Rotate => Placement { turn: round(placed.turn, SNAP_ROTATION_RAD), ..placed },
             PlanHandle::Scale => {
                 Placement { scale: round(height, SNAP_M).max(SNAP_M) / STAGE_1_HEIGHT, ..placed }
             }
-            // With a pivot other than the foot, no value is round.
+            // The pivot is not the foot, so that no value of the placement can be round.
             PlanHandle::Corner(_) => placed,
         }
     }
@@ -204,7 +210,8 @@ impl PlaceDrag {
     }
 }
 
-/// Rotates and scales a placement about a pivot by the similarity that maps `from` to `to`.
+/// Rotates and scales a placement about a pivot by the similarity that maps `from` to `to`. All points are
+/// floor metres. The flags enable rotation and scaling.
 pub(crate) fn rotate_scale_about(
     own: Placement,
     pivot: [f64; 2],
@@ -215,7 +222,7 @@ pub(crate) fn rotate_scale_about(
     let arm = |point: [f64; 2]| [point[0] - pivot[0], point[1] - pivot[1]];
     let (a, b) = (arm(from), arm(to));
     let (la, lb) = (a[0].hypot(a[1]), b[0].hypot(b[1]));
-    // At the pivot, direction and length are undefined.
+    // If a point is at the pivot, rotation and scale are undefined.
     if la < 1e-9 || lb < 1e-9 {
         return own;
     }
@@ -232,7 +239,7 @@ pub(crate) fn rotate_scale_about(
     Placement { by, turn: turned, scale: own.scale * scale }
 }
 
-/// Whether a polygon contains a point (even-odd rule).
+/// Whether a floor polygon contains a point (even-odd rule).
 #[must_use]
 pub fn is_inside(polygon: &[FloorPoint], [x, y]: [f64; 2]) -> bool {
     let edges = polygon.iter().zip(polygon.iter().cycle().skip(1));
@@ -241,8 +248,8 @@ pub fn is_inside(polygon: &[FloorPoint], [x, y]: [f64; 2]) -> bool {
     crossed.count() % 2 == 1
 }
 
-/// Returns the placement closest to `own` in which the camera shows every pin at its pixel. One pin moves it;
-/// more pins also rotate and scale it.
+/// Returns a placement in which the camera shows every pin at its pixel, starting from `own`. With one pin,
+/// only the position changes; with more pins, rotation and scale change too.
 pub(super) fn fit_pins(
     session: &Session,
     camera: usize,

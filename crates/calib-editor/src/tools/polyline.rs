@@ -11,7 +11,7 @@ use crate::tools::{Pane, Phase, Pointer, Tool};
 enum Gesture {
     #[default]
     Idle,
-    /// Points so far; the last one follows the pointer.
+    /// The polyline is being drawn. The last of its points follows the pointer.
     Drawing { camera: usize, points: Vec<Pixel> },
 }
 
@@ -38,6 +38,7 @@ impl Polyline {
         Self { kind: PolylineKind::Field, gesture: Gesture::Idle, is_done: false }
     }
 
+    /// Writes the unfinished polyline into the site and selects it.
     fn show(&self, session: &mut Session, camera: usize, points: &[Pixel]) {
         session.revert();
         if points.len() < 3 {
@@ -54,7 +55,7 @@ impl Polyline {
         session.select_only(camera, part);
     }
 
-    /// Finishes with the points that were set; fewer than three are discarded.
+    /// Finishes the polyline with these points; fewer than three points are discarded.
     fn finish(&mut self, session: &mut Session, camera: usize, points: &[Pixel]) {
         self.show(session, camera, points);
         if points.len() < 3 {

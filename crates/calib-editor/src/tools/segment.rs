@@ -1,4 +1,4 @@
-//! Line tools: a line of one kind by a drag or two clicks.
+//! Line tools: each adds lines of one kind, by a drag or by two clicks.
 
 use calib_core::{Kind, Pixel};
 
@@ -16,22 +16,22 @@ use crate::tools::{Pane, Phase, Pointer, Tool};
 enum Gesture {
     #[default]
     Idle,
-    /// Button down at the start of the line.
+    /// The button is down; `start` is the first end of the line.
     Pressed { camera: usize, start: Pixel, end: Pixel },
-    /// Start set by a click; the end follows the pointer.
+    /// The first end was set by a click; the second end follows the pointer.
     Placed { camera: usize, start: Pixel, end: Pixel },
 }
 
-/// Tool that draws annotations of segments, or from foot to head.
+/// Tool that adds lines with two ends to an annotation, or uprights from foot to head.
 #[derive(Debug)]
 pub(super) struct Segment {
     kind: Kind,
     gesture: Gesture,
-    /// Line of the current gesture, as shown.
+    /// Line of the current gesture as displayed, in raw pixels.
     shown: [Pixel; 2],
 }
 
-/// Smallest length of a line, in pixels; shorter drags are discarded.
+/// Smallest length of a line, in raw pixels; shorter lines are discarded.
 const MIN_LINE_LENGTH_PX: f64 = 2.0;
 
 impl Segment {
@@ -39,6 +39,7 @@ impl Segment {
         Self { kind, gesture: Gesture::Idle, shown: [Pixel::new(0.0, 0.0); 2] }
     }
 
+    /// Writes the line into the site as unfinished, and selects it. `None` if the line is too short.
     fn show(&self, session: &mut Session, camera: usize, line: [Pixel; 2]) -> Option<Part> {
         session.revert();
         if line[0].distance(line[1]) < MIN_LINE_LENGTH_PX {
@@ -51,18 +52,20 @@ impl Segment {
         Some(part)
     }
 
-    /// Whether the next line joins the last annotation of its kind.
+    /// Whether the next line is added to the last annotation of its kind.
     fn joins_last(&self, session: &Session) -> bool {
         let is_drawn = |entry: &SiteCamera| entry.annotations.iter().any(|drawn| drawn.kind == self.kind);
         !session.tool.fresh_group && session.entry().is_some_and(is_drawn)
     }
 
+    /// Adds the line, moved onto an edge if Alt is pressed, and ends the gesture.
     fn finish(&self, session: &mut Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> Gesture {
-        self.end(session, camera, pulled(session, camera, line, pointer));
+        self.add_line(session, camera, line_on_edge(session, camera, line, pointer));
         Gesture::Idle
     }
 
-    fn end(&self, session: &mut Session, camera: usize, line: [Pixel; 2]) {
+    /// Adds the line to the site as an undo step.
+    fn add_line(&self, session: &mut Session, camera: usize, line: [Pixel; 2]) {
         if let Some(part) = self.show(session, camera, line) {
             let name = format!("add {}", session.part_name(part));
             session.tool.fresh_group = false;
@@ -74,15 +77,17 @@ impl Segment {
     }
 }
 
-/// Returns the line moved onto its edge while Alt is pressed and there is an edge; otherwise the line itself.
-fn pulled(session: &Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
+/// Returns the line moved onto the nearest image edge if Alt is pressed and an edge is found; otherwise the
+/// line itself.
+fn line_on_edge(session: &Session, camera: usize, line: [Pixel; 2], pointer: &Pointer) -> [Pixel; 2] {
     let image = pointer.image.as_deref().filter(|_| pointer.modifiers.alt);
     let lens = hit::lens_of(&session.site, camera, session.solved.pose(camera));
     image.zip(lens).and_then(|(image, lens)| snap_image_curve(image, &lens, line)).unwrap_or(line)
 }
 
-/// Orders the ends of an upright edge as foot and head.
-fn upright(kind: Kind, [a, b]: [Pixel; 2]) -> [Pixel; 2] {
+/// Orders the ends of an upright as foot and head: the foot is lower in the image. Other lines stay
+/// unchanged.
+fn from_foot_to_head(kind: Kind, [a, b]: [Pixel; 2]) -> [Pixel; 2] {
     if kind.row().shape == Shape::FootAndHead && a.v < b.v { [b, a] } else { [a, b] }
 }
 
@@ -94,7 +99,7 @@ impl Tool for Segment {
                 session.select_camera(camera);
                 Gesture::Pressed { camera, start: at, end: at }
             }
-            // An event in another view does not end this line.
+            // An event in another view does not end the current line.
             (gesture @ (Gesture::Pressed { camera: own, .. } | Gesture::Placed { camera: own, .. }), _)
                 if own != camera =>
             {
@@ -105,12 +110,12 @@ impl Tool for Segment {
             }
             // A click on a detected edge accepts that edge.
             (Gesture::Pressed { start, .. }, Phase::Release) => match pointer.edge {
-                Some(edge) => self.finish(session, camera, upright(self.kind, edge), pointer),
+                Some(edge) => self.finish(session, camera, from_foot_to_head(self.kind, edge), pointer),
                 None => Gesture::Placed { camera, start, end: at },
             },
             (Gesture::Pressed { start, .. }, _) => {
-                // Shows the edge onto which the line would be moved.
-                self.shown = pulled(session, camera, [start, at], pointer);
+                // While Alt is pressed, the line is displayed on the edge onto which it would be moved.
+                self.shown = line_on_edge(session, camera, [start, at], pointer);
                 self.show(session, camera, self.shown);
                 Gesture::Pressed { camera, start, end: at }
             }
@@ -118,7 +123,7 @@ impl Tool for Segment {
                 self.finish(session, camera, [start, at], pointer)
             }
             (Gesture::Placed { start, .. }, _) => {
-                self.shown = pulled(session, camera, [start, at], pointer);
+                self.shown = line_on_edge(session, camera, [start, at], pointer);
                 self.show(session, camera, self.shown);
                 Gesture::Placed { camera, start, end: at }
             }
@@ -127,9 +132,9 @@ impl Tool for Segment {
     }
 
     fn accept(&mut self, session: &mut Session) {
-        // The displayed line is added, on its edge while Alt is pressed.
+        // The line is added as displayed, which is on an edge while Alt is pressed.
         if let Gesture::Placed { camera, .. } = std::mem::take(&mut self.gesture) {
-            self.end(session, camera, self.shown);
+            self.add_line(session, camera, self.shown);
         }
     }
 

@@ -1,4 +1,4 @@
-//! Selection tool: selects and moves parts of an image; on the floor, moves, rotates and scales cameras.
+//! Selection tool. It selects and moves parts of an image. On the plan, it moves, rotates and scales cameras.
 
 use std::collections::BTreeSet;
 
@@ -22,7 +22,7 @@ enum Gesture {
         from: Pixel,
         at: Pixel,
     },
-    /// Selection box.
+    /// Drag of a selection box between two raw pixels.
     SelectionBox {
         camera: usize,
         from: Pixel,
@@ -32,21 +32,22 @@ enum Gesture {
     Place(PlaceDrag),
 }
 
-/// Tool that selects and moves; active by default.
+/// Tool that selects and moves parts; it is active by default.
 #[derive(Debug, Default)]
 pub(super) struct Select {
     gesture: Gesture,
 }
 
-/// Fraction of the pointer's movement applied while Shift is pressed.
+/// Ratio of the movement of a part to the movement of the pointer while Shift is pressed.
 const FINE_DRAG: f64 = 0.1;
 
 impl Select {
+    /// Starts the gesture of a press on an image.
     fn press(session: &mut Session, pointer: &Pointer) -> Gesture {
         let Some((camera, at)) = pointer.pixel() else { return Self::press_plan(session, pointer) };
         session.select_camera(camera);
         let pose = session.solved.pose(camera).copied();
-        // Alt selects marks only.
+        // While Alt is pressed, marks have priority over other parts.
         let mark = pose.filter(|_| pointer.modifiers.alt);
         let mark = mark.and_then(|pose| hit::mark_at(&session.site, &pose, at, pointer.radius));
         let hit = mark.or_else(|| {
@@ -59,7 +60,7 @@ impl Select {
             return Gesture::SelectionBox { camera, from: at, to: at };
         };
         if pointer.modifiers.command {
-            // Adds to the selection, or removes from it.
+            // With Ctrl or Cmd, a click adds the part to the selection or removes it.
             if !session.selection.remove(&hit.part) {
                 session.selection.insert(hit.part);
             }
@@ -82,6 +83,7 @@ impl Select {
         }
     }
 
+    /// Starts the gesture of a press on the plan: a drag of a mark or of a camera.
     fn press_plan(session: &mut Session, pointer: &Pointer) -> Gesture {
         if let Some(mark) = MarkDrag::under(session, pointer) {
             session.selection = BTreeSet::from([Part::Mark(mark)]);
@@ -90,13 +92,15 @@ impl Select {
         PlaceDrag::start(session, pointer).map_or(Gesture::Idle, Gesture::Place)
     }
 
-    fn rubber_end(session: &mut Session, camera: usize, from: Pixel, to: Pixel) {
+    /// Adds all points inside a box to the selection; the raw pixels are opposite corners of the box.
+    fn select_in_box(session: &mut Session, camera: usize, from: Pixel, to: Pixel) {
         let inside = |p: Pixel| (p.u - from.u) * (p.u - to.u) <= 0.0 && (p.v - from.v) * (p.v - to.v) <= 0.0;
         let found = hit::handles(&session.site, camera).into_iter().filter(|&(_, pixel)| inside(pixel));
         session.selection.extend(found.map(|(part, _)| part));
     }
 }
 
+/// Moves the selected parts with the pointer, and returns the position of the dragged point in raw pixels.
 fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Pointer) -> Pixel {
     let at: Pixel = pointer.at.into();
     let share = if pointer.modifiers.shift { FINE_DRAG } else { 1.0 };
@@ -113,8 +117,9 @@ fn drag_parts(session: &mut Session, camera: usize, from: Pixel, pointer: &Point
     }
 }
 
-/// Sets the standard deviation of a link point or control point that was moved alone to the accuracy of the
-/// drag. Points that were moved together keep theirs, as does a point with a better accuracy than a click.
+/// Sets the standard deviation of a moved link point or control point to the accuracy of the drag. Points
+/// that were moved together keep their standard deviations. A point that is more accurate than a click also
+/// keeps its value.
 fn set_click_sigma(session: &mut Session, camera: usize, pointer: &Pointer) {
     let mut parts = session.selection.iter().copied();
     let (Some(part), None) = (parts.next(), parts.next()) else { return };
@@ -167,7 +172,7 @@ impl Tool for Select {
             }
             (Gesture::SelectionBox { camera, from, to }, phase) if pointer.pane == Pane::Image(camera) => {
                 if phase == Phase::Release {
-                    Self::rubber_end(session, camera, from, to);
+                    Self::select_in_box(session, camera, from, to);
                     Gesture::Idle
                 } else {
                     Gesture::SelectionBox { camera, from, to: pointer.at.into() }
