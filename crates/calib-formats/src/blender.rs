@@ -19,7 +19,7 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     for view in &scene.views {
         export.report_distortion(view);
         if (view.scale[0] / view.scale[1] - 1.0).abs() > 1e-3 {
-            export.add_loss(view, "the stretching of its stream: a Blender camera has one focal length");
+            export.add_loss(view, "its non-square pixels: a Blender camera has only one focal length");
         }
         rows += &row(view);
     }

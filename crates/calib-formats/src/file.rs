@@ -73,6 +73,14 @@ pub enum Problem {
     NoFocal([f64; 2]),
     /// The pixels are not square: the focal lengths in x and y differ, in pixels.
     UnequalFocals([f64; 2]),
+    /// The principal point belongs to an image of another size: the stated size, and the size that the
+    /// principal point suggests.
+    TwoResolutions {
+        /// Stated width and height, in pixels.
+        stated: [u32; 2],
+        /// Twice the principal point, in pixels.
+        suggested: [f64; 2],
+    },
     /// The size of the image is missing and cannot be derived.
     NoSize,
     /// A quaternion has length 0.
@@ -155,6 +163,11 @@ impl fmt::Display for Problem {
                 f,
                 "found focal lengths {fx} in x and {fy} in y, expected square pixels; scale the image first"
             ),
+            Self::TwoResolutions { stated: [w, h], suggested: [x, y] } => write!(
+                f,
+                "found an image of {w} x {h} pixels and a camera matrix of an image of about {x:.0} x {y:.0}, \
+                 expected one resolution; correct the size, or scale the matrix"
+            ),
             Self::Unpaired { pixels, points } => {
                 write!(
                     f,
@@ -201,6 +214,7 @@ impl Problem {
             | Self::DeepBrackets { .. }
             | Self::NoFocal(_)
             | Self::UnequalFocals(_)
+            | Self::TwoResolutions { .. }
             | Self::Unpaired { .. }
             | Self::InvalidSite(_) => "",
         }

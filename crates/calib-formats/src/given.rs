@@ -99,9 +99,25 @@ impl ImportedCamera {
         Ok([w, h])
     }
 
+    /// Fails if the camera matrix belongs to an image of another resolution than `size`.
+    fn check_resolution(&self, size: [u32; 2]) -> Result<(), FormatError> {
+        /// Smallest ratio of two resolutions of a camera. The principal point of one camera is nearer to the
+        /// centre of its image.
+        const MIN_RATIO: f64 = 1.3;
+        let suggested = self.centre.map(|c| 2.0 * c);
+        let ratios = [0, 1].map(|k| suggested[k] / f64::from(size[k]));
+        let is_larger = ratios.iter().all(|&ratio| ratio > MIN_RATIO);
+        let is_smaller = ratios.iter().all(|&ratio| ratio > 0.0 && ratio < MIN_RATIO.recip());
+        if is_larger || is_smaller {
+            return Err(self.wrong(Problem::TwoResolutions { stated: size, suggested }));
+        }
+        Ok(())
+    }
+
     /// Converts the camera to an entry of a site.
     pub(crate) fn into_entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
         let (focal, size) = (self.mean_focal(notes)?, self.size(notes)?);
+        self.check_resolution(size)?;
         let principal_point = Pixel::from(self.centre);
         let lens = Lens { principal_point, focal, distortion: self.distortion, image_circle: None };
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };

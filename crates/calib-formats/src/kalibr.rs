@@ -134,7 +134,7 @@ fn lens(name: &str, camera: &Node) -> Result<ImportedCamera, FormatError> {
         Some((_, sphere)) if extra == Distortion::None => sphere,
         Some(_) => {
             let place = format!("{}/distortion_coeffs", camera.place());
-            let found = format!("a distortion on top of {}", model.text()?);
+            let found = format!("distortion in addition to {}", model.text()?);
             let expected =
                 "none, or zeros; the combination is not supported. Calibrate it as omni-none or ds-none";
             return Err(FormatError::expected(place, found, expected));

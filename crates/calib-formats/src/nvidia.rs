@@ -57,7 +57,7 @@ fn map(scene: &Scene, export: &mut Export) -> (Map, Option<f64>) {
             return (Map { s: 1.0 / m, t }, Some(height));
         }
         export.notes.push(
-            "map.png and transforms.yml are not written: the plan is rotated against the world axes".into(),
+            "map.png and transforms.yml are not written: the plan is not aligned with the world axes".into(),
         );
     } else {
         export.notes.push("map.png and transforms.yml are not written: the site has no plan image".into());

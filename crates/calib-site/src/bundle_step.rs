@@ -204,7 +204,11 @@ impl<'a> Member<'a> {
             size: entry.size(),
             circle: entry.image_circle(),
             fixed: if entry.is_given() { given } else { single.fixed },
-            priors: if entry.is_given() { Priors::default() } else { entry.priors() },
+            priors: if entry.is_given() {
+                Priors::default()
+            } else {
+                entry.priors(&single.lens_estimate.lens)
+            },
             annotations: &entry.annotations,
             constraints: &single.constraints,
             fit: single.fit.as_ref(),

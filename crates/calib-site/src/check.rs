@@ -11,7 +11,8 @@ use crate::bounds::{MAX_CAMERAS, MAX_ITEMS};
 use crate::check_entries::check_elements;
 use crate::check_entries::{check_circle, check_distortion, check_solution};
 use crate::check_entries::{check_plane_id, check_planes};
-use crate::document::{ControlPointEntry, Georeference, Plan, Site, SiteCamera};
+use crate::data_sheet::{Nominal, sensor_diagonal_mm};
+use crate::document::{ControlPointEntry, Georeference, LensEntry, Plan, Site, SiteCamera};
 use crate::period::check_periods;
 use crate::scene::SceneEntry;
 use crate::site_error::{
@@ -208,10 +209,37 @@ fn check_camera(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     camera.solution.as_ref().map_or(Ok(()), |solution| check_solution(&at.key("solution"), solution))
 }
 
+/// Checks fields of view, millimetres and the sensor.
+fn check_data_sheet(at: &At, lens: &LensEntry) -> Checked {
+    const FIELD: Bounds = Bounds { low: 0.1, high: 179.0, ..Bounds::POSITIVE };
+    let fields = [("hfov_deg", lens.hfov_deg), ("vfov_deg", lens.vfov_deg), ("dfov_deg", lens.dfov_deg)];
+    for (key, field) in fields {
+        known(&at.key(key), field.map(Nominal::known).as_ref(), FIELD)?;
+    }
+    known(&at.key("focal_mm"), lens.focal_mm.map(Nominal::known).as_ref(), Bounds::POSITIVE)?;
+    if let Some(sensor) = &lens.sensor_mm {
+        sensor.iter().try_for_each(|&side| Bounds::POSITIVE.check(&at.key("sensor_mm"), side))?;
+    }
+    match (&lens.focal_mm, lens.sensor_mm, &lens.sensor) {
+        (_, _, Some(format)) if sensor_diagonal_mm(format).is_none() => {
+            at.key("sensor").expected(quoted(format), "an optical format in inches, such as \"1/2.8\"")
+        }
+        (Some(_), None, None) => at
+            .key("focal_mm")
+            .expected("no size of the sensor", "\"sensor_mm\" or \"sensor\", such as \"1/2.8\""),
+        (_, Some(_), Some(_)) => at.key("sensor").expected("a second size of the sensor", "only one of them"),
+        (None, Some(_), _) | (None, _, Some(_)) => {
+            at.expected("the size of the sensor without \"focal_mm\"", "\"focal_mm\"")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Checks the entered lens values and the reference `like` to another camera.
 fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     let Some(lens) = &camera.lens else { return Ok(()) };
     known(&at.key("focal_px"), lens.focal_px.as_ref(), Bounds { low: 1.0, ..Bounds::POSITIVE })?;
+    check_data_sheet(at, lens)?;
     known(&at.key("roll_deg"), lens.roll_deg.as_ref(), Bounds::DEGREES)?;
     known(&at.key("pitch_deg"), lens.pitch_deg.as_ref(), Bounds::PITCH)?;
     if let Some(point) = lens.principal_point_px {

@@ -237,9 +237,9 @@ impl SiteCamera {
         Lens { focal, distortion: row.zero, image_circle: self.image_circle(), ..lens }
     }
 
-    /// Returns the values of the fixed parameters, in radians, pixels and metres.
+    /// Returns the values of the fixed parameters under a lens, in radians, pixels and metres.
     #[must_use]
-    pub fn fixed_parameters(&self) -> FixedParameters {
+    pub fn fixed_parameters(&self, under: &Lens) -> FixedParameters {
         let fixed = |known: Option<calib_core::single::Known>| {
             known.filter(|known| known.fixed).map(|known| known.value)
         };
@@ -249,14 +249,14 @@ impl SiteCamera {
         FixedParameters {
             roll: fixed(lens.roll_deg).map(f64::to_radians),
             pitch: fixed(lens.pitch_deg).map(f64::to_radians),
-            focal: fixed(lens.focal_px),
+            focal: fixed(lens.focal_px).or_else(|| fixed(self.data_sheet_focal(under))),
             height: fixed(self.height_m),
         }
     }
 
-    /// Returns the priors on orientation, focal length and height, in radians, pixels and metres.
+    /// Returns the priors on orientation, focal length and height under a lens, in radians, pixels and metres.
     #[must_use]
-    pub fn priors(&self) -> Priors {
+    pub fn priors(&self, under: &Lens) -> Priors {
         let prior = |known: Option<calib_core::single::Known>| {
             known.and_then(|known| Some(Prior { value: known.value, sigma: known.sigma? }))
         };
@@ -267,7 +267,7 @@ impl SiteCamera {
         Priors {
             roll: radians(lens.and_then(|lens| lens.roll_deg)),
             pitch: radians(lens.and_then(|lens| lens.pitch_deg)),
-            focal: prior(lens.and_then(|lens| lens.focal_px)),
+            focal: prior(lens.and_then(|lens| lens.focal_px)).or_else(|| prior(self.data_sheet_focal(under))),
             height: prior(self.height_m),
             weak_log_focal: None,
         }

@@ -11,6 +11,7 @@ use calib_core::single::{USUAL_SIZES, UsualSize};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds;
+use crate::data_sheet::Nominal;
 use crate::scene::PlaneEntry;
 use crate::scene::SceneEntry;
 use crate::site_solution::{ElementSolution, SiteSolution};
@@ -316,6 +317,25 @@ document! {
         /// Focal length, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         focal_px: Option<Known>,
+        /// Horizontal field of view of the image, distortion included, in degrees. A bare number has a
+        /// tolerance of 3 %.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        hfov_deg: Option<Nominal>,
+        /// Vertical field of view of the image, distortion included, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        vfov_deg: Option<Nominal>,
+        /// Diagonal field of view of the image, distortion included, in degrees.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        dfov_deg: Option<Nominal>,
+        /// Focal length, in millimetres; needs the size of the sensor.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        focal_mm: Option<Nominal>,
+        /// Width and height of the part of the sensor that the image shows, in millimetres.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sensor_mm: Option<[f64; 2]>,
+        /// Optical format of the sensor, in inches, such as "1/2.8". The image shows the whole sensor.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        sensor: Option<String>,
         /// Roll, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         roll_deg: Option<Known>,

@@ -82,6 +82,7 @@ mod bounds;
 mod solution;
 mod site_solution;
 mod scene;
+mod data_sheet;
 mod document;
 mod conversions;
 mod options;
@@ -110,6 +111,7 @@ mod recovered;
 
 pub use bounds::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
+pub use data_sheet::Nominal;
 pub use document::{
     ControlPointEntry, Distance, FixedEntry, Format, Georeference, LensEntry, Link, LinkKind,
     LinkObservation, Mark, MarkObservation, PlacementEntry, Plan, Site, SiteCamera,

@@ -121,7 +121,7 @@ impl Site {
         let at = Orientation { roll: camera.roll, pitch: camera.pitch, focal: camera.focal };
         let is_refined = solution.stage == Stage::Refined;
         // For a camera placed by hand, the residuals were computed before the placement.
-        let own_height = entry.fixed_parameters().height.filter(|_| !is_refined);
+        let own_height = entry.fixed_parameters(&entry.lens()).height.filter(|_| !is_refined);
         let (height, width) = (own_height.unwrap_or(camera.position.z), entry.size()[0]);
         if solution.method == Method::Paper {
             let found = residuals_at(&constraints, at, height, width);
@@ -133,7 +133,7 @@ impl Site {
             orientation: at,
             height,
             is_height_free: !is_refined && own_height.is_none(),
-            height_prior: entry.priors().height,
+            height_prior: entry.priors(&entry.lens()).height,
             sigma,
             rejected: &rejected,
             width,

@@ -348,7 +348,8 @@ fn recount_redundancy(
         return;
     }
     let FixedParameters { roll, pitch, focal, height } = first.fixed;
-    let Priors { roll: by_roll, pitch: by_pitch, focal: by_focal, height: by_height, .. } = entry.priors();
+    let Priors { roll: by_roll, pitch: by_pitch, focal: by_focal, height: by_height, .. } =
+        entry.priors(&first.lens_estimate.lens);
     let orientation = [(roll, by_roll), (pitch, by_pitch), (focal, by_focal)];
     let open = orientation.iter().filter(|(fixed, prior)| fixed.is_none() && prior.is_none()).count() as i64;
     let (of_lines, has_height) = match &first.fit {

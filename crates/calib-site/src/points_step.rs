@@ -61,12 +61,13 @@ impl UsedPoints {
         lens: Lens,
         fixed: FixedParameters,
     ) -> PointFitOptions<'_> {
-        let focal = entry.priors().focal.filter(|_| fixed.focal.is_none());
+        let priors = entry.priors(&lens);
+        let focal = priors.focal.filter(|_| fixed.focal.is_none());
         PointFitOptions {
             lens,
             size: entry.size(),
             fixed,
-            priors: Priors { focal, ..entry.priors() },
+            priors: Priors { focal, ..priors },
             sigma: entry.sigma_px.unwrap_or(1.0),
             position_sigmas: &self.position_sigmas,
         }

@@ -254,7 +254,8 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
         Some(DistortionEntry { focal_px: Some(of.focal_px.unwrap_or(camera.focal)), ..of })
     };
     let lens = LensEntry {
-        focal_px: entry.focal_px.map(scaled),
+        // A data sheet does not contain the zoom.
+        focal_px: entry.focal_px.or_else(|| old.data_sheet_focal(&camera.lens)).map(scaled),
         roll_deg: entry.roll_deg.map(shifted(movement.roll)),
         pitch_deg: entry.pitch_deg.map(shifted(movement.tilt)),
         distortion: if is_fitted { entry.distortion } else { held() },
@@ -262,6 +263,7 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
         like: entry.like.filter(|_| turn.zoom == 0.0),
         principal_point_px: centre.or(entry.principal_point_px),
         image_circle_px: entry.image_circle_px,
+        ..LensEntry::default()
     };
     (lens != LensEntry::default()).then_some(lens)
 }

@@ -39,9 +39,10 @@ pub(crate) struct SharedInputs<'a> {
 /// Returns the fixed parameters of a camera. A shared lens fixes the focal length at the value of its owner.
 fn fixed_parameters(
     entry: &SiteCamera,
+    lens: &Lens,
     owner: Option<&Result<SingleFit, Failure>>,
 ) -> Result<FixedParameters, Failure> {
-    let own = entry.fixed_parameters();
+    let own = entry.fixed_parameters(lens);
     match owner {
         None => Ok(own),
         // Straight edges do not determine the focal length, so each camera estimates its own.
@@ -121,7 +122,7 @@ impl Site {
             let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft };
             return Ok(inputs.with_result(CameraResult::new(given.clone()), None));
         }
-        let fixed = fixed_parameters(entry, owner)?;
+        let fixed = fixed_parameters(entry, &lens, owner)?;
         let constraints =
             Constraints::on_planes(&entry.annotations, &lens, self.scene_errors(entry), &self.plane_priors());
         let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft };
@@ -165,10 +166,11 @@ impl Site {
         let context = self.suggestion_context(entry, shared);
         let planes = self.plane_priors();
         let by_lines = |priors: Priors| likelihood(&inputs, &planes, priors, options.prior, context);
-        let alone = by_lines(entry.priors());
+        let entered = entry.priors(&inputs.lens_estimate.lens);
+        let alone = by_lines(entered);
         let is_determined = alone.as_ref().is_ok_and(|(_, fit)| fit.determines_camera());
         if let Some(found) = if is_determined { None } else { by_points() }
-            && let Ok((result, fit)) = by_lines(priors_from(&found.camera, 1.0, &entry.priors()))
+            && let Ok((result, fit)) = by_lines(priors_from(&found.camera, 1.0, &entered))
         {
             return Ok(SingleFit {
                 is_from_points: true,

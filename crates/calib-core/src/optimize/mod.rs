@@ -27,7 +27,7 @@ mod arrow;
 
 pub(crate) use arrow::{Normal, NuisanceJacobian, NuisanceLayout, Uncertainty};
 pub(crate) use block_structure::{BlockStructure, JacobianBlock, NormalEquations};
-pub(crate) use dense::{product, pseudo_invert};
+pub(crate) use dense::{damp_diagonal, product, pseudo_invert};
 pub(crate) use dual::{ByLens, Dual, Gradient, Number, NumberOver};
 #[cfg(test)]
 pub(crate) use levenberg_marquardt::Termination;

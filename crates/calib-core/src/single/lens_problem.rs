@@ -386,7 +386,8 @@ impl LensProblem<'_> {
 ///
 /// Outside the lens, the nearest valid pixel toward the principal point is used.
 pub(super) fn undistorted_by_parameters(lens: &Lens, place: Pixel) -> Option<ByParameters> {
-    /// Number of positions between the pixel and the principal point that are tried for a wide lens.
+    /// Largest number of pixels tried for a wide lens, from the given pixel toward the principal point, to
+    /// find a valid one.
     const MAX_POSITIONS: usize = 40;
     let centre = lens.principal_point;
     let toward = |k: usize| {

@@ -8,7 +8,7 @@
 //! "Review and Analysis of Solutions of the Three Point Perspective Pose Estimation Problem", equation 9).
 //! The distances give the points in camera axes, and the frames of the two triangles give the pose.
 
-use nalgebra::{Matrix3, Matrix4, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 /// Pose of a camera: `in_camera = rotation (world - centre)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,38 +81,77 @@ fn frame([a, b, c]: &[Vector3<f64>; 3]) -> Option<Matrix3<f64>> {
     Some(Matrix3::from_columns(&[x, z.cross(&x), z]))
 }
 
-/// Returns the positive real roots of a quartic, the lowest coefficient first, as eigenvalues of its
-/// companion matrix.
+/// Returns the positive real roots of a quartic with these coefficients, the constant term first.
+///
+/// With `v = y - b / 4` the quartic `v^4 + b v^3 + ...` becomes `y^4 + p y^2 + q y + r`. For a root `m > 0` of the
+/// resolvent cubic `m^3 + p m^2 + (p^2 / 4 - r) m - q^2 / 8` it is the product of two quadratic polynomials
+/// `y^2 -+ t y + p / 2 + m +- q / (2 t)` with `t = sqrt(2 m)` (Ferrari). Two Newton steps remove the rounding
+/// errors.
 fn real_roots([c0, c1, c2, c3, c4]: [f64; 5]) -> Vec<f64> {
     /// Largest imaginary part of a double root with noise, relative to the root.
     const MAX_IMAGINARY: f64 = 0.05;
-    let companion = Matrix4::new(
-        -c3 / c4,
-        -c2 / c4,
-        -c1 / c4,
-        -c0 / c4, //
-        1.0,
-        0.0,
-        0.0,
-        0.0, //
-        0.0,
-        1.0,
-        0.0,
-        0.0, //
-        0.0,
-        0.0,
-        1.0,
-        0.0,
-    );
-    if !companion.iter().all(|value| value.is_finite()) {
+    let [d, c, b, a] = [c0, c1, c2, c3].map(|value| value / c4);
+    let shift = 0.25 * a;
+    let p = b - 6.0 * shift * shift;
+    let q = c - 2.0 * b * shift + 8.0 * shift.powi(3);
+    let r = d - c * shift + b * shift * shift - 3.0 * shift.powi(4);
+    let m = positive_root([-0.125 * q * q, 0.25 * p * p - r, p]);
+    if !(m.is_finite() && m >= 0.0) {
         return Vec::new();
     }
-    let roots = companion.complex_eigenvalues();
+    let t = (2.0 * m).sqrt();
+    // Without a linear term, the quartic is a quadratic polynomial in y^2.
+    let offset = if t > 0.0 { 0.5 * q / t } else { (0.25 * p * p - r).max(0.0).sqrt() };
+    let mut roots = Vec::new();
+    for sign in [1.0, -1.0] {
+        let (half, constant) = (0.5 * sign * t, 0.5 * p + m + sign * offset);
+        let discriminant = half * half - constant;
+        let imaginary = (-discriminant).max(0.0).sqrt();
+        let root = discriminant.max(0.0).sqrt();
+        for value in [half + root, half - root].map(|y| y - shift) {
+            if value > 0.0 && imaginary <= MAX_IMAGINARY * value {
+                roots.push(polished(value, [d, c, b, a]));
+            }
+        }
+    }
     roots
-        .iter()
-        .filter(|root| root.re > 0.0 && root.im.abs() <= MAX_IMAGINARY * root.re)
-        .map(|root| root.re)
-        .collect()
+}
+
+/// Returns a positive root of a cubic with the leading coefficient 1 and a value of at most 0 at 0, the lowest
+/// coefficient first: Newton steps, with bisection where they leave the bracket.
+fn positive_root([c0, c1, c2]: [f64; 3]) -> f64 {
+    const MAX_STEPS: usize = 100;
+    // Fujiwara's bound of the roots.
+    let (mut low, mut high) = (0.0, 2.0 * c0.abs().cbrt().max(c1.abs().sqrt()).max(c2.abs()));
+    let mut x = high;
+    for _ in 0..MAX_STEPS {
+        let value = ((x + c2) * x + c1) * x + c0;
+        if value > 0.0 {
+            high = x;
+        } else {
+            low = x;
+        }
+        let newton = x - value / ((3.0 * x + 2.0 * c2) * x + c1);
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - x).abs() <= f64::EPSILON * x.abs() {
+            break;
+        }
+        x = next;
+    }
+    x
+}
+
+/// Returns a root of `v^4 + a v^3 + b v^2 + c v + d` after Newton steps that reduce the value.
+fn polished(mut v: f64, [d, c, b, a]: [f64; 4]) -> f64 {
+    let value = |v: f64| (((v + a) * v + b) * v + c) * v + d;
+    for _ in 0..2 {
+        let slope = ((4.0 * v + 3.0 * a) * v + 2.0 * b) * v + c;
+        let next = v - value(v) / slope;
+        if value(next).abs() < value(v).abs() {
+            v = next;
+        }
+    }
+    v
 }
 
 #[cfg(test)]

@@ -139,7 +139,7 @@ pub struct FixedParameters {
 pub struct Prior {
     /// Mean, in the unit of the parameter: radians, pixels, metres.
     pub value: f64,
-    /// Standard deviation, in the same unit.
+    /// Standard deviation, in the unit of `value`.
     pub sigma: f64,
 }
 
@@ -152,7 +152,7 @@ pub struct Priors {
     pub pitch: Option<Prior>,
     /// Prior on the focal length, in pixels.
     pub focal: Option<Prior>,
-    /// Prior on the height, in metres.
+    /// Prior on the height of the camera, in metres.
     pub height: Option<Prior>,
     /// Weak prior on the log of the focal length in pixels, used if the constraints contain little
     /// information about it.

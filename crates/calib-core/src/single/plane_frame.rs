@@ -22,7 +22,8 @@ pub(crate) struct PlaneFrame {
     pub(crate) parameters: Parameters,
     /// The same parameters with the log of the distance along the verticals.
     pub(crate) along_verticals: Parameters,
-    /// Lean of the verticals against the normal of the plane.
+    /// Lean of the verticals relative to the normal of the plane: to the right, and away from the camera, in
+    /// radians.
     pub(crate) tilt: Tilt,
     /// Derivatives of roll, pitch, both log distances and both leans, by the columns from [`PITCH_SLOT`].
     by: [Gradient; 6],

@@ -53,7 +53,7 @@ pub struct LensFit {
     pub uninformative: Vec<(Source, f64)>,
     /// Chi-square: sum of squared residuals divided by `sigma^2`.
     pub chi2: f64,
-    /// Degrees of freedom: points minus two for every line minus coefficients.
+    /// Degrees of freedom: the number of points, minus two for every line, minus the fitted parameters.
     pub dof: i64,
 }
 

@@ -14,13 +14,11 @@
 //! Four points of a plane determine the focal length if the plane is not parallel to the image (Zhang 2000,
 //! section 3.1). Three points determine the pose up to four solutions if the focal length is known.
 
-use nalgebra::{SMatrix, SVector};
-
 use crate::camera::{
     Camera, Covariance, Lens, ObservedPixel, POSE_PARAMS, PosedCamera, WorldPoint, angles_from_rotation,
 };
 use crate::floor::ControlPoint;
-use crate::optimize::{LeastSquares, least_squares};
+use crate::optimize::{LeastSquares, damp_diagonal, least_squares, product, pseudo_invert};
 use crate::single::minima::{MIN_CHI2_DIFFERENCE, MIN_LOG_FOCAL_SIGMA_FOR_PRIOR, weak_prior};
 use crate::single::p3p::{Pose, p3p};
 use crate::single::parameters::{FixedParameters, Prior, Priors};
@@ -68,8 +66,9 @@ const ROLL: usize = Covariance::ROLL;
 const LOG_FOCAL: usize = POSE_PARAMS - 1;
 
 type State = [f64; POSE_PARAMS];
-type Square = SMatrix<f64, POSE_PARAMS, POSE_PARAMS>;
-type Column = SVector<f64, POSE_PARAMS>;
+/// Matrix over the parameters, row by row.
+type Square = [f64; POSE_PARAMS * POSE_PARAMS];
+type Column = [f64; POSE_PARAMS];
 
 /// Minimum of the weighted sum of squares.
 #[derive(Clone)]
@@ -112,7 +111,7 @@ fn camera_covariance(square: &Square, focal: f64) -> Covariance {
     let mut covariance = Covariance::EXACT;
     for i in 0..POSE_PARAMS {
         for j in 0..POSE_PARAMS {
-            covariance.0[i][j] = square[(i, j)] * by(i) * by(j);
+            covariance.0[i][j] = square[i * POSE_PARAMS + j] * by(i) * by(j);
         }
     }
     covariance
@@ -334,15 +333,17 @@ impl<'a> Problem<'a> {
     fn converged(&mut self, start: &Camera, outliers: Vec<usize>) -> Option<Minimum> {
         const STEPS: usize = 60;
         let log_focal_sigma = |covariance: Option<Square>| {
-            covariance.map_or(f64::INFINITY, |square| square[(LOG_FOCAL, LOG_FOCAL)].max(0.0).sqrt())
+            covariance.map_or(f64::INFINITY, |square: Square| {
+                square[LOG_FOCAL * POSE_PARAMS + LOG_FOCAL].max(0.0).sqrt()
+            })
         };
-        let mut camera = self.refined(start, STEPS)?;
+        let mut camera = self.normalized(self.refined(start, STEPS)?);
         let mut covariance = self.covariance(&camera);
         let sigma = self.free[LOG_FOCAL].then(|| log_focal_sigma(covariance));
         let is_open = sigma.is_some_and(|sigma| sigma > MIN_LOG_FOCAL_SIGMA_FOR_PRIOR);
         if is_open && self.options.priors.focal.is_none() {
             self.weak_log_focal = Some(weak_prior(self.options.size[0]));
-            camera = self.refined(start, STEPS)?;
+            camera = self.normalized(self.refined(start, STEPS)?);
             covariance = self.covariance(&camera);
         }
         let (cost, _) = self.linearize(&self.state(&camera))?;
@@ -352,25 +353,24 @@ impl<'a> Problem<'a> {
         Some(Minimum { camera, cost, loss, outliers, dof: self.dof(), log_focal_sigma: sigma })
     }
 
-    /// Returns the covariance of the state; zeros for fixed parameters. `None` if a parameter is not
-    /// determined.
+    /// Returns the camera with a pitch within 90 degrees, unless roll or pitch is known: a pitch beyond the
+    /// vertical is the same camera with roll and yaw rotated by 180 degrees.
+    fn normalized(&self, camera: Camera) -> Camera {
+        let Priors { roll: of_roll, pitch: of_pitch, .. } = self.options.priors;
+        if !(self.free[ROLL] && self.free[PITCH]) || of_roll.is_some() || of_pitch.is_some() {
+            return camera;
+        }
+        let (roll, pitch, yaw) = angles_from_rotation(&camera.rotation());
+        Camera { roll, pitch, yaw, ..camera }
+    }
+
+    /// Returns the covariance of the state; zeros for fixed parameters. `None` if a parameter is not determined.
     fn covariance(&self, camera: &Camera) -> Option<Square> {
         let (_, (mut square, _)) = self.linearize(&self.state(camera))?;
-        let scale: Column =
-            square.diagonal().map(|value| if value > 0.0 { value.sqrt().recip() } else { 1.0 });
-        for i in 0..POSE_PARAMS {
-            for j in 0..POSE_PARAMS {
-                square[(i, j)] *= scale[i] * scale[j];
-            }
-            if !self.free[i] {
-                square[(i, i)] = 1.0;
-            }
-        }
-        let inverse = square.cholesky()?.inverse();
-        let is_free = |i: usize, j: usize| self.free[i] && self.free[j];
-        let entry =
-            |i: usize, j: usize| if is_free(i, j) { inverse[(i, j)] * scale[i] * scale[j] } else { 0.0 };
-        Some(Square::from_fn(entry)).filter(|square| square.iter().all(|value| value.is_finite()))
+        pseudo_invert(&mut square, POSE_PARAMS);
+        let is_determined = |k: usize| !self.free[k] || square[k * POSE_PARAMS + k] > 0.0;
+        let is_finite = square.iter().all(|value| value.is_finite());
+        (is_finite && (0..POSE_PARAMS).all(is_determined)).then_some(square)
     }
 
     /// Returns the most plausible of the minima with the least loss.
@@ -400,19 +400,23 @@ impl LeastSquares for Problem<'_> {
 
     fn linearize(&self, state: &State) -> Option<(f64, Self::Normal)> {
         let posed = PosedCamera::new(self.camera(*state));
-        let (mut square, mut gradient) = (Square::zeros(), Column::zeros());
+        let (mut square, mut gradient) = ([0.0; POSE_PARAMS * POSE_PARAMS], [0.0; POSE_PARAMS]);
         let mut cost = 0.0;
         let mut add = |error: f64, by: Column| {
             cost += error * error;
-            square += by * by.transpose();
-            gradient += by * error;
+            for i in 0..POSE_PARAMS {
+                gradient[i] += by[i] * error;
+                for j in 0..POSE_PARAMS {
+                    square[i * POSE_PARAMS + j] += by[i] * by[j];
+                }
+            }
         };
         for ((point, observed), weight) in self.points.iter().zip(&self.observed).zip(&self.weights) {
             let Some(observed) = observed.as_ref().filter(|_| *weight > 0.0) else { continue };
             let shown = posed.reproject(point.world, observed.chart.as_ref())?;
             let by_weight = weight.sqrt();
             let error = observed.raw_offset([shown.at[0] - observed.at[0], shown.at[1] - observed.at[1]]);
-            let mut by = [Column::zeros(); 2];
+            let mut by = [[0.0; POSE_PARAMS]; 2];
             for k in (0..POSE_PARAMS).filter(|&k| self.free[k]) {
                 let raw = observed.raw_offset(shown.d_camera.map(|row| row[k]));
                 (by[0][k], by[1][k]) = (raw[0] * by_weight, raw[1] * by_weight);
@@ -420,7 +424,7 @@ impl LeastSquares for Problem<'_> {
             error.iter().zip(by).for_each(|(error, by)| add(error * by_weight, by));
         }
         for (error, index, derivative) in self.prior_residuals(state) {
-            let mut by = Column::zeros();
+            let mut by = [0.0; POSE_PARAMS];
             by[index] = derivative;
             add(error, by);
         }
@@ -433,14 +437,15 @@ impl LeastSquares for Problem<'_> {
         (square, gradient): &Self::Normal,
         damping: f64,
     ) -> Option<(State, f64, f64)> {
-        let mut damped = *square;
-        for i in 0..POSE_PARAMS {
-            damped[(i, i)] = if self.free[i] { square[(i, i)] * (1.0 + damping) } else { 1.0 };
-        }
-        let step = -damped.cholesky()?.solve(gradient);
-        let predicted =
-            (0..POSE_PARAMS).map(|i| step[i] * (damping * square[(i, i)] * step[i] - gradient[i])).sum();
-        Some((std::array::from_fn(|i| state[i] + step[i]), predicted, step.amax()))
+        let mut inverse = *square;
+        damp_diagonal(&mut inverse, damping);
+        pseudo_invert(&mut inverse, POSE_PARAMS);
+        let mut step = Vec::new();
+        product(&inverse, gradient, POSE_PARAMS, &mut step);
+        let gain = |i: usize| step[i] * (damping * square[i * POSE_PARAMS + i] * step[i] + gradient[i]);
+        let predicted = (0..POSE_PARAMS).map(gain).sum();
+        let size = step.iter().fold(0.0, |size: f64, by| size.max(by.abs()));
+        Some((std::array::from_fn(|i| state[i] - step[i]), predicted, size))
     }
 }
 
