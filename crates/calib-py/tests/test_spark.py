@@ -1,6 +1,7 @@
 """Spark: tables mapped with `mapInArrow`, and the SQL view, in a local session."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,9 @@ pa = pytest.importorskip("pyarrow")
 pyspark = pytest.importorskip("pyspark")
 if shutil.which("java") is None:
     pytest.skip("Spark needs Java", allow_module_level=True)
+
+# Spark warns that it does not support pandas 3 completely. These tests use Arrow only.
+pytestmark = pytest.mark.filterwarnings("ignore::FutureWarning")
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
 import spark_project  # noqa: E402
@@ -81,9 +85,11 @@ def test_the_sql_view_equals_the_projection(spark: object, detections: Path, fol
     both = [
         (rows[row["row"]], row)
         for row in expected.to_pylist()
-        if row["x_m"] is not None and rows[row["row"]]["x_m"] is not None
+        if row["status"] == "ok" and rows[row["row"]]["x_m"] is not None
     ]
     assert len(both) > 1000
-    # The view fits lenses that SQL cannot express; the demonstration's lenses differ by less than a centimetre.
-    worst = max(max(abs(view["x_m"] - row["x_m"]), abs(view["y_m"] - row["y_m"])) for view, row in both)
-    assert worst < 0.05, worst
+    # The view fits lenses that SQL cannot express, and states the error within the field of view. Between the sample
+    # points of the export, the error may be slightly larger.
+    stated = [float(metres) for metres in re.findall(r"and ([\d.]+) m in the EFOV", view.read_text())]
+    worst = max(max(abs(found["x_m"] - row["x_m"]), abs(found["y_m"] - row["y_m"])) for found, row in both)
+    assert worst < 1.2 * max(stated, default=1e-9), (worst, stated)
