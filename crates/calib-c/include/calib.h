@@ -141,8 +141,7 @@ enum CalibResult calib_site_parse(const char *json,
 //
 // # Safety
 // `site` is a handle that is not freed during the call, and `*solved` can be written.
-enum CalibResult calib_site_calibrate(const struct CalibSite *site,
-                                      struct CalibSite **solved);
+enum CalibResult calib_site_calibrate(const struct CalibSite *site, struct CalibSite **solved);
 
 // Writes a site as zero-terminated JSON text into `buffer`, and the required size in bytes into `*needed`.
 //
@@ -151,10 +150,7 @@ enum CalibResult calib_site_calibrate(const struct CalibSite *site,
 // # Safety
 // `site` is a handle that is not freed during the call. `size` bytes of `buffer` and `*needed` can be
 // written.
-enum CalibResult calib_site_json(const struct CalibSite *site,
-                                 char *buffer,
-                                 size_t size,
-                                 size_t *needed);
+enum CalibResult calib_site_json(const struct CalibSite *site, char *buffer, size_t size, size_t *needed);
 
 // Writes the number of camera entries, calibrated or not, into `*count`.
 //
@@ -178,6 +174,32 @@ enum CalibResult calib_site_camera_id(const struct CalibSite *site,
 // # Safety
 // `site` is null, or a handle that is not used any more.
 void calib_site_free(struct CalibSite *site);
+
+// Creates a handle of a calibrated camera.
+//
+// `at` is a time such as "2026-05-01T08:00:00Z". It is required if the id has several periods, and may be
+// null otherwise. `stream` selects the pixels of all calls; null selects the calibrated image, with pixels
+// counted from its corner.
+//
+// `*camera` receives a handle, to be freed by `calib_camera_free`. It does not need the site any more. On
+// failure a message is written to `error`, cut to `error_size` bytes. `error` may be null.
+//
+// # Safety
+// `site` is a handle that is not freed during the call. `id` and `at` end with a zero. `*stream` can be
+// read. `*camera` and `error_size` bytes of `error` can be written.
+enum CalibResult calib_site_camera(const struct CalibSite *site,
+                                   const char *id,
+                                   const char *at,
+                                   const struct CalibStream *stream,
+                                   struct CalibCamera **camera,
+                                   char *error,
+                                   size_t error_size);
+
+// Frees a camera. Null is allowed.
+//
+// # Safety
+// `camera` is null, or a handle that is not used any more.
+void calib_camera_free(struct CalibCamera *camera);
 
 // Writes the width of a plan pixel, in metres. Returns `CALIB_RESULT_REFUSED` if the site has no plan.
 //
@@ -211,32 +233,6 @@ enum CalibResult calib_site_plan_to_floor(const struct CalibSite *site,
                                           double *x,
                                           double *y);
 
-// Creates a handle of a calibrated camera.
-//
-// `at` is a time such as "2026-05-01T08:00:00Z". It is required if the id has several periods, and may be
-// null otherwise. `stream` selects the pixels of all calls; null selects the calibrated image, with pixels
-// counted from its corner.
-//
-// `*camera` receives a handle, to be freed by `calib_camera_free`. It does not need the site any more. On
-// failure a message is written to `error`, cut to `error_size` bytes. `error` may be null.
-//
-// # Safety
-// `site` is a handle that is not freed during the call. `id` and `at` end with a zero. `*stream` can be
-// read. `*camera` and `error_size` bytes of `error` can be written.
-enum CalibResult calib_site_camera(const struct CalibSite *site,
-                                   const char *id,
-                                   const char *at,
-                                   const struct CalibStream *stream,
-                                   struct CalibCamera **camera,
-                                   char *error,
-                                   size_t error_size);
-
-// Frees a camera. Null is allowed.
-//
-// # Safety
-// `camera` is null, or a handle that is not used any more.
-void calib_camera_free(struct CalibCamera *camera);
-
 // Writes the id of a camera. Buffer and size work as in `calib_site_json`.
 //
 // # Safety
@@ -261,8 +257,7 @@ enum CalibResult calib_camera_position(const struct CalibCamera *camera, double 
 //
 // # Safety
 // `camera` is a handle that is not freed during the call. Three values of `degrees` can be written.
-enum CalibResult calib_camera_angles(const struct CalibCamera *camera,
-                                     double *degrees);
+enum CalibResult calib_camera_angles(const struct CalibCamera *camera, double *degrees);
 
 // Writes 1 into `*known` if a height, a length, a distance, control points or a placement on the plan
 // determine the scale. Otherwise writes 0: the camera is assumed to be 3 m high, its metres have an unknown
@@ -270,16 +265,14 @@ enum CalibResult calib_camera_angles(const struct CalibCamera *camera,
 //
 // # Safety
 // `camera` is a handle that is not freed during the call. `*known` can be written.
-enum CalibResult calib_camera_scale_known(const struct CalibCamera *camera,
-                                          uint8_t *known);
+enum CalibResult calib_camera_scale_known(const struct CalibCamera *camera, uint8_t *known);
 
 // Writes the focal length, in pixels of the stream. Returns `CALIB_RESULT_REFUSED` for a stretched stream,
 // which has two focal lengths.
 //
 // # Safety
 // `camera` is a handle that is not freed during the call. `*focal_px` can be written.
-enum CalibResult calib_camera_focal(const struct CalibCamera *camera,
-                                    double *focal_px);
+enum CalibResult calib_camera_focal(const struct CalibCamera *camera, double *focal_px);
 
 // Writes the camera matrix K, nine values row by row: camera coordinates to undistorted pixels of the
 // stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE`. Returns `CALIB_RESULT_REFUSED` for
@@ -287,8 +280,7 @@ enum CalibResult calib_camera_focal(const struct CalibCamera *camera,
 //
 // # Safety
 // `camera` is a handle that is not freed during the call. Nine values of `matrix` can be written.
-enum CalibResult calib_camera_matrix(const struct CalibCamera *camera,
-                                     double *matrix);
+enum CalibResult calib_camera_matrix(const struct CalibCamera *camera, double *matrix);
 
 // Writes the distortion: the name of its model, five coefficients, and the focal length of the coefficients,
 // in pixels of the stream.
@@ -316,8 +308,7 @@ enum CalibResult calib_camera_distortion(const struct CalibCamera *camera,
 // # Safety
 // `camera` is a handle that is not freed during the call. `CALIB_UNKNOWNS` squared values of `covariance`
 // can be written.
-enum CalibResult calib_camera_covariance(const struct CalibCamera *camera,
-                                         double *covariance);
+enum CalibResult calib_camera_covariance(const struct CalibCamera *camera, double *covariance);
 
 // Maps pixels to points of the plane `height_m` metres above the floor.
 //
