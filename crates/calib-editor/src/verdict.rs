@@ -178,7 +178,7 @@ mod tests {
         let px = nonstraightness_px(&bent, 0).expect("the edge is curved");
         assert!((20.0..60.0).contains(&px), "{px}");
         let lens = &steps(&bent, 0)[0];
-        assert!(!lens.is_done && lens.state.starts_with("curved by"), "{lens:?}");
+        assert!(!lens.is_done && lens.state.starts_with("lines curved by"), "{lens:?}");
     }
 
     #[test]

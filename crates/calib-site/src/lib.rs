@@ -84,6 +84,7 @@ mod site_solution;
 mod scene;
 mod data_sheet;
 mod document;
+mod nominal_focal;
 mod conversions;
 mod options;
 mod english;
