@@ -4,8 +4,8 @@
 //! order of the data:
 //!
 //! - `normal_equations`: normal equations that accumulate evidence, and the change of their unknowns.
-//! - `stature`: the detection of a person ([`Sighting`]), the height of a person from the calibration, its
-//!   derivatives with respect to a movement of the camera, and the evidence of heights.
+//! - `stature`: the detection of a person ([`Sighting`]), the height of a person from the calibration with
+//!   its derivatives, and the evidence of heights.
 //! - `tracks`: the rows of one person, combined into one observation.
 //! - `moments`: the moments at which several cameras saw people, a bounded sample.
 //! - `windows`: all evidence by time, in bounded memory.

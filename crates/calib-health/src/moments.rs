@@ -15,24 +15,28 @@ const MAX_MOMENTS: usize = 40;
 /// Largest number of feet kept per moment.
 const MAX_FEET: usize = 128;
 
-/// Foot of a person at one moment.
+/// Foot of a person in the image of one camera at one moment.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Foot {
+    /// Index of the camera.
     pub(crate) camera: usize,
+    /// Time, in nanoseconds since 1970.
     pub(crate) at: i64,
+    /// Position of the foot in the image.
     pub(crate) pixel: Pixel,
-    /// Standard deviation of the pixel, in pixels.
+    /// Standard deviation of `pixel`, in pixels.
     pub(crate) sigma: f64,
 }
 
-/// Sampled moments of a window.
+/// Sampled moments of a window of time.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Moments {
     /// Feet by hash of the moment.
     kept: BTreeMap<u64, Vec<Foot>>,
 }
 
-/// Returns the hash of a moment (splitmix64, Steele, Lea and Flood 2014).
+/// Returns the hash of the moment that contains the time `at`, in nanoseconds since 1970 (splitmix64, Steele,
+/// Lea and Flood 2014).
 pub(crate) const fn hash(at: i64) -> u64 {
     let mut z = (at.div_euclid(MOMENT_NS) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -41,12 +45,12 @@ pub(crate) const fn hash(at: i64) -> u64 {
 }
 
 impl Moments {
-    /// Whether a moment with this hash would be kept.
+    /// Whether the sample would keep a moment with this hash.
     pub(crate) fn keeps(&self, hash: u64) -> bool {
         self.kept.len() < MAX_MOMENTS || self.kept.last_key_value().is_some_and(|(last, _)| hash <= *last)
     }
 
-    /// Adds a foot. Only the first frame of every camera in the moment counts.
+    /// Adds a foot to the moment with this hash. Feet from later frames of the same camera are ignored.
     pub(crate) fn add(&mut self, hash: u64, foot: Foot) {
         let seen = self.kept.entry(hash).or_default();
         let is_first_frame = seen.iter().all(|other| other.camera != foot.camera || other.at == foot.at);
@@ -64,12 +68,14 @@ impl Moments {
         self.trim();
     }
 
+    /// Drops the moments with the largest hashes beyond [`MAX_MOMENTS`].
     fn trim(&mut self) {
         while self.kept.len() > MAX_MOMENTS {
             self.kept.pop_last();
         }
     }
 
+    /// Iterates over the feet of every moment.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Vec<Foot>> {
         self.kept.values()
     }
@@ -79,7 +85,7 @@ impl Moments {
 mod tests {
     use super::*;
 
-    fn of(order: impl Iterator<Item = i64>) -> Moments {
+    fn moments_in_order(order: impl Iterator<Item = i64>) -> Moments {
         let mut moments = Moments::default();
         for second in order {
             let at = second * 1_000_000_000;
@@ -93,11 +99,11 @@ mod tests {
 
     #[test]
     fn sample_does_not_depend_on_order_or_merging() {
-        let forward = of(0..1000);
+        let forward = moments_in_order(0..1000);
         assert_eq!(forward.kept.len(), MAX_MOMENTS);
-        assert_eq!(forward, of((0..1000).rev()));
-        let mut joined = of(300..1000);
-        joined.merge(of(0..300));
+        assert_eq!(forward, moments_in_order((0..1000).rev()));
+        let mut joined = moments_in_order(300..1000);
+        joined.merge(moments_in_order(0..300));
         assert_eq!(forward, joined);
     }
 }

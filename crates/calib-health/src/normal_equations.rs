@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// Information `H` and score `g` of a few unknowns.
+/// Normal equations `H x = g` of a few unknowns `x`: the information `H` and the score `g`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct NormalEquations {
     pub(crate) information: DMatrix<f64>,
@@ -27,8 +27,8 @@ impl NormalEquations {
         Self { information: &self.information - &other.information, score: &self.score - &other.score }
     }
 
-    /// Rescales evidence whose score has a different variance than its information claims. With `H = C C'`
-    /// and true variance `C D C'`, the information becomes `C D^-1 C'`. The argument is `D^-1`.
+    /// Returns the evidence rescaled to the true variance of its score. With `H = C C'` and the true variance
+    /// `C D C'`, the information becomes `C D^-1 C'`. `inverse_dispersion` is `D^-1`.
     pub(crate) fn rescaled(&self, inverse_dispersion: &DMatrix<f64>) -> Self {
         let Some(root) = self.root() else { return Self::zeros(self.len()) };
         let whitened = root.solve_lower_triangular(&self.score);
@@ -40,7 +40,7 @@ impl NormalEquations {
     /// Returns the lower triangular `C` with `H = C C'`. A small regularisation makes it exist despite
     /// undetermined unknowns.
     pub(crate) fn root(&self) -> Option<DMatrix<f64>> {
-        /// Regularisation, relative to the largest information.
+        /// Value added to the diagonal of the information, relative to its largest diagonal element.
         const REGULARIZATION: f64 = 1e-9;
         let largest = self.information.diagonal().max();
         if largest.is_nan() || largest <= 0.0 {
@@ -50,12 +50,14 @@ impl NormalEquations {
         Some((&self.information + regularization).cholesky()?.l())
     }
 
-    /// Returns the evidence of two periods about the change between them. Both periods share unknowns with
-    /// priors of precisions P (`prior_precisions`), which are eliminated:
+    /// Returns the evidence of two periods about the change of the unknowns between them. Both periods share
+    /// constant errors with the prior precisions `P` (`prior_precisions`), which are eliminated:
     ///
     /// ```text
     /// H = H2 - H2 (H1 + H2 + P)^-1 H2,   g = g2 - H2 (H1 + H2 + P)^-1 (g1 + g2)
     /// ```
+    ///
+    /// Index 1 is the period `before` the change, index 2 the period `after` it.
     pub(crate) fn change(before: &Self, after: &Self, prior_precisions: &DVector<f64>) -> Self {
         let both = &before.information + &after.information + DMatrix::from_diagonal(prior_precisions);
         let Some(both) = both.cholesky() else { return Self::zeros(before.len()) };
@@ -64,15 +66,15 @@ impl NormalEquations {
         Self { information: 0.5 * (&information + information.transpose()), score }
     }
 
-    /// Returns the equations of a subset of the unknowns, with the others fixed at zero.
-    pub(crate) fn subset(&self, some: &[usize]) -> Self {
+    /// Returns the normal equations of the unknowns at `indices`; the other unknowns are fixed at zero.
+    pub(crate) fn subset(&self, indices: &[usize]) -> Self {
         let information =
-            DMatrix::from_fn(some.len(), some.len(), |i, j| self.information[(some[i], some[j])]);
-        Self { information, score: DVector::from_fn(some.len(), |i, _| self.score[some[i]]) }
+            DMatrix::from_fn(indices.len(), indices.len(), |i, j| self.information[(indices[i], indices[j])]);
+        Self { information, score: DVector::from_fn(indices.len(), |i, _| self.score[indices[i]]) }
     }
 
-    /// Returns the equations of a larger set of unknowns. `at` contains the indices of the present unknowns
-    /// in it.
+    /// Returns the normal equations of a larger number of unknowns. `at` contains the index of each present
+    /// unknown in the larger set.
     pub(crate) fn expanded(&self, at: &[usize], unknowns: usize) -> Self {
         let mut all = Self::zeros(unknowns);
         for (i, &row) in at.iter().enumerate() {
@@ -84,7 +86,8 @@ impl NormalEquations {
         all
     }
 
-    /// Eliminates the first unknown, which has a prior with this mean and precision.
+    /// Returns the normal equations without the first unknown, which is eliminated with a prior of this mean
+    /// and precision.
     pub(crate) fn eliminate_first(&self, mean: f64, precision: f64) -> Self {
         let pivot = (self.information[(0, 0)] + precision).max(f64::MIN_POSITIVE);
         let score = self.score[0] + precision * mean;
@@ -98,14 +101,14 @@ impl NormalEquations {
         }
     }
 
-    /// Returns the estimate and its covariance, with zero-mean priors of these precisions.
+    /// Returns the estimate of the unknowns and its covariance, with zero-mean priors of these precisions.
     pub(crate) fn solve(&self, prior_precisions: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let inverse = (&self.information + DMatrix::from_diagonal(prior_precisions)).cholesky()?.inverse();
         Some((&inverse * &self.score, inverse))
     }
 
-    /// Returns `g' (H + P)^-1 g` with the prior precisions P: the chi-square of the unknowns being zero. The
-    /// second value is its effective degrees of freedom.
+    /// Returns the chi-square of the hypothesis that all unknowns are zero, and its effective degrees of
+    /// freedom. The chi-square is `g' (H + P)^-1 g` with the prior precisions `P`.
     pub(crate) fn chi2(&self, prior_precisions: &DVector<f64>) -> Option<(f64, f64)> {
         let (at, inverse) = self.solve(prior_precisions)?;
         Some((self.score.dot(&at), (&inverse * &self.information).trace()))
@@ -116,7 +119,7 @@ impl NormalEquations {
 mod tests {
     use super::*;
 
-    fn of(information: f64, mean: f64) -> NormalEquations {
+    fn one_unknown(information: f64, mean: f64) -> NormalEquations {
         NormalEquations {
             information: DMatrix::from_element(1, 1, information),
             score: DVector::from_element(1, information * mean),
@@ -126,7 +129,7 @@ mod tests {
     #[test]
     fn change_is_the_difference_of_means_with_summed_variance() {
         let nothing = DVector::zeros(1);
-        let change = NormalEquations::change(&of(4.0, 1.0), &of(12.0, 1.5), &nothing);
+        let change = NormalEquations::change(&one_unknown(4.0, 1.0), &one_unknown(12.0, 1.5), &nothing);
         let (at, variance) = change.solve(&nothing).unwrap();
         assert!((at[0] - 0.5).abs() < 1e-12);
         assert!((variance[(0, 0)] - (1.0 / 4.0 + 1.0 / 12.0)).abs() < 1e-12);

@@ -1,11 +1,13 @@
 //! People seen by two cameras at one moment: the difference of their floor positions, and its derivatives
 //! with respect to movements of either camera.
 //!
-//! For cameras a and b let `p` be the floor positions, `J` their derivatives with respect to a movement, and
-//! `m` the movements since the calibrations. Then `pa - pb = -Ja ma + Jb mb + e`. The covariance of `e` is
-//! the sum of the covariances of both feet.
+//! For cameras a and b let `pa` and `pb` be the floor positions of one person. `Ja` and `Jb` are their
+//! derivatives with respect to a movement of the camera. `ma` and `mb` are the movements since the
+//! calibrations. Then `pa - pb = -Ja ma + Jb mb + e`. The covariance of the noise `e` is the sum of the
+//! covariances of both feet.
 //!
-//! The file also contains one source of evidence over time: cumulative normal equations of the windows.
+//! The file also contains the evidence of one source over time, [`Series`]: the cumulative normal equations
+//! of the windows.
 
 use std::collections::BTreeMap;
 
@@ -17,17 +19,21 @@ use crate::normal_equations::NormalEquations;
 
 /// Number of unknowns of a pair: the movements of both cameras.
 pub(crate) const UNKNOWNS: usize = 2 * PanTiltZoom::SIZE;
-/// Standard deviation between two views of one person, in metres, in addition to the noise of the boxes; each
-/// camera sees another side.
+/// Standard deviation of the floor position of one person between two cameras, in metres. It is added to the
+/// noise of the boxes, because each camera sees another side of the person.
 const BODY_SIGMA_M: f64 = 0.08;
 /// Walking speed, in m/s, which bounds the motion between two detections that are not simultaneous.
 const WALKING_SPEED_MPS: f64 = 1.2;
 
 /// Position of a foot on the floor.
 struct FloorFoot {
+    /// Time, in nanoseconds since 1970.
     at: i64,
+    /// Position on the floor, in metres.
     point: Vector2<f64>,
+    /// Covariance of `point` from the noise of the pixel, in square metres.
     covariance: Matrix2<f64>,
+    /// Derivatives of `point` with respect to a movement of the camera.
     slopes: SMatrix<f64, 2, { PanTiltZoom::SIZE }>,
 }
 
@@ -42,20 +48,21 @@ impl FloorFoot {
     }
 }
 
-/// Returns the covariance of the difference between two sightings of one person.
-fn spread(a: &FloorFoot, b: &FloorFoot) -> Matrix2<f64> {
+/// Returns the covariance of the difference between the floor positions of two sightings of one person, in
+/// square metres.
+fn difference_covariance(a: &FloorFoot, b: &FloorFoot) -> Matrix2<f64> {
     let moved = WALKING_SPEED_MPS * (a.at - b.at) as f64 / 1e9;
     a.covariance + b.covariance + Matrix2::identity() * (BODY_SIGMA_M * BODY_SIGMA_M + moved * moved)
 }
 
-/// Returns the pairs of sightings of the same person. The two sightings must be mutual nearest neighbours,
-/// and no third one may be nearly as close.
-fn matches(a: &[FloorFoot], b: &[FloorFoot]) -> Vec<[usize; 2]> {
-    /// Base distance within which two sightings may be one person, in metres; `SIGMAS` standard deviations
-    /// are added.
+/// Returns the index pairs of feet in `a` and `b` that belong to the same person. The two feet must be mutual
+/// nearest neighbours, and no third foot may be nearly as close.
+fn match_feet(a: &[FloorFoot], b: &[FloorFoot]) -> Vec<[usize; 2]> {
+    /// Largest distance between two feet of one person, in metres, without the noise of their positions.
     const MATCH_DISTANCE_M: f64 = 1.0;
+    /// Noise added to the largest distance, in standard deviations of the difference of the positions.
     const MATCH_SIGMAS: f64 = 4.0;
-    /// Minimum ratio between the distance of the second nearest sighting and the distance of the match.
+    /// Minimum ratio of the distance to the second nearest foot to the distance of the match.
     const MIN_DISTANCE_RATIO: f64 = 1.6;
     let distance = |i: usize, j: usize| (a[i].point - b[j].point).norm();
     let mut found = Vec::new();
@@ -64,7 +71,8 @@ fn matches(a: &[FloorFoot], b: &[FloorFoot]) -> Vec<[usize; 2]> {
         let Some(j) = nearest else { continue };
         let near = distance(i, j);
         let reach = MATCH_DISTANCE_M
-            + MATCH_SIGMAS * spread(&a[i], &b[j]).symmetric_eigenvalues().max().max(0.0).sqrt();
+            + MATCH_SIGMAS
+                * difference_covariance(&a[i], &b[j]).symmetric_eigenvalues().max().max(0.0).sqrt();
         let others = (0..b.len()).filter(|&k| k != j).map(|k| distance(i, k));
         let rivals = (0..a.len()).filter(|&k| k != i).map(|k| distance(k, j));
         let is_clear = others.chain(rivals).all(|other| other > MIN_DISTANCE_RATIO * near);
@@ -77,13 +85,13 @@ fn matches(a: &[FloorFoot], b: &[FloorFoot]) -> Vec<[usize; 2]> {
 
 /// Returns the evidence of one match about the movements of both cameras.
 fn evidence(a: &FloorFoot, b: &FloorFoot) -> Option<NormalEquations> {
-    /// Standard deviations beyond which a match is down-weighted (Huber 1964). Some matches are of two
-    /// people, or of a hidden foot.
-    const HUBER: f64 = 2.5;
-    let inverse = spread(a, b).try_inverse()?;
+    /// Distance of a match, in standard deviations, above which its weight decreases (Huber 1964). Some
+    /// matches are of two people, or of a hidden foot.
+    const HUBER_LIMIT_SIGMAS: f64 = 2.5;
+    let inverse = difference_covariance(a, b).try_inverse()?;
     let difference = a.point - b.point;
     let distance = (difference.transpose() * inverse * difference).x.max(0.0).sqrt();
-    let weighted = inverse * (HUBER / distance.max(HUBER));
+    let weighted = inverse * (HUBER_LIMIT_SIGMAS / distance.max(HUBER_LIMIT_SIGMAS));
     let mut by = SMatrix::<f64, 2, UNKNOWNS>::zeros();
     by.fixed_columns_mut::<{ PanTiltZoom::SIZE }>(0).copy_from(&-a.slopes);
     by.fixed_columns_mut::<{ PanTiltZoom::SIZE }>(PanTiltZoom::SIZE).copy_from(&b.slopes);
@@ -109,7 +117,7 @@ pub(crate) fn window_evidence(
         }
         for (&a, of_a) in &seen {
             for (&b, of_b) in seen.range(a + 1..) {
-                for [i, j] in matches(of_a, of_b) {
+                for [i, j] in match_feet(of_a, of_b) {
                     let Some(one) = evidence(&of_a[i], &of_b[j]) else { continue };
                     let (sum, count) =
                         pairs.entry([a, b]).or_insert_with(|| (NormalEquations::zeros(UNKNOWNS), 0));
@@ -122,22 +130,23 @@ pub(crate) fn window_evidence(
     pairs
 }
 
-/// Source of evidence over time.
+/// Evidence of one source over time: the heights at one camera, or the matches of one pair of cameras.
 #[derive(Clone, Debug)]
 pub(crate) struct Series {
-    /// Sum of the equations of all windows before an index.
+    /// Sum of the normal equations of all windows before each index.
     before: Vec<NormalEquations>,
-    /// Number of tracks or matches before an index.
+    /// Number of tracks or matches in all windows before each index.
     counts: Vec<u64>,
-    /// Prior precisions of the constant errors of calibration and detector.
+    /// Prior precisions (inverse variances) of the constant errors of calibration and detector.
     prior_precisions: DVector<f64>,
-    /// Inverse of the ratio between true and claimed variances.
+    /// Inverse of the dispersion, the ratio of the true to the claimed variance of the score.
     inverse_dispersion: DMatrix<f64>,
 }
 
 impl Series {
-    /// Creates a series from the equations of every window and its number of tracks or matches. `variance` is
-    /// the true variance of the score of all windows, if known.
+    /// Creates a series from the normal equations of every window and its number of tracks or matches.
+    /// `variance` is the true variance of the score of all windows. With `None` it is estimated from the
+    /// differences of neighbouring windows.
     pub(crate) fn new(
         windows: &[(NormalEquations, u64)],
         prior_precisions: DVector<f64>,
@@ -162,7 +171,8 @@ impl Series {
         Self { before, counts, prior_precisions, inverse_dispersion }
     }
 
-    /// Returns the evidence of all windows up to `end` about a change at the start of window `at`.
+    /// Returns the evidence of all windows before index `end` about a change at the start of window `at`. The
+    /// evidence is zero if too few samples precede or follow the change.
     pub(crate) fn change(&self, at: usize, end: usize) -> NormalEquations {
         /// Smallest number of tracks or matches before and after a change. With fewer, a single outlier would
         /// look like a change.
@@ -176,9 +186,10 @@ impl Series {
     }
 }
 
-/// Returns the differences between neighbouring windows.
+/// Returns the evidence about the change between the two windows of each neighbouring pair. The pair with the
+/// most significant change is dropped.
 fn neighbour_changes(windows: &[NormalEquations], prior_precisions: &DVector<f64>) -> Vec<NormalEquations> {
-    /// Minimum effective degrees of freedom of a difference.
+    /// Minimum effective degrees of freedom of a change between two windows.
     const MIN_FREEDOM: f64 = 0.25;
     let mut pairs: Vec<(f64, NormalEquations)> = windows
         .chunks_exact(2)
@@ -188,15 +199,15 @@ fn neighbour_changes(windows: &[NormalEquations], prior_precisions: &DVector<f64
             (freedom > MIN_FREEDOM).then_some((chi2 / freedom, change))
         })
         .collect();
-    // The largest difference may contain a true change.
+    // The most significant difference may be a true change of the camera.
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     pairs.pop();
     pairs.into_iter().map(|(_, change)| change).collect()
 }
 
-/// Returns the inverse of the ratio between true and claimed variances. Groups of people, and differences
+/// Returns the inverse of the dispersion, enlarged for long windows. Groups of people, and differences
 /// between hours and days, make the differences of long windows larger than `dispersion` predicts. The
-/// largest ratio over all window lengths is used.
+/// dispersion is multiplied by the largest chi-square per degree of freedom over all window lengths.
 fn inverse_dispersion(
     mut windows: Vec<NormalEquations>,
     prior_precisions: &DVector<f64>,
@@ -218,22 +229,23 @@ fn inverse_dispersion(
     }
 }
 
-/// Returns `C^-1 V C^-T`, with `H = C C'` the claimed information and `V` the variance of the score.
+/// Returns the dispersion, the ratio of the true to the claimed variance of the score: `C^-1 V C^-T`, with
+/// `H = C C'` the claimed information and `V` the true variance.
 fn dispersion(claimed: &NormalEquations, variance: &DMatrix<f64>) -> DMatrix<f64> {
     let identity = DMatrix::identity(claimed.len(), claimed.len());
     let found = claimed.root().and_then(|root| {
         let half = root.solve_lower_triangular(variance)?;
         root.solve_lower_triangular(&half.transpose())
     });
-    // Keeps the variance from being much smaller than claimed.
+    // Prevents an estimate much smaller than the claimed variance.
     found.map_or_else(|| identity.clone(), |found| found + &identity * MIN_DISPERSION)
 }
 
 /// Smallest number of window differences for an estimate of the dispersion.
 const MIN_CHANGES: usize = 8;
 
-/// Estimates the dispersion from the differences of neighbouring windows. A change affects only one of them.
-/// The estimate is shrunk towards its mean if there are few differences.
+/// Estimates the dispersion from the differences of neighbouring windows. A change of the camera affects only
+/// one difference. With few differences, the estimate is shrunk towards its mean.
 fn empirical_dispersion(pairs: &[NormalEquations], unknowns: usize) -> DMatrix<f64> {
     let identity = DMatrix::identity(unknowns, unknowns);
     if pairs.len() < MIN_CHANGES {
@@ -248,16 +260,16 @@ fn empirical_dispersion(pairs: &[NormalEquations], unknowns: usize) -> DMatrix<f
     let found = dispersion(&sum, &squares);
     let (count, few) = (pairs.len() as f64, 2.0 * unknowns as f64);
     let mean = found.trace() / unknowns as f64;
-    // The inverse of an estimate from few samples is biased upwards, the more so the fewer there are.
+    // The inverse of an estimate from few samples is biased upwards.
     (found * count + identity * (few * mean)) * (VARIANCE_SAFETY_FACTOR / (count + few))
 }
 
-/// Safety factor on the estimated variance.
+/// Safety factor on the dispersion estimated from window differences.
 const VARIANCE_SAFETY_FACTOR: f64 = 1.5;
-/// Minimum ratio of true to claimed variance.
+/// Dispersion added to every estimate: the minimum ratio of true to claimed variance.
 const MIN_DISPERSION: f64 = 0.1;
 
-/// Merges every two windows.
+/// Merges every two consecutive windows into one.
 fn merge_pairs(windows: &[NormalEquations]) -> Vec<NormalEquations> {
     let whole = |pair: &[NormalEquations]| {
         let mut whole = pair[0].clone();

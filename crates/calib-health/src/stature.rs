@@ -8,7 +8,7 @@
 //! Normal equations collect the evidence of heights for one camera in one window of time. The features of a
 //! row are the factors of the coefficients that can change:
 //!
-//! - season (1);
+//! - season (the constant 1; its coefficient is the mean log height, which changes with the season);
 //! - tilt, roll and zoom (the negative derivative of the log height with respect to a movement, because the
 //!   calibration stays fixed);
 //! - padding, the margin in pixels that a detector adds around people (the inverse of the height of a person
@@ -26,18 +26,18 @@ pub struct Sighting {
     pub at: i64,
     /// Index of the camera.
     pub camera: usize,
-    /// Centre of the lower edge of the box.
+    /// Centre of the lower edge of the bounding box, in pixels.
     pub foot: Pixel,
-    /// Centre of the upper edge of the box; `None` if only the foot is known.
+    /// Centre of the upper edge of the bounding box, in pixels; `None` if only the foot is known.
     pub head: Option<Pixel>,
-    /// Width of the box; 0 if only the foot is known.
+    /// Width of the bounding box, in pixels; 0 if only the foot is known.
     pub width: f64,
     /// Identifier from a tracker, if any. It is unique for a person as long as the person is in view.
     pub person: Option<u64>,
 }
 
 impl Sighting {
-    /// Returns the height of the box, in pixels; without a box a typical value.
+    /// Returns the height of the bounding box, in pixels; a typical value if only the foot is known.
     pub(crate) fn box_height(&self) -> f64 {
         /// Height of the box of a person at a medium distance, in pixels.
         const TYPICAL_BOX_HEIGHT_PX: f64 = 150.0;
@@ -48,14 +48,14 @@ impl Sighting {
     pub(crate) fn foot_sigma(&self) -> f64 {
         /// Increase of the standard deviation per pixel of box height.
         const SIGMA_PER_BOX_HEIGHT: f64 = 0.03;
-        /// Standard deviation of an infinitely small box, in pixels.
+        /// Standard deviation of the foot of an infinitely small box, in pixels.
         const MIN_SIGMA_PX: f64 = 1.5;
         MIN_SIGMA_PX + SIGMA_PER_BOX_HEIGHT * self.box_height()
     }
 
     /// Whether the box touches the border of an image of this size and may not contain the whole person.
     pub(crate) fn is_cut(&self, [w, h]: [f64; 2]) -> bool {
-        /// Distance from the border within which a box counts as cut, in pixels.
+        /// Distance from the image border within which a box counts as cut, in pixels.
         const BORDER_MARGIN_PX: f64 = 2.0;
         let Some(head) = self.head else { return false };
         let half = 0.5 * self.width;
@@ -69,8 +69,9 @@ impl Sighting {
 
 /// Parameters of a movement that change heights: tilt, roll and zoom.
 pub(crate) const HEIGHT_PARAMS: [usize; 3] = [PanTiltZoom::TILT, PanTiltZoom::ROLL, PanTiltZoom::ZOOM];
-/// Grid of image cells with constant derivatives.
+/// Number of columns of image cells; derivatives are constant in a cell.
 const COLUMNS: usize = 32;
+/// Number of rows of image cells.
 const ROWS: usize = 24;
 /// Height of the person for whom derivatives are computed, in metres.
 const REFERENCE_HEIGHT_M: f64 = 1.7;
@@ -79,8 +80,9 @@ const REFERENCE_HEIGHT_M: f64 = 1.7;
 #[derive(Clone, Debug)]
 pub(crate) struct Stature {
     camera: Camera,
-    /// Rotation matrix with rows right, down, forward.
+    /// Rotation matrix of the camera, with rows right, down and forward in world coordinates.
     axes: [[f64; 3]; 3],
+    /// Width and height of the image, in pixels.
     size: [f64; 2],
     /// Reference person with the foot in every cell; `None` where a person cannot be on the floor.
     cells: Vec<Option<ReferencePerson>>,
@@ -91,8 +93,8 @@ pub(crate) struct Stature {
 pub(crate) struct ReferencePerson {
     /// Derivatives of the log height with respect to the parameters of [`HEIGHT_PARAMS`].
     pub(crate) slopes: [f64; 3],
-    /// Height of the reference person in the image, in pixels. The height of a box would depend on the height
-    /// of its person.
+    /// Height of the reference person in the image, in pixels. It replaces the height of the detected box,
+    /// which depends on the height of the detected person.
     pub(crate) tall: f64,
 }
 
@@ -107,8 +109,8 @@ impl Stature {
         Self { cells: (0..COLUMNS * ROWS).map(cell).collect(), ..bare }
     }
 
-    /// Returns the log of the height, in metres, of a person at `foot`; `None` if the detection is not a
-    /// person on the floor.
+    /// Returns the natural logarithm of the height, in metres, of a person with these foot and head pixels.
+    /// Returns `None` if the detection is not a person on the floor.
     pub(crate) fn log_height(&self, foot: Pixel, head: Pixel) -> Option<f64> {
         /// Range of plausible heights, in metres. Outside it the detection is not a person, or not on the
         /// floor.
@@ -134,7 +136,8 @@ impl Stature {
         self.cells[cell(foot.v, 1, ROWS) * COLUMNS + cell(foot.u, 0, COLUMNS)]
     }
 
-    /// Returns the direction of the ray of a pixel, not normalised.
+    /// Returns the direction of the ray of a pixel in world coordinates, not normalised; `None` outside the
+    /// lens.
     fn direction(&self, pixel: Pixel) -> Option<[f64; 3]> {
         let [x, y, ahead] = self.camera.lens.bearing(pixel)?;
         let [a, b] = [x / self.camera.focal, y / self.camera.focal];
@@ -144,8 +147,8 @@ impl Stature {
 }
 
 /// Returns the reference person with the foot at a pixel, with numerical derivatives. Returns `None` where
-/// vertical lines are closer to horizontal in the image, such as around the foot of a ceiling camera. Foot
-/// and head are not at the ends of a box there.
+/// vertical lines of the scene are closer to horizontal in the image, such as directly below a ceiling
+/// camera. At such positions foot and head are not at the lower and upper ends of a box.
 fn compute_reference_person(camera: &Camera, foot: Pixel) -> Option<ReferencePerson> {
     /// Step of the numerical derivatives, in radians, or as a fraction of the focal length.
     const STEP: f64 = 1e-4;
@@ -168,18 +171,18 @@ fn compute_reference_person(camera: &Camera, foot: Pixel) -> Option<ReferencePer
     Some(ReferencePerson { slopes, tall: foot.distance(head) })
 }
 
-/// Number of features.
+/// Number of features of a row: season, tilt, roll, zoom and padding.
 pub(crate) const FEATURES: usize = 5;
 /// Number of entries in the upper triangle of the products of features, row by row.
 pub(crate) const PACKED: usize = FEATURES * (FEATURES + 1) / 2;
-/// Index of the season.
+/// Index of the season among the features.
 pub(crate) const SEASON: usize = 0;
-/// Index of the first parameter of [`HEIGHT_PARAMS`].
+/// Index of the first parameter of [`HEIGHT_PARAMS`] among the features.
 pub(crate) const MOVEMENT: usize = 1;
-/// Height in the image at which the padding feature is 1, in pixels.
+/// Height of a person in the image at which the padding feature is 1, in pixels.
 const PADDING_SCALE_PX: f64 = 60.0;
 
-/// Returns the index of an entry in an upper triangle, for `i <= j`.
+/// Returns the index of the entry in row `i` and column `j` of a packed upper triangle, for `i <= j`.
 pub(crate) const fn packed(i: usize, j: usize) -> usize {
     i * FEATURES - i * (i + 1) / 2 + j
 }
@@ -191,15 +194,18 @@ pub(crate) fn features(
     [1.0, -tilt, -roll, -zoom, PADDING_SCALE_PX / tall]
 }
 
-/// Normal equations of the features.
+/// Normal equations of the coefficients of the features, summed over tracks.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Heights {
-    /// Upper triangle, row by row.
+    /// Upper triangle of the information matrix, row by row.
     pub(crate) information: [f64; PACKED],
+    /// Right-hand side of the normal equations.
     pub(crate) score: [f64; FEATURES],
-    /// Squares of the scores of tracks, relative to the median of all people. They estimate the true variance
-    /// of the score, independently of the claimed information (White 1982).
+    /// Sum of the outer products of the track scores, upper triangle row by row. The scores are relative to
+    /// the median height of all people. The sum estimates the true variance of the score, independently of
+    /// the claimed information (White 1982).
     pub(crate) squares: [f64; PACKED],
+    /// Number of tracks.
     pub(crate) tracks: u64,
 }
 
@@ -211,7 +217,7 @@ impl Heights {
         self.tracks += other.tracks;
     }
 
-    /// Creates the equations of one track; `middle` is the median log height of the camera.
+    /// Creates the normal equations of one track; `middle` is the median log height at the camera.
     pub(crate) fn of_track(information: [f64; PACKED], score: [f64; FEATURES], middle: f64) -> Self {
         // The first feature is 1. Its column is therefore the derivative of the score with respect to the
         // median.
@@ -223,17 +229,22 @@ impl Heights {
         Self { information, score, squares, tracks: 1 }
     }
 
+    /// Returns the normal equations with the full information matrix.
     pub(crate) fn equations(&self) -> NormalEquations {
-        NormalEquations { information: full(&self.information), score: DVector::from_row_slice(&self.score) }
+        NormalEquations {
+            information: symmetric_matrix(&self.information),
+            score: DVector::from_row_slice(&self.score),
+        }
     }
 
-    /// Returns the true variance of the score.
+    /// Returns the estimate of the true variance of the score.
     pub(crate) fn variance(&self) -> DMatrix<f64> {
-        full(&self.squares)
+        symmetric_matrix(&self.squares)
     }
 }
 
-fn full(upper: &[f64; PACKED]) -> DMatrix<f64> {
+/// Returns the symmetric matrix with this packed upper triangle.
+fn symmetric_matrix(upper: &[f64; PACKED]) -> DMatrix<f64> {
     DMatrix::from_fn(FEATURES, FEATURES, |i, j| upper[packed(i.min(j), i.max(j))])
 }
 

@@ -17,7 +17,8 @@ pub(crate) fn camera() -> Camera {
     }
 }
 
-/// Generates cameras that look down by 0 to 86 degrees from 2 to 8 m, with and without distortion.
+/// Generates cameras with a downward pitch of 0 to 86 degrees at a height of 2 to 8 m, with and without
+/// distortion.
 pub(crate) fn any_camera() -> impl Strategy<Value = Camera> {
     let pose = (-3.1..3.1_f64, 0.0..1.5_f64, -0.6..0.6_f64, 2.0..8.0_f64);
     (pose, 600.0..2500.0_f64, -0.2..0.0_f64).prop_map(|((yaw, pitch, roll, z), focal, k1)| {
@@ -35,7 +36,7 @@ pub(crate) fn any_camera() -> impl Strategy<Value = Camera> {
     })
 }
 
-/// Reproducible normal random numbers.
+/// Generator of reproducible normal random numbers.
 pub(crate) struct Noise(rand_chacha::ChaCha8Rng);
 
 impl Noise {

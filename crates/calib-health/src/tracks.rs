@@ -1,91 +1,113 @@
 //! Tracks of people in one camera: the rows of one person are combined into one observation.
 //!
 //! Errors in successive rows are correlated: the person has the same height, and the detector places the box
-//! in the same way. A track is therefore the independent unit. Its rows are `y = f . b + a + e`, with `y` the
-//! log height, `f` the features and `b` their coefficients. The deviation of the person is `a ~ N(0,
-//! PERSON_SIGMA^2)`, and the deviation of the box is `e ~ N(0, BOX_SIGMA^2)`.
+//! in the same way. A track is therefore the independent unit. The rows of a track are `y = f . b + a + e`,
+//! with `y` the log height, `f` the features and `b` their coefficients. The deviation of the person is
+//! `a ~ N(0, PERSON_SIGMA^2)`, and the deviation of the box is `e ~ N(0, BOX_SIGMA^2)`.
 //!
 //! Let `w` be the weights of a robust estimate ([`Height`]), `W` their sum and `k = PERSON_SIGMA^2 /
 //! (BOX_SIGMA^2 + W PERSON_SIGMA^2)`. The normal equations of `b` are (Harville 1977)
 //!
 //! ```text
-//! H = (sum w f f' - k (sum w f) (sum w f)') / BOX_SIGMA^2,   g = (sum w f y - k (sum w f) (sum w y)) / BOX_SIGMA^2
+//! H = (sum w f f' - k (sum w f) (sum w f)') / BOX_SIGMA^2
+//! g = (sum w f y - k (sum w f) (sum w y)) / BOX_SIGMA^2
 //! ```
 
 use crate::stature::{FEATURES, Heights, PACKED, packed};
 
-/// Standard deviation of the log height of adults.
+/// Standard deviation of the natural logarithm of the body height of adults.
 const PERSON_SIGMA: f64 = 0.06;
-/// Standard deviation of the log height of a box, relative to its person.
+/// Standard deviation of the log height measured from one box, relative to the log height of its person.
 const BOX_SIGMA: f64 = 0.04;
 /// Number of boxes with independent errors per second of a track.
 const INDEPENDENT_BOXES_PER_S: f64 = 2.0;
 /// Nanoseconds per second.
 const NANOSECONDS_PER_SECOND: f64 = 1e9;
-/// Longest gap in a track, in seconds, without and with an identifier from a tracker.
+/// Longest gap in a track without an identifier from a tracker, in seconds.
 const MAX_GAP_S: f64 = 2.0;
+/// Longest gap in a track with an identifier from a tracker, in seconds.
 const MAX_GAP_WITH_ID_S: f64 = 30.0;
 /// Longest duration of a track, in seconds; a new track starts after it.
 const MAX_TRACK_S: f64 = 30.0;
 /// Largest number of open tracks of a camera.
 const MAX_OPEN_TRACKS: usize = 96;
 
-/// Row of a track.
+/// Row of a track: one detection of a person.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
+    /// Time, in nanoseconds since 1970.
     pub(crate) at: i64,
+    /// Identifier of the person from a tracker, if any.
     pub(crate) person: Option<u64>,
-    /// Foot, in pixels; `tall` is the height of the box, in pixels.
+    /// Foot, in pixels.
     pub(crate) foot: [f64; 2],
+    /// Height of the box, in pixels.
     pub(crate) tall: f64,
-    /// Height of the person; `None` if not an adult.
+    /// Log height of the person with its features; `None` if the detection is not an adult.
     pub(crate) height: Option<Height>,
-    /// Median log height of all people in the camera.
+    /// Median log height of all people at the camera.
     pub(crate) middle: f64,
 }
 
-/// Height of a person in one row.
+/// Log height of a person in one row, with its features and its weight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Height {
+    /// Natural logarithm of the height in metres, relative to a usual height.
     log: f64,
     features: [f64; FEATURES],
+    /// Robust weight, 0 to 1.
     weight: f64,
 }
 
 impl Height {
-    /// Creates a height with the weight of Tukey's biweight about the median. Children, and people with
-    /// hidden feet, are far from the median and get no weight.
+    /// Creates a height from its logarithm `log`, with the weight of Tukey's biweight about the median log
+    /// height `middle`. Returns `None` far from the median, as for children and for people with hidden feet.
     pub(crate) fn new(log: f64, middle: f64, features: [f64; FEATURES]) -> Option<Self> {
+        /// Deviation from the median log height at which the weight is zero.
         const MAX_DEVIATION: f64 = 0.25;
         let share = ((log - middle) / MAX_DEVIATION).powi(2);
         let weight = (1.0 - share) * (1.0 - share);
         (share < 1.0).then_some(Self { log, features, weight })
     }
 
-    /// Whether the height is close to the median.
+    /// Whether the height is close to the median of the camera.
     pub(crate) fn is_usual(&self) -> bool {
         self.weight > 0.3
     }
 }
 
-/// Person in view.
+/// Track of a person in view: its last row, and the weighted sums over its rows.
+///
+/// The symbols of the sums are in the documentation of this file.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Track {
+    /// Identifier from a tracker, if any.
     person: Option<u64>,
+    /// Time of the first row, in nanoseconds since 1970.
     first: i64,
+    /// Time of the last row, in nanoseconds since 1970.
     last: i64,
+    /// Foot in the last row, in pixels.
     foot: [f64; 2],
+    /// Height of the box in the last row, in pixels.
     tall: f64,
+    /// Median log height of all people at the camera, at the first row.
     middle: f64,
+    /// Number of rows with a height.
     count: f64,
+    /// Sum of `w`.
     weight: f64,
+    /// Sum of `w y`.
     y: f64,
+    /// Sum of `w f`.
     f: [f64; FEATURES],
+    /// Sum of `w f y`.
     fy: [f64; FEATURES],
+    /// Sum of `w f f'`, upper triangle row by row.
     ff: [f64; PACKED],
 }
 
-/// People in view of one camera.
+/// Open tracks of the people in view of one camera.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Tracks {
     open: Vec<Track>,
@@ -126,12 +148,12 @@ impl Track {
         }
     }
 
-    /// Returns the distance between a row and this person, in heights of the box; `None` if it is another
-    /// person.
+    /// Returns the distance between a row and the last row of this track, in box heights; `None` if the row
+    /// is of another person. With identifiers from a tracker the distance is 0.
     fn distance(&self, row: &Row) -> Option<f64> {
-        /// Largest walking speed, in box heights per second, and largest jump between two boxes, in box
-        /// heights.
+        /// Largest walking speed, in box heights per second.
         const MAX_SPEED: f64 = 1.2;
+        /// Largest distance between two boxes of one person without motion, in box heights.
         const MAX_JUMP: f64 = 0.25;
         if self.person.is_some() || row.person.is_some() {
             return (self.person == row.person).then_some(0.0);
@@ -141,10 +163,11 @@ impl Track {
         let ratio = row.tall / self.tall;
         let away = (row.foot[0] - self.foot[0]).hypot(row.foot[1] - self.foot[1]) / tall;
         let is_near = away < MAX_JUMP + MAX_SPEED * elapsed.abs() && (0.6..1.7).contains(&ratio);
-        // Two boxes of one moment are two people.
+        // Two boxes of the same time are two people.
         (elapsed != 0.0 && is_near).then_some(away)
     }
 
+    /// Whether the track has ended before the time `at`, in nanoseconds since 1970.
     fn has_ended(&self, at: i64) -> bool {
         let gone = if self.person.is_some() { MAX_GAP_WITH_ID_S } else { MAX_GAP_S };
         let [since_last, since_first] =
@@ -152,7 +175,7 @@ impl Track {
         since_last.abs() > gone || since_first > MAX_TRACK_S
     }
 
-    /// Returns the evidence of the track; `None` if no row was an adult.
+    /// Returns the normal equations of the track; `None` if no row has the height of an adult.
     fn heights(&self) -> Option<Heights> {
         if self.weight == 0.0 {
             return None;
@@ -174,13 +197,14 @@ impl Track {
 }
 
 impl Tracks {
-    /// Adds a row; `over` receives the evidence of every track that has ended, with its start time.
-    pub(crate) fn add(&mut self, row: &Row, mut over: impl FnMut(i64, Heights)) {
+    /// Adds a row to the nearest open track, or to a new one. `on_end` receives the start time of every track
+    /// that has ended, in nanoseconds since 1970, and its normal equations.
+    pub(crate) fn add(&mut self, row: &Row, mut on_end: impl FnMut(i64, Heights)) {
         let mut nearest: Option<(usize, f64)> = None;
         let mut index = 0;
         while index < self.open.len() {
             if self.open[index].has_ended(row.at) {
-                self.close(index, &mut over);
+                self.close(index, &mut on_end);
                 continue;
             }
             let distance = self.open[index].distance(row);
@@ -194,21 +218,22 @@ impl Tracks {
             return;
         }
         if self.open.len() >= MAX_OPEN_TRACKS {
-            self.close(0, &mut over);
+            self.close(0, &mut on_end);
         }
         let mut track = Track::new(row);
         track.add(row);
         self.open.push(track);
     }
 
-    fn close(&mut self, index: usize, over: &mut impl FnMut(i64, Heights)) {
+    /// Removes an open track and passes its normal equations to `on_end`.
+    fn close(&mut self, index: usize, on_end: &mut impl FnMut(i64, Heights)) {
         let track = self.open.swap_remove(index);
         if let Some(heights) = track.heights() {
-            over(track.first, heights);
+            on_end(track.first, heights);
         }
     }
 
-    /// Returns the evidence of the open tracks, with their start times.
+    /// Returns the start times of the open tracks, in nanoseconds since 1970, with their normal equations.
     pub(crate) fn open_heights(&self) -> impl Iterator<Item = (i64, Heights)> {
         self.open.iter().filter_map(|track| Some((track.first, track.heights()?)))
     }

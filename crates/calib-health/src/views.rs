@@ -5,13 +5,14 @@ use nalgebra::{Matrix2, SMatrix, Vector2};
 use crate::stature::Sighting;
 use calib_core::camera::{Camera, Covariance, Pixel};
 
-/// Number of error parameters of a camera: position, angles and focal length.
+/// Number of error parameters of a camera: x, y, z, yaw, pitch, roll and focal length.
 pub(crate) const ERROR_PARAMS: usize = Covariance::LENS;
-/// Longest time between two sightings of a camera for linear interpolation, in seconds.
+/// Longest time between two sightings of one camera for linear interpolation, in seconds.
 const MAX_INTERPOLATION_GAP_S: f64 = 1.2;
-/// Standard deviation between two views of one person, in metres.
+/// Standard deviation of the floor position of a walker in one view, in metres, in addition to the noise of
+/// the box.
 const BODY_SIGMA_M: f64 = 0.08;
-/// Distance from the other views beyond which a sighting is of another person, in metres.
+/// Distance between two views beyond which they show two people, in metres, without their noise.
 const MAX_SAME_PERSON_DISTANCE_M: f64 = 1.5;
 
 /// Derivatives of a floor point with respect to the errors of its camera.
@@ -19,13 +20,18 @@ pub(crate) type ErrorJacobian = SMatrix<f64, 2, ERROR_PARAMS>;
 
 /// View of the walker from one camera at one moment.
 pub(crate) struct View {
+    /// Index of the camera.
     pub(crate) camera: usize,
+    /// Floor position, in metres.
     pub(crate) point: Vector2<f64>,
+    /// Covariance of `point` from the noise of the foot, in square metres.
     pub(crate) covariance: Matrix2<f64>,
+    /// Derivatives of `point` with respect to the errors of the camera.
     pub(crate) slopes: ErrorJacobian,
 }
 
-/// Interpolates two sightings to the moments between them. Returns none if they are too far apart in time.
+/// Interpolates two sightings of one camera to the moments between them, at multiples of `step` nanoseconds.
+/// The result is empty if the sightings are too far apart in time.
 pub(crate) fn interpolated(from: Sighting, to: Sighting, step: i64) -> Vec<(i64, Sighting)> {
     let length = to.at - from.at;
     if length <= 0 || length as f64 > MAX_INTERPOLATION_GAP_S * 1e9 {
@@ -44,7 +50,7 @@ pub(crate) fn interpolated(from: Sighting, to: Sighting, step: i64) -> Vec<(i64,
         .collect()
 }
 
-/// Returns the view of the walker from one camera; `None` if the foot is not on the floor.
+/// Returns the view of the walker from the camera with this index; `None` if the foot is not on the floor.
 pub(crate) fn view(index: usize, camera: &Camera, sighting: &Sighting) -> Option<View> {
     let point = camera.pixel_to_floor(sighting.foot, 0.0)?;
     let slopes = camera.floor_derivatives(sighting.foot)?;
@@ -61,7 +67,8 @@ pub(crate) fn view(index: usize, camera: &Camera, sighting: &Sighting) -> Option
     })
 }
 
-/// Selects the views of the walker: those close to the view with the most neighbours.
+/// Selects the views of the walker: all views close to the view with the most neighbours. The result is empty
+/// if no two of several views agree.
 pub(crate) fn consistent_views(views: Vec<View>) -> Vec<View> {
     let reach = |a: &View, b: &View| {
         let spread = (a.covariance + b.covariance).symmetric_eigenvalues().max().max(0.0).sqrt();
@@ -76,7 +83,8 @@ pub(crate) fn consistent_views(views: Vec<View>) -> Vec<View> {
     views.into_iter().zip(keep).filter(|(_, keep)| *keep).map(|(view, _)| view).collect()
 }
 
-/// Returns the weighted mean position of the views, and the weights.
+/// Returns the weighted mean of the floor positions of the views, in metres, and the weights (inverse
+/// covariances).
 pub(crate) fn fused_position(views: &[View]) -> Option<(Vector2<f64>, Vec<Matrix2<f64>>)> {
     let weights: Option<Vec<Matrix2<f64>>> = views.iter().map(|view| view.covariance.try_inverse()).collect();
     let weights = weights?;

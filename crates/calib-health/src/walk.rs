@@ -1,17 +1,19 @@
 //! Acceptance test by a walker: one person walks through a site. Cameras that see this person at the same
 //! time are compared with each other and with their claimed uncertainty.
 //!
-//! Let the walker be at `p`. Camera c measures `pc = p + Jc ec + n`. Here `ec` are the errors of the camera,
-//! with the covariance `Cc` claimed by its calibration, and `n` is the noise of the foot. With `p`
-//! eliminated, the errors of all cameras have normal equations. The errors of the other cameras, with their
-//! claims as priors, are then eliminated from the equations of camera c. The remaining score is
-//! `u = I ec + noise`, with noise of variance `I`. If the claim is correct, `u` has the variance
-//! `S = I + I Cc I`.
+//! Let `p` be the floor position of the walker. Camera c measures `pc = p + Jc ec + n`. Here `ec` are the
+//! errors of the camera, with the covariance `Cc` claimed by its calibration. `Jc` are the derivatives of the
+//! position with respect to these errors, and `n` is the noise of the foot. The elimination of `p` leaves
+//! normal equations of the errors of all cameras. The errors of the other cameras, with their claims as
+//! priors, are then eliminated from the equations of camera c. The remaining information is `I`, and the
+//! remaining score is `u = I ec + noise`, with noise of variance `I`. If the claim is correct, `u` has the
+//! variance `S = I + I Cc I`.
 //!
-//! Most faults change one parameter. An error `d` of the parameter `k` changes the score by `I d ek`. The
-//! most powerful test is the matched filter `ek' I S^-1 u`, divided by its standard deviation. It is a
-//! standard normal variable if the claim is correct. With `Cc = L L'` and `L' I L = Q diag(l) Q'` it is
-//! computed eigenvector by eigenvector.
+//! Most faults change one parameter. An error `d` of the parameter `k` changes the score by `I d ek`, with
+//! `ek` the unit vector of the parameter. The most powerful test is the matched filter `ek' I S^-1 u`,
+//! divided by its standard deviation. The result is a standard normal variable if the claim is correct. Let
+//! `L` be the Cholesky factor of `Cc = L L'`, and `L' I L = Q diag(l) Q'` with the eigenvalues `l`. The
+//! filter is a sum over the eigenvectors `Q`.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
@@ -20,15 +22,17 @@ use crate::views::{ERROR_PARAMS, ErrorJacobian, View, consistent_views, fused_po
 use calib_core::camera::{Camera, FloorPoint};
 use calib_core::optimize::two_sided_quantile;
 
-/// Time between moments, in seconds; errors of the foot are independent at this spacing.
+/// Time between two evaluated moments, in seconds; errors of the foot are independent at this spacing.
 const STEP_S: f64 = 0.5;
-/// Largest number of sightings of a camera: two days of them.
+/// Largest number of stored sightings of a camera: about two days at two sightings a second.
 const MAX_SIGHTINGS: usize = 400_000;
 
 /// Sightings of a walk.
 #[derive(Clone, Debug)]
 pub struct Walk {
+    /// Cameras, each with the width and height of its image, in pixels.
     cameras: Vec<(Camera, [f64; 2])>,
+    /// Sightings, by camera.
     seen: Vec<Vec<Sighting>>,
 }
 
@@ -37,7 +41,7 @@ pub struct Walk {
 pub struct Disagreement {
     /// Index of the camera.
     pub camera: usize,
-    /// Significance, in standard deviations of a normal variable.
+    /// Significance of the contradiction, in standard deviations of a normal variable.
     pub significance: f64,
     /// Mean error of the walker's position along x and y, in metres.
     pub shift: [f64; 2],
@@ -53,9 +57,10 @@ pub struct Disagreement {
 pub struct WalkMoment {
     /// Time, in nanoseconds since 1970.
     pub at: i64,
-    /// Position from all cameras together.
+    /// Floor position from all cameras together.
     pub position: FloorPoint,
-    /// Indices of the cameras that saw the walker, each with the position from this camera alone.
+    /// Indices of the cameras that saw the walker, each with the floor position from this camera
+    /// alone.
     pub seen: Vec<(usize, FloorPoint)>,
 }
 
@@ -64,19 +69,19 @@ pub struct WalkMoment {
 pub struct WalkResult {
     /// Moments, in order of time.
     pub moments: Vec<WalkMoment>,
-    /// Disagreements, the worst first.
+    /// Cameras that contradict their claimed uncertainty, the most significant first.
     pub disagreements: Vec<Disagreement>,
-    /// Number of moments when each camera and at least one other saw the walker.
+    /// For each camera, the number of moments when it and at least one other camera saw the walker.
     pub shared_moments: Vec<usize>,
-    /// Number of moments when each camera saw the walker.
+    /// For each camera, the number of moments when it saw the walker.
     pub seen: Vec<usize>,
     /// Smallest detectable error of each parameter of every camera, in the order and units of
     /// [`Disagreement::errors`]; infinite if undetermined.
     pub smallest_detectable: Vec<[f64; ERROR_PARAMS]>,
     /// Ratio of the measured to the assumed noise variance of the walker's feet in the images.
     pub noise_ratio: f64,
-    /// Number of times that each camera saw more than one person at a moment, which a walk should not
-    /// contain.
+    /// For each camera, the number of sightings that share their time with another sighting of this camera. A
+    /// walk with only one person has none.
     pub crowded_moments: Vec<usize>,
 }
 
@@ -86,6 +91,7 @@ struct Equations {
     score: DVector<f64>,
     /// Chi-square of the disagreements before the fit.
     chi2: f64,
+    /// Degrees of freedom of `chi2`.
     freedom: f64,
 }
 
@@ -96,7 +102,7 @@ impl Walk {
         Self { cameras: cameras.to_vec(), seen: vec![Vec::new(); cameras.len()] }
     }
 
-    /// Adds the sighting of a camera.
+    /// Adds a sighting. Sightings of unknown cameras and boxes cut by the image border are ignored.
     pub fn add_sighting(&mut self, sighting: &Sighting) {
         if let (Some(seen), Some((_, size))) =
             (self.seen.get_mut(sighting.camera), self.cameras.get(sighting.camera))
@@ -197,8 +203,9 @@ impl Equations {
         Self { information, score, chi2: 0.0, freedom: 0.0 }
     }
 
-    /// Adds one moment: `H = diag(J' W J) - (J' W) (sum W)^-1 (W J)`, and the corresponding score, about the
-    /// position from all cameras.
+    /// Adds one moment: the information `H = diag(J' W J) - (J' W) (sum W)^-1 (W J)` and the corresponding
+    /// score. `J` are the derivatives of the views, and `W` their weights (inverse covariances). The
+    /// residuals are relative to the position from all cameras.
     fn add(&mut self, views: &[View]) {
         let Some((position, weights)) = fused_position(views).filter(|_| views.len() > 1) else { return };
         let Some(shared) = weights.iter().sum::<Matrix2<f64>>().try_inverse() else { return };
@@ -224,8 +231,9 @@ impl Equations {
     }
 }
 
-/// Returns the covariance that a camera claims for its errors. At least 2 mm, 0.0002 rad (0.01°) and 0.02 %
-/// of the focal length are assumed. A camera without a covariance gets a wide prior.
+/// Returns the covariance that the calibration of a camera claims for its errors. Each standard deviation is
+/// at least 2 mm, 0.0002 rad (0.01°) and 0.02 % of the focal length. A camera without a covariance gets a
+/// wide prior.
 fn claim(camera: &Camera) -> DMatrix<f64> {
     let least = [0.002, 0.002, 0.002, 0.0002, 0.0002, 0.0002, 0.0002 * camera.focal];
     let unknown = [0.5, 0.5, 0.5, 0.05, 0.05, 0.05, 0.05 * camera.focal];
@@ -237,7 +245,8 @@ fn claim(camera: &Camera) -> DMatrix<f64> {
     })
 }
 
-/// Returns the precisions of all errors from the claims, reduced to almost zero for the `free` cameras.
+/// Returns the prior precisions (inverse covariances) of the errors of all cameras from their claims. The
+/// precisions of the `free` cameras are reduced to almost zero.
 fn claim_precisions(claims: &[DMatrix<f64>], free: Option<&[usize]>) -> DMatrix<f64> {
     let mut precisions = DMatrix::zeros(claims.len() * ERROR_PARAMS, claims.len() * ERROR_PARAMS);
     for (camera, claim) in claims.iter().enumerate() {
@@ -251,18 +260,20 @@ fn claim_precisions(claims: &[DMatrix<f64>], free: Option<&[usize]>) -> DMatrix<
     precisions
 }
 
-/// Test of one camera against the others.
+/// Result of the test of one camera against the others.
 struct CameraTest {
     camera: usize,
+    /// Significance of the most significant parameter, in standard deviations.
     significance: f64,
-    /// Inverse standard deviation of each error, estimated alone.
+    /// Inverse standard deviation of each error, if it is the only error of the camera.
     inverse_sigmas: [f64; ERROR_PARAMS],
+    /// Estimated error of the most significant parameter; the others are zero.
     errors: DVector<f64>,
     covariance: DMatrix<f64>,
 }
 
-/// Returns the cameras that contradict their claims, the most significant first. Each one is freed before the
-/// next test.
+/// Returns the cameras that contradict their claims, the most significant first. The claim of each such
+/// camera is ignored in the following tests.
 fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<CameraTest> {
     let threshold = significance_threshold(equations, claims.len());
     let mut found: Vec<CameraTest> = Vec::new();
@@ -283,7 +294,9 @@ fn disagreements(equations: &Equations, claims: &[DMatrix<f64>]) -> Vec<CameraTe
 /// Returns the threshold of the significance: at most one walk in twenty accuses a correct camera. The seven
 /// errors of a camera are correlated and count as four independent tests.
 fn significance_threshold(equations: &Equations, cameras: usize) -> f64 {
+    /// Probability that a walk accuses at least one correct camera.
     const FALSE_ALARM_RATE: f64 = 0.05;
+    /// Number of independent tests for each camera.
     const INDEPENDENT_TESTS: f64 = 4.0;
     let is_seen =
         |camera: &usize| equations.information[(camera * ERROR_PARAMS, camera * ERROR_PARAMS)] > 0.0;
@@ -342,7 +355,7 @@ fn test_camera(
     Some(CameraTest { camera, significance, inverse_sigmas, errors, covariance })
 }
 
-/// Returns a disagreement with its effect on the floor.
+/// Converts the test of a camera to a disagreement, with the mean shift of floor positions that it causes.
 fn to_disagreement(found: &CameraTest, moments: &[(i64, Vec<View>)], noise: f64) -> Disagreement {
     let views = moments.iter().flat_map(|(_, views)| views).filter(|view| view.camera == found.camera);
     let (mut slopes, mut count) = (ErrorJacobian::zeros(), 0.0_f64);
@@ -363,6 +376,7 @@ fn to_disagreement(found: &CameraTest, moments: &[(i64, Vec<View>)], noise: f64)
     }
 }
 
+/// Returns the position of the walker at a time, in nanoseconds since 1970, from the views of all cameras.
 fn moment(at: i64, views: &[View]) -> Option<WalkMoment> {
     let (position, _) = fused_position(views)?;
     let point = |at: Vector2<f64>| FloorPoint::new(at.x, at.y);

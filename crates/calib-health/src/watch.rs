@@ -55,9 +55,9 @@ const MIN_WINDOWS: usize = 2;
 /// All sources of evidence of a site.
 #[derive(Debug)]
 pub(crate) struct Sources {
-    /// Heights, by camera.
+    /// Evidence of body heights, by camera.
     pub(crate) heights: Vec<Series>,
-    /// Shared sightings, by pair of cameras.
+    /// Evidence of shared sightings, by pair of cameras.
     pub(crate) pairs: Vec<([usize; 2], Series)>,
     /// Number of windows.
     pub(crate) windows: usize,
@@ -66,34 +66,42 @@ pub(crate) struct Sources {
 /// Detected change of one camera.
 #[derive(Clone, Debug)]
 pub(crate) struct DetectedChange {
-    /// First window after the change; `earliest` and `latest` bound the plausible windows.
+    /// Index of the first window after the change.
     pub(crate) at: usize,
+    /// Smallest plausible value of `at`.
     pub(crate) earliest: usize,
+    /// Largest plausible value of `at`.
     pub(crate) latest: usize,
+    /// Estimated pan, tilt, roll and zoom.
     pub(crate) movement: DVector<f64>,
+    /// Covariance of `movement`.
     pub(crate) covariance: DMatrix<f64>,
+    /// Weighted significance of the change, in standard deviations.
     pub(crate) statistic: f64,
-    /// Significance of the heights alone, and of the other cameras alone.
+    /// Statistic of the evidence of heights alone, and of the other cameras alone.
     pub(crate) significance_by_source: [f64; 2],
 }
 
-/// Returns the prior precisions of the constant errors of heights: of the camera and of the detector.
+/// Returns the prior precisions (inverse variances) of the constant errors of heights, in the order of the
+/// features: season, tilt, roll, zoom and padding.
 pub(crate) fn height_prior_precisions() -> DVector<f64> {
     DVector::from_row_slice(&[0.3, 0.05, 0.05, 0.05, 0.3].map(|sigma: f64| sigma.powi(-2)))
 }
 
-/// Returns the prior precisions of the constant errors of a pair of cameras.
+/// Returns the prior precisions (inverse variances) of the constant errors of a pair of cameras.
 pub(crate) fn pair_prior_precisions() -> DVector<f64> {
     DVector::from_element(UNKNOWNS, 0.05_f64.powi(-2))
 }
 
-/// Returns the prior precisions of a movement. Larger movements are obvious without a test.
+/// Returns the prior precisions (inverse variances) of pan, tilt, roll and zoom. Movements beyond this prior
+/// are obvious without a test.
 fn movement_prior_precisions() -> DVector<f64> {
     DVector::from_element(PanTiltZoom::SIZE, 0.5_f64.powi(-2))
 }
 
 impl Sources {
-    /// Returns the evidence of every camera's heights about a seasonal change at the start of a window.
+    /// Returns the information and score of every camera about a seasonal change of heights at the start of
+    /// window `at`. `moved` contains the first window after the change of each moved camera.
     fn seasons(&self, at: usize, moved: &[Option<usize>]) -> Vec<[f64; 2]> {
         let of = |(camera, series): (usize, &Series)| {
             let end = moved[camera].unwrap_or(self.windows);
@@ -109,7 +117,9 @@ impl Sources {
         self.heights.iter().enumerate().map(of).collect()
     }
 
-    /// Returns the evidence of heights about the movement of a camera.
+    /// Returns the evidence of heights about a movement of a camera at the start of window `at`, from the
+    /// windows before index `end`. `seasons` contains the information and score of every camera about the
+    /// season.
     fn height_evidence(&self, camera: usize, at: usize, end: usize, seasons: &[[f64; 2]]) -> NormalEquations {
         let others = seasons.iter().enumerate().filter(|(other, _)| *other != camera);
         let [information, score] = others
@@ -120,7 +130,8 @@ impl Sources {
         change.eliminate_first(score / information, precision).expanded(&HEIGHT_PARAMS, PanTiltZoom::SIZE)
     }
 
-    /// Returns the evidence of the other cameras about the movement of a camera.
+    /// Returns the evidence of the other cameras about a movement of a camera at the start of window `at`,
+    /// from the windows before index `end`. Windows after the change of another camera are ignored.
     fn pair_evidence(
         &self,
         camera: usize,
@@ -142,18 +153,19 @@ impl Sources {
         sum
     }
 
-    /// Returns both kinds of evidence about a change at the start of a window.
+    /// Returns the evidence of heights and of the other cameras about a movement at the start of window `at`.
     fn camera_evidence(&self, camera: usize, at: usize, moved: &[Option<usize>]) -> [NormalEquations; 2] {
         let end = moved[camera].unwrap_or(self.windows);
         let seasons = self.seasons(at, moved);
         [self.height_evidence(camera, at, end, &seasons), self.pair_evidence(camera, at, end, moved)]
     }
 
+    /// Returns the indices of the windows at whose start a change is tested.
     fn times(&self) -> std::ops::Range<usize> {
         MIN_WINDOWS..(self.windows + 1).saturating_sub(MIN_WINDOWS).max(MIN_WINDOWS)
     }
 
-    /// Returns the statistic of a camera for every possible time of a change.
+    /// Returns, for every possible change of a camera, the index of its first window and its statistic.
     pub(crate) fn statistics(&self, camera: usize, moved: &[Option<usize>]) -> Vec<(usize, f64)> {
         let prior_precisions = movement_prior_precisions();
         let of = |at: usize| {
@@ -188,7 +200,8 @@ impl Sources {
         })
     }
 
-    /// Returns the smallest detectable movement of each parameter, for a change at the most favourable time.
+    /// Returns the smallest detectable pan, tilt, roll and zoom of a camera, for a change at the most
+    /// favourable time.
     pub(crate) fn smallest_detectable(&self, camera: usize) -> [f64; PanTiltZoom::SIZE] {
         let mut most = [0.0_f64; PanTiltZoom::SIZE];
         let nobody = vec![None; self.heights.len()];
@@ -218,8 +231,8 @@ impl Sources {
     }
 }
 
-/// Returns the statistic: the largest of the weighted joint test, reduced by [`JOINT_PENALTY`], and the
-/// weighted tests of the single parameters.
+/// Returns the statistic of the evidence about a movement, in standard deviations. It is the largest of the
+/// weighted joint test, reduced by [`JOINT_PENALTY`], and the weighted tests of the single parameters.
 fn significance(of: &NormalEquations, prior_precisions: &DVector<f64>) -> f64 {
     let chi2 = of.chi2(prior_precisions).map_or(0.0, |(chi2, freedom)| chi2_score(chi2, freedom).max(0.0));
     let together = JOINT_WEIGHT * (chi2 - JOINT_PENALTY).max(0.0);
@@ -235,13 +248,14 @@ fn significance(of: &NormalEquations, prior_precisions: &DVector<f64>) -> f64 {
     (0..PanTiltZoom::SIZE).map(alone).fold(together, f64::max)
 }
 
-/// Log of the reference height (height in metres).
+/// Natural logarithm of a usual body height in metres: 1.70 m.
 const USUAL_LOG_HEIGHT: f64 = 0.53;
 
-/// Watched camera.
+/// Camera with the derivatives needed to watch it.
 #[derive(Clone, Debug)]
 struct WatchedCamera {
     camera: Camera,
+    /// Width and height of the image, in pixels.
     size: [f64; 2],
     stature: Stature,
 }
@@ -250,10 +264,12 @@ struct WatchedCamera {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Memory {
     windows: Windows,
+    /// Open tracks, by camera.
     tracks: Vec<Tracks>,
-    /// Median log height of people in every camera, relative to [`USUAL_LOG_HEIGHT`]. Detections far from it
-    /// are not adults on the floor.
+    /// Median log height of people at every camera, relative to [`USUAL_LOG_HEIGHT`]. Detections far from the
+    /// median are not adults on the floor.
     middle: Vec<f64>,
+    /// Number of sightings.
     boxes: u64,
 }
 
@@ -266,7 +282,7 @@ pub struct Watch {
     memory: Memory,
 }
 
-/// Result of the watch for a camera.
+/// Status of a camera in the drift watch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DriftStatus {
     /// The camera has not moved.
@@ -294,38 +310,39 @@ impl DriftStatus {
 pub struct Change {
     /// Time of the movement, in nanoseconds since 1970.
     pub since: i64,
-    /// Earliest and latest plausible time, in nanoseconds since 1970.
+    /// Earliest and latest plausible time of the movement, in nanoseconds since 1970.
     pub between: [i64; 2],
     /// Estimated movement.
     pub movement: PanTiltZoom,
-    /// Standard deviations of the parameters, in their order; infinite for undetermined parameters.
+    /// Standard deviations of pan, tilt and roll, in radians, and of zoom (logarithm of the focal ratio);
+    /// infinite for undetermined parameters.
     pub sigmas: [f64; PanTiltZoom::SIZE],
-    /// Significance, in standard deviations of a normal variable. Tilt and zoom have a lower weight, because
-    /// crowds have a similar effect.
+    /// Significance of the movement, in standard deviations of a normal variable. Tilt and zoom have a lower
+    /// weight, because crowds have a similar effect.
     pub significance: f64,
-    /// Probability that a camera without a movement gives this much evidence.
+    /// Probability that a camera that did not move causes this significance or a larger one.
     pub false_alarm: f64,
-    /// Whether the heights of people alone are significant.
+    /// Whether the significance of the heights of people alone exceeds [`Watch::ALARM`].
     pub is_seen_in_heights: bool,
-    /// Whether the evidence of other cameras alone is significant.
+    /// Whether the significance of the other cameras alone exceeds [`Watch::ALARM`].
     pub is_seen_by_others: bool,
 }
 
 /// Mean height of people in front of a camera in one window of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowHeight {
-    /// Start and end, in nanoseconds since 1970.
+    /// Start and end of the window, in nanoseconds since 1970.
     pub span: [i64; 2],
-    /// Log height, relative to its mean over all times.
+    /// Mean of the natural logarithm of body heights, relative to the mean over all times.
     pub height: f64,
     /// Standard deviation of `height`.
     pub sigma: f64,
 }
 
-/// Result of the watch for a camera, with its evidence.
+/// Result of the drift watch for one camera, with its evidence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraHealth {
-    /// Status of the camera.
+    /// Status of the camera: moved, unchanged or unknown.
     pub status: DriftStatus,
     /// Detected movement, if any.
     pub change: Option<Change>,
@@ -333,16 +350,18 @@ pub struct CameraHealth {
     pub tracks: u64,
     /// Number of people that another camera saw at the same moment, among the sampled moments.
     pub matches: u64,
-    /// Smallest detectable pan, tilt, roll and zoom, each alone; infinite for undetermined parameters.
+    /// Smallest detectable pan, tilt and roll, in radians, and zoom (logarithm of the focal ratio), each
+    /// alone; infinite for undetermined parameters.
     pub smallest_detectable: [f64; PanTiltZoom::SIZE],
-    /// Heights over time.
+    /// Mean body height at the camera in every window of time.
     pub heights: Vec<WindowHeight>,
-    /// Significance of a change at every possible time; times in nanoseconds since 1970.
+    /// Possible times of a change, in nanoseconds since 1970, each with the significance of a change, in
+    /// standard deviations.
     pub statistics: Vec<(i64, f64)>,
 }
 
 impl Watch {
-    /// Threshold of the significance of a change.
+    /// Significance above which a camera counts as moved, in standard deviations of a normal variable.
     pub const ALARM: f64 = ALARM;
 
     /// Creates the watch of these cameras, each with the width and height of its image, in pixels.
@@ -369,7 +388,7 @@ impl Watch {
         &self.memory
     }
 
-    /// Continues with accumulated evidence; `None` if it is of other cameras.
+    /// Continues with accumulated evidence; `None` if the evidence has another number of cameras.
     #[must_use]
     pub fn with_memory(self, memory: Memory) -> Option<Self> {
         let count = self.cameras.len();
@@ -401,7 +420,8 @@ impl Watch {
         }
     }
 
-    /// Adds the foot to its moment, if the moment is sampled and another camera sees the position.
+    /// Adds the foot of a sighting to its moment, if the moment is sampled and another camera shows the floor
+    /// position.
     fn add_to_moment(&mut self, sighting: &Sighting) {
         let hash = hash(sighting.at);
         let windows = &mut self.memory.windows;
@@ -418,7 +438,7 @@ impl Watch {
         }
     }
 
-    /// Returns the result of every camera.
+    /// Returns the result of the drift watch for every camera.
     #[must_use]
     pub fn health(&self) -> Vec<CameraHealth> {
         let mut windows = self.memory.windows.clone();
@@ -451,7 +471,7 @@ impl Watch {
         changes.iter().enumerate().map(of).collect()
     }
 
-    /// Returns all evidence, window by window, and the number of matches of every camera.
+    /// Returns all sources of evidence over the windows, and the number of matches of every camera.
     fn sources(&self, windows: &Windows) -> (Sources, Vec<u64>) {
         let cameras: Vec<Camera> = self.cameras.iter().map(|watched| watched.camera).collect();
         let count = windows.iter().count();
@@ -483,9 +503,10 @@ impl Watch {
 }
 
 impl WatchedCamera {
-    /// Returns the height of the person in a box; `None` if it is not an adult.
+    /// Returns the log height of the detected person; `None` if the detection is not an adult. Updates the
+    /// median log height `middle` of the camera.
     fn height(&self, of: &Sighting, head: Pixel, middle: &mut f64) -> Option<Height> {
-        /// Step of the median estimate (Robbins and Monro 1951).
+        /// Step of the median estimate for each sighting, in log height (Robbins and Monro 1951).
         const STEP: f64 = 0.0005;
         let height = self.stature.log_height(of.foot, head)? - USUAL_LOG_HEIGHT;
         let usual = self.stature.reference_person(of.foot)?;
@@ -493,6 +514,7 @@ impl WatchedCamera {
         Height::new(height, *middle, features(usual))
     }
 
+    /// Whether the image shows a world point.
     fn shows(&self, point: WorldPoint) -> bool {
         let extent = Extent { size: self.size, efov: &[] };
         self.camera.world_to_pixel(point).is_some_and(|pixel| extent.shows(pixel))
@@ -502,8 +524,9 @@ impl WatchedCamera {
 /// Returns the status of a camera. An unmoved camera is `Unchanged` only if a relevant tilt or zoom would
 /// have been detected.
 fn drift_status(moved: bool, smallest: &[f64; PanTiltZoom::SIZE]) -> DriftStatus {
-    /// Smallest relevant tilt, in radians, and zoom, as a fraction of the focal length.
+    /// Smallest relevant tilt, in radians.
     const MIN_RELEVANT_TILT: f64 = 0.035;
+    /// Smallest relevant zoom, as a fraction of the focal length.
     const MIN_RELEVANT_ZOOM: f64 = 0.06;
     let is_sensitive =
         smallest[PanTiltZoom::TILT] < MIN_RELEVANT_TILT && smallest[PanTiltZoom::ZOOM] < MIN_RELEVANT_ZOOM;
@@ -514,12 +537,13 @@ fn drift_status(moved: bool, smallest: &[f64; PanTiltZoom::SIZE]) -> DriftStatus
     }
 }
 
-/// Returns the time between a window and the previous one, in nanoseconds since 1970.
+/// Returns the middle of the gap between window `at` and the previous window, in nanoseconds since 1970.
 fn boundary_time(spans: &[[i64; 2]], at: usize) -> i64 {
     let before = spans[at - 1][1];
     before + (spans[at][0] - before) / 2
 }
 
+/// Converts a detected change of windows to times and parameters. `windows` is the number of windows.
 fn to_change(change: &DetectedChange, spans: &[[i64; 2]], windows: usize) -> Change {
     let variance = |i: usize| change.covariance[(i, i)];
     // A parameter whose variance is close to its prior variance is undetermined.
@@ -538,7 +562,8 @@ fn to_change(change: &DetectedChange, spans: &[[i64; 2]], windows: usize) -> Cha
     }
 }
 
-/// Returns the heights at a camera, window by window, relative to their mean.
+/// Returns the mean log heights of people at a camera, window by window, relative to the mean over all
+/// windows.
 fn window_heights(windows: &Windows, camera: usize) -> Vec<WindowHeight> {
     let of = |window: &crate::windows::Window| {
         let equations = window.heights[camera].equations();

@@ -10,19 +10,23 @@ pub(crate) const MAX_WINDOWS: usize = 192;
 /// Initial width of a window, in nanoseconds.
 const MIN_WIDTH_NS: i64 = 10_000_000_000;
 
-/// Evidence of one window.
+/// Evidence of one window of time.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Window {
     /// Heights, by camera.
     pub(crate) heights: Vec<Heights>,
+    /// Sampled moments at which several cameras saw people.
     pub(crate) moments: Moments,
 }
 
 /// All windows with evidence, aligned to multiples of their width.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Windows {
+    /// Number of cameras.
     cameras: usize,
+    /// Width of every window, in nanoseconds.
     width: i64,
+    /// Windows by index: their start divided by `width`.
     list: BTreeMap<i64, Window>,
 }
 
@@ -31,12 +35,12 @@ impl Windows {
         Self { cameras, width: MIN_WIDTH_NS, list: BTreeMap::new() }
     }
 
-    /// Returns the window of a time, if it has evidence.
+    /// Returns the window that contains a time, in nanoseconds since 1970, if the window has evidence.
     pub(crate) fn find(&self, at: i64) -> Option<&Window> {
         self.list.get(&at.div_euclid(self.width))
     }
 
-    /// Returns the window of a time, which is created if missing.
+    /// Returns the window that contains a time, in nanoseconds since 1970; a missing window is created.
     pub(crate) fn at(&mut self, at: i64) -> &mut Window {
         while self.list.len() >= MAX_WINDOWS && !self.list.contains_key(&at.div_euclid(self.width)) {
             self.widen();
@@ -45,6 +49,7 @@ impl Windows {
         self.list.entry(at.div_euclid(self.width)).or_insert_with(empty)
     }
 
+    /// Doubles the width of all windows by merging every two.
     fn widen(&mut self) {
         self.width = self.width.saturating_mul(2);
         for (index, window) in std::mem::take(&mut self.list) {

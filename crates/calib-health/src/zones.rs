@@ -6,7 +6,7 @@ use crate::walk::WalkMoment;
 use calib_core::camera::FloorPoint;
 use calib_core::floor::Extent;
 
-/// Largest number of zones along a side, for a readable table.
+/// Largest number of zones along a side of the floor, for a readable table.
 const MAX_ZONES_PER_SIDE: f64 = 40.0;
 
 /// Square of the floor.
@@ -25,14 +25,14 @@ pub struct Zone {
     pub error: Option<f64>,
     /// Standard deviation of `error`, in metres.
     pub error_sigma: Option<f64>,
-    /// Indices of the cameras whose field of view covers the centre.
+    /// Indices of the cameras whose field of view covers the centre of the zone.
     pub covered_by: Vec<usize>,
 }
 
 /// Floor divided into squares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Zones {
-    /// Length of a side, in metres.
+    /// Length of a side of a zone, in metres.
     pub side: f64,
     /// Zones that a camera covers or that the walker entered, row by row.
     pub list: Vec<Zone>,
@@ -43,14 +43,16 @@ pub struct Zones {
 struct Sum {
     moments: usize,
     shared_moments: usize,
+    /// Sum of the squared distances between the position from one camera and from all, in square metres.
     squares: f64,
+    /// Number of distances in `squares`.
     count: f64,
     covered_by: Vec<usize>,
 }
 
 impl Zones {
-    /// Computes the zones of a walk. `efovs` are the fields of view of the cameras as polygons of the floor,
-    /// `side` is the length of a side in metres.
+    /// Computes the zones of a walk. `efovs` are the fields of view of the cameras as polygons on the floor.
+    /// `side` is the length of a side of a zone in metres; it is enlarged for large floors.
     #[must_use]
     pub fn new(moments: &[WalkMoment], efovs: &[Vec<FloorPoint>], side: f64) -> Self {
         let corners = efovs.iter().flatten().copied().filter(|point| point.is_finite());
@@ -101,6 +103,7 @@ impl Sum {
         }
     }
 
+    /// Returns the zone with these sums.
     fn zone(self, cell: [usize; 2], corner: FloorPoint) -> Zone {
         let error = (self.count > 0.0).then(|| (self.squares / self.count).sqrt());
         let Self { moments, shared_moments, covered_by, .. } = self;

@@ -1,11 +1,12 @@
 //! Straight edges of an image, to a fraction of a pixel, each with its own standard deviation.
 //!
-//! The cursor snaps to them, and the automatic calibration uses them. At samples along an edge, the position
-//! with the steepest brightness change across it deviates from the fitted line by an RMS of `r`. Neighbouring
-//! pixels share their noise, because of blur. Of `n` pixels, only `m = n / NOISE_LENGTH_PX` samples are
-//! therefore independent. The ends of the line have the standard deviation `2 r / sqrt(m)`: a fitted line has
-//! four times as much variance at its end as on average. A systematic part, for example from shading, is
-//! common to all samples of an edge and does not average out: `SYSTEMATIC_SIGMA_PX`.
+//! The cursor of the editor snaps to these edges, and the automatic calibration uses them. At samples along
+//! an edge, the position of the steepest brightness change across the edge deviates from the fitted line. The
+//! RMS of these deviations is `r`. Neighbouring pixels share their noise, because of blur. Of `n` pixels,
+//! only `m = n / NOISE_LENGTH_PX` samples are therefore independent. The ends of the line have the standard
+//! deviation `2 r / sqrt(m)`: a fitted line has four times as much variance at its end as on average. A
+//! systematic part, for example from shading, is common to all samples of an edge and does not average out:
+//! `SYSTEMATIC_SIGMA_PX`.
 
 use calib_core::Pixel;
 use image::{Rgb, RgbImage};
@@ -16,13 +17,13 @@ use crate::pull::find_edge_along;
 /// Straight edge, by its ends in raw pixels.
 pub type Edge = [Pixel; 2];
 
-/// Shortest edge that is offered, in pixels.
+/// Smallest length of a detected edge, in pixels.
 const MIN_LENGTH_PX: f64 = 24.0;
-/// Fraction of an edge, at either end, that does not react to the cursor, so that lines can start there
+/// Fraction of an edge, at either end, that does not attract the cursor, so that lines can start there
 /// freely.
 const END_FRACTION: f64 = 0.15;
 
-/// Converts to brightness.
+/// Converts an image to brightness, one byte a pixel, row by row.
 fn grey(image: &RgbImage) -> Vec<u8> {
     let brightness = |pixel: &Rgb<u8>| {
         let [r, g, b] = pixel.0.map(u32::from);
@@ -48,7 +49,7 @@ pub fn detect(image: &RgbImage) -> Vec<Edge> {
     edges
 }
 
-/// Returns the edge under a pixel, unless the pixel is near an end of the edge.
+/// Returns the nearest edge within `radius` pixels of a pixel. Edges with an end near the pixel are ignored.
 #[must_use]
 pub fn edge_at(edges: &[Edge], at: Pixel, radius: f64) -> Option<Edge> {
     let is_inner = |[a, b]: &Edge| {
@@ -63,13 +64,13 @@ pub fn edge_at(edges: &[Edge], at: Pixel, radius: f64) -> Option<Edge> {
     near.filter(|(_, far)| *far <= radius).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(edge, _)| edge)
 }
 
-/// Converts edges to a list of numbers, four for each edge.
+/// Converts edges to a list of numbers, four for each edge: u and v of both ends, in raw pixels.
 #[must_use]
 pub fn to_numbers(edges: &[Edge]) -> Vec<f64> {
     edges.iter().flatten().flat_map(|pixel| [pixel.u, pixel.v]).collect()
 }
 
-/// Converts a list of numbers to edges.
+/// Converts a list of numbers, as from [`to_numbers`], to edges.
 #[must_use]
 pub fn from_numbers(numbers: &[f64]) -> Vec<Edge> {
     numbers.chunks_exact(4).map(|n| [Pixel::new(n[0], n[1]), Pixel::new(n[2], n[3])]).collect()
@@ -77,12 +78,13 @@ pub fn from_numbers(numbers: &[f64]) -> Vec<Edge> {
 
 /// Correlation length of the noise along an edge, in pixels.
 const NOISE_LENGTH_PX: f64 = 4.0;
-/// Standard deviation of the error common to all points of an edge, in pixels.
+/// Standard deviation of the error common to all points of an edge, across the edge, in pixels.
 const SYSTEMATIC_SIGMA_PX: f64 = 0.3;
-/// Largest number of edges with measured noise, which limits the computing time; shorter edges keep the
-/// detector's noise.
-const MAX_MEASURED: usize = 800;
-/// Largest displacement of an edge by the measurement, in pixels; beyond it the measured edge is another one.
+/// Largest number of edges with measured noise, which limits the computing time. The remaining, shorter edges
+/// have the standard deviation of the detector.
+const MAX_MEASURED_EDGES: usize = 800;
+/// Largest displacement of an edge by the measurement, in pixels; beyond it, the measured edge is a different
+/// one.
 const MAX_DISPLACEMENT_PX: f64 = 2.0;
 
 /// Detects the straight edges of an image with their standard deviations, the longest first.
@@ -90,15 +92,17 @@ const MAX_DISPLACEMENT_PX: f64 = 2.0;
 pub fn line_segments(image: &RgbImage) -> Vec<LineSegment> {
     let edges = detect(image).into_iter().enumerate();
     edges
-        .map(|(rank, edge)| if rank < MAX_MEASURED { measure(image, edge) } else { as_detected(edge) })
+        .map(|(rank, edge)| if rank < MAX_MEASURED_EDGES { measure(image, edge) } else { as_detected(edge) })
         .collect()
 }
 
+/// Returns an edge as detected, with the standard deviation of the detector.
 const fn as_detected(ends: Edge) -> LineSegment {
     LineSegment { ends, sigma: LineSegment::DETECTOR_SIGMA_PX }
 }
 
-/// Refines an edge by the steepest brightness changes along it.
+/// Refines an edge and measures its standard deviation, from the steepest brightness changes along the edge.
+/// Without a refined edge nearby, the edge stays as detected.
 fn measure(image: &RgbImage, edge: Edge) -> LineSegment {
     let Some(found) = find_edge_along(image, edge) else { return as_detected(edge) };
     if found.ends.iter().zip(edge).any(|(end, was)| end.distance(was) > MAX_DISPLACEMENT_PX) {

@@ -11,30 +11,33 @@ use nalgebra::{Matrix3, Vector3};
 
 /// Largest brightness of a black image corner, 0 to 255.
 const MAX_BLACK_LEVEL: u8 = 48;
-/// Smallest difference in brightness between the scene and the corners.
-const CONTRAST: u8 = 16;
-/// Definition of the rim: the brightness threshold as a fraction of the scene's brightness, and the search
-/// distance for that brightness as a fraction of the longer image side. With a relative threshold, a blurred
+/// Smallest difference in brightness between the scene and the black corners, 0 to 255.
+const MIN_CONTRAST: u8 = 16;
+/// Brightness at the rim, as a fraction of the brightness of the scene. With a relative threshold, a blurred
 /// rim has the same position next to bright and to dim scenes.
-const RIM: (f64, f64) = (0.25, 0.06);
-/// Number of rows and columns to scan, each from both ends.
+const RIM_BRIGHTNESS_FRACTION: f64 = 0.25;
+/// Distance from the rim within which the brightness of the scene is measured, as a fraction of the longer
+/// image side.
+const SCENE_DISTANCE_FRACTION: f64 = 0.06;
+/// Largest number of scanned rows, and of scanned columns; each is scanned from both ends.
 const SCAN_COUNT: u32 = 400;
-/// Number of consecutive bright pixels that end the black; fewer are noise.
-const IN_A_ROW: u32 = 3;
-/// Number of triples of points to try.
-const TRIPLES: usize = 500;
-/// Largest distance of an inlier from the circle, as a fraction of the longer image side.
+/// Number of consecutive bright pixels that end a black run; fewer bright pixels are noise.
+const MIN_BRIGHT_RUN_PX: u32 = 3;
+/// Number of triples of rim points whose circles are tested.
+const TRIPLE_COUNT: usize = 500;
+/// Largest distance of an inlier rim point from the circle, as a fraction of the longer image side.
 const MAX_INLIER_DISTANCE: f64 = 0.005;
-/// Smallest fraction of inliers, and smallest black fraction outside the circle; lens flare can brighten the
-/// rest.
-const MIN_FRACTIONS: [f64; 2] = [0.55, 0.85];
+/// Smallest fraction of the rim points that must be inliers of the circle.
+const MIN_INLIER_FRACTION: f64 = 0.55;
+/// Smallest fraction of the pixels outside the circle that must be black; lens flare can brighten the rest.
+const MIN_BLACK_FRACTION: f64 = 0.85;
 
 /// Detects the image circle of a fisheye lens, in raw pixels; `None` if the image has no black corners
 /// outside a circle.
 #[must_use]
 pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
     let black = black_level(image)?;
-    let places = rim(image, black);
+    let places = rim_points(image, black);
     let size = [image.width(), image.height()].map(f64::from);
     let near = (MAX_INLIER_DISTANCE * size[0].max(size[1])).max(1.5);
     let is_on =
@@ -43,14 +46,15 @@ pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
     let triple = |number: usize| {
         // The steps have no common divisor, so that no two triples are equal.
         let [i, j, k] = [number, number * 7 + 3, number * 31 + 11].map(|of| of * 37 % places.len().max(1));
-        through([*places.get(i)?, *places.get(j)?, *places.get(k)?]).filter(|circle| is_likely(circle, size))
+        circle_through([*places.get(i)?, *places.get(j)?, *places.get(k)?])
+            .filter(|circle| is_likely(circle, size))
     };
-    let mut circle = (0..TRIPLES).filter_map(triple).max_by_key(on)?;
+    let mut circle = (0..TRIPLE_COUNT).filter_map(triple).max_by_key(on)?;
     for _ in 0..8 {
         let own: Vec<Pixel> = places.iter().filter(|at| is_on(&circle, at)).copied().collect();
-        circle = improved(circle, &own)?;
+        circle = refine_circle(circle, &own)?;
     }
-    let is_agreed = on(&circle) as f64 >= MIN_FRACTIONS[0] * places.len() as f64;
+    let is_agreed = on(&circle) as f64 >= MIN_INLIER_FRACTION * places.len() as f64;
     let is_round = [[false; 2], [false, true], [true, false], [true; 2]].iter().all(|&[right, below]| {
         let is_of = |at: &&Pixel| (at.u > circle.u) == right && (at.v > circle.v) == below;
         places.iter().filter(is_of).any(|at| is_on(&circle, at))
@@ -60,12 +64,13 @@ pub fn image_circle(image: &RgbImage) -> Option<ImageCircle> {
         .then_some(circle)
 }
 
-/// Returns the brightest channel of a pixel.
+/// Returns the value of the brightest colour channel of a pixel, 0 to 255.
 fn level(image: &RgbImage, x: u32, y: u32) -> u8 {
     image.get_pixel(x, y).0.into_iter().max().unwrap_or(0)
 }
 
-/// Returns the level of black, from the image corners; one of the four may contain a caption.
+/// Returns the brightness of the black image corners, 0 to 255; `None` if the corners are not black. One of
+/// the four corners may contain a caption.
 fn black_level(image: &RgbImage) -> Option<u8> {
     let (w, h) = image.dimensions();
     let side = (w.min(h) / 50).max(4);
@@ -79,17 +84,17 @@ fn black_level(image: &RgbImage) -> Option<u8> {
     (corners[2] <= MAX_BLACK_LEVEL).then_some(corners[2])
 }
 
-/// Returns the quantile of the levels at `share`; 0 for no levels.
+/// Returns the quantile of brightness levels at the fraction `share`; 0 for no levels.
 fn quantile(share: f64, levels: impl Iterator<Item = u8>) -> u8 {
     let mut levels: Vec<u8> = levels.collect();
     levels.sort_unstable();
     levels.get((share * levels.len() as f64) as usize).copied().unwrap_or(0)
 }
 
-/// Collects the ends of the black runs from the border inward.
-fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
+/// Collects the ends of the black runs from the image border inward, in raw pixels.
+fn rim_points(image: &RgbImage, black: u8) -> Vec<Pixel> {
     let (w, h) = image.dimensions();
-    let ahead = (RIM.1 * f64::from(w.max(h))) as u32;
+    let ahead = (SCENE_DISTANCE_FRACTION * f64::from(w.max(h))) as u32;
     let mut places = Vec::new();
     for (is_row, lines, length) in [(true, h, w), (false, w, h)] {
         let step = lines.div_ceil(SCAN_COUNT).max(1);
@@ -110,16 +115,18 @@ fn rim(image: &RgbImage, black: u8) -> Vec<Pixel> {
     places
 }
 
-/// Returns the end of the black run, in pixels from the start; `None` without black, or without anything
-/// else.
+/// Returns the end of the black run at the start of a row or column, in pixels from the start. Returns `None`
+/// if the row or column does not start black, or is completely black. `level` returns the brightness of a
+/// pixel. `ahead` is the distance within which the brightness of the scene is measured, in pixels.
 fn end_of_black(level: impl Fn(u32) -> u8, length: u32, black: u8, ahead: u32) -> Option<f64> {
     let end = |from: u32, bound: u8| {
-        (from..length.saturating_sub(IN_A_ROW)).find(|i| (*i..*i + IN_A_ROW).all(|i| level(i) > bound))
+        (from..length.saturating_sub(MIN_BRIGHT_RUN_PX))
+            .find(|i| (*i..*i + MIN_BRIGHT_RUN_PX).all(|i| level(i) > bound))
     };
-    let bound = black + CONTRAST;
+    let bound = black + MIN_CONTRAST;
     let first = end(0, bound).filter(|first| *first > 0)?;
     let bright = (first..length.min(first + ahead)).map(&level).max()?;
-    let share = (RIM.0 * f64::from(bright.saturating_sub(black))) as u8;
+    let share = (RIM_BRIGHTNESS_FRACTION * f64::from(bright.saturating_sub(black))) as u8;
     let bound = bound.max(black + share);
     let end = end(first, bound)?;
     // Interpolate between the centres of two pixels.
@@ -128,14 +135,14 @@ fn end_of_black(level: impl Fn(u32) -> u8, length: u32, black: u8, ahead: u32) -
     Some(f64::from(end) - 0.5 + if share.is_nan() { 0.5 } else { share })
 }
 
-/// Whether the centre and radius are plausible for a fisheye lens.
+/// Whether the centre and radius of a circle are plausible for a fisheye lens; the arguments are in pixels.
 fn is_likely(circle: &ImageCircle, [w, h]: [f64; 2]) -> bool {
     let is_amid = (circle.u - 0.5 * w).abs() < 0.25 * w && (circle.v - 0.5 * h).abs() < 0.25 * h;
     is_amid && (0.25 * w.min(h)..0.5 * w.hypot(h)).contains(&circle.radius)
 }
 
 /// Computes the circle through three points; `None` if they are collinear.
-fn through([a, b, c]: [Pixel; 3]) -> Option<ImageCircle> {
+fn circle_through([a, b, c]: [Pixel; 3]) -> Option<ImageCircle> {
     let [bu, bv, cu, cv] = [b.u - a.u, b.v - a.v, c.u - a.u, c.v - a.v];
     let twice = 2.0 * (bu * cv - bv * cu);
     let [b2, c2] = [bu * bu + bv * bv, cu * cu + cv * cv];
@@ -144,8 +151,8 @@ fn through([a, b, c]: [Pixel; 3]) -> Option<ImageCircle> {
     (circle.radius.is_finite() && circle.radius > 0.0).then_some(circle)
 }
 
-/// Performs one Gauss-Newton step towards the circle with least squared distances.
-fn improved(circle: ImageCircle, places: &[Pixel]) -> Option<ImageCircle> {
+/// Performs one Gauss-Newton step towards the circle with the least squared distances from the points.
+fn refine_circle(circle: ImageCircle, places: &[Pixel]) -> Option<ImageCircle> {
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for at in places {
         let [u, v] = [at.u - circle.u, at.v - circle.v];
@@ -158,6 +165,7 @@ fn improved(circle: ImageCircle, places: &[Pixel]) -> Option<ImageCircle> {
     Some(ImageCircle { u: circle.u + step.x, v: circle.v + step.y, radius: circle.radius + step.z })
 }
 
+/// Whether nearly all pixels outside the circle are black.
 fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
     let step = (image.width().max(image.height()) / SCAN_COUNT).max(1) as usize;
     let of_rows = (0..image.height()).step_by(step);
@@ -168,23 +176,28 @@ fn is_black_outside(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
     let (mut all, mut dark) = (0_u32, 0_u32);
     for (x, y) in pixels.filter(is_outside) {
         all += 1;
-        dark += u32::from(level(image, x, y) <= black + 2 * CONTRAST);
+        dark += u32::from(level(image, x, y) <= black + 2 * MIN_CONTRAST);
     }
-    f64::from(dark) >= MIN_FRACTIONS[1] * f64::from(all)
+    f64::from(dark) >= MIN_BLACK_FRACTION * f64::from(all)
 }
 
 /// Whether the rim is sharp: a gradual falloff of light in a dark scene has no rim.
 fn is_sharp(image: &RgbImage, circle: &ImageCircle, black: u8) -> bool {
-    /// Number of sampled directions, and distance of the samples from the centre as a fraction of the radius.
-    const LOOKS: (u32, f64) = (120, 0.94);
+    /// Number of samples inside the rim, at equal angles.
+    const SAMPLE_COUNT: u32 = 120;
+    /// Distance of the samples from the centre, as a fraction of the radius.
+    const SAMPLE_RADIUS_FRACTION: f64 = 0.94;
     let level = |i: u32| {
-        let (sin, cos) = (f64::from(i) / f64::from(LOOKS.0) * std::f64::consts::TAU).sin_cos();
-        let [u, v] = [circle.u + LOOKS.1 * circle.radius * cos, circle.v + LOOKS.1 * circle.radius * sin];
+        let (sin, cos) = (f64::from(i) / f64::from(SAMPLE_COUNT) * std::f64::consts::TAU).sin_cos();
+        let [u, v] = [
+            circle.u + SAMPLE_RADIUS_FRACTION * circle.radius * cos,
+            circle.v + SAMPLE_RADIUS_FRACTION * circle.radius * sin,
+        ];
         let is_inside =
             (0.0..f64::from(image.width())).contains(&u) && (0.0..f64::from(image.height())).contains(&v);
         is_inside.then(|| level(image, u as u32, v as u32))
     };
-    quantile(0.5, (0..LOOKS.0).filter_map(level)) > black + 2 * CONTRAST
+    quantile(0.5, (0..SAMPLE_COUNT).filter_map(level)) > black + 2 * MIN_CONTRAST
 }
 
 #[cfg(test)]
@@ -192,7 +205,8 @@ mod tests {
     use super::*;
     use image::Rgb;
 
-    /// Striped scene in a circle, with noise, a dark object at its rim and a caption in the black.
+    /// Creates an image of a striped scene in a circle, with noise, a dark object at the rim
+    /// and a caption in the black area.
     fn picture(size: [u32; 2], circle: ImageCircle, dark: bool) -> RgbImage {
         let mut state = 7_u32;
         RgbImage::from_fn(size[0], size[1], |x, y| {

@@ -1,8 +1,8 @@
 //! Image analysis for camera calibration: edges, automatic calibration, the image circle of fisheye lenses,
 //! and comparison of two images of a camera.
 //!
-//! Its rule: no files, threads, clocks or windows; callers pass pixels. Pixel coordinates are raw
-//! (distorted), with the origin at the top left corner of the image, as in `calib-core`. In data-flow order:
+//! Rule: no files, threads, clocks or windows; callers pass pixels. Pixel coordinates are raw (distorted),
+//! with the origin at the top left corner of the image, as in `calib-core`. The modules, in data-flow order:
 //!
 //! - `line_segment`, `edges`: straight edges, detected or along an annotated line;
 //! - `pull`: lines snapped to the edge along them;
@@ -20,7 +20,7 @@
 //! assert_eq!(calibration.confidence, Confidence::None, "one edge does not determine a camera");
 //! ```
 
-// A file uses only those above it.
+// A module uses only the modules above it.
 mod line_segment;
 mod pull;
 pub mod edges;

@@ -13,10 +13,10 @@ pub fn distance_to_segment(a: Pixel, b: Pixel, at: Pixel) -> f64 {
     at.distance(Pixel::new(a.u + t * dx, a.v + t * dy))
 }
 
-/// Straight edge with its standard deviation.
+/// Straight edge of an image with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct LineSegment {
-    /// Ends, in raw pixels.
+    /// Ends of the edge, in raw pixels.
     pub ends: [Pixel; 2],
     /// Standard deviation of either end, across the edge, in pixels.
     pub sigma: f64,
@@ -24,10 +24,10 @@ pub struct LineSegment {
 
 impl LineSegment {
     /// Standard deviation of the ends of a detected edge, across it, in pixels. It was measured on edges of
-    /// 14 to 130 px in photographs of rooms, by their distances from the vanishing points of those rooms.
+    /// 14 to 130 px in photographs of rooms, from the distances between edges and vanishing points.
     pub const DETECTOR_SIGMA_PX: f64 = 0.45;
 
-    /// Returns the length, in pixels.
+    /// Returns the length of the edge, in pixels.
     #[must_use]
     pub fn length(&self) -> f64 {
         self.ends[0].distance(self.ends[1])

@@ -8,18 +8,19 @@ use image::RgbImage;
 
 /// Largest number of samples along a line.
 pub(crate) const MAX_SAMPLES: usize = 160;
-/// Largest distance of an edge that is offered or attracts a line, in image pixels at any zoom.
+/// Largest distance between a line and an edge for snapping, in image pixels at any zoom of the view. Edges
+/// near the cursor are offered within the same distance.
 pub const SNAP_RADIUS_PX: f64 = 8.0;
-/// The same distance, in steps across a line.
-const REACH: i32 = SNAP_RADIUS_PX as i32;
-/// Largest distance of a sample from its edge, in pixels; a farther one belongs to another edge.
+/// Search radius across a line, in steps of one pixel: [`SNAP_RADIUS_PX`].
+const SNAP_RADIUS_STEPS: i32 = SNAP_RADIUS_PX as i32;
+/// Largest distance of a sample from its edge, in pixels; a farther sample belongs to another edge.
 pub(crate) const MAX_INLIER_DISTANCE_PX: f64 = 1.0;
-/// Smallest fraction of a line that its edge must cover.
+/// Smallest fraction of the samples of a line that must be on one edge.
 pub(crate) const MIN_COVERED_FRACTION: f64 = 0.5;
 /// Smallest brightness gradient of an edge, in grey levels per pixel.
 const MIN_GRADIENT: f64 = 4.0;
 
-/// Interpolates the brightness between pixels, 0 to 255; `None` outside the image.
+/// Interpolates the brightness at raw pixel coordinates, 0 to 255; `None` outside the image.
 pub(crate) fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
     let (x, y) = (u - 0.5, v - 0.5);
     let (x0, y0) = (x.floor(), y.floor());
@@ -38,7 +39,7 @@ pub(crate) fn brightness(image: &RgbImage, u: f64, v: f64) -> Option<f64> {
 
 /// Edge found along a line.
 pub(crate) struct FoundEdge {
-    /// Line snapped to the edge.
+    /// Ends of the line after snapping to the edge, in raw pixels.
     pub(crate) ends: [Pixel; 2],
     /// RMS distance of the samples from the edge, in pixels.
     pub(crate) rms: f64,
@@ -46,16 +47,17 @@ pub(crate) struct FoundEdge {
     pub(crate) covered_length: f64,
 }
 
-/// Snaps a line to the edge along it; `None` without an edge.
+/// Snaps a line, given by its ends in raw pixels, to the straight edge along it. Returns `None` if no edge is
+/// found within [`SNAP_RADIUS_PX`].
 #[must_use]
 pub fn snap_line(image: &RgbImage, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
     find_edge_along(image, line).map(|found| found.ends)
 }
 
-/// Finds the edge along a line; `None` without an edge.
+/// Finds the straight edge along a line; `None` if no edge is found within [`SNAP_RADIUS_PX`].
 ///
-/// At samples along the line, the steepest brightness change across it is located to a fraction of a pixel.
-/// All changes must have the same sign. A straight line is fitted to the consistent samples.
+/// At samples along the line, the steepest brightness change across the line is located to a fraction of a
+/// pixel. All changes must have the same sign. A straight line is fitted to the consistent samples.
 pub(crate) fn find_edge_along(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<FoundEdge> {
     let length = a.distance(b);
     if !(4.0..1e5).contains(&length) {
@@ -72,13 +74,13 @@ pub(crate) fn find_edge_along(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Fo
     };
     // Sign of the edge: dark to bright, or bright to dark.
     let total: f64 = (0..count)
-        .filter_map(|i| strongest(&slope, length * i as f64 / count as f64, None))
+        .filter_map(|i| find_steepest_change(&slope, length * i as f64 / count as f64, None))
         .map(|(_, slope)| slope)
         .sum();
     let places: Vec<[f64; 2]> = (0..=count)
         .filter_map(|i| {
             let s = length * i as f64 / count as f64;
-            strongest(&slope, s, Some(total.signum())).map(|(t, _)| [s, t])
+            find_steepest_change(&slope, s, Some(total.signum())).map(|(t, _)| [s, t])
         })
         .collect();
     let (offset, tilt, inliers) = robust_line(&places, (MIN_COVERED_FRACTION * count as f64) as usize)?;
@@ -94,10 +96,10 @@ pub(crate) fn find_edge_along(image: &RgbImage, [a, b]: [Pixel; 2]) -> Option<Fo
     })
 }
 
-/// Snaps a line of any number of points to the edge along it; `None` without an edge.
+/// Snaps a polyline, in raw pixels, to the edge along it; `None` if no point is moved.
 ///
 /// Two points are snapped to one straight edge. With more points, each is snapped separately, across the line
-/// at that point, because a straight edge may be curved by distortion. Points without an edge stay in place.
+/// at this point, because distortion may curve a straight edge. Points without an edge stay in place.
 #[must_use]
 pub fn snap_polyline(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
     if let &[a, b] = points {
@@ -130,15 +132,17 @@ pub fn snap_polyline(image: &RgbImage, points: &[Pixel]) -> Option<Vec<Pixel>> {
     (pulled != points).then_some(pulled)
 }
 
-/// Returns the position across the line with the steepest brightness change, and its slope; with `sign`, only
-/// slopes of that sign count.
-pub(crate) fn strongest(
+/// Returns the position across a line with the steepest brightness change, in pixels, and the slope there, in
+/// grey levels per pixel. With `sign`, only slopes of this sign count. `slope` returns the slope `s` pixels
+/// along and `t` pixels across the line.
+pub(crate) fn find_steepest_change(
     slope: &impl Fn(f64, f64) -> Option<f64>,
     s: f64,
     sign: Option<f64>,
 ) -> Option<(f64, f64)> {
     let size = |value: f64| sign.map_or(value.abs(), |sign| sign * value);
-    let steps = (-REACH..=REACH).filter_map(|t| Some((f64::from(t), slope(s, f64::from(t))?)));
+    let steps = (-SNAP_RADIUS_STEPS..=SNAP_RADIUS_STEPS)
+        .filter_map(|t| Some((f64::from(t), slope(s, f64::from(t))?)));
     // Of equally strong edges, prefer the nearer one.
     let weight = |(t, value): (f64, f64)| size(value) * (1.0 - 0.05 * t.abs());
     let (t, peak) = steps.max_by(|&a, &b| weight(a).total_cmp(&weight(b)))?;
@@ -151,15 +155,16 @@ pub(crate) fn strongest(
     Some((t + shift, peak))
 }
 
-/// Returns offset and tilt of the line with the most inliers, and these inliers; `None` with fewer than
-/// `least`.
+/// Fits the line `t = offset + tilt s` with the most inliers to points `[s, t]`. Returns the offset, the tilt
+/// and the inliers; `None` with fewer than `least` inliers.
 ///
 /// A line is computed through every pair of a subset of the points. The candidate with the most inliers is
-/// fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones). Between two parallel
-/// edges, a mean of both would not be an edge.
+/// fitted to its inliers (Fischler and Bolles 1981, with all pairs instead of random ones). Between two
+/// parallel edges, a mean of both would not be an edge.
 fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64; 2]>)> {
-    const PROPOSERS: usize = 32;
-    let step = points.len().div_ceil(PROPOSERS).max(1);
+    /// Largest number of points whose pairs yield candidates.
+    const MAX_CANDIDATE_POINTS: usize = 32;
+    let step = points.len().div_ceil(MAX_CANDIDATE_POINTS).max(1);
     let few: Vec<[f64; 2]> = points.iter().copied().step_by(step).collect();
     let agree = |(offset, tilt): (f64, f64)| {
         points.iter().copied().filter(move |[s, t]| (t - offset - tilt * s).abs() <= MAX_INLIER_DISTANCE_PX)
@@ -174,11 +179,12 @@ fn robust_line(points: &[[f64; 2]], least: usize) -> Option<(f64, f64, Vec<[f64;
     if inliers.len() < least.max(4) {
         return None;
     }
-    let (offset, tilt) = line_through(&inliers)?;
+    let (offset, tilt) = fit_line(&inliers)?;
     Some((offset, tilt, inliers))
 }
 
-fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
+/// Fits the line `t = offset + tilt s` to points `[s, t]` by least squares; `None` if all `s` are equal.
+fn fit_line(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let count = points.len() as f64;
     let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / count;
     let (ms, mt) = (mean(0), mean(1));
@@ -187,19 +193,21 @@ fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     (square > 0.0).then_some((mt - tilt * ms, tilt))
 }
 
-/// Snaps a line to the edge along it; `None` without an edge. Under a fisheye lens, the edge follows the
-/// image of the straight 3D line through the ends. Under other lenses, it follows the line itself.
+/// Snaps a line, given by its ends in raw pixels, to the edge along it; `None` if no edge is found. Under a
+/// fisheye lens, the edge follows the image of the straight 3D line through the ends. Under other lenses, the
+/// edge follows the straight line in the image.
 ///
-/// Let n be the normal of the plane through the camera and the 3D line, m its middle direction, and
-/// `s = n x m`. A nearby straight 3D line deviates from it by the angle `A cos a + B sin a`, with `a` the
-/// angle along the line from its middle. `A` and `B` are fitted to the deviations of the inlier samples from
-/// the curve, in pixels.
+/// Let `n` be the normal of the plane through the camera and the 3D line. `m` is the direction to the middle
+/// of the line, and `s = n x m`. A nearby straight 3D line deviates from this line by the angle
+/// `A cos a + B sin a`. Here `a` is the angle from `m` to a point of the line, and `A` and `B` are the
+/// components of the deviation. `A` and `B` are fitted to the deviations of the inlier samples from the
+/// curve, in pixels.
 #[must_use]
 pub fn snap_image_curve(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Option<[Pixel; 2]> {
     if !lens.distortion.is_wide() {
         return snap_line(image, line);
     }
-    let curve = Curve::of(lens, line)?;
+    let curve = Curve::from_ends(lens, line)?;
     let count = (curve.length as usize).clamp(8, MAX_SAMPLES);
     let samples: Vec<Sample> = (0..=count).filter_map(|i| curve.sample(i as f64 / count as f64)).collect();
     let slope = |sample: &Sample, t: f64| {
@@ -208,8 +216,9 @@ pub fn snap_image_curve(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Opti
         };
         Some(0.5 * (at(t + 1.0)? - at(t - 1.0)?))
     };
-    let steepest =
-        |sample: &Sample, sign: Option<f64>| strongest(&|_: f64, t: f64| slope(sample, t), 0.0, sign);
+    let steepest = |sample: &Sample, sign: Option<f64>| {
+        find_steepest_change(&|_: f64, t: f64| slope(sample, t), 0.0, sign)
+    };
     // Sign of the edge: dark to bright, or bright to dark.
     let total: f64 = samples.iter().filter_map(|sample| steepest(sample, None)).map(|(_, slope)| slope).sum();
     let places: Vec<[f64; 3]> = samples
@@ -220,16 +229,18 @@ pub fn snap_image_curve(image: &RgbImage, lens: &Lens, line: [Pixel; 2]) -> Opti
             Some([sample.scale * cos, sample.scale * sin, t])
         })
         .collect();
-    let by = robust(&places, (MIN_COVERED_FRACTION * count as f64) as usize)?;
+    let by = fit_deviation(&places, (MIN_COVERED_FRACTION * count as f64) as usize)?;
     Some([curve.moved(line[0], by)?, curve.moved(line[1], by)?])
 }
 
 /// Image curve of the straight 3D line through two pixels.
 struct Curve<'a> {
     lens: &'a Lens,
+    /// Unit vector from the camera to the middle of the 3D line.
     middle: [f64; 3],
-    /// Direction along the curve, 90° from its middle.
+    /// Unit vector along the curve, 90° from `middle`.
     side: [f64; 3],
+    /// Unit normal of the plane through the camera and the 3D line.
     normal: [f64; 3],
     /// Angle from the middle to each end, in radians.
     half: f64,
@@ -237,24 +248,25 @@ struct Curve<'a> {
     length: f64,
 }
 
-/// Sample on the curve.
+/// Sample on a [`Curve`].
 struct Sample {
     at: Pixel,
-    /// Unit vector across the curve, towards the normal.
+    /// Unit vector in the image across the curve, towards the normal of the plane.
     across: [f64; 2],
-    /// Angle from the middle, in radians.
+    /// Angle from the middle of the curve, in radians.
     angle: f64,
     /// Scale across the curve, in pixels per radian.
     scale: f64,
 }
 
 impl<'a> Curve<'a> {
-    fn of(lens: &'a Lens, line: [Pixel; 2]) -> Option<Self> {
-        /// Smallest accepted angle between the two rays, in radians. Parallel and opposite rays do not
+    /// Creates the curve between two raw pixels; `None` if the pixels do not determine a plane.
+    fn from_ends(lens: &'a Lens, line: [Pixel; 2]) -> Option<Self> {
+        /// Smallest accepted sine of the angle between the two rays. Parallel and opposite rays do not
         /// determine a plane.
-        const CLOSE: f64 = 1e-3;
+        const MIN_RAY_SINE: f64 = 1e-3;
         let [a, b] = [ray(lens, line[0])?, ray(lens, line[1])?];
-        let normal = unit(cross(a, b)).filter(|_| length(cross(a, b)) > CLOSE)?;
+        let normal = unit(cross(a, b)).filter(|_| length(cross(a, b)) > MIN_RAY_SINE)?;
         let middle = unit(std::array::from_fn(|i| a[i] + b[i]))?;
         let curve = annotated_line_curve(lens, &line);
         let length: f64 = curve.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
@@ -263,23 +275,24 @@ impl<'a> Curve<'a> {
         is_long.then(|| Self { lens, middle, side: cross(normal, middle), normal, half, length })
     }
 
-    /// Returns the sample at a fraction of the way from the first end to the second.
+    /// Returns the sample at a fraction of the angle from the first end to the second; `None` outside the
+    /// lens.
     fn sample(&self, share: f64) -> Option<Sample> {
         /// Step of the finite differences, in radians.
         const STEP: f64 = 1e-5;
         let angle = (2.0 * share - 1.0) * self.half;
         let (sin, cos) = angle.sin_cos();
         let on: [f64; 3] = std::array::from_fn(|i| cos * self.middle[i] + sin * self.side[i]);
-        let at = shown(self.lens, on)?;
+        let at = project(self.lens, on)?;
         // If the lens scales differently in two directions, the image of the normal is not perpendicular to
         // the curve.
         let along = |by: f64| {
             let (sin, cos) = (angle + by).sin_cos();
-            shown(self.lens, std::array::from_fn(|i| cos * self.middle[i] + sin * self.side[i]))
+            project(self.lens, std::array::from_fn(|i| cos * self.middle[i] + sin * self.side[i]))
         };
         let (before, after) = (along(-STEP)?, along(STEP)?);
         let far = before.distance(after);
-        let towards = shown(self.lens, std::array::from_fn(|i| on[i] + STEP * self.normal[i]))?;
+        let towards = project(self.lens, std::array::from_fn(|i| on[i] + STEP * self.normal[i]))?;
         let by = [(towards.u - at.u) / STEP, (towards.v - at.v) / STEP];
         let right = [-(after.v - before.v) / far, (after.u - before.u) / far];
         let scale = by[0] * right[0] + by[1] * right[1];
@@ -288,27 +301,30 @@ impl<'a> Curve<'a> {
         is_known.then_some(Sample { at, across, angle, scale: scale.abs() })
     }
 
-    /// Moves a pixel of the curve across it, to the line with the deviation `[A, B]`.
+    /// Moves a pixel of the curve across the curve, to the nearby line with the deviation `[A, B]`, in
+    /// radians.
     fn moved(&self, pixel: Pixel, [cosine, sine]: [f64; 2]) -> Option<Pixel> {
         let at = ray(self.lens, pixel)?;
         let by = cosine * dot(at, self.middle) + sine * dot(at, self.side);
-        shown(self.lens, std::array::from_fn(|i| at[i] + by * self.normal[i]))
+        project(self.lens, std::array::from_fn(|i| at[i] + by * self.normal[i]))
     }
 }
 
-/// Fits A and B of `t = a A + b B` to samples `[a, b, t]`; `None` with fewer than `least` inliers.
+/// Fits `A` and `B` of `t = a A + b B` to samples `[a, b, t]`; `None` with fewer than `least` inliers. `t` is
+/// the deviation across the curve, in pixels.
 ///
 /// Every pair of a subset of the samples determines a candidate. The candidate with the most inliers is
-/// fitted to these (Fischler and Bolles 1981, with all pairs instead of random ones).
-fn robust(places: &[[f64; 3]], least: usize) -> Option<[f64; 2]> {
-    const PROPOSERS: usize = 32;
-    let step = places.len().div_ceil(PROPOSERS).max(1);
+/// fitted to its inliers (Fischler and Bolles 1981, with all pairs instead of random ones).
+fn fit_deviation(places: &[[f64; 3]], least: usize) -> Option<[f64; 2]> {
+    /// Largest number of points whose pairs yield candidates.
+    const MAX_CANDIDATE_POINTS: usize = 32;
+    let step = places.len().div_ceil(MAX_CANDIDATE_POINTS).max(1);
     let few: Vec<[f64; 3]> = places.iter().copied().step_by(step).collect();
     let agree = |[cosine, sine]: [f64; 2]| {
         places.iter().filter(move |[a, b, t]| (t - a * cosine - b * sine).abs() <= MAX_INLIER_DISTANCE_PX)
     };
     let pairs = few.iter().enumerate().flat_map(|(i, p)| few[..i].iter().map(move |q| (p, q)));
-    let proposed = pairs.filter_map(|(p, q)| solved([p[0], p[1], q[0], q[1]], [p[2], q[2]]));
+    let proposed = pairs.filter_map(|(p, q)| solve_2x2([p[0], p[1], q[0], q[1]], [p[2], q[2]]));
     let best = proposed.max_by_key(|&by| agree(by).count())?;
     if agree(best).count() < least.max(4) {
         return None;
@@ -319,22 +335,24 @@ fn robust(places: &[[f64; 3]], least: usize) -> Option<[f64; 2]> {
         normal = [normal[0] + a * a, normal[1] + a * b, normal[2] + a * b, normal[3] + b * b];
         right = [right[0] + a * t, right[1] + b * t];
     }
-    solved(normal, right)
+    solve_2x2(normal, right)
 }
 
-/// Solves two linear equations, in row order; `None` if they are dependent.
-fn solved([a, b, c, d]: [f64; 4], [s, t]: [f64; 2]) -> Option<[f64; 2]> {
+/// Solves the linear equations `a x + b y = s` and `c x + d y = t`; `None` if they are dependent.
+fn solve_2x2([a, b, c, d]: [f64; 4], [s, t]: [f64; 2]) -> Option<[f64; 2]> {
     let determinant = a * d - b * c;
     let is_clear = determinant.abs() > 1e-12 * (a.abs() + b.abs()) * (c.abs() + d.abs());
     is_clear.then(|| [(d * s - b * t) / determinant, (a * t - c * s) / determinant])
 }
 
+/// Returns the unit vector of the ray of a raw pixel, in camera axes; `None` outside the lens.
 fn ray(lens: &Lens, pixel: Pixel) -> Option<[f64; 3]> {
     let [x, y, w] = lens.bearing(pixel)?;
     unit([x / lens.focal, y / lens.focal, w])
 }
 
-fn shown(lens: &Lens, [x, y, w]: [f64; 3]) -> Option<Pixel> {
+/// Projects a direction in camera axes to a raw pixel; `None` outside the lens.
+fn project(lens: &Lens, [x, y, w]: [f64; 3]) -> Option<Pixel> {
     lens.bearing_to_pixel([lens.focal * x, lens.focal * y, w])
 }
 
@@ -350,6 +368,7 @@ fn length(of: [f64; 3]) -> f64 {
     dot(of, of).sqrt()
 }
 
+/// Returns the unit vector in a direction; `None` for the zero vector.
 fn unit(of: [f64; 3]) -> Option<[f64; 3]> {
     let length = length(of);
     (length > 1e-9).then(|| of.map(|part| part / length))
@@ -361,7 +380,8 @@ mod tests {
 
     use super::*;
 
-    /// Image of a smoothed edge, dark on the left of the line `u = 80.3 + tilt v` and bright on the right.
+    /// Creates an image of a smoothed edge, dark on the left of the line `u = 80.3 + tilt v` and bright on
+    /// the right.
     fn picture(tilt: f64) -> RgbImage {
         RgbImage::from_fn(200, 150, |x, y| {
             let off = f64::from(x) + 0.5 - (80.3 + tilt * (f64::from(y) + 0.5));
@@ -437,7 +457,8 @@ mod pull_curve_tests {
         Lens { principal_point: Pixel::new(200.0, 190.0), focal: 115.0, distortion, image_circle: None }
     }
 
-    /// Image of a plane through the camera centre, dark on one side and bright on the other, with blur.
+    /// Creates an image of a plane through the camera centre, dark on one side and bright on the other, with
+    /// blur.
     fn picture(normal: [f64; 3]) -> RgbImage {
         let (lens, normal) = (fisheye(), unit(normal).unwrap());
         RgbImage::from_fn(400, 380, |x, y| {
@@ -459,7 +480,7 @@ mod pull_curve_tests {
             let ends = [-1.1_f64, 1.0].map(|angle| {
                 let at: [f64; 3] = std::array::from_fn(|i| angle.cos() * out[i] + angle.sin() * edge[i]);
                 let forward = if out[2] < 0.0 { at.map(|part| -part) } else { at };
-                shown(&lens, forward).unwrap()
+                project(&lens, forward).unwrap()
             });
             let off = |p: Pixel| dot(n, ray(&lens, p).unwrap()).abs() * lens.focal;
             let drawn =

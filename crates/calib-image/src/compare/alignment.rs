@@ -1,7 +1,8 @@
 //! Alignment of two images: iterated from a wide to a narrow search range, with the fraction of the old edges
 //! found again.
 //!
-//! Every edge of the old image is searched in the new image, across itself, to a fraction of a pixel.
+//! Every edge of the old image is searched in the new image, in the direction across the edge, to a fraction
+//! of a pixel.
 
 use calib_core::Camera;
 use calib_core::camera::RotationZoom;
@@ -13,14 +14,17 @@ use crate::{EdgeOffset, FitParameters, RotationFit};
 
 /// Smallest correlation of two profiles of the same edge.
 const MIN_CORRELATION: f64 = 0.8;
-/// Smallest difference in correlation to a second candidate; below it the match is ambiguous.
+/// Smallest difference in correlation between the best and the second position; below it the match is
+/// ambiguous.
 const MIN_CORRELATION_GAP: f64 = 0.06;
-/// Correlation length of the noise across an edge, in pixels: the width of one smoothing.
+/// Correlation length of the noise across an edge, in pixels: the width of the smoothing of the images.
 const NOISE_LENGTH_PX: f64 = 2.5;
 
 /// Search for edge samples in the new image, after an assumed motion of the camera.
 pub(crate) struct Search<'a> {
+    /// New image.
     luma: &'a Luma,
+    /// Camera after the assumed motion.
     moved: MovedCamera,
 }
 
@@ -31,21 +35,22 @@ impl<'a> Search<'a> {
 
     /// Whether a sample is visible in the new image, far enough from its border to locate the edge.
     pub(crate) fn is_visible(&self, place: &EdgeSample) -> bool {
-        const MARGIN: f64 = 2.0 * LENGTH as f64;
-        let within = |at: f64, side: usize| at > MARGIN && at < side as f64 - MARGIN;
+        /// Smallest distance of a visible sample from the image border, in pixels.
+        const MARGIN_PX: f64 = 2.0 * LENGTH as f64;
+        let within = |at: f64, side: usize| at > MARGIN_PX && at < side as f64 - MARGIN_PX;
         let shown = self.moved.project(&place.sights[0]);
         shown.is_some_and(|at| within(at.u, self.luma.width) && within(at.v, self.luma.height))
     }
 
-    /// Measures the offset of the edge from its predicted position; `None` if it is not found within `reach`
-    /// pixels.
+    /// Measures the offset of the edge from its predicted position; `None` if the edge is not found within
+    /// `reach` pixels.
     pub(crate) fn offset(&self, place: &EdgeSample, reach: usize) -> Option<EdgeOffset> {
         let frame = self.frame(place)?;
         let longer: Vec<f64> = (0..LENGTH + 2 * reach)
             .map(|i| frame.brightness(self.luma, i as f64 - (HALF + reach) as f64))
             .collect::<Option<_>>()?;
-        let best = best(&place.profile, &longer, reach)?;
-        let (start, found) = vertex(&place.profile, &longer, best as f64);
+        let best = locate_profile(&place.profile, &longer, reach)?;
+        let (start, found) = refine_position(&place.profile, &longer, best as f64);
         let noise = (1.0 - found.correlation.powi(2)) * found.square / (LENGTH - 3) as f64;
         let slopes: f64 = (0..LENGTH)
             .map(|i| {
@@ -69,7 +74,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Returns the predicted position and direction of the edge in the new image.
+    /// Returns the predicted position and direction of the edge in the new image; `None` outside the lens.
     fn frame(&self, place: &EdgeSample) -> Option<Frame> {
         let [at, along, across] = place.sights.each_ref().map(|sight| self.moved.project(sight));
         let (at, along, across) = (at?, along?, across?);
@@ -81,8 +86,9 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Locates a profile in a longer one, to a pixel; `None` if no position, or more than one, is similar enough.
-fn best(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> {
+/// Locates a profile in a longer profile, to a pixel. Returns `None` if no position, or more than one
+/// position, is similar enough.
+fn locate_profile(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> {
     let values: Vec<f64> =
         (0..=2 * reach).map(|start| match_profiles(profile, longer, start as f64).correlation).collect();
     let best = (0..values.len()).max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
@@ -94,8 +100,9 @@ fn best(profile: &[f64; LENGTH], longer: &[f64], reach: usize) -> Option<usize> 
     is_unique.then_some(best)
 }
 
-/// Refines the maximum of the correlation to a fraction of a pixel, with two parabolas, the second narrower.
-fn vertex(profile: &[f64; LENGTH], longer: &[f64], mut at: f64) -> (f64, ProfileMatch) {
+/// Refines the position `at` of the largest correlation to a fraction of a pixel, with two parabolas, the
+/// second narrower.
+fn refine_position(profile: &[f64; LENGTH], longer: &[f64], mut at: f64) -> (f64, ProfileMatch) {
     for half in [0.5, 0.25] {
         let [before, here, after] =
             [-half, 0.0, half].map(|step| match_profiles(profile, longer, at + step).correlation);
@@ -107,22 +114,24 @@ fn vertex(profile: &[f64; LENGTH], longer: &[f64], mut at: f64) -> (f64, Profile
     (at, match_profiles(profile, longer, at))
 }
 
-/// Largest distance of an inlier edge from its predicted position, in pixels.
+/// Largest distance of an inlier sample from its predicted position, in pixels.
 const MAX_INLIER_OFFSET_PX: f64 = 1.0;
 
-/// Two aligned images.
+/// Alignment of two images: the motion of the camera, and the edge samples found again.
 pub(crate) struct Alignment {
+    /// Motion of the camera from the old to the new image.
     pub(crate) motion: Motion,
-    /// Fit of the remaining motion; close to zero after convergence.
+    /// Fit of the last iteration; its motion is close to zero after convergence.
     pub(crate) fit: RotationFit,
-    /// Visibility and result of every sample: `None` outside the new image, otherwise whether its edge is at
-    /// the predicted position.
+    /// Result of every sample: `None` outside the new image, otherwise whether its edge is at the predicted
+    /// position.
     pub(crate) found: Vec<Option<bool>>,
 }
 
 impl Alignment {
-    /// Aligns the images, starting from `motion`; each iteration searches within the next of `reaches`, in
-    /// pixels.
+    /// Aligns the new image `luma` to the samples `places` of the old image, starting from `motion`. `of` are
+    /// the fitted parameters. Each iteration searches within the next distance of `reaches`, in pixels.
+    /// Returns `None` if the edges do not determine the parameters.
     pub(crate) fn new(
         camera: &Camera,
         luma: &Luma,
@@ -145,7 +154,7 @@ impl Alignment {
         let mut measured = offsets.iter().flatten().zip(&fit.weights);
         let found = offsets.iter().zip(places).map(|(offset, place)| {
             let agrees = offset.is_some()
-                && measured.next().is_some_and(|(row, &weight)| weight > 0.0 && is_near(row, &fit));
+                && measured.next().is_some_and(|(row, &weight)| weight > 0.0 && is_inlier(row, &fit));
             search.is_visible(place).then_some(agrees)
         });
         let found = found.collect();
@@ -163,30 +172,35 @@ impl Alignment {
         self.found.iter().flatten().filter(|agrees| **agrees).count()
     }
 
-    /// Returns the number of samples found again, limited to a few for each block, so that it measures
+    /// Returns the number of samples found again, limited to a few for each block. The number measures the
     /// coverage of the image.
     pub(crate) fn coverage(&self, places: &[EdgeSample]) -> usize {
-        const VOICE: usize = 6;
+        /// Largest number of samples counted in one block.
+        const MAX_SAMPLES_PER_BLOCK: usize = 6;
         let mut parts = std::collections::BTreeMap::new();
         for (place, _) in places.iter().zip(&self.found).filter(|(_, found)| **found == Some(true)) {
             *parts.entry(place.block).or_insert(0) += 1;
         }
-        parts.into_values().map(|count: usize| count.min(VOICE)).sum()
+        parts.into_values().map(|count: usize| count.min(MAX_SAMPLES_PER_BLOCK)).sum()
     }
 }
 
-fn is_near(row: &EdgeOffset, fit: &RotationFit) -> bool {
+/// Whether an edge is at the position that the fit predicts.
+fn is_inlier(row: &EdgeOffset, fit: &RotationFit) -> bool {
     (row.offset - row.predicted(&fit.estimate)).abs() < MAX_INLIER_OFFSET_PX
 }
 
-/// Returns the fraction of samples found by chance: the mean over a few deliberately wrong rotations.
+/// Returns the fraction of visible samples found by chance: the mean over a few deliberately wrong rotations.
+/// `turn` is the correct rotation.
 pub(crate) fn chance_fraction(
     camera: &Camera,
     luma: &Luma,
     places: &[EdgeSample],
     turn: &RotationZoom,
 ) -> f64 {
-    const ASIDE: [[f64; 2]; 4] = [[37.0, 23.0], [-41.0, 29.0], [31.0, -37.0], [-29.0, -31.0]];
+    /// Approximate displacements of the image by the wrong rotations, in pixels along u and v.
+    const WRONG_DISPLACEMENTS_PX: [[f64; 2]; 4] =
+        [[37.0, 23.0], [-41.0, 29.0], [31.0, -37.0], [-29.0, -31.0]];
     let of = |aside: [f64; 2]| {
         let [u, v] = aside.map(|pixels| pixels / camera.focal);
         let search = Search::new(
@@ -200,5 +214,5 @@ pub(crate) fn chance_fraction(
         };
         shown.iter().filter(near).count() as f64 / shown.len().max(1) as f64
     };
-    ASIDE.into_iter().map(of).sum::<f64>() / ASIDE.len() as f64
+    WRONG_DISPLACEMENTS_PX.into_iter().map(of).sum::<f64>() / WRONG_DISPLACEMENTS_PX.len() as f64
 }

@@ -1,5 +1,5 @@
-//! Transfer of annotations from the old image to the new one: mapped by the rotation and checked against the
-//! new image.
+//! Transfer of annotations from the old image to the new image: mapped by the rotation and checked against
+//! the new image.
 
 use calib_core::{Camera, Pixel};
 
@@ -18,11 +18,16 @@ use crate::pull::snap_polyline;
 /// Transfer of annotations from an old to a new image.
 #[derive(Debug)]
 pub(crate) struct AnnotationTransfer<'a> {
+    /// Calibrated camera of the old image.
     camera: &'a Camera,
+    /// Rotation and zoom from the old to the new image.
     turn: RotationZoom,
     turned: RotatedCamera,
+    /// Smoothed log brightness of the old image.
     old: Luma,
+    /// Smoothed log brightness of the new image.
     new: Luma,
+    /// New image.
     image: &'a RgbImage,
 }
 
@@ -39,30 +44,34 @@ impl<'a> AnnotationTransfer<'a> {
 }
 
 impl ImageTransfer for AnnotationTransfer<'_> {
-    /// Maps a line and pulls it onto its edge.
+    /// Maps a line and snaps it to its edge in the new image.
     fn line(&self, points: &[Pixel], whole: bool) -> Option<Vec<Pixel>> {
-        /// Largest distance from a mapped line to its edge, in pixels; a farther edge is another one.
-        const SAME: f64 = 2.5;
-        let carried = if whole { self.all(points)? } else { self.shown_part(points)? };
-        if length(&carried) < MIN_LENGTH_PX || !self.is_there(points) {
+        /// Largest distance from a mapped line to its edge, in pixels; a farther edge is a different edge.
+        const MAX_SNAP_DISTANCE_PX: f64 = 2.5;
+        let carried = if whole { self.map_line(points)? } else { self.map_visible_part(points)? };
+        if length(&carried) < MIN_LENGTH_PX || !self.is_edge_found(points) {
             return None;
         }
         let pulled = snap_polyline(self.image, &carried);
-        let is_same = |pulled: &Vec<Pixel>| pulled.iter().zip(&carried).all(|(a, b)| a.distance(*b) < SAME);
+        let is_same = |pulled: &Vec<Pixel>| {
+            pulled.iter().zip(&carried).all(|(a, b)| a.distance(*b) < MAX_SNAP_DISTANCE_PX)
+        };
         Some(pulled.filter(is_same).unwrap_or(carried))
     }
 
+    /// Maps a point and moves it to the position with the most similar surroundings.
     fn point(&self, old: Pixel) -> Option<Pixel> {
-        /// Smallest correlation of the surroundings of the same point.
-        const ALIKE: f64 = 0.75;
-        const REACH: i32 = 3;
-        let steps =
-            (-REACH..=REACH).flat_map(|y| (-REACH..=REACH).map(move |x| [f64::from(x), f64::from(y)]));
-        let alike = |step: [f64; 2]| self.likeness(old, step);
+        /// Smallest correlation of the surroundings of a point in both images.
+        const MIN_CORRELATION: f64 = 0.75;
+        /// Search radius about the mapped position, in pixels.
+        const SEARCH_RADIUS_PX: i32 = 3;
+        let steps = (-SEARCH_RADIUS_PX..=SEARCH_RADIUS_PX)
+            .flat_map(|y| (-SEARCH_RADIUS_PX..=SEARCH_RADIUS_PX).map(move |x| [f64::from(x), f64::from(y)]));
+        let alike = |step: [f64; 2]| self.correlation_at(old, step);
         let best = steps.max_by(|&a, &b| alike(a).total_cmp(&alike(b)))?;
         let here = alike(best);
-        let is_inner = best.iter().all(|step| step.abs() < f64::from(REACH));
-        if here < ALIKE || !is_inner {
+        let is_inner = best.iter().all(|step| step.abs() < f64::from(SEARCH_RADIUS_PX));
+        if here < MIN_CORRELATION || !is_inner {
             return None;
         }
         let vertex = |axis: usize| {
@@ -79,38 +88,44 @@ impl ImageTransfer for AnnotationTransfer<'_> {
         Some(Pixel::new(at.u + vertex(0), at.v + vertex(1)))
     }
 
+    /// Maps a corner of a polygon.
     fn corner(&self, old: Pixel) -> Option<Pixel> {
         self.turned.map_pixel(old)
     }
 }
 
 impl AnnotationTransfer<'_> {
-    /// Correlates the surroundings of a point with the new image, `step` pixels from the mapped position.
-    fn likeness(&self, old: Pixel, step: [f64; 2]) -> f64 {
-        const HALF: i32 = 6;
+    /// Returns the correlation of the surroundings of a point with the new image, `step` pixels from the
+    /// mapped position; -1 at the image border.
+    fn correlation_at(&self, old: Pixel, step: [f64; 2]) -> f64 {
+        /// Half the side of the compared surroundings, in pixels of the old image.
+        const PATCH_HALF_PX: i32 = 6;
         let pair = |x: i32, y: i32| {
             let before = Pixel::new(old.u + f64::from(x), old.v + f64::from(y));
             let after = self.turned.map_pixel(before)?;
             Some([self.old.at(before.u, before.v)?, self.new.at(after.u + step[0], after.v + step[1])?])
         };
-        let cells = (-HALF..=HALF).flat_map(|y| (-HALF..=HALF).map(move |x| (x, y)));
+        let cells = (-PATCH_HALF_PX..=PATCH_HALF_PX)
+            .flat_map(|y| (-PATCH_HALF_PX..=PATCH_HALF_PX).map(move |x| (x, y)));
         let Some(pairs) = cells.map(|(x, y)| pair(x, y)).collect::<Option<Vec<[f64; 2]>>>() else {
             return -1.0;
         };
         correlation(&pairs)
     }
 
-    fn all(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
+    /// Maps all points of a line; `None` if the new image does not show every point.
+    fn map_line(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
         points.iter().map(|&point| self.turned.map_pixel(point).filter(|&at| self.is_inside(at))).collect()
     }
 
-    /// Returns the longest visible part of a line: a section of a two-point line, or a run of points of a
-    /// polyline.
-    fn shown_part(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
-        const STEPS: usize = 64;
+    /// Maps the longest part of a line that the new image shows. The part is a section of a two-point line,
+    /// or a run of points of a polyline.
+    fn map_visible_part(&self, points: &[Pixel]) -> Option<Vec<Pixel>> {
+        /// Number of sections into which a two-point line is divided.
+        const SECTION_COUNT: usize = 64;
         let dense: Vec<Pixel> = match points {
-            &[a, b] => (0..=STEPS)
-                .map(|i| i as f64 / STEPS as f64)
+            &[a, b] => (0..=SECTION_COUNT)
+                .map(|i| i as f64 / SECTION_COUNT as f64)
                 .map(|t| Pixel::new(a.u + t * (b.u - a.u), a.v + t * (b.v - a.v)))
                 .collect(),
             _ => points.to_vec(),
@@ -129,41 +144,48 @@ impl AnnotationTransfer<'_> {
         }
     }
 
-    /// Whether the edge along a line of the old image also exists in the new image.
-    fn is_there(&self, points: &[Pixel]) -> bool {
-        /// Largest offset, in pixels.
-        const NEAR: f64 = 1.0;
-        const REACH: usize = 3;
+    /// Whether the edges along a line of the old image are at their predicted positions in the new image.
+    fn is_edge_found(&self, points: &[Pixel]) -> bool {
+        /// Largest offset of a sample from its predicted position, in pixels, without its noise.
+        const MAX_OFFSET_PX: f64 = 1.0;
+        /// Search radius across the edge, in pixels.
+        const SEARCH_RADIUS_PX: usize = 3;
         let edges: Vec<Edge> = points.windows(2).map(|pair| [pair[0], pair[1]]).collect();
         let search = Search::new(self.camera, &self.new, &self.turn.into());
         let places = edge_samples(self.camera, &self.old, &edges);
         let shown: Vec<_> = places.iter().filter(|place| search.is_visible(place)).collect();
         let near = shown.iter().filter(|place| {
-            search.offset(place, REACH).is_some_and(|row| row.offset.abs() < NEAR + 2.0 * row.sigma)
+            search
+                .offset(place, SEARCH_RADIUS_PX)
+                .is_some_and(|row| row.offset.abs() < MAX_OFFSET_PX + 2.0 * row.sigma)
         });
         2 * near.count() >= shown.len() && !shown.is_empty()
     }
 
+    /// Whether a pixel is inside the new image, not at its border.
     fn is_inside(&self, at: Pixel) -> bool {
-        const MARGIN: f64 = 2.0;
-        let within = |at: f64, side: usize| (MARGIN..side as f64 - MARGIN).contains(&at);
+        /// Smallest distance from the image border, in pixels.
+        const MARGIN_PX: f64 = 2.0;
+        let within = |at: f64, side: usize| (MARGIN_PX..side as f64 - MARGIN_PX).contains(&at);
         within(at.u, self.new.width) && within(at.v, self.new.height)
     }
 }
 
+/// Returns the length of a polyline, in pixels.
 fn length(points: &[Pixel]) -> f64 {
     points.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
 }
 
+/// Returns the correlation of pairs of log brightness, old and new; -1 without contrast.
 fn correlation(pairs: &[[f64; 2]]) -> f64 {
-    /// Contrast below which a patch cannot be compared, in log brightness.
-    const FLAT: f64 = 0.02;
+    /// Contrast below which a patch cannot be compared, as a standard deviation of log brightness.
+    const MIN_CONTRAST: f64 = 0.02;
     let count = pairs.len() as f64;
     let mean = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).sum::<f64>() / count);
     let moment =
         |i: usize, j: usize| pairs.iter().map(|pair| (pair[i] - mean[i]) * (pair[j] - mean[j])).sum::<f64>();
     let (old, new) = (moment(0, 0), moment(1, 1));
-    if old < count * FLAT * FLAT || new < count * FLAT * FLAT {
+    if old < count * MIN_CONTRAST * MIN_CONTRAST || new < count * MIN_CONTRAST * MIN_CONTRAST {
         -1.0
     } else {
         moment(0, 1) / (old * new).sqrt()

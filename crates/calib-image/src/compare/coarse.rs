@@ -1,16 +1,16 @@
 //! Coarse rotation and zoom between two images, from matched corners, to a few pixels.
 //!
-//! Two matches determine a rotation and a zoom. The angle between their old rays is known. With the new
-//! corners `p` and `q` relative to the principal point, it gives a quadratic equation in the square of the
-//! new focal length `f`:
+//! Two matches determine a rotation and a zoom. The angle between their old rays is known, with the cosine
+//! `cos`. Let `p` and `q` be the new corners relative to the principal point. The angle gives a quadratic
+//! equation in the square of the new focal length `f`:
 //!
 //! ```text
 //! (p q + f^2)^2 = cos^2 (p p + f^2)(q q + f^2)
 //! ```
 //!
-//! (Brown, Hartley, Nister 2007). The pair with the most inliers is kept (RANSAC,
-//! Fischler and Bolles 1981). Inliers are counted with a limit for each part of the image, so that one pallet
-//! full of corners does not dominate.
+//! (Brown, Hartley, Nister 2007). The products are scalar products. The pair with the most inliers is kept
+//! (RANSAC, Fischler and Bolles 1981). Inliers are counted with a limit for each part of the image, so that
+//! one pallet full of corners does not dominate.
 
 use calib_core::{Camera, Pixel, UndistortedPixel};
 
@@ -26,23 +26,26 @@ use crate::compare::motion::Sight;
 pub(crate) const AXES: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 /// Largest ratio, in either direction, of the new to the old focal length.
 const MAX_ZOOM_RATIO: f64 = 2.2;
-/// Largest distance of a corner from its predicted position, in pixels of its scale.
+/// Largest distance of an inlier corner from its predicted position, in pixels of the scale of the corner.
 const MAX_INLIER_DISTANCE_PX: f64 = 3.5;
-/// Number of pairs to try.
-const PAIRS: usize = 4000;
+/// Number of pairs of matches whose rotations are tested.
+const PAIR_COUNT: usize = 4000;
 /// Columns and rows of the parts of the image, for counting inliers.
 const PARTS: [usize; 2] = [12, 8];
 /// Largest number of inliers counted in one part.
 const MAX_INLIERS_PER_PART: usize = 3;
 
-/// Match as a ray of the old camera and pixels of the new image.
+/// Matched corner: a ray of the old camera and a pixel of the new image.
 pub(crate) struct CornerMatch {
+    /// Ray in the axes of the old camera.
     pub(crate) sight: Sight,
-    /// Position in the new image.
+    /// Position in the new image, in raw pixels.
     pub(crate) at: Pixel,
+    /// Position in the new image without distortion.
     new: UndistortedPixel,
     /// Largest distance of an inlier from its predicted position, in pixels.
     pub(crate) max_distance: f64,
+    /// Index of the part of the old image, for counting inliers.
     pub(crate) part: usize,
 }
 
@@ -68,20 +71,21 @@ pub(crate) fn corners(camera: &Camera, old: &Luma, new: &Luma) -> Vec<CornerMatc
 
 /// Estimates rotation and zoom from matched corners; `None` if too few agree.
 pub(crate) fn coarse_rotation(camera: &Camera, seen: &[CornerMatch]) -> Option<RotationZoom> {
-    /// Smallest count of agreeing corners; fewer agree by chance.
-    const LEAST: usize = 8;
+    /// Smallest inlier count of a rotation; fewer inliers occur by chance.
+    const MIN_COVERAGE: usize = 8;
     let (turn, count) = best_pair(camera, seen)?;
-    (count >= LEAST).then(|| refined(camera, seen, turn))
+    (count >= MIN_COVERAGE).then(|| refine_rotation(camera, seen, turn))
 }
 
-/// Returns the rotation of the pair with the highest inlier count, and that count.
+/// Returns the rotation and zoom of the pair of matches with the highest inlier count, and this count.
+/// Returns `None` if no pair determines a rotation.
 fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(RotationZoom, usize)> {
     /// Number of least ambiguous matches that form the first pairs.
-    const FIRST: usize = 20;
+    const FIRST_MATCH_COUNT: usize = 20;
     let mut chance = XorShift(0x9e37_79b9_7f4a_7c15);
     let mut best: Option<(RotationZoom, usize)> = None;
-    for round in 0..PAIRS {
-        let among = (FIRST + round * seen.len() / (PAIRS / 2)).min(seen.len());
+    for round in 0..PAIR_COUNT {
+        let among = (FIRST_MATCH_COUNT + round * seen.len() / (PAIR_COUNT / 2)).min(seen.len());
         if among < 2 {
             return None;
         }
@@ -96,8 +100,9 @@ fn best_pair(camera: &Camera, seen: &[CornerMatch]) -> Option<(RotationZoom, usi
     best
 }
 
+/// Counts the inliers of a rotated camera, limited to a few for each part of the image.
 fn inlier_coverage(camera: &RotatedCamera, seen: &[CornerMatch]) -> usize {
-    coverage(seen.iter().filter(|seen| agrees(camera, seen)))
+    coverage(seen.iter().filter(|seen| is_inlier(camera, seen)))
 }
 
 /// Counts corners, limited to a few for each part of the image.
@@ -109,13 +114,14 @@ pub(crate) fn coverage<'a>(seen: impl Iterator<Item = &'a CornerMatch>) -> usize
     parts.iter().map(|&count: &usize| count.min(MAX_INLIERS_PER_PART)).sum()
 }
 
-fn agrees(turned: &RotatedCamera, seen: &CornerMatch) -> bool {
+/// Whether a match is at the position that the rotation predicts.
+fn is_inlier(turned: &RotatedCamera, seen: &CornerMatch) -> bool {
     turned
         .ray_to_undistorted(seen.sight.ray)
         .is_some_and(|shown| shown.distance(seen.new) < seen.max_distance)
 }
 
-/// Computes the rotations and zooms that map two rays to their new pixels.
+/// Computes the rotations and zooms that map the rays of two matches to their new pixels.
 fn rotations_from_pair(camera: &Camera, a: &CornerMatch, b: &CornerMatch) -> Vec<RotationZoom> {
     let centre = camera.lens.principal_point;
     let [p, q] = [a.new, b.new].map(|pixel| [pixel.u - centre.u, pixel.v - centre.v]);
@@ -134,14 +140,14 @@ fn rotations_from_pair(camera: &Camera, a: &CornerMatch, b: &CornerMatch) -> Vec
     let is_near = |focal: &f64| (MAX_ZOOM_RATIO.recip()..MAX_ZOOM_RATIO).contains(&(focal / camera.focal));
     let turn = |focal: f64| {
         let [x, y] = [p, q].map(|p| unit([p[0], p[1], focal]));
-        Some(RotationZoom::from_rotation(&leading([r, s], [x, y])?, (focal / camera.focal).ln()))
+        Some(RotationZoom::from_rotation(&rotation_between([r, s], [x, y])?, (focal / camera.focal).ln()))
     };
     focals.filter(is_near).filter_map(turn).collect()
 }
 
-/// Computes the rotation between two pairs of directions with equal angles; least squares if the angles
-/// differ.
-fn leading(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
+/// Computes the rotation matrix that maps the two unit vectors `from` to the two unit vectors `to`. If the
+/// angles of the pairs differ, the result is the least-squares rotation. Returns `None` for parallel vectors.
+fn rotation_between(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
     let frame = |[a, b]: [[f64; 3]; 2]| {
         let (sum, difference) = (sum(a, b), sum(a, b.map(|c| -c)));
         let frame = [unit(sum), unit(difference), unit(cross(sum, difference))];
@@ -152,11 +158,13 @@ fn leading(from: [[f64; 3]; 2], to: [[f64; 3]; 2]) -> Option<[[f64; 3]; 3]> {
 }
 
 /// Refines rotation and zoom with all inliers.
-fn refined(camera: &Camera, seen: &[CornerMatch], mut turn: RotationZoom) -> RotationZoom {
+fn refine_rotation(camera: &Camera, seen: &[CornerMatch], mut turn: RotationZoom) -> RotationZoom {
     for _ in 0..4 {
         let turned = turn.for_camera(camera);
-        let rows =
-            seen.iter().filter(|seen| agrees(&turned, seen)).flat_map(|seen| rows(camera, &turn, seen));
+        let rows = seen
+            .iter()
+            .filter(|seen| is_inlier(&turned, seen))
+            .flat_map(|seen| match_offsets(camera, &turn, seen));
         let rows: Vec<EdgeOffset> = rows.flatten().collect();
         let Some(fit) = RotationFit::new(&rows, FitParameters::Rotation) else { return turn };
         turn = turn.followed_by(&fit.rotation());
@@ -164,20 +172,21 @@ fn refined(camera: &Camera, seen: &[CornerMatch], mut turn: RotationZoom) -> Rot
     turn
 }
 
-/// Converts the two coordinates of a match to two edge offsets.
-fn rows(camera: &Camera, turn: &RotationZoom, seen: &CornerMatch) -> [Option<EdgeOffset>; 2] {
-    const ASIDE: f64 = 1e-5;
+/// Converts the deviations of a match from its predicted position, along u and v, to two edge offsets.
+fn match_offsets(camera: &Camera, turn: &RotationZoom, seen: &CornerMatch) -> [Option<EdgeOffset>; 2] {
+    /// Step of the finite differences, in radians or as the log of the focal ratio.
+    const DIFFERENCE_STEP: f64 = 1e-5;
     let shown = |turn: &RotationZoom| turn.for_camera(camera).ray_to_undistorted(seen.sight.ray);
     let Some(here) = shown(turn) else { return [None; 2] };
     let mut by = [[0.0; RotationZoom::SIZE]; 2];
     for k in 0..RotationZoom::SIZE {
         let mut step = [0.0; RotationZoom::SIZE];
-        step[k] = ASIDE;
+        step[k] = DIFFERENCE_STEP;
         let Some(there) = shown(&turn.followed_by(&RotationZoom::from_parameters(step))) else {
             return [None; 2];
         };
-        by[0][k] = (there.u - here.u) / ASIDE;
-        by[1][k] = (there.v - here.v) / ASIDE;
+        by[0][k] = (there.u - here.u) / DIFFERENCE_STEP;
+        by[1][k] = (there.v - here.v) / DIFFERENCE_STEP;
     }
     let off = [seen.new.u - here.u, seen.new.v - here.v];
     let row = |axis: usize| EdgeOffset {
@@ -197,6 +206,7 @@ fn rows(camera: &Camera, turn: &RotationZoom, seen: &CornerMatch) -> [Option<Edg
 pub(crate) struct XorShift(pub(crate) u64);
 
 impl XorShift {
+    /// Returns a pseudo-random number below `count`.
     pub(crate) fn below(&mut self, count: usize) -> usize {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;

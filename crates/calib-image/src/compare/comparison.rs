@@ -21,13 +21,13 @@ use crate::compare::place::{EdgeSample, edge_samples};
 use crate::compare::stepped::StepAlignment;
 use crate::edges::{Edge, detect};
 
-/// Smoothing of both images before edges are compared, in pixels.
+/// Standard deviation of the Gaussian that smooths both images before edges are compared, in pixels.
 pub(crate) const SMOOTHING_PX: f64 = 0.9;
-/// Smallest z-score of a change. A camera that did not move is reported as moved in at most one of some
-/// hundred images.
+/// Smallest z-score of a rotation or zoom that counts as a change. A camera that did not move is reported as
+/// moved in at most one of some hundred images.
 const MIN_Z_SCORE: f64 = 3.0;
 /// Smallest displacement of the image by a rotation or zoom that counts as a change, RMS in pixels. Codecs
-/// and thermal drift of lenses cause smaller ones.
+/// and thermal drift of lenses cause smaller displacements.
 const MIN_SHIFT_PX: f64 = 0.05;
 
 /// Variance of an unknown value; finite, because files store finite numbers.
@@ -53,7 +53,7 @@ pub enum CameraChange {
 }
 
 impl CameraChange {
-    /// Returns its name in files.
+    /// Returns the name of the change in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -87,12 +87,12 @@ impl fmt::Display for CameraChange {
     }
 }
 
-/// Error for images of different sizes.
+/// Error for an old and a new image of different sizes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SizeMismatchError {
-    /// Width and height of the old image.
+    /// Width and height of the old image, in pixels.
     pub old: [u32; 2],
-    /// Width and height of the new image.
+    /// Width and height of the new image, in pixels.
     pub new: [u32; 2],
 }
 
@@ -114,7 +114,7 @@ impl std::error::Error for SizeMismatchError {}
 pub enum ComparisonError {
     /// Camera without a solution.
     NotCalibrated,
-    /// Images of different sizes.
+    /// Old and new image of different sizes.
     SizeMismatch(SizeMismatchError),
 }
 
@@ -129,7 +129,7 @@ impl fmt::Display for ComparisonError {
 
 impl std::error::Error for ComparisonError {}
 
-/// Returns the annotated lines of a camera as edges.
+/// Returns the annotated lines of a camera as edges, in raw pixels; disabled annotations are ignored.
 #[must_use]
 pub fn annotation_edges(entry: &SiteCamera) -> Vec<Edge> {
     let lines = entry.annotations.iter().filter(|annotation| !annotation.off).flat_map(|a| a.polylines());
@@ -139,36 +139,37 @@ pub fn annotation_edges(entry: &SiteCamera) -> Vec<Edge> {
 /// Result of comparing two images of one camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// Detected change.
+    /// Detected change of the camera.
     pub change: CameraChange,
-    /// Rotation and zoom; zero if the images could not be aligned.
+    /// Rotation and zoom of the camera from the old to the new image; zero if the images could not be
+    /// aligned.
     pub rotation: RotationZoom,
-    /// Covariance of rotation vector and zoom.
+    /// Covariance of the rotation vector, in radians, and the zoom (logarithm of the focal ratio).
     pub covariance: [[f64; RotationZoom::SIZE]; RotationZoom::SIZE],
-    /// Covariance if only samples of the same edge had a common shift: a lower bound for estimates from these
-    /// edges.
+    /// Covariance if no errors except the shifts of edges and image blocks were common to several samples. It
+    /// is an approximate lower bound for any estimate from these edges.
     pub bound: [[f64; RotationZoom::SIZE]; RotationZoom::SIZE],
-    /// Significance of the motion, as a z-score.
+    /// Significance of the rotation and zoom, as a z-score.
     pub z_score: f64,
-    /// Displacement of the image, RMS over it, in pixels.
+    /// Displacement of the image by the rotation and zoom, RMS over the edge samples, in pixels.
     pub shift: f64,
     /// Number of edge samples visible in the new image.
     pub visible_samples: usize,
-    /// Fraction of these samples that were found again.
+    /// Fraction of the visible samples that were found again.
     pub found_fraction: f64,
-    /// Fraction of the samples that chance would find.
+    /// Fraction of the visible samples that are found by chance, under wrong rotations.
     pub chance_fraction: f64,
-    /// Samples with their result: whether the edge is at its predicted position; `None` outside the new
-    /// image.
+    /// Positions of the edge samples in the old image, each with its result: whether the edge is at its
+    /// predicted position; `None` outside the new image.
     pub samples: Vec<(Pixel, Option<bool>)>,
 }
 
 impl Comparison {
-    /// Compares a new image with the calibrated image of a camera; the edges in `drawn` take
-    /// precedence.
+    /// Compares a new image with the calibrated image `old` of a camera. Edges of the old image are detected;
+    /// the annotated edges in `drawn` take precedence.
     ///
     /// # Errors
-    /// If the images differ in size.
+    /// Returns an error if the images differ in size.
     pub fn new(
         camera: &Camera,
         drawn: &[Edge],
@@ -187,35 +188,41 @@ impl Comparison {
         Ok(pair.compare(new))
     }
 
-    /// Compares a new image with the calibrated image of a camera; its annotated lines take precedence.
+    /// Compares a new image with the calibrated image `old` of a camera of a site. The annotated lines of the
+    /// camera take precedence over detected edges.
     ///
     /// # Errors
-    /// If the camera is not calibrated, or the images differ in size.
+    /// Returns an error if the camera is not calibrated, or the images differ in size.
     pub fn from_entry(entry: &SiteCamera, old: &RgbImage, new: &RgbImage) -> Result<Self, ComparisonError> {
         let camera = entry.camera().ok_or(ComparisonError::NotCalibrated)?;
         Self::new(&camera, &annotation_edges(entry), old, new).map_err(ComparisonError::SizeMismatch)
     }
 
-    /// Returns the changes of yaw, pitch, roll and log focal length, each with its standard deviation.
+    /// Returns the changes of yaw, pitch and roll, in radians, and of the log focal length, each with its
+    /// standard deviation.
     ///
     /// Edges measure the rotation in pixels. The uncertainty of the focal length therefore increases the
     /// uncertainty of pan and tilt.
     #[must_use]
     pub fn movement(&self, camera: &Camera) -> [(f64, f64); PanTiltZoom::SIZE] {
-        const ASIDE: f64 = 1e-6;
+        /// Step of the finite differences, in radians or as the log of the focal ratio.
+        const DIFFERENCE_STEP: f64 = 1e-6;
         let of = |turn: &RotationZoom| {
             let PanTiltZoom { pan, tilt, roll, zoom } = turn.pan_tilt_zoom(camera);
             [pan, tilt, roll, zoom]
         };
         let here = of(&self.rotation);
-        let slope = |turn: &RotationZoom, i: usize| (of(turn)[i] - here[i]) / ASIDE;
+        let slope = |turn: &RotationZoom, i: usize| (of(turn)[i] - here[i]) / DIFFERENCE_STEP;
         let perturbed: [RotationZoom; RotationZoom::SIZE] = std::array::from_fn(|k| {
             let mut step = [0.0; RotationZoom::SIZE];
-            step[k] = ASIDE;
+            step[k] = DIFFERENCE_STEP;
             self.rotation.followed_by(&RotationZoom::from_parameters(step))
         });
         let [x, y, z] = self.rotation.vector;
-        let larger = RotationZoom { vector: [x * (1.0 + ASIDE), y * (1.0 + ASIDE), z], ..self.rotation };
+        let larger = RotationZoom {
+            vector: [x * (1.0 + DIFFERENCE_STEP), y * (1.0 + DIFFERENCE_STEP), z],
+            ..self.rotation
+        };
         std::array::from_fn(|i| {
             let slopes = perturbed.map(|turn| slope(&turn, i));
             let variance = self.variance(slopes) + (slope(&larger, i) * focal_sigma(camera)).powi(2);
@@ -229,8 +236,8 @@ impl Comparison {
         (0..RotationZoom::SIZE).map(|j| slopes[j] * row(j)).sum::<f64>().max(0.0)
     }
 
-    /// Returns the rotation angle and its standard deviation along the axis, in radians; for no rotation, the
-    /// mean over all axes.
+    /// Returns the rotation angle and its standard deviation, in radians. Without a rotation, the standard
+    /// deviation is the root mean square over all axes.
     #[must_use]
     pub fn angle(&self, camera: &Camera) -> (f64, f64) {
         let angle = self.rotation.angle();
@@ -243,7 +250,7 @@ impl Comparison {
         (angle, (self.variance([x, y, z, 0.0]) + of_focal.powi(2)).sqrt())
     }
 
-    /// Returns the ratio of the focal lengths, new to old, and its standard deviation.
+    /// Returns the ratio of the new to the old focal length, and its standard deviation.
     #[must_use]
     pub fn zoom(&self) -> (f64, f64) {
         let ratio = self.rotation.zoom.exp();
@@ -259,19 +266,25 @@ fn focal_sigma(camera: &Camera) -> f64 {
 /// Two images prepared for comparison.
 struct ImagePair<'a> {
     camera: &'a Camera,
+    /// Log brightness of the old image.
     before: Luma,
+    /// Log brightness of the new image.
     after: Luma,
+    /// Smoothed log brightness of the new image.
     later: Luma,
+    /// Edge samples of the old image.
     places: Vec<EdgeSample>,
+    /// Corners matched between both images, computed on first use.
     corners: OnceCell<Vec<CornerMatch>>,
 }
 
 impl ImagePair<'_> {
+    /// Compares the prepared images; `new` is the new image.
     fn compare(&self, new: &RgbImage) -> Comparison {
-        /// Smallest number of samples for a comparison.
+        /// Smallest number of edge samples for a comparison.
         const MIN_SAMPLES: usize = 60;
-        /// Mean brightness below which an image is always too dark, of 255: single grey levels then shift
-        /// edges.
+        /// Mean brightness below which an image is always too dark, 0 to 255. Differences of single grey
+        /// levels then shift edges.
         const MIN_MEAN_BRIGHTNESS: f64 = 8.0;
         if self.places.len() < MIN_SAMPLES {
             return self.unaligned(CameraChange::TooFewEdges, 0.0);
@@ -290,8 +303,8 @@ impl ImagePair<'_> {
         self.evaluate(&found, chance)
     }
 
-    /// Returns the better of two alignments: from the old direction, and from the direction estimated from
-    /// corners.
+    /// Returns the better of two alignments: started without a rotation, and from the rotation estimated from
+    /// corners. Returns `None` if both fail.
     fn alignment(&self) -> Option<Alignment> {
         /// Fraction of samples found again above which no second alignment is tried. In repetitive scenes an
         /// alignment that is off by one period finds about half of the samples.
@@ -310,15 +323,20 @@ impl ImagePair<'_> {
         both.max_by_key(|found| found.coverage(&self.places))
     }
 
-    /// Whether more samples are found than by chance, in enough parts of the image.
+    /// Whether clearly more samples are found than by chance, in enough parts of the image. `chance` is the
+    /// fraction found by chance.
     fn is_found(&self, found: &Alignment, chance: f64) -> bool {
-        /// Smallest number of inliers, limited for each part of the image.
+        /// Smallest coverage: the number of inliers, limited for each block of the image.
         const MIN_COVERAGE: usize = 36;
-        const TIMES: f64 = 2.0;
-        const LEAST: f64 = 0.1;
-        found.found_fraction() > (TIMES * chance).max(LEAST) && found.coverage(&self.places) >= MIN_COVERAGE
+        /// Smallest ratio of the found fraction to the fraction found by chance.
+        const MIN_CHANCE_RATIO: f64 = 2.0;
+        /// Smallest fraction of the visible samples that must be found.
+        const MIN_FOUND_FRACTION: f64 = 0.1;
+        found.found_fraction() > (MIN_CHANCE_RATIO * chance).max(MIN_FOUND_FRACTION)
+            && found.coverage(&self.places) >= MIN_COVERAGE
     }
 
+    /// Returns the result of a successful alignment; `chance` is the fraction of samples found by chance.
     fn evaluate(&self, found: &Alignment, chance: f64) -> Comparison {
         let [covariance, bound] = [&found.fit.covariance, &found.fit.bound]
             .map(|matrix| std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, j)])));
@@ -344,7 +362,7 @@ impl ImagePair<'_> {
         }
     }
 
-    /// Returns the z-score of the rotation and zoom.
+    /// Returns the significance of the rotation and zoom of an alignment, as a z-score.
     fn z_score(&self, found: &Alignment) -> f64 {
         let [x, y, z] = found.motion.turn.vector;
         let mut whole = found.fit.clone();
@@ -352,18 +370,18 @@ impl ImagePair<'_> {
         whole.z_score(0, RotationZoom::SIZE)
     }
 
-    /// Returns the corners matched between both images; computed on first use.
+    /// Returns the corners matched between both images, computed on first use.
     fn corners(&self) -> &[CornerMatch] {
         self.corners.get_or_init(|| corners(self.camera, &self.before, &self.after))
     }
 
-    /// Whether near and far edges contradict a pure rotation.
+    /// Whether near and far edges contradict a pure rotation: the camera is at another position.
     fn is_shifted(&self, found: &Alignment, chance: f64) -> bool {
         let all = StepAlignment::candidates(self.camera, &self.later, &self.places, || self.corners(), found);
         all.iter().any(|stepped| stepped.is_significant(self.camera, &self.places, found, chance))
     }
 
-    /// Returns the displacement of the image by the rotation, RMS in pixels.
+    /// Returns the displacement of the image by a rotation and zoom, RMS over the edge samples, in pixels.
     fn shift(&self, turn: &RotationZoom) -> f64 {
         let turned = turn.for_camera(self.camera);
         let moved =
@@ -372,6 +390,7 @@ impl ImagePair<'_> {
         (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
     }
 
+    /// Returns the result for images that could not be aligned, with this reason.
     fn unaligned(&self, change: CameraChange, chance_fraction: f64) -> Comparison {
         Comparison {
             change,
@@ -389,11 +408,12 @@ impl ImagePair<'_> {
 
     /// Returns the reason why the old edges are not found.
     fn unaligned_reason(&self, new: &RgbImage) -> CameraChange {
-        /// Mean brightness below which an image counts as dark, of 255.
-        const DARK: f64 = 16.0;
-        /// Contrast of the new image, relative to the old one, below which it counts as blind.
+        /// Mean brightness below which an image counts as too dark, 0 to 255.
+        const MIN_MEAN_BRIGHTNESS: f64 = 16.0;
+        /// Ratio of the contrast of the new image to the contrast of the old image, below which the camera
+        /// counts as blind.
         const MIN_CONTRAST_RATIO: f32 = 0.25;
-        if mean(new) < DARK {
+        if mean(new) < MIN_MEAN_BRIGHTNESS {
             return CameraChange::TooDark;
         }
         if contrast(&self.after) < MIN_CONTRAST_RATIO * contrast(&self.before) {
@@ -404,13 +424,14 @@ impl ImagePair<'_> {
     }
 }
 
-/// Returns the mean of all colour values, of 255.
+/// Returns the mean of all colour values of an image, 0 to 255.
 fn mean(image: &RgbImage) -> f64 {
     let bytes = image.as_raw();
     bytes.iter().map(|&byte| f64::from(byte)).sum::<f64>() / bytes.len().max(1) as f64
 }
 
-/// Returns the ninth decile of the brightness gradient of an image.
+/// Returns the contrast of an image: the ninth decile of its horizontal log brightness gradient, at a reduced
+/// size.
 fn contrast(luma: &Luma) -> f32 {
     let small = luma.reduced((luma.width as f64 / 320.0).max(1.0));
     let rows = small.values.chunks_exact(small.width.max(1));

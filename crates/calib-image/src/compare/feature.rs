@@ -3,16 +3,17 @@
 //!
 //! Brightness is on a logarithmic scale ([`Luma`]): lighting, exposure and gamma only scale and shift it.
 //! Corners are detected after Shi and Tomasi (1994), one in every cell of an image, at several scales. Each
-//! is described by histograms of its gradient directions (Lowe 2004), upright and rotated. Lighting changes
-//! the magnitude of gradients, but not their direction.
+//! corner is described by histograms of its gradient directions (Lowe 2004), upright and rotated. Lighting
+//! changes the magnitude of gradients, but not their direction.
 
 use calib_core::Pixel;
 use image::RgbImage;
 
-/// Offset added to a brightness of 0 to 255, so that the noise of dark areas does not count as contrast.
+/// Value added to a brightness of 0 to 255 before the logarithm, so that the noise of dark areas does not
+/// count as contrast.
 const BRIGHTNESS_OFFSET: f32 = 12.0;
 
-/// Image of log brightness, one value a pixel.
+/// Image of the natural logarithm of brightness, one value a pixel, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct Luma {
     pub(crate) width: usize,
@@ -30,7 +31,7 @@ impl Luma {
         Self { width: width as usize, height: height as usize, values: image.pixels().map(log).collect() }
     }
 
-    /// Smooths with a Gaussian of this standard deviation, in pixels.
+    /// Returns the image smoothed with a Gaussian of this standard deviation, in pixels.
     pub(crate) fn smoothed(&self, sigma: f64) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
         let weights: Vec<f32> =
@@ -40,7 +41,8 @@ impl Luma {
         self.filtered(&weights, reach, 1).filtered(&weights, reach, self.width)
     }
 
-    /// Filters along rows (`stride` 1) or columns (`stride` = width); border pixels are repeated.
+    /// Returns the image filtered along rows (`stride` 1) or columns (`stride` = width). `weights` covers
+    /// `reach` pixels on either side; border pixels are repeated.
     fn filtered(&self, weights: &[f32], reach: isize, stride: usize) -> Self {
         let (width, height) = (self.width, self.height);
         let mut values = vec![0.0; self.values.len()];
@@ -59,19 +61,19 @@ impl Luma {
         Self { values, ..*self }
     }
 
-    /// Downscales the image: one new pixel covers `factor` old pixels along either axis.
+    /// Returns the downscaled image: one new pixel covers `factor` old pixels along either axis.
     pub(crate) fn reduced(&self, factor: f64) -> Self {
         let smooth = if factor > 1.0 { self.smoothed(0.45 * factor) } else { self.clone() };
         let [width, height] = [self.width, self.height].map(|side| ((side as f64 / factor) as usize).max(1));
         let value = |i: usize| {
             let (u, v) = ((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            smooth.nearest(u * factor, v * factor)
+            smooth.interpolate_linearly(u * factor, v * factor)
         };
         Self { width, height, values: (0..width * height).map(value).collect() }
     }
 
-    /// Interpolates linearly; border pixels are repeated.
-    fn nearest(&self, u: f64, v: f64) -> f32 {
+    /// Interpolates the log brightness linearly at a pixel; border pixels are repeated.
+    fn interpolate_linearly(&self, u: f64, v: f64) -> f32 {
         let within = |at: f64, side: usize| (at - 0.5).clamp(0.0, side as f64 - 1.0);
         let (x, y) = (within(u, self.width), within(v, self.height));
         let (x0, y0) = (x as usize, y as usize);
@@ -81,7 +83,8 @@ impl Luma {
         (1.0 - t) * ((1.0 - s) * at(x0, y0) + s * at(x1, y0)) + t * ((1.0 - s) * at(x0, y1) + s * at(x1, y1))
     }
 
-    /// Interpolates by cubic convolution (Keys 1981); `None` at the border and outside.
+    /// Interpolates the log brightness at a pixel by cubic convolution (Keys 1981); `None` at the border and
+    /// outside.
     pub(crate) fn at(&self, u: f64, v: f64) -> Option<f64> {
         let (x, y) = (u - 0.5, v - 0.5);
         let inside = x >= 1.0 && y >= 1.0 && x < self.width as f64 - 2.0 && y < self.height as f64 - 2.0;
@@ -99,7 +102,8 @@ impl Luma {
     }
 }
 
-/// Returns the weights of the four neighbouring pixels for a position `t` after the second one.
+/// Returns the weights of cubic convolution of four neighbouring pixels, for a position `t` pixels after the
+/// second pixel.
 pub(crate) fn cubic(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
@@ -112,31 +116,36 @@ pub(crate) fn cubic(t: f64) -> [f64; 4] {
 
 /// Largest width of an image for corner detection, in pixels.
 const MAX_WIDTH_PX: f64 = 640.0;
-/// Number of scales; each is smaller by the square root of two.
+/// Number of scales at which corners are detected. Neighbouring scales differ by a factor of sqrt(2).
 const SCALE_COUNT: u32 = 4;
-/// Side of a cell, in pixels; only the strongest corner of each cell is kept.
+/// Side of a cell, in pixels of its scale; only the strongest corner of each cell is kept.
 const CELL_PX: usize = 16;
-/// Half the side of the described patch, in pixels.
+/// Half the side of the patch that a descriptor covers, in pixels of its scale.
 const PATCH_HALF_PX: i32 = 10;
 /// Rotation of the additional descriptors in either direction, in radians.
 pub(crate) const DESCRIPTOR_ROTATION: f64 = 0.3;
+/// Number of values of a descriptor: eight directions in sixteen cells.
 const DESCRIPTOR_LENGTH: usize = 128;
 
 /// Corner with the descriptor of its surroundings.
 pub(crate) struct Feature {
+    /// Position in the full image.
     pub(crate) at: Pixel,
-    /// Pixels of the full image for each pixel of the scale of this corner.
+    /// Size of a pixel of the scale of this corner, in pixels of the full image.
     pub(crate) size: f64,
     descriptor: [f32; DESCRIPTOR_LENGTH],
 }
 
 /// Corner of the old image and its match in the new image.
 pub(crate) struct Match {
+    /// Position in the old image.
     pub(crate) old: Pixel,
+    /// Position in the new image.
     pub(crate) new: Pixel,
-    /// Pixels of the full image for each pixel of the coarser of the two scales.
+    /// Size of a pixel of the coarser of the two scales, in pixels of the full image.
     pub(crate) size: f64,
-    /// Ambiguity: squared descriptor distance relative to the next best candidate; lower is better.
+    /// Ratio of the squared descriptor distance of the match to the distance of the next best candidate;
+    /// lower is better.
     pub(crate) ambiguity: f32,
 }
 
@@ -144,11 +153,13 @@ pub(crate) struct Match {
 struct Level {
     width: usize,
     height: usize,
+    /// Size of a pixel of this scale, in pixels of the full image.
     size: f64,
+    /// Brightness gradient at every pixel, row by row.
     slopes: Vec<[f32; 2]>,
 }
 
-/// Detects the corners of an image; each is described once for every rotation in `leans`.
+/// Detects the corners of an image. Each corner is described once for every rotation in `leans`, in radians.
 pub(crate) fn features(luma: &Luma, leans: &[f64]) -> Vec<Feature> {
     let first = (luma.width as f64 / MAX_WIDTH_PX).max(1.0);
     let levels = (0..SCALE_COUNT).map(|i| Level::new(luma, first * 0.5_f64.powf(-0.5 * f64::from(i))));
@@ -176,22 +187,23 @@ impl Level {
         Self { width, height, size, slopes: (0..width * height).map(slope).collect() }
     }
 
-    /// Returns the strongest corner of every cell.
+    /// Returns the pixels of the strongest corner of every cell.
     fn corners(&self) -> Vec<[usize; 2]> {
-        /// Smallest strength of a corner, in squares of log brightness; weaker ones are noise.
-        const LEAST: f32 = 0.01;
-        const MARGIN: usize = PATCH_HALF_PX as usize + 5;
+        /// Smallest strength of a corner, in squares of log brightness; weaker corners are noise.
+        const MIN_STRENGTH: f32 = 0.01;
+        /// Smallest distance of a corner from the image border, in pixels.
+        const MARGIN_PX: usize = PATCH_HALF_PX as usize + 5;
         let mut best = std::collections::BTreeMap::new();
-        for y in MARGIN..self.height.saturating_sub(MARGIN) {
-            for x in MARGIN..self.width.saturating_sub(MARGIN) {
+        for y in MARGIN_PX..self.height.saturating_sub(MARGIN_PX) {
+            for x in MARGIN_PX..self.width.saturating_sub(MARGIN_PX) {
                 let strength = self.strength(x, y);
-                let place = best.entry([y / CELL_PX, x / CELL_PX]).or_insert((LEAST, [0, 0]));
+                let place = best.entry([y / CELL_PX, x / CELL_PX]).or_insert((MIN_STRENGTH, [0, 0]));
                 if strength > place.0 {
                     *place = (strength, [x, y]);
                 }
             }
         }
-        best.into_values().filter(|(strength, _)| *strength > LEAST).map(|(_, at)| at).collect()
+        best.into_values().filter(|(strength, _)| *strength > MIN_STRENGTH).map(|(_, at)| at).collect()
     }
 
     /// Computes the corner strength: the smaller eigenvalue of the gradient matrix about a pixel.
@@ -208,7 +220,7 @@ impl Level {
     }
 
     /// Computes the descriptor: histograms of eight directions in sixteen cells about a pixel, in a frame
-    /// rotated by `lean`.
+    /// rotated by `lean` radians.
     fn descriptor(&self, [x, y]: [usize; 2], lean: f64) -> [f32; DESCRIPTOR_LENGTH] {
         let (sin, cos) = (lean.sin() as f32, lean.cos() as f32);
         let mut look = [0.0; DESCRIPTOR_LENGTH];
@@ -219,15 +231,16 @@ impl Level {
                 let row = (y as f32 + sin * s + cos * t + 0.5) as usize;
                 let [dx, dy] = self.slopes[row * self.width + column];
                 let slope = [cos * dx + sin * dy, cos * dy - sin * dx];
-                spread(&mut look, [s, t], slope);
+                add_gradient(&mut look, [s, t], slope);
             }
         }
-        normalised(look)
+        normalise_descriptor(look)
     }
 }
 
-/// Distributes a gradient over the neighbouring cells and directions.
-fn spread(look: &mut [f32; DESCRIPTOR_LENGTH], [s, t]: [f32; 2], [dx, dy]: [f32; 2]) {
+/// Adds a gradient to the neighbouring cells and directions of the descriptor `look`. `[s, t]` is the
+/// position of the gradient relative to the corner, in pixels.
+fn add_gradient(look: &mut [f32; DESCRIPTOR_LENGTH], [s, t]: [f32; 2], [dx, dy]: [f32; 2]) {
     let size = dx.hypot(dy);
     if size == 0.0 {
         return;
@@ -255,9 +268,9 @@ fn between(at: f32) -> [(i32, f32); 2] {
     [(low as i32, 1.0 - (at - low)), (low as i32 + 1, at - low)]
 }
 
-/// Normalises to length 1 after limiting every direction to a fifth, so that a single strong edge does not
-/// dominate.
-fn normalised(mut look: [f32; DESCRIPTOR_LENGTH]) -> [f32; DESCRIPTOR_LENGTH] {
+/// Normalises a descriptor to length 1 after limiting every value to a fifth of the length, so that a single
+/// strong edge does not dominate.
+fn normalise_descriptor(mut look: [f32; DESCRIPTOR_LENGTH]) -> [f32; DESCRIPTOR_LENGTH] {
     for most in [0.2, 1.0] {
         let length = look.iter().map(|value| value * value).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
         look.iter_mut().for_each(|value| *value = (*value / length).min(most));
@@ -265,6 +278,7 @@ fn normalised(mut look: [f32; DESCRIPTOR_LENGTH]) -> [f32; DESCRIPTOR_LENGTH] {
     look
 }
 
+/// Returns the scalar product of two descriptors: 1 for equal descriptors.
 fn similarity(a: &[f32; DESCRIPTOR_LENGTH], b: &[f32; DESCRIPTOR_LENGTH]) -> f32 {
     let mut sums = [0.0_f32; 16];
     for (a, b) in a.as_chunks::<16>().0.iter().zip(b.as_chunks::<16>().0) {
@@ -275,7 +289,8 @@ fn similarity(a: &[f32; DESCRIPTOR_LENGTH], b: &[f32; DESCRIPTOR_LENGTH]) -> f32
     sums.iter().sum()
 }
 
-/// Matches corners that are each other's unambiguous nearest neighbours, the least ambiguous first.
+/// Returns the pairs of corners that are each other's unambiguous nearest neighbours, the least ambiguous
+/// first.
 pub(crate) fn matches(old: &[Feature], new: &[Feature]) -> Vec<Match> {
     /// Largest accepted ratio of the squared distances to the best and the second-best candidate.
     const MAX_AMBIGUITY: f32 = 0.8;
@@ -309,7 +324,9 @@ pub(crate) fn matches(old: &[Feature], new: &[Feature]) -> Vec<Match> {
     found
 }
 
-/// Returns the most similar corner, and its squared distance relative to the best corner at another position.
+/// Returns the index of the most similar corner, and its ambiguity. The ambiguity is the squared descriptor
+/// distance of the corner divided by the squared distance of the best corner at another position. `likeness`
+/// contains the similarity of every corner.
 fn nearest(new: &[Feature], likeness: &[f32]) -> (usize, f32) {
     let most = |is_candidate: &dyn Fn(usize) -> bool| {
         let candidates = (0..new.len()).filter(|&index| is_candidate(index));

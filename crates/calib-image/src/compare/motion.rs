@@ -1,4 +1,5 @@
-//! Motion of a camera between two images: rotation, zoom and a step, predicted for edges on the floor.
+//! Motion of a camera between two images: rotation, zoom and a step (translation). The step is predicted for
+//! edges on the floor.
 
 use calib_core::{Camera, Pixel};
 
@@ -6,38 +7,44 @@ use calib_core::camera::{RotatedCamera, RotationZoom, inverse_floor_depth, pixel
 
 use crate::{RotationFit, STEP_SIZE};
 
-/// Step of the finite differences: radians for a ray, and metres, for a point at a depth of one metre, for a
-/// step of the camera.
+/// Step of the finite differences. The unit is radians for a rotation, the log of the focal ratio for a zoom,
+/// and metres at a depth of one metre for a step of the camera.
 const DIFFERENCE_STEP: f64 = 1e-5;
 
 /// Ray and inverse floor depth of a pixel, in the axes of the old camera.
 #[derive(Clone, Copy)]
 pub(crate) struct Sight {
-    /// Ray, with depth 1.
+    /// Ray (right, down, forward), with the forward component 1.
     pub(crate) ray: [f64; 3],
     /// Inverse of the depth of the floor along the ray, per metre; 0 above the horizon.
     pub(crate) nearness: f64,
 }
 
-/// Rotation with zoom, and a step.
+/// Motion of a camera: rotation with zoom, and a step (translation).
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Motion {
+    /// Rotation and zoom.
     pub(crate) turn: RotationZoom,
     /// Step in the axes of the old camera, in metres.
     pub(crate) step: [f64; STEP_SIZE],
 }
 
-/// Camera after a motion, with cameras rotated slightly from it for finite differences.
+/// Camera after a motion, with slightly rotated cameras for finite differences.
 pub(crate) struct MovedCamera {
+    /// Camera after the rotation and zoom.
     here: RotatedCamera,
+    /// Camera after the rotation and zoom, with a small change of each parameter.
     perturbed: [RotatedCamera; RotationZoom::SIZE],
+    /// Step in the axes of the old camera, in metres.
     step: [f64; STEP_SIZE],
 }
 
-/// Derivatives of a pixel.
+/// Derivatives of a pixel of the new image, along u and v.
 #[derive(Default)]
 pub(crate) struct PixelDerivatives {
+    /// Derivatives with respect to rotation and zoom.
     pub(crate) turn: [[f64; 2]; RotationZoom::SIZE],
+    /// Derivatives with respect to the step, in pixels per metre.
     pub(crate) step: [[f64; 2]; STEP_SIZE],
 }
 
@@ -55,7 +62,7 @@ impl From<RotationZoom> for Motion {
 }
 
 impl Motion {
-    /// Composes this motion with the remaining motion of a fit.
+    /// Returns this motion followed by the motion of a fit.
     pub(crate) fn then(&self, fit: &RotationFit) -> Self {
         let step = fit.step();
         Self {
@@ -64,6 +71,7 @@ impl Motion {
         }
     }
 
+    /// Returns a camera after this motion.
     pub(crate) fn at(&self, camera: &Camera) -> MovedCamera {
         let perturbed = std::array::from_fn(|k| {
             let mut step = [0.0; RotationZoom::SIZE];
@@ -75,12 +83,12 @@ impl Motion {
 }
 
 impl MovedCamera {
-    /// Projects into the new image.
+    /// Projects the floor or far point of a sight into the new image; `None` outside the lens.
     pub(crate) fn project(&self, sight: &Sight) -> Option<Pixel> {
         self.here.ray_to_pixel(self.ray(sight))
     }
 
-    /// Computes the derivatives of the projection with respect to rotation, zoom and step.
+    /// Computes the derivatives of the projection of a sight with respect to rotation, zoom and step.
     pub(crate) fn derivatives(&self, sight: &Sight) -> Option<PixelDerivatives> {
         let (ray, at) = (self.ray(sight), self.project(sight)?);
         let slope = |to: Pixel| [(to.u - at.u) / DIFFERENCE_STEP, (to.v - at.v) / DIFFERENCE_STEP];
@@ -96,6 +104,7 @@ impl MovedCamera {
         Some(slopes)
     }
 
+    /// Returns the ray of a sight from the camera after the step, in the axes of the old camera.
     fn ray(&self, sight: &Sight) -> [f64; 3] {
         std::array::from_fn(|k| sight.ray[k] - sight.nearness * self.step[k])
     }

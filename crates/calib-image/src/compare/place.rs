@@ -10,9 +10,9 @@ use crate::compare::feature::{Luma, cubic};
 use crate::compare::motion::Sight;
 use crate::edges::Edge;
 
-/// Half the length of a profile across an edge, in pixels of the old image.
+/// Half the length of a brightness profile across an edge, in pixels of the old image.
 pub(crate) const HALF: usize = 6;
-/// Number of values in a profile.
+/// Number of values in a brightness profile.
 pub(crate) const LENGTH: usize = 2 * HALF + 1;
 /// Positions along the edge, in pixels, over which a profile is averaged.
 const AVERAGING_OFFSETS_PX: [f64; 5] = [-3.0, -1.5, 0.0, 1.5, 3.0];
@@ -25,15 +25,18 @@ const MAX_SAMPLES: usize = 6000;
 /// Columns and rows of the image blocks, each with a common shift.
 pub(crate) const BLOCKS: [usize; 2] = [8, 6];
 
-/// Sample on an edge.
+/// Sample on an edge of the old image.
 pub(crate) struct EdgeSample {
+    /// Position in the old image.
     pub(crate) at: Pixel,
     /// Rays through the sample, and through the points one pixel along and one pixel across the edge.
     pub(crate) sights: [Sight; 3],
+    /// Log brightness across the edge, one value a pixel.
     pub(crate) profile: [f64; LENGTH],
-    /// Contrast across the edge, positive if brighter on the positive side, times the powers 0, 1 and 2 of
-    /// the level.
+    /// Contrast across the edge in log brightness, times the powers 0, 1 and 2 of the brightness level. The
+    /// contrast is positive if the positive side is brighter.
     pub(crate) tone: [f64; TONE_SIZE],
+    /// Index of the image block.
     pub(crate) block: usize,
     /// Index of the edge.
     pub(crate) edge: usize,
@@ -52,7 +55,7 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// Returns the brightness `step` steps across the edge, averaged over a few positions along it.
+    /// Returns the log brightness `step` steps across the edge, averaged over a few positions along the edge.
     pub(crate) fn brightness(&self, luma: &Luma, step: f64) -> Option<f64> {
         let value = |along_offset: f64| {
             let u = self.at.u + along_offset * self.along[0] + step * self.across[0];
@@ -85,20 +88,20 @@ pub(crate) fn edge_samples(camera: &Camera, luma: &Luma, edges: &[Edge]) -> Vec<
     long.flat_map(of_edge).filter(|place| grid.is_new(place)).take(MAX_SAMPLES).collect()
 }
 
-/// Samples taken so far, by cell of the image.
+/// Accepted samples, by cell of the image.
 #[derive(Default)]
 struct SampleGrid(HashMap<[i64; 2], Vec<Along>>);
 
-/// Position of a sample, a unit vector along its edge, and the index of the edge.
+/// Sample: its position, a unit vector along its edge, and the index of the edge.
 type Along = (Pixel, [f64; 2], usize);
 
 impl SampleGrid {
-    /// Largest distances, along and across an edge, of samples of the same edge, in pixels.
+    /// Largest distances of two samples that count as duplicates, along and across the edge, in pixels.
     const MAX_DUPLICATE_DISTANCE_PX: [f64; 2] = [0.75 * MIN_SPACING_PX, 2.0];
-    /// Sine of the largest angle between samples of the same edge.
+    /// Sine of the largest angle between the edges of two samples that count as duplicates.
     const MAX_DUPLICATE_SINE: f64 = 0.1;
 
-    /// Whether no other edge has a sample at this position; records the sample if so.
+    /// Whether no other edge has a sample at this position. If so, the sample is added to the grid.
     fn is_new(&mut self, place: &EdgeSample) -> bool {
         let along = place.along;
         let cell = [place.at.u, place.at.v].map(|c| (c / MIN_SPACING_PX).floor() as i64);
@@ -140,18 +143,20 @@ impl EdgeSample {
     }
 }
 
-/// Returns the contrast times the powers of the level, relative to medium brightness.
+/// Returns the contrast of a profile times the powers 0, 1 and 2 of its brightness level. The level is 0 at
+/// medium brightness and 1 at white; `mean` is the mean of the profile.
 fn tone(profile: &[f64; LENGTH], mean: f64) -> [f64; TONE_SIZE] {
-    /// Logarithm of medium brightness, and the difference from there to white.
-    const MIDDLE: f64 = 4.4;
-    const RANGE: f64 = 1.1;
+    /// Log brightness of level 0: medium brightness.
+    const MEDIUM_LOG_BRIGHTNESS: f64 = 4.4;
+    /// Difference in log brightness between medium brightness and white.
+    const LOG_BRIGHTNESS_RANGE: f64 = 1.1;
     let side = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let contrast = side(&profile[HALF + 2..]) - side(&profile[..HALF - 1]);
-    let level = (mean - MIDDLE) / RANGE;
+    let level = (mean - MEDIUM_LOG_BRIGHTNESS) / LOG_BRIGHTNESS_RANGE;
     std::array::from_fn(|power| contrast * level.powi(power as i32))
 }
 
-/// Comparison of two profiles.
+/// Comparison of two brightness profiles.
 #[derive(Clone, Copy)]
 pub(crate) struct ProfileMatch {
     /// Correlation of the profiles.
@@ -160,7 +165,8 @@ pub(crate) struct ProfileMatch {
     pub(crate) square: f64,
 }
 
-/// Correlates a profile with the part of a longer one that begins at `start`, interpolated between pixels.
+/// Correlates a profile with the part of a longer profile that begins at `start`, in pixels, interpolated
+/// between pixels.
 pub(crate) fn match_profiles(profile: &[f64; LENGTH], longer: &[f64], start: f64) -> ProfileMatch {
     let first = start.floor();
     let weights = cubic(start - first);

@@ -1,5 +1,5 @@
-//! Recovery of a rotated camera: solved again from annotations transferred to the new image, or refused if
-//! unreliable.
+//! Recovery of a rotated camera. The camera is solved again from annotations transferred to the new image. An
+//! unreliable result is refused.
 
 use std::fmt;
 
@@ -25,13 +25,13 @@ pub enum RecoveryError {
     NotRotated(CameraChange),
     /// Camera without annotations.
     NoAnnotations,
-    /// New image dated outside the validity period of the calibration.
+    /// New image outside the validity period of the calibration; contains the time of the image.
     OutsidePeriod(String),
-    /// Only `.0` of `.1` lines and points found in the new image.
+    /// Too few annotations found in the new image: `.0` of `.1` lines and points.
     TooFewFound(usize, usize),
     /// Transferred annotations without a solution; contains the reason.
     Unsolved(String),
-    /// Solution that contradicts the measured rotation, with the distance in standard deviations.
+    /// Solution that contradicts the measured rotation; contains the distance in standard deviations.
     Contradiction(f64),
 }
 
@@ -67,7 +67,7 @@ impl std::error::Error for RecoveryError {}
 /// from the old image. The old period ends at the start of the new one.
 ///
 /// # Errors
-/// If the result would be unreliable.
+/// Returns an error if the camera cannot be recovered, or the result would be unreliable.
 pub fn recover(
     site: &Site,
     index: usize,
@@ -77,7 +77,7 @@ pub fn recover(
 ) -> Result<Recovered, RecoveryError> {
     let entry = site.cameras.get(index).ok_or(RecoveryError::NotCalibrated)?;
     let camera = entry.camera().ok_or(RecoveryError::NotCalibrated)?;
-    check(entry, comparison.change, &new_image.since)?;
+    check_conditions(entry, comparison.change, &new_image.since)?;
     let carry = AnnotationTransfer::new(&camera, comparison.rotation, old, new);
     let carried =
         site.recovered(index, &comparison.rotation, &carry, new_image).ok_or(RecoveryError::NotCalibrated)?;
@@ -86,11 +86,12 @@ pub fn recover(
         return Err(RecoveryError::TooFewFound(carried.carried, all));
     }
     let predicted = comparison.rotation.apply_to(&camera);
-    Ok(Recovered { site: solve(&carried.site, index, &camera, &predicted)?, ..carried })
+    Ok(Recovered { site: solve_camera(&carried.site, index, &camera, &predicted)?, ..carried })
 }
 
-/// Checks the conditions for a recovery before anything is transferred.
-fn check(entry: &SiteCamera, change: CameraChange, since: &str) -> Result<(), RecoveryError> {
+/// Checks the conditions for a recovery before the transfer of annotations. `since` is the time of the new
+/// image.
+fn check_conditions(entry: &SiteCamera, change: CameraChange, since: &str) -> Result<(), RecoveryError> {
     if change != CameraChange::Moved {
         return Err(RecoveryError::NotRotated(change));
     }
@@ -101,8 +102,9 @@ fn check(entry: &SiteCamera, change: CameraChange, since: &str) -> Result<(), Re
     if is_divided { Ok(()) } else { Err(RecoveryError::OutsidePeriod(since.to_owned())) }
 }
 
-/// Solves the new entry and leaves the other cameras unchanged.
-fn solve(site: &Site, index: usize, old: &Camera, predicted: &Camera) -> Result<Site, RecoveryError> {
+/// Solves the camera with this index and compares the solution with the predicted camera. The other cameras
+/// of the site stay unchanged.
+fn solve_camera(site: &Site, index: usize, old: &Camera, predicted: &Camera) -> Result<Site, RecoveryError> {
     let id = site.cameras[index].id.clone();
     let mut report = site.calibrate(&Options { cameras: Some(vec![id]), ..Options::default() });
     report.cameras.retain(|(of, _)| *of == index);
@@ -116,8 +118,9 @@ fn solve(site: &Site, index: usize, old: &Camera, predicted: &Camera) -> Result<
     }
 }
 
-/// Returns the largest distance between the new solution and the pose predicted by the measured rotation, in
-/// combined standard deviations. The prediction has the standard deviations of the old solution.
+/// Returns the largest difference between the new solution `found` and the prediction from the measured
+/// rotation, in combined standard deviations. Pitch, roll and focal length are compared. The prediction has
+/// the standard deviations of the old solution.
 fn deviation(old: &Camera, predicted: &Camera, found: &Camera) -> f64 {
     use Covariance as Of;
     let off = [

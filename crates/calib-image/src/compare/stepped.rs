@@ -1,9 +1,10 @@
-//! Test for a moved camera: near and far edges then do not fit one rotation.
+//! Test for a camera at another position: near and far edges then do not fit one rotation.
 //!
-//! A rotation `x` and a step `t` of the camera shift a floor point at depth `z` by `a' x + b' t / z`. The
-//! depth of the floor is known from the calibration. Both are estimated together from all edges, as if each
-//! were on the floor or far away. Other edges are outliers, like moving objects. If the floor moved farther
-//! than the search range for edges, corners provide a first estimate of the step.
+//! Let `x` be a rotation and `t` a step (translation) of the camera. They shift the image of a floor point at
+//! depth `z` by `a' x + b' t / z`, with the derivatives `a` and `b`. The depth of the floor is known from the
+//! calibration. Rotation and step are estimated together from all edges, as if each edge were on the floor or
+//! far away. Other edges are outliers, like moving objects. If the image of the floor moved farther than the
+//! search range for edges, corners provide a first estimate of the step.
 
 use calib_core::Camera;
 
@@ -18,12 +19,12 @@ use crate::compare::feature::Luma;
 use crate::compare::motion::{Motion, MovedCamera};
 use crate::compare::place::EdgeSample;
 
-/// Two images aligned by a rotation and a step.
+/// Alignment of two images by a rotation, a zoom and a step.
 pub(crate) struct StepAlignment(Alignment);
 
 impl StepAlignment {
-    /// Aligns the images from two start values: the rotation alone, and a step estimated from corners. Failed
-    /// alignments are omitted, for example without visible floor.
+    /// Aligns the images from two start values: the rotation of `turned` alone, and a step estimated from
+    /// `corners`. Failed alignments are omitted, for example without visible floor.
     pub(crate) fn candidates<'a>(
         camera: &Camera,
         luma: &Luma,
@@ -31,18 +32,21 @@ impl StepAlignment {
         corners: impl FnOnce() -> &'a [CornerMatch],
         turned: &Alignment,
     ) -> Vec<Self> {
-        /// Fraction of samples found again above which no edge is outside the search range.
-        const ALL: f64 = 0.9;
-        let far =
-            if turned.found_fraction() > ALL { None } else { coarse_step(camera, corners(), turned.motion) };
+        /// Fraction of samples found again above which all edges are within the search range.
+        const SUFFICIENT_FRACTION: f64 = 0.9;
+        let far = if turned.found_fraction() > SUFFICIENT_FRACTION {
+            None
+        } else {
+            coarse_step(camera, corners(), turned.motion)
+        };
         let from = |motion: Motion| {
             Alignment::new(camera, luma, places, motion, FitParameters::RotationToneAndStep, &[5, 3, 2, 2])
         };
         [Some(turned.motion), far].into_iter().flatten().filter_map(from).map(Self).collect()
     }
 
-    /// Whether the step is significant, and at least as many samples are found with it as without. `chance`
-    /// is the fraction of samples found by chance.
+    /// Whether the step is significant, and at least as many samples are found with the step as with the
+    /// rotation `turned` alone. `chance` is the fraction of samples found by chance.
     pub(crate) fn is_significant(
         &self,
         camera: &Camera,
@@ -52,28 +56,31 @@ impl StepAlignment {
     ) -> bool {
         /// Smallest z-score of a significant step. It is larger than for a rotation, because errors of the
         /// lens model affect near and far edges in the same way.
-        const CLEAR: f64 = 5.0;
+        const MIN_Z_SCORE: f64 = 5.0;
         /// Smallest effect of the step on the image, relative to the rotation alone, RMS in pixels.
-        const LEAST: f64 = 0.5;
+        const MIN_EFFECT_PX: f64 = 0.5;
         let is_better = self.0.coverage(places) >= turned.coverage(places);
         is_better
             && self.is_found(turned, chance)
-            && self.z_score() > CLEAR
-            && self.effect(camera, places, turned) > LEAST
+            && self.z_score() > MIN_Z_SCORE
+            && self.effect(camera, places, turned) > MIN_EFFECT_PX
     }
 
-    /// Whether most inliers are not found by chance, or are significantly more than with the rotation alone.
-    /// Chance finds as many samples with a step as with a rotation.
+    /// Whether most inliers are not found by chance, or the step has significantly more inliers than the
+    /// rotation `turned` alone. Chance finds as many samples with a step as with a rotation.
     fn is_found(&self, turned: &Alignment, chance: f64) -> bool {
-        const TIMES: f64 = 4.0;
+        /// Smallest ratio of the number of inliers to the number of samples found by chance.
+        const MIN_CHANCE_RATIO: f64 = 4.0;
         /// Smallest significant difference of the two inlier counts, in standard deviations of the difference
         /// of Poisson counts.
-        const CLEAR: f64 = 4.0;
+        const MIN_DIFFERENCE_SIGMAS: f64 = 4.0;
         let by_chance = chance * self.0.found.iter().flatten().count() as f64;
         let [with, without] = [&self.0, turned].map(|found| found.inliers() as f64);
-        with > TIMES * by_chance || with - without > CLEAR * (2.0 * by_chance).sqrt()
+        with > MIN_CHANCE_RATIO * by_chance
+            || with - without > MIN_DIFFERENCE_SIGMAS * (2.0 * by_chance).sqrt()
     }
 
+    /// Returns the significance of the step, as a z-score.
     fn z_score(&self) -> f64 {
         let from = RotationZoom::SIZE + TONE_SIZE;
         let mut whole = self.0.fit.clone();
@@ -81,7 +88,8 @@ impl StepAlignment {
         whole.z_score(from, from + STEP_SIZE)
     }
 
-    /// Returns the distance of the floor from its position under the rotation alone, RMS in pixels.
+    /// Returns the distance between the images of the floor with the step and with the rotation `turned`
+    /// alone, RMS in pixels.
     fn effect(&self, camera: &Camera, places: &[EdgeSample], turned: &Alignment) -> f64 {
         let [with, without] = [self.0.motion, turned.motion].map(|motion| motion.at(camera));
         let apart = |place: &EdgeSample| {
@@ -93,18 +101,18 @@ impl StepAlignment {
     }
 }
 
-/// Estimates the step with the highest inlier count, starting from a rotation; `None` if too few corners
-/// agree.
+/// Estimates the step with the highest inlier count, starting from the rotation of `turned`. Returns `None`
+/// if there are too few inliers.
 fn coarse_step(camera: &Camera, seen: &[CornerMatch], turned: Motion) -> Option<Motion> {
-    /// Number of pairs to try.
-    const PAIRS: usize = 2000;
-    /// Smallest count of agreeing corners; fewer agree by chance.
-    const LEAST: usize = 8;
+    /// Number of pairs of corners whose steps are tested.
+    const PAIR_COUNT: usize = 2000;
+    /// Smallest inlier count of a step; fewer inliers occur by chance.
+    const MIN_COVERAGE: usize = 8;
     let here = turned.at(camera);
-    let rows: Vec<Option<[EdgeOffset; 2]>> = seen.iter().map(|seen| rows(&here, seen)).collect();
+    let rows: Vec<Option<[EdgeOffset; 2]>> = seen.iter().map(|seen| corner_offsets(&here, seen)).collect();
     let mut chance = XorShift(0x2545_f491_4f6c_dd1d);
     let mut best: Option<(Motion, usize)> = None;
-    for _ in 0..PAIRS {
+    for _ in 0..PAIR_COUNT {
         let [a, b] = [0, 1].map(|_| chance.below(seen.len().max(1)));
         let (Some(a), Some(b)) = (rows.get(a)?, rows.get(b)?) else { continue };
         let Some(step) = step_from_pair([a, b]) else { continue };
@@ -114,19 +122,21 @@ fn coarse_step(camera: &Camera, seen: &[CornerMatch], turned: Motion) -> Option<
             best = Some((motion, count));
         }
     }
-    let (motion, _) = best.filter(|(_, voices)| *voices >= LEAST)?;
-    Some(refined(camera, seen, motion))
+    let (motion, _) = best.filter(|(_, voices)| *voices >= MIN_COVERAGE)?;
+    Some(refine_motion(camera, seen, motion))
 }
 
+/// Counts the inliers of a moved camera, limited to a few for each part of the image.
 fn inlier_coverage(moved: &MovedCamera, seen: &[CornerMatch]) -> usize {
-    coverage(seen.iter().filter(|seen| agrees(moved, seen)))
+    coverage(seen.iter().filter(|seen| is_inlier(moved, seen)))
 }
 
-fn agrees(moved: &MovedCamera, seen: &CornerMatch) -> bool {
+/// Whether a corner is at the position that the motion predicts.
+fn is_inlier(moved: &MovedCamera, seen: &CornerMatch) -> bool {
     moved.project(&seen.sight).is_some_and(|shown| shown.distance(seen.at) < seen.max_distance)
 }
 
-/// Computes the step from two corners, by least squares.
+/// Computes the step of the camera from the offsets of two corners by least squares, in metres.
 fn step_from_pair(pair: [&[EdgeOffset; 2]; 2]) -> Option<[f64; STEP_SIZE]> {
     let rows: Vec<&EdgeOffset> = pair.into_iter().flatten().collect();
     let slopes = DMatrix::from_fn(rows.len(), STEP_SIZE, |i, k| rows[i].by_step[k]);
@@ -136,19 +146,20 @@ fn step_from_pair(pair: [&[EdgeOffset; 2]; 2]) -> Option<[f64; STEP_SIZE]> {
 }
 
 /// Refines rotation and step with all inliers.
-fn refined(camera: &Camera, seen: &[CornerMatch], mut motion: Motion) -> Motion {
+fn refine_motion(camera: &Camera, seen: &[CornerMatch], mut motion: Motion) -> Motion {
     for _ in 0..6 {
         let moved = motion.at(camera);
-        let agreeing = seen.iter().filter(|seen| agrees(&moved, seen));
-        let rows: Vec<EdgeOffset> = agreeing.filter_map(|seen| rows(&moved, seen)).flatten().collect();
+        let agreeing = seen.iter().filter(|seen| is_inlier(&moved, seen));
+        let rows: Vec<EdgeOffset> =
+            agreeing.filter_map(|seen| corner_offsets(&moved, seen)).flatten().collect();
         let Some(fit) = RotationFit::new(&rows, FitParameters::RotationToneAndStep) else { return motion };
         motion = motion.then(&fit);
     }
     motion
 }
 
-/// Converts the two coordinates of a corner to two edge offsets.
-fn rows(moved: &MovedCamera, seen: &CornerMatch) -> Option<[EdgeOffset; 2]> {
+/// Converts the deviations of a corner from its predicted position, along u and v, to two edge offsets.
+fn corner_offsets(moved: &MovedCamera, seen: &CornerMatch) -> Option<[EdgeOffset; 2]> {
     let (at, slopes) = (moved.project(&seen.sight)?, moved.derivatives(&seen.sight)?);
     let off = [seen.at.u - at.u, seen.at.v - at.v];
     Some([0, 1].map(|axis| EdgeOffset {

@@ -1,7 +1,8 @@
 //! Robust estimate of a camera's rotation and zoom from the offsets of edges, with its covariance.
 //!
-//! The edges are observed in a new image. At a sample on an edge the offset across it is `d`; a small
-//! rotation and zoom `x` predicts `a' x`. The estimate minimises
+//! The edges are observed in a new image. A sample on an edge has the offset `d` across the edge, with the
+//! standard deviation `sigma`. A small rotation and zoom `x` predicts the offset `a' x`, with the derivatives
+//! `a`. The estimate minimises
 //!
 //! ```text
 //! sum over samples of rho((d - a' x) / s),   s^2 = sigma^2 + tau^2
@@ -15,16 +16,16 @@
 //!
 //! Lighting, codecs and the detector's own error shift all samples of one edge alike, by an offset of
 //! variance `e^2` ([`Scatter::edge`]). The samples of an edge are therefore not independent. With `W` the
-//! precisions of the samples about their edge and `p` = [`Scatter::place`],
+//! precisions of the samples about their edge, `p` = [`Scatter::place`] and the vector `1` of ones,
 //!
 //! ```text
 //! W = diag(w / (sigma^2 + p^2)),    (W^-1 + e^2 1 1')^-1 = W - W 1 1' W e^2 / (1 + e^2 1' W 1)
 //! ```
 //!
-//! (Woodbury 1950). `w` are Tukey's weights. An edge of twenty samples therefore counts little more than an
-//! edge of five. `p` and `e` are estimated from medians: `p` from the samples about their edge, `e` from the
-//! edges about the fitted rotation. If a step is estimated, `e` is zero, because the offsets of edges of
-//! unknown depth are the signal of the step.
+//! (Woodbury 1950). `w` are the weights of Tukey's `rho`. An edge of twenty samples therefore counts little
+//! more than an edge of five. `p` and `e` are estimated from medians: `p` from the samples about their edge,
+//! `e` from the edges about the fitted rotation. If a step is estimated, `e` is zero, because the offsets of
+//! edges of unknown depth are the signal of the step.
 //!
 //! # Correlation within a block
 //!
@@ -59,12 +60,12 @@ use calib_core::camera::RotationZoom;
 use calib_core::optimize::chi2_score;
 use nalgebra::{DMatrix, DVector, Matrix2, OMatrix, Vector2};
 
-/// Number of parameters of the effect of lighting on edges.
+/// Number of parameters of the tone, the effect of lighting on edges.
 pub const TONE_SIZE: usize = 3;
 /// Number of parameters of a step (translation) of the camera.
 pub const STEP_SIZE: usize = 3;
 
-/// Offset of an edge, across itself, from its predicted position.
+/// Offset of an edge from its predicted position, in the direction across the edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EdgeOffset {
     /// Offset, in pixels.
@@ -73,27 +74,30 @@ pub struct EdgeOffset {
     pub across: [f64; 2],
     /// Standard deviation of the offset, in pixels.
     pub sigma: f64,
-    /// Derivatives of the offset with respect to rotation and zoom.
+    /// Derivatives of the offset with respect to rotation and zoom, in pixels per radian and per log focal
+    /// ratio.
     pub by_rotation: [f64; RotationZoom::SIZE],
     /// Sensitivity to lighting: contrast towards the positive side, times the powers 0, 1 and 2 of the
     /// brightness level.
     pub by_tone: [f64; TONE_SIZE],
-    /// Derivatives of the offset with respect to a step of the camera.
+    /// Derivatives of the offset with respect to a step (translation) of the camera, in pixels per metre.
     pub by_step: [f64; STEP_SIZE],
     /// Index of the image block of this sample.
     pub block: usize,
-    /// Index of the edge, if it has several samples; they are consecutive in the list.
+    /// Index of the edge, if the edge has several samples. The samples of an edge are consecutive in a list.
     pub edge: Option<usize>,
 }
 
 impl EdgeOffset {
-    /// Returns the derivative with respect to parameter `k`: rotation and zoom, then tone, then step.
+    /// Returns the derivative of the offset with respect to parameter `k`: rotation and zoom, then tone, then
+    /// step.
     pub(super) fn derivative(&self, k: usize) -> f64 {
-        const FROM: usize = RotationZoom::SIZE + TONE_SIZE;
+        /// Index of the first parameter of the step.
+        const FIRST_STEP_PARAMETER: usize = RotationZoom::SIZE + TONE_SIZE;
         match k {
             0..RotationZoom::SIZE => self.by_rotation[k],
-            RotationZoom::SIZE..FROM => self.by_tone[k - RotationZoom::SIZE],
-            _ => self.by_step[k - FROM],
+            RotationZoom::SIZE..FIRST_STEP_PARAMETER => self.by_tone[k - RotationZoom::SIZE],
+            _ => self.by_step[k - FIRST_STEP_PARAMETER],
         }
     }
 
@@ -104,11 +108,11 @@ impl EdgeOffset {
     }
 }
 
-/// Prior standard deviation of the shift of an edge by lighting, in pixels for a contrast of 1 in log
+/// Prior standard deviation of the shift of an edge by lighting, in pixels per unit of contrast in log
 /// brightness.
 const TONE_PRIOR_SIGMA_PX: f64 = 0.3;
 
-/// Derivatives with respect to the parameters, for each component of the shift of a block.
+/// Matrix with a row for each parameter and a column for each component (u, v) of the shift of a block.
 type ByMotion = OMatrix<f64, nalgebra::Dyn, nalgebra::U2>;
 
 /// Normal equations of the edges of one block.
@@ -116,11 +120,14 @@ type ByMotion = OMatrix<f64, nalgebra::Dyn, nalgebra::U2>;
 pub(super) struct BlockEquations {
     information: DMatrix<f64>,
     score: DVector<f64>,
-    /// `A' P N`, `N' P N` and `N' P d`, with `A` the derivatives and `d` the offsets.
+    /// Product `A' P N`, with `A` the derivatives of the offsets. `P` and `N` are in the documentation of
+    /// this file.
     cross: ByMotion,
+    /// Product `N' P N`: the information about the shift of the block.
     motion: Matrix2<f64>,
+    /// Product `N' P d`, with `d` the offsets.
     motion_score: Vector2<f64>,
-    /// Precision of an offset common to all samples.
+    /// Precision of an offset common to all samples, in 1/px².
     pub(super) precision: f64,
 }
 
@@ -143,9 +150,9 @@ impl BlockEquations {
         }
     }
 
-    /// Adds the samples of one edge, whose common offset has the standard deviation `shared`.
+    /// Adds the samples of one edge, whose common offset has the standard deviation `shared`, in pixels.
     pub(super) fn add(&mut self, edge: &[EdgeOffset], precisions: &[f64], shared: f64) {
-        // A' W 1, N' W 1, d' W 1 and 1' W 1.
+        // The products A' W 1 (`together`), N' W 1 (`way`), d' W 1 (`offset`) and 1' W 1 (`total`).
         let (mut total, mut offset) = (0.0, 0.0);
         let (mut together, mut way) = (DVector::zeros(self.score.len()), Vector2::zeros());
         for (row, &precision) in edge.iter().zip(precisions).filter(|(_, precision)| **precision > 0.0) {
@@ -170,8 +177,8 @@ impl BlockEquations {
         self.precision += total - known * total * total;
     }
 
-    /// Returns the information and score with the shift of the block eliminated; `block` is its standard
-    /// deviation along either axis.
+    /// Returns the information and score with the shift of the block eliminated. `block` is the standard
+    /// deviation of the shift along either axis, in pixels.
     fn without_shift(&self, block: f64) -> Option<(DMatrix<f64>, DVector<f64>)> {
         if block <= 0.0 {
             return Some((self.information.clone(), self.score.clone()));
@@ -186,7 +193,8 @@ impl BlockEquations {
 }
 
 impl NormalEquations {
-    /// Sums the equations of the blocks, each shifted by a vector of this standard deviation.
+    /// Sums the equations of the blocks. `block` is the standard deviation of the shift of each block along
+    /// either axis, in pixels.
     pub(super) fn from_blocks(blocks: &[BlockEquations], block: f64) -> Option<Self> {
         let unknowns = blocks.first()?.score.len();
         let (mut information, mut score) = (DMatrix::zeros(unknowns, unknowns), DVector::zeros(unknowns));
@@ -198,7 +206,8 @@ impl NormalEquations {
         Some(Self { information, score })
     }
 
-    /// Returns the inverse of the total information.
+    /// Returns the covariance bound of the parameters: the inverse of the information including the tone
+    /// prior.
     pub(super) fn bound(&self) -> Option<DMatrix<f64>> {
         Some(self.information_with_prior().cholesky()?.inverse())
     }
@@ -206,10 +215,11 @@ impl NormalEquations {
     /// Computes the cluster-robust covariance from the scatter of the blocks (Bell and `McCaffrey` 2002).
     ///
     /// With the total information `I`, and the information `I_k`, the score `s_k` and
-    /// `H_k = I^-1/2 I_k I^-1/2` of block `k`, it is the sum of the squares of
-    /// `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k`. The error of the tone prior `P` adds `I^-1 P I^-1`. A direction
-    /// with nearly all information in one block cannot be tested against the others. Its squared score then
-    /// counts as at least its expectation, 1. `slope` is the mean slope of psi divided by the mean weight.
+    /// `H_k = I^-1/2 I_k I^-1/2` of block `k`, the covariance is the sum of the squares of
+    /// `I^-1/2 (1 - H_k)^-1/2 I^-1/2 s_k`. The precision `P` of the tone prior adds `I^-1 P I^-1`. A
+    /// direction with nearly all information in one block cannot be tested against the others. Its squared
+    /// score then counts as at least its expectation, 1. `slope` is the mean slope of psi divided by the mean
+    /// weight.
     pub(super) fn cluster_covariance(
         &self,
         blocks: &[BlockEquations],
@@ -217,7 +227,7 @@ impl NormalEquations {
         estimate: &DVector<f64>,
         slope: f64,
     ) -> Option<DMatrix<f64>> {
-        /// Share of the information above which a single block dominates a direction.
+        /// Share of the information above which a single block dominates a direction of the parameter space.
         const MAX_BLOCK_SHARE: f64 = 0.95;
         let root = self.information_with_prior().cholesky()?.l().try_inverse()?;
         let bound = root.transpose() * &root;
@@ -250,6 +260,7 @@ impl NormalEquations {
         information
     }
 
+    /// Returns the estimate of the parameters; `None` if the edges do not determine all of them.
     pub(super) fn solve(&self) -> Option<DVector<f64>> {
         /// Smallest squared pivot of the scaled information for a parameter to count as determined.
         const MIN_PIVOT: f64 = 1e-9;
@@ -264,7 +275,7 @@ impl NormalEquations {
     }
 }
 
-/// Parameters of the fit.
+/// Parameters that a [`RotationFit`] estimates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FitParameters {
     /// Rotation and zoom only, for offsets that lighting does not affect.
@@ -280,10 +291,10 @@ pub enum FitParameters {
 pub struct RotationFit {
     /// Estimated parameters: rotation and zoom, then tone, then step.
     pub estimate: DVector<f64>,
-    /// Covariance of the estimate: cluster-robust part plus image-wide part.
+    /// Covariance of the estimate: the cluster-robust part plus the part of image-wide errors.
     pub covariance: DMatrix<f64>,
-    /// Covariance if only per-edge and per-block shifts were common to several samples. It approximates the
-    /// lower bound for any estimator from these edges (Cramér 1946, Rao 1945).
+    /// Covariance if no errors except the shifts of edges and blocks were common to several samples. It
+    /// approximates the lower bound for any estimator from these edges (Cramér 1946, Rao 1945).
     pub bound: DMatrix<f64>,
     /// Scatter of the samples beyond their own noise.
     pub scatter: Scatter,
@@ -296,15 +307,15 @@ pub struct RotationFit {
 /// Standard deviations of the offsets beyond their own noise, in pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scatter {
-    /// Scatter of a sample about its edge.
+    /// Standard deviation of a sample about its edge.
     pub place: f64,
-    /// Shift common to all samples of an edge.
+    /// Standard deviation of the shift common to all samples of an edge.
     pub edge: f64,
-    /// Shift common to all edges of a block, along either axis.
+    /// Standard deviation of the shift common to all edges of a block, along either axis.
     pub block: f64,
 }
 
-/// Smallest residual, in scales, with a Tukey weight of zero: 95 % efficiency for normal errors.
+/// Smallest residual with a Tukey weight of zero, in standard deviations: 95 % efficiency for normal errors.
 const TUKEY_LIMIT: f64 = 4.685;
 /// Ratio of the standard deviation to the median absolute deviation of a normal variable.
 const MAD_TO_SIGMA: f64 = 1.4826;
@@ -313,14 +324,15 @@ const MIN_SIGMA_PX: f64 = 0.01;
 /// Largest standard deviation of the shift of a block, in pixels. Larger shifts come from the depth of the
 /// scene, not from lens, lighting or codec. They indicate a step of the camera, not a rotation.
 const MAX_BLOCK_SIGMA_PX: f64 = 0.2;
-/// Variance of image-wide errors that resemble a rotation, relative to the bound. It is not derived. It was
-/// chosen on half of the images of `tests/compare.rs`, which have a width of 960 pixels and some thousand
-/// samples each.
+/// Ratio of the variance of image-wide errors that resemble a rotation to the bound. The value is not
+/// derived. It was chosen on half of the images of `tests/compare.rs`, which have a width of 960 pixels and
+/// some thousand samples each.
 const IMAGE_VARIANCE_RATIO: f64 = 0.5;
-/// Number of reweighting iterations.
+/// Number of iterations of reweighted least squares.
 const ITERATIONS: usize = 12;
 
 impl FitParameters {
+    /// Returns the number of estimated parameters.
     const fn unknowns(self) -> usize {
         match self {
             Self::Rotation => RotationZoom::SIZE,
@@ -331,7 +343,7 @@ impl FitParameters {
 }
 
 impl RotationFit {
-    /// Fits the parameters; returns `None` if the edges do not determine them.
+    /// Fits the parameters `of` to the offsets; `None` if the edges do not determine the parameters.
     #[must_use]
     pub fn new(offsets: &[EdgeOffset], of: FitParameters) -> Option<Self> {
         let rows = Rows { offsets, unknowns: of.unknowns() };
@@ -340,7 +352,7 @@ impl RotationFit {
         let (mut blocks, mut scatter) = (Vec::new(), Scatter::default());
         for _ in 0..ITERATIONS {
             let residuals = rows.residuals(&estimate);
-            let together = excess(&residuals, offsets);
+            let together = excess_scatter(&residuals, offsets);
             weights = rows.standardised(&residuals, together).map(tukey).collect();
             let of_edges = if of == FitParameters::RotationToneAndStep {
                 None
@@ -356,9 +368,9 @@ impl RotationFit {
         }
         let all = NormalEquations::from_blocks(&blocks, scatter.block)?;
         let slope = rows.slope(&estimate, &weights);
-        let (bound, borne_out) =
+        let (bound, cluster_part) =
             (all.bound()?, all.cluster_covariance(&blocks, scatter.block, &estimate, slope)?);
-        let (covariance, blocks) = (IMAGE_VARIANCE_RATIO * &bound + borne_out, blocks.len());
+        let (covariance, blocks) = (IMAGE_VARIANCE_RATIO * &bound + cluster_part, blocks.len());
         Some(Self { estimate, covariance, bound, scatter, weights, blocks })
     }
 
@@ -368,15 +380,16 @@ impl RotationFit {
         RotationZoom::from_parameters(std::array::from_fn(|i| self.estimate[i]))
     }
 
-    /// Returns the fitted step, in metres; zero if it is not estimated.
+    /// Returns the fitted step of the camera, in metres; zero if the step is not estimated.
     #[must_use]
     pub fn step(&self) -> [f64; STEP_SIZE] {
-        const FROM: usize = RotationZoom::SIZE + TONE_SIZE;
-        std::array::from_fn(|k| self.estimate.get(FROM + k).copied().unwrap_or_default())
+        /// Index of the first parameter of the step.
+        const FIRST_STEP_PARAMETER: usize = RotationZoom::SIZE + TONE_SIZE;
+        std::array::from_fn(|k| self.estimate.get(FIRST_STEP_PARAMETER + k).copied().unwrap_or_default())
     }
 
-    /// Returns the significance of the parameters `from..to` as a z-score: their distance from zero, in
-    /// standard deviations of a normal variable.
+    /// Returns the significance of the parameters `from..to` as a z-score: the distance of the estimate from
+    /// zero, in standard deviations of a normal variable.
     ///
     /// Most of the covariance is itself estimated from `m` blocks. Hotelling's (1931) square is therefore
     /// scaled to a chi-square by its expectation, `(m - k - 2) / (m - 1)` for `k` parameters.
@@ -395,44 +408,48 @@ impl RotationFit {
 /// Samples as rows of a linear system.
 struct Rows<'a> {
     offsets: &'a [EdgeOffset],
+    /// Number of estimated parameters.
     unknowns: usize,
 }
 
 impl Rows<'_> {
+    /// Returns the offsets minus the offsets predicted by an estimate, in pixels.
     fn residuals(&self, estimate: &DVector<f64>) -> Vec<f64> {
         self.offsets.iter().map(|row| row.offset - row.predicted(estimate)).collect()
     }
 
-    /// Divides the residuals by their usual size: their own noise combined with the common scatter
-    /// `together`.
+    /// Divides the residuals by their standard deviations: the noise of each sample combined with the scatter
+    /// `together`, in pixels.
     fn standardised(&self, residuals: &[f64], together: f64) -> impl Iterator<Item = f64> {
         let each = residuals.iter().zip(self.offsets);
         each.map(move |(residual, row)| residual / row.sigma.hypot(together).max(MIN_SIGMA_PX))
     }
 
-    /// Estimates least absolute deviations by iteratively reweighted least squares (Schlossmacher 1973).
+    /// Estimates the parameters with the least absolute deviations by iteratively reweighted least squares
+    /// (Schlossmacher 1973).
     fn least_deviations(&self) -> Option<DVector<f64>> {
         /// Residual below which all samples have the same weight, in pixels.
-        const NEAR: f64 = 0.05;
+        const MIN_RESIDUAL_PX: f64 = 0.05;
         let mut estimate = DVector::zeros(self.unknowns);
         for _ in 0..ITERATIONS {
             let residuals = self.residuals(&estimate);
-            let weights: Vec<f64> = residuals.iter().map(|r| r.abs().max(NEAR).recip()).collect();
+            let weights: Vec<f64> = residuals.iter().map(|r| r.abs().max(MIN_RESIDUAL_PX).recip()).collect();
             estimate = NormalEquations::from_blocks(&self.blocks(&weights, 0.0), 0.0)?.solve()?;
         }
         Some(estimate)
     }
 
-    /// Returns the mean slope of psi divided by the mean weight: 0.83 for normal errors.
+    /// Returns the mean slope of Tukey's psi divided by the mean weight: 0.83 for normal errors.
     fn slope(&self, estimate: &DVector<f64>, weights: &[f64]) -> f64 {
-        const LEAST: f64 = 0.5;
+        /// Lower limit of the result, for few samples.
+        const MIN_SLOPE_RATIO: f64 = 0.5;
         let residuals = self.residuals(estimate);
-        let together = excess(&residuals, self.offsets);
+        let together = excess_scatter(&residuals, self.offsets);
         let slopes: f64 = self.standardised(&residuals, together).map(psi_slope).sum();
-        (slopes / weights.iter().sum::<f64>()).max(LEAST)
+        (slopes / weights.iter().sum::<f64>()).max(MIN_SLOPE_RATIO)
     }
 
-    /// Iterates over the edges as ranges of samples.
+    /// Iterates over the edges, each as the range of its samples.
     fn edges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         let edges = self.offsets.chunk_by(|a, b| a.edge.is_some() && a.edge == b.edge);
         edges.scan(0, |end, edge| {
@@ -443,13 +460,14 @@ impl Rows<'_> {
 
     /// Estimates the scatter of samples, edges and blocks; `None` if too few edges have several samples.
     fn scatter(&self, residuals: &[f64], weights: &[f64]) -> Option<Scatter> {
-        /// Fewest samples of an edge for an estimate of their scatter.
-        const PLACES: usize = 3;
-        const EDGES: usize = 12;
+        /// Smallest number of samples of an edge for an estimate of their scatter.
+        const MIN_SAMPLES_PER_EDGE: usize = 3;
+        /// Smallest number of edges with several samples for an estimate of the scatter.
+        const MIN_EDGES: usize = 12;
         let (mut about, mut own, mut means, mut of_means) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for edge in self.edges() {
             let used: Vec<usize> = edge.filter(|&i| weights[i] > 0.0).collect();
-            if used.len() < PLACES {
+            if used.len() < MIN_SAMPLES_PER_EDGE {
                 continue;
             }
             let count = used.len() as f64;
@@ -460,7 +478,7 @@ impl Rows<'_> {
             means.push((mean, &self.offsets[used[used.len() / 2]]));
             of_means.push(count);
         }
-        if means.len() < EDGES {
+        if means.len() < MIN_EDGES {
             return None;
         }
         let deviation =
@@ -476,7 +494,8 @@ impl Rows<'_> {
         })
     }
 
-    /// Builds the normal equations of every block; an edge belongs to the block of its middle sample.
+    /// Builds the normal equations of every block; an edge belongs to the block of its middle sample. `edge`
+    /// is the standard deviation of the shift of an edge, in pixels.
     fn blocks(&self, precisions: &[f64], edge: f64) -> Vec<BlockEquations> {
         let count = self.offsets.iter().map(|row| row.block + 1).max().unwrap_or(0);
         let mut blocks: Vec<BlockEquations> =
@@ -490,10 +509,11 @@ impl Rows<'_> {
     }
 }
 
-/// Estimates the variance, along either axis, of the shift common to all edges of a block.
+/// Estimates the variance, along either axis, of the shift common to all edges of a block, in square pixels.
 ///
-/// It uses the products of pairs of edges, `E r r' = b^2 n n'`, with `r` their offsets and `n` the directions
-/// across them. Offsets are clamped to three times `usual`.
+/// The estimate uses the products of pairs of edges, `E r r' = b^2 n n'`, with `r` the offsets of the edges
+/// and `n` the directions across them. `b^2` is the variance, and `E` the expectation. Offsets are clamped to
+/// three times `usual`, in pixels.
 fn motion_variance(edges: &[(f64, &EdgeOffset)], usual: f64) -> f64 {
     let mut sums: BTreeMap<usize, [f64; 5]> = BTreeMap::new();
     let (mut products, mut squares) = (0.0, 0.0);
@@ -510,7 +530,7 @@ fn motion_variance(edges: &[(f64, &EdgeOffset)], usual: f64) -> f64 {
     if squares > 0.0 { (products / squares).max(0.0) } else { 0.0 }
 }
 
-/// Returns the weight of a standardised residual.
+/// Returns Tukey's weight of a standardised residual.
 fn tukey(residual: f64) -> f64 {
     let share = residual / TUKEY_LIMIT;
     (1.0 - share * share).max(0.0).powi(2)
@@ -522,6 +542,7 @@ fn psi_slope(residual: f64) -> f64 {
     (1.0 - square).max(0.0) * (1.0 - 5.0 * square)
 }
 
+/// Returns the median; 0 for no values.
 fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;
@@ -530,8 +551,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Estimates the scatter of the residuals beyond the noise of their samples, in pixels.
-fn excess(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
+/// Estimates the standard deviation of the residuals beyond the noise of their samples, in pixels.
+fn excess_scatter(residuals: &[f64], offsets: &[EdgeOffset]) -> f64 {
     let all = MAD_TO_SIGMA * median(residuals.iter().map(|r| r.abs()).collect());
     let own = median(offsets.iter().map(|row| row.sigma).collect());
     (all * all - own * own).max(0.0).sqrt()
@@ -561,7 +582,7 @@ mod tests {
     }
 
     /// Returns the covariance without the image-wide part, for data without image-wide errors.
-    fn borne_out(fit: &RotationFit) -> DMatrix<f64> {
+    fn cluster_part(fit: &RotationFit) -> DMatrix<f64> {
         &fit.covariance - IMAGE_VARIANCE_RATIO * &fit.bound
     }
 
@@ -660,7 +681,7 @@ mod tests {
             let fit = RotationFit::new(&edges(&truth, 0.1, 8, &mut random), FitParameters::RotationAndTone)
                 .unwrap();
             let is_inside =
-                |k: usize| (fit.estimate[k] - truth[k]).abs() < 1.96 * borne_out(&fit)[(k, k)].sqrt();
+                |k: usize| (fit.estimate[k] - truth[k]).abs() < 1.96 * cluster_part(&fit)[(k, k)].sqrt();
             inside += (0..4).filter(|&k| is_inside(k)).count();
         }
         let share = inside as f64 / (4 * TRIALS) as f64;
@@ -694,7 +715,8 @@ mod tests {
                 let bound = fit.bound.view((0, 0), (4, 4)).into_owned().cholesky().unwrap();
                 let error = DVector::from_fn(4, |k, _| fit.estimate[k] - truth[k]);
                 squares += error.dot(&bound.solve(&error)) / 4.0;
-                inside += (0..4).filter(|&k| error[k].abs() < 1.96 * borne_out(&fit)[(k, k)].sqrt()).count();
+                inside +=
+                    (0..4).filter(|&k| error[k].abs() < 1.96 * cluster_part(&fit)[(k, k)].sqrt()).count();
                 edge += fit.scatter.edge / TRIALS as f64;
                 block += fit.scatter.block / TRIALS as f64;
             }

@@ -2,7 +2,7 @@
 
 use calib_core::Orientation;
 
-/// Vanishing point relative to the principal point, homogeneous.
+/// Vanishing point in the undistorted image, in homogeneous pixels relative to the principal point.
 pub(super) type Point = [f64; 3];
 
 /// Returns the vanishing point of the vertical: `(f cos p sin r, f cos p cos r, sin p)`, with focal length f,
@@ -20,8 +20,9 @@ pub(super) fn level(at: &Orientation, azimuth: f64) -> Point {
     [at.focal * (cr * x + sr * y), at.focal * (cr * y - sr * x), cp * sa]
 }
 
-/// Returns the azimuth of the intersection of an image line with the horizon. If the line is horizontal, this
-/// is its floor direction.
+/// Returns the azimuth of the intersection of an image line with the horizon, in radians counter-clockwise
+/// from the camera's right. If the line is horizontal in the scene, this is its floor direction. `through`
+/// contains the homogeneous coordinates of the line.
 pub(super) fn azimuth(at: &Orientation, through: [f64; 3]) -> f64 {
     let [across, ahead] = [0.0, std::f64::consts::FRAC_PI_2].map(|azimuth| {
         let point = level(at, azimuth);
@@ -30,10 +31,10 @@ pub(super) fn azimuth(at: &Orientation, through: [f64; 3]) -> f64 {
     (-across).atan2(ahead)
 }
 
-/// Returns the camera with this focal length and this vertical vanishing point, with the horizon above its
-/// feet.
+/// Returns the orientation of the upright camera with this vertical vanishing point and this focal length, in
+/// pixels.
 pub(super) fn with_nadir([x, y, w]: Point, focal: f64) -> Orientation {
-    // Upright camera: verticals run down the image.
+    // In the image of an upright camera, the direction down is towards positive y.
     let sign = if y < 0.0 { -1.0 } else { 1.0 };
     let (x, y, w) = (sign * x, sign * y, sign * w);
     Orientation { roll: x.atan2(y), pitch: (focal * w).atan2(x.hypot(y)), focal }

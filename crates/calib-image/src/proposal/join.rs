@@ -16,12 +16,12 @@
 //!
 //! `r = sqrt(2) (l . V) / sqrt(T + sqrt((|q1|^2 - |q2|^2)^2 + 4 (q1 . q2)^2))`.
 //!
-//! Edges of a direction deviate from it, slightly for walls and much more for movable objects:
-//! `r ~ (1 - b) N(0, s^2) + b N(0, t^2)`. Here `s^2 = sigma^2 + (length angle)^2 / 2` with the angle of
-//! walls, and `t^2` is the same with the larger angle. For any other edge every angle is equally likely. As
-//! `r = length
-//! |angle| / sqrt(2)`, its density is `sqrt(2) / (pi length)`. The ratio of the two densities is the evidence
-//! of an edge for `V`.
+//! The edges of a direction deviate from this direction, slightly for walls and much more for movable
+//! objects: `r ~ (1 - b) N(0, s^2) + b N(0, t^2)`, with `b` the fraction of movable objects. Here
+//! `s^2 = sigma^2 + (length angle)^2 / 2`, with `sigma` the noise of the ends and `angle` the standard
+//! deviation for walls. `t^2` is the same with the larger angle of movable objects. For any other edge every
+//! angle is equally likely. As `r = length |angle| / sqrt(2)`, the density of `r` is then
+//! `sqrt(2) / (pi length)`. The ratio of the two densities is the evidence of an edge for `V`.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2, TAU};
 
@@ -30,24 +30,26 @@ use calib_core::{Lens, Pixel};
 use super::frame::Point;
 use crate::line_segment::LineSegment;
 
-/// Standard deviations of the angle between an edge and its direction, for buildings and for movable objects,
-/// in radians.
+/// Standard deviations of the angle between an edge and its direction, in radians: for buildings, then for
+/// movable objects.
 const ANGLE_SIGMAS: [f64; 2] = [0.004, 0.05];
 /// Fraction of movable objects among the edges of a direction.
 const MOVABLE_FRACTION: f64 = 0.3;
 
-/// Undistorted edge, relative to the principal point.
+/// Straight edge in the undistorted image, in pixels relative to the principal point.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
+    /// Ends of the edge.
     pub(super) ends: [[f64; 2]; 2],
     /// Standard deviation of either end, across the edge, in pixels.
     pub(super) end_sigma: f64,
+    /// Length, in pixels.
     pub(super) length: f64,
-    /// Line through both ends, homogeneous.
+    /// Homogeneous coordinates of the line through both ends.
     pub(super) through: [f64; 3],
     /// Standard deviations of the residual, for buildings and for movable objects, in pixels.
     sigmas: [f64; 2],
-    /// Indices of the joined segments.
+    /// Indices of the detected segments that form the edge.
     pub(super) pieces: Vec<usize>,
 }
 
@@ -60,19 +62,28 @@ pub(super) struct Evidence {
     pub(super) by_point: [f64; 3],
 }
 
-/// Residual in pixels, with the intermediate values of its derivative.
+/// Residual of an edge at a vanishing point, with the intermediate values that its derivative needs.
+///
+/// The symbols are in the documentation of this file.
 struct Offset {
+    /// Residual `r`, in pixels.
     pixels: f64,
+    /// Factor of `l . V` in `r`.
     factor: f64,
+    /// Product `l . V`.
     incidence: f64,
+    /// Vectors `q1` and `q2`.
     q: [[f64; 2]; 2],
+    /// Squares `|q1|^2` and `|q2|^2`.
     squares: [f64; 2],
+    /// Product `q1 . q2`.
     along: f64,
+    /// Inner square root of `r`.
     root: f64,
 }
 
 impl Line {
-    /// Undistorts a segment; `None` outside the lens model.
+    /// Undistorts the detected segment with this index; `None` outside the lens model.
     pub(super) fn from_segment(segment: &LineSegment, index: usize, lens: &Lens) -> Option<Self> {
         let centre = lens.principal_point;
         let end = |pixel: Pixel| {
@@ -82,7 +93,7 @@ impl Line {
         Self::new([end(segment.ends[0])?, end(segment.ends[1])?], segment.sigma, vec![index])
     }
 
-    /// Creates the line between two ends; `None` if it has no length.
+    /// Creates the edge between two undistorted ends; `None` if it has no length.
     pub(super) fn new(ends: [[f64; 2]; 2], end_sigma: f64, pieces: Vec<usize>) -> Option<Self> {
         let [a, b] = ends;
         let length = (b[0] - a[0]).hypot(b[1] - a[1]);
@@ -98,8 +109,8 @@ impl Line {
         })
     }
 
-    /// Computes the residual at a vanishing point; `None` for a point between the ends, which cannot be their
-    /// vanishing point.
+    /// Computes the residual at a vanishing point; `None` for a point between the ends, which cannot be the
+    /// vanishing point of the edge.
     fn offset(&self, v: Point) -> Option<Offset> {
         let q = self.ends.map(|p| [p[0] * v[2] - v[0], p[1] * v[2] - v[1]]);
         let (squares, along) = ([dot(q[0], q[0]), dot(q[1], q[1])], dot(q[0], q[1]));
@@ -113,7 +124,7 @@ impl Line {
         Some(Offset { pixels: factor * incidence, factor, incidence, q, squares, along, root })
     }
 
-    /// Returns the densities of a residual, for buildings and for movable objects.
+    /// Returns the probability densities of a residual, in pixels: for buildings, then for movable objects.
     fn densities(&self, pixels: f64) -> [f64; 2] {
         let shares = [1.0 - MOVABLE_FRACTION, MOVABLE_FRACTION];
         std::array::from_fn(|k| {
@@ -122,18 +133,22 @@ impl Line {
         })
     }
 
-    /// Returns the likelihood ratio: the edge leads to this vanishing point, or in any direction.
+    /// Returns the ratio of two likelihoods: that the edge leads to this vanishing point, and that it has any
+    /// direction.
     pub(super) fn odds(&self, v: Point) -> f64 {
-        /// Residual, in larger standard deviations, beyond which the odds are zero.
-        const FAR: f64 = 6.0;
-        let Some(offset) = self.offset(v).filter(|offset| offset.pixels.abs() < FAR * self.sigmas[1]) else {
+        /// Residual beyond which the odds are zero, in standard deviations of movable objects.
+        const MAX_RESIDUAL_SIGMAS: f64 = 6.0;
+        let Some(offset) =
+            self.offset(v).filter(|offset| offset.pixels.abs() < MAX_RESIDUAL_SIGMAS * self.sigmas[1])
+        else {
             return 0.0;
         };
         let [tight, loose] = self.densities(offset.pixels);
         (tight + loose) * PI * self.length / SQRT_2
     }
 
-    /// Computes the residual at a vanishing point, weighted by the mixture of both standard deviations.
+    /// Computes the residual at a vanishing point, weighted by the mixture of both standard deviations;
+    /// `None` for a point between the ends.
     pub(super) fn evidence(&self, v: Point) -> Option<Evidence> {
         let offset = self.offset(v)?;
         let [tight, loose] = self.densities(offset.pixels);
@@ -143,6 +158,7 @@ impl Line {
         Some(Evidence { residual: precision.sqrt() * offset.pixels, by_point })
     }
 
+    /// Returns the derivative of the residual, in pixels, with respect to the vanishing point.
     fn by_point(&self, offset: &Offset) -> [f64; 3] {
         let Offset { factor, incidence, q, squares: [a, b], along, root, .. } = *offset;
         std::array::from_fn(|k| {
@@ -160,16 +176,17 @@ fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// Largest distance of an end from the line, in standard deviations.
+/// Largest distance of the ends of a joined piece from the line, in standard deviations.
 const MAX_OFFSET_SIGMAS: f64 = 2.0;
-/// Longest gap, as a fraction of the visible length of both pieces.
-const MAX_GAP: f64 = 0.7;
-/// Largest overlap of two pieces, in pixels.
+/// Longest gap between a line and a joined piece, as a fraction of the sum of their lengths.
+const MAX_GAP_FRACTION: f64 = 0.7;
+/// Largest overlap of a line and a joined piece, in pixels.
 const MAX_OVERLAP_PX: f64 = 2.0;
-/// Largest number of edges, which limits the computing time; the shortest are dropped.
+/// Largest number of detected edges before joining, which limits the computing time; the shortest are
+/// dropped.
 const MAX_EDGES: usize = 1_500;
 
-/// Joins broken edges; returns all edges, the longest first.
+/// Joins the pieces of broken edges, in pixels without distortion. Returns all edges, the longest first.
 #[must_use]
 pub fn join_edges(segments: &[LineSegment]) -> Vec<LineSegment> {
     let origin = Lens::pinhole(Pixel::new(0.0, 0.0));
@@ -191,14 +208,15 @@ pub(super) fn lines(segments: &[LineSegment], lens: &Lens) -> Vec<Line> {
     whole
 }
 
-/// Extends a line by all its pieces; `None` if the line is already part of another one.
+/// Extends a line by all its pieces; `None` if the line is already part of another line.
 fn extend_line(first: usize, all: &[Line], is_used: &mut [bool]) -> Option<Line> {
     if is_used[first] {
         return None;
     }
     let mut pieces = vec![&all[first]];
     let mut line = all[first].clone();
-    // Nearest piece first; otherwise a piece inside a gap would be parallel to the line already joined over it.
+    // Nearest piece first; otherwise a piece inside a gap would be parallel to the line already joined over
+    // it.
     let nearest = |line: &Line, is_used: &[bool]| {
         let free = (first + 1..all.len()).filter(|&i| !is_used[i]);
         let gaps = free.filter_map(|i| Some((i, gap(line, &all[i])?)));
@@ -207,30 +225,34 @@ fn extend_line(first: usize, all: &[Line], is_used: &mut [bool]) -> Option<Line>
     while let Some(next) = nearest(&line, is_used) {
         is_used[next] = true;
         pieces.push(&all[next]);
-        line = through(&pieces).unwrap_or(line);
+        line = fit_line(&pieces).unwrap_or(line);
     }
     Some(line)
 }
 
-/// Coordinates along and across a line, from its middle.
+/// Coordinate system along and across a line, with the origin at its middle.
 struct Axis {
+    /// Middle of the line, in pixels.
     middle: [f64; 2],
+    /// Unit vector along the line.
     along: [f64; 2],
 }
 
 impl Axis {
-    fn of(line: &Line) -> Self {
+    fn from_line(line: &Line) -> Self {
         let [a, b] = line.ends;
         let along = [0, 1].map(|k| (b[k] - a[k]) / line.length);
         Self { middle: [0, 1].map(|k| 0.5 * (a[k] + b[k])), along }
     }
 
+    /// Converts a point to coordinates along and across the line.
     fn to_axis(&self, p: [f64; 2]) -> [f64; 2] {
         let ([x, y], [u, v]) = (self.along, [p[0] - self.middle[0], p[1] - self.middle[1]]);
         [u * x + v * y, v * x - u * y]
     }
 
-    fn of_axis(&self, [s, t]: [f64; 2]) -> [f64; 2] {
+    /// Converts coordinates along and across the line to a point.
+    fn point_at(&self, [s, t]: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.along;
         [self.middle[0] + s * x - t * y, self.middle[1] + s * y + t * x]
     }
@@ -239,11 +261,13 @@ impl Axis {
 /// Returns the gap between a line and a piece of the same edge, in pixels; `None` for a piece of another
 /// edge.
 fn gap(line: &Line, piece: &Line) -> Option<f64> {
-    let axis = Axis::of(line);
+    let axis = Axis::from_line(line);
     let ends = piece.ends.map(|end| axis.to_axis(end));
     let gap = ends.iter().map(|[s, _]| s.abs() - 0.5 * line.length).fold(f64::INFINITY, f64::min);
-    // A parallel neighbour is another edge.
-    if gap < -MAX_OVERLAP_PX || gap > MAX_GAP * (line.length + piece.length) || ends[0][0] * ends[1][0] < 0.0
+    // A piece beside the line is another, parallel edge.
+    if gap < -MAX_OVERLAP_PX
+        || gap > MAX_GAP_FRACTION * (line.length + piece.length)
+        || ends[0][0] * ends[1][0] < 0.0
     {
         return None;
     }
@@ -254,9 +278,9 @@ fn gap(line: &Line, piece: &Line) -> Option<f64> {
     is_on.then_some(gap)
 }
 
-/// Fits the line through all pieces.
-fn through(pieces: &[&Line]) -> Option<Line> {
-    let axis = Axis::of(pieces[0]);
+/// Fits the line through the ends of all pieces by least squares; `None` if the line has no length.
+fn fit_line(pieces: &[&Line]) -> Option<Line> {
+    let axis = Axis::from_line(pieces[0]);
     let ends = pieces.iter().flat_map(|piece| piece.ends.map(|end| axis.to_axis(end)));
     let ends: Vec<[f64; 2]> = ends.collect();
     let mean = |k: usize| ends.iter().map(|at| at[k]).sum::<f64>() / ends.len() as f64;
@@ -266,7 +290,7 @@ fn through(pieces: &[&Line]) -> Option<Line> {
     let reach = ends
         .iter()
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [s, _]| [low.min(*s), high.max(*s)]);
-    let fitted = reach.map(|s| axis.of_axis([s, mt + tilt * (s - ms)]));
+    let fitted = reach.map(|s| axis.point_at([s, mt + tilt * (s - ms)]));
     let indices = pieces.iter().flat_map(|piece| piece.pieces.clone()).collect();
     Line::new(fitted, pieces[0].end_sigma, indices)
 }

@@ -1,9 +1,9 @@
 //! Classification of edges: on the floor, above it, or undetermined.
 //!
 //! An edge that extends above the horizon is higher than the camera. An edge that crosses many horizontal
-//! edges of other directions belongs to a pattern, and the largest pattern of a scene is its floor (joints,
-//! tiles, markings). If a vertical edge crosses a horizontal edge, or hangs from it, the horizontal edge is
-//! on a wall or on an object. If a vertical edge ends there from above, it has its foot there; this does not
+//! edges of other directions belongs to a pattern. The largest pattern of a scene is its floor (joints,
+//! tiles, markings). If a vertical edge crosses a horizontal edge, or has its top on it, the horizontal edge
+//! is on a wall or on an object. If a vertical edge has its foot on a horizontal edge, this does not
 //! contradict the floor.
 
 use super::join::Line;
@@ -22,15 +22,16 @@ pub enum EdgeClass {
     Undetermined,
 }
 
-/// Largest distance between an edge and the end of an edge that touches it, in pixels.
+/// Largest distance between an edge and the end of another edge that touches it, in pixels.
 const MAX_TOUCH_DISTANCE_PX: f64 = 3.0;
 /// Smallest probability for assigning an edge to a direction.
 const MIN_PROBABILITY: f64 = 0.7;
-/// Smallest number of crossing horizontal edges of other directions in a pattern, and the largest number of
-/// vertical edges that contradict it. Of rendered edges classified as floor, 90 % are on the floor.
+/// Smallest number of horizontal edges of other directions that cross an edge of a floor pattern. Of rendered
+/// edges classified as floor, 90 % are on the floor.
 const MIN_PATTERN_CROSSINGS: usize = 5;
+/// Largest number of vertical edges that cross an edge of a floor pattern, or have their top on it.
 const MAX_CONTRADICTIONS: usize = 1;
-/// Largest number of such crossing edges of an edge on a wall.
+/// Largest number of horizontal edges of other directions that cross an edge on a wall.
 const MAX_WALL_CROSSINGS: usize = 1;
 
 /// Classifies every line; lines without a horizontal direction are [`EdgeClass::Undetermined`].
@@ -47,6 +48,8 @@ pub(super) fn classify_edges(mixture: &Mixture, lines: &[Line]) -> Vec<EdgeClass
     (0..lines.len()).map(of).collect()
 }
 
+/// Classifies the line with this index and the floor direction `own`. `directions` contains the direction of
+/// every line, 0 for the vertical.
 fn classify_edge(
     index: usize,
     own: usize,
@@ -61,13 +64,13 @@ fn classify_edge(
     let (mut crossed, mut feet, mut others) = (0, 0, 0);
     for (other, direction) in lines.iter().zip(directions) {
         match direction {
-            Some(0) => match meeting(line, upright(mixture, other)) {
-                Meeting::AtItsFoot => feet += 1,
-                Meeting::AtItsTop | Meeting::Through => others += 1,
-                Meeting::None => {}
+            Some(0) => match find_contact(line, vertical_ends(mixture, other)) {
+                Contact::Foot => feet += 1,
+                Contact::Top | Contact::Crossing => others += 1,
+                Contact::None => {}
             },
             Some(direction) if *direction != own => {
-                crossed += usize::from(meeting(line, other.ends) != Meeting::None);
+                crossed += usize::from(find_contact(line, other.ends) != Contact::None);
             }
             _ => {}
         }
@@ -87,38 +90,43 @@ fn below_horizon(mixture: &Mixture, [x, y]: [f64; 2]) -> f64 {
     (a * x + b * y) / focal + c * focal
 }
 
-/// Returns the ends of a vertical edge, the upper one first.
-fn upright(mixture: &Mixture, line: &Line) -> [[f64; 2]; 2] {
+/// Returns the ends of a vertical edge, the upper end first.
+fn vertical_ends(mixture: &Mixture, line: &Line) -> [[f64; 2]; 2] {
     let [a, b] = line.ends;
     if below_horizon(mixture, a) < below_horizon(mixture, b) { [a, b] } else { [b, a] }
 }
 
-/// Type of contact of another edge with a line.
+/// Contact of another edge with a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Meeting {
-    AtItsTop,
-    AtItsFoot,
-    Through,
+enum Contact {
+    /// Top of the other edge on the line.
+    Top,
+    /// Foot of the other edge on the line.
+    Foot,
+    /// Crossing of the other edge and the line.
+    Crossing,
+    /// No contact, or both ends of the other edge on the line.
     None,
 }
 
-fn meeting(line: &Line, [top, foot]: [[f64; 2]; 2]) -> Meeting {
+/// Returns the contact of the edge between `top` and `foot` with a line.
+fn find_contact(line: &Line, [top, foot]: [[f64; 2]; 2]) -> Contact {
     let [top, foot] = [top, foot].map(|end| line_coordinates(line, end));
     let is_along =
         |along: f64| (-MAX_TOUCH_DISTANCE_PX..line.length + MAX_TOUCH_DISTANCE_PX).contains(&along);
     let is_near = |(along, off): (f64, f64)| off.abs() < MAX_TOUCH_DISTANCE_PX && is_along(along);
     let share = top.1 / (top.1 - foot.1);
     match [is_near(top), is_near(foot)] {
-        [true, false] => Meeting::AtItsTop,
-        [false, true] => Meeting::AtItsFoot,
+        [true, false] => Contact::Top,
+        [false, true] => Contact::Foot,
         [false, false] if (0.0..1.0).contains(&share) && is_along(top.0 + share * (foot.0 - top.0)) => {
-            Meeting::Through
+            Contact::Crossing
         }
-        _ => Meeting::None,
+        _ => Contact::None,
     }
 }
 
-/// Returns the coordinates of a point along a line from its first end, and across it, in pixels.
+/// Returns the coordinates of a point along a line from its first end, and across the line, in pixels.
 fn line_coordinates(line: &Line, p: [f64; 2]) -> (f64, f64) {
     let [a, b] = line.ends;
     let [x, y] = [0, 1].map(|k| (b[k] - a[k]) / line.length);
@@ -133,11 +141,11 @@ mod tests {
     #[test]
     fn edges_meet_at_the_top_at_the_foot_and_between() {
         let line = Line::new([[0.0, 0.0], [100.0, 0.0]], 0.5, vec![0]).unwrap();
-        let met = |top: f64, foot: f64| meeting(&line, [[50.0, top], [52.0, foot]]);
-        assert_eq!(met(-80.0, -1.0), Meeting::AtItsFoot);
-        assert_eq!(met(1.0, 80.0), Meeting::AtItsTop);
-        assert_eq!(met(-40.0, 40.0), Meeting::Through);
-        assert_eq!(met(-40.0, -20.0), Meeting::None);
-        assert_eq!(meeting(&line, [[150.0, -40.0], [150.0, 40.0]]), Meeting::None);
+        let met = |top: f64, foot: f64| find_contact(&line, [[50.0, top], [52.0, foot]]);
+        assert_eq!(met(-80.0, -1.0), Contact::Foot);
+        assert_eq!(met(1.0, 80.0), Contact::Top);
+        assert_eq!(met(-40.0, 40.0), Contact::Crossing);
+        assert_eq!(met(-40.0, -20.0), Contact::None);
+        assert_eq!(find_contact(&line, [[150.0, -40.0], [150.0, 40.0]]), Contact::None);
     }
 }

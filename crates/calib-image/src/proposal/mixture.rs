@@ -1,11 +1,12 @@
 //! Mixture likelihood of all edges under one camera: every edge belongs to the vertical, to one of the floor
 //! directions, or to none.
 //!
-//! With the shares `pi` and the odds of `join.rs`, `log L = sum_i log(pi_0 + sum_k pi_k odds_ik)`. It is
-//! maximised over roll, pitch, log focal length, azimuths and shares by expectation maximisation (Dempster,
-//! Laird and Rubin 1977). Every round computes the probability that each edge belongs to each direction. It
-//! then takes one Gauss-Newton step on the weighted residuals. The priors of the camera and of right angles
-//! are additional residuals.
+//! Let `pi_k` be the share of the edges in direction `k`, and `pi_0` the share without a direction. `odds_ik`
+//! are the odds of edge `i` for direction `k` (`join.rs`). The log likelihood is
+//! `log L = sum_i log(pi_0 + sum_k pi_k odds_ik)`. It is maximised over roll, pitch, log focal length,
+//! azimuths and shares by expectation maximisation (Dempster, Laird and Rubin 1977). Every round computes the
+//! probability that each edge belongs to each direction. It then takes one Gauss-Newton step on the weighted
+//! residuals. The priors of the camera and of right angles are additional residuals.
 //!
 //! The prior of a camera ([`CameraPrior`]): cameras are upright and have a usual focal length.
 
@@ -18,21 +19,24 @@ use super::frame::{Point, level, nadir};
 use super::join::Line;
 
 /// Standard deviation of the roll of installed cameras, in radians.
-const ROLL: f64 = 0.08;
-/// Median focal length, in image widths, and standard deviation of its logarithm: the weak prior of the core.
-const FOCAL: [f64; 2] = [0.8, 0.35];
+const ROLL_SIGMA_RAD: f64 = 0.08;
+/// Median focal length of installed cameras, in image widths, as in the weak prior of the core.
+const MEDIAN_FOCAL_WIDTHS: f64 = 0.8;
+/// Standard deviation of the natural logarithm of the focal length, as in the weak prior of the core.
+const LOG_FOCAL_SIGMA: f64 = 0.35;
 
 /// Prior of a camera: normal densities of roll and log focal length, and a pitch with equally likely viewing
 /// directions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CameraPrior {
+    /// Natural logarithm of the median focal length, in pixels.
     log_focal: f64,
 }
 
 impl CameraPrior {
     /// Creates the prior for images of this width, in pixels.
     pub(super) fn from_width(width: f64) -> Self {
-        Self { log_focal: (FOCAL[0] * width).ln() }
+        Self { log_focal: (MEDIAN_FOCAL_WIDTHS * width).ln() }
     }
 
     /// Returns the log density of a camera over roll, pitch and log focal length, up to a constant.
@@ -41,44 +45,49 @@ impl CameraPrior {
         camera.pitch.cos().max(1e-3).ln() - 0.5 * square
     }
 
-    /// Returns the larger of the two residuals, in standard deviations: a measure of how unusual a camera is.
+    /// Returns the larger absolute residual of roll and log focal length, in standard deviations: a measure
+    /// of how unusual a camera is.
     pub(super) fn z_score(&self, camera: &Orientation) -> f64 {
         self.residuals(camera).iter().map(|(residual, _)| residual.abs()).fold(0.0, f64::max)
     }
 
-    /// Returns the residuals of roll and log focal length in standard deviations, each with its derivative.
+    /// Returns the residuals of roll and log focal length, in standard deviations, each with its derivative
+    /// with respect to the parameter.
     pub(super) fn residuals(&self, camera: &Orientation) -> [(f64, f64); 2] {
         [
-            (camera.roll / ROLL, ROLL.recip()),
-            ((camera.focal.ln() - self.log_focal) / FOCAL[1], FOCAL[1].recip()),
+            (camera.roll / ROLL_SIGMA_RAD, ROLL_SIGMA_RAD.recip()),
+            ((camera.focal.ln() - self.log_focal) / LOG_FOCAL_SIGMA, LOG_FOCAL_SIGMA.recip()),
         ]
     }
 }
 
 /// Largest number of expectation-maximisation rounds.
 const MAX_ITERATIONS: usize = 40;
-/// Largest parameter step of a converged iteration.
+/// Largest parameter step of a converged iteration, in radians or as the log of the focal ratio.
 const CONVERGED_STEP: f64 = 1e-7;
-/// Standard deviation of a right angle in a scene, in radians, as in the core.
-const RIGHT_ANGLE: f64 = 0.016;
+/// Standard deviation of the right angles in a scene, in radians, as in the core.
+const RIGHT_ANGLE_SIGMA_RAD: f64 = 0.016;
 /// Prior probability that two of the floor directions of a scene are at right angles.
-const SQUARE_SCENES: f64 = 0.95;
-/// Average number of edges with the same information. The edges of one door, for example, are not
-/// independent, as a product over all edges assumes. When cameras are compared, their log likelihood is
+const RIGHT_ANGLE_PROBABILITY: f64 = 0.95;
+/// Average number of edges with the same information. A product over all edges assumes independence, but the
+/// edges of one door, for example, are not independent. When cameras are compared, their log likelihood is
 /// divided by this number (a composite likelihood: Varin, Reid and Firth 2011). The priors are not divided.
 const EDGE_CORRELATION: f64 = 4.0;
-/// Information of one weak pseudo-observation for every parameter, so that the equations are solvable without
-/// edges. It corresponds to a standard deviation of about 30 radians.
+/// Information of one weak pseudo-observation of every parameter, so that the equations are solvable without
+/// edges. This information corresponds to a standard deviation of about 30 radians.
 const REGULARISATION: f64 = 1e-3;
 
-/// Camera with its directions and shares, and the resulting evidence of the edges.
+/// Mixture model: a camera, the directions of the edges, the share of edges in each direction, and the log
+/// evidence.
 #[derive(Clone, Debug)]
 pub(super) struct Mixture {
     pub(super) camera: Orientation,
+    /// Azimuths of the floor directions, in radians counter-clockwise from the camera's right.
     pub(super) azimuths: Vec<f64>,
-    /// Pairs of floor directions constrained to be at right angles.
+    /// Index pairs of floor directions constrained to be at right angles.
     pub(super) right_angles: Vec<[usize; 2]>,
-    /// Shares of the vertical and of every floor direction; the rest belongs to none.
+    /// Shares of the edges that belong to the vertical and to every floor direction. The other edges belong
+    /// to no direction.
     pub(super) shares: Vec<f64>,
     /// Log evidence: the logarithm of likelihood times prior, integrated over the parameters by Laplace's
     /// approximation.
@@ -86,7 +95,8 @@ pub(super) struct Mixture {
 }
 
 impl Mixture {
-    /// Fits the mixture from a start; `None` if the edges do not determine it.
+    /// Fits the mixture from start values: the camera, the azimuths and the pairs at right angles. Returns
+    /// `None` if the edges do not determine the parameters.
     pub(super) fn fit(
         lines: &[Line],
         start: (Orientation, Vec<f64>, Vec<[usize; 2]>),
@@ -107,18 +117,21 @@ impl Mixture {
         found.with_evidence(lines, prior)
     }
 
+    /// Returns the vanishing points of the vertical and of every floor direction.
     pub(super) fn points(&self) -> Vec<Point> {
         let levels = self.azimuths.iter().map(|&azimuth| level(&self.camera, azimuth));
         std::iter::once(nadir(&self.camera)).chain(levels).collect()
     }
 
-    /// Returns, for every edge, the probabilities that it belongs to each direction.
+    /// Returns, for every edge, the probabilities that the edge belongs to the vertical and to each floor
+    /// direction.
     pub(super) fn memberships(&self, lines: &[Line]) -> Vec<Vec<f64>> {
         let points = self.points();
         lines.iter().map(|line| self.membership(line, &points).1).collect()
     }
 
-    /// Returns the likelihood of an edge, and the probabilities that it belongs to each direction.
+    /// Returns the likelihood of an edge, relative to an edge without a direction, and the probabilities that
+    /// the edge belongs to each direction.
     fn membership(&self, line: &Line, points: &[Point]) -> (f64, Vec<f64>) {
         let none = 1.0 - self.shares.iter().sum::<f64>();
         let each: Vec<f64> =
@@ -127,8 +140,10 @@ impl Mixture {
         (all, each.into_iter().map(|one| one / all).collect())
     }
 
-    /// Computes the derivatives of every vanishing point with respect to its parameters.
+    /// Returns, for every vanishing point, the index of each parameter that moves it, with the derivative.
+    /// The parameters are roll, pitch, log focal length and the azimuths.
     pub(super) fn point_derivatives(&self) -> Vec<Vec<(usize, Point)>> {
+        /// Step of the finite differences, in radians or as the log of the focal ratio.
         const STEP: f64 = 1e-6;
         let difference = |k: usize, j: usize| {
             let at = |by: f64| {
@@ -148,7 +163,8 @@ impl Mixture {
         (0..=self.azimuths.len()).map(of).collect()
     }
 
-    /// Builds the normal equations, with every edge weighted by its probabilities, and updates the shares.
+    /// Builds the normal equations of the parameters, with every edge weighted by its probabilities, and
+    /// updates the shares.
     fn normal_equations(&mut self, lines: &[Line], prior: &CameraPrior) -> (DMatrix<f64>, DVector<f64>) {
         let (points, derivatives) = (self.points(), self.point_derivatives());
         let mut equations = Equations::new(3 + self.azimuths.len());
@@ -167,21 +183,22 @@ impl Mixture {
             }
         }
         self.add_priors(&mut equations, prior);
-        // One pseudo-edge for each direction and for none, so that no share is zero.
+        // One pseudo-edge for each direction and one without a direction, so that no share is zero.
         let all = lines.len() as f64 + 1.0 + totals.len() as f64;
         self.shares = totals.iter().map(|total| (total + 1.0) / all).collect();
         (equations.normal, equations.gradient)
     }
 
+    /// Adds the residuals of the camera prior and of the right angles.
     fn add_priors(&self, equations: &mut Equations, prior: &CameraPrior) {
         for ((residual, slope), unknown) in prior.residuals(&self.camera).into_iter().zip([0, 2]) {
             equations.add(&[(unknown, slope)], residual, 1.0);
         }
         for &[a, b] in &self.right_angles {
-            let slope = RIGHT_ANGLE.recip();
+            let slope = RIGHT_ANGLE_SIGMA_RAD.recip();
             equations.add(
                 &[(3 + a, -slope), (3 + b, slope)],
-                self.right_angle_deviation([a, b]) / RIGHT_ANGLE,
+                self.right_angle_deviation([a, b]) / RIGHT_ANGLE_SIGMA_RAD,
                 1.0,
             );
         }
@@ -192,10 +209,11 @@ impl Mixture {
         (self.azimuths[b] - self.azimuths[a]).rem_euclid(PI) - FRAC_PI_2
     }
 
+    /// Adds a step to the parameters roll, pitch, log focal length and azimuths, limited for each parameter.
     fn move_by(&mut self, step: &DVector<f64>) {
-        /// Largest change of an angle, in radians, or of the log focal length in one step.
-        const MOST: f64 = 0.1;
-        let by = |j: usize| step[j].clamp(-MOST, MOST);
+        /// Largest change of an angle, in radians, or of the log focal length, in one step.
+        const MAX_STEP: f64 = 0.1;
+        let by = |j: usize| step[j].clamp(-MAX_STEP, MAX_STEP);
         self.camera.roll += by(0);
         self.camera.pitch += by(1);
         self.camera.focal *= by(2).exp();
@@ -217,12 +235,18 @@ impl Mixture {
         self.log_evidence.is_finite().then_some(self)
     }
 
-    /// Returns the log prior density of the azimuths: uniform, except for one that a right angle determines.
+    /// Returns the log prior density of the azimuths: uniform, except for an azimuth that a right
+    /// angle determines.
     fn log_density_of_azimuths(&self) -> f64 {
         let free = self.azimuths.len() - self.right_angles.len();
-        let of_scene = if self.right_angles.is_empty() { 1.0 - SQUARE_SCENES } else { SQUARE_SCENES };
+        let of_scene = if self.right_angles.is_empty() {
+            1.0 - RIGHT_ANGLE_PROBABILITY
+        } else {
+            RIGHT_ANGLE_PROBABILITY
+        };
         let of_tie = |&pair: &[usize; 2]| {
-            -0.5 * (self.right_angle_deviation(pair) / RIGHT_ANGLE).powi(2) - (TAU.sqrt() * RIGHT_ANGLE).ln()
+            -0.5 * (self.right_angle_deviation(pair) / RIGHT_ANGLE_SIGMA_RAD).powi(2)
+                - (TAU.sqrt() * RIGHT_ANGLE_SIGMA_RAD).ln()
         };
         of_scene.ln() - free as f64 * PI.ln() + self.right_angles.iter().map(of_tie).sum::<f64>()
     }
@@ -242,7 +266,7 @@ impl Equations {
         }
     }
 
-    /// Adds a residual with its derivatives.
+    /// Adds a weighted residual; `row` contains the index of each unknown with the derivative.
     fn add(&mut self, row: &[(usize, f64)], residual: f64, weight: f64) {
         for &(i, by) in row {
             self.gradient[i] -= weight * by * residual;

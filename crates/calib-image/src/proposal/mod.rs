@@ -1,7 +1,7 @@
 //! Automatic calibration of an image from its straight edges: annotations with probabilities, a solution, and
 //! its confidence.
 //!
-//! Its rule: edges enter as numbers with their noise; no pixel of the image is read. The files in data-flow
+//! Rule: edges enter as numbers with their noise; no pixel of the image is read. The files in data-flow
 //! order:
 //!
 //! - `frame`: vanishing points of a camera;

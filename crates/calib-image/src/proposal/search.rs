@@ -5,14 +5,16 @@
 //!
 //! Every pair of long edges yields a candidate point, which is tested on all edges (Fischler and Bolles 1981,
 //! with all pairs instead of random ones). The score of a point is the sum of `log(1 - e + e odds)`: the log
-//! likelihood of a mixture with the fraction `e` of the edges leading to it. After the best point is taken,
-//! every edge is weighted by the probability that it does not lead there. The search is then repeated.
+//! likelihood of a mixture with the fraction `e` of the edges leading to it. After the selection of the best
+//! point, every edge is weighted by the probability that it does not lead to this point. The search is then
+//! repeated.
 //!
 //! # Cameras
 //!
-//! Each point in turn is assumed to be the vertical vanishing point. Its focal lengths are a fixed range, and
-//! the focal lengths that put two of the points at right angles. For every camera, the floor directions are
-//! searched in the same way, among the azimuths of the intersections of long edges with the horizon.
+//! Each point in turn is assumed to be the vertical vanishing point. The tested focal lengths are a fixed
+//! range, and the focal lengths that put two of the points at right angles. For every camera, the floor
+//! directions are searched in the same way, among the azimuths of the intersections of long edges with the
+//! horizon.
 //!
 //! # Distortion
 //!
@@ -28,76 +30,89 @@ use super::frame::{Point, azimuth, level, nadir, with_nadir};
 use super::join::Line;
 use super::mixture::CameraPrior;
 
-/// Number of longest edges that are used.
+/// Largest number of edges that are used, the longest first.
 const MAX_EDGES: usize = 250;
-/// Numbers of longest edges that generate vanishing points, and floor directions.
-const PROPOSERS: [usize; 2] = [70, 50];
+/// Number of longest edges whose pairs generate candidates for vanishing points.
+const POINT_GENERATOR_EDGES: usize = 70;
+/// Number of longest edges that generate candidates for floor directions.
+const DIRECTION_GENERATOR_EDGES: usize = 50;
 /// Largest number of vanishing points.
 const MAX_POINTS: usize = 8;
-/// Prior fraction of the edges that lead to one point.
-const SHARE: f64 = 0.1;
-/// Smallest score of a point; chance reaches less, even with thousands of candidates.
+/// Prior fraction of the edges that lead to one vanishing point.
+const MEMBER_FRACTION: f64 = 0.1;
+/// Smallest score of a vanishing point. Random edges have smaller scores, even with thousands of candidates.
 const MIN_SCORE: f64 = 6.0;
-/// Smallest and largest horizontal field of view, in degrees, and the number of focal lengths between them.
-const FIELDS: [f64; 2] = [18.0, 125.0];
-const FOCALS: usize = 20;
-/// Largest number of floor directions of a camera, and the sine of the smallest angle between them.
-const DIRECTIONS: usize = 3;
+/// Smallest and largest horizontal field of view, in degrees.
+const FIELD_OF_VIEW_RANGE_DEG: [f64; 2] = [18.0, 125.0];
+/// Number of tested focal lengths between both limits of the field of view.
+const FOCAL_COUNT: usize = 20;
+/// Largest number of floor directions of a camera.
+const MAX_DIRECTIONS: usize = 3;
+/// Sine of the smallest angle between two floor directions.
 const MIN_DIRECTION_SINE: f64 = 0.1;
-/// Largest number of cameras to refine.
+/// Largest number of cameras that are refined.
 const MAX_CAMERAS: usize = 8;
 
-/// Camera with the azimuths of its floor directions.
+/// Camera orientation with its floor directions and their score.
 #[derive(Clone, Debug)]
 pub(super) struct Hypothesis {
     pub(super) camera: Orientation,
+    /// Azimuths of the floor directions, in radians counter-clockwise from the camera's right.
     pub(super) azimuths: Vec<f64>,
+    /// Log likelihood of the edges plus log prior density of the camera.
     score: f64,
 }
 
-/// Evidence of all edges for one candidate.
+/// Evidence of all edges for one candidate vanishing point.
 struct Candidate {
+    /// Odds of each edge for the candidate.
     odds: Vec<f64>,
+    /// Gain in log likelihood by each edge.
     gains: Vec<f64>,
 }
 
 impl Candidate {
     fn new(odds: impl Iterator<Item = f64>) -> Self {
         let odds: Vec<f64> = odds.collect();
-        // Most edges do not lead there, and a logarithm is slow.
-        let nothing = (1.0 - SHARE).ln();
-        let gain = |&odds: &f64| if odds > 0.0 { (1.0 - SHARE + SHARE * odds).ln() } else { nothing };
+        // Most edges do not lead to the candidate. Their logarithm is computed only once, because it is slow.
+        let nothing = (1.0 - MEMBER_FRACTION).ln();
+        let gain = |&odds: &f64| {
+            if odds > 0.0 { (1.0 - MEMBER_FRACTION + MEMBER_FRACTION * odds).ln() } else { nothing }
+        };
         let gains = odds.iter().map(gain).collect();
         Self { odds, gains }
     }
 
+    /// Returns the score of the candidate, with the gain of each edge weighted by `left`.
     fn score(&self, left: &[f64]) -> f64 {
         self.gains.iter().zip(left).map(|(gain, left)| gain * left).sum()
     }
 
-    /// Reduces the weights of the edges that lead to this candidate.
+    /// Reduces the weights `left` of the edges that lead to this candidate.
     fn remove_from(&self, left: &mut [f64]) {
-        left.iter_mut().zip(&self.odds).for_each(|(left, &odds)| *left *= remainder(odds));
+        left.iter_mut().zip(&self.odds).for_each(|(left, &odds)| *left *= non_member_probability(odds));
     }
 }
 
 /// Returns the probability that an edge with these odds does not lead to the candidate.
-fn remainder(odds: f64) -> f64 {
-    (1.0 - SHARE) / (1.0 - SHARE + SHARE * odds)
+fn non_member_probability(odds: f64) -> f64 {
+    (1.0 - MEMBER_FRACTION) / (1.0 - MEMBER_FRACTION + MEMBER_FRACTION * odds)
 }
 
 /// Returns cameras that explain many edges, the best first. `lines` must be sorted by length, the longest
-/// first.
+/// first. `width` is the width of the image, in pixels.
 pub(super) fn hypotheses(lines: &[Line], width: f64, prior: &CameraPrior) -> Vec<Hypothesis> {
     let lines = &lines[..lines.len().min(MAX_EDGES)];
     let points: Vec<Point> = vanishing_points(lines).into_iter().map(|(point, _)| point).collect();
-    let cameras = cameras(&points, width);
+    let cameras = candidate_cameras(&points, width);
     let mut found: Vec<Hypothesis> =
         cameras.into_iter().map(|camera| with_directions(lines, camera, prior)).collect();
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     let mut kept: Vec<Hypothesis> = Vec::new();
     for hypothesis in found {
-        if kept.len() < MAX_CAMERAS && kept.iter().all(|other| is_other(&hypothesis.camera, &other.camera)) {
+        if kept.len() < MAX_CAMERAS
+            && kept.iter().all(|other| are_distinct(&hypothesis.camera, &other.camera))
+        {
             kept.push(hypothesis);
         }
     }
@@ -105,20 +120,20 @@ pub(super) fn hypotheses(lines: &[Line], width: f64, prior: &CameraPrior) -> Vec
 }
 
 /// Whether two cameras differ enough for both to be refined.
-fn is_other(a: &Orientation, b: &Orientation) -> bool {
+fn are_distinct(a: &Orientation, b: &Orientation) -> bool {
     let apart = [(a.focal / b.focal).ln() / 0.15, (a.roll - b.roll) / 0.05, (a.pitch - b.pitch) / 0.08];
     apart.iter().any(|apart| apart.abs() > 1.0)
 }
 
-/// Returns the total score of the best vanishing points, for any camera: a measure of how well the edges
-/// concur.
+/// Returns the total score of the best vanishing points, independent of a camera: a measure of the agreement
+/// of the edges.
 pub(super) fn concurrence(lines: &[Line]) -> f64 {
     vanishing_points(&lines[..lines.len().min(MAX_EDGES)]).iter().map(|(_, score)| score).sum()
 }
 
 /// Returns the vanishing points of the image with their scores, the best first.
 fn vanishing_points(lines: &[Line]) -> Vec<(Point, f64)> {
-    let first = &lines[..lines.len().min(PROPOSERS[0])];
+    let first = &lines[..lines.len().min(POINT_GENERATOR_EDGES)];
     let pairs = first.iter().enumerate().flat_map(|(i, a)| first[..i].iter().map(move |b| (a, b)));
     let proposed: Vec<Point> = pairs
         .map(|(a, b)| cross(a.through, b.through))
@@ -126,7 +141,7 @@ fn vanishing_points(lines: &[Line]) -> Vec<(Point, f64)> {
         .collect();
     let candidates: Vec<Candidate> =
         proposed.iter().map(|&point| Candidate::new(lines.iter().map(|line| line.odds(point)))).collect();
-    let chosen = greedy(&candidates, vec![1.0; lines.len()], MAX_POINTS, |_, _| true);
+    let chosen = select_greedily(&candidates, vec![1.0; lines.len()], MAX_POINTS, |_, _| true);
     chosen.into_iter().map(|(index, score)| (proposed[index], score)).collect()
 }
 
@@ -134,17 +149,18 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// Selects candidates one after the other, each time the best for the remaining edges; returns indices and
-/// scores.
-fn greedy(
+/// Selects at most `most` candidates, each time the best candidate for the remaining edges. `left` contains
+/// the weights of the edges, and `are_compatible` determines whether two candidates are compatible. Returns
+/// indices and scores.
+fn select_greedily(
     candidates: &[Candidate],
     mut left: Vec<f64>,
     most: usize,
-    may_both: impl Fn(usize, usize) -> bool,
+    are_compatible: impl Fn(usize, usize) -> bool,
 ) -> Vec<(usize, f64)> {
     let mut chosen: Vec<(usize, f64)> = Vec::new();
     while chosen.len() < most {
-        let is_free = |i: &usize| chosen.iter().all(|&(other, _)| may_both(*i, other));
+        let is_free = |i: &usize| chosen.iter().all(|&(other, _)| are_compatible(*i, other));
         let scores = (0..candidates.len()).filter(is_free).map(|i| (i, candidates[i].score(&left)));
         let Some((best, score)) = scores.max_by(|a, b| a.1.total_cmp(&b.1)) else { break };
         if score < MIN_SCORE {
@@ -156,13 +172,14 @@ fn greedy(
     chosen
 }
 
-/// Returns the cameras that the vanishing points allow.
-fn cameras(points: &[Point], width: f64) -> Vec<Orientation> {
-    let [narrow, wide] = FIELDS.map(|field| 0.5 * width / (0.5 * field.to_radians()).tan());
-    let step = (wide / narrow).powf(((FOCALS - 1) as f64).recip());
-    let mut focals: Vec<f64> = (0..FOCALS).map(|i| narrow * step.powi(i as i32)).collect();
+/// Returns the plausible cameras that have one of the vanishing points as the vertical. `width` is the width
+/// of the image, in pixels.
+fn candidate_cameras(points: &[Point], width: f64) -> Vec<Orientation> {
+    let [narrow, wide] = FIELD_OF_VIEW_RANGE_DEG.map(|field| 0.5 * width / (0.5 * field.to_radians()).tan());
+    let step = (wide / narrow).powf(((FOCAL_COUNT - 1) as f64).recip());
+    let mut focals: Vec<f64> = (0..FOCAL_COUNT).map(|i| narrow * step.powi(i as i32)).collect();
     for (i, a) in points.iter().enumerate() {
-        // The rays to both are at right angles: `a . b + f^2 aw bw = 0`.
+        // The rays to both points are at right angles: `a . b + f^2 aw bw = 0`.
         let squares = points[..i].iter().map(|b| -(a[0] * b[0] + a[1] * b[1]) / (a[2] * b[2]));
         focals.extend(squares.filter(|square| *square > 0.0).map(f64::sqrt));
     }
@@ -174,12 +191,14 @@ fn cameras(points: &[Point], width: f64) -> Vec<Orientation> {
 /// Whether the roll and pitch of a camera are plausible. With more roll, a floor direction was probably
 /// mistaken for the vertical.
 fn is_plausible(camera: &Orientation) -> bool {
-    const ROLL: f64 = 0.7;
-    const UP: f64 = 0.7;
-    camera.roll.abs() < ROLL && camera.pitch > -UP
+    /// Largest plausible roll, in radians.
+    const MAX_ROLL_RAD: f64 = 0.7;
+    /// Largest plausible upward pitch, in radians.
+    const MAX_UPWARD_PITCH_RAD: f64 = 0.7;
+    camera.roll.abs() < MAX_ROLL_RAD && camera.pitch > -MAX_UPWARD_PITCH_RAD
 }
 
-/// Finds the floor directions under a camera that explain the most edges.
+/// Returns a camera with the floor directions that explain the most edges.
 fn with_directions(lines: &[Line], camera: Orientation, prior: &CameraPrior) -> Hypothesis {
     let down = nadir(&camera);
     let vertical = Candidate::new(lines.iter().map(|line| line.odds(down)));
@@ -190,7 +209,7 @@ fn with_directions(lines: &[Line], camera: Orientation, prior: &CameraPrior) -> 
         .iter()
         .zip(&left)
         .filter(|(_, left)| **left > 0.5)
-        .take(PROPOSERS[1])
+        .take(DIRECTION_GENERATOR_EDGES)
         .map(|(line, _)| azimuth(&camera, line.through))
         .collect();
     let candidate = |&azimuth: &f64| {
@@ -199,7 +218,7 @@ fn with_directions(lines: &[Line], camera: Orientation, prior: &CameraPrior) -> 
     };
     let candidates: Vec<Candidate> = azimuths.iter().map(candidate).collect();
     let apart = |i: usize, j: usize| (azimuths[i] - azimuths[j]).sin().abs() > MIN_DIRECTION_SINE;
-    let chosen = greedy(&candidates, left, DIRECTIONS, apart);
+    let chosen = select_greedily(&candidates, left, MAX_DIRECTIONS, apart);
     let of_directions: f64 = chosen.iter().map(|(_, score)| score - MIN_SCORE).sum();
     Hypothesis {
         camera,
@@ -208,16 +227,16 @@ fn with_directions(lines: &[Line], camera: Orientation, prior: &CameraPrior) -> 
     }
 }
 
-/// Standard deviation of k1 among lenses.
+/// Prior standard deviation of k1 among lenses, with coordinates divided by half the image diagonal.
 const K1_PRIOR_SIGMA: f64 = 0.2;
-/// Coarse candidates for k1; zero (no distortion) comes first.
+/// Values of k1 tested in the coarse search; zero (no distortion) is first.
 pub(super) const K1_CANDIDATES: [f64; 4] = [0.0, -0.08, -0.16, -0.26];
-/// Smallest rise of the log evidence for distortion to be accepted.
+/// Smallest increase of the log evidence for which distortion is accepted.
 pub(super) const MIN_EVIDENCE_GAIN: f64 = 6.0;
-/// Number of times the step is halved.
+/// Number of halvings of the k1 step in the refinement.
 const HALVINGS: usize = 3;
 
-/// Returns the lens with this k1.
+/// Returns the lens with this k1, for an image of this width and height, in pixels.
 pub(super) fn lens(k1: f64, principal_point: Pixel, size: [f64; 2]) -> Lens {
     if k1 == 0.0 {
         return Lens::pinhole(principal_point);
@@ -236,8 +255,8 @@ pub(super) fn log_density(k1: f64) -> f64 {
     -0.5 * (k1 / K1_PRIOR_SIGMA).powi(2)
 }
 
-/// Refines the best coarse k1 by repeatedly halving the step. `score` returns `None` if the score is
-/// undefined.
+/// Refines the best coarse k1 by repeatedly halving the step. `best` is a k1 with its score. `score` returns
+/// the score of a k1; `None` if undefined.
 pub(super) fn refine_k1(mut best: (f64, f64), mut score: impl FnMut(f64) -> Option<f64>) -> (f64, f64) {
     let mut step = 0.5 * (K1_CANDIDATES[1] - K1_CANDIDATES[0]).abs();
     for _ in 0..HALVINGS {

@@ -1,10 +1,12 @@
 //! Automatic calibration of one image from its straight edges.
 //!
-//! 1. For a few distortions, edges are joined and cameras are searched. The best are refined as mixtures,
-//!    with and without right angles. If distortion makes the grouping much likelier, its k1 is refined.
+//! 1. For a few distortions, edges are joined and cameras are searched. The best cameras are refined as
+//!    mixtures, with and without right angles. If distortion makes the grouping much likelier, the k1 of the
+//!    distortion is refined.
 //! 2. The strokes of the likeliest mixture are solved like annotations of an operator.
 //! 3. The standard deviation of the focal length combines the standard deviation of the solution and the
-//!    scatter of the other mixtures, weighted by their evidence. The confidence follows from it.
+//!    scatter of the other mixtures, weighted by their evidence. This standard deviation determines the
+//!    confidence, together with other checks.
 
 use std::fmt;
 
@@ -32,7 +34,7 @@ pub enum Confidence {
 }
 
 impl Confidence {
-    /// Returns its name in files.
+    /// Returns the name of the confidence in files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -48,7 +50,7 @@ impl Confidence {
 pub enum Reason {
     /// Too few straight edges to find directions.
     FewEdges {
-        /// Number of edges.
+        /// Number of edges found.
         found: usize,
     },
     /// Round image with an unknown lens: a fisheye has more distortion than the grouping can estimate.
@@ -128,22 +130,25 @@ impl fmt::Display for Reason {
 const MAX_LINES: usize = 400;
 /// Smallest number of edges for a calibration.
 const MIN_LINES: usize = 8;
-/// Largest number of strokes shown.
+/// Largest number of strokes of a calibration.
 const MAX_STROKES: usize = 20;
-/// Smallest log evidence relative to edges without directions: at least equally likely.
+/// Smallest log evidence of a calibration, relative to edges without directions. At 0, directions and no
+/// directions are equally likely.
 const MIN_LOG_EVIDENCE: f64 = 0.0;
 /// Largest deviation of two floor directions from a right angle, in radians, for trying a right angle.
 const MAX_RIGHT_ANGLE_DEVIATION: f64 = 0.4;
-/// Largest relative standard deviation of the focal length with the confidence `sure`, and with `check`.
+/// Largest relative standard deviation of the focal length with the confidence `sure`.
 const MAX_SURE_FOCAL_SIGMA: f64 = 0.06;
+/// Largest relative standard deviation of the focal length with the confidence `check`.
 const MAX_CHECK_FOCAL_SIGMA: f64 = 0.10;
 /// Relative standard deviation of an unknown focal length.
 const UNKNOWN_FOCAL_SIGMA: f64 = 10.0;
-/// Prior z-scores above which a calibration needs review, or is rejected.
+/// Largest z-score of roll and focal length under the camera prior with the confidence `sure`.
 const MAX_SURE_PRIOR_Z_SCORE: f64 = 2.0;
+/// Largest z-score of roll and focal length under the camera prior with the confidence `check`.
 const MAX_CHECK_PRIOR_Z_SCORE: f64 = 3.0;
-/// Correction factor for the solver's standard deviation, which is too small: the strokes of one edge share
-/// their errors.
+/// Correction factor for the standard deviation of the solver. The solver underestimates it, because the
+/// strokes of one edge share their errors.
 const SIGMA_INFLATION: f64 = 1.6;
 
 /// Input of an automatic calibration: the edges of an image, its size, and the lens if known.
@@ -157,25 +162,26 @@ pub struct EdgeImage {
     pub principal_point: Option<Pixel>,
     /// Lens, if known; otherwise the distortion is estimated with the grouping.
     pub lens: Option<Lens>,
-    /// Image circle of a round image.
+    /// Image circle of a round image, in raw pixels; `None` if the scene fills the image.
     pub image_circle: Option<ImageCircle>,
 }
 
 /// Automatic calibration of an image.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct AutomaticCalibration {
-    /// Confidence of the result.
+    /// Confidence of the calibration.
     pub confidence: Confidence,
     /// Reasons for a reduced confidence.
     pub reasons: Vec<Reason>,
-    /// Strokes, by direction; empty if no directions were found.
+    /// Suggested annotations, by direction; empty if no directions were found.
     pub groups: Vec<Group>,
-    /// Edges curved by distortion, each a polyline, for fitting the distortion; empty if the lens is known or
-    /// has no distortion.
+    /// Edges curved by distortion, each a polyline in raw pixels, for fitting the distortion; empty if the
+    /// lens is known or has no distortion.
     pub curved_edges: Vec<Vec<Pixel>>,
-    /// Camera with the strokes as annotations, without an image.
+    /// Camera entry for a site file, with the suggested annotations and without an image; `None` if no
+    /// directions were found.
     pub camera: Option<SiteCamera>,
-    /// Solution for this camera.
+    /// Solution of `camera`; `None` if it is not solvable or contradicts the edges.
     pub solution: Option<Solution>,
     /// Relative standard deviation of the focal length, including the effect of wrong groups.
     pub focal_sigma_rel: Option<f64>,
@@ -183,25 +189,28 @@ pub struct AutomaticCalibration {
     pub alternative: Option<Alternative>,
 }
 
-/// Another camera that explains the edges of an image nearly as well as the best one.
+/// Another camera that explains the edges of an image nearly as well as the best camera.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Alternative {
-    /// Roll, pitch and focal length.
+    /// Roll, pitch and focal length of the other camera.
     pub orientation: Orientation,
-    /// Strokes that it explains, by direction.
+    /// Annotations of the edges that this camera explains, by direction.
     pub groups: Vec<Group>,
 }
 
-/// All mixtures under one lens, the likeliest first.
+/// Edges under one lens, and the mixtures that explain them.
 struct Grouping {
     lens: Lens,
+    /// First distortion coefficient; 0 for a known lens.
     k1: f64,
+    /// Joined and undistorted edges, the longest first.
     lines: Vec<Line>,
+    /// Mixtures, the likeliest first.
     mixtures: Vec<Mixture>,
 }
 
 impl Grouping {
-    /// Returns the strokes of a mixture.
+    /// Returns the suggested annotations of a mixture.
     fn groups_of(&self, mixture: &Mixture) -> Vec<Group> {
         let draw = |line: usize| stroke(&self.lines[line], &self.lens);
         groups(
@@ -212,12 +221,15 @@ impl Grouping {
         )
     }
 
-    /// Returns all cameras except the likeliest, each with its log evidence relative to the likeliest.
+    /// Returns all mixtures except the likeliest, each with its log evidence relative to the likeliest
+    /// mixture.
     fn others(&self) -> Vec<(f64, &Mixture)> {
         let Some((best, others)) = self.mixtures.split_first() else { return Vec::new() };
         others.iter().map(|other| (other.log_evidence - best.log_evidence, other)).collect()
     }
 
+    /// Returns the log evidence of the likeliest mixture, including the prior of k1; `None` without a
+    /// mixture.
     fn log_evidence(&self) -> Option<f64> {
         Some(self.mixtures.first()?.log_evidence + search::log_density(self.k1))
     }
@@ -239,7 +251,7 @@ impl AutomaticCalibration {
         match grouping.mixtures.first() {
             Some(best) if best.log_evidence > MIN_LOG_EVIDENCE => {
                 let straight = curved_edges(&grouping.lines, &image.segments, &grouping.lens);
-                // No straight edges are needed for a known lens.
+                // The distortion of a known lens is not fitted.
                 let straight = if image.lens.is_some() { Vec::new() } else { straight };
                 Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image.size) }
             }
@@ -247,6 +259,7 @@ impl AutomaticCalibration {
         }
     }
 
+    /// Creates a result without a calibration, for these reasons.
     fn none(reasons: Vec<Reason>) -> Self {
         Self {
             confidence: Confidence::None,
@@ -260,7 +273,7 @@ impl AutomaticCalibration {
         }
     }
 
-    /// Creates the result for the likeliest mixture.
+    /// Creates the result for the likeliest mixture `best`, for an image of this width and height, in pixels.
     fn from_grouping(grouping: &Grouping, best: &Mixture, size: [u32; 2]) -> Self {
         let groups = grouping.groups_of(best);
         let camera = entry(size, &grouping.lens, &groups);
@@ -270,7 +283,7 @@ impl AutomaticCalibration {
             proposal.camera = Some(camera);
             return proposal;
         };
-        if is_other([solution.roll_deg, solution.pitch_deg], &best.camera) {
+        if is_different_camera([solution.roll_deg, solution.pitch_deg], &best.camera) {
             // The strokes alone allow an implausible camera; its numbers would be mistaken for a result.
             proposal.reasons = vec![Reason::TwoHypotheses { focals: [best.camera.focal, solution.focal_px] }];
             proposal.camera = Some(camera);
@@ -281,7 +294,7 @@ impl AutomaticCalibration {
         let own = (SIGMA_INFLATION * own / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA);
         let sigma = own.hypot(scatter.sigma);
         let unusual = CameraPrior::from_width(f64::from(size[0])).z_score(&best.camera);
-        let alternative = proposal.judge([sigma, own, unusual], &scatter, &solution);
+        let alternative = proposal.set_confidence([sigma, own, unusual], &scatter, &solution);
         proposal.alternative = alternative
             .map(|other| Alternative { orientation: other.camera, groups: grouping.groups_of(other) });
         proposal.focal_sigma_rel = Some(sigma);
@@ -290,14 +303,17 @@ impl AutomaticCalibration {
         proposal
     }
 
-    /// Sets the confidence and its reasons; returns the rival camera if it is one of them.
-    fn judge<'a>(
+    /// Sets the confidence and its reasons. Returns the rival mixture if it is one of the reasons.
+    ///
+    /// `sigma` is the relative standard deviation of the focal length, and `own` its part from the solution.
+    /// `unusual` is the z-score of the camera under its prior.
+    fn set_confidence<'a>(
         &mut self,
         [sigma, own, unusual]: [f64; 3],
         scatter: &Scatter<'a>,
         solution: &Solution,
     ) -> Option<&'a Mixture> {
-        let missing = self.missing(own);
+        let missing = self.missing_directions(own);
         let is_complete = missing.is_none();
         self.reasons.extend(missing);
         if is_complete && own > MAX_SURE_FOCAL_SIGMA {
@@ -326,8 +342,9 @@ impl AutomaticCalibration {
         rival
     }
 
-    /// Returns the reason if directions are missing that are needed as a check.
-    fn missing(&self, sigma: f64) -> Option<Reason> {
+    /// Returns the reason for a reduced confidence if verticals or a second floor direction are missing.
+    /// `sigma` is the relative standard deviation of the focal length.
+    fn missing_directions(&self, sigma: f64) -> Option<Reason> {
         let levels = self.groups.iter().filter(|group| group.annotation.kind == Kind::Parallel).count();
         let verticals = self.groups.iter().find(|group| group.annotation.kind == Kind::Vertical);
         if verticals.is_none_or(|group| group.probabilities.len() < 2) {
@@ -341,7 +358,7 @@ impl AutomaticCalibration {
 struct Scatter<'a> {
     /// Standard deviation of the log focal length over all mixtures, weighted by their evidence.
     sigma: f64,
-    /// Mixture with the largest contribution.
+    /// Mixture with the largest contribution to `sigma`.
     rival: Option<&'a Mixture>,
 }
 
@@ -360,13 +377,13 @@ impl<'a> Scatter<'a> {
 }
 
 impl EdgeImage {
-    /// Creates the input from edges alone.
+    /// Creates the input from the edges and the width and height of an image, in pixels; the lens is unknown.
     #[must_use]
     pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
         Self { segments, size, principal_point: None, lens: None, image_circle: None }
     }
 
-    /// Creates the input for a camera of a site; its lens is known if the site specifies its distortion.
+    /// Creates the input for a camera of a site. The lens is known if the site specifies the distortion.
     #[must_use]
     pub fn from_camera(camera: &SiteCamera, segments: Vec<LineSegment>) -> Self {
         let given = camera.lens.as_ref().and_then(|lens| lens.distortion.as_ref());
@@ -379,7 +396,7 @@ impl EdgeImage {
         }
     }
 
-    /// Returns the likeliest grouping.
+    /// Returns the likeliest grouping, with or without distortion.
     fn grouping(&self) -> Option<Grouping> {
         let straight =
             self.group_edges(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
@@ -395,8 +412,8 @@ impl EdgeImage {
         Some(chosen)
     }
 
-    /// Returns the grouping under the distortion with the best concurrence of edges; `None` if that is no
-    /// distortion.
+    /// Returns the grouping under the distortion with the best agreement of the edges; `None` if the edges
+    /// agree best without distortion.
     fn distorted_grouping(&self) -> Option<Grouping> {
         let concurrence = |k1: f64| {
             search::concurrence(&self.lines(&search::lens(k1, self.centre(), self.sides())))
@@ -409,15 +426,18 @@ impl EdgeImage {
         Some(if refined.log_evidence() > coarse.log_evidence() { refined } else { coarse })
     }
 
+    /// Returns the width and height, in pixels.
     fn sides(&self) -> [f64; 2] {
         self.size.map(f64::from)
     }
 
+    /// Returns the principal point, or the image centre if unknown, in raw pixels.
     fn centre(&self) -> Pixel {
         let [w, h] = self.sides();
         self.principal_point.unwrap_or(Pixel::new(0.5 * w, 0.5 * h))
     }
 
+    /// Joins and groups the edges under the lens with this k1.
     fn distorted(&self, k1: f64) -> Grouping {
         self.group_edges(search::lens(k1, self.centre(), self.sides()), k1)
     }
@@ -433,13 +453,14 @@ impl EdgeImage {
         Grouping { lens, k1, lines, mixtures }
     }
 
+    /// Undistorts and joins the edges, the longest first.
     fn lines(&self, lens: &Lens) -> Vec<Line> {
         let mut lines = join::lines(&self.segments, lens);
         lines.truncate(MAX_LINES);
         lines
     }
 
-    /// Refines the distortion of a grouping.
+    /// Refines the k1 of a grouping, and fits its mixtures again.
     fn refine_distortion(&self, coarse: &Grouping) -> Grouping {
         let prior = CameraPrior::from_width(f64::from(self.size[0]));
         let score = |k1: f64| {
@@ -464,10 +485,10 @@ impl EdgeImage {
     }
 }
 
-/// Whether the solution of the strokes differs from the camera of all edges by more than noise, in roll or
-/// pitch; for example upside down.
-fn is_other(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
-    /// Largest accepted difference, in radians.
+/// Whether the solution of the strokes differs from the camera of all edges in roll or pitch by more than
+/// noise, for example upside down.
+fn is_different_camera(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
+    /// Largest accepted difference of roll and pitch, in radians.
     const MAX_ANGLE_DIFFERENCE: f64 = 0.5;
     let differs = |found: Option<f64>, own: f64| {
         found.is_some_and(|found| (found.to_radians() - own).abs() > MAX_ANGLE_DIFFERENCE)
@@ -475,7 +496,7 @@ fn is_other(found_deg: [Option<f64>; 2], camera: &Orientation) -> bool {
     differs(found_deg[0], camera.roll) || differs(found_deg[1], camera.pitch)
 }
 
-/// Returns the mixtures of a hypothesis: without a right angle, and with each possible one.
+/// Returns the mixtures of a hypothesis: without a right angle, and with each possible right angle.
 fn variants(lines: &[Line], hypothesis: &Hypothesis, prior: &CameraPrior) -> Vec<Mixture> {
     use std::f64::consts::{FRAC_PI_2, PI};
     let azimuths = &hypothesis.azimuths;
@@ -494,8 +515,8 @@ mod tests {
     #[test]
     fn an_upside_down_solution_is_another_camera() {
         let camera = Orientation { roll: -0.03, pitch: 0.4, focal: 1000.0 };
-        assert!(!is_other([Some(1.5), Some(25.0)], &camera), "a difference within noise");
-        assert!(is_other([Some(169.0), Some(20.0)], &camera), "upside down");
-        assert!(is_other([Some(-2.0), Some(70.0)], &camera), "looking down");
+        assert!(!is_different_camera([Some(1.5), Some(25.0)], &camera), "a difference within noise");
+        assert!(is_different_camera([Some(169.0), Some(20.0)], &camera), "upside down");
+        assert!(is_different_camera([Some(-2.0), Some(70.0)], &camera), "looking down");
     }
 }

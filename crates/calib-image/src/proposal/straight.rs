@@ -1,9 +1,9 @@
 //! Edges curved by distortion, traced as an operator would trace them.
 //!
-//! In the image, such an edge is an arc that is detected as several straight pieces. The least-squares line
-//! through an arc `v = c u^2` of length L is `v = c L^2 / 12`. It crosses the arc at `L / (2 sqrt 3)` on
-//! either side of its middle, for any curvature. These two points of each piece are on the edge; its ends are
-//! not.
+//! A curved edge is an arc in the image that is detected as several straight pieces. Let `v = c u^2` be an
+//! arc of length `L` with the curvature `2 c`. The least-squares line through the arc is `v = c L^2 / 12`.
+//! The line crosses the arc at `L / (2 sqrt 3)` on either side of its middle, for any curvature. These two
+//! points of each piece are on the edge; the ends of the piece are not.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 
@@ -17,17 +17,19 @@ use super::join::Line;
 const MAX_EDGES: usize = 8;
 /// Smallest rise of an arc above its chord, in standard deviations of its points.
 const MIN_RISE_SIGMAS: f64 = 4.0;
-/// Smallest distance between the middles of two edges, as a fraction of the diagonal; closer edges are
-/// redundant.
+/// Smallest distance between the middles of two returned edges, as a fraction of the image diagonal; closer
+/// edges are redundant.
 const MIN_DISTANCE: f64 = 0.06;
 
-/// Curved edge, with its rise in standard deviations.
+/// Curved edge.
 struct Arc {
+    /// Points on the edge, in raw pixels.
     points: Vec<Pixel>,
+    /// Rise of the middle of the edge above its chord, in standard deviations.
     rise: f64,
 }
 
-/// Returns the edges that constrain the distortion most, the most curved first.
+/// Returns the edges that constrain the distortion most, as polylines in raw pixels, the most curved first.
 pub(super) fn curved_edges(lines: &[Line], segments: &[LineSegment], lens: &Lens) -> Vec<Vec<Pixel>> {
     let mut arcs: Vec<Arc> = lines.iter().filter_map(|line| arc(line, segments, lens)).collect();
     arcs.sort_by(|a, b| b.rise.total_cmp(&a.rise));
@@ -42,6 +44,7 @@ pub(super) fn curved_edges(lines: &[Line], segments: &[LineSegment], lens: &Lens
     shown
 }
 
+/// Returns the mean of the points.
 fn middle(points: &[Pixel]) -> Pixel {
     let count = points.len().max(1) as f64;
     let sum = |of: fn(&Pixel) -> f64| points.iter().map(of).sum::<f64>() / count;
@@ -57,23 +60,24 @@ fn arc(line: &Line, segments: &[LineSegment], lens: &Lens) -> Option<Arc> {
     let rise = rise(line, lens)? / line.end_sigma;
     let [a, b] = line.ends;
     let along = |p: &Pixel| p.u * (b[0] - a[0]) + p.v * (b[1] - a[1]);
-    let mut points: Vec<Pixel> = pieces.into_iter().flat_map(on_arc).collect();
+    let mut points: Vec<Pixel> = pieces.into_iter().flat_map(points_on_edge).collect();
     points.sort_by(|p, q| along(p).total_cmp(&along(q)));
     (rise > MIN_RISE_SIGMAS).then_some(Arc { points, rise })
 }
 
 /// Returns the two points of a piece that are on the edge for any curvature.
-fn on_arc(piece: &LineSegment) -> [Pixel; 2] {
-    /// Distance from the middle, as a fraction of half the length.
-    const SHARE: f64 = 0.577_350_269_189_625_8;
+fn points_on_edge(piece: &LineSegment) -> [Pixel; 2] {
+    /// Distance of the points from the middle, as a fraction of half the length: 1 / sqrt(3).
+    const CROSSING_FRACTION: f64 = 0.577_350_269_189_625_8;
     let [a, b] = piece.ends;
     let at = |t: f64| {
         Pixel::new(0.5 * ((1.0 - t) * a.u + (1.0 + t) * b.u), 0.5 * ((1.0 - t) * a.v + (1.0 + t) * b.v))
     };
-    [at(-SHARE), at(SHARE)]
+    [at(-CROSSING_FRACTION), at(CROSSING_FRACTION)]
 }
 
-/// Returns the rise of the middle of an edge above its chord, caused by distortion, in pixels.
+/// Returns the rise of the middle of an edge above its chord, caused by distortion, in pixels. The rise is
+/// divided by sqrt(2), for the noise of the chord.
 fn rise(line: &Line, lens: &Lens) -> Option<f64> {
     let centre = lens.principal_point;
     let shown = |p: [f64; 2]| lens.distort(UndistortedPixel { u: p[0] + centre.u, v: p[1] + centre.v });
@@ -81,7 +85,7 @@ fn rise(line: &Line, lens: &Lens) -> Option<f64> {
     let (from, to) = (shown(a)?, shown(b)?);
     let top = shown([0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])])?;
     let across = (to.u - from.u) * (top.v - from.v) - (to.v - from.v) * (top.u - from.u);
-    // Both ends are as uncertain as the middle.
+    // The chord is assumed to be as uncertain as the middle.
     Some(across.abs() * FRAC_1_SQRT_2 / from.distance(to))
 }
 
@@ -90,7 +94,7 @@ mod tests {
     use super::*;
     use crate::proposal::{join, search};
 
-    /// Horizontal edge at height `v`, distorted with this k1, in pieces as from a detector.
+    /// Creates a horizontal edge at image row `v`, distorted with this k1, in pieces as from a detector.
     fn pieces(k1: f64, v: f64) -> Vec<LineSegment> {
         let lens = lens(k1);
         let at = |u: f64| lens.distort(UndistortedPixel { u, v }).unwrap();

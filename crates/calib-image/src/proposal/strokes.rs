@@ -1,11 +1,13 @@
 //! Selection of the few most informative edges, and their conversion to annotations.
 //!
-//! An edge with the Jacobian row `J` adds `J' J` to the information about roll, pitch, focal length and the
-//! azimuths of the floor directions. It is multiplied by the probability that the edge belongs to its
-//! direction. One after the other, the edge that raises the log determinant most is selected (greedy
-//! D-optimal design). The result is long edges, far from each other, of every relevant direction.
+//! An edge with the Jacobian row `J` adds `J' J` to the information about roll, pitch, log focal length and
+//! the azimuths of the floor directions. This information is multiplied by the probability that the edge
+//! belongs to its direction. Edges are selected one after the other, each time the edge that raises the log
+//! determinant of the information most (greedy D-optimal design). The result is long edges, far from each
+//! other, of every relevant direction.
 //!
-//! The selected edges become annotations, as if drawn by an operator, and are solved as such.
+//! The selected edges are called strokes. They become annotations, and are solved like annotations of an
+//! operator.
 
 use calib_core::{Annotation, Kind, Lens, Pixel, UndistortedPixel};
 use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
@@ -15,16 +17,16 @@ use super::join::Line;
 use super::lies::EdgeClass;
 use super::mixture::Mixture;
 
-/// Smallest probability of a selected edge.
+/// Smallest probability that a selected edge belongs to its direction.
 const MIN_PROBABILITY: f64 = 0.7;
 
-/// Smallest number of strokes of every direction, if available.
+/// Smallest number of selected edges in every direction, if available.
 const MIN_STROKES_PER_DIRECTION: usize = 2;
 
-/// Selected edge.
+/// Selected edge, assigned to a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stroke {
-    /// Index of the line.
+    /// Index of the edge in the list of lines.
     pub(super) line: usize,
     /// Direction: 0 for the vertical, then the floor directions.
     pub(super) direction: usize,
@@ -32,7 +34,7 @@ pub(super) struct Stroke {
     pub(super) probability: f64,
 }
 
-/// Selects at most `most` edges.
+/// Selects the most informative edges, at most `most`.
 pub(super) fn select_strokes(mixture: &Mixture, lines: &[Line], most: usize) -> Vec<Stroke> {
     let mut left = candidates(mixture, lines);
     let unknowns = 3 + mixture.azimuths.len();
@@ -61,7 +63,7 @@ pub(super) fn select_strokes(mixture: &Mixture, lines: &[Line], most: usize) -> 
     chosen
 }
 
-/// Returns a direction with too few strokes to check that they are consistent.
+/// Returns a direction with too few strokes to check their consistency, and with edges left to select.
 fn underrepresented_direction(chosen: &[Stroke], left: &[(Stroke, Vec<f64>)]) -> Option<usize> {
     let drawn = |direction: usize| chosen.iter().filter(|stroke| stroke.direction == direction).count();
     let most = left.iter().map(|(stroke, _)| stroke.direction).max()?;
@@ -90,19 +92,19 @@ fn candidates(mixture: &Mixture, lines: &[Line]) -> Vec<(Stroke, Vec<f64>)> {
     lines.iter().zip(&memberships).enumerate().filter_map(of).collect()
 }
 
-/// Edges of one direction.
+/// Suggested annotation of the edges in one direction.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Group {
-    /// Suggested annotation.
+    /// Annotation, with the edges as segments.
     pub annotation: Annotation,
-    /// Probability of each segment to belong to the direction, in the order of the segments.
+    /// Probability that each segment belongs to the direction, in the order of the segments.
     pub probabilities: Vec<f64>,
     /// Location class of each segment, in the order of the segments.
     pub classes: Vec<EdgeClass>,
 }
 
 impl Group {
-    /// Returns the probability of the group: the mean over its segments.
+    /// Returns the mean probability that a segment belongs to the direction.
     #[must_use]
     pub fn probability(&self) -> f64 {
         self.probabilities.iter().sum::<f64>() / self.probabilities.len().max(1) as f64
@@ -110,6 +112,7 @@ impl Group {
 }
 
 /// Converts the strokes to annotations: the vertical, then every floor direction with at least two strokes.
+/// `draw` returns the raw pixels of a line, and `classes` contains the class of every line.
 pub(super) fn groups(
     mixture: &Mixture,
     strokes: &[Stroke],
@@ -137,13 +140,13 @@ pub(super) fn groups(
     (0..=mixture.azimuths.len()).filter(|&direction| is_drawn(direction)).map(group).collect()
 }
 
-/// Returns the ends of a line in raw pixels of the lens.
+/// Returns the ends of a line in raw pixels, distorted by the lens.
 pub(super) fn stroke(line: &Line, lens: &Lens) -> Vec<Pixel> {
     let Pixel { u, v } = lens.principal_point;
     line.ends.iter().filter_map(|p| lens.distort(UndistortedPixel { u: p[0] + u, v: p[1] + v })).collect()
 }
 
-/// Creates the camera with this lens and these annotations.
+/// Creates the camera entry of a site file from an image size, in pixels, a lens and annotations.
 pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera {
     let centre = Pixel::new(0.5 * f64::from(size[0]), 0.5 * f64::from(size[1]));
     let principal_point_px = Some(lens.principal_point).filter(|point| *point != centre);
@@ -157,7 +160,7 @@ pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera
     }
 }
 
-/// Solves the camera; `None` if the solver fails.
+/// Solves a camera entry from its annotations; `None` if the solver fails.
 pub(super) fn solve_entry(entry: &SiteCamera) -> Option<Solution> {
     let site = Site { cameras: vec![entry.clone()], ..Site::new() };
     let mut report = site.calibrate(&Options::default());
