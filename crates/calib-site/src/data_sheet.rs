@@ -5,8 +5,8 @@ use serde::de::value::MapAccessDeserializer;
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Relative standard deviation of a focal length or field of view from a data sheet that states no tolerance.
-/// ISO 517 permits 5 % in either direction; a uniform distribution of this width has a standard deviation of
-/// 3 %.
+/// This is an assumption, not a measurement: an error of up to 5 % in either direction, by rounding and between
+/// samples, has a standard deviation of 3 % if it is uniform.
 pub(crate) const NOMINAL_SIGMA_REL: f64 = 0.03;
 
 /// Value from a data sheet: a number with the usual tolerance, or a value that is fixed or has a standard
