@@ -131,3 +131,28 @@ fn three_points_are_enough_if_the_focal_length_is_known() {
     let at = solution.position_m.unwrap();
     assert!(at.distance(truth().position) < 1e-4 || !solution.alternatives.is_empty(), "{solution:?}");
 }
+
+#[test]
+fn no_exchanged_pair_gives_a_wrong_camera_without_a_finding() {
+    let in_space = [
+        (1.0, 1.0, 0.0),
+        (-1.0, 4.0, 0.0),
+        (3.0, 4.0, 0.0),
+        (-2.0, 8.0, 0.0),
+        (4.0, 8.0, 0.0),
+        (0.0, 6.0, 2.0),
+    ];
+    let in_space = in_space.map(|(x, y, z)| WorldPoint::new(x, y + 4.0, z));
+    for points in [&court(5)[..], &court(6), &court(7), &in_space[..5], &in_space] {
+        let right = site(points, 0.3, &mut ChaCha8Rng::seed_from_u64(6));
+        for (a, b) in (0..points.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
+            let mut exchanged = right.clone();
+            let drawn = &mut exchanged.cameras[0].control_points;
+            (drawn[a].px, drawn[b].px) = (drawn[b].px, drawn[a].px);
+            let Ok(solution) = exchanged.calibrate(&Options::default()).cameras.remove(0).1 else { continue };
+            let is_right = (solution.focal_px / 1250.0 - 1.0).abs() < 0.1;
+            let is_reported = codes(&solution).iter().any(|code| code.fails_check());
+            assert!(is_right || is_reported, "{} points, {a} and {b}: {solution:?}", points.len());
+        }
+    }
+}

@@ -255,8 +255,8 @@ impl Site {
     /// Adds a finding if two control points of a camera are exchanged.
     ///
     /// # Errors
-    /// If the control points contradict each other and no consensus remains: two are exchanged, all are mirrored,
-    /// or the camera is impossible.
+    /// If the control points contradict each other and no consensus remains: two are exchanged, all are
+    /// mirrored, no position fits them, or the camera is impossible.
     fn explain_points(
         &self,
         entry: &SiteCamera,
@@ -266,9 +266,13 @@ impl Site {
         let points = UsedPoints::new(self, entry);
         let options = points.options(entry, first.lens_estimate.lens, first.fixed);
         let is_misfit = result.findings.iter().any(|finding| finding.code() == Code::Misfit);
-        if points.len() > 0 && (is_misfit || camera.position.z < 0.0) {
+        // Points that determine the camera also determine its position, unless they contradict each other.
+        let is_unplaced =
+            first.is_from_points && first.fit.is_none() && result.solution.stage == Stage::Partial;
+        if points.len() > 0 && (is_misfit || is_unplaced || camera.position.z < 0.0) {
             return match points.explanation(&options, &[]) {
                 Some(explanation) => Err(explanation.failure(entry)),
+                None if is_unplaced => Err(Failure::ContradictoryPoints { count: points.len() }),
                 None if is_possible(camera, entry.size()) => Ok(()),
                 None => Err(Failure::ImpossibleCamera { focal: camera.focal, height: camera.position.z }),
             };

@@ -9,7 +9,7 @@ use calib_core::floor::{ControlPoint, view_angle};
 use calib_core::optimize::is_misfit;
 use calib_core::outcome::{Failure, Finding, OtherMinimum};
 use calib_core::single::{
-    Fit, FixedParameters, MAX_LOG_FOCAL_SIGMA, PointFit, PointFitOptions, Prior, Priors,
+    Fit, FixedParameters, MAX_LOG_FOCAL_SIGMA, PointFit, PointFitOptions, Prior, Priors, is_inconsistent,
 };
 
 /// Control points of a camera with known coordinates that are switched on, each with its index.
@@ -82,12 +82,18 @@ impl UsedPoints {
         PointFit::new(&self.points, options)
     }
 
+    /// Whether the points, with the priors, contradict each other beyond any noise.
+    pub(crate) fn are_contradictory(&self, options: &PointFitOptions) -> bool {
+        self.fit(options).is_some_and(|found| is_inconsistent(found.chi2, found.dof))
+    }
+
     /// Fits the camera to the points. `None` if points and priors do not determine the pose and the focal
-    /// length.
+    /// length, or contradict each other beyond any noise.
     pub(crate) fn determined(&self, options: &PointFitOptions) -> Option<PointFit> {
         let found = self.fit(options)?;
         let is_sharp = found.log_focal_sigma.is_none_or(|sigma| sigma < MAX_LOG_FOCAL_SIGMA);
-        (is_sharp && found.dof >= 0 && found.camera.covariance.is_known()).then_some(found)
+        let is_usable = is_sharp && found.dof >= 0 && !is_inconsistent(found.chi2, found.dof);
+        (is_usable && found.camera.covariance.is_known()).then_some(found)
     }
 
     /// Returns the indices of the points that contradict a fit.

@@ -161,7 +161,13 @@ impl Site {
         }
         if inputs.constraints.is_empty() && inputs.is_open() && points.len() > 0 {
             let explained = points.explanation(&of_points, &[]).map(|found| found.failure(entry));
-            return Err(explained.unwrap_or(Failure::UndeterminedByPoints { count: points.len() }));
+            let count = points.len();
+            let unexplained = if points.are_contradictory(&of_points) {
+                Failure::ContradictoryPoints { count }
+            } else {
+                Failure::UndeterminedByPoints { count }
+            };
+            return Err(explained.unwrap_or(unexplained));
         }
         let context = self.suggestion_context(entry, shared);
         let planes = self.plane_priors();

@@ -42,6 +42,11 @@ pub enum Failure {
         /// Number of control points that are switched on.
         count: usize,
     },
+    /// No pose and focal length fit the control points, and no exchange of two points explains it.
+    ContradictoryPoints {
+        /// Number of control points that are switched on.
+        count: usize,
+    },
     /// The control points fit only if two of them exchange their pixels.
     ExchangedControlPoints {
         /// Names of the two points.
@@ -88,6 +93,7 @@ impl Failure {
             Self::NoPitchAndFocal
             | Self::NoOrientation
             | Self::TooExtreme
+            | Self::ContradictoryPoints { .. }
             | Self::ImpossibleCamera { .. } => FailureCode::NoSolution,
             Self::ExchangedControlPoints { .. } => FailureCode::PointsExchanged,
             Self::MirroredControlPoints => FailureCode::Mirrored,

@@ -335,27 +335,11 @@ fn failure_text(failure: &Failure) -> [String; 2] {
             "No lines are drawn that determine the orientation of the camera.".into(),
             "Draw two verticals and two parallel floor lines that run away from the camera, or click four control points.".into(),
         ],
-        Failure::ExchangedControlPoints { points: [a, b] } => [
-            format!("Control points {a} and {b} are exchanged: all points fit if each has the pixel of the other."),
-            EXCHANGE.into(),
-        ],
-        Failure::MirroredControlPoints => [
-            "The control points fit no camera, but their mirror image does.".into(),
-            "Check the order of the points, the signs of the coordinates, and whether the image is mirrored.".into(),
-        ],
-        Failure::ImpossibleCamera { focal, height } => [
-            format!(
-                "The control points and annotations contradict each other: they lead to a focal length of {focal:.0} px and a height of {height:.1} m."
-            ),
-            "Check the coordinates and pixels of the control points, the known lengths and the units.".into(),
-        ],
-        Failure::UndeterminedByPoints { count } => [
-            format!(
-                "{} not determine the camera.",
-                counted(*count, "control point alone does", "control points alone do")
-            ),
-            "Click at least four control points that are not on one line. Three are enough if the focal length is known.".into(),
-        ],
+        Failure::ExchangedControlPoints { .. }
+        | Failure::ContradictoryPoints { .. }
+        | Failure::MirroredControlPoints
+        | Failure::ImpossibleCamera { .. }
+        | Failure::UndeterminedByPoints { .. } => points_failure_text(failure),
         Failure::NoPitchAndFocal => {
             ["No pitch and focal length fit these lines on a floor.".into(), CHECK_KINDS.into()]
         }
@@ -374,6 +358,39 @@ fn failure_text(failure: &Failure) -> [String; 2] {
             "A drawn or entered value is too extreme for the calculation.".into(),
             "Look for a value that is thousands of times too large or too small.".into(),
         ],
+    }
+}
+
+/// Returns the message and the advice for a camera whose control points give no result; both are empty for
+/// other failures.
+fn points_failure_text(failure: &Failure) -> [String; 2] {
+    match failure {
+        Failure::ExchangedControlPoints { points: [a, b] } => [
+            format!("Control points {a} and {b} are exchanged: all points fit if each has the pixel of the other."),
+            EXCHANGE.into(),
+        ],
+        Failure::ContradictoryPoints { count } => [
+            format!("The {count} control points contradict each other: no camera shows them at these pixels."),
+            "Check the coordinates and pixels of the control points. Switch off one at a time to find a wrong point.".into(),
+        ],
+        Failure::MirroredControlPoints => [
+            "The control points fit no camera, but their mirror image does.".into(),
+            "Check the order of the points, the signs of the coordinates, and whether the image is mirrored.".into(),
+        ],
+        Failure::ImpossibleCamera { focal, height } => [
+            format!(
+                "The control points and annotations contradict each other: they lead to a focal length of {focal:.0} px and a height of {height:.1} m."
+            ),
+            "Check the coordinates and pixels of the control points, the known lengths and the units.".into(),
+        ],
+        Failure::UndeterminedByPoints { count } => [
+            format!(
+                "{} not determine the camera.",
+                counted(*count, "control point alone does", "control points alone do")
+            ),
+            "Click at least four control points that are not on one line. Three are enough if the focal length is known.".into(),
+        ],
+        _ => Default::default(),
     }
 }
 

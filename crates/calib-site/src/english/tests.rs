@@ -163,6 +163,7 @@ fn failures() -> Vec<Failure> {
         Failure::NoAnnotations,
         Failure::UndeterminedByPoints { count: 2 },
         Failure::ExchangedControlPoints { points: ["a".into(), "b".into()] },
+        Failure::ContradictoryPoints { count: 5 },
         Failure::MirroredControlPoints,
         Failure::ImpossibleCamera { focal: 9e5, height: 9e3 },
         Failure::NoPitchAndFocal,
