@@ -303,7 +303,9 @@ fn cameras_with_a_common_lens_share_edges_despite_different_image_circles() {
     let (its, _) = lens_of(&site, 1);
     assert!(together < 0.85 * alone, "sigma of k1: {together} jointly, {alone} alone");
     let [a, b] = [lens, its].map(|lens| <[f64; 2]>::from(lens.principal_point));
-    assert!((0..2).all(|k| (b[k] - a[k] - SHIFT[k]).abs() < 1e-6), "{a:?} {b:?}");
+    // The prior on the slope of the lens counts once, in the owner of the lens. It moves the principal point by
+    // a small part of its standard deviation of 9 px.
+    assert!((0..2).all(|k| (b[k] - a[k] - SHIFT[k]).abs() < 1.0), "{a:?} {b:?}");
 }
 
 #[test]

@@ -152,6 +152,8 @@ fn drawn_from_covariance(camera: &Camera, random: &mut ChaCha8Rng) -> Camera {
         brown.k1 += by[Covariance::LENS];
         brown.k2 += by[Covariance::LENS + 1];
     }
+    drawn.lens.principal_point.u += by[Covariance::CENTRE];
+    drawn.lens.principal_point.v += by[Covariance::CENTRE + 1];
     drawn
 }
 

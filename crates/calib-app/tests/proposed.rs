@@ -9,7 +9,7 @@ use calib_app::storage::demo;
 use calib_core::{Annotation, Camera, Kind, Orientation};
 use calib_editor::{Action, Hypothesis, Images, Pane, Period};
 use calib_image::{AutomaticCalibration, Confidence, EdgeClass, EdgeImage, LineSegment};
-use calib_site::{Options, Site, SiteCamera, Solution};
+use calib_site::{Options, PrincipalPointEntry, Site, SiteCamera, Solution};
 use desk::Desk;
 use egui::{Key, Modifiers};
 use egui_kittest::kittest::Queryable as _;
@@ -22,8 +22,15 @@ fn blank() -> (Site, Images) {
         camera.annotations.clear();
         camera.control_points.clear();
         (camera.placement, camera.lens, camera.efov_px) = (None, None, None);
+        know_principal_point(camera);
     }
     (site, images)
+}
+
+/// Enters the image centre as the principal point: the demonstration's cameras have it there.
+fn know_principal_point(camera: &mut SiteCamera) {
+    let centre = PrincipalPointEntry::known(camera.principal_point());
+    camera.lens.get_or_insert_default().principal_point_px = Some(centre);
 }
 
 /// Returns the errors of a camera: log focal length, pitch and roll in degrees.
@@ -41,7 +48,9 @@ fn strokes(camera: &SiteCamera) -> usize {
 
 /// Returns the errors of a camera from hand-drawn lines only, and the number of strokes.
 fn by_hand(camera: &SiteCamera, truth: &Camera) -> ([f64; 3], usize) {
-    let alone = SiteCamera { control_points: Vec::new(), placement: None, solution: None, ..camera.clone() };
+    let mut alone =
+        SiteCamera { control_points: Vec::new(), placement: None, solution: None, ..camera.clone() };
+    know_principal_point(&mut alone);
     let site = Site { cameras: vec![alone], ..Site::new() };
     let solution = site.calibrate(&Options::default()).cameras.pop().unwrap().1.unwrap();
     (off(&solution, truth), strokes(camera))

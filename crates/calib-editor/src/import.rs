@@ -1,8 +1,6 @@
 //! Import of files of other programs: detection of their format, and scaling of their lenses to the size of
 //! the images of the site.
 
-use calib_core::Pixel;
-
 use calib_formats::{FORMATS, File, Format, Imported};
 use calib_site::{LensEntry, Plan, SiteCamera};
 
@@ -77,7 +75,7 @@ pub(crate) fn scale_lens(lens: &mut LensEntry, by: f64) {
     if let Some(focal) = &mut lens.focal_px {
         (focal.value, focal.sigma) = (by * focal.value, focal.sigma.map(|sigma| by * sigma));
     }
-    lens.principal_point_px = lens.principal_point_px.map(|at| Pixel::new(by * at.u, by * at.v));
+    lens.principal_point_px = lens.principal_point_px.map(|entry| entry.scaled(by));
     lens.image_circle_px = lens.image_circle_px.map(|circle| <[f64; 3]>::from(circle).map(|c| by * c).into());
     if let Some(focal) = lens.distortion.as_mut().and_then(|distortion| distortion.focal_px.as_mut()) {
         *focal *= by;

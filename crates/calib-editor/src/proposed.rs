@@ -12,7 +12,7 @@
 
 use calib_core::{Annotation, Camera, Kind, Lens, Orientation, Pixel};
 use calib_image::{AutomaticCalibration, Confidence, EdgeClass, Group, Reason};
-use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
+use calib_site::{DistortionEntry, LensEntry, Options, PrincipalPointEntry, Site, SiteCamera, Solution};
 
 use crate::period::Period;
 use crate::{hit, suggest};
@@ -400,7 +400,9 @@ fn fixed_lens(entry: &SiteCamera, pose: Option<&Camera>) -> Option<LensEntry> {
     });
     let distortion = distortion.or(own.distortion.clone().filter(|entry| entry.distortion().is_some()));
     // The principal point is copied for a fisheye lens only, where it was estimated from the straight edges.
-    let centre = pose.filter(|pose| pose.lens.distortion.is_wide()).map(|pose| pose.lens.principal_point);
+    let centre = pose
+        .filter(|pose| pose.lens.distortion.is_wide())
+        .map(|pose| PrincipalPointEntry::known(pose.lens.principal_point));
     let principal_point_px = centre.or(own.principal_point_px);
     Some(LensEntry { like: None, distortion, principal_point_px, ..own })
         .filter(|lens| *lens != LensEntry::default())

@@ -3,7 +3,10 @@
 use calib_core::camera::angles_from_rotation;
 use calib_core::single::Known;
 use calib_core::{Camera, Covariance, Distortion, Lens, Pixel, WorldPoint};
-use calib_site::{ControlPointEntry, DistortionEntry, LensEntry, Method, Site, SiteCamera, Solution, Stage};
+use calib_site::{
+    ControlPointEntry, DistortionEntry, LensEntry, Method, PrincipalPointEntry, Site, SiteCamera, Solution,
+    Stage,
+};
 
 use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{Rotation, is_rotation, rotate, transpose};
@@ -123,7 +126,7 @@ impl ImportedCamera {
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
         entry.lens = Some(LensEntry {
             focal_px: Some(Known::fixed(focal)),
-            principal_point_px: Some(principal_point),
+            principal_point_px: Some(PrincipalPointEntry::known(principal_point)),
             distortion: DistortionEntry::from_lens(&lens, focal),
             ..LensEntry::default()
         });

@@ -14,7 +14,7 @@ use calib_core::bundle::{
 use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::floor::STAGE_1_HEIGHT;
 use calib_core::outcome::Failure;
-use calib_core::single::{FixedParameters, PlanePrior, Priors};
+use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Priors};
 
 /// Result of the bundle adjustment of a site.
 #[derive(Clone, Debug, Default)]
@@ -163,9 +163,13 @@ fn bundle_cameras<'a>(entries: &[&SiteCamera], members: &[Option<Member<'a>>]) -
         None => BundleCamera::new(ABSENT, entry.size()),
     };
     let mut cameras: Vec<BundleCamera> = entries.iter().zip(members).map(camera).collect();
-    // Cameras that share a lens have different sensors, so their principal points differ.
-    let owners: Vec<usize> = cameras.iter().filter_map(|camera| camera.shared_lens).collect();
-    owners.into_iter().for_each(|owner| cameras[owner].free_lens[Lens::CENTRE..].fill(false));
+    // The edges of a fisheye determine its principal point also in a camera that shares its lens.
+    for index in 0..cameras.len() {
+        let Some(owner) = cameras[index].shared_lens else { continue };
+        if cameras[owner].camera.lens.distortion.is_wide() && cameras[owner].free_lens[Lens::CENTRE] {
+            cameras[index].free_lens[Lens::CENTRE..].fill(true);
+        }
+    }
     cameras
 }
 
@@ -202,7 +206,7 @@ impl<'a> Member<'a> {
             initial_pose: self.initial_pose(),
             fixed_pose: self.fixed_pose(),
             size: entry.size(),
-            circle: entry.image_circle(),
+            principal_point: single.principal_point.unwrap_or(PrincipalPointPrior::of_image(entry.size())),
             fixed: if entry.is_given() { given } else { single.fixed },
             priors: if entry.is_given() {
                 Priors::default()
@@ -264,6 +268,12 @@ impl<'a> Member<'a> {
     /// Returns the flags of the lens parameters that were fitted.
     fn free_lens(&self) -> [bool; Lens::PARAMETERS] {
         let fit = self.single.lens_estimate.fit.as_ref();
-        fit.map_or([false; Lens::PARAMETERS], |fit| fit.free)
+        let mut free = fit.map_or([false; Lens::PARAMETERS], |fit| fit.free);
+        // The lens fit of a fisheye has its own prior, not an entered one.
+        let is_entered = self.entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some());
+        if self.single.fits_principal_point() || self.single.principal_point.is_some() && is_entered {
+            free[Lens::CENTRE..].fill(true);
+        }
+        free
     }
 }

@@ -14,6 +14,7 @@ use crate::check_entries::{check_plane_id, check_planes};
 use crate::data_sheet::{Nominal, sensor_diagonal_mm};
 use crate::document::{ControlPointEntry, Georeference, LensEntry, Plan, Site, SiteCamera};
 use crate::period::check_periods;
+use crate::principal_point::PrincipalPointEntry;
 use crate::scene::SceneEntry;
 use crate::site_error::{
     ErrorSubject, NamedAnnotation, SiteError, SiteErrorKind, kind_from_json_error, quoted,
@@ -242,8 +243,10 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
     check_data_sheet(at, lens)?;
     known(&at.key("roll_deg"), lens.roll_deg.as_ref(), Bounds::DEGREES)?;
     known(&at.key("pitch_deg"), lens.pitch_deg.as_ref(), Bounds::PITCH)?;
-    if let Some(point) = lens.principal_point_px {
-        Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &<[f64; 2]>::from(point))?;
+    if let Some(PrincipalPointEntry { value, sigma }) = lens.principal_point_px {
+        let at = at.key("principal_point_px");
+        Bounds::COORDINATE.check_all(&at, &<[f64; 2]>::from(value))?;
+        sigma.map_or(Ok(()), |sigma| Bounds::POSITIVE.check(&at.key("sigma"), sigma))?;
     }
     if let Some(circle) = lens.image_circle_px {
         check_circle(&at.key("image_circle_px"), circle)?;

@@ -6,11 +6,12 @@ use calib_core::camera::{
     PlanScale, Plane, WorldPoint,
 };
 use calib_core::floor::{ControlPoint, MarkShape, Placement, Surface, default_efov, efov_on_floor};
-use calib_core::single::{FixedParameters, PlanePrior, Prior, Priors, SceneErrors};
+use calib_core::single::{FixedParameters, PlanePrior, PrincipalPointPrior, Prior, Priors, SceneErrors};
 
 use crate::document::{
     ControlPointEntry, FixedEntry, Georeference, Mark, PlacementEntry, Plan, Site, SiteCamera,
 };
+use crate::principal_point::PrincipalPointEntry;
 use crate::scene::PlaneEntry;
 use crate::solution::{CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
 
@@ -72,6 +73,27 @@ impl Site {
     #[must_use]
     pub fn scene_errors(&self, entry: &SiteCamera) -> SceneErrors {
         entry.scene.or(self.scene).map_or_else(SceneErrors::default, |scene| scene.errors())
+    }
+
+    /// Returns the prior on the principal point of a camera with this lens; `None` if the principal point is
+    /// known. It is known if it is entered without a standard deviation, and in an exact scene.
+    pub(crate) fn principal_point_prior(
+        &self,
+        entry: &SiteCamera,
+        lens: &Lens,
+    ) -> Option<PrincipalPointPrior> {
+        let entered = entry.lens.as_ref().and_then(|lens| lens.principal_point_px);
+        if let Some(PrincipalPointEntry { value, sigma }) = entered {
+            return sigma.map(|sigma| PrincipalPointPrior { value, sigma });
+        }
+        let size = entry.size();
+        (self.scene_errors(entry) != SceneErrors::EXACT).then(|| {
+            if lens.distortion.is_wide() {
+                PrincipalPointPrior::of_fisheye(size, entry.image_circle())
+            } else {
+                PrincipalPointPrior::of_image(size)
+            }
+        })
     }
 
     /// Returns the georeference of the site, otherwise the georeference of its plan.
@@ -195,7 +217,7 @@ impl SiteCamera {
     #[must_use]
     pub fn principal_point(&self) -> Pixel {
         let [width, height] = self.size();
-        let given = self.lens.as_ref().and_then(|lens| lens.principal_point_px);
+        let given = self.lens.as_ref().and_then(|lens| lens.principal_point_px).map(|entry| entry.value);
         let of_circle = || self.image_circle().map(ImageCircle::centre);
         given.or_else(of_circle).unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
     }

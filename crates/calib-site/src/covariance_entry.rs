@@ -25,11 +25,20 @@ pub(crate) fn unit_in_file(index: usize) -> f64 {
 /// Returns the name of a camera parameter in files, by its index in [`Covariance`].
 pub(crate) fn parameter_name(index: usize, distortion: &Distortion) -> Option<&'static str> {
     let own = || match index {
-        Covariance::CENTRE => Some("principal_point_u_px"),
-        index if index > Covariance::CENTRE => Some("principal_point_v_px"),
+        Covariance::CENTRE => Some("cx_px"),
+        index if index > Covariance::CENTRE => Some("cy_px"),
         _ => distortion.names().get(index.checked_sub(Covariance::LENS)?).map(|which| which.name()),
     };
     Covariance::NAMES.get(index).copied().or_else(own)
+}
+
+/// Returns the current name of a parameter; files of earlier versions have other names for the principal point.
+fn current_name(name: &str) -> &str {
+    match name {
+        "principal_point_u_px" => "cx_px",
+        "principal_point_v_px" => "cy_px",
+        other => other,
+    }
 }
 
 /// Computes the derivatives of the distortion coefficients in a file with respect to the internal
@@ -53,8 +62,10 @@ impl CovarianceEntry {
     /// and distortion. Parameters that the camera does not have are ignored.
     #[must_use]
     pub fn covariance(&self, focal: f64, distortion: &Distortion) -> Covariance {
-        let index =
-            |known: &String| (0..Covariance::SIZE).find(|&i| parameter_name(i, distortion) == Some(known));
+        let index = |known: &String| {
+            let name = current_name(known);
+            (0..Covariance::SIZE).find(|&i| parameter_name(i, distortion) == Some(name))
+        };
         let rows: Vec<Option<usize>> = self.of.iter().map(index).collect();
         let mut covariance = Covariance::EXACT;
         let mut upper = self.upper.iter();
@@ -125,8 +136,8 @@ impl Sigmas {
             ("p1", self.p1),
             ("p2", self.p2),
             ("lambda", self.lambda),
-            ("principal_point_u_px", self.principal_point_u_px),
-            ("principal_point_v_px", self.principal_point_v_px),
+            ("cx_px", self.cx_px),
+            ("cy_px", self.cy_px),
         ]
     }
 
@@ -156,8 +167,8 @@ impl Sigmas {
             p1: sigma("p1"),
             p2: sigma("p2"),
             lambda: sigma("lambda"),
-            principal_point_u_px: sigma("principal_point_u_px"),
-            principal_point_v_px: sigma("principal_point_v_px"),
+            cx_px: sigma("cx_px"),
+            cy_px: sigma("cy_px"),
             floor_length_rel,
         }
     }

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds;
 use crate::data_sheet::Nominal;
+use crate::principal_point::PrincipalPointEntry;
 use crate::scene::PlaneEntry;
 use crate::scene::SceneEntry;
 use crate::site_solution::{ElementSolution, SiteSolution};
@@ -342,10 +343,11 @@ document! {
         /// Pitch, in degrees.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pitch_deg: Option<Known>,
-        /// Principal point, in raw pixels. If absent: the centre of the image circle, otherwise the centre of
-        /// the image.
+        /// Principal point, in raw pixels. `[u, v]` is known. An object with `value` and `sigma` is estimated
+        /// with this prior. If absent, it is estimated near the centre of the image; in an exact scene it is
+        /// the centre. A fisheye has the centre of its image circle instead, if that is entered.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        principal_point_px: Option<Pixel>,
+        principal_point_px: Option<PrincipalPointEntry>,
         /// Image circle of a fisheye: centre and radius, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image_circle_px: Option<ImageCircle>,

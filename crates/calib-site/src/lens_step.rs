@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
+use crate::principal_point::PrincipalPointEntry;
 use crate::shared_lenses::SharedLenses;
 use crate::solution::DistortionEntry;
 use calib_core::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
@@ -48,8 +49,8 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
     Some(FittedCoefficients { model: entry.model, which })
 }
 
-/// Returns the entered principal point of a camera, in raw pixels.
-fn given_centre(entry: &SiteCamera) -> Option<Pixel> {
+/// Returns the entered principal point of a camera.
+fn given_centre(entry: &SiteCamera) -> Option<PrincipalPointEntry> {
     entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
 }
 

@@ -121,8 +121,8 @@ impl Site {
         Report { cameras, findings, links, marks, planes, site, site_findings }
     }
 
-    /// Runs stage 1 for the given cameras, which must include the owners of shared lenses. If a lens is
-    /// fitted, stage 1 runs again under the lens refined with all constraints.
+    /// Runs stage 1 for the given cameras, which must include the owners of shared lenses. If lens parameters
+    /// are estimated, stage 1 runs again under the lens refined with all constraints.
     pub(crate) fn single_fits(
         &self,
         entries: &[&SiteCamera],
@@ -133,7 +133,7 @@ impl Site {
         let like = |camera: &&SiteCamera| camera.lens.as_ref().and_then(|lens| lens.like.clone());
         // Shared lenses are fitted once.
         let (none, lenses) = (LensOwners::new(), SharedLenses::new(self));
-        let alone = SharedInputs { owners: &none, known, lenses: &lenses, shared };
+        let alone = SharedInputs { owners: &none, known, lenses: &lenses, shared, keeps_all: false };
         let owners: LensOwners = entries
             .iter()
             .filter_map(like)
@@ -150,19 +150,46 @@ impl Site {
             _ => self.fit_single(camera, options, None, others),
         };
         let mut single_fits: Vec<Result<SingleFit, Failure>> = entries.iter().map(first).collect();
-        let has_draft = single_fits.iter().flatten().any(|first| first.is_fitted());
+        let has_draft = single_fits.iter().flatten().any(SingleFit::fits_lens);
         if !has_draft || options.method == Method::Paper {
             return single_fits;
         }
         let drafts = refine_lenses(entries, &single_fits, self.plane_priors());
         for (index, draft) in drafts.cameras.iter().enumerate() {
-            let own = single_fits[index].as_ref().ok().filter(|first| first.is_fitted());
+            let own = single_fits[index].as_ref().ok().filter(|first| first.fit.is_some());
             if let (Some(draft), Some(own)) = (draft, own) {
-                let better = (&own.lens_estimate, draft.camera.lens);
-                single_fits[index] = self.fit_single(entries[index], options, Some(better), others);
+                let better = (&own.lens_estimate, &draft.camera);
+                let refitted = self.fit_single(entries[index], options, Some(better), others);
+                let has_outliers = refitted.as_ref().is_ok_and(SingleFit::has_outliers);
+                let without =
+                    has_outliers.then(|| self.fit_without_outliers(entries[index], options, others));
+                single_fits[index] = without.flatten().map_or(refitted, Ok);
             }
         }
         single_fits
+    }
+
+    /// Fits a camera whose lines seem to have outliers with all lines, if another principal point explains
+    /// them all. `None` if it does not.
+    ///
+    /// Lines are rejected at a fixed principal point. If it is far off, correct lines contradict each other.
+    fn fit_without_outliers(
+        &self,
+        entry: &SiteCamera,
+        options: &Options,
+        others: SharedInputs,
+    ) -> Option<SingleFit> {
+        let keeps_all = SharedInputs { keeps_all: true, ..others };
+        let first = self.fit_single(entry, options, None, keeps_all);
+        if !first.as_ref().is_ok_and(SingleFit::fits_principal_point) {
+            return None;
+        }
+        let refined = refine_lenses(&[entry], std::slice::from_ref(&first), self.plane_priors());
+        let refined = refined.cameras.into_iter().next()??;
+        let better = (&first.ok()?.lens_estimate, &refined.camera);
+        let found = self.fit_single(entry, options, Some(better), others).ok()?;
+        let is_misfit = found.fit.as_ref().is_none_or(|fit| fit.is_misfit);
+        (!found.has_outliers() && !is_misfit).then_some(found)
     }
 
     /// Reports links, marks and distances that are not used because each camera is solved separately.
@@ -306,7 +333,10 @@ fn apply_joint_estimate(
     solution.focal_px = camera.focal;
     solution.principal_point_px = camera.lens.principal_point;
     solution.distortion = DistortionEntry::from_lens(&camera.lens, camera.focal);
-    solution.chi2 = Some(joined.chi2);
+    // A single camera states its chi-square for the assumed noise, connected cameras for the estimated noise.
+    let noise = first.fit.as_ref().map_or(1.0, |fit| fit.sigma / entry.sigma_px.unwrap_or(1.0));
+    let chi2 = if joined.is_connected { joined.chi2 } else { joined.chi2 * noise * noise };
+    solution.chi2 = Some(chi2);
     solution.dof = usize::try_from(joined.dof).ok();
     solution.sigma_px = Some(joined.sigma);
     let outliers = first.fit.as_ref().map_or(&[][..], |fit| &fit.outliers[..]);

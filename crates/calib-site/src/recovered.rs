@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::document::{ControlPointEntry, LensEntry, PlacementEntry, Site, SiteCamera};
 use crate::document::{Link, LinkObservation, Mark};
+use crate::principal_point::PrincipalPointEntry;
 use crate::solution::{DistortionEntry, Method, Solution, Stage};
 use calib_core::camera::RotationZoom;
 use calib_core::camera::{Camera, Covariance, Pixel};
@@ -248,7 +249,12 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
         |distortion: &DistortionEntry| distortion.fit.is_some() || distortion.distortion().is_none();
     let is_fitted = refits && entry.distortion.as_ref().is_none_or(is_sought);
     // The principal point of a fisheye was fitted to its edges.
-    let centre = (!is_fitted && camera.lens.distortion.is_wide()).then_some(camera.lens.principal_point);
+    let centre = || PrincipalPointEntry {
+        value: camera.lens.principal_point,
+        sigma: camera.covariance.sigma(Covariance::CENTRE),
+    };
+    let is_estimated = camera.lens.distortion.is_wide() || centre().sigma.is_some();
+    let centre = (!is_fitted && is_estimated).then(centre);
     let held = || {
         let of = DistortionEntry::from_lens(&camera.lens, camera.focal)?;
         Some(DistortionEntry { focal_px: Some(of.focal_px.unwrap_or(camera.focal)), ..of })

@@ -17,7 +17,8 @@ use calib_core::floor::{STAGE_1_HEIGHT, view_angle};
 use calib_core::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use calib_core::single::{
     Annotation, Constraints, Fit, FitOptions, FixedParameters, Kind, Known, LocalMinimum, Orientation,
-    PlanePrior, Priors, Shape, Source, findings, paper_minimum, residuals_at, suggest_lines,
+    PlanePrior, PrincipalPointPrior, Priors, Shape, Source, findings, paper_minimum, residuals_at,
+    suggest_lines,
 };
 
 /// Stage 1 of the cameras whose lens others share, by their ids.
@@ -34,13 +35,17 @@ pub(crate) struct SharedInputs<'a> {
     pub(crate) lenses: &'a SharedLenses<'a>,
     /// Links and marks by camera.
     pub(crate) shared: &'a SharedObservations<'a>,
+    /// Whether no line may be rejected.
+    pub(crate) keeps_all: bool,
 }
 
-/// Returns the fixed parameters of a camera. A shared lens fixes the focal length at the value of its owner.
+/// Returns the fixed parameters of a camera. A shared lens fixes the focal length at the value of its owner, or
+/// at the `refined` value of the bundle adjustment.
 fn fixed_parameters(
     entry: &SiteCamera,
     lens: &Lens,
     owner: Option<&Result<SingleFit, Failure>>,
+    refined: Option<f64>,
 ) -> Result<FixedParameters, Failure> {
     let own = entry.fixed_parameters(lens);
     match owner {
@@ -50,7 +55,8 @@ fn fixed_parameters(
             Ok(own)
         }
         Some(Ok(owner)) => {
-            Ok(FixedParameters { focal: owner.fixed.focal.or(Some(owner.result.solution.focal_px)), ..own })
+            let estimated = refined.unwrap_or(owner.result.solution.focal_px);
+            Ok(FixedParameters { focal: owner.fixed.focal.or(Some(estimated)), ..own })
         }
         Some(Err(failure)) => {
             let like = entry.lens.as_ref().and_then(|lens| lens.like.as_deref()).unwrap_or_default();
@@ -83,9 +89,27 @@ pub(crate) struct SingleFit {
     pub(crate) is_from_points: bool,
     /// Indices of the control points that contradict the others.
     pub(crate) suspect_points: Vec<usize>,
+    /// Prior on the principal point; `None` if it is known.
+    pub(crate) principal_point: Option<PrincipalPointPrior>,
 }
 
 impl SingleFit {
+    /// Whether the principal point is estimated with the orientation. That of a fisheye is estimated with its
+    /// straight edges.
+    pub(crate) fn fits_principal_point(&self) -> bool {
+        self.principal_point.is_some() && !self.lens_estimate.lens.distortion.is_wide()
+    }
+
+    /// Whether lines were rejected.
+    pub(crate) fn has_outliers(&self) -> bool {
+        self.fit.as_ref().is_some_and(|fit| !fit.outliers.is_empty())
+    }
+
+    /// Whether lens parameters are estimated together with the orientation.
+    pub(crate) fn fits_lens(&self) -> bool {
+        self.is_fitted() || (self.fit.is_some() && self.fits_principal_point())
+    }
+
     /// Whether both the lens and the orientation were fitted to annotations of this camera.
     pub(crate) fn is_fitted(&self) -> bool {
         self.fit.is_some() && self.lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some())
@@ -102,7 +126,7 @@ impl Site {
         &self,
         entry: &SiteCamera,
         options: &Options,
-        better: Option<(&LensEstimate, Lens)>,
+        better: Option<(&LensEstimate, &Camera)>,
         others: SharedInputs,
     ) -> Result<SingleFit, Failure> {
         let like = entry.lens.as_ref().and_then(|lens| lens.like.as_ref());
@@ -113,19 +137,22 @@ impl Site {
             (None, Some((Ok(owner), owned))) => owner.lens_estimate.for_camera(owned, entry),
             _ => self.lens_estimate(entry, others.known, others.lenses),
         };
-        let lens = better.map(|(_, lens)| lens);
-        let is_draft = lens.is_none() && lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
+        let lens = better.map(|(_, camera)| camera.lens);
+        let is_fitted = lens_estimate.fit.as_ref().is_some_and(|fit| fit.fitted.is_some());
+        let is_draft = others.keeps_all || lens.is_none() && is_fitted;
         lens_estimate.lens = lens.unwrap_or(lens_estimate.lens);
         let lens = lens_estimate.lens;
         if let Some(given) = entry.solution.as_ref().filter(|_| entry.is_given()) {
             let (constraints, fixed) = (Constraints::default(), FixedParameters::default());
-            let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft };
+            let principal_point = None;
+            let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft, principal_point };
             return Ok(inputs.with_result(CameraResult::new(given.clone()), None));
         }
-        let fixed = fixed_parameters(entry, &lens, owner)?;
+        let fixed = fixed_parameters(entry, &lens, owner, better.map(|(_, camera)| camera.focal))?;
         let constraints =
             Constraints::on_planes(&entry.annotations, &lens, self.scene_errors(entry), &self.plane_priors());
-        let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft };
+        let principal_point = self.principal_point_prior(entry, &lens);
+        let inputs = SingleInputs { entry, lens_estimate, constraints, fixed, is_draft, principal_point };
         if options.method != Method::Paper {
             return self.fit_by_likelihood(inputs, options, others.shared);
         }
@@ -198,6 +225,8 @@ struct SingleInputs<'a> {
     fixed: FixedParameters,
     /// Whether the lens is the first fit, which may be wrong.
     is_draft: bool,
+    /// Prior on the principal point; `None` if it is known.
+    principal_point: Option<PrincipalPointPrior>,
 }
 
 impl SingleInputs<'_> {
@@ -213,7 +242,7 @@ impl SingleInputs<'_> {
     }
 
     fn with_result(self, result: CameraResult, fit: Option<Fit>) -> SingleFit {
-        let Self { lens_estimate, constraints, fixed, .. } = self;
+        let Self { lens_estimate, constraints, fixed, principal_point, .. } = self;
         SingleFit {
             result,
             lens_estimate,
@@ -222,6 +251,7 @@ impl SingleInputs<'_> {
             fit,
             is_from_points: false,
             suspect_points: Vec::new(),
+            principal_point,
         }
     }
 }
@@ -251,7 +281,7 @@ fn likelihood(
     weak_prior: bool,
     SuggestionContext { has_neighbours, is_scale_open }: SuggestionContext,
 ) -> Result<(CameraResult, Fit), Failure> {
-    let SingleInputs { entry, lens_estimate, constraints, fixed, is_draft } = inputs;
+    let SingleInputs { entry, lens_estimate, constraints, fixed, is_draft, .. } = inputs;
     let is_kept = |&i: &usize| *is_draft || entry.annotations[i].keep;
     let keep: Vec<usize> = (0..entry.annotations.len()).filter(is_kept).collect();
     let options = FitOptions {

@@ -213,12 +213,12 @@ document! {
         /// Standard deviation of the distortion coefficient lambda.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lambda: Option<f64>,
-        /// Standard deviation of the fitted principal point along u, in pixels.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        principal_point_u_px: Option<f64>,
-        /// Standard deviation of the fitted principal point along v, in pixels.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        principal_point_v_px: Option<f64>,
+        /// Standard deviation of the principal point along u, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none", alias = "principal_point_u_px")]
+        cx_px: Option<f64>,
+        /// Standard deviation of the principal point along v, in pixels.
+        #[serde(default, skip_serializing_if = "Option::is_none", alias = "principal_point_v_px")]
+        cy_px: Option<f64>,
         /// Relative standard deviation of floor lengths inside the EFOV.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         floor_length_rel: Option<f64>,

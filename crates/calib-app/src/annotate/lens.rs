@@ -5,7 +5,7 @@ use calib_core::DistortionModel;
 use calib_core::camera::Coefficient;
 
 use calib_editor::{Action, ReplacedImage};
-use calib_site::DistortionEntry;
+use calib_site::{DistortionEntry, PrincipalPointEntry};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
 
 use crate::annotate::{circle, sigmas};
@@ -172,7 +172,9 @@ fn set_source(app: &mut App, to: LensSource) {
                 let zero = DistortionEntry { k1: Some(0.0), k2: Some(0.0), ..bare };
                 // The focal length and the principal point of a fisheye were fitted together with its
                 // coefficients.
-                lens.principal_point_px = wide.map(|lens| lens.principal_point).or(lens.principal_point_px);
+                lens.principal_point_px = wide
+                    .map(|lens| PrincipalPointEntry::known(lens.principal_point))
+                    .or(lens.principal_point_px);
                 let focal_px = wide.map(|lens| lens.focal).or(focal);
                 Some(DistortionEntry { fit: None, focal_px, ..current.unwrap_or(zero) })
             }

@@ -1,9 +1,10 @@
 //! Camera as it enters the adjustment: its initial values, its constraints, and its estimated parameters.
 
-use crate::camera::{Camera, Covariance, ImageCircle, Lens, Pixel, WorldPoint};
+use crate::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use crate::single::{
-    Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, LensResidual, Prior, Priors,
-    Problem, edges, lens_prior, outermost, repeat_counts, slope_prior, weak_prior,
+    Annotation, Constraints, Edge, Fit, FitOptions, FixedParameters, LOG_HEIGHT, LensResidual,
+    PrincipalPointPrior, Prior, Priors, Problem, edges, lens_prior, outermost, repeat_counts, slope_prior,
+    weak_prior,
 };
 
 /// Number of parameters of a camera, including its lens, in the order of [`Covariance`].
@@ -63,8 +64,8 @@ pub struct BundleCamera<'a> {
     pub fixed_pose: FixedPose,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
-    /// Circle of the image that a fisheye lens fills, if known.
-    pub circle: Option<ImageCircle>,
+    /// Prior on the principal point, used if the principal point is estimated.
+    pub principal_point: PrincipalPointPrior,
     /// Fixed values of roll, pitch, focal length and height. A fixed height replaces the height of `camera`.
     /// For the other parameters the values of `camera` are used.
     pub fixed: FixedParameters,
@@ -85,8 +86,8 @@ pub struct BundleCamera<'a> {
     /// lens must not share another camera's lens.
     pub shared_lens: Option<usize>,
     /// Flags of the estimated lens parameters, in the order of [`Lens::PARAMETERS`]. For a shared lens the
-    /// flags of its owner apply. If the own focal length of a wide lens is free, it equals the focal length
-    /// of the camera.
+    /// flags of its owner apply, except for the principal point, which every camera has for itself. If the
+    /// own focal length of a wide lens is free, it equals the focal length of the camera.
     pub free_lens: [bool; Lens::PARAMETERS],
 }
 
@@ -104,7 +105,7 @@ impl<'a> BundleCamera<'a> {
             initial_pose: InitialPose::Unknown,
             fixed_pose: FixedPose::default(),
             size,
-            circle: None,
+            principal_point: PrincipalPointPrior::of_image(size),
             fixed: FixedParameters {
                 roll: Some(camera.roll),
                 pitch: Some(camera.pitch),
@@ -179,8 +180,13 @@ impl<'a> BundleCamera<'a> {
     }
 
     /// Whether lens parameters are estimated.
-    pub(crate) fn fits_distortion(&self) -> bool {
+    pub(crate) fn fits_lens(&self) -> bool {
         self.free_lens.contains(&true)
+    }
+
+    /// Whether lens parameters besides the principal point are estimated.
+    fn fits_distortion(&self) -> bool {
+        self.free_lens[..Lens::CENTRE].contains(&true)
     }
 }
 
@@ -212,7 +218,7 @@ pub(crate) struct View<'a> {
     /// Whether the view shares the floor with the other views of its cluster; otherwise its floor is
     /// separate.
     pub(crate) shares_floor: bool,
-    /// Straight edges of the annotations; empty if the lens is not estimated.
+    /// Straight edges of the annotations; empty if the distortion is not estimated.
     pub(crate) edges: Vec<Edge>,
     /// Number of times that each edge is annotated.
     pub(crate) edge_counts: Vec<f64>,
@@ -220,8 +226,8 @@ pub(crate) struct View<'a> {
     pub(crate) outermost: Option<Pixel>,
     /// Width and height of the image, in pixels.
     pub(crate) size: [f64; 2],
-    /// Circle of the image that a fisheye lens fills, if known.
-    pub(crate) circle: Option<ImageCircle>,
+    /// Prior on the principal point.
+    pub(crate) principal_point: PrincipalPointPrior,
     /// Whether the focal length of a wide lens and the focal length of the camera are one estimated
     /// parameter.
     pub(crate) has_tied_focal: bool,
@@ -240,11 +246,11 @@ impl<'a> View<'a> {
     ) -> Self {
         let stage_1 = entry.stage_1();
         let free = free_parameters(entry, owner, &stage_1, gauge);
-        let fits_lens = owner.fits_distortion();
+        let fits_distortion = owner.fits_distortion();
         // Without a fit the view has no annotations, so no residual depends on a nuisance parameter.
         let unfitted = || vec![0.0; stage_1.nuisances().count()];
         let nuisance = entry.fit.map_or_else(unfitted, |fit| fit.state.nuisance.clone());
-        let edges = if fits_lens { edges(entry.annotations) } else { Vec::new() };
+        let edges = if fits_distortion { edges(entry.annotations) } else { Vec::new() };
         let camera = with_lens_and_height(entry, start, owner);
         let drawn: Vec<Pixel> = entry.annotations.iter().flat_map(Annotation::polylines).flatten().collect();
         View {
@@ -259,7 +265,7 @@ impl<'a> View<'a> {
             edge_counts: repeat_counts(edges.iter()),
             edges,
             size: entry.size,
-            circle: entry.circle,
+            principal_point: entry.principal_point,
             has_tied_focal: owner.has_tied_focal(),
         }
     }
@@ -273,10 +279,17 @@ impl View<'_> {
         })
     }
 
-    /// Returns the residuals of the priors on the free lens parameters.
-    pub(crate) fn lens_prior_residuals(&self, lens: &Lens, free: &[usize]) -> Vec<LensResidual> {
-        let of_slope = slope_prior(lens, self.outermost);
-        lens_prior(lens, (self.size, self.circle), free).into_iter().chain(of_slope).collect()
+    /// Returns the residuals of the priors on the free lens parameters. Views that share the lens of another
+    /// view are not its `is_owner`; they have a prior on the principal point only.
+    pub(crate) fn lens_prior_residuals(
+        &self,
+        lens: &Lens,
+        free: &[usize],
+        is_owner: bool,
+    ) -> Vec<LensResidual> {
+        let free: Vec<usize> = free.iter().copied().filter(|&k| is_owner || k >= Lens::CENTRE).collect();
+        let of_slope = if is_owner { slope_prior(lens, self.outermost) } else { None };
+        lens_prior(lens, self.size, self.principal_point, &free).into_iter().chain(of_slope).collect()
     }
 
     /// Adds the derivatives with respect to the lens parameters to the derivatives with respect to the
@@ -310,7 +323,8 @@ fn free_parameters(
     free[Covariance::PITCH] = entry.fixed.pitch.is_none();
     free[Covariance::ROLL] = entry.fixed.roll.is_none();
     free[Covariance::FOCAL] = owner.fixed.focal.is_none();
-    free[Covariance::LENS..].copy_from_slice(&owner.free_lens);
+    free[Covariance::LENS..Covariance::CENTRE].copy_from_slice(&owner.free_lens[..Lens::CENTRE]);
+    free[Covariance::CENTRE..].copy_from_slice(&entry.free_lens[Lens::CENTRE..]);
     if owner.camera.lens.distortion.is_wide() {
         free[Covariance::LENS + Lens::OWN_FOCAL] = false;
     }

@@ -1,7 +1,7 @@
 //! Parameter blocks: the grouping of parameters into blocks, and their positions in the state.
 //!
-//! A camera has one block of pose, focal length and distortion. A lens that several cameras share has a
-//! separate block. Both kinds of blocks are kept in the reduced system. Directions and lengths of stage 1 are
+//! A camera has one block of pose, focal length and lens. The focal length and distortion that several cameras
+//! share have a separate block. Both kinds of blocks are kept in the reduced system. Directions and lengths of stage 1 are
 //! blocks of one parameter, and landmarks are blocks of up to three parameters. Blocks of directions, lengths
 //! and landmarks are coupled to few cameras and are eliminated (Schur complement). A landmark at the end of a
 //! measured distance is kept, because two eliminated blocks must not share a residual. Planes that views and
@@ -123,7 +123,9 @@ impl LayoutBuilder {
         let count = views.iter().map(|view| view.lens + 1).max().unwrap_or(0);
         let mut users: Vec<Vec<&View>> = vec![Vec::new(); count];
         views.iter().for_each(|view| users[view.lens].push(view));
-        let is_free = |view: &View| view.free[Covariance::FOCAL..].iter().filter(|&&free| free).count();
+        let is_free = |view: &View| {
+            view.free[Covariance::FOCAL..Covariance::CENTRE].iter().filter(|&&free| free).count()
+        };
         users
             .iter()
             .map(|users| match users[..] {
@@ -133,10 +135,10 @@ impl LayoutBuilder {
             .collect()
     }
 
-    /// Allocates the block of a view: its pose, and its lens unless the lens is shared. Returns the position
+    /// Allocates the block of a view: its pose and principal point, and its lens unless the lens is shared. Returns the position
     /// of every camera parameter.
     fn camera(&mut self, free: &[bool; CAMERA_PARAMS], shared_lens: Option<usize>) -> CameraLayout {
-        let is_of_lens = |k: usize| k >= Covariance::FOCAL;
+        let is_of_lens = |k: usize| (Covariance::FOCAL..Covariance::CENTRE).contains(&k);
         let is_own = |k: usize| free[k] && !(shared_lens.is_some() && is_of_lens(k));
         let own = self.block((0..CAMERA_PARAMS).filter(|&k| is_own(k)).count(), true);
         let (mut next, mut next_shared) = (0, 0);

@@ -251,13 +251,10 @@ impl<'a> BundleProblem<'a> {
                 self.sink_view(view, scale * distance, &by, &[], ResidualKind::StraightEdge, sink);
             }
         }
-        // The priors on a shared lens count once.
-        if this.lens == view {
-            for prior in this.lens_prior_residuals(&camera.lens, &free) {
-                let mut by = [0.0; CAMERA_PARAMS];
-                this.add_lens(&mut by, &prior.by);
-                self.sink_view(view, prior.value, &by, &[], ResidualKind::CameraPrior, sink);
-            }
+        for prior in this.lens_prior_residuals(&camera.lens, &free, this.lens == view) {
+            let mut by = [0.0; CAMERA_PARAMS];
+            this.add_lens(&mut by, &prior.by);
+            self.sink_view(view, prior.value, &by, &[], ResidualKind::CameraPrior, sink);
         }
         Some(())
     }

@@ -112,7 +112,7 @@ mod tests {
     use crate::bundle::copies::Copies;
     use crate::bundle::landmark::Observation;
     use crate::camera::{Camera, Lens, Pixel, WorldPoint};
-    use crate::single::{Constraints, FixedParameters, Priors, Problem};
+    use crate::single::{Constraints, FixedParameters, PrincipalPointPrior, Priors, Problem};
 
     static NONE: Constraints = Constraints::EMPTY;
 
@@ -142,7 +142,7 @@ mod tests {
                 edges: Vec::new(),
                 edge_counts: Vec::new(),
                 size: [1920.0, 1080.0],
-                circle: None,
+                principal_point: PrincipalPointPrior::of_image([1920.0, 1080.0]),
                 has_tied_focal: false,
             }
         };

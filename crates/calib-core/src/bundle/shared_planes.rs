@@ -126,8 +126,8 @@ mod tests {
     use crate::camera::{Camera, Distortion, FloorPoint, Lens, Pixel, WorldPoint};
     use crate::optimize::NormalEquations;
     use crate::single::{
-        Annotation, Constraints, Edge, FixedParameters, Kind, Known, PlanePrior, Prior, Priors, Problem,
-        SceneErrors, Source,
+        Annotation, Constraints, Edge, FixedParameters, Kind, Known, PlanePrior, PrincipalPointPrior, Prior,
+        Priors, Problem, SceneErrors, Source,
     };
     use proptest::prelude::*;
 
@@ -253,7 +253,7 @@ mod tests {
                     outermost: is_fisheye.then(|| Pixel::new(1700.0, 900.0)),
                     camera: cameras[index], free, lens: index, annotations: &annotations[index],
                     nuisance: vec![0.0; stage_1.nuisances().count()], stage_1, shares_floor: true, edges: if is_fisheye { edges() } else { Vec::new() },
-                    edge_counts: vec![1.0; 2], size: [1920.0, 1080.0], circle: None, has_tied_focal: is_fisheye,
+                    edge_counts: vec![1.0; 2], size: [1920.0, 1080.0], principal_point: PrincipalPointPrior::of_fisheye([1920.0, 1080.0], None), has_tied_focal: is_fisheye,
                 }
             };
             let distances = vec![DistanceMeasurement::new([0, 1], 2.0, 0.1)];

@@ -259,7 +259,7 @@ fn spread_of_heights(landmarks: &[&Landmark]) -> f64 {
 
 /// Returns the clusters of cameras; every cluster is adjusted as one problem. Cameras are in the same cluster
 /// if they are in one component or share a lens. Unreached and unconnected cameras are included only if they
-/// share a lens or estimate their distortion. Indices are ascending.
+/// share a lens or estimate lens parameters. Indices are ascending.
 pub(crate) fn clusters(
     cameras: &[BundleCamera],
     components: &[Component],
@@ -270,7 +270,7 @@ pub(crate) fn clusters(
     };
     let mut sets: Vec<BTreeSet<usize>> = components.iter().map(reached).collect();
     for (index, camera) in cameras.iter().enumerate() {
-        if camera.shared_lens.is_some() || camera.fits_distortion() {
+        if camera.shared_lens.is_some() || camera.fits_lens() {
             sets.push(BTreeSet::from([index, camera.lens_owner(index)]));
         }
     }

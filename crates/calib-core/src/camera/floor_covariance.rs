@@ -227,7 +227,11 @@ impl<'a> PlaneJacobian<'a> {
         [by[Covariance::YAW], by[Covariance::PITCH], by[Covariance::ROLL]] = self.by_angles();
         by[Covariance::FOCAL] = self.displacement_by_bearing([-x, -y, 0.0]);
         let lens = &self.camera.lens;
-        if lens.distortion != Distortion::None {
+        if lens.distortion == Distortion::None {
+            let [by_u, by_v] = self.by_pixel();
+            let away = |[x, y]: [f64; 2]| [-x, -y];
+            [by[Covariance::CENTRE], by[Covariance::CENTRE + 1]] = [away(by_u), away(by_v)];
+        } else {
             let by_lens = lens.bearing_by_parameters(self.pixel, self.bearing);
             for (by, change) in by[Covariance::LENS..].iter_mut().zip(by_lens) {
                 *by = self.displacement_by_bearing(change.at);
@@ -270,7 +274,7 @@ mod tests {
             slope in [-0.1..0.1_f64, -0.1..0.1_f64], is_level in proptest::bool::ANY,
         ) {
             /// Step of finite differences, in metres and radians. For the focal length it is relative. It is
-            /// also the step of the distortion coefficients.
+            /// also the step of the distortion coefficients, and in pixels of the principal point.
             const STEP: f64 = 1e-5;
             let pixel = Pixel { u, v };
             let slope = if is_level { [0.0; 2] } else { slope };
@@ -288,7 +292,8 @@ mod tests {
                 Ok(())
             };
             let by = here.by_parameters();
-            for index in 0..Covariance::LENS + camera.lens.distortion.names().len() {
+            let of_lens = 0..Covariance::LENS + camera.lens.distortion.names().len();
+            for index in of_lens.chain([Covariance::CENTRE, Covariance::CENTRE + 1]) {
                 let step = if index == Covariance::FOCAL { STEP * camera.focal } else { STEP };
                 let at = |share: f64| point(&camera.nudged(index, share * step), pixel, &plane);
                 let difference = |share: f64| {

@@ -127,8 +127,7 @@ impl Lens {
     }
 
     /// Returns the derivatives of a bearing and of its Jacobian with respect to every lens parameter. The
-    /// third argument is the bearing of `pixel`. The derivatives with respect to focal length and principal
-    /// point are computed for wide lenses only, and zero for others.
+    /// third argument is the bearing of `pixel`. Only wide lenses have a focal length among their parameters.
     pub(crate) fn bearing_by_parameters(
         &self,
         pixel: Pixel,
@@ -142,11 +141,11 @@ impl Lens {
             by.at = [self.focal * x, self.focal * y, w];
             by.jacobian = [u, v, [ahead[0] / self.focal, ahead[1] / self.focal]];
         }
+        let [focal, u, v] = self.bearing_by_scale_and_centre(distorted, ray);
         if self.distortion.is_wide() {
-            let [focal, u, v] = self.bearing_by_scale_and_centre(distorted, ray);
             by[Self::OWN_FOCAL] = focal;
-            [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
         }
+        [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
         by
     }
 
@@ -263,9 +262,12 @@ impl Lens {
         Some((undistorted, jacobian))
     }
 
-    /// Returns the derivatives of [`Self::undistort`] and of its Jacobian with respect to every distortion
-    /// coefficient at `pixel`, whose undistorted pixel is `undistorted`. The entries of the focal length and
-    /// the principal point are zero.
+    /// Returns the derivatives of the undistorted pixel relative to the principal point, and of its Jacobian,
+    /// with respect to every parameter of a lens that is not wide. `undistorted` is the undistorted pixel of
+    /// `pixel`.
+    ///
+    /// With the principal point c, the relative pixel is a function of `pixel - c`. Its derivatives with
+    /// respect to c are the negative derivatives with respect to the pixel.
     pub(crate) fn undistort_by_parameters(
         &self,
         pixel: Pixel,
@@ -276,6 +278,14 @@ impl Lens {
         let coefficients = self.distortion.undistort_by_coefficients(distorted, undistorted);
         for (by, of) in by.iter_mut().zip(coefficients) {
             *by = ByCoefficient { at: of.at.map(|change| self.focal * change), ..of };
+        }
+        let [x, y] = undistorted;
+        let ray = [x, y, 1.0];
+        let [[xu, xv], [yu, yv], _] = self.distortion.ray_jacobian(distorted, ray);
+        let curvature = self.distortion.ray_curvature(distorted, ray);
+        for (axis, at) in [[-xu, -yu], [-xv, -yv]].into_iter().enumerate() {
+            let [u, v, _] = curvature[axis].map(|row| row.map(|by| -by / self.focal));
+            by[Self::CENTRE + axis] = ByCoefficient { at, jacobian: [u, v] };
         }
         by
     }

@@ -40,9 +40,7 @@
 //! the point by (a, b) is `T = t [D(right), D(down)]`. Its quadratic terms cancel:
 //! `T = t^2 / q (M + b K, N - a K)`, with columns M, N and K that are the same for all pixels.
 
-use crate::camera::{
-    BrownConrady, BrownInverse, Camera, Covariance, Distortion, LANES, Pixel, Plane, sin_cos,
-};
+use crate::camera::{BrownConrady, BrownInverse, Camera, Covariance, LANES, Lens, Pixel, Plane, sin_cos};
 
 /// Values of `N` points that are computed together.
 pub(super) type Lanes<const N: usize = LANES> = [f64; N];
@@ -91,11 +89,12 @@ pub(super) struct FlowCovariance {
     with_y: Quadratic,
     /// Coefficients of `along` of the module documentation.
     along: Quadratic,
-    /// Covariance of every lens coefficient with the homography; zeros for coefficients that were not
-    /// estimated.
-    lens_with_pose: [Flow; Distortion::MAX_COEFFICIENTS],
-    /// Covariance of the lens coefficients.
-    lens: [[f64; Distortion::MAX_COEFFICIENTS]; Distortion::MAX_COEFFICIENTS],
+    /// Covariance of every lens parameter with the homography; zeros for parameters that were not estimated.
+    lens_with_pose: [Flow; Lens::PARAMETERS],
+    /// Covariance of the lens parameters.
+    lens: [[f64; Lens::PARAMETERS]; Lens::PARAMETERS],
+    /// Whether the principal point was estimated.
+    has_centre: bool,
 }
 
 /// Coefficients of 1, x, y, xx, xy and yy of a polynomial in x and y.
@@ -157,6 +156,7 @@ impl FlowCovariance {
             along: [along[0], along[1], along[2], 0.5 * of(6, 6), of(6, 7), 0.5 * of(7, 7)],
             lens_with_pose: std::array::from_fn(lens_with_pose),
             lens: std::array::from_fn(|i| std::array::from_fn(|j| lens(i, j))),
+            has_centre: is_estimated(&Covariance::CENTRE) || is_estimated(&(Covariance::CENTRE + 1)),
         }
     }
 
@@ -180,30 +180,28 @@ impl FlowCovariance {
         of
     }
 
-    /// Adds the covariance of the lens coefficients, with each other and with the pose. Every pair of
-    /// different parameters counts twice.
+    /// Adds the covariance of lens parameters, with each other and with the pose. `moves` contains the
+    /// displacement of every point by the parameters `first` and following. Every pair of different
+    /// parameters counts twice.
     #[inline(always)]
-    pub(super) fn add_lens(
+    fn add_lens<const N: usize>(
         &self,
-        to: &mut [Lanes; 3],
-        [at_x, at_y]: [&Lanes; 2],
-        [[xa, xb], [ya, yb]]: &[[Lanes; 2]; 2],
-        changes: &[[Lanes; 2]; Distortion::MAX_COEFFICIENTS],
+        to: &mut [Lanes<N>; 3],
+        [at_x, at_y]: [&Lanes<N>; 2],
+        first: usize,
+        moves: &[[Lanes<N>; 2]],
     ) {
         let [to_xx, to_xy, to_yy] = to;
-        for i in 0..LANES {
-            // A change of a coefficient moves the undistorted point of a fixed raw pixel.
-            let mut moves = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
-            for (moved, [dx, dy]) in moves.iter_mut().zip(changes) {
-                *moved = [-(xa[i] * dx[i] + xb[i] * dy[i]), -(ya[i] * dx[i] + yb[i] * dy[i])];
-            }
-            for first in 0..Distortion::MAX_COEFFICIENTS {
-                let mut with = moved_by(&self.lens_with_pose[first], at_x[i], at_y[i]);
-                for other in first + 1..Distortion::MAX_COEFFICIENTS {
-                    with[0] += self.lens[first][other] * moves[other][0];
-                    with[1] += self.lens[first][other] * moves[other][1];
+        for (one, [move_x, move_y]) in moves.iter().enumerate() {
+            let (with_pose, with_lens) = (&self.lens_with_pose[first + one], &self.lens[first + one]);
+            let own = with_lens[first + one];
+            for i in 0..N {
+                let mut with = moved_by(with_pose, at_x[i], at_y[i]);
+                for (other, [other_x, other_y]) in moves.iter().enumerate().skip(one + 1) {
+                    with[0] += with_lens[first + other] * other_x[i];
+                    with[1] += with_lens[first + other] * other_y[i];
                 }
-                let (own, [x, y]) = (self.lens[first][first], moves[first]);
+                let [x, y] = [move_x[i], move_y[i]];
                 to_xx[i] += x * (own * x + 2.0 * with[0]);
                 to_xy[i] += x * (own * y + with[1]) + y * with[0];
                 to_yy[i] += y * (own * y + 2.0 * with[1]);
@@ -319,7 +317,12 @@ impl<'a> CovarianceLanes<'a> {
         }
         // A closure would be compiled without the vector instructions of the caller.
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
-        [pixel, flow.pose_covariance(&points.x, &points.y)]
+        let mut calibration = flow.pose_covariance(&points.x, &points.y);
+        if flow.has_centre {
+            let by_raw = slopes(&self.minors, &a, &b).at_points(&points.square);
+            flow.add_lens(&mut calibration, [&points.x, &points.y], Lens::CENTRE, &by_raw.by_centre());
+        }
+        [pixel, calibration]
     }
 
     /// Returns the covariances as [`Self::straight`], for a lens with distortion.
@@ -336,24 +339,23 @@ impl<'a> CovarianceLanes<'a> {
         inverse.undistort(&mut x, &mut y);
         let (a, b) = (x.map(|x| lens_focal * x), y.map(|y| lens_focal * y));
         let points = self.points(&a, &b);
-        let mut by_raw = slopes(&self.minors, &a, &b).by_raw(brown, &x, &y);
-        for column in by_raw.0.as_flattened_mut() {
-            for i in 0..LANES {
-                column[i] *= points.square[i];
-            }
-        }
+        let by_raw = slopes(&self.minors, &a, &b).by_raw(brown, &x, &y).at_points(&points.square);
         let pixel = by_raw.times(self.sigma).squared();
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
         let mut calibration = flow.pose_covariance(&points.x, &points.y);
-        let mut changes = [[[0.0; LANES]; 2]; Distortion::MAX_COEFFICIENTS];
+        let mut moves = [[[0.0; LANES]; 2]; Lens::PARAMETERS];
+        let [[xa, xb], [ya, yb]] = by_raw.times(lens_focal).0;
         for i in 0..LANES {
+            // A change of a coefficient moves the undistorted point of a fixed raw pixel.
             let by = brown.distorted_by_coefficients([x[i], y[i]]);
-            for coefficient in 0..Distortion::MAX_COEFFICIENTS {
-                changes[coefficient][0][i] = by[coefficient][0];
-                changes[coefficient][1][i] = by[coefficient][1];
+            for (moved, [dx, dy]) in moves.iter_mut().zip(by) {
+                moved[0][i] = -(xa[i] * dx + xb[i] * dy);
+                moved[1][i] = -(ya[i] * dx + yb[i] * dy);
             }
         }
-        flow.add_lens(&mut calibration, [&points.x, &points.y], &by_raw.times(lens_focal).0, &changes);
+        moves[Lens::CENTRE..].copy_from_slice(&by_raw.by_centre());
+        let moves = if flow.has_centre { &moves[..] } else { &moves[..Lens::CENTRE] };
+        flow.add_lens(&mut calibration, [&points.x, &points.y], 0, moves);
         [pixel, calibration]
     }
 
@@ -399,6 +401,24 @@ fn slopes<const N: usize>([x, y]: &[[f64; 3]; 2], a: &Lanes<N>, b: &Lanes<N>) ->
 }
 
 impl<const N: usize> Slopes<N> {
+    /// Returns T from `T / t^2` and the squares of t.
+    #[inline(always)]
+    fn at_points(mut self, square: &Lanes<N>) -> Self {
+        for column in self.0.as_flattened_mut() {
+            for i in 0..N {
+                column[i] *= square[i];
+            }
+        }
+        self
+    }
+
+    /// Returns the displacements of the points by u and v of the principal point: the negative derivatives
+    /// by the raw pixel.
+    #[inline(always)]
+    fn by_centre(&self) -> [[Lanes<N>; 2]; 2] {
+        [0, 1].map(|k| [0, 1].map(|row: usize| self.0[row][k].map(|by| -by)))
+    }
+
     /// Returns the derivatives multiplied by a factor.
     #[inline(always)]
     fn times(mut self, factor: f64) -> Self {
@@ -462,7 +482,7 @@ mod tests {
         ) {
             /// Standard deviations of the parameters: metres, radians, pixels, coefficients.
             const SIGMAS: [f64; Covariance::SIZE] =
-                [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4, 0.0, 0.0];
+                [0.03, 0.02, 0.05, 0.01, 0.004, 0.003, 9.0, 0.01, 0.008, 0.005, 1e-4, 1e-4, 12.0, 9.0];
             let mut camera = camera;
             for i in 0..Covariance::SIZE {
                 for j in 0..Covariance::SIZE {

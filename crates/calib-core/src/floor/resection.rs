@@ -194,8 +194,8 @@ fn pixel_derivatives(camera: &Camera, points: &[ControlPoint], index: usize) -> 
 }
 
 /// Returns the derivative of the raw pixel (u, v) of a point by one parameter of the camera. By the chain
-/// rule, `d raw = (d raw / d undistorted) d undistorted`. A distortion coefficient changes only the raw
-/// pixel.
+/// rule, `d raw = (d raw / d undistorted) d undistorted`. A distortion coefficient and the
+/// principal point change only the raw pixel.
 fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Option<[f64; 2]> {
     let lens = &pose.camera.lens;
     if lens.distortion.is_wide() {
@@ -207,7 +207,10 @@ fn pixel_derivative(pose: &PosedCamera, world: WorldPoint, index: usize) -> Opti
     lens.distort(straight)?;
     let (jacobian, by_lens) = lens.distort_derivatives(straight);
     if let Some(coefficient) = index.checked_sub(Covariance::LENS) {
-        return by_lens.get(coefficient).copied();
+        // The principal point moves the whole image.
+        let by_centre = |axis: usize| [0, 1].map(|row| f64::from(u8::from(row == axis)));
+        let of_centre = || coefficient.checked_sub(Lens::CENTRE).map(by_centre);
+        return by_lens.get(coefficient).copied().or_else(of_centre);
     }
     // `d_camera` contains the derivative by the log of the focal length.
     let scale = if index == Covariance::FOCAL { pose.camera.focal.recip() } else { 1.0 };

@@ -5,7 +5,7 @@
 //!
 //! The priors are normal distributions. They apply to the coefficients of the Brown-Conrady model, with
 //! coordinates divided by half the image diagonal. They also apply to the coefficients of the Kannala-Brandt
-//! model, and to its principal point if it is free.
+//! model, and to the principal point if it is free.
 //!
 //! Published calibrations of cameras from 45 to 100 degrees (KITTI, `EuRoC`, TUM RGB-D, MEVA, the samples of
 //! `OpenCV`) have k1 between -0.27 and 0.16. For barrel distortion k2 is within 0.1 of k1 squared, and |p1|,
@@ -26,7 +26,7 @@ use crate::camera::{
 };
 use crate::optimize::{LeastSquares, least_squares_unless};
 use crate::single::constraints::Source;
-use crate::single::parameters::FittedCoefficients;
+use crate::single::parameters::{FittedCoefficients, PrincipalPointPrior};
 use crate::single::straightness::{
     Edge, outermost, straightness_in_charts_of, straightness_with_jacobian, uninformative,
 };
@@ -51,14 +51,6 @@ const FISHEYE_SIGMAS: [f64; 4] = [0.07, 0.03, 0.01, 0.003];
 /// edges there.
 const FISHEYE_LOG_SLOPE_SIGMA: f64 = 0.6;
 
-/// Standard deviation of the principal point from the image centre, as a fraction of the image diagonal.
-/// Sensors of small fisheyes are some percent off the lens axis.
-const CENTRE_SIGMA_PER_DIAGONAL: f64 = 0.02;
-
-/// Standard deviation of the principal point from the centre of the image circle, as a fraction of its
-/// radius. The rim is produced by a stop or the mount, which is slightly off the lens axis.
-const CENTRE_SIGMA_PER_RADIUS: f64 = 0.01;
-
 /// Residual of a prior on a lens, `(value - expected) / sigma`, with its derivatives by the parameters of the
 /// lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,17 +63,34 @@ pub(crate) struct LensResidual {
     pub(crate) sigma: f64,
 }
 
-/// Returns the prior residuals of the fitted parameters, given by their indices; the division model has none.
+/// Returns the prior residuals of the fitted parameters, given by their indices.
+///
+/// The coefficients of the division model and the focal length of a fisheye have no prior.
 pub(crate) fn lens_prior(
     lens: &Lens,
-    (size, circle): ([f64; 2], Option<ImageCircle>),
+    size: [f64; 2],
+    centre: PrincipalPointPrior,
     fitted: &[usize],
 ) -> Vec<LensResidual> {
+    let is_centre = |index: &&usize| **index >= Lens::CENTRE;
+    let of_centre = fitted.iter().filter(is_centre).map(|&index| {
+        let at = lens.principal_point;
+        let off = if index == Lens::CENTRE { at.u - centre.value.u } else { at.v - centre.value.v };
+        let mut by = [0.0; Lens::PARAMETERS];
+        by[index] = centre.sigma.recip();
+        LensResidual { value: off / centre.sigma, by, sigma: centre.sigma }
+    });
+    let coefficients: Vec<usize> = fitted.iter().filter(|index| !is_centre(index)).copied().collect();
+    let mut residuals = coefficient_prior(lens, size, &coefficients);
+    residuals.extend(of_centre);
+    residuals
+}
+
+/// Returns the prior residuals of the fitted distortion coefficients, given by their indices.
+fn coefficient_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<LensResidual> {
     let brown = match lens.distortion {
         Distortion::BrownConrady(brown) => brown,
-        Distortion::KannalaBrandt { k } => {
-            return fisheye_prior(&k, lens.principal_point, centre_prior(size, circle), fitted);
-        }
+        Distortion::KannalaBrandt { k } => return fisheye_prior(&k, fitted),
         _ => return Vec::new(),
     };
     let row = DistortionModel::BrownConrady.row();
@@ -111,34 +120,16 @@ pub(crate) fn lens_prior(
     fitted.iter().map(residual).collect()
 }
 
-/// Returns the expected principal point of a fisheye and its standard deviation, in pixels.
-fn centre_prior([w, h]: [f64; 2], circle: Option<ImageCircle>) -> (Pixel, f64) {
-    let of_image = || (Pixel::new(0.5 * w, 0.5 * h), CENTRE_SIGMA_PER_DIAGONAL * w.hypot(h));
-    circle.map_or_else(of_image, |circle| (circle.centre(), CENTRE_SIGMA_PER_RADIUS * circle.radius))
-}
-
-/// Returns the prior residuals of a fisheye: coefficients near the equidistant model, principal point near
-/// its expected position.
-fn fisheye_prior(
-    k: &[f64; 4],
-    centre: Pixel,
-    (believed, of_centre): (Pixel, f64),
-    fitted: &[usize],
-) -> Vec<LensResidual> {
+/// Returns the prior residuals of the coefficients of a fisheye, which are near those of the equidistant model.
+fn fisheye_prior(k: &[f64; 4], fitted: &[usize]) -> Vec<LensResidual> {
+    let coefficients = fitted.iter().filter(|&&index| index < FISHEYE_SIGMAS.len());
     let residual = |&index: &usize| {
-        let (off, sigma) = match index {
-            Lens::OWN_FOCAL => return None,
-            Lens::CENTRE => (centre.u - believed.u, of_centre),
-            coefficient if coefficient < FISHEYE_SIGMAS.len() => {
-                (k[coefficient], FISHEYE_SIGMAS[coefficient])
-            }
-            _ => (centre.v - believed.v, of_centre),
-        };
+        let sigma = FISHEYE_SIGMAS[index];
         let mut by = [0.0; Lens::PARAMETERS];
         by[index] = sigma.recip();
-        Some(LensResidual { value: off / sigma, by, sigma })
+        LensResidual { value: k[index] / sigma, by, sigma }
     };
-    fitted.iter().filter_map(residual).collect()
+    coefficients.map(residual).collect()
 }
 
 /// Returns the prior residual of the slope of a fisheye at its outermost annotated point.
@@ -224,7 +215,8 @@ impl LensProblem<'_> {
         let (lens, fitted) = (self.lens(values), &self.indices()[..values.len()]);
         let drawn = self.edges.iter().flat_map(|edge| &edge.points);
         let of_slope = slope_prior(&lens, outermost(drawn, self.principal_point));
-        lens_prior(&lens, (self.size, self.circle), fitted).into_iter().chain(of_slope).collect()
+        let centre = PrincipalPointPrior::of_fisheye(self.size, self.circle);
+        lens_prior(&lens, self.size, centre, fitted).into_iter().chain(of_slope).collect()
     }
 
     /// Returns residuals and Jacobian in pixels, the priors last. The straight line of every edge is
@@ -517,12 +509,14 @@ mod tests {
             const STEP: f64 = 1e-6;
             let brown = BrownConrady { k1: k[0], k2: k[1], k3: k[2], p1: p[0], p2: p[1] };
             let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion: Distortion::BrownConrady(brown), image_circle: None };
-            let all = [0, 1, 2, 3, 4];
+            let all = [0, 1, 2, 3, 4, 5, 6];
             let size = [1920.0, 1080.0];
-            let here = lens_prior(&lens, (size, None), &all);
-            prop_assert_eq!(here.len(), 5);
+            let centre = PrincipalPointPrior::of_image(size);
+            let prior = |lens: &Lens| lens_prior(lens, size, centre, &all);
+            let here = prior(&lens);
+            prop_assert_eq!(here.len(), 7);
             for k in all {
-                let (ahead, behind) = (lens_prior(&lens.nudged(k, STEP), (size, None), &all), lens_prior(&lens.nudged(k, -STEP), (size, None), &all));
+                let (ahead, behind) = (prior(&lens.nudged(k, STEP)), prior(&lens.nudged(k, -STEP)));
                 for (i, residual) in here.iter().enumerate() {
                     let numeric = (ahead[i].value - behind[i].value) / (2.0 * STEP);
                     prop_assert!((numeric - residual.by[k]).abs() < 1e-3 * (1.0 + residual.by[k].abs()), "{i} by {k}: {numeric} {:?}", residual.by);

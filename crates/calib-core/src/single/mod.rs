@@ -69,7 +69,9 @@ pub use outliers::{contradictory_uprights, is_inconsistent};
 pub(crate) use outliers::{inflation, is_significant, student_factor};
 pub(crate) use overlaps::is_repeat_of;
 pub use overlaps::{MAX_OVERLAP_DISTANCE_PX, Repeats};
-pub use parameters::{FittedCoefficients, FixedParameters, Orientation, PlanePrior, Prior, Priors};
+pub use parameters::{
+    FittedCoefficients, FixedParameters, Orientation, PlanePrior, PrincipalPointPrior, Prior, Priors,
+};
 pub use plumb_line::{LensFit, LensOptions};
 pub use point_fit::{PointFit, PointFitOptions};
 pub(crate) use prediction::predictable;

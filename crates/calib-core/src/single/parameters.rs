@@ -1,7 +1,7 @@
 //! Parameters of one camera: orientation, fixed values, normal priors, priors on planes, and the choice of
 //! distortion coefficients.
 
-use crate::camera::{Distortion, DistortionModel, Plane};
+use crate::camera::{Distortion, DistortionModel, ImageCircle, Pixel, Plane};
 
 /// Plane of the scene, with the uncertainty of its height and slope.
 #[derive(Clone, Debug, PartialEq)]
@@ -157,4 +157,50 @@ pub struct Priors {
     /// Weak prior on the log of the focal length in pixels, used if the constraints contain little
     /// information about it.
     pub weak_log_focal: Option<Prior>,
+}
+
+/// Standard deviation of the principal point of a fisheye from the image centre, as a fraction of the image
+/// diagonal. Sensors of small fisheyes are some percent off the lens axis.
+const FISHEYE_SIGMA_PER_DIAGONAL: f64 = 0.02;
+
+/// Standard deviation of the principal point of a fisheye from the centre of the image circle, as a fraction
+/// of its radius. The rim is produced by a stop or the mount, which is slightly off the lens axis.
+const FISHEYE_SIGMA_PER_RADIUS: f64 = 0.01;
+
+/// Standard deviation of each coordinate of the principal point from the image centre, as a fraction of the
+/// longer side of the image.
+///
+/// Restricted maximum likelihood over 639 photographs of rooms with annotated lines, with the principal point
+/// integrated out, is best at 2.0 to 2.3 %. Published calibrations of three cameras are off by 1.7 %, 1.8 %
+/// and 2.8 % per coordinate.
+const SIGMA_PER_SIDE: f64 = 0.022;
+
+/// Normal prior on the principal point; both coordinates have the same standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PrincipalPointPrior {
+    /// Expected principal point, in raw pixels.
+    pub value: Pixel,
+    /// Standard deviation of each coordinate, in pixels.
+    pub sigma: f64,
+}
+
+impl PrincipalPointPrior {
+    /// Returns the prior for a camera about which nothing is known except its image size: the principal point
+    /// is near the image centre.
+    #[must_use]
+    pub fn of_image([w, h]: [f64; 2]) -> Self {
+        Self { value: Pixel::new(0.5 * w, 0.5 * h), sigma: SIGMA_PER_SIDE * w.max(h) }
+    }
+
+    /// Returns the prior for a fisheye: the principal point is near the centre of its image circle, or without
+    /// a known circle near the image centre.
+    #[must_use]
+    pub fn of_fisheye([w, h]: [f64; 2], circle: Option<ImageCircle>) -> Self {
+        match circle {
+            Some(circle) => Self { value: circle.centre(), sigma: FISHEYE_SIGMA_PER_RADIUS * circle.radius },
+            None => {
+                Self { value: Pixel::new(0.5 * w, 0.5 * h), sigma: FISHEYE_SIGMA_PER_DIAGONAL * w.hypot(h) }
+            }
+        }
+    }
 }

@@ -10,7 +10,7 @@
 //! operator.
 
 use calib_core::{Annotation, Kind, Lens, Pixel, UndistortedPixel};
-use calib_site::{DistortionEntry, LensEntry, Options, Site, SiteCamera, Solution};
+use calib_site::{DistortionEntry, LensEntry, Options, PrincipalPointEntry, Site, SiteCamera, Solution};
 use nalgebra::DMatrix;
 
 use super::join::Line;
@@ -149,7 +149,8 @@ pub(super) fn stroke(line: &Line, lens: &Lens) -> Vec<Pixel> {
 /// Creates the camera entry of a site file from an image size, in pixels, a lens and annotations.
 pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera {
     let centre = Pixel::new(0.5 * f64::from(size[0]), 0.5 * f64::from(size[1]));
-    let principal_point_px = Some(lens.principal_point).filter(|point| *point != centre);
+    let principal_point_px =
+        Some(lens.principal_point).filter(|point| *point != centre).map(PrincipalPointEntry::known);
     let distortion = DistortionEntry::from_lens(lens, lens.focal);
     let distortion = distortion.map(|entry| DistortionEntry { focal_px: Some(lens.focal), ..entry });
     let lens = LensEntry { principal_point_px, distortion, ..LensEntry::default() };

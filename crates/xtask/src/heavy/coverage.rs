@@ -28,10 +28,14 @@ pub(crate) fn run() -> anyhow::Result<()> {
         return Ok(());
     }
     let road = real.join("road");
-    let rooms = solved(&real.join("rooms/rooms.json"))?;
+    let rooms = read_site(&real.join("rooms/rooms.json"))?;
+    let unknown_centre = solved(&without_principal_points(&rooms));
+    let rooms = solved(&rooms);
     let sets = [
         focals("rooms: focal length", &rooms, |_| true),
         focals("rooms, focal length well determined", &rooms, determines_focal),
+        focals("rooms, principal point unknown", &unknown_centre, |_| true),
+        focals("rooms, principal point unknown, well determined", &unknown_centre, determines_focal),
         roads("motorways: ratios of distances", &road, &["s1_center.json", "s1_right.json"])?,
         roads("motorways, two cameras refined jointly", &road, &["joint_s1.json"])?,
     ];
@@ -86,9 +90,21 @@ fn normal_quantile(probability: f64) -> f64 {
     t - above / below
 }
 
-fn solved(path: &std::path::Path) -> anyhow::Result<Site> {
-    let site = Site::from_json(&std::fs::read_to_string(path)?)?;
-    Ok(site.calibrate(&Options::default()).write_into(&site))
+fn read_site(path: &std::path::Path) -> anyhow::Result<Site> {
+    Ok(Site::from_json(&std::fs::read_to_string(path)?)?)
+}
+
+fn solved(site: &Site) -> Site {
+    site.calibrate(&Options::default()).write_into(site)
+}
+
+/// Returns the site without the entered principal points, as if nobody knew them.
+fn without_principal_points(site: &Site) -> Site {
+    let mut unknown = site.clone();
+    for lens in unknown.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()) {
+        lens.principal_point_px = None;
+    }
+    unknown
 }
 
 /// Computes the focal length errors on photographs of rooms with manually annotated lines. The reference is a
@@ -176,7 +192,7 @@ fn roads(name: &'static str, folder: &std::path::Path, files: &[&str]) -> anyhow
     let truth: Value = serde_json::from_str(&std::fs::read_to_string(folder.join("truth.json"))?)?;
     let mut each = Vec::new();
     for file in files {
-        let site = solved(&folder.join(file))?;
+        let site = solved(&read_site(&folder.join(file))?);
         for entry in &site.cameras {
             let measured = truth["distances"][&entry.id].as_array().into_iter().flatten();
             let Some(camera) = entry.solution.as_ref().and_then(|solution| solution.camera()) else {

@@ -28,7 +28,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model};
+use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model, RayCurvature};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
 use crate::camera::numerics::{OddPolynomial, hypot, positive_roots, sin_cos};
 
@@ -239,6 +239,18 @@ impl Model for BrownConrady {
 
     fn undistort_jacobian(&self, _: [f64; 2], undistorted: [f64; 2]) -> Matrix2 {
         inverse(self.jacobian(undistorted))
+    }
+
+    /// By the implicit function theorem, `d A^-1 / d v = -A^-1 (d A / d u) A^-1 A^-1` (see the module
+    /// documentation for the symbols).
+    fn ray_curvature(&self, _: [f64; 2], [x, y, _]: [f64; 3]) -> RayCurvature {
+        let by_distorted = inverse(self.jacobian([x, y]));
+        let by_point = self.jacobian_by_point([x, y]);
+        [0, 1].map(|k| {
+            let change = |i: usize| by_point[0][i] * by_distorted[0][k] + by_point[1][i] * by_distorted[1][k];
+            let [u, v] = negated_triple_product(by_distorted, std::array::from_fn(change));
+            [u, v, [0.0; 2]]
+        })
     }
 
     fn undistort_by_coefficients(&self, _: [f64; 2], undistorted: [f64; 2]) -> ByCoefficients {

@@ -5,7 +5,7 @@
 //! In the other direction, an undistorted point x with the radius s has the distorted point
 //! `x' = 2 x / (1 + q)` with `q = sqrt(1 - 4 lambda s^2)`. All coordinates are divided by the focal length.
 
-use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model};
+use crate::camera::distortion::model::{ByCoefficient, ByCoefficients, Matrix2, Model, RayCurvature};
 use crate::camera::distortion::{Coefficient, Distortion, DistortionModel, ModelRow};
 
 /// Table entry of the division model in [`MODELS`](super::MODELS).
@@ -84,6 +84,21 @@ impl Model for Division {
         let cross = -2.0 * self.lambda * x * y / square;
         let along = |c: f64| 1.0 / divisor - 2.0 * self.lambda * c * c / square;
         [[along(x), cross], [cross, along(y)]]
+    }
+
+    /// Differentiates the Jacobian `I / D - 2 lambda p p^T / D^2`, where p is the distorted point.
+    fn ray_curvature(&self, point: [f64; 2], _: [f64; 3]) -> RayCurvature {
+        let [x, y] = point;
+        let divisor = 1.0 + self.lambda * (x * x + y * y);
+        let by_square = -2.0 * self.lambda / (divisor * divisor);
+        [0, 1].map(|k| {
+            let entry = |i: usize, j: usize| {
+                let [same, of_i, of_j] = [i == j, i == k, j == k].map(|is| f64::from(u8::from(is)));
+                let bend = -4.0 * self.lambda * point[k] * point[i] * point[j] / divisor;
+                by_square * (same * point[k] + of_i * point[j] + of_j * point[i] + bend)
+            };
+            [[entry(0, 0), entry(0, 1)], [entry(1, 0), entry(1, 1)], [0.0; 2]]
+        })
     }
 
     fn undistort_by_coefficients(&self, [x, y]: [f64; 2], _: [f64; 2]) -> ByCoefficients {

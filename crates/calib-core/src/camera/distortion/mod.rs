@@ -320,7 +320,7 @@ impl Distortion {
     }
 
     /// Returns the derivatives of [`Self::ray_jacobian`] with respect to the distorted point `distorted`,
-    /// whose ray is `ray`. For lenses that are not wide, the result is zero and must not be used.
+    /// whose ray is `ray`.
     pub(crate) fn ray_curvature(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayCurvature {
         self.with_model(|model| model.ray_curvature(distorted, ray)).unwrap_or_default()
     }

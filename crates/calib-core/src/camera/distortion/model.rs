@@ -83,10 +83,8 @@ pub(crate) trait Model {
     }
 
     /// Returns the derivatives of [`Self::ray_jacobian`] with respect to the distorted point, which has the
-    /// given ray. Models that are not wide return zeros, because no caller needs their values.
-    fn ray_curvature(&self, _distorted: [f64; 2], _ray: [f64; 3]) -> RayCurvature {
-        RayCurvature::default()
-    }
+    /// given ray.
+    fn ray_curvature(&self, distorted: [f64; 2], ray: [f64; 3]) -> RayCurvature;
 
     /// Returns the derivatives of the ray and of [`Self::ray_jacobian`] with respect to every coefficient, at
     /// the fixed distorted point `distorted`.
