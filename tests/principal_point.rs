@@ -1,8 +1,10 @@
 //! The principal point as an unknown with a prior: coverage of the intervals, and the cost of not knowing it.
 
-use calib_core::camera::{Covariance, Pixel};
+use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
+use calib_core::outcome::Code;
+use calib_core::single::{Annotation, Kind};
 use calib_demo::random::{AnnotationSet, RandomScene, normal};
-use calib_site::{LensEntry, Options, PrincipalPointEntry, SceneEntry, Site, SiteCamera};
+use calib_site::{LensEntry, Options, PrincipalPointEntry, SceneEntry, Site, SiteCamera, Solution};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -127,4 +129,84 @@ fn entry_of_the_principal_point_survives_the_file() {
         let error = Site::from_json(&text.replace("[321.5, 240]", wrong)).unwrap_err().to_string();
         assert!(error.contains(part), "{wrong}: {error}");
     }
+}
+
+/// Returns the site of a camera with this principal point. It sees six verticals and five floor lines in each of
+/// two directions at right angles, drawn with half a pixel of noise.
+fn hall(principal_point: Pixel, size: [u32; 2]) -> Site {
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, 4.0),
+        yaw: 0.0,
+        pitch: 28_f64.to_radians(),
+        roll: 1.5_f64.to_radians(),
+        focal: 1100.0,
+        lens: Lens::pinhole(principal_point),
+        covariance: Covariance::EXACT,
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(41);
+    let mut line = |ends: [[f64; 3]; 2]| -> Vec<Pixel> {
+        let seen = ends.map(|[x, y, z]| camera.world_to_pixel(WorldPoint::new(x, y, z)).unwrap_or_default());
+        let noisy = seen.map(|at| [at.u, at.v].map(|c| c + 0.5 * normal(&mut random)));
+        noisy.map(Pixel::from).to_vec()
+    };
+    let places = [-2.4, -1.2, 0.0, 1.2, 2.4];
+    let verticals = [(-3.0, 9.0), (-1.0, 10.0), (1.0, 8.0), (3.0, 9.0), (-2.0, 6.0), (2.0, 6.0)]
+        .map(|(x, y)| line([[x, y, 0.0], [x, y, 2.0]]));
+    let along = places.map(|x| line([[x - 1.0, 5.0, 0.0], [x + 2.0, 10.0, 0.0]]));
+    let across = places.map(|y| line([[-3.0, 8.5 + y, 0.0], [3.0, 4.9 + y, 0.0]]));
+    let parallel = |id: &str, lines: [Vec<Pixel>; 5]| Annotation {
+        id: Some(id.into()),
+        ..Annotation::from_segments(Kind::Parallel, lines.to_vec())
+    };
+    let annotations = vec![
+        Annotation::from_segments(Kind::Vertical, verticals.to_vec()),
+        parallel("along", along),
+        Annotation { at_right_angles_to: Some("along".into()), ..parallel("across", across) },
+    ];
+    Site { cameras: vec![SiteCamera { annotations, ..SiteCamera::new("hall", size) }], ..Site::new() }
+}
+
+fn solve(site: &Site) -> Solution {
+    let solved = site.calibrate(&Options::default()).cameras.remove(0).1;
+    solved.unwrap_or_else(|failure| panic!("{}", failure.message))
+}
+
+fn messages(solution: &Solution, code: Code) -> Vec<&str> {
+    let of_code = solution.warnings.iter().filter(|warning| warning.code == code);
+    of_code.map(|warning| warning.message.as_str()).collect()
+}
+
+#[test]
+fn principal_point_of_a_cropped_image_is_found_and_reported() {
+    for at in [Pixel::new(300.0, 700.0), Pixel::new(1500.0, 300.0), Pixel::new(960.0, 1100.0)] {
+        let solution = solve(&hall(at, SIZE));
+        let sigma = solution.sigma.as_ref().unwrap();
+        let sigmas = [sigma.cx_px.unwrap(), sigma.cy_px.unwrap(), sigma.focal_px.unwrap()];
+        let found = solution.principal_point_px;
+        let off = [found.u - at.u, found.v - at.v, solution.focal_px - 1100.0];
+        assert!((0..3).all(|k| off[k].abs() < 3.0 * sigmas[k]), "{at:?}: {off:?} {sigmas:?}");
+        assert!(messages(&solution, Code::PrincipalPoint)[0].contains("cropped"), "{:?}", solution.warnings);
+        assert!(
+            messages(&solution, Code::Misfit).is_empty() && messages(&solution, Code::Outlier).is_empty()
+        );
+    }
+    let centred = solve(&hall(Pixel::new(975.0, 530.0), SIZE));
+    assert!(messages(&centred, Code::PrincipalPoint).is_empty(), "{:?}", centred.warnings);
+}
+
+#[test]
+fn exchanged_coordinates_of_the_principal_point_are_named() {
+    let truth = Pixel::new(1232.0, 1024.0);
+    let mut site = hall(truth, [2464, 2048]);
+    let mut solution_with = |u: f64, v: f64| {
+        let lens = site.cameras[0].lens.get_or_insert_default();
+        lens.principal_point_px = Some(PrincipalPointEntry::known(Pixel::new(u, v)));
+        solve(&site)
+    };
+    let exchanged = solution_with(1024.0, 1232.0);
+    assert!(!messages(&exchanged, Code::Misfit).is_empty(), "the entered value is used");
+    assert!(messages(&exchanged, Code::PrincipalPoint)[0].contains("exchanged"), "{:?}", exchanged.warnings);
+    let halved = solution_with(616.0, 512.0);
+    assert!(!messages(&halved, Code::PrincipalPoint)[0].contains("exchanged"), "{:?}", halved.warnings);
+    assert!(messages(&solution_with(1232.0, 1024.0), Code::PrincipalPoint).is_empty());
 }

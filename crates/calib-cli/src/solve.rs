@@ -271,6 +271,15 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     if reports.iter().any(is_assumed) {
         let _ = writeln!(out, "{ASSUMED_MARK} assumed height; the \u{b1} of the floor excludes the scale.");
     }
+    let has_centre = |report: &CameraReport| {
+        let sigma = report.camera.solution.as_ref().and_then(|solution| solution.sigma.as_ref());
+        sigma.is_some_and(|sigma| sigma.cx_px.is_some())
+    };
+    if reports.iter().any(has_centre) {
+        out.push_str(
+            "The \u{b1} include an unknown principal point. To reduce them, enter lens.principal_point_px or draw a third direction.\n",
+        );
+    }
     for CameraReport { camera, .. } in reports {
         if let Some(down) = camera.solution.as_ref().and_then(straight_down_text) {
             let _ = writeln!(out, "{:width$}  {down}", camera.id);

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use calib_core::{Residual, ResidualOf};
+use calib_core::{Pixel, Residual, ResidualOf};
 
 use calib_core::single::line_name;
 
-use calib_site::{Site, SiteCamera, Solution, Stage};
+use calib_site::{Sigmas, Site, SiteCamera, Solution, Stage};
 
 use crate::frame::{PAGE_END, page_start};
 use crate::overlay::overlay;
@@ -203,6 +203,14 @@ fn write_details(html: &mut String, site: &Site, camera: &SiteCamera, solution: 
             html,
             "<p class=\"note\">Another solution fits equally well: focal length {:.0} px, field of view {:.0}\u{b0}, pitch {:.1}\u{b0} (chi-square {:.1}).</p>",
             other.focal_px, other.hfov_deg, other.pitch_deg, other.chi2
+        );
+    }
+    if let Some(Sigmas { cx_px: Some(cx), cy_px: Some(cy), .. }) = solution.sigma {
+        let Pixel { u, v } = solution.principal_point_px;
+        let _ = writeln!(
+            html,
+            "<p class=dim>Principal point ({u:.0} \u{b1} {cx:.0}, {v:.0} \u{b1} {cy:.0}) px, estimated. \
+             The \u{b1} of focal length, pitch and heights include it.</p>"
         );
     }
     if !camera.annotations.is_empty() {

@@ -12,6 +12,7 @@ use crate::options::Options;
 use crate::placement_step::placed_uncertainty;
 use crate::points_outside::SharedObservations;
 use crate::points_step::{Explanation, UsedPoints, is_possible};
+use crate::principal_point::PrincipalPointEntry;
 use crate::quality::is_recomputed;
 use crate::scene::PlaneSolution;
 use crate::shared_lenses::SharedLenses;
@@ -19,12 +20,12 @@ use crate::single_step::{LensOwners, SharedInputs, SingleFit, residual_entries, 
 use crate::site_solution::{ElementSolution, SiteSolution};
 use crate::solution::{DistortionEntry, FailureEntry, Method, Solution, Stage};
 use calib_core::bundle::{CameraEstimate, PlaneEstimate};
-use calib_core::camera::{Camera, Covariance, Distortion, FloorPoint, Lens, Plane};
+use calib_core::camera::{Camera, Covariance, Distortion, FloorPoint, Lens, Pixel, Plane};
 use calib_core::floor::{default_efov, efov_on_plane};
 use calib_core::outcome::{Code, Failure, Finding, ResidualOf, SharedEvidence};
 use calib_core::single::{
-    Constraints, FixedParameters, InvalidSegment, MAX_LOG_FOCAL_SIGMA, PlanePrior, Priors,
-    contradictory_uprights, is_inconsistent,
+    Constraints, FixedParameters, InvalidSegment, MAX_LOG_FOCAL_SIGMA, PlanePrior, PrincipalPointPrior,
+    Priors, SceneErrors, contradictory_uprights, is_inconsistent,
 };
 
 /// Result of a calibration.
@@ -150,46 +151,90 @@ impl Site {
             _ => self.fit_single(camera, options, None, others),
         };
         let mut single_fits: Vec<Result<SingleFit, Failure>> = entries.iter().map(first).collect();
-        let has_draft = single_fits.iter().flatten().any(SingleFit::fits_lens);
-        if !has_draft || options.method == Method::Paper {
+        if options.method == Method::Paper {
             return single_fits;
         }
-        let drafts = refine_lenses(entries, &single_fits, self.plane_priors());
-        for (index, draft) in drafts.cameras.iter().enumerate() {
-            let own = single_fits[index].as_ref().ok().filter(|first| first.fit.is_some());
-            if let (Some(draft), Some(own)) = (draft, own) {
-                let better = (&own.lens_estimate, &draft.camera);
-                let refitted = self.fit_single(entries[index], options, Some(better), others);
-                let has_outliers = refitted.as_ref().is_ok_and(SingleFit::has_outliers);
-                let without =
-                    has_outliers.then(|| self.fit_without_outliers(entries[index], options, others));
-                single_fits[index] = without.flatten().map_or(refitted, Ok);
+        if single_fits.iter().flatten().any(SingleFit::fits_lens) {
+            let drafts = refine_lenses(entries, &single_fits, self.plane_priors());
+            for (index, draft) in drafts.cameras.iter().enumerate() {
+                let own = single_fits[index].as_ref().ok().filter(|first| first.fit.is_some());
+                if let (Some(draft), Some(own)) = (draft, own) {
+                    let better = (&own.lens_estimate, &draft.camera);
+                    single_fits[index] = self.fit_single(entries[index], options, Some(better), others);
+                }
             }
         }
-        single_fits
+        let best = |(fit, entry)| self.with_best_centre(entry, fit, options, others);
+        single_fits.into_iter().zip(entries.iter().copied()).map(best).collect()
     }
 
-    /// Fits a camera whose lines seem to have outliers with all lines, if another principal point explains
-    /// them all. `None` if it does not.
+    /// Returns the fit of a camera, or a better one at another principal point, if the lines contradict each
+    /// other at this one.
     ///
     /// Lines are rejected at a fixed principal point. If it is far off, correct lines contradict each other.
+    /// Therefore all lines are tried together, first near the image centre, then for a cropped image. An
+    /// entered principal point is kept, but another one that explains the lines is reported.
+    fn with_best_centre(
+        &self,
+        entry: &SiteCamera,
+        fit: Result<SingleFit, Failure>,
+        options: &Options,
+        others: SharedInputs,
+    ) -> Result<SingleFit, Failure> {
+        let fit = fit?;
+        let has_doubts = fit.has_outliers() || fit.fit.as_ref().is_some_and(|fit| fit.is_misfit);
+        let is_wide = fit.lens_estimate.lens.distortion.is_wide();
+        let entered = entry.lens.as_ref().and_then(|lens| lens.principal_point_px);
+        let is_exact = entered.is_none() && self.scene_errors(entry) == SceneErrors::EXACT;
+        if !has_doubts || is_wide || is_exact || entry.is_given() {
+            return Ok(fit);
+        }
+        let centred = PrincipalPointPrior::of_image(entry.size());
+        let fitted_near = |prior: PrincipalPointPrior| {
+            let is_crop = prior != centred;
+            let (found, camera) = self.fit_without_outliers(entry, prior, options, others)?;
+            let [u, v] = [0, 1].map(|axis| camera.covariance.sigma(Covariance::CENTRE + axis));
+            // The lines must determine the principal point of a crop themselves.
+            let is_sharp = |sigma: Option<f64>| sigma.is_some_and(|sigma| sigma < centred.sigma);
+            (!is_crop || is_sharp(u) && is_sharp(v)).then_some((found, camera.lens.principal_point))
+        };
+        let crop = PrincipalPointPrior::of_crop(entry.size());
+        match entered {
+            Some(PrincipalPointEntry { value, sigma: None }) => {
+                let other = [centred, crop].into_iter().find_map(fitted_near);
+                let other_centre = other.map(|(_, at)| at).filter(|at| at.distance(value) > centred.sigma);
+                Ok(SingleFit { other_centre, ..fit })
+            }
+            Some(PrincipalPointEntry { value, sigma: Some(sigma) }) => {
+                Ok(fitted_near(PrincipalPointPrior { value, sigma }).map_or(fit, |(found, _)| found))
+            }
+            None => Ok([centred, crop].into_iter().find_map(fitted_near).map_or(fit, |(found, _)| found)),
+        }
+    }
+
+    /// Fits a camera with this prior on its principal point, and rejects no line before the principal point is
+    /// estimated. `None` if the lines still contradict each other. Also returns the camera with its lens.
     fn fit_without_outliers(
         &self,
         entry: &SiteCamera,
+        prior: PrincipalPointPrior,
         options: &Options,
         others: SharedInputs,
-    ) -> Option<SingleFit> {
+    ) -> Option<(SingleFit, Camera)> {
+        let mut entry = entry.clone();
+        let centre = PrincipalPointEntry { value: prior.value, sigma: Some(prior.sigma) };
+        entry.lens.get_or_insert_default().principal_point_px = Some(centre);
+        let refined = |first: &SingleFit| {
+            let fits = [Ok(first.clone())];
+            Some(refine_lenses(&[&entry], &fits, self.plane_priors()).cameras.into_iter().next()??.camera)
+        };
         let keeps_all = SharedInputs { keeps_all: true, ..others };
-        let first = self.fit_single(entry, options, None, keeps_all);
-        if !first.as_ref().is_ok_and(SingleFit::fits_principal_point) {
-            return None;
-        }
-        let refined = refine_lenses(&[entry], std::slice::from_ref(&first), self.plane_priors());
-        let refined = refined.cameras.into_iter().next()??;
-        let better = (&first.ok()?.lens_estimate, &refined.camera);
-        let found = self.fit_single(entry, options, Some(better), others).ok()?;
+        let first = self.fit_single(&entry, options, None, keeps_all).ok()?;
+        let better = (&first.lens_estimate, &refined(&first)?);
+        let found = self.fit_single(&entry, options, Some(better), others).ok()?;
         let is_misfit = found.fit.as_ref().is_none_or(|fit| fit.is_misfit);
-        (!found.has_outliers() && !is_misfit).then_some(found)
+        let camera = refined(&found)?;
+        (!found.has_outliers() && !is_misfit).then_some((found, camera))
     }
 
     /// Reports links, marks and distances that are not used because each camera is solved separately.
@@ -248,7 +293,8 @@ impl Site {
         if let Some(joined) = joined {
             apply_joint_estimate(entry, &camera, (first, &self.plane_priors()), joined, &mut result);
             if joined.is_connected {
-                recount_redundancy(entry, first, &UsedPoints::new(self, entry), &mut result.findings);
+                let (points, is_linked) = (UsedPoints::new(self, entry), !shared.links(&entry.id).is_empty());
+                recount_redundancy(entry, first, (&points, is_linked), &mut result.findings);
             }
         }
         result.solution.position_m = Some(camera.position);
@@ -363,14 +409,31 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, f
     findings.extend(first.lens_estimate.findings(entry));
     findings.extend(invalid_segments(&first.constraints));
     findings.extend(check_lens(entry, camera));
+    findings.extend(check_principal_point(entry, first, camera));
     findings.extend(height_findings(entry, camera, findings));
 }
 
-/// Counts the redundancy of lines and control points together; stage 1 counts the lines alone.
+/// Reports an entered principal point that contradicts the lines, or an estimated one far from the image centre.
+fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera) -> Option<Finding> {
+    let entered = entry.lens.as_ref().and_then(|lens| lens.principal_point_px);
+    if let Some((estimated, PrincipalPointEntry { value, .. })) = first.other_centre.zip(entered) {
+        let swapped = Pixel::new(value.v, value.u);
+        let is_exchanged = swapped.distance(estimated) < 0.25 * value.distance(estimated);
+        return Some(Finding::WrongPrincipalPoint { entered: value, estimated, is_exchanged });
+    }
+    let (estimated, centred) = (camera.lens.principal_point, PrincipalPointPrior::of_image(entry.size()));
+    let is_estimated = entered.is_none() && first.fits_principal_point();
+    let [w, h] = entry.size();
+    (is_estimated && centred.contradicts(estimated))
+        .then(|| Finding::OffCentre { estimated, distance: estimated.distance(centred.value) / w.max(h) })
+}
+
+/// Counts the redundancy of lines and control points together; stage 1 counts the lines alone. Lines do not
+/// detect a wrong control point, so the position needs redundant points or links, too.
 fn recount_redundancy(
     entry: &SiteCamera,
     first: &SingleFit,
-    points: &UsedPoints,
+    (points, is_linked): (&UsedPoints, bool),
     findings: &mut Vec<Finding>,
 ) {
     /// Number of unknowns of a position and a yaw.
@@ -399,6 +462,11 @@ fn recount_redundancy(
     } else if first.is_from_points {
         findings.retain(|finding| finding.code() != Code::Unchecked);
         findings.push(Finding::UncheckedPoints { dof });
+    }
+    let of_position = 2 * used - UNKNOWNS + i64::from(has_height);
+    let is_reported = findings.iter().any(|finding| matches!(finding, Finding::UncheckedPoints { .. }));
+    if of_position < MIN_DOF && !is_linked && !is_reported {
+        findings.push(Finding::UncheckedPoints { dof: of_position.max(0) });
     }
 }
 

@@ -12,7 +12,7 @@ use crate::points_outside::SharedObservations;
 use crate::points_step::{UsedPoints, from_points, priors_from};
 use crate::shared_lenses::SharedLenses;
 use crate::solution::{Alternative, CovarianceEntry, DistortionEntry, Method, Sigmas, Solution, Stage};
-use calib_core::camera::{Camera, Covariance, Lens, WorldPoint};
+use calib_core::camera::{Camera, Covariance, Lens, Pixel, WorldPoint};
 use calib_core::floor::{STAGE_1_HEIGHT, view_angle};
 use calib_core::outcome::{Estimator, Failure, Finding, Parameter, Residual, ResidualOf};
 use calib_core::single::{
@@ -91,6 +91,8 @@ pub(crate) struct SingleFit {
     pub(crate) suspect_points: Vec<usize>,
     /// Prior on the principal point; `None` if it is known.
     pub(crate) principal_point: Option<PrincipalPointPrior>,
+    /// Principal point that explains all lines, in pixels, if the entered one contradicts them.
+    pub(crate) other_centre: Option<Pixel>,
 }
 
 impl SingleFit {
@@ -252,6 +254,7 @@ impl SingleInputs<'_> {
             is_from_points: false,
             suspect_points: Vec::new(),
             principal_point,
+            other_centre: None,
         }
     }
 }

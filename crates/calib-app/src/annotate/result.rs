@@ -1,11 +1,11 @@
 //! Panel: the result with its uncertainty and a lock for every number, and fields for measured lengths.
 
 use calib_core::Code;
-use calib_core::camera::Coefficient;
+use calib_core::camera::{Coefficient, Pixel};
 use calib_core::floor::view_angle;
 use calib_core::single::Known;
 use calib_editor::{Action, Units};
-use calib_site::{LensEntry, Solution, Stage};
+use calib_site::{LensEntry, Sigmas, Solution, Stage};
 use egui::{Align2, DragValue, Rect, RichText, Sense, TextEdit, Ui, Vec2};
 
 use crate::icons::{self, Icon, Look};
@@ -161,7 +161,22 @@ pub(crate) fn result_ui(app: &mut App, ui: &mut Ui) {
         }
     }
     lens_row(ui, &solution);
+    centre_row(ui, &solution);
     floor_row(ui, &solution);
+}
+
+/// Shows the principal point if it was estimated.
+fn centre_row(ui: &mut Ui, solution: &Solution) {
+    let Some(Sigmas { cx_px: Some(cx), cy_px: Some(cy), .. }) = solution.sigma else { return };
+    let Pixel { u, v } = solution.principal_point_px;
+    let row = ui.horizontal(|ui| {
+        let at = format!("{}, {}", number(u, 0), number(v, 0));
+        let sigma = number(cx.max(cy), 0);
+        cells(ui, "Principal point", &at, Some(sigma), "px");
+    });
+    row.response.on_hover_text(
+        "The \u{b1} of focal length, pitch and heights include the unknown principal point. To reduce them, draw lines in a third direction, or enter the principal point in the site file.",
+    );
 }
 
 /// Shows a quantity of the result. For a camera that looks straight down, pitch and roll are undetermined.

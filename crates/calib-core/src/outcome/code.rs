@@ -75,6 +75,8 @@ codes! {
         EfovAboveHorizon = "efov-above-horizon",
         /// A polyline carries almost no information about the distortion.
         UninformativePolyline = "uninformative-polyline",
+        /// The principal point is far from the image centre, or the entered one contradicts the lines.
+        PrincipalPoint = "principal-point",
         /// The distortion folds back on itself inside the image.
         DistortionNotInvertible = "distortion-not-invertible",
         /// The scale of the site is unknown.

@@ -1,5 +1,6 @@
 //! Findings about a result, as values with a subject and numbers, and the suggestions that they contain.
 
+use crate::camera::Pixel;
 use crate::outcome::code::{Code, Severity};
 use crate::outcome::subject::{Parameter, Source, Subject};
 
@@ -162,6 +163,22 @@ pub enum Finding {
         lowest: (Source, f64),
         /// The upright that gives the highest camera height, and that height in metres.
         highest: (Source, f64),
+    },
+    /// The entered principal point contradicts the lines; another one explains all of them.
+    WrongPrincipalPoint {
+        /// Entered principal point, in raw pixels.
+        entered: Pixel,
+        /// Principal point that explains the lines, in raw pixels.
+        estimated: Pixel,
+        /// Whether the entered coordinates are probably exchanged.
+        is_exchanged: bool,
+    },
+    /// The estimated principal point is far from the image centre, as in a cropped image.
+    OffCentre {
+        /// Estimated principal point, in raw pixels.
+        estimated: Pixel,
+        /// Distance from the image centre, divided by the longer side of the image.
+        distance: f64,
     },
     /// The residuals of the bundle adjustment are too large for the noise.
     JointMisfit {
@@ -450,6 +467,7 @@ impl Finding {
             Self::PlacedByHand => Code::PlacedByHand,
             Self::ScaleConflict { .. } => Code::ScaleConflict,
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
+            Self::WrongPrincipalPoint { .. } | Self::OffCentre { .. } => Code::PrincipalPoint,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
             Self::NotConnected { .. } | Self::UndeterminedPosition { .. } => Code::NotConnected,
             Self::ScaleUnknown { .. } => Code::ScaleUnknown,
@@ -502,6 +520,8 @@ impl Finding {
             Self::CurvedEdges { .. }
             | Self::CurvedInOneDirection { .. }
             | Self::UncertainCorners { .. }
+            | Self::WrongPrincipalPoint { .. }
+            | Self::OffCentre { .. }
             | Self::DistortionNotInvertible => Subject::Lens,
             Self::UnusedEdges { first: annotation, .. }
             | Self::UnusedKind { annotation, .. }

@@ -175,6 +175,10 @@ const FISHEYE_SIGMA_PER_RADIUS: f64 = 0.01;
 /// and 2.8 % per coordinate.
 const SIGMA_PER_SIDE: f64 = 0.022;
 
+/// Standard deviation of each coordinate of the principal point of a cropped image from its centre, as a
+/// fraction of the longer side. An assumption: the window is anywhere in an image of twice its size.
+const CROP_SIGMA_PER_SIDE: f64 = 0.25;
+
 /// Normal prior on the principal point; both coordinates have the same standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PrincipalPointPrior {
@@ -190,6 +194,18 @@ impl PrincipalPointPrior {
     #[must_use]
     pub fn of_image([w, h]: [f64; 2]) -> Self {
         Self { value: Pixel::new(0.5 * w, 0.5 * h), sigma: SIGMA_PER_SIDE * w.max(h) }
+    }
+
+    /// Returns the prior for an image that is cropped: the principal point is anywhere in the image or near it.
+    #[must_use]
+    pub fn of_crop([w, h]: [f64; 2]) -> Self {
+        Self { sigma: CROP_SIGMA_PER_SIDE * w.max(h), ..Self::of_image([w, h]) }
+    }
+
+    /// Whether a principal point is farther from the expected one than three standard deviations.
+    #[must_use]
+    pub fn contradicts(&self, at: Pixel) -> bool {
+        at.distance(self.value) > 3.0 * self.sigma
     }
 
     /// Returns the prior for a fisheye: the principal point is near the centre of its image circle, or without

@@ -2,6 +2,7 @@
 //!
 //! A new finding needs an arm in `message` and one in `advice`.
 
+use calib_core::camera::Pixel;
 use calib_core::outcome::{Failure, Finding, Parameter, SuggestedAnnotation, Suggestion, UnusedReason};
 
 use crate::document::Site;
@@ -90,6 +91,7 @@ impl SentenceContext<'_> {
             F::PlacedByHand => PLACED_BY_HAND.into(),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
+            F::WrongPrincipalPoint { .. } | F::OffCentre { .. } => principal_point(finding),
             F::DistortionNotInvertible => NOT_INVERTIBLE.into(),
             _ => self.shared_message(finding),
         }
@@ -228,6 +230,15 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
             "Check the coordinates and the pixel of the worst one, or switch it off and solve again."
         }
         F::UncheckedPoints { .. } => "Click another control point, or draw lines.",
+        F::WrongPrincipalPoint { is_exchanged: true, .. } => {
+            "Exchange its coordinates: it is [u, v], from the left and from the top."
+        }
+        F::WrongPrincipalPoint { .. } => {
+            "Check lens.principal_point_px: its unit is pixels of this image. Or remove it to have it estimated."
+        }
+        F::OffCentre { .. } => {
+            "If the image is not cropped, check the right angles and the verticals. If you know the principal point, enter it."
+        }
         F::ExchangedControlPoints { .. } => EXCHANGE,
         F::ScaleConflict { .. } => {
             "Check the scale of the plan, the heights and lengths, and the size of the field of view on the plan."
@@ -391,6 +402,27 @@ fn points_failure_text(failure: &Failure) -> [String; 2] {
             "Click at least four control points that are not on one line. Three are enough if the focal length is known.".into(),
         ],
         _ => Default::default(),
+    }
+}
+
+/// Describes a principal point that contradicts the lines or is far from the image centre.
+fn principal_point(finding: &Finding) -> String {
+    let point = |at: &Pixel| format!("({:.0}, {:.0})", at.u, at.v);
+    match finding {
+        Finding::WrongPrincipalPoint { entered, estimated, is_exchanged } => {
+            let cause = if *is_exchanged { " Its coordinates are probably exchanged." } else { "" };
+            format!(
+                "The entered principal point {} contradicts the lines, which all fit with a principal point at {}.{cause}",
+                point(entered),
+                point(estimated)
+            )
+        }
+        Finding::OffCentre { estimated, distance } => format!(
+            "The principal point {} is {:.0} % of the longer side away from the image centre: the image is probably cropped.",
+            point(estimated),
+            100.0 * distance
+        ),
+        _ => String::new(),
     }
 }
 

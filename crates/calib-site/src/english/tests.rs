@@ -14,6 +14,7 @@ use calib_core::outcome::{
 use calib_core::single::{Annotation, Kind};
 
 const LINE: Source = Source { annotation: 0, segment: 1 };
+const PIXEL: Pixel = Pixel { u: 520.0, v: 960.0 };
 
 /// Returns the index of a variant in [`findings`]. The match is exhaustive, so a new variant does not compile
 /// without an index.
@@ -66,6 +67,8 @@ fn number(finding: &Finding) -> usize {
         F::CurvedInOneDirection { .. } => 43,
         F::ExchangedControlPoints { .. } => 44,
         F::UncheckedPoints { .. } => 45,
+        F::WrongPrincipalPoint { .. } => 46,
+        F::OffCentre { .. } => 47,
     }
 }
 
@@ -105,6 +108,8 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::HiddenControlPoints { points: vec![0] }, Subject::OwnControlPoint(0)),
         (F::ExchangedControlPoints { points: [0, 0] }, Subject::OwnControlPoint(0)),
         (F::UncheckedPoints { dof: 0 }, Subject::Placement),
+        (F::WrongPrincipalPoint { entered: PIXEL, estimated: PIXEL, is_exchanged: true }, Subject::Lens),
+        (F::OffCentre { estimated: PIXEL, distance: 0.2 }, Subject::Lens),
         (F::FarControlPoints { rms_px: 9.0, worst: 0, worst_px: 14.0 }, Subject::OwnControlPoint(0)),
         (F::ScaleConflict { estimated: 3.0, placed: 5.0 }, Subject::Parameter(Parameter::Height)),
         (F::EfovAboveHorizon { is_whole: false }, Subject::Efov),
