@@ -1,4 +1,4 @@
-//! `cargo xtask peers`: speed relative to other libraries, as tables for the README.
+//! `cargo xtask peers`: speed relative to other libraries, as tables for the guide.
 //!
 //! The mapping functions are compared with `OpenCV`, limited to AVX2 and with all instructions of the
 //! processor. The joint refinement is compared with `SciPy` and `COLMAP`.

@@ -31,7 +31,7 @@ pub(crate) fn page_rest_mb() -> anyhow::Result<f64> {
     Ok(web::gzipped_sizes()?[1] as f64 / 1e6)
 }
 
-/// Returns the processor time of the README's first command in a clean checkout, in seconds.
+/// Returns the processor time of `cargo demo` in a clean checkout, in seconds.
 pub(crate) fn cold_demo_cpu_s() -> anyhow::Result<f64> {
     let folder = root().join("target/cold");
     if folder.exists() {
