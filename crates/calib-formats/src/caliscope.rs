@@ -14,7 +14,9 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     for file in files {
         let tree = Syntax::Toml.parse(file)?;
         let root = Node::root(file, &tree);
-        for (key, camera) in root.entries() {
+        // Newer files have one table with all cameras.
+        let cameras = root.get("cameras").filter(|cameras| cameras.get("matrix").is_none());
+        for (key, camera) in cameras.as_ref().unwrap_or(&root).entries() {
             let Some(k) = camera.get("matrix") else { continue };
             let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
             let id = camera.get("name").and_then(|name| name.text().ok()).unwrap_or(key);

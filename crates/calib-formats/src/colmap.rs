@@ -107,6 +107,15 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     for line in camera_lines.iter().filter(|line| !line.words.is_empty()) {
         cameras.insert(line.words[0], lens(line, &mut notes)?);
     }
+    if !files.iter().any(|file| file.base() == "images.txt") {
+        let lens = |(id, camera): (&str, ImportedCamera)| ImportedCamera { id: id.to_owned(), ..camera };
+        let mut lenses: Vec<ImportedCamera> = cameras.into_iter().map(lens).collect();
+        lenses.sort_by(|a, b| a.id.cmp(&b.id));
+        let mut imported = site_from_cameras(lenses, "cameras.txt")?;
+        notes.push("images.txt: is missing; the cameras have lenses but no poses".into());
+        imported.notes.extend(notes);
+        return Ok(imported);
+    }
     let (file, image_lines) = lines(files, "images.txt")?;
     let mut given: Vec<ImportedCamera> = Vec::new();
     let (mut left, mut with_points) = (image_lines.iter(), 0);

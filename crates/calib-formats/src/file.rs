@@ -100,6 +100,10 @@ pub enum Problem {
     },
     /// The file contains no camera.
     NoCamera,
+    /// The fSpy project contains no camera.
+    NoCameraInProject,
+    /// A field of view is given without an image size.
+    AngleWithoutSize,
     /// The content is not a valid site.
     InvalidSite(Box<SiteError>),
     /// The format can be imported, but not exported.
@@ -184,7 +188,18 @@ impl Problem {
     /// Returns the message of a problem that has no values; empty for the others.
     const fn fixed_message(&self) -> &'static str {
         match self {
-            Self::NotColmap => "is missing; expected a folder with cameras.txt and images.txt",
+            Self::NotColmap => {
+                "is missing; expected a folder with cameras.txt and images.txt. COLMAP writes a binary model as text \
+                 with: colmap model_converter --output_type TXT"
+            }
+            Self::NoCameraInProject => {
+                "the project has no camera: its vanishing points do not meet, or an old version saved it; open it \
+                 in fSpy and save it again"
+            }
+            Self::AngleWithoutSize => {
+                "found camera_angle_x, but no w and h; the field of view alone does not determine pixels, so add \
+                 the image size"
+            }
             Self::Empty => "found an empty file",
             Self::DeepElements => "found elements nested too deeply",
             Self::NotFspy { is_short: true } => "found fewer than 16 bytes, expected an fSpy project",

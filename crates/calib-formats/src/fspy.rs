@@ -30,7 +30,8 @@ fn camera(file: &File, rest: &mut Vec<String>) -> Result<ImportedCamera, FormatE
     let root = Node::root(&state, &tree);
     let camera = match root.get("cameraParameters") {
         None if is_json => root.clone(),
-        _ => root.require(&["cameraParameters"])?,
+        None => return Err(FormatError::new(&file.name, Problem::NoCameraInProject)),
+        Some(camera) => camera,
     };
     let [width, height] =
         [camera.require(&["imageWidth"])?.side()?, camera.require(&["imageHeight"])?.side()?];

@@ -7,8 +7,7 @@ use calib_core::{BrownConrady, Distortion};
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
-use crate::file::File;
-use crate::file::FormatError;
+use crate::file::{File, FormatError, Problem};
 use crate::fisheye::rotate;
 use crate::given::{Imported, ImportedCamera, Pose, site_with_notes};
 use crate::tree::{Node, Syntax, pretty};
@@ -87,6 +86,12 @@ fn camera(root: &Node, frame: &Node) -> Result<ImportedCamera, FormatError> {
     let fx = match (number("fl_x")?, number("camera_angle_x")?, size) {
         (Some(focal), _, _) => focal,
         (None, Some(angle), Some([width, _])) => 0.5 * f64::from(width) / (0.5 * angle).tan(),
+        (None, Some(_), None) => {
+            return Err(FormatError::new(
+                frame.place().trim_end_matches([' ', ':']),
+                Problem::AngleWithoutSize,
+            ));
+        }
         _ => {
             return Err(frame
                 .require(&["fl_x"])

@@ -3,12 +3,13 @@
 //! `rvec` and `tvec` are world to camera, in metres. Pixels count from the centre of the first pixel: our
 //! principal point minus 0.5.
 
+use std::collections::BTreeMap;
+
 use calib_core::{BrownConrady, Distortion};
 use serde_json::{Map, Value, json};
 
 use crate::export::{Export, Scene};
-use crate::file::File;
-use crate::file::FormatError;
+use crate::file::{File, FormatError, Problem, quoted};
 use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::tree::{Node, Syntax, digits, escaped, joined, pretty, quote};
@@ -110,9 +111,9 @@ fn as_xml(entries: &[(&str, Entry)]) -> String {
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
-        let tree = Syntax::detect(file.as_text()?).parse(file)?;
+        let tree = Syntax::detect(file)?.parse(file)?;
         let root = Node::root(file, &tree);
-        given.push(camera(file, &root)?);
+        given.extend(cameras(file, &root)?);
         rest.extend(root.unread_keys());
     }
     let mut imported = site_with_notes(given, rest, &files[0].name)?;
@@ -125,22 +126,122 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     Ok(imported)
 }
 
-fn camera(file: &File, root: &Node) -> Result<ImportedCamera, FormatError> {
-    let k = root.require(&["camera_matrix", "cameraMatrix", "K", "M", "intrinsic_matrix", "mtx"])?;
-    let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
-    let id = root.first_of(&["camera_name", "name"]).and_then(|node| node.text().ok()).unwrap_or(file.stem());
-    let mut given = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
-    given.size = size(root)?;
-    let terms = ["distortion_coefficients", "dist_coeffs", "distCoeffs", "dist_coeff", "D", "dist"];
-    if let Some(node) = root.first_of(&terms) {
-        let model = root.first_of(&["distortion_model", "model"]).and_then(|node| node.text().ok());
-        given.distortion = distortion(&node, model.is_some_and(is_fisheye))?;
+/// Names of the intrinsic matrix, in lower case without separators.
+const MATRIX_NAMES: [&str; 10] = [
+    "cameramatrix",
+    "k",
+    "m",
+    "intrinsicmatrix",
+    "mtx",
+    "intrinsics",
+    "intrinsic",
+    "cameraintrinsics",
+    "cammatrix",
+    "kmatrix",
+];
+
+/// Part of a lens that a key names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Matrix,
+    Distortion,
+}
+
+/// Returns the part of a lens that a key names, and which camera of the file it belongs to: `1` or `left` in
+/// stereo files, otherwise an empty text.
+///
+/// Keys are compared without case and separators, because programs write them in many ways.
+fn part_of_lens(key: &str) -> Option<(Part, String)> {
+    let plain: String = key.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase();
+    let sides = ["left", "right"].into_iter().filter_map(|side| {
+        let core = plain.strip_prefix(side).or_else(|| plain.strip_suffix(side))?;
+        Some((core.to_owned(), side.to_owned()))
+    });
+    let core = plain.trim_end_matches(|c: char| c.is_ascii_digit());
+    let numbered = (core.to_owned(), plain[core.len()..].to_owned());
+    sides.chain([numbered]).find_map(|(core, camera)| {
+        if MATRIX_NAMES.contains(&core.as_str()) {
+            return Some((Part::Matrix, camera));
+        }
+        let is_model = ["model", "type", "name", "count"].iter().any(|word| core.contains(word));
+        let is_distortion = core == "d" || core.contains("dist") && !core.contains("undist") && !is_model;
+        is_distortion.then_some((Part::Distortion, camera))
+    })
+}
+
+/// Reads all cameras of a file: one, several with numbered keys, or several below one key each.
+fn cameras(file: &File, root: &Node) -> Result<Vec<ImportedCamera>, FormatError> {
+    let mut lenses: BTreeMap<String, [Option<Node>; 2]> = BTreeMap::new();
+    for (key, node) in root.entries() {
+        let Some((part, camera)) = part_of_lens(key).filter(|_| node.is_list_or_matrix()) else { continue };
+        lenses.entry(camera).or_default()[part as usize].get_or_insert(node);
     }
+    if !lenses.values().any(|[matrix, _]| matrix.is_some()) {
+        let below = root.entries().into_iter().filter(|(_, node)| {
+            node.entries()
+                .iter()
+                .any(|(key, _)| part_of_lens(key).is_some_and(|(part, _)| part == Part::Matrix))
+        });
+        let below: Result<Vec<_>, _> = below.map(|(key, node)| camera(&node, key, &node)).collect();
+        let below = below?;
+        if !below.is_empty() {
+            return Ok(below);
+        }
+    }
+    if let [(only, _)] = &lenses.iter().collect::<Vec<_>>()[..]
+        && only.is_empty()
+    {
+        return Ok(vec![camera(root, file.stem(), root)?]);
+    }
+    if lenses.is_empty() {
+        return Err(root
+            .require(&["camera_matrix"])
+            .map_or_else(|error| error, |node| node.unexpected("a matrix")));
+    }
+    let stereo = lenses.into_iter().map(|(id, [matrix, terms])| {
+        let matrix = matrix.ok_or_else(|| {
+            FormatError::new(
+                &file.name,
+                Problem::MissingKey(vec![format!("the camera matrix of camera {}", quoted(&id))]),
+            )
+        })?;
+        lens(if id.is_empty() { file.stem() } else { &id }, root, &matrix, terms.as_ref())
+    });
+    stereo.collect()
+}
+
+/// Reads the camera whose keys are directly below `node`. Values that are common to the file are in `common`.
+fn camera(node: &Node, id: &str, common: &Node) -> Result<ImportedCamera, FormatError> {
+    let find = |wanted: Part| {
+        let is_wanted = |(key, value): &(&str, Node)| {
+            part_of_lens(key).is_some_and(|(part, _)| part == wanted) && value.is_list_or_matrix()
+        };
+        node.entries().into_iter().find(is_wanted).map(|(_, value)| value)
+    };
+    let matrix = match find(Part::Matrix) {
+        Some(matrix) => matrix,
+        None => node.require(&["camera_matrix"])?,
+    };
+    let name = node.first_of(&["camera_name", "name"]).and_then(|name| name.text().ok());
+    let mut given = lens(name.unwrap_or(id), common, &matrix, find(Part::Distortion).as_ref())?;
     if let (Some(r), Some(t)) =
-        (root.first_of(&["rvec", "R", "rotation"]), root.first_of(&["tvec", "T", "t"]))
+        (node.first_of(&["rvec", "R", "rotation"]), node.first_of(&["tvec", "T", "t"]))
     {
         let rotation = if r.numbers()?.len() == 9 { Some(r.matrix()?) } else { from_rodrigues(r.exactly()?) };
         given.pose = Some((rotation.ok_or_else(|| r.unexpected("a rotation"))?, t.exactly()?));
+    }
+    Ok(given)
+}
+
+/// Reads a lens from its matrix and its distortion coefficients. `around` contains size and model.
+fn lens(id: &str, around: &Node, matrix: &Node, terms: Option<&Node>) -> Result<ImportedCamera, FormatError> {
+    let [fx, fy, cx, cy] = intrinsics_from_matrix(&matrix.matrix()?, matrix.place())?;
+    let mut given = ImportedCamera::new(id, matrix.place(), [fx, fy, cx + 0.5, cy + 0.5]);
+    given.size = size(around)?;
+    if let Some(terms) = terms {
+        let model = around.first_of(&["distortion_model", "model"]).and_then(|node| node.text().ok());
+        let flag = around.first_of(&["fisheye", "is_fisheye"]).is_some_and(|node| node.is_true());
+        given.distortion = distortion(terms, flag || model.is_some_and(is_fisheye))?;
     }
     Ok(given)
 }

@@ -148,7 +148,7 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "colmap",
-        about: "COLMAP text model: cameras.txt, images.txt, points3D.txt",
+        about: "COLMAP text model: cameras.txt, images.txt, points3D.txt; or cameras.txt alone",
         extensions: &["txt"],
         contains: "lens (Brown-Conrady or fisheye), pose",
         lenses: RADIAL_OR_FISHEYE,

@@ -1,10 +1,10 @@
 //! ROS `camera_info`: the lens, with one file for each camera. The pose belongs in TF and is not written.
+//! Read are also messages as ROS 1 and 2 print them, and `ost.txt` of the camera calibrator.
 //!
 //! Pixels count from the centre of the first pixel, as in OpenCV.
 
 use crate::export::{Export, Scene};
-use crate::file::File;
-use crate::file::FormatError;
+use crate::file::{File, FormatError, Problem};
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
 use crate::opencv::{distortion, is_fisheye};
 use crate::tree::{Node, Syntax, joined, quote};
@@ -45,15 +45,21 @@ fn camera_info(view: &View, terms: Terms) -> String {
 pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let (mut given, mut rest) = (Vec::new(), Vec::new());
     for file in files {
-        let tree = Syntax::detect(file.as_text()?).parse(file)?;
+        if let Some(ost) = Ost::new(file)? {
+            given.push(ost.camera()?);
+            continue;
+        }
+        let tree = Syntax::detect(file)?.parse(file)?;
         let root = Node::root(file, &tree);
-        let k = root.require(&["camera_matrix"])?;
+        let k = root.require(&["camera_matrix", "K", "k"])?;
         let [fx, fy, cx, cy] = intrinsics_from_matrix(&k.matrix()?, k.place())?;
-        let id = root.get("camera_name").and_then(|node| node.text().ok()).unwrap_or(file.stem());
+        let frame = || root.get("header").and_then(|header| header.get("frame_id"));
+        let name = root.get("camera_name").or_else(frame).and_then(|node| node.text().ok());
+        let id = name.filter(|name| !name.is_empty()).unwrap_or(file.stem());
         let mut camera = ImportedCamera::new(id, k.place(), [fx, fy, cx + 0.5, cy + 0.5]);
-        camera.size =
-            Some([root.require(&["image_width"])?.side()?, root.require(&["image_height"])?.side()?]);
-        if let Some(terms) = root.get("distortion_coefficients") {
+        let side = |keys: [&str; 2]| root.require(&keys)?.side();
+        camera.size = Some([side(["image_width", "width"])?, side(["image_height", "height"])?]);
+        if let Some(terms) = root.first_of(&["distortion_coefficients", "D", "d"]) {
             let model = root.get("distortion_model").map(|node| node.text()).transpose()?.unwrap_or_default();
             camera.distortion = distortion(&terms, is_fisheye(model))?;
         }
@@ -61,4 +67,69 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         rest.extend(root.unread_keys());
     }
     site_with_notes(given, rest, &files[0].name)
+}
+
+/// Lens in the INI form of the camera calibrator, `ost.txt`: the numbers below every heading.
+struct Ost<'a> {
+    file: &'a File,
+    /// Heading in brackets before the camera matrix: the name of the camera.
+    name: &'a str,
+    /// Headings with their numbers.
+    values: Vec<(&'a str, Vec<f64>)>,
+}
+
+impl<'a> Ost<'a> {
+    /// Reads the headings and numbers; `None` for a file of another form.
+    fn new(file: &'a File) -> Result<Option<Self>, FormatError> {
+        let text = file.as_text()?;
+        if !text.lines().any(|line| line.trim() == "[image]") {
+            return Ok(None);
+        }
+        let (mut name, mut values): (&str, Vec<(&str, Vec<f64>)>) = (file.stem(), Vec::new());
+        let lines = text.lines().map(str::trim);
+        for line in lines.filter(|line| !line.is_empty() && !line.starts_with('#')) {
+            let numbers: Result<Vec<f64>, _> = line.split_whitespace().map(str::parse).collect();
+            match (numbers, values.last_mut()) {
+                (Ok(numbers), Some((_, last))) => last.extend(numbers),
+                _ if line.starts_with('[') => {
+                    let section = line.trim_matches(['[', ']']);
+                    name = if section == "image" { name } else { section };
+                }
+                _ => values.push((line, Vec::new())),
+            }
+        }
+        Ok(Some(Self { file, name, values }))
+    }
+
+    /// Returns the numbers below a heading.
+    fn numbers(&self, heading: &str) -> Result<&[f64], FormatError> {
+        let found = self.values.iter().find(|(name, _)| *name == heading);
+        let missing = || FormatError::new(&self.file.name, Problem::MissingKey(vec![heading.to_owned()]));
+        found.map(|(_, numbers)| &numbers[..]).ok_or_else(missing)
+    }
+
+    fn camera(&self) -> Result<ImportedCamera, FormatError> {
+        let place = |heading: &str| format!("{}: {heading}", self.file.name);
+        let expected = |heading: &str, found: &[f64], expected: &str| {
+            let found = calib_site::counted(found.len(), "number", "numbers");
+            FormatError::expected(place(heading), found, expected)
+        };
+        let side = |heading: &str| match self.numbers(heading)? {
+            [side] if side.fract() == 0.0 && (1.0..=f64::from(calib_site::MAX_SIDE)).contains(side) => {
+                Ok(*side as u32)
+            }
+            found => Err(expected(heading, found, "a whole number of pixels")),
+        };
+        let heading = "camera matrix";
+        let matrix = match *self.numbers(heading)? {
+            [a, b, c, d, e, f, g, h, i] => [[a, b, c], [d, e, f], [g, h, i]],
+            ref found => return Err(expected(heading, found, "9")),
+        };
+        let [fx, fy, cx, cy] = intrinsics_from_matrix(&matrix, &place(heading))?;
+        let mut camera = ImportedCamera::new(self.name, place(heading), [fx, fy, cx + 0.5, cy + 0.5]);
+        camera.size = Some([side("width")?, side("height")?]);
+        let terms = serde_json::json!(self.numbers("distortion")?);
+        camera.distortion = distortion(&Node::root(self.file, &terms), false)?;
+        Ok(camera)
+    }
 }

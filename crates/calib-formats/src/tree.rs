@@ -27,13 +27,15 @@ pub(crate) enum Syntax {
 }
 
 impl Syntax {
-    /// Returns the syntax from the first character: JSON, XML, otherwise YAML.
-    pub(crate) fn detect(text: &str) -> Self {
-        match text.trim_start().chars().next() {
-            Some('{' | '[') => Self::Json,
+    /// Returns the syntax from the first character: JSON, XML, otherwise YAML. A YAML file may begin like a
+    /// JSON file.
+    pub(crate) fn detect(file: &File) -> Result<Self, FormatError> {
+        let is_yaml = matches!(file.extension().as_str(), "yaml" | "yml");
+        Ok(match file.as_text()?.trim_start().chars().next() {
+            Some('{' | '[') if !is_yaml => Self::Json,
             Some('<') => Self::Xml,
             _ => Self::Yaml,
-        }
+        })
     }
 
     /// Parses a text of this syntax.
@@ -54,8 +56,10 @@ impl Syntax {
         match self {
             Self::Json => serde_json::from_str(text).map_err(|error| wrong("JSON", error.to_string())),
             Self::Yaml => {
-                let documents = Yaml::load_from_str(without_directives(text))
+                let mut documents = Yaml::load_from_str(without_directives(text))
                     .map_err(|error| wrong("YAML", first_line(&error.to_string()).to_owned()))?;
+                // A message that ROS prints ends with a separator.
+                documents.retain(|document| !matches!(document, Yaml::Value(Scalar::Null)));
                 let [document] = documents.as_slice() else {
                     return Err(wrong("YAML", format!("found {} documents, expected one", documents.len())));
                 };
@@ -258,6 +262,11 @@ impl<'a> Node<'a> {
     pub(crate) fn text(&self) -> Result<&'a str, FormatError> {
         self.mark_read();
         self.value.as_str().ok_or_else(|| self.unexpected("text"))
+    }
+
+    /// Whether the value may contain numbers: a list, or an object such as an `OpenCV` matrix.
+    pub(crate) fn is_list_or_matrix(&self) -> bool {
+        self.value.is_array() || self.value.is_object()
     }
 
     pub(crate) fn items(&self) -> Result<Vec<Self>, FormatError> {

@@ -4,9 +4,11 @@
 //! centimetres. Pixels count from the centre of the first pixel, as in `OpenCV`: our principal point minus
 //! 0.5.
 
+use calib_core::Camera;
+
 use crate::export::{Export, Scene};
 use crate::file::File;
-use crate::file::{FormatError, Problem};
+use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{from_rodrigues, rodrigues};
 use crate::given::{Imported, ImportedCamera, Pose, intrinsics_from_matrix, site_with_notes};
 use crate::opencv::{distortion, matrix_xml};
@@ -58,7 +60,28 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
         given.push(camera);
         rest.extend(root.unread_keys());
     }
-    site_with_notes(given, rest, "a folder with intr_*.xml and extr_*.xml")
+    let mut imported = site_with_notes(given, rest, "a folder with intr_*.xml and extr_*.xml")?;
+    imported.notes.push("translations are read as centimetres".into());
+    let cameras = imported.site.cameras.iter();
+    let doubts = cameras.filter_map(|entry| Some(doubt(&entry.id, &entry.camera()?)?)).collect::<Vec<_>>();
+    imported.notes.extend(doubts);
+    Ok(imported)
+}
+
+/// Describes an unlikely pose: a camera close to the floor, or one that hangs upside down.
+fn doubt(id: &str, camera: &Camera) -> Option<String> {
+    /// Smallest height of a camera that is likely, in metres.
+    const MIN_HEIGHT_M: f64 = 0.3;
+    let (height, id) = (camera.position.z, quoted(id));
+    if camera.roll.cos() < 0.0 || height < 0.0 {
+        return Some(format!(
+            "camera {id} is upside down or below the floor: the world of the file may be left-handed, as in \
+             MultiviewX; such a world has to be mirrored before the import"
+        ));
+    }
+    (height < MIN_HEIGHT_M).then(|| {
+        format!("camera {id} is {:.1} cm above the floor: the file may be in metres", height * CM_PER_M)
+    })
 }
 
 fn pose(files: &[File], id: &str, rest: &mut Vec<String>) -> Result<Pose, FormatError> {

@@ -1,0 +1,178 @@
+//! Layouts in which programs write the same lens: every one is read as the same camera, or refused.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use calib_core::{Distortion, UndistortedPixel};
+use calib_formats::{File, Imported, format, import};
+use calib_site::SiteCamera;
+
+/// Intrinsics and distortion of all files: OpenCV's fx = fy, cx, cy, and k1, k2, p1, p2, k3.
+const F: f64 = 900.0;
+const CX: f64 = 639.5;
+const CY: f64 = 359.5;
+const TERMS: [f64; 5] = [-0.3, 0.1, 0.001, -0.002, 0.01];
+const K: &str = "[[900, 0, 639.5], [0, 900, 359.5], [0, 0, 1]]";
+const D: &str = "[-0.3, 0.1, 0.001, -0.002, 0.01]";
+
+fn read(kind: &str, name: &str, text: &str) -> Result<Imported, String> {
+    let file = File { name: name.into(), bytes: text.as_bytes().to_vec() };
+    import(format(kind).unwrap(), &[file]).map_err(|error| error.to_string())
+}
+
+/// Returns OpenCV's pixel of a point in camera axes, by the formula of its documentation.
+fn opencv_pixel([x, y, z]: [f64; 3]) -> [f64; 2] {
+    let (x, y, [k1, k2, p1, p2, k3]) = (x / z, y / z, TERMS);
+    let r = x * x + y * y;
+    let radial = 1.0 + r * (k1 + r * (k2 + r * k3));
+    let u = x * radial + 2.0 * p1 * x * y + p2 * (r + 2.0 * x * x);
+    let v = y * radial + p1 * (r + 2.0 * y * y) + 2.0 * p2 * x * y;
+    [F * u + CX, F * v + CY]
+}
+
+/// Checks that a camera maps points in camera axes like OpenCV, whose pixels are smaller by 0.5.
+fn assert_is_the_lens(camera: &SiteCamera, what: &str) {
+    assert_eq!(camera.size_px, [1280, 720], "{what}");
+    let lens = camera.lens();
+    for [x, y, z] in [[0.1, 0.2, 1.0], [-0.6, 0.3, 1.0], [0.6, -0.35, 1.0], [0.5, 0.3, 1.2]] {
+        let (cu, cv) = (lens.principal_point.u, lens.principal_point.v);
+        let straight = UndistortedPixel { u: cu + F * x / z, v: cv + F * y / z };
+        let found = lens.distort(straight).unwrap();
+        let [u, v] = opencv_pixel([x, y, z]);
+        assert!((found.u - u - 0.5).hypot(found.v - v - 0.5) < 1e-6, "{what}: {found:?}, OpenCV {u} {v}");
+    }
+}
+
+#[test]
+fn layouts_of_opencv_give_the_same_lens() {
+    let size = "\"image_size\": [1280, 720]";
+    let mut layouts = Vec::new();
+    for k in [
+        "camera_matrix",
+        "cameraMatrix",
+        "Camera_Matrix",
+        "K",
+        "M",
+        "mtx",
+        "intrinsic_matrix",
+        "Camera Matrix",
+    ] {
+        layouts.push(("a.json", format!("{{\"{k}\": {K}, \"dist_coeffs\": {D}, {size}}}")));
+    }
+    for d in [
+        "distortion",
+        "distortion_coefficients",
+        "dist_coefs",
+        "distCoef",
+        "distortionCoefficients",
+        "camera_distortion",
+        "distortion_vec",
+        "distortion_coeffs",
+        "Distortion_Coefficients",
+        "D",
+        "dist",
+    ] {
+        layouts.push(("a.json", format!("{{\"K\": {K}, \"{d}\": {D}, {size}}}")));
+        layouts.push(("a.json", format!("{{\"K\": {K}, \"{d}\": [{D}], {size}}}")));
+    }
+    layouts.push(("a.yml", format!("{{K: {K}, D: {D}, image_size: [1280, 720]}}")));
+    layouts.push((
+        "a.yaml",
+        format!(
+            "%YAML:1.0\n---\ncamera_matrix: {K}\ndist_coeff: {D}\nimage_width: 1280\nimage_height: 720\n"
+        ),
+    ));
+    layouts.push(("all.json", format!("{{\"front\": {{\"K\": {K}, \"dist\": {D}, {size}}}}}")));
+    for (name, text) in layouts {
+        let imported = read("opencv", name, &text).unwrap_or_else(|error| panic!("{text}: {error}"));
+        assert_is_the_lens(&imported.site.cameras[0], &text);
+        assert_eq!(imported.notes, Vec::<String>::new(), "{text}");
+    }
+}
+
+#[test]
+fn stereo_files_give_two_lenses() {
+    let other = "[[905, 0, 640], [0, 905, 360], [0, 0, 1]]";
+    for [k1, d1, k2, d2, a, b] in [
+        ["K1", "D1", "K2", "D2", "1", "2"],
+        ["M1", "D1", "M2", "D2", "1", "2"],
+        ["cameraMatrix1", "distCoeffs1", "cameraMatrix2", "distCoeffs2", "1", "2"],
+        ["left_camera_matrix", "left_distortion", "right_camera_matrix", "right_distortion", "left", "right"],
+    ] {
+        let text = format!(
+            "{{\"{k1}\": {K}, \"{d1}\": {D}, \"{k2}\": {other}, \"{d2}\": [0, 0, 0, 0, 0], \"image_size\": [1280, 720]}}"
+        );
+        let cameras = read("opencv", "stereo.json", &text).unwrap().site.cameras;
+        let ids: Vec<&str> = cameras.iter().map(|camera| camera.id.as_str()).collect();
+        assert_eq!(ids, [a, b], "{text}");
+        assert_is_the_lens(&cameras[0], &text);
+        assert_eq!(cameras[1].lens().distortion, Distortion::None);
+    }
+}
+
+#[test]
+fn distortion_that_cannot_be_read_is_refused() {
+    for text in [
+        format!("{{\"K\": {K}, \"distortion\": {{\"radial\": [-0.3, 0.1]}}, \"image_size\": [1280, 720]}}"),
+        format!("{{\"K\": {K}, \"dist_coeffs\": [-0.3], \"image_size\": [1280, 720]}}"),
+        format!("{{\"K1\": {K}, \"D2\": {D}, \"image_size\": [1280, 720]}}"),
+    ] {
+        assert!(read("opencv", "a.json", &text).is_err(), "{text}");
+    }
+}
+
+#[test]
+fn forms_of_ros_give_the_same_lens() {
+    let flat = "[900.0, 0.0, 639.5, 0.0, 900.0, 359.5, 0.0, 0.0, 1.0]";
+    let printed = format!(
+        "header:\n  frame_id: front\nheight: 720\nwidth: 1280\ndistortion_model: plumb_bob\nD: {D}\nK: {flat}\nR: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n---\n"
+    );
+    let ros_2 = printed.replace("\nD:", "\nd:").replace("\nK:", "\nk:").replace("\nR:", "\nr:");
+    let ost = "# oST version 5.0 parameters\n\n\n[image]\n\nwidth\n1280\n\nheight\n720\n\n[front]\n\ncamera matrix\n\
+               900.0 0.0 639.5\n0.0 900.0 359.5\n0.0 0.0 1.0\n\ndistortion\n-0.3 0.1 0.001 -0.002 0.01\n\n\
+               rectification\n1.0 0.0 0.0\n0.0 1.0 0.0\n0.0 0.0 1.0\n";
+    for (name, text) in [("a.yaml", &printed[..]), ("a.yaml", &ros_2), ("ost.txt", ost)] {
+        let imported = read("ros", name, text).unwrap_or_else(|error| panic!("{text}: {error}"));
+        assert_eq!(imported.site.cameras[0].id, "front", "{text}");
+        assert_is_the_lens(&imported.site.cameras[0], text);
+    }
+    for (from, to) in
+        [("1280", "wide"), ("900.0 0.0 639.5", "900.0 0.0"), ("distortion\n-0.3", "distortion\n-0.3 1 1")]
+    {
+        assert!(read("ros", "ost.txt", &ost.replacen(from, to, 1)).is_err(), "{from}");
+    }
+}
+
+#[test]
+fn tables_of_caliscope_and_lenses_of_colmap_are_read() {
+    let table = format!("[cameras.0]\nsize = [1280, 720]\nmatrix = {K}\ndistortions = {D}\n")
+        .replace("900,", "900.0,")
+        .replace(" 0,", " 0.0,");
+    let cameras = read("caliscope", "camera_array.toml", &table).unwrap().site.cameras;
+    assert_is_the_lens(&cameras[0], &table);
+    // COLMAP's pixels count from the corner.
+    let imported =
+        read("colmap", "cameras.txt", "# cameras\n1 OPENCV 1280 720 900 900 640 360 -0.3 0.1 0.001 -0.002\n")
+            .unwrap();
+    assert_eq!(
+        (imported.site.cameras[0].id.as_str(), imported.site.cameras[0].solution.is_none()),
+        ("1", true)
+    );
+    assert!(imported.notes.iter().any(|note| note.contains("no poses")), "{:?}", imported.notes);
+}
+
+#[test]
+fn missing_values_are_named() {
+    let frame = r#"{"file_path": "a.png", "transform_matrix": [[1, 0, 0, 0], [0, 0, -1, -3], [0, 1, 0, 2], [0, 0, 0, 1]]}"#;
+    let without_size = format!("{{\"camera_angle_x\": 0.7, \"frames\": [{frame}]}}");
+    let error = read("nerfstudio", "transforms.json", &without_size).unwrap_err();
+    assert!(error.contains("no w and h"), "{error}");
+    let state = "{\"controlPointsStateBase\": {}}";
+    let mut project = b"fspy".to_vec();
+    for number in [1_u32, state.len() as u32, 0] {
+        project.extend(number.to_le_bytes());
+    }
+    project.extend(state.as_bytes());
+    let file = File { name: "old.fspy".into(), bytes: project };
+    let error = import(format("fspy").unwrap(), &[file]).unwrap_err().to_string();
+    assert!(error.contains("has no camera"), "{error}");
+}
