@@ -1,6 +1,6 @@
 //! Extent of a camera (its image and its EFOV on the floor), and the status of a mapped pixel or point.
 
-use crate::camera::{Camera, FloorPoint, Pixel, Plane, WorldPoint, dispatch};
+use crate::camera::{Camera, FloorPoint, MIN_DEPTH, Pixel, Plane, WorldPoint, dispatch};
 use crate::floor::floor_covariances::{block, store};
 
 /// Status of a mapped pixel or point.
@@ -112,10 +112,10 @@ impl Extent<'_> {
         if !point.is_finite() {
             return (None, Status::Missing);
         }
-        let Some(straight) = camera.world_to_undistorted(point) else { return (None, Status::BehindCamera) };
-        match camera.distort(straight) {
-            None => (None, Status::OutsideLens),
+        match camera.world_to_pixel(point) {
             Some(pixel) => (Some(pixel), self.status_of_pixel(pixel)),
+            None if camera.in_camera(point)[2] > MIN_DEPTH => (None, Status::OutsideLens),
+            None => (None, Status::BehindCamera),
         }
     }
 
@@ -220,6 +220,32 @@ fn on_floor(eye: WorldPoint, plane: &Plane, [x, y]: [&[f64; LANES]; 2]) -> [[f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{Covariance, Distortion, Lens};
+
+    #[test]
+    fn fisheye_has_pixels_for_points_beside_it() {
+        let distortion = Distortion::KannalaBrandt { k: [-0.04, -0.002, 0.0008, 0.0] };
+        let centre = Pixel::new(320.0, 200.0);
+        let camera = Camera {
+            position: WorldPoint::new(0.0, 0.0, 3.0),
+            yaw: 0.0,
+            pitch: 40_f64.to_radians(),
+            roll: 0.0,
+            focal: 188.0,
+            lens: Lens { focal: 188.0, distortion, ..Lens::pinhole(centre) },
+            covariance: Covariance::EXACT,
+        };
+        let extent = Extent { size: [640.0, 400.0], efov: &[] };
+        // Rays of 88, 92 and 99 degrees from the axis.
+        for pixel in [[535.0, 350.0], [543.0, 356.0], [559.0, 367.0]].map(Pixel::from) {
+            let at = camera.pixel_to_floor(pixel, 0.0).unwrap();
+            let (found, status) = extent.to_pixel(&camera, WorldPoint::new(at.x, at.y, 0.0));
+            assert_eq!(status, Status::Ok);
+            assert!(found.is_some_and(|found| found.distance(pixel) < 1e-6), "{found:?}");
+        }
+        let behind = WorldPoint::new(0.0, -40.0, 30.0);
+        assert_eq!(extent.to_pixel(&camera, behind), (None, Status::BehindCamera));
+    }
 
     #[test]
     fn status_codes_are_list_indices() {
