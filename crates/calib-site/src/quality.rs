@@ -369,7 +369,11 @@ impl SiteCamera {
             findings.push(Finding::NoFloor);
         }
         if !camera.covariance.is_known() {
-            findings.push(Finding::UncertaintyUnknown);
+            findings.push(if self.is_given() {
+                Finding::NoStandardDeviations
+            } else {
+                Finding::UncertaintyUnknown
+            });
         }
         findings
     }

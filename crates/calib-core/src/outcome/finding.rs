@@ -291,6 +291,8 @@ pub enum Finding {
     },
     /// The uncertainty of the camera is unknown.
     UncertaintyUnknown,
+    /// A calibration that was imported or entered has no standard deviations.
+    NoStandardDeviations,
     /// The annotations have changed since the camera was solved.
     OutOfDate {
         /// The annotation, control point, link or mark whose residual differs most.
@@ -435,7 +437,7 @@ impl Finding {
             Self::ExchangedControlPoints { .. } => Code::PointsExchanged,
             Self::Unchecked { .. } | Self::UncheckedPoints { .. } => Code::Unchecked,
             Self::FewResiduals { .. } => Code::FewResiduals,
-            Self::UncertaintyUnknown => Code::UncertaintyUnknown,
+            Self::UncertaintyUnknown | Self::NoStandardDeviations => Code::UncertaintyUnknown,
             Self::OutOfDate { .. } => Code::OutOfDate,
             Self::PointsOutside { is_other_image: false, .. } => Code::PointsOutside,
             Self::PointsOutside { is_other_image: true, .. } => Code::NotThisImage,
@@ -506,7 +508,8 @@ impl Finding {
             | Self::Misfit { worst: None, .. }
             | Self::Unchecked { .. }
             | Self::FewResiduals { .. }
-            | Self::UncertaintyUnknown => Subject::Orientation,
+            | Self::UncertaintyUnknown
+            | Self::NoStandardDeviations => Subject::Orientation,
             Self::BelowFloor { .. } => Subject::Parameter(Parameter::Height),
             Self::Weak { .. } | Self::Unusable { .. } | Self::NoFloor => Subject::Floor,
             Self::LineOutlier { line, .. }

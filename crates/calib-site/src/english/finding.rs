@@ -28,6 +28,9 @@ impl Site {
 /// Message for a camera with an unknown uncertainty.
 const UNCERTAINTY_UNKNOWN: &str =
     "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.";
+/// Message for an imported camera whose file contains no standard deviations.
+const NO_STANDARD_DEVIATIONS: &str =
+    "The calibration was imported without standard deviations, so its uncertainty is unknown.";
 /// Message for a camera that was placed by hand.
 const PLACED_BY_HAND: &str = "The camera was placed by hand, so the uncertainty of its position is unknown.";
 /// Advice for two exchanged control points.
@@ -51,6 +54,7 @@ impl SentenceContext<'_> {
             F::Unchecked { dof, rejected, .. } => unchecked(*dof, *rejected),
             F::FewResiduals { dof, factor } => few_residuals(*dof, *factor),
             F::UncertaintyUnknown => UNCERTAINTY_UNKNOWN.into(),
+            F::NoStandardDeviations => NO_STANDARD_DEVIATIONS.into(),
             F::OutOfDate { subject: what, stored, now } => self.out_of_date(*what, *stored, *now),
             F::PointsOutside { .. } => self.points_outside(finding),
             F::BelowFloor { height } => format!("The camera is {:.2} m below the floor.", -height),
@@ -197,9 +201,9 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         }
         F::NoFloor => CHECK_FLOOR_LINES,
         F::FewResiduals { .. } => "Draw more lines: each one improves the estimate of the noise.",
-        F::UncertaintyUnknown => {
-            "Correct the lines that do not fit, or draw lines if the image has none. An imported calibration needs \
-             standard deviations (\"sigma\" in the solution)."
+        F::UncertaintyUnknown => "Correct the lines that do not fit, or draw lines if the image has none.",
+        F::NoStandardDeviations => {
+            "If you trust it, pass --allow uncertainty-unknown to calib check. Otherwise add its standard deviations (\"sigma\" in the solution), or draw lines and solve."
         }
         F::OutOfDate { .. } => "Solve the site again: calib solve, or Solve in the app.",
         F::BelowFloor { .. } => "Check its height. In an imported calibration, the z axis must point up.",

@@ -69,6 +69,7 @@ fn number(finding: &Finding) -> usize {
         F::UncheckedPoints { .. } => 45,
         F::WrongPrincipalPoint { .. } => 46,
         F::OffCentre { .. } => 47,
+        F::NoStandardDeviations => 48,
     }
 }
 
@@ -118,6 +119,7 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         (F::Unchecked { dof: 1, rejected: 1, next }, Subject::Orientation),
         (F::FewResiduals { dof: 3, factor: 1.6 }, Subject::Orientation),
         (F::UncertaintyUnknown, Subject::Orientation),
+        (F::NoStandardDeviations, Subject::Orientation),
         (F::BelowFloor { height: -2.0 }, Subject::Parameter(Parameter::Height)),
         (F::ScaleAssumed { height: 3.0 }, Subject::Parameter(Parameter::Height)),
         (F::PlacedByHand, Subject::Placement),
