@@ -63,7 +63,7 @@ pub(crate) fn read(files: &[File]) -> Result<Imported, FormatError> {
     let mut imported = site_with_notes(given, rest, "a folder with intr_*.xml and extr_*.xml")?;
     imported.notes.push("translations are read as centimetres".into());
     let cameras = imported.site.cameras.iter();
-    let doubts = cameras.filter_map(|entry| Some(doubt(&entry.id, &entry.camera()?)?)).collect::<Vec<_>>();
+    let doubts = cameras.filter_map(|entry| doubt(&entry.id, &entry.camera()?)).collect::<Vec<_>>();
     imported.notes.extend(doubts);
     Ok(imported)
 }
