@@ -205,7 +205,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::NoStandardDeviations => {
             "If you trust it, pass --allow uncertainty-unknown to calib check. Otherwise add its standard deviations (\"sigma\" in the solution), or draw lines and solve."
         }
-        F::OutOfDate { .. } => "Solve the site again: calib solve, or Solve in the app.",
+        F::OutOfDate { .. } => "Solve the site again: calib solve, or Refine all (F9) in the app.",
         F::BelowFloor { .. } => "Check its height. In an imported calibration, the z axis must point up.",
         F::LineOutlier { .. } => "Redraw it or delete it. If it is correct, use it anyway (\"keep\").",
         F::Misfit { .. } => {
