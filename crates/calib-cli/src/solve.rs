@@ -277,7 +277,7 @@ fn text(site: &Site, reports: &[CameraReport]) -> String {
     };
     if reports.iter().any(has_centre) {
         out.push_str(
-            "The \u{b1} include an unknown principal point. To reduce them, enter lens.principal_point_px or draw a third direction.\n",
+            "The \u{b1} include an unknown principal point. To reduce them, enter lens.principal_point_px, or draw lines in a third direction.\n",
         );
     }
     for CameraReport { camera, .. } in reports {

@@ -270,7 +270,7 @@ impl<'a> Member<'a> {
         let fit = self.single.lens_estimate.fit.as_ref();
         let mut free = fit.map_or([false; Lens::PARAMETERS], |fit| fit.free);
         // The lens fit of a fisheye has its own prior, not an entered one.
-        let is_entered = self.entry.lens.as_ref().is_some_and(|lens| lens.principal_point_px.is_some());
+        let is_entered = self.entry.entered_principal_point().is_some();
         if self.single.fits_principal_point() || self.single.principal_point.is_some() && is_entered {
             free[Lens::CENTRE..].fill(true);
         }

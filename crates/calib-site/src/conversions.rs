@@ -82,8 +82,7 @@ impl Site {
         entry: &SiteCamera,
         lens: &Lens,
     ) -> Option<PrincipalPointPrior> {
-        let entered = entry.lens.as_ref().and_then(|lens| lens.principal_point_px);
-        if let Some(PrincipalPointEntry { value, sigma }) = entered {
+        if let Some(PrincipalPointEntry { value, sigma }) = entry.entered_principal_point() {
             return sigma.map(|sigma| PrincipalPointPrior { value, sigma });
         }
         let size = entry.size();
@@ -217,9 +216,14 @@ impl SiteCamera {
     #[must_use]
     pub fn principal_point(&self) -> Pixel {
         let [width, height] = self.size();
-        let given = self.lens.as_ref().and_then(|lens| lens.principal_point_px).map(|entry| entry.value);
+        let given = self.entered_principal_point().map(|entry| entry.value);
         let of_circle = || self.image_circle().map(ImageCircle::centre);
         given.or_else(of_circle).unwrap_or(Pixel { u: 0.5 * width, v: 0.5 * height })
+    }
+
+    /// Returns the entered principal point.
+    pub(crate) fn entered_principal_point(&self) -> Option<PrincipalPointEntry> {
+        self.lens.as_ref()?.principal_point_px
     }
 
     /// Returns the image circle, if entered.

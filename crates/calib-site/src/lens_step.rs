@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
-use crate::principal_point::PrincipalPointEntry;
 use crate::shared_lenses::SharedLenses;
 use crate::solution::DistortionEntry;
 use calib_core::camera::{Coefficient, Distortion, ImageCircle, Lens, Pixel};
@@ -47,11 +46,6 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
         which[..=last].fill(true);
     }
     Some(FittedCoefficients { model: entry.model, which })
-}
-
-/// Returns the entered principal point of a camera.
-fn given_centre(entry: &SiteCamera) -> Option<PrincipalPointEntry> {
-    entry.lens.as_ref().and_then(|lens| lens.principal_point_px)
 }
 
 /// Returns the edges that the fitted lens makes much straighter, each by its RMS deviation from a straight
@@ -177,7 +171,7 @@ fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>,
     let focal = distortion.and_then(|d| d.focal_px).or(focal.map(|focal| focal.value));
     let options = LensOptions {
         principal_point: entry.principal_point(),
-        is_centre_fixed: given_centre(entry).is_some(),
+        is_centre_fixed: entry.entered_principal_point().is_some(),
         size: entry.size(),
         circle: entry.image_circle(),
         // The coefficients of other models do not depend on the focal length, so the cache key must not
@@ -205,8 +199,9 @@ fn sharing_edges<'a>(
     owner: &'a SiteCamera,
     shared: &SharedLenses<'a>,
 ) -> impl Iterator<Item = &'a SiteCamera> {
-    let has_its_image =
-        |other: &&SiteCamera| other.size_px == owner.size_px && given_centre(other) == given_centre(owner);
+    let has_its_image = |other: &&SiteCamera| {
+        other.size_px == owner.size_px && other.entered_principal_point() == owner.entered_principal_point()
+    };
     shared.sharing(&owner.id).filter(has_its_image)
 }
 
@@ -229,7 +224,7 @@ fn lens_edges(owner: &SiteCamera, shared: &SharedLenses) -> Vec<Edge> {
 impl LensEstimate {
     /// Whether the principal point was fitted together with the lens of a camera.
     fn has_own_centre(&self, entry: &SiteCamera) -> bool {
-        self.lens.distortion.is_wide() && self.fit.is_some() && given_centre(entry).is_none()
+        self.lens.distortion.is_wide() && self.fit.is_some() && entry.entered_principal_point().is_none()
     }
 
     /// Returns the principal point of a camera with the lens of `owner`: the principal point of `entry`, plus

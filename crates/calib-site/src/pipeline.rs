@@ -184,32 +184,35 @@ impl Site {
         let fit = fit?;
         let has_doubts = fit.has_outliers() || fit.fit.as_ref().is_some_and(|fit| fit.is_misfit);
         let is_wide = fit.lens_estimate.lens.distortion.is_wide();
-        let entered = entry.lens.as_ref().and_then(|lens| lens.principal_point_px);
+        let entered = entry.entered_principal_point();
         let is_exact = entered.is_none() && self.scene_errors(entry) == SceneErrors::EXACT;
         if !has_doubts || is_wide || is_exact || entry.is_given() {
             return Ok(fit);
         }
         let centred = PrincipalPointPrior::of_image(entry.size());
-        let fitted_near = |prior: PrincipalPointPrior| {
-            let is_crop = prior != centred;
-            let (found, camera) = self.fit_without_outliers(entry, prior, options, others)?;
-            let [u, v] = [0, 1].map(|axis| camera.covariance.sigma(Covariance::CENTRE + axis));
-            // The lines must determine the principal point of a crop themselves.
-            let is_sharp = |sigma: Option<f64>| sigma.is_some_and(|sigma| sigma < centred.sigma);
-            (!is_crop || is_sharp(u) && is_sharp(v)).then_some((found, camera.lens.principal_point))
-        };
         let crop = PrincipalPointPrior::of_crop(entry.size());
-        match entered {
+        let fitted_near = |prior: PrincipalPointPrior| {
+            let (found, camera) = self.fit_without_outliers(entry, prior, options, others)?;
+            // The lines must determine the principal point of a crop themselves.
+            let is_sharp = |axis: usize| {
+                let sigma = camera.covariance.sigma(Covariance::CENTRE + axis);
+                sigma.is_some_and(|sigma| sigma < centred.sigma)
+            };
+            (prior != crop || is_sharp(0) && is_sharp(1)).then_some((found, camera.lens.principal_point))
+        };
+        let prior = |PrincipalPointEntry { value, sigma }| Some(PrincipalPointPrior { value, sigma: sigma? });
+        let found = match entered.and_then(prior) {
+            Some(prior) => fitted_near(prior),
+            None => [centred, crop].into_iter().find_map(fitted_near),
+        };
+        let Some((found, at)) = found else { return Ok(fit) };
+        Ok(match entered {
             Some(PrincipalPointEntry { value, sigma: None }) => {
-                let other = [centred, crop].into_iter().find_map(fitted_near);
-                let other_centre = other.map(|(_, at)| at).filter(|at| at.distance(value) > centred.sigma);
-                Ok(SingleFit { other_centre, ..fit })
+                let other_centre = Some(at).filter(|at| at.distance(value) > centred.sigma);
+                SingleFit { other_centre, ..fit }
             }
-            Some(PrincipalPointEntry { value, sigma: Some(sigma) }) => {
-                Ok(fitted_near(PrincipalPointPrior { value, sigma }).map_or(fit, |(found, _)| found))
-            }
-            None => Ok([centred, crop].into_iter().find_map(fitted_near).map_or(fit, |(found, _)| found)),
-        }
+            _ => found,
+        })
     }
 
     /// Fits a camera with this prior on its principal point, and rejects no line before the principal point is
@@ -232,9 +235,11 @@ impl Site {
         let first = self.fit_single(&entry, options, None, keeps_all).ok()?;
         let better = (&first.lens_estimate, &refined(&first)?);
         let found = self.fit_single(&entry, options, Some(better), others).ok()?;
-        let is_misfit = found.fit.as_ref().is_none_or(|fit| fit.is_misfit);
+        if found.has_outliers() || found.fit.as_ref().is_none_or(|fit| fit.is_misfit) {
+            return None;
+        }
         let camera = refined(&found)?;
-        (!found.has_outliers() && !is_misfit).then_some((found, camera))
+        Some((found, camera))
     }
 
     /// Reports links, marks and distances that are not used because each camera is solved separately.
@@ -413,9 +418,10 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, f
     findings.extend(height_findings(entry, camera, findings));
 }
 
-/// Reports an entered principal point that contradicts the lines, or an estimated one far from the image centre.
+/// Reports an entered principal point that contradicts the lines, or an estimated one far from the image
+/// centre.
 fn check_principal_point(entry: &SiteCamera, first: &SingleFit, camera: &Camera) -> Option<Finding> {
-    let entered = entry.lens.as_ref().and_then(|lens| lens.principal_point_px);
+    let entered = entry.entered_principal_point();
     if let Some((estimated, PrincipalPointEntry { value, .. })) = first.other_centre.zip(entered) {
         let swapped = Pixel::new(value.v, value.u);
         let is_exchanged = swapped.distance(estimated) < 0.25 * value.distance(estimated);

@@ -1,9 +1,9 @@
 //! Parameter blocks: the grouping of parameters into blocks, and their positions in the state.
 //!
 //! A camera has one block of pose, focal length and lens. The focal length and distortion that several cameras
-//! share have a separate block. Both kinds of blocks are kept in the reduced system. Directions and lengths of stage 1 are
-//! blocks of one parameter, and landmarks are blocks of up to three parameters. Blocks of directions, lengths
-//! and landmarks are coupled to few cameras and are eliminated (Schur complement). A landmark at the end of a
+//! share have a separate block. Both kinds of blocks are kept in the reduced system. Directions and lengths of
+//! stage 1 are blocks of one parameter, and landmarks are blocks of up to three parameters. Blocks of
+//! directions, lengths and landmarks are coupled to few cameras and are eliminated (Schur complement). A landmark at the end of a
 //! measured distance is kept, because two eliminated blocks must not share a residual. Planes that views and
 //! landmarks share have blocks, too.
 
@@ -135,8 +135,8 @@ impl LayoutBuilder {
             .collect()
     }
 
-    /// Allocates the block of a view: its pose and principal point, and its lens unless the lens is shared. Returns the position
-    /// of every camera parameter.
+    /// Allocates the block of a view: its pose and principal point, and its lens unless the lens is shared.
+    /// Returns the position of every camera parameter.
     fn camera(&mut self, free: &[bool; CAMERA_PARAMS], shared_lens: Option<usize>) -> CameraLayout {
         let is_of_lens = |k: usize| (Covariance::FOCAL..Covariance::CENTRE).contains(&k);
         let is_own = |k: usize| free[k] && !(shared_lens.is_some() && is_of_lens(k));

@@ -120,7 +120,8 @@ fn coefficient_prior(lens: &Lens, size: [f64; 2], fitted: &[usize]) -> Vec<LensR
     fitted.iter().map(residual).collect()
 }
 
-/// Returns the prior residuals of the coefficients of a fisheye, which are near those of the equidistant model.
+/// Returns the prior residuals of the coefficients of a fisheye. Their expected values are 0, as in the
+/// equidistant model.
 fn fisheye_prior(k: &[f64; 4], fitted: &[usize]) -> Vec<LensResidual> {
     let coefficients = fitted.iter().filter(|&&index| index < FISHEYE_SIGMAS.len());
     let residual = |&index: &usize| {

@@ -25,8 +25,8 @@
 //! Straight roads slope to their side by 2.5 %, curves by up to 7 or 8 % (RAA, RAL; AASHTO Green Book: 1.5 to
 //! 2 %, and up to 8 %). If half of them are straight and half are uniform between 2.5 and 7 %, the root mean
 //! square is 3.9 %, or 2.2 degrees; 2 degrees are used. Marks in a single direction may also be tiles, which
-//! are level. For tiles this prior is too wide and costs precision (`docs/src/accuracy.md`). A prior that is too narrow
-//! would promise a precision that does not exist.
+//! are level. For tiles this prior is too wide and costs precision (`docs/src/accuracy.md`). A prior that is
+//! too narrow would promise a precision that does not exist.
 //!
 //! Tiles have equal lengths to 0.2 %, lane marks to 3 %. A length may be of either kind. The normal
 //! distribution nearest to the mixture of both (Kullback and Leibler 1951) has the variance of the mixture, a
