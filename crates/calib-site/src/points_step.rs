@@ -210,8 +210,10 @@ pub(crate) fn from_points(entry: &SiteCamera, found: &PointFit) -> CameraResult 
     let mut findings = Vec::new();
     if !found.alternatives.is_empty() {
         let others = found.alternatives.iter();
-        let others = others.map(|other| OtherMinimum { focal: other.focal, pitch: other.pitch }).collect();
-        findings.push(Finding::TwoSolutions { others, next: None });
+        let others = others
+            .map(|&Camera { focal, pitch, roll, .. }| OtherMinimum { focal, pitch, roll })
+            .collect();
+        findings.push(Finding::TwoSolutions { others, is_turned: false, next: None });
     }
     CameraResult { findings, ..CameraResult::new(solution) }
 }

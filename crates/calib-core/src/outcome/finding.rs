@@ -45,6 +45,8 @@ pub struct OtherMinimum {
     pub focal: f64,
     /// Pitch, in radians.
     pub pitch: f64,
+    /// Roll, in radians.
+    pub roll: f64,
 }
 
 /// Estimator of stage 1, named in findings about annotations that it does not use.
@@ -116,6 +118,9 @@ pub enum Finding {
     TwoSolutions {
         /// Other local minima.
         others: Vec<OtherMinimum>,
+        /// Whether every other minimum is the camera rotated by about 180 degrees. Lines cannot distinguish
+        /// it from the solution.
+        is_turned: bool,
         /// Annotation that would decide between the minima.
         next: Option<Suggestion>,
     },

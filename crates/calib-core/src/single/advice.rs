@@ -162,8 +162,14 @@ pub fn findings(fit: &Fit, next: Option<Suggestion>) -> Vec<Finding> {
         let rival = |other: &LocalMinimum| OtherMinimum {
             focal: other.orientation.focal,
             pitch: other.orientation.pitch,
+            roll: other.orientation.roll,
         };
-        findings.push(Finding::TwoSolutions { others: fit.alternatives.iter().map(rival).collect(), next });
+        let is_turned = |other: &LocalMinimum| (other.orientation.roll - fit.camera.roll).cos() < 0.0;
+        findings.push(Finding::TwoSolutions {
+            others: fit.alternatives.iter().map(rival).collect(),
+            is_turned: fit.alternatives.iter().all(is_turned),
+            next,
+        });
     }
     match fit.floor_length_rel {
         _ if fit.is_inconsistent => findings.push(Finding::UncertaintyUnknown),

@@ -4,7 +4,7 @@
 //!    it has a noticeable effect (`minima.rs`).
 //! 2. Outliers are rejected by leave-one-out, and the rest is solved again (`outliers.rs`).
 //! 3. Among minima whose chi-squares differ by less than [`MIN_CHI2_DIFFERENCE`], the most plausible one is
-//!    chosen: usual focal length, upright, floor in view. The other plausible ones are reported as
+//!    chosen: usual focal length, upright, looking down. The other plausible ones are reported as
 //!    alternatives.
 //! 4. The covariance of roll, pitch, log focal length and log height is the inverse of the normal equations.
 //!    If the noise was not given, it is scaled by `chi2 / dof`, and by Student's factor for few residuals
@@ -280,9 +280,11 @@ fn alternatives(
     log_focal_sigma: Option<f64>,
 ) -> (Vec<LocalMinimum>, bool) {
     let implausibility =
-        |minimum: &Minimum| implausibility(&camera_of(minimum, problem, options), options.efov, options.size);
+        |minimum: &Minimum| implausibility(&camera_of(minimum, problem, options), options.efov);
     let best = &found.minima[chosen];
-    let beyond = implausibility(best) + MIN_COST_DIFFERENCE;
+    // A camera that shows no floor may hang upside down, so its twin is reported however unusual it is.
+    let shows_floor = !default_efov(&camera_of(best, problem, options), options.size).polygon.is_empty();
+    let beyond = if shows_floor { implausibility(best) + MIN_COST_DIFFERENCE } else { f64::INFINITY };
     let is_open = log_focal_sigma.is_some_and(|sigma| sigma > MAX_LOG_FOCAL_SIGMA);
     let lines_decide = found.weak_prior.is_some() && !is_open;
     let minima = if lines_decide { found.without_weak_prior() } else { &found.minima };
@@ -325,7 +327,7 @@ pub fn grid(camera: &Camera, efov: &[Pixel], size: [f64; 2]) -> Grid {
 
 /// Returns the index of the most plausible minimum that the chi-square does not rule out.
 ///
-/// Plausible means: usual focal length, upright, floor in view. If the focal length has a prior of its own,
+/// Plausible means: usual focal length, upright, looking down. If the focal length has a prior of its own,
 /// the chi-square replaces the usual focal length. If the weak prior is not allowed, the lowest minimum is
 /// chosen.
 fn choose(found: &Solutions, problem: &Problem, options: &FitOptions) -> Option<usize> {
@@ -342,7 +344,7 @@ fn choose(found: &Solutions, problem: &Problem, options: &FitOptions) -> Option<
             Some(_) => m.chi2,
             None => ((m.state.parameters[LOG_FOCAL] - usual.value) / usual.sigma).powi(2),
         };
-        of_focal + implausibility(&camera, options.efov, options.size)
+        of_focal + implausibility(&camera, options.efov)
     };
     possible.min_by(|(_, a), (_, b)| badness(a).total_cmp(&badness(b))).map(|(i, _)| i)
 }

@@ -1,6 +1,7 @@
 //! Local minima of the likelihood: starts from closed forms and a coarse grid, distinct solutions, and the
 //! weak prior on the focal length.
 
+use crate::camera::Chart;
 use crate::floor::STAGE_1_HEIGHT;
 use crate::optimize::{Summary, Uncertainty, least_squares, least_squares_unless};
 use crate::single::constraints::Direction;
@@ -22,6 +23,8 @@ pub const MAX_LOG_FOCAL_SIGMA: f64 = 0.2;
 /// Standard deviation of the log focal length above which the weak prior is added: it then has at least a
 /// twelfth of the information of the constraints.
 pub(crate) const MIN_LOG_FOCAL_SIGMA_FOR_PRIOR: f64 = 0.1;
+/// Chi-square per degree of freedom above which the search goes on with another roll.
+const MAX_CHI2_PER_DOF: f64 = 25.0;
 /// Minimum difference in chi-square that rules out the worse of two cameras.
 pub const MIN_CHI2_DIFFERENCE: f64 = 6.0;
 /// Maximum number of accepted steps of a run. Near a minimum convergence is quadratic; if the cost is flat in
@@ -55,8 +58,16 @@ pub(crate) fn minima_including(
     fixed: FixedParameters,
 ) -> Vec<Minimum> {
     let mut found = known;
-    for start in starts(problem, fixed) {
-        found = with_minimum_from(start, problem, found);
+    let explains = |minimum: &Minimum| minimum.chi2 < MAX_CHI2_PER_DOF * problem.dof().max(1) as f64;
+    let vanishing =
+        vanishing_point(problem.lines().filter(|line| line.direction == Direction::Vertical));
+    for roll in start_rolls(problem, fixed, vanishing) {
+        for start in starts(problem, fixed, roll, vanishing) {
+            found = with_minimum_from(start, problem, found);
+        }
+        if found.iter().any(explains) {
+            break;
+        }
     }
     let turned: Vec<State> = found.iter().filter_map(|minimum| opposite_start(minimum, problem)).collect();
     for start in turned {
@@ -209,15 +220,52 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
     !(is_far(a) && is_far(b))
 }
 
-/// Returns the start states: the best states on a grid of focal lengths, and of pitches if necessary.
-fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
+/// Returns the rolls from which the search starts, in radians, the likeliest first. The search ends at the
+/// first roll that leads to a minimum with a usual chi-square.
+///
+/// Verticals determine the roll up to 180 degrees. Uprights determine it, because the head is above the foot.
+/// Lines alone cannot distinguish the two rolls of verticals, so the second one is then omitted.
+fn start_rolls(problem: &Problem, fixed: FixedParameters, vanishing: Option<[f64; 3]>) -> Vec<f64> {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    if let Some(roll) = fixed.roll {
+        return vec![roll];
+    }
+    let expected = problem.priors.roll.map(|prior| prior.value).or_else(|| roll_from_uprights(problem));
+    let likely = expected.unwrap_or(0.0);
+    let has_sizes = problem.lengths().next().is_some() || problem.uprights().next().is_some();
+    let Some(roll) = vanishing.map(roll_from_verticals) else {
+        let turns: &[f64] = if expected.is_some() || !has_sizes { &[0.0] } else { &[0.0, FRAC_PI_2, -FRAC_PI_2, PI] };
+        return turns.iter().map(|turn| likely + turn).collect();
+    };
+    let roll = roll + PI * ((likely - roll) / PI).round();
+    if has_sizes { vec![roll, roll + PI] } else { vec![roll] }
+}
+
+/// Returns the mean roll at which the heads of uprights are above their feet; `None` without uprights.
+fn roll_from_uprights(problem: &Problem) -> Option<f64> {
+    let unit = |chart: Option<&Chart>, [u, v]: [f64; 2]| {
+        let rows = chart.map(Chart::bearing_from_chart);
+        let [x, y, w] = rows.map_or([u, v, problem.width], |rows| rows.map(|[a, b, c]| a * u + b * v + c));
+        let length = (x * x + y * y + w * w).sqrt();
+        [x / length, y / length]
+    };
+    let down = problem.uprights().fold([0.0; 2], |[x, y], upright| {
+        let [foot, head] = [upright.foot, upright.head].map(|end| unit(upright.chart.as_ref(), end.point));
+        [x + foot[0] - head[0], y + foot[1] - head[1]]
+    });
+    (down != [0.0; 2]).then(|| down[0].atan2(down[1]))
+}
+
+/// Returns the start states with this roll: the best states on a grid of focal lengths, and of pitches if
+/// the vanishing point of the verticals is unknown.
+fn starts(
+    problem: &Problem,
+    fixed: FixedParameters,
+    roll: f64,
+    vanishing: Option<[f64; 3]>,
+) -> Vec<State> {
     /// Maximum number of start states.
     const MAX_STARTS: usize = 4;
-    let verticals = problem.lines().filter(|line| line.direction == Direction::Vertical);
-    let vanishing = vanishing_point(verticals);
-    let roll = fixed.roll.unwrap_or_else(|| {
-        problem.priors.roll.map_or_else(|| vanishing.map_or(0.0, roll_from_verticals), |prior| prior.value)
-    });
     let focals = focals(problem, fixed);
     let usual_height = problem.priors.height.map_or(STAGE_1_HEIGHT, |prior| prior.value);
     let log_height = fixed.height.unwrap_or(usual_height).ln();
@@ -226,7 +274,7 @@ fn starts(problem: &Problem, fixed: FixedParameters) -> Vec<State> {
         (Some(pitch), _) => rows.push(focals.iter().map(|f| [roll, pitch, f.ln(), log_height]).collect()),
         (None, Some([x, y, w])) => {
             // The distance of the vanishing point is f cot pitch, with the sign of the pitch.
-            let w = if y < 0.0 { -w } else { w };
+            let w = if x * roll.sin() + y * roll.cos() < 0.0 { -w } else { w };
             let along = x.hypot(y);
             rows.push(focals.iter().map(|f| [roll, (f * w).atan2(along), f.ln(), log_height]).collect());
         }

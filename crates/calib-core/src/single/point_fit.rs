@@ -380,7 +380,7 @@ impl<'a> Problem<'a> {
         minima.retain(|other| {
             other.outliers.len() <= best.outliers.len() && other.cost < best.cost + MIN_CHI2_DIFFERENCE
         });
-        let cost = |m: &Minimum| m.cost + implausibility(&m.camera, &[], self.options.size);
+        let cost = |m: &Minimum| m.cost + implausibility(&m.camera, &[]);
         let chosen = minima.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?.clone();
         let others = minima.iter().filter(|other| !is_same(&other.camera, &chosen.camera));
         Some(PointFit {

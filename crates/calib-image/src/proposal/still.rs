@@ -13,6 +13,7 @@ use std::fmt;
 use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
 use calib_site::{SiteCamera, Solution};
 
+use super::frame::{level, with_nadir};
 use super::join::Line;
 use super::lies::classify_edges;
 use super::mixture::{CameraPrior, Mixture};
@@ -79,6 +80,13 @@ pub enum Reason {
         /// Focal length, in pixels.
         focal: f64,
     },
+    /// Camera that may hang upside down: it looks up.
+    MayBeUpsideDown {
+        /// Pitch, in degrees.
+        pitch_deg: f64,
+    },
+    /// Camera that may lie on its side: it looks straight ahead, and a floor direction could be the vertical.
+    MayLieOnItsSide,
     /// Contradictory edges: residuals larger than their noise.
     Misfit {
         /// Sum of squared residuals for each degree of freedom.
@@ -117,6 +125,14 @@ impl fmt::Display for Reason {
             Self::Unusual { focal } => write!(
                 f,
                 "the roll, or the focal length of {focal:.0} px, is unusual; check that the verticals are vertical"
+            ),
+            Self::MayBeUpsideDown { pitch_deg } => write!(
+                f,
+                "the camera looks up by {:.0}\u{b0}, or it hangs upside down; check that the floor is at the bottom of the image",
+                -pitch_deg
+            ),
+            Self::MayLieOnItsSide => f.write_str(
+                "the camera looks straight ahead, or it lies on its side; check that the floor is at the bottom of the image",
             ),
             Self::Misfit { chi2_per_dof } => write!(
                 f,
@@ -289,6 +305,7 @@ impl AutomaticCalibration {
             proposal.camera = Some(camera);
             return proposal;
         }
+        proposal.reasons.extend(doubtful_mount(best));
         let scatter = Scatter::new(best, &grouping.others());
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
         let own = (SIGMA_INFLATION * own / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA);
@@ -494,6 +511,27 @@ fn is_different_camera(found_deg: [Option<f64>; 2], camera: &Orientation) -> boo
         found.is_some_and(|found| (found.to_radians() - own).abs() > MAX_ANGLE_DIFFERENCE)
     };
     differs(found_deg[0], camera.roll) || differs(found_deg[1], camera.pitch)
+}
+
+/// Returns the reason to doubt that a camera is mounted upright. The edges of a scene fit a camera that is
+/// turned by 90 or 180 degrees equally well, so the pose must be much likelier than that of the turned camera.
+fn doubtful_mount(mixture: &Mixture) -> Option<Reason> {
+    /// Pitch below which a camera hangs upside down as likely as it looks up, in radians.
+    const MIN_USUAL_PITCH_RAD: f64 = -0.17;
+    /// Largest deviation of the roll of a camera on its side from 90 degrees, in radians.
+    const MAX_SIDE_ROLL_RAD: f64 = 0.035;
+    /// Pitches at which a camera on its side usually looks down, in radians.
+    const SIDE_PITCHES_RAD: std::ops::Range<f64> = 0.09..1.2;
+    let camera = &mixture.camera;
+    if camera.pitch < MIN_USUAL_PITCH_RAD {
+        return Some(Reason::MayBeUpsideDown { pitch_deg: camera.pitch.to_degrees() });
+    }
+    let lies_on_side = |&azimuth: &f64| {
+        let turned = with_nadir(level(camera, azimuth), camera.focal);
+        (turned.roll.abs() - std::f64::consts::FRAC_PI_2).abs() < MAX_SIDE_ROLL_RAD
+            && SIDE_PITCHES_RAD.contains(&turned.pitch.abs())
+    };
+    mixture.azimuths.iter().any(lies_on_side).then_some(Reason::MayLieOnItsSide)
 }
 
 /// Returns the mixtures of a hypothesis: without a right angle, and with each possible right angle.

@@ -28,6 +28,9 @@ impl Site {
 /// Message for a camera with an unknown uncertainty.
 const UNCERTAINTY_UNKNOWN: &str =
     "The uncertainty of this camera is unknown: it has no annotations, or they contradict each other.";
+/// Advice for a camera that fits its lines with two rolls.
+const TURNED_ADVICE: &str = "Lines look the same to a camera that hangs the other way round. Enter the roll, draw a \
+                             person or a length on the floor, or draw the field of view on the floor.";
 /// Message for an imported camera whose file contains no standard deviations.
 const NO_STANDARD_DEVIATIONS: &str =
     "The calibration was imported without standard deviations, so its uncertainty is unknown.";
@@ -135,6 +138,7 @@ fn advice(finding: &Finding) -> String {
             "Draw floor lines that run away from the camera or a right angle at about 45\u{b0} to the view, or enter the focal length. {}",
             next()
         ),
+        F::TwoSolutions { is_turned: true, .. } => TURNED_ADVICE.into(),
         F::TwoSolutions { .. } => format!("Draw one more line to decide between them. {}", next()),
         F::Weak { scale_rel: Some(scale), next, .. } | F::Unusable { scale_rel: Some(scale), next, .. }
             if next.is_none_or(|next| next.annotation == SuggestedAnnotation::KnownSize) =>

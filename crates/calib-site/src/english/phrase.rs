@@ -360,11 +360,12 @@ pub(super) fn other_minima(others: &[OtherMinimum]) -> String {
     let list: Vec<String> = others
         .iter()
         .map(|other| {
-            format!("focal length {:.0} px with pitch {:.1}\u{b0}", other.focal, other.pitch.to_degrees())
+            let [roll, pitch] = [other.roll, other.pitch].map(f64::to_degrees);
+            format!("focal length {:.0} px with roll {roll:.1}\u{b0} and pitch {pitch:.1}\u{b0}", other.focal)
         })
         .collect();
     let who = if list.len() == 1 { "Another solution also fits" } else { "Other solutions also fit" };
-    format!("{who} the lines: {}.", list.join("; "))
+    format!("{who}: {}.", list.join("; "))
 }
 
 pub(super) const fn unchecked_points(dof: i64) -> &'static str {

@@ -86,7 +86,7 @@ fn camera_findings() -> Vec<(Finding, Subject)> {
         ),
         (F::PriorDominates { focal: 1400.0, sigma: 0.2 }, Subject::Parameter(Parameter::Focal)),
         (
-            F::TwoSolutions { others: vec![OtherMinimum { focal: 900.0, pitch: 0.4 }], next },
+            F::TwoSolutions { others: vec![OtherMinimum { focal: 900.0, pitch: 0.4, roll: 0.1 }], is_turned: false, next },
             Subject::Orientation,
         ),
         (F::Weak { floor_length_rel: 0.05, scale_rel: None, next }, Subject::Floor),
