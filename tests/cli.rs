@@ -140,6 +140,7 @@ fn straight_edges_alone_determine_the_lens() {
         focal: 1500.0,
         distortion: Distortion::Division { lambda: -0.2 },
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     let edge = |from: [f64; 2], to: [f64; 2]| {
         let points = (0..9).filter_map(|i| {

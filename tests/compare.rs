@@ -147,6 +147,7 @@ fn stills(width: u32) -> Vec<Stills> {
                 focal: number("focal_px"),
                 distortion: Distortion::BrownConrady(brown),
                 image_circle: None,
+                pixel_aspect: 1.0,
             };
             let position = WorldPoint::new(0.0, 0.0, 3.5);
             let covariance = Covariance::EXACT;

@@ -39,6 +39,7 @@ fn fisheye_with(random: &mut ChaCha8Rng, field: f64, pitch: f64, k: [f64; 4]) ->
         focal,
         distortion: Distortion::KannalaBrandt { k },
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     Camera {
         position: WorldPoint::new(0.0, 0.0, random.random_range(2.5..5.0)),
@@ -406,6 +407,7 @@ fn real_fisheye_from_straight_edges_agrees_with_its_board_calibration() {
         focal: 0.5 * (fx + fy),
         distortion: Distortion::KannalaBrandt { k },
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     let edge = |(annotation, points): (usize, Vec<Pixel>)| Edge {
         points,
@@ -418,6 +420,7 @@ fn real_fisheye_from_straight_edges_agrees_with_its_board_calibration() {
         let options = LensOptions {
             principal_point: Pixel::new(0.5 * size[0], 0.5 * size[1]),
             is_centre_fixed: false,
+            pixel_aspect: 1.0,
             circle,
             size,
             fitted: None,

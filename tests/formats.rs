@@ -17,7 +17,13 @@ fn any_camera() -> impl Strategy<Value = Camera> {
     let centre = (900.0..1000.0_f64, 500.0..580.0_f64);
     (pose, 600.0..2500.0_f64, centre, any_distortion()).prop_map(
         |((x, y, z, yaw, pitch, roll), focal, (cu, cv), distortion)| {
-            let lens = Lens { principal_point: Pixel::new(cu, cv), focal, distortion, image_circle: None };
+            let lens = Lens {
+                principal_point: Pixel::new(cu, cv),
+                focal,
+                pixel_aspect: 1.0,
+                distortion,
+                image_circle: None,
+            };
             let position = WorldPoint { x, y, z };
             Camera { position, yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
         },
@@ -52,6 +58,7 @@ fn distorted() -> Camera {
             focal: 1250.0,
             distortion: Distortion::BrownConrady(brown),
             image_circle: None,
+            pixel_aspect: 1.0,
         },
         covariance: Covariance::EXACT,
     }

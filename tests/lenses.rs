@@ -70,11 +70,13 @@ fn lens_is_recovered_from_synthetic_edges() {
             focal: half_diagonal,
             distortion,
             image_circle: None,
+            pixel_aspect: 1.0,
         };
         let edges = drawn(&mut random, &lens, size);
         let options = LensOptions {
             principal_point: lens.principal_point,
             is_centre_fixed: true,
+            pixel_aspect: 1.0,
             circle: None,
             size,
             fitted: None,
@@ -134,6 +136,7 @@ fn wide(random: &mut ChaCha8Rng, family: Family, hfov_deg: f64, [w, h]: [f64; 2]
             focal: 0.5 * w / side,
             distortion,
             image_circle: None,
+            pixel_aspect: 1.0,
         };
         if lens.undistort(Pixel::new(0.0, 0.0)).is_some() {
             return lens;
@@ -162,6 +165,7 @@ fn wide_lenses_are_recovered_from_synthetic_edges() {
             let options = LensOptions {
                 principal_point: lens.principal_point,
                 is_centre_fixed: true,
+                pixel_aspect: 1.0,
                 circle: None,
                 size,
                 fitted: match family {
@@ -238,11 +242,13 @@ fn one_long_edge_determines_the_lens() {
         focal: 1453.0,
         distortion: Distortion::BrownConrady(brown),
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     let mut random = ChaCha8Rng::seed_from_u64(8);
     let options = LensOptions {
         principal_point,
         is_centre_fixed: true,
+        pixel_aspect: 1.0,
         circle: None,
         size,
         fitted: None,
@@ -270,13 +276,20 @@ fn one_long_edge_determines_the_lens() {
 fn undetermined_coefficients_follow_the_prior() {
     let size = [1920.0, 1080.0];
     let principal_point = Pixel::new(960.0, 540.0);
-    let lens = Lens { principal_point, focal: 1200.0, distortion: Distortion::None, image_circle: None };
+    let lens = Lens {
+        principal_point,
+        focal: 1200.0,
+        pixel_aspect: 1.0,
+        distortion: Distortion::None,
+        image_circle: None,
+    };
     let mut random = ChaCha8Rng::seed_from_u64(9);
     // Short edges in the middle of the image, with large noise.
     let fitted = Some(FittedCoefficients::first(DistortionModel::BrownConrady, 2));
     let options = LensOptions {
         principal_point,
         is_centre_fixed: true,
+        pixel_aspect: 1.0,
         circle: None,
         size,
         fitted,
@@ -312,10 +325,12 @@ fn only_edge_near_the_corners_is_used_if_the_others_agree() {
         focal: 1450.0,
         distortion: Distortion::BrownConrady(brown),
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     let options = LensOptions {
         principal_point: lens.principal_point,
         is_centre_fixed: true,
+        pixel_aspect: 1.0,
         circle: None,
         size,
         fitted: None,
@@ -383,6 +398,7 @@ fn round_trip_is_exact_within_the_valid_radius() {
         focal,
         distortion,
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     let brown = |k1, k2, k3| BrownConrady { k1, k2, k3, ..BrownConrady::default() };
     lenses.extend([
@@ -472,6 +488,7 @@ fn real_lens_agrees_with_its_board_calibration() {
             focal: entry["focal_px"][0].as_f64().unwrap(),
             distortion: Distortion::BrownConrady(brown),
             image_circle: None,
+            pixel_aspect: 1.0,
         }
     };
     let reference = reference("k1k2");
@@ -484,6 +501,7 @@ fn real_lens_agrees_with_its_board_calibration() {
         let options = LensOptions {
             principal_point: reference.principal_point,
             is_centre_fixed: true,
+            pixel_aspect: 1.0,
             circle: None,
             size,
             fitted,
@@ -567,10 +585,12 @@ fn edges_of_a_lens(random: &mut ChaCha8Rng) -> (Vec<Edge>, LensOptions) {
         focal: 0.5 * f64::hypot(size[0], size[1]),
         distortion: Distortion::BrownConrady(brown),
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     let options = LensOptions {
         principal_point: lens.principal_point,
         is_centre_fixed: true,
+        pixel_aspect: 1.0,
         circle: None,
         size,
         fitted: None,
@@ -619,6 +639,7 @@ fn repeated_curved_edge_does_not_cause_distortion() {
     let options = LensOptions {
         principal_point: plain.principal_point,
         is_centre_fixed: true,
+        pixel_aspect: 1.0,
         circle: None,
         size,
         fitted: None,

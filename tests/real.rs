@@ -395,11 +395,13 @@ fn edges_of_the_scene_determine_the_lenses() {
             focal: number("focal_px"),
             distortion: Distortion::BrownConrady(brown),
             image_circle: None,
+            pixel_aspect: 1.0,
         };
         let size: [f64; 2] = serde_json::from_value(camera["size"].clone()).unwrap();
         let options = LensOptions {
             principal_point: given.principal_point,
             is_centre_fixed: true,
+            pixel_aspect: 1.0,
             circle: None,
             size,
             fitted: None,

@@ -48,7 +48,10 @@ impl Turn {
 
     fn annotation(self, mut drawn: Annotation) -> Annotation {
         drawn.segments.iter_mut().flatten().flatten().for_each(|pixel| *pixel = self.pixel(*pixel));
-        [&mut drawn.foot, &mut drawn.head].into_iter().flatten().for_each(|pixel| *pixel = self.pixel(*pixel));
+        [&mut drawn.foot, &mut drawn.head]
+            .into_iter()
+            .flatten()
+            .for_each(|pixel| *pixel = self.pixel(*pixel));
         drawn
     }
 }
@@ -104,7 +107,9 @@ fn a_person_or_lengths_determine_a_roll_of_any_size() {
                     annotations.push(person);
                 }
                 all += 1;
-                let Some(solution) = solve(&turned(turn, annotations, LensEntry::default())) else { continue };
+                let Some(solution) = solve(&turned(turn, annotations, LensEntry::default())) else {
+                    continue;
+                };
                 let is_right = is_true(&solution, &scene.camera, turn);
                 let is_doubtful = [Code::TwoSolutions, Code::FocalUnobservable, Code::Misfit, Code::Unusable]
                     .into_iter()

@@ -186,6 +186,7 @@ pub const fn camera(distortion: Distortion) -> Camera {
             focal: 1250.0,
             distortion,
             image_circle: None,
+            pixel_aspect: 1.0,
         },
         covariance: Covariance::EXACT,
     }

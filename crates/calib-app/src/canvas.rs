@@ -275,8 +275,13 @@ mod tests {
     fn a_straightened_canvas_maps_both_ways_and_shows_straight_what_the_lens_bends() {
         let brown = calib_core::BrownConrady { k1: -0.3, k2: 0.08, p1: 0.0, p2: 0.0, k3: 0.0 };
         let distortion = calib_core::Distortion::BrownConrady(brown);
-        let lens =
-            Lens { principal_point: Pixel::new(960.0, 540.0), focal: 1400.0, distortion, image_circle: None };
+        let lens = Lens {
+            principal_point: Pixel::new(960.0, 540.0),
+            focal: 1400.0,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        };
         let mapping = Mapping { bend: Some(Bend::Lens(lens)), ..mapping(false) };
         let there = mapping.document(mapping.screen([123.4, 777.7]));
         assert!((there[0] - 123.4).abs() < 1e-3 && (there[1] - 777.7).abs() < 1e-3, "{there:?}");
@@ -288,7 +293,13 @@ mod tests {
 
     fn fisheye() -> Lens {
         let distortion = calib_core::Distortion::KannalaBrandt { k: [0.0; 4] };
-        Lens { principal_point: Pixel::new(720.0, 720.0), focal: 440.0, distortion, image_circle: None }
+        Lens {
+            principal_point: Pixel::new(720.0, 720.0),
+            focal: 440.0,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        }
     }
 
     #[test]

@@ -21,7 +21,13 @@ fn camera(distortion: Distortion) -> Camera {
         pitch: 0.6,
         roll: 0.03,
         focal,
-        lens: Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion, image_circle: None },
+        lens: Lens {
+            principal_point: Pixel::new(960.0, 540.0),
+            focal,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        },
         covariance: Covariance::EXACT,
     }
 }

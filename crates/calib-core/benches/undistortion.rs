@@ -19,6 +19,7 @@ fn view() -> Undistortion {
         focal: 0.7 * 1920.0,
         distortion: Distortion::BrownConrady(bent),
         image_circle: None,
+        pixel_aspect: 1.0,
     };
     Undistortion::new(&lens, SIZE[0], SIZE[1], Crop::SameFocal).expect("the lens shows the whole image")
 }

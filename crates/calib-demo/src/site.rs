@@ -89,6 +89,7 @@ fn camera(at: [f64; 3], degrees: [f64; 3], focal: f64, lens: Option<BrownConrady
         focal,
         distortion: Distortion::BrownConrady(brown),
         image_circle: None,
+        pixel_aspect: 1.0,
     });
     Camera { position: WorldPoint::from(at), yaw, pitch, roll, focal, lens, covariance: Covariance::EXACT }
 }

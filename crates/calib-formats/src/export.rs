@@ -89,7 +89,7 @@ impl Export {
 
     /// Reports a stream with another aspect ratio than the camera's image.
     pub(crate) fn report_aspect_ratio(&mut self, view: &View) {
-        let ([w, h], [sw, sh]) = (view.size, view.image_size());
+        let ([w, h], [sw, sh]) = (view.size, view.image_size);
         self.add_loss(
             view,
             format!(

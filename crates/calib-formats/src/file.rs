@@ -71,8 +71,6 @@ pub enum Problem {
     CutOff,
     /// A focal length in x or y, in pixels, is not positive and finite.
     NoFocal([f64; 2]),
-    /// The pixels are not square: the focal lengths in x and y differ, in pixels.
-    UnequalFocals([f64; 2]),
     /// The principal point belongs to an image of another size: the stated size, and the size that the
     /// principal point suggests.
     TwoResolutions {
@@ -161,12 +159,11 @@ impl fmt::Display for Problem {
             Self::Unrepresentable { why } => f.write_str(why),
             Self::DeepBrackets { most } => write!(f, "found brackets nested more than {most} deep"),
             Self::NoFocal([fx, fy]) => {
-                write!(f, "found focal lengths {fx} and {fy}, expected values above 0, in pixels")
+                write!(
+                    f,
+                    "found focal lengths {fx} in x and {fy} in y, expected similar values above 0, in pixels"
+                )
             }
-            Self::UnequalFocals([fx, fy]) => write!(
-                f,
-                "found focal lengths {fx} in x and {fy} in y, expected square pixels; scale the image first"
-            ),
             Self::TwoResolutions { stated: [w, h], suggested: [x, y] } => write!(
                 f,
                 "found an image of {w} x {h} pixels and a camera matrix of an image of about {x:.0} x {y:.0}, \
@@ -228,7 +225,6 @@ impl Problem {
             | Self::Unrepresentable { .. }
             | Self::DeepBrackets { .. }
             | Self::NoFocal(_)
-            | Self::UnequalFocals(_)
             | Self::TwoResolutions { .. }
             | Self::Unpaired { .. }
             | Self::InvalidSite(_) => "",

@@ -63,26 +63,25 @@ impl ImportedCamera {
         FormatError::new(self.place.trim_end_matches([' ', ':']), problem)
     }
 
-    /// Returns the mean focal length; fails if the pixels are not square.
-    fn mean_focal(&self, notes: &mut Vec<String>) -> Result<f64, FormatError> {
-        /// Largest relative difference of the focal lengths in x and y that an error of the calibration can
-        /// explain. With a larger difference the image is stretched.
-        const MAX_RATIO: f64 = 0.02;
+    /// Returns the focal length in x and the pixel aspect; fails if they are not those of a camera.
+    fn focal_and_aspect(&self, notes: &mut Vec<String>) -> Result<[f64; 2], FormatError> {
+        /// Difference of the pixel aspect from 1 below which pixels are square, and above which an error of
+        /// the calibration does not explain it.
+        const SQUARE: std::ops::RangeInclusive<f64> = 1e-9..=0.02;
         let [fx, fy] = self.focal;
-        if !(fx > 1e-6 && fy > 1e-6 && fx < 1e9 && fy < 1e9) {
+        let aspect = fy / fx;
+        if !(fx > 1e-6 && fx < 1e9 && (0.1..=10.0).contains(&aspect)) {
             return Err(self.wrong(Problem::NoFocal([fx, fy])));
         }
-        let ratio = fx / fy - 1.0;
-        if ratio.abs() > MAX_RATIO {
-            return Err(self.wrong(Problem::UnequalFocals([fx, fy])));
-        }
-        if ratio.abs() > 1e-9 {
+        let off = (aspect - 1.0).abs();
+        if off > *SQUARE.end() {
             let id = quoted(&self.id);
             notes.push(format!(
-                "camera {id}: focal lengths {fx} in x and {fy} in y are replaced by their mean"
+                "camera {id}: focal lengths {fx} in x and {fy} in y mean a pixel aspect of {aspect:.4}; if the pixels \
+                 of this camera are square, the calibration is poor"
             ));
         }
-        Ok(0.5 * (fx + fy))
+        Ok([fx, if off < *SQUARE.start() { 1.0 } else { aspect }])
     }
 
     fn size(&self, notes: &mut Vec<String>) -> Result<[u32; 2], FormatError> {
@@ -119,13 +118,15 @@ impl ImportedCamera {
 
     /// Converts the camera to an entry of a site.
     pub(crate) fn into_entry(self, notes: &mut Vec<String>) -> Result<SiteCamera, FormatError> {
-        let (focal, size) = (self.mean_focal(notes)?, self.size(notes)?);
+        let ([focal, pixel_aspect], size) = (self.focal_and_aspect(notes)?, self.size(notes)?);
         self.check_resolution(size)?;
         let principal_point = Pixel::from(self.centre);
-        let lens = Lens { principal_point, focal, distortion: self.distortion, image_circle: None };
+        let lens =
+            Lens { principal_point, focal, pixel_aspect, distortion: self.distortion, image_circle: None };
         let mut entry = SiteCamera { image: self.image.clone(), ..SiteCamera::new(self.id.clone(), size) };
         entry.lens = Some(LensEntry {
             focal_px: Some(Known::fixed(focal)),
+            pixel_aspect: (pixel_aspect != 1.0).then_some(pixel_aspect),
             principal_point_px: Some(PrincipalPointEntry::known(principal_point)),
             distortion: DistortionEntry::from_lens(&lens, focal),
             ..LensEntry::default()

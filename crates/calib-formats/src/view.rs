@@ -48,11 +48,13 @@ pub(crate) struct View {
     pub(crate) image: Option<String>,
     /// Width and height of the stream, in pixels.
     pub(crate) size: [u32; 2],
-    /// Camera at the size of its image.
+    /// Width and height of the camera's image, in pixels.
+    pub(crate) image_size: [u32; 2],
+    /// Camera of the image with square pixels: the image of the camera, with v divided by the pixel aspect.
     pub(crate) camera: Camera,
-    /// Lens of the camera's image, also if the view is undistorted.
+    /// Lens of the image with square pixels, also if the view is undistorted.
     pub(crate) raw_lens: Lens,
-    /// Pixels of the stream per pixel of the image, in x and y.
+    /// Pixels of the stream per pixel of the image with square pixels, in x and y.
     pub(crate) scale: [f64; 2],
     /// EFOV in pixels of the stream: the annotated polygon, or the projection of its outline on the plan.
     pub(crate) efov_px: Vec<Pixel>,
@@ -81,9 +83,11 @@ pub(crate) enum Terms {
 
 impl View {
     pub(crate) fn new(site: &Site, entry: &SiteCamera, options: &ExportOptions) -> Option<Self> {
-        let calibrated = entry.camera()?;
+        let calibrated = with_square_pixels(entry.camera()?);
+        let aspect = entry.camera()?.lens.pixel_aspect;
         let size = options.rescale.unwrap_or(entry.size_px);
-        let scale = [0, 1].map(|i| f64::from(size[i]) / f64::from(entry.size_px[i]));
+        let [across, down] = [0, 1].map(|i| f64::from(size[i]) / f64::from(entry.size_px[i]));
+        let scale = [across, aspect * down];
         let mut camera = calibrated;
         if options.rectified {
             camera.lens = Lens::pinhole(calibrated.lens.principal_point);
@@ -94,7 +98,10 @@ impl View {
             Some(if options.rectified { Pixel { u: straight.u, v: straight.v } } else { pixel })
         };
         let drawn: Vec<Pixel> = match &entry.efov_px {
-            Some(corners) => corners.iter().filter_map(|&corner| shown(corner)).collect(),
+            Some(corners) => {
+                let square = |&Pixel { u, v }: &Pixel| shown(Pixel { u, v: v / aspect });
+                corners.iter().filter_map(square).collect()
+            }
             None => outline.iter().filter_map(|&at| camera.world_to_pixel(at)).collect(),
         };
         let image = entry.image.clone().filter(|image| !image.starts_with("data:"));
@@ -103,6 +110,7 @@ impl View {
             file: file_name(&entry.id),
             image,
             size,
+            image_size: entry.size_px,
             camera,
             raw_lens: calibrated.lens,
             scale,
@@ -118,19 +126,14 @@ impl View {
         Some(view)
     }
 
-    /// Returns width and height of the camera's image, in pixels.
-    pub(crate) fn image_size(&self) -> [f64; 2] {
-        [0, 1].map(|i| (f64::from(self.size[i]) / self.scale[i]).round())
-    }
-
     /// Whether the aspect ratios of stream and image differ by more than rounding to whole pixels.
     pub(crate) fn is_stretched(&self) -> bool {
         let [w, h] = self.size.map(f64::from);
-        let [still_w, still_h] = self.image_size();
+        let [still_w, still_h] = self.image_size.map(f64::from);
         (w - still_w * h / still_h).abs() >= 1.0 && (h - still_h * w / still_w).abs() >= 1.0
     }
 
-    /// Converts a pixel of the image to a pixel of the stream.
+    /// Converts a pixel of the image with square pixels to a pixel of the stream.
     pub(crate) fn in_stream(&self, pixel: Pixel) -> Pixel {
         Pixel { u: pixel.u * self.scale[0], v: pixel.v * self.scale[1] }
     }
@@ -281,6 +284,13 @@ impl View {
         })
         .collect()
     }
+}
+
+/// Returns the camera of the image with square pixels: v of every pixel is divided by the pixel aspect.
+fn with_square_pixels(camera: Camera) -> Camera {
+    let Lens { principal_point: Pixel { u, v }, pixel_aspect, .. } = camera.lens;
+    let lens = Lens { principal_point: Pixel { u, v: v / pixel_aspect }, pixel_aspect: 1.0, ..camera.lens };
+    Camera { lens, ..camera }
 }
 
 /// Solves three linear equations by Cramer's rule; returns zeros if they are singular. The last column of `m`

@@ -20,7 +20,7 @@ fn camera(distortion: Distortion, focal: f64) -> Camera {
         pitch: 1.2,
         roll: 0.1,
         focal,
-        lens: Lens { principal_point, focal, distortion, image_circle: None },
+        lens: Lens { principal_point, focal, pixel_aspect: 1.0, distortion, image_circle: None },
         covariance: Covariance::EXACT,
     }
 }
@@ -107,8 +107,10 @@ proptest! {
         let yaml = yaml(&files.files);
         let [u, v] = kalibr_pixel(&yaml["cam0"], [x, y, z]);
         let shown = camera.lens.bearing_to_pixel([focal * x, focal * y, z]);
-        let off = shown.map(|at| (at.u - 0.5 - u).hypot(at.v - 0.5 - v));
-        prop_assert!(off.is_some_and(|off| off < 1e-8), "{off:?}");
+        // A lens may end before the point.
+        let Some(Pixel { u: own_u, v: own_v }) = shown else { return Ok(()) };
+        let off = (own_u - 0.5 - u).hypot(own_v - 0.5 - v);
+        prop_assert!(off < 1e-8, "{off}");
     }
 
     #[test]

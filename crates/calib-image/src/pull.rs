@@ -454,7 +454,13 @@ mod pull_curve_tests {
 
     fn fisheye() -> Lens {
         let distortion = Distortion::KannalaBrandt { k: [0.01, -0.003, 0.0, 0.0] };
-        Lens { principal_point: Pixel::new(200.0, 190.0), focal: 115.0, distortion, image_circle: None }
+        Lens {
+            principal_point: Pixel::new(200.0, 190.0),
+            focal: 115.0,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        }
     }
 
     /// Creates an image of a plane through the camera centre, dark on one side and bright on the other, with

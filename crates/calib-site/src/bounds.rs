@@ -140,6 +140,8 @@ impl Bounds {
         Self { low: -360.0, high: 360.0, what: "an angle between -360 and 360 degrees" };
     pub(crate) const PITCH: Self =
         Self { low: -90.0, high: 90.0, what: "an angle between -90 and 90 degrees" };
+    pub(crate) const PIXEL_ASPECT: Self =
+        Self { low: 0.1, high: 10.0, what: "a pixel aspect between 0.1 and 10" };
     pub(crate) const SCENE_DEGREES: Self =
         Self { low: 0.0, high: 45.0, what: "an angle between 0 and 45 degrees" };
     pub(crate) const SHARE: Self = Self { low: 0.0, high: 1.0, what: "a fraction between 0 and 1" };

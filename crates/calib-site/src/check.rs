@@ -248,6 +248,9 @@ fn check_lens(at: &At, camera: &SiteCamera, site: &Site) -> Checked {
         Bounds::COORDINATE.check_all(&at, &<[f64; 2]>::from(value))?;
         sigma.map_or(Ok(()), |sigma| Bounds::POSITIVE.check(&at.key("sigma"), sigma))?;
     }
+    if let Some(aspect) = lens.pixel_aspect {
+        Bounds::PIXEL_ASPECT.check(&at.key("pixel_aspect"), aspect)?;
+    }
     if let Some(circle) = lens.image_circle_px {
         check_circle(&at.key("image_circle_px"), circle)?;
     }

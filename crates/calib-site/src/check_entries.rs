@@ -219,6 +219,7 @@ pub(crate) fn check_solution(at: &At, solution: &Solution) -> Checked {
     Bounds { low: 1e-6, ..Bounds::POSITIVE }.check(&at.key("focal_px"), solution.focal_px)?;
     let point = <[f64; 2]>::from(solution.principal_point_px);
     Bounds::COORDINATE.check_all(&at.key("principal_point_px"), &point)?;
+    Bounds::PIXEL_ASPECT.check(&at.key("pixel_aspect"), solution.pixel_aspect)?;
     if let Some(circle) = solution.image_circle_px {
         check_circle(&at.key("image_circle_px"), circle)?;
     }

@@ -232,10 +232,16 @@ impl SiteCamera {
         self.lens.as_ref()?.image_circle_px
     }
 
+    /// Returns the entered pixel aspect, otherwise that of square pixels.
+    #[must_use]
+    pub fn pixel_aspect(&self) -> f64 {
+        self.lens.as_ref().and_then(|lens| lens.pixel_aspect).unwrap_or(1.0)
+    }
+
     /// Returns the entered lens: with fixed coefficients, otherwise without distortion.
     #[must_use]
     pub fn lens(&self) -> Lens {
-        let pinhole = Lens::pinhole(self.principal_point());
+        let pinhole = Lens { pixel_aspect: self.pixel_aspect(), ..Lens::pinhole(self.principal_point()) };
         let given = || {
             let entry = self.lens.as_ref()?;
             let coefficients = entry.distortion.as_ref()?;
@@ -346,6 +352,7 @@ impl Solution {
             pitch_deg: Some(camera.pitch.to_degrees()),
             roll_deg: Some(camera.roll.to_degrees()),
             distortion: DistortionEntry::from_lens(&camera.lens, camera.focal),
+            pixel_aspect: camera.lens.pixel_aspect,
             ..Self::new(method, stage, camera.focal, camera.lens.principal_point)
         }
     }
@@ -383,8 +390,8 @@ impl Solution {
     /// Returns the lens: principal point, image circle and distortion.
     #[must_use]
     pub fn lens(&self) -> Lens {
-        let (focal, image_circle) = (self.focal_px, self.image_circle_px);
-        let pinhole = Lens { focal, image_circle, ..Lens::pinhole(self.principal_point_px) };
+        let (focal, image_circle, pixel_aspect) = (self.focal_px, self.image_circle_px, self.pixel_aspect);
+        let pinhole = Lens { focal, image_circle, pixel_aspect, ..Lens::pinhole(self.principal_point_px) };
         let Some(entry) = &self.distortion else { return pinhole };
         let focal = entry.focal_px.unwrap_or(self.focal_px);
         Lens { focal, distortion: entry.distortion().unwrap_or_default(), ..pinhole }

@@ -348,6 +348,10 @@ document! {
         /// the centre. A fisheye has the centre of its image circle instead, if that is entered.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         principal_point_px: Option<PrincipalPointEntry>,
+        /// Pixel aspect: width over height of a pixel, which is the ratio of the focal lengths `fy / fx`. If
+        /// absent, pixels are square.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pixel_aspect: Option<f64>,
         /// Image circle of a fisheye: centre and radius, in pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image_circle_px: Option<ImageCircle>,

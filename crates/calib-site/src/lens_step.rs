@@ -59,7 +59,7 @@ fn straightened_rms(
 ) -> Vec<f64> {
     /// Smallest decrease of an edge's chi-square by the fitted lens that counts as much straighter.
     const MIN_CHI2_GAIN: f64 = 10.0;
-    let pinhole = Lens::pinhole(options.principal_point);
+    let pinhole = Lens { pixel_aspect: options.pixel_aspect, ..Lens::pinhole(options.principal_point) };
     let mut drawings: BTreeMap<(usize, usize), [f64; 3]> = BTreeMap::new();
     for (index, Edge { points, source }) in edges.iter().enumerate().filter(|(_, edge)| edge.points.len() > 2)
     {
@@ -172,6 +172,7 @@ fn lens_problem(entry: &SiteCamera, shared: &SharedLenses) -> Option<(Vec<Edge>,
     let options = LensOptions {
         principal_point: entry.principal_point(),
         is_centre_fixed: entry.entered_principal_point().is_some(),
+        pixel_aspect: entry.pixel_aspect(),
         size: entry.size(),
         circle: entry.image_circle(),
         // The coefficients of other models do not depend on the focal length, so the cache key must not
@@ -200,7 +201,9 @@ fn sharing_edges<'a>(
     shared: &SharedLenses<'a>,
 ) -> impl Iterator<Item = &'a SiteCamera> {
     let has_its_image = |other: &&SiteCamera| {
-        other.size_px == owner.size_px && other.entered_principal_point() == owner.entered_principal_point()
+        other.size_px == owner.size_px
+            && other.pixel_aspect() == owner.pixel_aspect()
+            && other.entered_principal_point() == owner.entered_principal_point()
     };
     shared.sharing(&owner.id).filter(has_its_image)
 }
@@ -240,7 +243,11 @@ impl LensEstimate {
 
     /// Returns the estimate for another camera that uses this lens of `owner`.
     pub(crate) fn for_camera(&self, owner: &SiteCamera, entry: &SiteCamera) -> Self {
-        let lens = Lens { principal_point: self.centre_on(owner, entry), ..self.lens };
+        let lens = Lens {
+            principal_point: self.centre_on(owner, entry),
+            pixel_aspect: entry.pixel_aspect(),
+            ..self.lens
+        };
         let mut lens_estimate = Self { lens, fit: None, curved_one_way_px: None, straightness: Vec::new() };
         lens_estimate.straightness = lens_estimate.straightness_under(&lens, &entry.annotations);
         lens_estimate

@@ -79,6 +79,7 @@
 
 mod site_error;
 mod bounds;
+mod pixel_aspect;
 mod solution;
 mod site_solution;
 mod scene;
@@ -123,6 +124,7 @@ pub use lens_cache::LensCache;
 pub use options::Options;
 pub use period::CameraLookupError;
 pub use pipeline::Report;
+pub use pixel_aspect::usual_pixel_aspect;
 pub use principal_point::PrincipalPointEntry;
 pub use recovered::{ImageTransfer, NewImage, Recovered};
 pub use scene::{ExactScene, PlaneEntry, PlaneNumber, PlaneSolution, SceneEntry, SceneSigmas, TiltEntry};

@@ -9,6 +9,7 @@ use crate::check_entries::check_solution;
 use crate::document::{Site, SiteCamera};
 use crate::lens_cache::LensCache;
 use crate::options::Options;
+use crate::pixel_aspect::usual_pixel_aspect;
 use crate::placement_step::placed_uncertainty;
 use crate::points_outside::SharedObservations;
 use crate::points_step::{Explanation, UsedPoints, is_possible};
@@ -383,6 +384,7 @@ fn apply_joint_estimate(
     solution.roll_deg = Some(camera.roll.to_degrees());
     solution.focal_px = camera.focal;
     solution.principal_point_px = camera.lens.principal_point;
+    solution.pixel_aspect = camera.lens.pixel_aspect;
     solution.distortion = DistortionEntry::from_lens(&camera.lens, camera.focal);
     // A single camera states its chi-square for the assumed noise, connected cameras for the estimated noise.
     let noise = first.fit.as_ref().map_or(1.0, |fit| fit.sigma / entry.sigma_px.unwrap_or(1.0));
@@ -415,7 +417,15 @@ fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, f
     findings.extend(invalid_segments(&first.constraints));
     findings.extend(check_lens(entry, camera));
     findings.extend(check_principal_point(entry, first, camera));
+    findings.extend(check_pixels(entry));
     findings.extend(height_findings(entry, camera, findings));
+}
+
+/// Reports an image size whose pixels are usually not square, if no pixel aspect is entered.
+fn check_pixels(entry: &SiteCamera) -> Option<Finding> {
+    let aspect = usual_pixel_aspect(entry.size_px)
+        .filter(|_| entry.lens.as_ref().is_none_or(|lens| lens.pixel_aspect.is_none()))?;
+    Some(Finding::PixelsNotSquare { size: entry.size_px, aspect })
 }
 
 /// Reports an entered principal point that contradicts the lines, or an estimated one far from the image

@@ -210,9 +210,8 @@ pub(crate) fn from_points(entry: &SiteCamera, found: &PointFit) -> CameraResult 
     let mut findings = Vec::new();
     if !found.alternatives.is_empty() {
         let others = found.alternatives.iter();
-        let others = others
-            .map(|&Camera { focal, pitch, roll, .. }| OtherMinimum { focal, pitch, roll })
-            .collect();
+        let others =
+            others.map(|&Camera { focal, pitch, roll, .. }| OtherMinimum { focal, pitch, roll }).collect();
         findings.push(Finding::TwoSolutions { others, is_turned: false, next: None });
     }
     CameraResult { findings, ..CameraResult::new(solution) }

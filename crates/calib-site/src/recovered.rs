@@ -268,6 +268,7 @@ fn lens(old: &SiteCamera, camera: &Camera, turn: &RotationZoom, refits: bool) ->
         // After a zoom, the camera has its own focal length.
         like: entry.like.filter(|_| turn.zoom == 0.0),
         principal_point_px: centre.or(entry.principal_point_px),
+        pixel_aspect: entry.pixel_aspect,
         image_circle_px: entry.image_circle_px,
         ..LensEntry::default()
     };

@@ -430,6 +430,7 @@ fn lens_only(entry: &SiteCamera, lens_estimate: &LensEstimate) -> CameraResult {
     };
     let mut solution = Solution {
         image_circle_px: entry.image_circle(),
+        pixel_aspect: camera.lens.pixel_aspect,
         distortion: DistortionEntry::from_lens(&camera.lens, focal),
         sigma: Some(Sigmas::from_camera(&camera, None)).filter(|sigma| *sigma != Sigmas::default()),
         covariance: CovarianceEntry::from_camera(&camera),

@@ -8,6 +8,8 @@ use calib_core::camera::{Coefficient, DistortionModel, FloorPoint, ImageCircle, 
 use calib_core::outcome::{Code, FailureCode, Residual, SuggestedAnnotation};
 use calib_core::single::Kind;
 
+use crate::pixel_aspect::{is_square, square};
+
 /// Declares structs of the document. Unknown fields are errors, and absent optional fields are not written.
 macro_rules! document {
     ($($(#[$attribute:meta])* struct $name:ident { $($(#[$field_doc:meta])* $field:ident: $type:ty,)+ })+) => {$(
@@ -85,6 +87,9 @@ document! {
         focal_px: f64,
         /// Principal point, in raw pixels.
         principal_point_px: Pixel,
+        /// Pixel aspect `fy / fx`: width over height of a pixel. `focal_px` is fx.
+        #[serde(default = "square", skip_serializing_if = "is_square")]
+        pixel_aspect: f64,
         /// Image circle of a fisheye, in pixels: centre and radius. Pixels outside it are not mapped.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         image_circle_px: Option<ImageCircle>,
@@ -332,6 +337,7 @@ impl Solution {
             roll_deg: None,
             focal_px,
             principal_point_px,
+            pixel_aspect: 1.0,
             image_circle_px: None,
             distortion: None,
             sigma: None,

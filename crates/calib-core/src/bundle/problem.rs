@@ -141,6 +141,7 @@ impl<'a> BundleProblem<'a> {
             focal: if self.views[view].has_tied_focal { focal } else { camera.lens.focal },
             distortion: camera.lens.distortion.with_coefficients([a, b, c, d, e]),
             image_circle: None,
+            pixel_aspect: camera.lens.pixel_aspect,
         };
         Camera { position: [x, y, z].into(), yaw, pitch, roll, focal, lens, ..camera }
     }

@@ -176,6 +176,7 @@ mod tests {
             focal: 1100.0,
             distortion,
             image_circle: None,
+            pixel_aspect: 1.0,
         })
     }
 

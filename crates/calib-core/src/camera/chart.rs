@@ -214,6 +214,7 @@ mod tests {
             focal: 600.0,
             distortion: Distortion::KannalaBrandt { k },
             image_circle: None,
+            pixel_aspect: 1.0,
         }
     }
 

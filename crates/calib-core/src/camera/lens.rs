@@ -7,12 +7,19 @@ use crate::camera::space::{ImageCircle, Pixel, UndistortedPixel};
 ///
 /// [`Lens::focal`] is the focal length to which the coefficients refer. It does not change with the focal
 /// length of the [`Camera`](crate::Camera).
+///
+/// Focal lengths are in pixels along u. With the pixel aspect `a = fy / fx`, the focal length along v is a
+/// times as large. The maps first scale the image to square pixels: `(u, cv + (v - cv) / a)`, with the
+/// principal point (cu, cv). Undistorted pixels are square, for every aspect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Principal point, in raw pixels from the upper left corner.
     pub principal_point: Pixel,
     /// Focal length that normalises the coordinates of the distortion, in pixels.
     pub focal: f64,
+    /// Pixel aspect: width over height of a pixel, which is the ratio `fy / fx` of the focal lengths; 1 for
+    /// square pixels.
+    pub pixel_aspect: f64,
     /// Distortion of the normalised coordinates.
     pub distortion: Distortion,
     /// Image circle of a wide lens, if it is known. Pixels outside the circle show no rays. Other lenses fill
@@ -36,7 +43,13 @@ impl Lens {
     /// Creates a lens without distortion.
     #[must_use]
     pub const fn pinhole(principal_point: Pixel) -> Self {
-        Self { principal_point, focal: 1.0, distortion: Distortion::None, image_circle: None }
+        Self {
+            principal_point,
+            focal: 1.0,
+            pixel_aspect: 1.0,
+            distortion: Distortion::None,
+            image_circle: None,
+        }
     }
 
     /// Maps a raw pixel to the undistorted pixel: the pixel at which a pinhole would show the same ray.
@@ -45,6 +58,7 @@ impl Lens {
     /// optical axis.
     #[must_use]
     pub fn undistort(&self, pixel: Pixel) -> Option<UndistortedPixel> {
+        let pixel = self.to_square_pixel(pixel);
         if self.distortion == Distortion::None {
             return Some(UndistortedPixel { u: pixel.u, v: pixel.v });
         }
@@ -63,12 +77,13 @@ impl Lens {
     #[must_use]
     pub fn distort(&self, pixel: UndistortedPixel) -> Option<Pixel> {
         if self.distortion == Distortion::None {
-            return Some(Pixel { u: pixel.u, v: pixel.v });
+            return Some(self.to_raw_pixel(Pixel { u: pixel.u, v: pixel.v }));
         }
         let Pixel { u: cu, v: cv } = self.principal_point;
         let [x, y] = self.distortion.distort(self.normalised(pixel.into()))?;
         Some(Pixel { u: cu + self.focal * x, v: cv + self.focal * y })
             .filter(|&pixel| self.is_in_image_circle(pixel))
+            .map(|pixel| self.to_raw_pixel(pixel))
     }
 
     /// Returns the bearing of a raw pixel: the homogeneous undistorted pixel relative to the principal point.
@@ -82,6 +97,7 @@ impl Lens {
             let (undistorted, Pixel { u: cu, v: cv }) = (self.undistort(pixel)?, self.principal_point);
             return Some([undistorted.u - cu, undistorted.v - cv, 1.0]);
         }
+        let pixel = self.to_square_pixel(pixel);
         if !self.is_in_image_circle(pixel) {
             return None;
         }
@@ -101,9 +117,38 @@ impl Lens {
         let [a, b] = self.distortion.ray_to_distorted([x / self.focal, y / self.focal, w])?;
         Some(Pixel { u: cu + self.focal * a, v: cv + self.focal * b })
             .filter(|&pixel| self.is_in_image_circle(pixel))
+            .map(|pixel| self.to_raw_pixel(pixel))
     }
 
-    /// Whether a raw pixel is within the image circle, or no image circle applies.
+    /// Maps a raw pixel to the image with square pixels. The principal point does not move.
+    #[must_use]
+    pub fn to_square_pixel(&self, Pixel { u, v }: Pixel) -> Pixel {
+        let cv = self.principal_point.v;
+        if self.pixel_aspect == 1.0 {
+            Pixel { u, v }
+        } else {
+            Pixel { u, v: cv + (v - cv) / self.pixel_aspect }
+        }
+    }
+
+    /// Maps a pixel of the image with square pixels to the raw pixel: the inverse of
+    /// [`Self::to_square_pixel`].
+    #[must_use]
+    pub fn to_raw_pixel(&self, Pixel { u, v }: Pixel) -> Pixel {
+        let cv = self.principal_point.v;
+        if self.pixel_aspect == 1.0 {
+            Pixel { u, v }
+        } else {
+            Pixel { u, v: cv + (v - cv) * self.pixel_aspect }
+        }
+    }
+
+    /// Converts derivatives with respect to a square pixel to derivatives with respect to the raw pixel.
+    fn by_raw_pixel<const N: usize>(&self, rows: [[f64; 2]; N]) -> [[f64; 2]; N] {
+        rows.map(|[by_u, by_v]| [by_u, by_v / self.pixel_aspect])
+    }
+
+    /// Whether a pixel of the image with square pixels is within the image circle, or no image circle applies.
     fn is_in_image_circle(&self, pixel: Pixel) -> bool {
         self.image_circle.is_none_or(|circle| circle.contains(pixel) || !self.distortion.is_wide())
     }
@@ -116,6 +161,7 @@ impl Lens {
             let Pixel { u: cu, v: cv } = self.principal_point;
             return Some(([undistorted.u - cu, undistorted.v - cv, 1.0], [u, v, [0.0; 2]]));
         }
+        let pixel = self.to_square_pixel(pixel);
         if !self.is_in_image_circle(pixel) {
             return None;
         }
@@ -123,7 +169,8 @@ impl Lens {
         let ray = self.distortion.ray(distorted)?;
         let [u, v, ahead] = self.distortion.ray_jacobian(distorted, ray);
         let [x, y, w] = ray;
-        Some(([self.focal * x, self.focal * y, w], [u, v, ahead.map(|by| by / self.focal)]))
+        let jacobian = self.by_raw_pixel([u, v, ahead.map(|by| by / self.focal)]);
+        Some(([self.focal * x, self.focal * y, w], jacobian))
     }
 
     /// Returns the derivatives of a bearing and of its Jacobian with respect to every lens parameter. The
@@ -134,7 +181,7 @@ impl Lens {
         [x, y, w]: [f64; 3],
     ) -> [RayByCoefficient; Self::PARAMETERS] {
         let ray = [x / self.focal, y / self.focal, w];
-        let distorted = self.normalised(pixel.into());
+        let distorted = self.normalised(self.to_square_pixel(pixel).into());
         let mut by = [RayByCoefficient::default(); Self::PARAMETERS];
         for (by, of) in by.iter_mut().zip(&self.distortion.ray_by_coefficients(distorted, ray)) {
             let ([x, y, w], [u, v, ahead]) = (of.at, of.jacobian);
@@ -146,7 +193,9 @@ impl Lens {
             by[Self::OWN_FOCAL] = focal;
         }
         [by[Self::CENTRE], by[Self::CENTRE + 1]] = [u, v];
-        by
+        // A change of v of the principal point moves the square pixels by 1 / aspect as much.
+        by[Self::CENTRE + 1] = by[Self::CENTRE + 1].times(self.pixel_aspect.recip());
+        by.map(|by| RayByCoefficient { jacobian: self.by_raw_pixel(by.jacobian), ..by })
     }
 
     /// Returns the derivatives of a bearing and of its Jacobian with respect to the log of the focal length
@@ -188,9 +237,10 @@ impl Lens {
     /// if no ray reaches the pixel.
     pub(crate) fn log_slope(&self, pixel: Pixel) -> Option<(f64, [f64; Self::PARAMETERS])> {
         let bearing = self.bearing(pixel)?;
-        let [u, v] = self.normalised(pixel.into());
+        let [u, v] = self.normalised(self.to_square_pixel(pixel).into());
         let radius = u.hypot(v).max(f64::MIN_POSITIVE);
-        let out = [u / radius, v / radius];
+        // A step along a radius of the square pixels, in raw pixels.
+        let out = [u / radius, self.pixel_aspect * v / radius];
         // Derivative along the unit vector of q = (pixel - c) / f, with the principal point c and the focal
         // length f. A change of c rotates this vector, which is a change perpendicular to the radius only.
         let outwards = |rows: RayMatrix| rows.map(|[u, v]| u * out[0] + v * out[1]);
@@ -214,7 +264,8 @@ impl Lens {
             return true;
         }
         let corners = [[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]];
-        corners.into_iter().all(|corner| self.distortion.has_ray(self.normalised(corner)))
+        let square = |[u, v]: [f64; 2]| self.to_square_pixel(Pixel { u, v });
+        corners.into_iter().all(|corner| self.distortion.has_ray(self.normalised(square(corner).into())))
     }
 
     /// Returns the same lens with the change `by` added to one parameter.
@@ -256,10 +307,9 @@ impl Lens {
     #[must_use]
     pub fn undistort_with_jacobian(&self, pixel: Pixel) -> Option<(UndistortedPixel, [[f64; 2]; 2])> {
         let undistorted = self.undistort(pixel)?;
-        let jacobian = self
-            .distortion
-            .undistort_jacobian(self.normalised(pixel.into()), self.normalised(undistorted.into()));
-        Some((undistorted, jacobian))
+        let distorted = self.normalised(self.to_square_pixel(pixel).into());
+        let jacobian = self.distortion.undistort_jacobian(distorted, self.normalised(undistorted.into()));
+        Some((undistorted, self.by_raw_pixel(jacobian)))
     }
 
     /// Returns the derivatives of the undistorted pixel relative to the principal point, and of its Jacobian,
@@ -273,7 +323,8 @@ impl Lens {
         pixel: Pixel,
         undistorted: UndistortedPixel,
     ) -> ByParameters {
-        let (distorted, undistorted) = (self.normalised(pixel.into()), self.normalised(undistorted.into()));
+        let distorted = self.normalised(self.to_square_pixel(pixel).into());
+        let undistorted = self.normalised(undistorted.into());
         let mut by = ByParameters::default();
         let coefficients = self.distortion.undistort_by_coefficients(distorted, undistorted);
         for (by, of) in by.iter_mut().zip(coefficients) {
@@ -287,7 +338,8 @@ impl Lens {
             let [u, v, _] = curvature[axis].map(|row| row.map(|by| -by / self.focal));
             by[Self::CENTRE + axis] = ByCoefficient { at, jacobian: [u, v] };
         }
-        by
+        by[Self::CENTRE + 1] = by[Self::CENTRE + 1].times(self.pixel_aspect.recip());
+        by.map(|by| ByCoefficient { jacobian: self.by_raw_pixel(by.jacobian), ..by })
     }
 
     /// Returns the derivatives of [`Self::distort`] at `undistorted`: the Jacobian `d raw / d undistorted`,
@@ -298,11 +350,14 @@ impl Lens {
     ) -> (Matrix2, [[f64; 2]; Distortion::MAX_COEFFICIENTS]) {
         let undistorted = self.normalised(undistorted.into());
         let by = self.distortion.distort_by_coefficients(undistorted);
-        let by = by.map(|by| by.map(|change| self.focal * change));
-        (self.distortion.distort_jacobian(undistorted), by)
+        let to_raw = |[u, v]: [f64; 2]| [u, self.pixel_aspect * v];
+        let by = by.map(|by| to_raw(by.map(|change| self.focal * change)));
+        let [u, v] = self.distortion.distort_jacobian(undistorted);
+        ([u, v.map(|slope| self.pixel_aspect * slope)], by)
     }
 
-    /// Returns pixel coordinates relative to the principal point, divided by the focal length of the lens.
+    /// Returns square pixel coordinates relative to the principal point, divided by the focal length of the
+    /// lens.
     fn normalised(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let Pixel { u: cu, v: cv } = self.principal_point;
         [(u - cu) / self.focal, (v - cv) / self.focal]
@@ -317,10 +372,32 @@ mod tests {
     use proptest::prelude::*;
 
     fn lens_of(distortion: Distortion) -> Lens {
-        Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, distortion, image_circle: None }
+        Lens {
+            principal_point: Pixel::new(950.0, 530.0),
+            focal: 1200.0,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        }
     }
 
     proptest! {
+        #[test]
+        fn pixels_of_another_aspect_are_the_stretched_pixels(
+            distortion in any_distortion(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, aspect in 0.4..2.5_f64,
+        ) {
+            let (square, pixel) = (lens_of(distortion), Pixel { u, v });
+            let lens = Lens { pixel_aspect: aspect, ..square };
+            let raw = lens.to_raw_pixel(pixel);
+            prop_assert!(lens.to_square_pixel(raw).distance(pixel) < 1e-9);
+            let (Some(one), Some(other)) = (square.bearing(pixel), lens.bearing(raw)) else { return Ok(()) };
+            let off: f64 = (0..3).map(|k| (one[k] - other[k]).abs() / (1.0 + one[k].abs())).sum();
+            prop_assert!(off < 1e-6, "{one:?} {other:?}");
+            if let Some(again) = lens.bearing_to_pixel(other) {
+                prop_assert!(again.distance(raw) < 1e-5, "{again:?} {raw:?}");
+            }
+        }
+
         #[test]
         fn a_rescaled_lens_is_the_same_map_of_pixels(
             distortion in any_distortion(), u in 0.0..1920.0_f64, v in 0.0..1080.0_f64, focal in 600.0..3000.0_f64,
@@ -334,11 +411,11 @@ mod tests {
 
         #[test]
         fn undistortion_jacobian_agrees_with_finite_differences(
-            distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
+            distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64, aspect in 0.5..2.0_f64,
         ) {
             /// Step in pixels: truncation 1e-4 px^2 times the third derivative, rounding 1e-11.
             const STEP: f64 = 0.01;
-            let lens = lens_of(distortion);
+            let lens = Lens { pixel_aspect: aspect, ..lens_of(distortion) };
             let at = |du: f64, dv: f64| lens.undistort(Pixel { u: u + du, v: v + dv });
             let Some(exact) = lens.undistort_jacobian(Pixel { u, v }) else { return Ok(()) };
             let neighbours = [(at(STEP, 0.0), at(-STEP, 0.0)), (at(0.0, STEP), at(0.0, -STEP))];
@@ -353,9 +430,9 @@ mod tests {
 
         #[test]
         fn derivatives_of_distortion_and_undistortion_are_inverse(
-            distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64,
+            distortion in any_distortion(), u in 300.0..1600.0_f64, v in 200.0..900.0_f64, aspect in 0.5..2.0_f64,
         ) {
-            let lens = lens_of(distortion);
+            let lens = Lens { pixel_aspect: aspect, ..lens_of(distortion) };
             let Some((undistorted, inverse)) = lens.undistort_with_jacobian(Pixel { u, v }) else { return Ok(()) };
             let (jacobian, by) = lens.distort_derivatives(undistorted);
             prop_assume!(inverse.iter().flatten().all(|slope| slope.abs() < 100.0));

@@ -262,12 +262,18 @@ pub(crate) mod tests {
         let pose =
             (-50.0..50.0_f64, -50.0..50.0_f64, 2.0..8.0_f64, -3.1..3.1_f64, -0.2..1.5_f64, -0.6..0.6_f64);
         let brown = (-0.3..0.1_f64, -0.05..0.1_f64, -0.01..0.01_f64, -0.002..0.002_f64, -0.002..0.002_f64);
-        (pose, 600.0..2500.0_f64, brown, any::<bool>()).prop_map(
-            |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), distorted)| {
+        let aspect = prop_oneof![Just(1.0), 0.5..2.1_f64];
+        (pose, 600.0..2500.0_f64, brown, any::<bool>(), aspect).prop_map(
+            |((x, y, z, yaw, pitch, roll), focal, (k1, k2, k3, p1, p2), distorted, pixel_aspect)| {
                 let brown = Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
                 let distortion = if distorted { brown } else { Distortion::None };
-                let lens =
-                    Lens { principal_point: Pixel::new(955.0, 545.0), focal, distortion, image_circle: None };
+                let lens = Lens {
+                    principal_point: Pixel::new(955.0, 545.0),
+                    focal,
+                    pixel_aspect,
+                    distortion,
+                    image_circle: None,
+                };
                 let covariance = Covariance::EXACT;
                 Camera { position: WorldPoint { x, y, z }, yaw, pitch, roll, focal, lens, covariance }
             },

@@ -307,9 +307,10 @@ impl<'a> CovarianceLanes<'a> {
     #[inline(always)]
     pub(super) fn straight<const N: usize>(&self, u: &Lanes<N>, v: &Lanes<N>) -> [[Lanes<N>; 3]; 2] {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
-        let (a, b) = (u.map(|u| u - cu), v.map(|v| v - cv));
+        let aspect = self.camera.lens.pixel_aspect;
+        let (a, b) = (u.map(|u| u - cu), v.map(|v| (v - cv) / aspect));
         let points = self.points(&a, &b);
-        let mut pixel = slopes(&self.of_sigma, &a, &b).squared();
+        let mut pixel = slopes(&self.of_sigma, &a, &b).by_pixel_of_aspect(aspect).squared();
         for column in &mut pixel {
             for i in 0..N {
                 column[i] *= points.square[i] * points.square[i];
@@ -319,7 +320,7 @@ impl<'a> CovarianceLanes<'a> {
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; N]; 3]] };
         let mut calibration = flow.pose_covariance(&points.x, &points.y);
         if flow.has_centre {
-            let by_raw = slopes(&self.minors, &a, &b).at_points(&points.square);
+            let by_raw = slopes(&self.minors, &a, &b).by_pixel_of_aspect(aspect).at_points(&points.square);
             flow.add_lens(&mut calibration, [&points.x, &points.y], Lens::CENTRE, &by_raw.by_centre());
         }
         [pixel, calibration]
@@ -334,17 +335,20 @@ impl<'a> CovarianceLanes<'a> {
         v: &Lanes,
     ) -> [[Lanes; 3]; 2] {
         let (Pixel { u: cu, v: cv }, lens_focal) = (self.camera.lens.principal_point, self.camera.lens.focal);
+        let aspect = self.camera.lens.pixel_aspect;
+        let focal_v = lens_focal * aspect;
         let mut x = u.map(|u| (u - cu) / lens_focal);
-        let mut y = v.map(|v| (v - cv) / lens_focal);
+        let mut y = v.map(|v| (v - cv) / focal_v);
         inverse.undistort(&mut x, &mut y);
         let (a, b) = (x.map(|x| lens_focal * x), y.map(|y| lens_focal * y));
         let points = self.points(&a, &b);
-        let by_raw = slopes(&self.minors, &a, &b).by_raw(brown, &x, &y).at_points(&points.square);
+        let by_square = slopes(&self.minors, &a, &b).by_raw(brown, &x, &y).at_points(&points.square);
+        let by_raw = by_square.by_pixel_of_aspect(aspect);
         let pixel = by_raw.times(self.sigma).squared();
         let Some(flow) = &self.flow else { return [pixel, [[f64::NAN; LANES]; 3]] };
         let mut calibration = flow.pose_covariance(&points.x, &points.y);
         let mut moves = [[[0.0; LANES]; 2]; Lens::PARAMETERS];
-        let [[xa, xb], [ya, yb]] = by_raw.times(lens_focal).0;
+        let [[xa, xb], [ya, yb]] = by_square.times(lens_focal).0;
         for i in 0..LANES {
             // A change of a coefficient moves the undistorted point of a fixed raw pixel.
             let by = brown.distorted_by_coefficients([x[i], y[i]]);
@@ -417,6 +421,19 @@ impl<const N: usize> Slopes<N> {
     #[inline(always)]
     fn by_centre(&self) -> [[Lanes<N>; 2]; 2] {
         [0, 1].map(|k| [0, 1].map(|row: usize| self.0[row][k].map(|by| -by)))
+    }
+
+    /// Converts derivatives by a square pixel to derivatives by the raw pixel, whose aspect is `aspect`.
+    #[inline(always)]
+    fn by_pixel_of_aspect(mut self, aspect: f64) -> Self {
+        if aspect != 1.0 {
+            for [_, by_v] in &mut self.0 {
+                for value in by_v.iter_mut() {
+                    *value /= aspect;
+                }
+            }
+        }
+        self
     }
 
     /// Returns the derivatives multiplied by a factor.

@@ -277,7 +277,13 @@ mod tests {
     /// Creates a fisheye with a field of view above 180°.
     fn ceiling() -> Lens {
         let distortion = Distortion::KannalaBrandt { k: [0.01, -0.002, 0.0, 0.0] };
-        Lens { principal_point: Pixel::new(960.0, 950.0), focal: 580.0, distortion, image_circle: None }
+        Lens {
+            principal_point: Pixel::new(960.0, 950.0),
+            focal: 580.0,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        }
     }
 
     proptest! {

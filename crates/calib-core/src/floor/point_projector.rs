@@ -57,6 +57,7 @@ impl PointProjector {
     ) {
         let (eye, axes, most) = (self.camera.position, self.axes, self.most);
         let (Pixel { u: cu, v: cv }, f) = (self.camera.lens.principal_point, self.camera.lens.focal);
+        let f_v = self.camera.lens.pixel_aspect * f;
         let (brown, straight) = (brown.copied().unwrap_or_default(), brown.is_none());
         dispatch(
             #[inline(always)]
@@ -71,7 +72,7 @@ impl PointProjector {
                     let shown = a * a + b * b <= most;
                     let bent = if straight { [a, b] } else { brown.evaluate([a, b]) };
                     *u = if shown { cu + f * bent[0] } else { f64::NAN };
-                    *v = if shown { cv + f * bent[1] } else { f64::NAN };
+                    *v = if shown { cv + f_v * bent[1] } else { f64::NAN };
                 }
             },
         );

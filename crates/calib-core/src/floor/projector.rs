@@ -118,14 +118,15 @@ impl FloorProjector {
     /// therefore follows from the homogeneous vector (a, b, q).
     fn map_by_division_model(&self, lambda: f64, [u, v]: [&[f64]; 2], [x, y]: [&mut [f64]; 2]) {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
-        let (inverse, side, h) = (self.camera.lens.focal.recip(), self.side(), self.floor_from_lens);
+        let [inverse, inverse_v] = self.inverse_focals();
+        let (side, h) = (self.side(), self.floor_from_lens);
         // A pincushion lens folds back at q = 2.
         let most = if lambda > 0.0 { 2.0 } else { f64::INFINITY };
         dispatch(
             #[inline(always)]
             || {
                 for (((x, y), &u), &v) in x.iter_mut().zip(y.iter_mut()).zip(u).zip(v) {
-                    let (a, b) = ((u - cu) * inverse, (v - cv) * inverse);
+                    let (a, b) = ((u - cu) * inverse, (v - cv) * inverse_v);
                     let q = 1.0 + lambda * (a * a + b * b);
                     let w = h[2][0] * a + h[2][1] * b + h[2][2] * q;
                     let shown = (q > 0.0) & (q <= most) & (w * side > 0.0);
@@ -135,6 +136,12 @@ impl FloorProjector {
                 }
             },
         );
+    }
+
+    /// Returns the inverse focal lengths of the lens along u and v.
+    fn inverse_focals(&self) -> [f64; 2] {
+        let Lens { focal, pixel_aspect, .. } = self.camera.lens;
+        [focal.recip(), (focal * pixel_aspect).recip()]
     }
 
     /// Undistorts pixels in lockstep, and maps the normalised points by `onward`.
@@ -147,7 +154,7 @@ impl FloorProjector {
         [x, y]: [&mut [f64]; 2],
     ) {
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
-        let inverse = self.camera.lens.focal.recip();
+        let [inverse, inverse_v] = self.inverse_focals();
         dispatch(
             #[inline(always)]
             move || {
@@ -155,7 +162,7 @@ impl FloorProjector {
                 for ((u, v), (x, y)) in pixels.zip(x.chunks_mut(LANES).zip(y.chunks_mut(LANES))) {
                     // The last chunk is padded with the principal point.
                     let mut a = lanes(u, cu).map(|u| (u - cu) * inverse);
-                    let mut b = lanes(v, cv).map(|v| (v - cv) * inverse);
+                    let mut b = lanes(v, cv).map(|v| (v - cv) * inverse_v);
                     lens.undistort(&mut a, &mut b);
                     for i in 0..LANES {
                         (a[i], b[i]) = onward(a[i], b[i]);
@@ -179,9 +186,9 @@ impl FloorProjector {
             "slices of equal length"
         );
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
-        let f = self.camera.lens.focal;
+        let Lens { focal: f, pixel_aspect, .. } = self.camera.lens;
         match (self.camera.lens.distortion, &self.inverse) {
-            (Distortion::None, _) => {
+            (Distortion::None, _) if pixel_aspect == 1.0 => {
                 to_u.copy_from_slice(u);
                 to_v.copy_from_slice(v);
             }
@@ -326,7 +333,8 @@ impl FloorProjector {
         assert!(u.len() == v.len() && u.len() == x.len() && u.len() == y.len(), "slices of equal length");
         let h = self.lens_from_floor;
         let Pixel { u: cu, v: cv } = self.camera.lens.principal_point;
-        let f = self.camera.lens.focal;
+        let Lens { focal: f, pixel_aspect, .. } = self.camera.lens;
+        let f_v = pixel_aspect * f;
         let plain = self.camera.lens.distortion == Distortion::None;
         if self.camera.lens.distortion.is_wide() {
             for i in 0..x.len() {
@@ -341,7 +349,7 @@ impl FloorProjector {
             let a = (h[0][0] * x[i] + h[0][1] * y[i] + h[0][2]) / w;
             let b = (h[1][0] * x[i] + h[1][1] * y[i] + h[1][2]) / w;
             let bent = if plain { Some([a, b]) } else { self.camera.lens.distortion.distort([a, b]) };
-            let shown = bent.filter(|_| w > 0.0).map(|[a, b]| (cu + f * a, cv + f * b));
+            let shown = bent.filter(|_| w > 0.0).map(|[a, b]| (cu + f * a, cv + f_v * b));
             (u[i], v[i]) = shown.unwrap_or((f64::NAN, f64::NAN));
         }
     }

@@ -193,7 +193,8 @@ impl Undistortion {
                 let inverse = lens.focal.recip();
                 let first = (self.offset[0] + 0.5 * self.scale - cu) * inverse;
                 let (y, step) = ((straight_v - cv) * inverse, self.scale * inverse);
-                brown_row(&brown, self.most, [first, step, y], [lens.focal, cu, cv], u, v);
+                let focals = [lens.focal, lens.pixel_aspect * lens.focal];
+                brown_row(&brown, self.most, [first, step, y], (focals, [cu, cv]), u, v);
             }
             _ => {
                 for (column, (u, v)) in u.iter_mut().zip(v).enumerate() {
@@ -303,13 +304,14 @@ fn brown_row(
     brown: &BrownConrady,
     most: f64,
     [first, step, y]: [f64; 3],
-    to_pixels: [f64; 3],
+    (focals, centre): ([f64; 2], [f64; 2]),
     u: &mut [f32],
     v: &mut [f32],
 ) {
     let [k1, k2, k3, p1, p2] = [brown.k1, brown.k2, brown.k3, brown.p1, brown.p2].map(|k| k as f32);
     let (first, step, y, most) = (first as f32, step as f32, y as f32, most as f32);
-    let [focal, cu, cv] = to_pixels.map(|value| value as f32);
+    let [focal_u, focal_v] = focals.map(|focal| focal as f32);
+    let [cu, cv] = centre.map(|centre| centre as f32);
     dispatch(
         #[inline(always)]
         move || {
@@ -319,8 +321,8 @@ fn brown_row(
                 let radial = 1.0 + square * (k1 + square * (k2 + square * k3));
                 let bent_x = x * radial + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x);
                 let bent_y = y * radial + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y;
-                *u = if square <= most { cu + focal * bent_x } else { f32::NAN };
-                *v = cv + focal * bent_y;
+                *u = if square <= most { cu + focal_u * bent_x } else { f32::NAN };
+                *v = cv + focal_v * bent_y;
             }
         },
     );
@@ -462,6 +464,7 @@ mod tests {
             focal: 220.0,
             distortion: Distortion::BrownConrady(brown),
             image_circle: None,
+            pixel_aspect: 1.0,
         }
     }
 

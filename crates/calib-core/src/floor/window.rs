@@ -289,7 +289,13 @@ mod tests {
 
     fn fisheye() -> Lens {
         let distortion = Distortion::KannalaBrandt { k: [0.01, -0.002, 0.0, 0.0] };
-        Lens { principal_point: Pixel::new(500.0, 490.0), focal: 300.0, distortion, image_circle: None }
+        Lens {
+            principal_point: Pixel::new(500.0, 490.0),
+            focal: 300.0,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        }
     }
 
     fn any_window() -> impl Strategy<Value = Window> {

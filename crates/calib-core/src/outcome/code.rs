@@ -77,6 +77,8 @@ codes! {
         UninformativePolyline = "uninformative-polyline",
         /// The principal point is far from the image centre, or the entered one contradicts the lines.
         PrincipalPoint = "principal-point",
+        /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
+        PixelsNotSquare = "pixels-not-square",
         /// The distortion folds back on itself inside the image.
         DistortionNotInvertible = "distortion-not-invertible",
         /// The scale of the site is unknown.
@@ -132,6 +134,7 @@ impl Code {
             | Self::Unchecked
             | Self::UncertaintyUnknown
             | Self::NotThisImage
+            | Self::PixelsNotSquare
             | Self::DistortionNotInvertible => Severity::Warning,
             _ => Severity::Note,
         }
@@ -154,6 +157,7 @@ impl Code {
                 | Self::NoFloor
                 | Self::ScaleConflict
                 | Self::DistortionNotInvertible
+                | Self::PixelsNotSquare
                 | Self::NotConnected
                 | Self::ScaleUnknown
         )

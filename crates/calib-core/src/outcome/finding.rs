@@ -185,6 +185,13 @@ pub enum Finding {
         /// Distance from the image centre, divided by the longer side of the image.
         distance: f64,
     },
+    /// Recorders code images of this size with pixels that are not square, and no pixel aspect is entered.
+    PixelsNotSquare {
+        /// Width and height of the image, in pixels.
+        size: [u32; 2],
+        /// Usual pixel aspect of images of this size.
+        aspect: f64,
+    },
     /// The residuals of the bundle adjustment are too large for the noise.
     JointMisfit {
         /// Chi-square: sum of the squared residuals divided by their variances.
@@ -475,6 +482,7 @@ impl Finding {
             Self::ScaleConflict { .. } => Code::ScaleConflict,
             Self::EfovAboveHorizon { .. } => Code::EfovAboveHorizon,
             Self::WrongPrincipalPoint { .. } | Self::OffCentre { .. } => Code::PrincipalPoint,
+            Self::PixelsNotSquare { .. } => Code::PixelsNotSquare,
             Self::DistortionNotInvertible => Code::DistortionNotInvertible,
             Self::NotConnected { .. } | Self::UndeterminedPosition { .. } => Code::NotConnected,
             Self::ScaleUnknown { .. } => Code::ScaleUnknown,
@@ -530,6 +538,7 @@ impl Finding {
             | Self::UncertainCorners { .. }
             | Self::WrongPrincipalPoint { .. }
             | Self::OffCentre { .. }
+            | Self::PixelsNotSquare { .. }
             | Self::DistortionNotInvertible => Subject::Lens,
             Self::UnusedEdges { first: annotation, .. }
             | Self::UnusedKind { annotation, .. }

@@ -160,6 +160,8 @@ pub(super) struct LensProblem<'a> {
     pub(super) free: Vec<usize>,
     /// Principal point, or its expected position if it is free.
     pub(super) principal_point: Pixel,
+    /// Pixel aspect of the lens.
+    pub(super) pixel_aspect: f64,
     /// Unit of coordinates, in pixels: the focal length of the coefficients, or its start value.
     pub(super) unit: f64,
     /// Width and height of the image, in pixels.
@@ -181,6 +183,7 @@ impl LensProblem<'_> {
         let mut lens = Lens {
             principal_point: self.principal_point,
             focal: self.unit,
+            pixel_aspect: self.pixel_aspect,
             distortion: self.fitted.distortion(values),
             image_circle: None,
         };
@@ -509,7 +512,7 @@ mod tests {
         fn prior_derivatives_match_finite_differences(k in [-0.4..0.2_f64, -0.3..0.3_f64, -0.2..0.2_f64], p in [-0.01..0.01_f64, -0.01..0.01_f64], focal in 400.0..3000.0_f64) {
             const STEP: f64 = 1e-6;
             let brown = BrownConrady { k1: k[0], k2: k[1], k3: k[2], p1: p[0], p2: p[1] };
-            let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal, distortion: Distortion::BrownConrady(brown), image_circle: None };
+            let lens = Lens { principal_point: Pixel::new(960.0, 540.0), focal, pixel_aspect: 1.0, distortion: Distortion::BrownConrady(brown), image_circle: None };
             let all = [0, 1, 2, 3, 4, 5, 6];
             let size = [1920.0, 1080.0];
             let centre = PrincipalPointPrior::of_image(size);
@@ -531,7 +534,7 @@ mod tests {
         ) {
             const STEPS: [f64; Lens::PARAMETERS] = [1e-8, 1e-8, 1e-8, 1e-8, 1e-6, 1e-3, 1e-3];
             let distortion = Distortion::KannalaBrandt { k: [k[0], k[1], 0.0, 0.0] };
-            let lens = Lens { principal_point: Pixel::new(950.0, 970.0), focal, distortion, image_circle: None };
+            let lens = Lens { principal_point: Pixel::new(950.0, 970.0), focal, pixel_aspect: 1.0, distortion, image_circle: None };
             let at = Pixel::from(at);
             prop_assume!(at.distance(lens.principal_point) > 50.0);
             let slope = |lens: &Lens| slope_prior(lens, Some(at)).map(|prior| prior.value).unwrap();

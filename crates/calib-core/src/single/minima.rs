@@ -23,8 +23,6 @@ pub const MAX_LOG_FOCAL_SIGMA: f64 = 0.2;
 /// Standard deviation of the log focal length above which the weak prior is added: it then has at least a
 /// twelfth of the information of the constraints.
 pub(crate) const MIN_LOG_FOCAL_SIGMA_FOR_PRIOR: f64 = 0.1;
-/// Chi-square per degree of freedom above which the search goes on with another roll.
-const MAX_CHI2_PER_DOF: f64 = 25.0;
 /// Minimum difference in chi-square that rules out the worse of two cameras.
 pub const MIN_CHI2_DIFFERENCE: f64 = 6.0;
 /// Maximum number of accepted steps of a run. Near a minimum convergence is quadratic; if the cost is flat in
@@ -58,14 +56,12 @@ pub(crate) fn minima_including(
     fixed: FixedParameters,
 ) -> Vec<Minimum> {
     let mut found = known;
-    let explains = |minimum: &Minimum| minimum.chi2 < MAX_CHI2_PER_DOF * problem.dof().max(1) as f64;
-    let vanishing =
-        vanishing_point(problem.lines().filter(|line| line.direction == Direction::Vertical));
+    let vanishing = vanishing_point(problem.lines().filter(|line| line.direction == Direction::Vertical));
     for roll in start_rolls(problem, fixed, vanishing) {
         for start in starts(problem, fixed, roll, vanishing) {
             found = with_minimum_from(start, problem, found);
         }
-        if found.iter().any(explains) {
+        if !found.is_empty() {
             break;
         }
     }
@@ -221,7 +217,7 @@ fn is_same(a: &Minimum, b: &Minimum, problem: &Problem) -> bool {
 }
 
 /// Returns the rolls from which the search starts, in radians, the likeliest first. The search ends at the
-/// first roll that leads to a minimum with a usual chi-square.
+/// first roll that leads to a minimum.
 ///
 /// Verticals determine the roll up to 180 degrees. Uprights determine it, because the head is above the foot.
 /// Lines alone cannot distinguish the two rolls of verticals, so the second one is then omitted.
@@ -234,7 +230,8 @@ fn start_rolls(problem: &Problem, fixed: FixedParameters, vanishing: Option<[f64
     let likely = expected.unwrap_or(0.0);
     let has_sizes = problem.lengths().next().is_some() || problem.uprights().next().is_some();
     let Some(roll) = vanishing.map(roll_from_verticals) else {
-        let turns: &[f64] = if expected.is_some() || !has_sizes { &[0.0] } else { &[0.0, FRAC_PI_2, -FRAC_PI_2, PI] };
+        let turns: &[f64] =
+            if expected.is_some() || !has_sizes { &[0.0] } else { &[0.0, FRAC_PI_2, -FRAC_PI_2, PI] };
         return turns.iter().map(|turn| likely + turn).collect();
     };
     let roll = roll + PI * ((likely - roll) / PI).round();
@@ -258,12 +255,7 @@ fn roll_from_uprights(problem: &Problem) -> Option<f64> {
 
 /// Returns the start states with this roll: the best states on a grid of focal lengths, and of pitches if
 /// the vanishing point of the verticals is unknown.
-fn starts(
-    problem: &Problem,
-    fixed: FixedParameters,
-    roll: f64,
-    vanishing: Option<[f64; 3]>,
-) -> Vec<State> {
+fn starts(problem: &Problem, fixed: FixedParameters, roll: f64, vanishing: Option<[f64; 3]>) -> Vec<State> {
     /// Maximum number of start states.
     const MAX_STARTS: usize = 4;
     let focals = focals(problem, fixed);

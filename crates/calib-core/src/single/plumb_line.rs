@@ -64,6 +64,8 @@ pub struct LensOptions {
     pub principal_point: Pixel,
     /// Whether the principal point is fixed even if the focal length is free.
     pub is_centre_fixed: bool,
+    /// Pixel aspect; see [`Lens::pixel_aspect`].
+    pub pixel_aspect: f64,
     /// Width and height of the image, in pixels.
     pub size: [f64; 2],
     /// Image circle of a fisheye, if known; then the lens is a fisheye.
@@ -103,7 +105,7 @@ impl LensFit {
         let problem = |fitted: FittedCoefficients| {
             let half_diagonal = 0.5 * options.size[0].hypot(options.size[1]);
             let unit = options.focal.filter(|_| fitted.has_own_focal()).unwrap_or(half_diagonal);
-            let LensOptions { principal_point, size, circle, sigma, .. } = *options;
+            let LensOptions { principal_point, pixel_aspect, size, circle, sigma, .. } = *options;
             let (edges, times) = (edges.clone(), times.clone());
             let open = Vec::new();
             LensProblem {
@@ -112,6 +114,7 @@ impl LensFit {
                 fitted,
                 free: open,
                 principal_point,
+                pixel_aspect,
                 unit,
                 size,
                 circle,
@@ -155,7 +158,7 @@ impl LensFit {
         };
         Self {
             lens: if values.is_empty() && !problem.fitted.has_own_focal() {
-                Lens::pinhole(options.principal_point)
+                Lens { pixel_aspect: options.pixel_aspect, ..Lens::pinhole(options.principal_point) }
             } else {
                 lens
             },

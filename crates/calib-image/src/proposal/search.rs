@@ -24,7 +24,7 @@
 //! core). The suggested annotations contain inner points, from which the solver fits as many coefficients as
 //! they support.
 
-use calib_core::{BrownConrady, Distortion, Lens, Orientation, Pixel};
+use calib_core::{BrownConrady, Distortion, Lens, Orientation};
 
 use super::frame::{Point, azimuth, level, nadir, with_nadir};
 use super::join::Line;
@@ -236,18 +236,13 @@ pub(super) const MIN_EVIDENCE_GAIN: f64 = 6.0;
 /// Number of halvings of the k1 step in the refinement.
 const HALVINGS: usize = 3;
 
-/// Returns the lens with this k1, for an image of this width and height, in pixels.
-pub(super) fn lens(k1: f64, principal_point: Pixel, size: [f64; 2]) -> Lens {
+/// Returns `pinhole` with this k1, for an image of this width and height, in pixels.
+pub(super) fn lens(k1: f64, pinhole: Lens, size: [f64; 2]) -> Lens {
     if k1 == 0.0 {
-        return Lens::pinhole(principal_point);
+        return pinhole;
     }
     let brown = BrownConrady { k1, k2: k1.min(0.0).powi(2), ..BrownConrady::default() };
-    Lens {
-        principal_point,
-        focal: 0.5 * size[0].hypot(size[1]),
-        distortion: Distortion::BrownConrady(brown),
-        image_circle: None,
-    }
+    Lens { focal: 0.5 * size[0].hypot(size[1]), distortion: Distortion::BrownConrady(brown), ..pinhole }
 }
 
 /// Returns the log prior density of k1, up to a constant.

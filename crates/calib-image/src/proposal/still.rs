@@ -11,7 +11,7 @@
 use std::fmt;
 
 use calib_core::{Code, ImageCircle, Kind, Lens, Orientation, Pixel};
-use calib_site::{SiteCamera, Solution};
+use calib_site::{SiteCamera, Solution, usual_pixel_aspect};
 
 use super::frame::{level, with_nadir};
 use super::join::Line;
@@ -80,6 +80,11 @@ pub enum Reason {
         /// Focal length, in pixels.
         focal: f64,
     },
+    /// Image size with which recorders code pixels that are not square, without a known pixel aspect.
+    PixelsNotSquare {
+        /// Usual pixel aspect of images of this size.
+        aspect: f64,
+    },
     /// Camera that may hang upside down: it looks up.
     MayBeUpsideDown {
         /// Pitch, in degrees.
@@ -125,6 +130,10 @@ impl fmt::Display for Reason {
             Self::Unusual { focal } => write!(
                 f,
                 "the roll, or the focal length of {focal:.0} px, is unusual; check that the verticals are vertical"
+            ),
+            Self::PixelsNotSquare { aspect } => write!(
+                f,
+                "images of this size usually have pixels that are not square (aspect {aspect:.3}); enter lens.pixel_aspect, then propose again"
             ),
             Self::MayBeUpsideDown { pitch_deg } => write!(
                 f,
@@ -176,6 +185,8 @@ pub struct EdgeImage {
     pub size: [u32; 2],
     /// Principal point, in raw pixels; the image centre if absent.
     pub principal_point: Option<Pixel>,
+    /// Pixel aspect, if known; otherwise pixels are assumed to be square.
+    pub pixel_aspect: Option<f64>,
     /// Lens, if known; otherwise the distortion is estimated with the grouping.
     pub lens: Option<Lens>,
     /// Image circle of a round image, in raw pixels; `None` if the scene fills the image.
@@ -269,7 +280,8 @@ impl AutomaticCalibration {
                 let straight = curved_edges(&grouping.lines, &image.segments, &grouping.lens);
                 // The distortion of a known lens is not fitted.
                 let straight = if image.lens.is_some() { Vec::new() } else { straight };
-                Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image.size) }
+                let doubt = image.pixel_doubt();
+                Self { curved_edges: straight, ..Self::from_grouping(&grouping, best, image.size, doubt) }
             }
             _ => Self::none(vec![Reason::NoDirections]),
         }
@@ -290,7 +302,8 @@ impl AutomaticCalibration {
     }
 
     /// Creates the result for the likeliest mixture `best`, for an image of this width and height, in pixels.
-    fn from_grouping(grouping: &Grouping, best: &Mixture, size: [u32; 2]) -> Self {
+    /// `doubt` is a reason to doubt the image itself.
+    fn from_grouping(grouping: &Grouping, best: &Mixture, size: [u32; 2], doubt: Option<Reason>) -> Self {
         let groups = grouping.groups_of(best);
         let camera = entry(size, &grouping.lens, &groups);
         let mut proposal = Self { groups, ..Self::none(Vec::new()) };
@@ -305,7 +318,7 @@ impl AutomaticCalibration {
             proposal.camera = Some(camera);
             return proposal;
         }
-        proposal.reasons.extend(doubtful_mount(best));
+        proposal.reasons.extend(doubt.into_iter().chain(doubtful_mount(best)));
         let scatter = Scatter::new(best, &grouping.others());
         let own = solution.sigma.as_ref().and_then(|sigma| sigma.focal_px).unwrap_or(f64::INFINITY);
         let own = (SIGMA_INFLATION * own / solution.focal_px).min(UNKNOWN_FOCAL_SIGMA);
@@ -397,7 +410,7 @@ impl EdgeImage {
     /// Creates the input from the edges and the width and height of an image, in pixels; the lens is unknown.
     #[must_use]
     pub const fn new(segments: Vec<LineSegment>, size: [u32; 2]) -> Self {
-        Self { segments, size, principal_point: None, lens: None, image_circle: None }
+        Self { segments, size, principal_point: None, pixel_aspect: None, lens: None, image_circle: None }
     }
 
     /// Creates the input for a camera of a site. The lens is known if the site specifies the distortion.
@@ -407,16 +420,23 @@ impl EdgeImage {
         let is_known = given.is_some_and(|distortion| distortion.distortion().is_some());
         Self {
             principal_point: Some(camera.principal_point()),
+            pixel_aspect: camera.lens.as_ref().and_then(|lens| lens.pixel_aspect),
             lens: is_known.then(|| camera.lens()),
             image_circle: camera.image_circle(),
             ..Self::new(segments, camera.size_px)
         }
     }
 
+    /// Returns the reason to doubt that the pixels are square, if their aspect is unknown.
+    fn pixel_doubt(&self) -> Option<Reason> {
+        let aspect = usual_pixel_aspect(self.size).filter(|_| self.pixel_aspect.is_none())?;
+        Some(Reason::PixelsNotSquare { aspect })
+    }
+
     /// Returns the likeliest grouping, with or without distortion.
     fn grouping(&self) -> Option<Grouping> {
         let straight =
-            self.group_edges(self.lens.unwrap_or(search::lens(0.0, self.centre(), self.sides())), 0.0);
+            self.group_edges(self.lens.unwrap_or(search::lens(0.0, self.pinhole(), self.sides())), 0.0);
         let distorted = if self.lens.is_none() { self.distorted_grouping() } else { None };
         let gain =
             |distorted: &Grouping| Some(distorted.log_evidence()? - straight.log_evidence().unwrap_or(0.0));
@@ -433,7 +453,7 @@ impl EdgeImage {
     /// agree best without distortion.
     fn distorted_grouping(&self) -> Option<Grouping> {
         let concurrence = |k1: f64| {
-            search::concurrence(&self.lines(&search::lens(k1, self.centre(), self.sides())))
+            search::concurrence(&self.lines(&search::lens(k1, self.pinhole(), self.sides())))
                 + search::log_density(k1)
         };
         let scores = search::K1_CANDIDATES.map(|k1| (k1, concurrence(k1)));
@@ -448,15 +468,17 @@ impl EdgeImage {
         self.size.map(f64::from)
     }
 
-    /// Returns the principal point, or the image centre if unknown, in raw pixels.
-    fn centre(&self) -> Pixel {
+    /// Returns the lens without distortion: with the principal point or the image centre, and with the pixel
+    /// aspect or square pixels.
+    fn pinhole(&self) -> Lens {
         let [w, h] = self.sides();
-        self.principal_point.unwrap_or(Pixel::new(0.5 * w, 0.5 * h))
+        let centre = self.principal_point.unwrap_or(Pixel::new(0.5 * w, 0.5 * h));
+        Lens { pixel_aspect: self.pixel_aspect.unwrap_or(1.0), ..Lens::pinhole(centre) }
     }
 
     /// Joins and groups the edges under the lens with this k1.
     fn distorted(&self, k1: f64) -> Grouping {
-        self.group_edges(search::lens(k1, self.centre(), self.sides()), k1)
+        self.group_edges(search::lens(k1, self.pinhole(), self.sides()), k1)
     }
 
     /// Joins and groups the edges under a lens.
@@ -481,14 +503,14 @@ impl EdgeImage {
     fn refine_distortion(&self, coarse: &Grouping) -> Grouping {
         let prior = CameraPrior::from_width(f64::from(self.size[0]));
         let score = |k1: f64| {
-            let lines = self.lines(&search::lens(k1, self.centre(), self.sides()));
+            let lines = self.lines(&search::lens(k1, self.pinhole(), self.sides()));
             let best = coarse.mixtures.first()?;
             let start = (best.camera, best.azimuths.clone(), best.right_angles.clone());
             Some(Mixture::fit(&lines, start, &prior)?.log_evidence + search::log_density(k1))
         };
         let (k1, _) =
             search::refine_k1((coarse.k1, coarse.log_evidence().unwrap_or(f64::NEG_INFINITY)), score);
-        let lens = search::lens(k1, self.centre(), self.sides());
+        let lens = search::lens(k1, self.pinhole(), self.sides());
         let lines = self.lines(&lens);
         // The cameras of the coarse step are close enough; no new search is needed.
         let starts = coarse

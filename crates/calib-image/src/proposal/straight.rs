@@ -111,7 +111,7 @@ mod tests {
     }
 
     fn lens(k1: f64) -> Lens {
-        search::lens(k1, Pixel::new(960.0, 540.0), [1920.0, 1080.0])
+        search::lens(k1, Lens::pinhole(Pixel::new(960.0, 540.0)), [1920.0, 1080.0])
     }
 
     #[test]

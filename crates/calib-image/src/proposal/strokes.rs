@@ -153,7 +153,8 @@ pub(super) fn entry(size: [u32; 2], lens: &Lens, groups: &[Group]) -> SiteCamera
         Some(lens.principal_point).filter(|point| *point != centre).map(PrincipalPointEntry::known);
     let distortion = DistortionEntry::from_lens(lens, lens.focal);
     let distortion = distortion.map(|entry| DistortionEntry { focal_px: Some(lens.focal), ..entry });
-    let lens = LensEntry { principal_point_px, distortion, ..LensEntry::default() };
+    let pixel_aspect = Some(lens.pixel_aspect).filter(|aspect| *aspect != 1.0);
+    let lens = LensEntry { principal_point_px, pixel_aspect, distortion, ..LensEntry::default() };
     SiteCamera {
         lens: (lens != LensEntry::default()).then_some(lens),
         annotations: groups.iter().map(|group| group.annotation.clone()).collect(),

@@ -98,7 +98,7 @@ impl SentenceContext<'_> {
             F::PlacedByHand => PLACED_BY_HAND.into(),
             F::ScaleConflict { estimated, placed } => scale_conflict(*estimated, *placed),
             F::EfovAboveHorizon { is_whole } => efov(*is_whole).into(),
-            F::WrongPrincipalPoint { .. } | F::OffCentre { .. } => principal_point(finding),
+            F::WrongPrincipalPoint { .. } | F::OffCentre { .. } | F::PixelsNotSquare { .. } => lens(finding),
             F::DistortionNotInvertible => NOT_INVERTIBLE.into(),
             _ => self.shared_message(finding),
         }
@@ -247,6 +247,7 @@ const fn fixed_advice(finding: &Finding) -> &'static str {
         F::OffCentre { .. } => {
             "If the image is not cropped, check the right angles and the verticals. If you know the principal point, enter it."
         }
+        F::PixelsNotSquare { .. } => ENTER_ASPECT,
         F::ExchangedControlPoints { .. } => EXCHANGE,
         F::ScaleConflict { .. } => {
             "Check the scale of the plan, the heights and lengths, and the size of the field of view on the plan."
@@ -413,8 +414,9 @@ fn points_failure_text(failure: &Failure) -> [String; 2] {
     }
 }
 
-/// Describes a principal point that contradicts the lines or is far from the image centre.
-fn principal_point(finding: &Finding) -> String {
+/// Describes a principal point that contradicts the lines or is far from the image centre, or pixels that are
+/// probably not square.
+fn lens(finding: &Finding) -> String {
     let point = |at: &Pixel| format!("({:.0}, {:.0})", at.u, at.v);
     match finding {
         Finding::WrongPrincipalPoint { entered, estimated, is_exchanged } => {
@@ -430,10 +432,16 @@ fn principal_point(finding: &Finding) -> String {
             point(estimated),
             100.0 * distance
         ),
+        Finding::PixelsNotSquare { size: [w, h], aspect } => format!(
+            "Images of {w} x {h} pixels usually have pixels that are not square (aspect {aspect:.3}), and no pixel aspect is entered."
+        ),
         _ => String::new(),
     }
 }
 
+/// Advice for pixels that are probably not square.
+const ENTER_ASPECT: &str =
+    "Enter lens.pixel_aspect: this value if round objects look squeezed in the image, 1 if they look round.";
 /// Advice for a roll that the verticals do not determine.
 const ANOTHER_VERTICAL: &str = "Draw another vertical, far to the side of the first, or fix lens.roll_deg.";
 /// Advice for lines that fit no camera.

@@ -71,7 +71,13 @@ fn entry(index: u32) -> (Camera, SiteCamera) {
         pitch: 0.5,
         roll: 0.05,
         focal,
-        lens: Lens { principal_point: Pixel::new(957.0, 548.0), focal, distortion, image_circle: None },
+        lens: Lens {
+            principal_point: Pixel::new(957.0, 548.0),
+            focal,
+            pixel_aspect: 1.0,
+            distortion,
+            image_circle: None,
+        },
         covariance: Covariance::EXACT,
     };
     let solution = Solution::from_camera(&camera, Method::Given, Stage::Placed);

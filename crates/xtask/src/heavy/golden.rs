@@ -101,6 +101,7 @@ fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
             focal,
             distortion,
             image_circle: None,
+            pixel_aspect: 1.0,
         },
         covariance: Covariance::EXACT,
     };

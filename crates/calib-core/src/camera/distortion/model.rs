@@ -15,6 +15,14 @@ pub(crate) struct ByCoefficient {
     pub(crate) jacobian: Matrix2,
 }
 
+impl ByCoefficient {
+    /// Returns the derivatives times a factor.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        let scaled = |row: [f64; 2]| row.map(|by| factor * by);
+        Self { at: scaled(self.at), jacobian: self.jacobian.map(scaled) }
+    }
+}
+
 /// Derivatives of an undistorted point with respect to every coefficient, in the order of
 /// [`Distortion::coefficients`].
 pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MAX_COEFFICIENTS];
@@ -32,6 +40,16 @@ pub(crate) struct RayByCoefficient {
     pub(crate) at: [f64; 3],
     /// Derivative of `d ray / d distorted`.
     pub(crate) jacobian: RayMatrix,
+}
+
+impl RayByCoefficient {
+    /// Returns the derivatives times a factor.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        Self {
+            at: self.at.map(|by| factor * by),
+            jacobian: self.jacobian.map(|row| row.map(|by| factor * by)),
+        }
+    }
 }
 
 /// Distortion model: the maps in both directions and their derivatives, on coordinates divided by the focal
