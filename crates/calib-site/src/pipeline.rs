@@ -315,7 +315,7 @@ impl Site {
         let straightness = first.lens_estimate.straightness_under(&camera.lens, &entry.annotations);
         result.solution.residuals.extend(residual_entries(straightness.into_iter(), &[]));
         result.solution.residuals.sort_by_key(|residual| (residual.annotation, residual.segment));
-        add_single_findings(entry, first, &camera, &mut result.findings);
+        add_single_findings(entry, first, &camera, &mut result);
         let camera = shown;
         result.solution.efov_m = efov(entry, &camera, &self.plane_priors(), &mut result.findings);
         result.findings.retain(|finding| !is_recomputed(finding.code()));
@@ -368,6 +368,7 @@ impl Site {
 /// Whether the annotations of a camera, or its shared observations, contradict each other beyond any noise.
 fn is_inconsistent_with(first: &SingleFit, joined: Option<&CameraEstimate>) -> bool {
     first.fit.as_ref().is_some_and(|fit| fit.is_inconsistent)
+        || first.other_centre.is_some()
         || joined.is_some_and(|joined| is_inconsistent(joined.chi2, joined.dof))
 }
 
@@ -411,14 +412,22 @@ fn apply_joint_estimate(
     }
 }
 
-/// Adds the findings about the lens and the lines of a camera.
-fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, findings: &mut Vec<Finding>) {
+/// Adds the findings about the lens and the lines of a camera. If the lines contradict the entered principal
+/// point, the uncertainty is unknown.
+fn add_single_findings(entry: &SiteCamera, first: &SingleFit, camera: &Camera, result: &mut CameraResult) {
+    let CameraResult { solution, findings, .. } = result;
     findings.extend(first.lens_estimate.findings(entry));
     findings.extend(invalid_segments(&first.constraints));
     findings.extend(check_lens(entry, camera));
     findings.extend(check_principal_point(entry, first, camera));
     findings.extend(check_pixels(entry));
     findings.extend(height_findings(entry, camera, findings));
+    if first.other_centre.is_some() {
+        solution.set_uncertainty(&Camera { covariance: Covariance::UNKNOWN, ..*camera }, None);
+        let is_replaced = |code: Code| matches!(code, Code::Weak | Code::Unusable | Code::UncertaintyUnknown);
+        findings.retain(|finding| !is_replaced(finding.code()));
+        findings.push(Finding::UncertaintyUnknown);
+    }
 }
 
 /// Reports an image size whose pixels are usually not square, if no pixel aspect is entered.
