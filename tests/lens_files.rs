@@ -176,3 +176,55 @@ fn missing_values_are_named() {
     let error = import(format("fspy").unwrap(), &[file]).unwrap_err().to_string();
     assert!(error.contains("has no camera"), "{error}");
 }
+
+/// Returns `OpenCV`'s pixel of a point in camera axes with all its terms, by the formula of its documentation.
+fn pixel_with_all_terms([x, y, z]: [f64; 3], [fx, fy]: [f64; 2], terms: [f64; 12]) -> [f64; 2] {
+    let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4] = terms;
+    let (x, y) = (x / z, y / z);
+    let r = x * x + y * y;
+    let radial = (1.0 + r * (k1 + r * (k2 + r * k3))) / (1.0 + r * (k4 + r * (k5 + r * k6)));
+    let u = x * radial + 2.0 * p1 * x * y + p2 * (r + 2.0 * x * x) + s1 * r + s2 * r * r;
+    let v = y * radial + p1 * (r + 2.0 * y * y) + 2.0 * p2 * x * y + s3 * r + s4 * r * r;
+    [fx * u + CX, fy * v + CY]
+}
+
+#[test]
+fn rational_and_thin_prism_terms_and_both_focal_lengths_are_read_and_written() {
+    let wide = [0.5, 0.15, 0.0002, -0.0001, 0.01, 0.83, 0.3, 0.05];
+    let steep = [0.42, -2.57, 0.0007, -0.0004, 1.57, 0.3, -2.39, 1.49];
+    let prism = [-0.2, 0.05, 0.001, -0.001, 0.0, 0.02, 0.01, 0.0, 0.002, -0.001, -0.003, 0.0005];
+    let cases = [(&wide[..], 900.0), (&steep, 905.0), (&prism, 880.0)];
+    for (terms, fy) in cases {
+        let mut all = [0.0; 12];
+        all[..terms.len()].copy_from_slice(terms);
+        let flat = format!("[{F:?}, 0.0, {CX}, 0.0, {fy:?}, {CY}, 0.0, 0.0, 1.0]");
+        let ros = format!(
+            "image_width: 1280\nimage_height: 720\ncamera_name: a\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: {flat}\n\
+             distortion_model: rational_polynomial\ndistortion_coefficients:\n  rows: 1\n  cols: {}\n  data: {terms:?}\n",
+            terms.len()
+        );
+        let opencv = format!(
+            "{{\"K\": [[{F}, 0, {CX}], [0, {fy}, {CY}], [0, 0, 1]], \"D\": {terms:?}, \"image_size\": [1280, 720]}}"
+        );
+        for (kind, name, text) in [("ros", "a.yaml", ros), ("opencv", "a.json", opencv)] {
+            let site = read(kind, name, &text).unwrap().site;
+            let lens = site.cameras[0].lens();
+            for [x, y, z] in [[0.1, 0.2, 1.0], [-0.6, 0.3, 1.0], [0.6, -0.35, 1.0], [0.5, 0.3, 1.2]] {
+                let (cu, cv) = (lens.principal_point.u, lens.principal_point.v);
+                let straight = UndistortedPixel { u: cu + F * x / z, v: cv + F * y / z };
+                let found = lens.distort(straight).unwrap();
+                let [u, v] = pixel_with_all_terms([x, y, z], [F, fy], all);
+                assert!(
+                    (found.u - u - 0.5).hypot(found.v - v - 0.5) < 1e-6,
+                    "{kind} {terms:?}: {found:?}, {u} {v}"
+                );
+                let back = lens.undistort(found).unwrap();
+                assert!(back.distance(straight) < 1e-7, "{kind} {terms:?}: {back:?}");
+            }
+        }
+    }
+    let tilted = "[0.1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.01, 0.02]";
+    let text = format!("{{\"K\": {K}, \"dist_coeffs\": {tilted}, \"image_size\": [1280, 720]}}");
+    let refused = read("opencv", "a.json", &text).unwrap_err();
+    assert!(refused.contains("tilted"), "{refused}");
+}

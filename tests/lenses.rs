@@ -7,6 +7,10 @@ use calib_core::{
     Kind, Lens, LensFit, LensOptions, Pixel, UndistortedPixel, WorldPoint,
 };
 
+use calib_core::camera::Rational;
+
+use calib_core::camera::Rational;
+
 use calib_core::outcome::Source;
 
 use calib_core::single::Edge;
@@ -370,6 +374,14 @@ fn last_radius(distortion: &Distortion) -> f64 {
                 t * (1.0 + k[0] * t.powi(2) + k[1] * t.powi(4) + k[2] * t.powi(6) + k[3] * t.powi(8))
             };
             model(growing_until(model, right_angle).min(right_angle))
+        }
+        Distortion::Rational(Rational { radial: [k1, k2, k3, k4, k5, k6], .. }) => {
+            let model = |r: f64| {
+                let over = 1.0 + k1 * r.powi(2) + k2 * r.powi(4) + k3 * r.powi(6);
+                r * over / (1.0 + k4 * r.powi(2) + k5 * r.powi(4) + k6 * r.powi(6))
+            };
+            let turn = growing_until(model, 20.0);
+            if turn.is_finite() { model(turn) } else { f64::INFINITY }
         }
         Distortion::Unified { xi } => last_radius(&Distortion::DoubleSphere { xi, alpha: 0.0 }),
         Distortion::DoubleSphere { xi, alpha } => {

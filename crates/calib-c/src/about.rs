@@ -228,7 +228,7 @@ pub unsafe extern "C" fn calib_camera_focal(camera: *const CalibCamera, focal_px
 }
 
 /// Writes the camera matrix K, nine values row by row: camera coordinates to undistorted pixels of the
-/// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE`. Returns `CALIB_RESULT_REFUSED` for
+/// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE` and square pixels. Returns `CALIB_RESULT_REFUSED` for
 /// a stretched stream.
 ///
 /// # Safety
@@ -245,16 +245,25 @@ pub unsafe extern "C" fn calib_camera_matrix(camera: *const CalibCamera, matrix:
     })
 }
 
-/// Writes the distortion: the name of its model, five coefficients, and the focal length of the coefficients,
-/// in pixels of the stream.
+/// Number of distortion coefficients of the model with the most.
+pub const CALIB_COEFFICIENTS: usize = 12;
+
+const _: () = assert!(
+    CALIB_COEFFICIENTS == Distortion::MAX_COEFFICIENTS,
+    "CALIB_COEFFICIENTS must equal the number of coefficients of the core"
+);
+
+/// Writes the distortion: the name of its model, `CALIB_COEFFICIENTS` coefficients, and the focal length of the
+/// coefficients, in pixels of the stream.
 ///
 /// `*model` is a static string, or null without distortion. Coefficients are in the order of the model,
 /// followed by zeros. "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3),
-/// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, and "double-sphere" xi and alpha. Returns
+/// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, "double-sphere" xi and alpha, and "rational" k1 to
+/// k6, p1, p2, s1 to s4. Returns
 /// `CALIB_RESULT_REFUSED` for a stretched stream.
 ///
 /// # Safety
-/// `camera` is a handle that is not freed during the call. `*model`, five values of `coefficients` and
+/// `camera` is a handle that is not freed during the call. `*model`, `CALIB_COEFFICIENTS` values of `coefficients` and
 /// `*focal_px` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_distortion(
@@ -271,7 +280,7 @@ pub unsafe extern "C" fn calib_camera_distortion(
         // SAFETY: the caller guarantees that they can be written.
         unsafe {
             write_value(model, name)?;
-            write_numbers::<{ Distortion::MAX_COEFFICIENTS }>(coefficients, lens.distortion.coefficients())?;
+            write_numbers::<CALIB_COEFFICIENTS>(coefficients, lens.distortion.coefficients())?;
             write_value(focal_px, lens.focal)
         }
     })
@@ -284,6 +293,7 @@ const fn name_of(model: DistortionModel) -> &'static CStr {
         DistortionModel::KannalaBrandt => c"kannala-brandt",
         DistortionModel::Unified => c"unified",
         DistortionModel::DoubleSphere => c"double-sphere",
+        DistortionModel::Rational => c"rational",
     }
 }
 

@@ -53,7 +53,7 @@ static void getters(const CalibCamera *camera)
     size_t needed = 0;
     uint32_t width = 0, height = 0;
     uint8_t known = 7;
-    double position[3], degrees[3], focal = 0, matrix[9], coefficients[5], lens_focal = 0, covariance[CALIB_UNKNOWNS * CALIB_UNKNOWNS];
+    double position[3], degrees[3], focal = 0, matrix[9], coefficients[CALIB_COEFFICIENTS], lens_focal = 0, covariance[CALIB_UNKNOWNS * CALIB_UNKNOWNS];
     EXPECT(calib_camera_id(camera, id, 3, &needed) == CALIB_RESULT_SHORT && needed == strlen("camera-2") + 1);
     EXPECT(calib_camera_id(camera, id, sizeof id, NULL) == CALIB_RESULT_OK && strcmp(id, "camera-2") == 0);
     EXPECT(calib_camera_size(camera, &width, &height) == CALIB_RESULT_OK && width == 1920 && height == 1080);

@@ -14,6 +14,7 @@ use crate::file::{FormatError, Problem, quoted};
 use crate::fisheye::{MAX_ANGLE, MAX_FIT_ERROR_PX, fit_error_text, fit_lens};
 use crate::fisheye::{from_quaternion, quaternion};
 use crate::given::{Imported, ImportedCamera, site_from_cameras};
+use crate::opencv::distortion_of_terms;
 use crate::tree::{digits, joined};
 use crate::view::{Terms, View};
 
@@ -46,7 +47,7 @@ fn name(view: &View) -> String {
 
 fn model(terms: Terms) -> (&'static str, Vec<f64>) {
     match terms {
-        Terms::None => ("PINHOLE", Vec::new()),
+        Terms::None | Terms::Rational(_) => ("PINHOLE", Vec::new()),
         Terms::Fisheye(k) => ("OPENCV_FISHEYE", k.to_vec()),
         Terms::BrownConrady(b) | Terms::Fitted(b, _) if b.k3 == 0.0 => {
             ("OPENCV", vec![b.k1, b.k2, b.p1, b.p2])
@@ -174,7 +175,12 @@ fn lens(line: &Line, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
             let [k1, k2, p1, p2] = line.numbers(8)?;
             (line.numbers(4)?, brown([k1, k2, p1, p2, 0.0]))
         }
-        "FULL_OPENCV" => (line.numbers(4)?, brown(full_opencv(line)?)),
+        "FULL_OPENCV" => {
+            let [k1, k2, p1, p2, k3, k4, k5, k6] = line.numbers(8)?;
+            let terms = [k1, k2, p1, p2, k3, k4, k5, k6, 0.0, 0.0, 0.0, 0.0];
+            let is_plain = terms.iter().all(|&term| term == 0.0);
+            (line.numbers(4)?, if is_plain { Distortion::None } else { distortion_of_terms(terms) })
+        }
         "OPENCV_FISHEYE" => (line.numbers(4)?, kannala_brandt(line.numbers(8)?)),
         "SIMPLE_RADIAL_FISHEYE" => (one_focal()?, kannala_brandt([line.number(7)?, 0.0, 0.0, 0.0])),
         "RADIAL_FISHEYE" => (one_focal()?, kannala_brandt([line.number(7)?, line.number(8)?, 0.0, 0.0])),
@@ -199,15 +205,6 @@ fn lens(line: &Line, notes: &mut Vec<String>) -> Result<ImportedCamera, FormatEr
 
 const fn kannala_brandt(k: [f64; 4]) -> Distortion {
     Distortion::KannalaBrandt { k }
-}
-
-/// Returns k1, k2, p1, p2, k3 of a `FULL_OPENCV` camera; fails if k4, k5 or k6 is not 0.
-fn full_opencv(line: &Line) -> Result<[f64; 5], FormatError> {
-    let [k1, k2, p1, p2, k3, k4, k5, k6] = line.numbers(8)?;
-    if [k4, k5, k6] == [0.0; 3] {
-        return Ok([k1, k2, p1, p2, k3]);
-    }
-    Err(FormatError::expected(line.place(), "k4, k5, k6", "zeros; other values are not supported"))
 }
 
 /// Distortion terms of a fisheye lens that are not symmetric about its axis.

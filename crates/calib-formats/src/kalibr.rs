@@ -68,7 +68,7 @@ fn kalibr_lens(view: &View, scene: &Scene, export: &mut Export) -> KalibrLens {
     }
     let (distortion, terms) = match export.terms(view, scene.lenses) {
         Terms::Fisheye(k) => ("equidistant", k.to_vec()),
-        Terms::None => ("radtan", vec![0.0; 4]),
+        Terms::None | Terms::Rational(_) => ("radtan", vec![0.0; 4]),
         Terms::BrownConrady(brown) | Terms::Fitted(brown, _) => {
             if brown.k3 != 0.0 {
                 export.add_loss(view, "k3 of its distortion: radtan has only k1, k2, p1 and p2");

@@ -36,7 +36,7 @@ fn frame(view: &View, terms: Terms) -> Value {
         "transform_matrix": world_from_camera(view),
     });
     let named: Vec<(&str, f64)> = match terms {
-        Terms::None => Vec::new(),
+        Terms::None | Terms::Rational(_) => Vec::new(),
         Terms::Fisheye(k) => {
             frame["camera_model"] = json!("OPENCV_FISHEYE");
             ["k1", "k2", "k3", "k4"].into_iter().zip(k).collect()

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use calib_core::camera::Rational;
 use calib_core::{BrownConrady, Distortion};
 use serde_json::{Map, Value, json};
 
@@ -41,6 +42,7 @@ fn entries(view: &View, terms: Terms) -> Vec<(&'static str, Entry)> {
     let k = view.intrinsics(view.centre_from_pixel_centre());
     let (model, terms) = match terms {
         Terms::Fisheye(k) => ("fisheye", k.to_vec()),
+        Terms::Rational(terms) => ("rational", written_terms(&terms)),
         Terms::None => ("brown-conrady", vec![0.0; 5]),
         Terms::BrownConrady(b) | Terms::Fitted(b, _) => ("brown-conrady", vec![b.k1, b.k2, b.p1, b.p2, b.k3]),
     };
@@ -267,7 +269,8 @@ pub(crate) fn is_fisheye(model: &str) -> bool {
     ["fisheye", "equidistant", "kannala"].iter().any(|known| model.contains(known))
 }
 
-/// Reads `k1, k2, p1, p2, k3` from an `OpenCV` vector; further terms must be 0.
+/// Reads a distortion vector of `OpenCV`: k1, k2, p1, p2, k3, the rational terms k4 to k6, and the thin-prism
+/// terms s1 to s4. Tilt terms must be 0.
 pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, FormatError> {
     let terms = node.numbers()?;
     if terms.iter().all(|&term| term == 0.0) && !fisheye {
@@ -282,11 +285,26 @@ pub(crate) fn distortion(node: &Node, fisheye: bool) -> Result<Distortion, Forma
     if !COEFFICIENT_COUNTS.contains(&terms.len()) {
         return Err(node.unexpected(&format!("4, 5, 8, 12 or 14 coefficients instead of {}", terms.len())));
     }
-    if terms.iter().skip(5).any(|&term| term != 0.0) {
-        return Err(
-            node.unexpected("only k1, k2, p1, p2, k3; rational, thin-prism and tilt terms are not supported")
-        );
+    if terms.iter().skip(12).any(|&term| term != 0.0) {
+        return Err(node.unexpected(
+            "no tilt: a tilted sensor is not supported; calibrate the camera without CALIB_TILTED_MODEL",
+        ));
     }
-    let k3 = terms.get(4).copied().unwrap_or(0.0);
-    Ok(Distortion::BrownConrady(BrownConrady { k1: terms[0], k2: terms[1], k3, p1: terms[2], p2: terms[3] }))
+    let mut all = [0.0; 12];
+    all.iter_mut().zip(&terms).for_each(|(term, value)| *term = *value);
+    Ok(distortion_of_terms(all))
+}
+
+/// Returns rational terms in the order of `OpenCV`, without the thin-prism terms if they are 0.
+pub(crate) fn written_terms(terms: &[f64; 12]) -> Vec<f64> {
+    let [rational @ .., _, _, _, _] = terms;
+    if terms[8..] == [0.0; 4] { rational.to_vec() } else { terms.to_vec() }
+}
+
+/// Returns the distortion of `OpenCV`'s terms k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
+pub(crate) fn distortion_of_terms([k1, k2, p1, p2, k3, k4, k5, k6, prism @ ..]: [f64; 12]) -> Distortion {
+    if [k4, k5, k6] == [0.0; 3] && prism == [0.0; 4] {
+        return Distortion::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 });
+    }
+    Distortion::Rational(Rational { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2], prism })
 }

@@ -114,14 +114,18 @@ const USUALLY_LACKING: &str = "standard deviations, EFOV, planes other than the 
 const RADIAL_OR_FISHEYE: &[DistortionModel] =
     &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt];
 
+/// Lens models of `OpenCV`.
+const OPENCV_LENSES: &[DistortionModel] =
+    &[DistortionModel::BrownConrady, DistortionModel::KannalaBrandt, DistortionModel::Rational];
+
 /// All formats.
 pub const FORMATS: &[Format] = &[
     Format {
         name: "opencv",
         about: "OpenCV FileStorage, one file a camera",
         extensions: &["json", "yml", "yaml", "xml"],
-        contains: "lens (Brown-Conrady or fisheye), pose",
-        lenses: RADIAL_OR_FISHEYE,
+        contains: "lens (Brown-Conrady, fisheye or rational), pose",
+        lenses: OPENCV_LENSES,
         write: Some(opencv::write),
         read: Some(opencv::read),
         pixels: CENTRE,
@@ -134,9 +138,9 @@ pub const FORMATS: &[Format] = &[
         name: "ros",
         about: "ROS camera_info, one file a camera",
         extensions: &["yaml", "yml"],
-        contains: "lens (plumb_bob or equidistant)",
+        contains: "lens (plumb_bob, equidistant or rational_polynomial)",
         lacks: "pose, standard deviations, EFOV, planes other than the floor",
-        lenses: RADIAL_OR_FISHEYE,
+        lenses: OPENCV_LENSES,
         has_positions: false,
         write: Some(ros::write),
         read: Some(ros::read),
@@ -222,6 +226,7 @@ pub const FORMATS: &[Format] = &[
             DistortionModel::KannalaBrandt,
             DistortionModel::Unified,
             DistortionModel::DoubleSphere,
+            DistortionModel::Rational,
         ],
         has_periods: true,
         is_table: true,

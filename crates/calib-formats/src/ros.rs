@@ -6,7 +6,7 @@
 use crate::export::{Export, Scene};
 use crate::file::{File, FormatError, Problem};
 use crate::given::{Imported, ImportedCamera, intrinsics_from_matrix, site_with_notes};
-use crate::opencv::{distortion, is_fisheye};
+use crate::opencv::{distortion, is_fisheye, written_terms};
 use crate::tree::{Node, Syntax, joined, quote};
 use crate::view::{Terms, View};
 
@@ -21,6 +21,7 @@ fn camera_info(view: &View, terms: Terms) -> String {
     let k = view.intrinsics(view.centre_from_pixel_centre());
     let (model, terms) = match terms {
         Terms::Fisheye(k) => ("equidistant", k.to_vec()),
+        Terms::Rational(terms) => ("rational_polynomial", written_terms(&terms)),
         Terms::None => ("plumb_bob", vec![0.0; 5]),
         Terms::BrownConrady(b) | Terms::Fitted(b, _) => ("plumb_bob", vec![b.k1, b.k2, b.p1, b.p2, b.k3]),
     };

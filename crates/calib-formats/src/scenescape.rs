@@ -27,7 +27,7 @@ fn camera(view: &View, terms: Terms) -> Value {
     let ([fx, fy], [cx, cy]) = (view.focal(), view.centre_from_pixel_centre());
     let brown = match terms {
         Terms::BrownConrady(b) | Terms::Fitted(b, _) => b,
-        Terms::None | Terms::Fisheye(_) => Default::default(),
+        Terms::None | Terms::Fisheye(_) | Terms::Rational(_) => Default::default(),
     };
     let [w, x, y, z] = quaternion(&transpose(&view.camera.rotation()));
     json!({

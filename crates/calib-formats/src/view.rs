@@ -77,6 +77,8 @@ pub(crate) enum Terms {
     None,
     BrownConrady(BrownConrady),
     Fisheye([f64; 4]),
+    /// Rational terms in the order of `OpenCV`: k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4.
+    Rational([f64; 12]),
     /// Brown-Conrady approximation of another model, and its largest error in pixels.
     Fitted(BrownConrady, f64),
 }
@@ -212,8 +214,8 @@ impl View {
         lens.distortion.rescaled(self.camera.focal / lens.focal)
     }
 
-    /// Returns the lens in the terms that most formats support; fisheye terms only if `lenses` contains that
-    /// model.
+    /// Returns the lens in the terms that most formats support; fisheye and rational terms only if `lenses`
+    /// contains that model.
     pub(crate) fn terms(&self, lenses: &[DistortionModel]) -> Terms {
         if !self.is_distorted() {
             return Terms::None;
@@ -222,6 +224,11 @@ impl View {
             Some(Distortion::BrownConrady(brown)) => Terms::BrownConrady(brown),
             Some(Distortion::KannalaBrandt { k }) if lenses.contains(&DistortionModel::KannalaBrandt) => {
                 Terms::Fisheye(k)
+            }
+            Some(Distortion::Rational(rational)) if lenses.contains(&DistortionModel::Rational) => {
+                let ([k1, k2, k3, k4, k5, k6], [p1, p2]) = (rational.radial, rational.tangential);
+                let [s1, s2, s3, s4] = rational.prism;
+                Terms::Rational([k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4])
             }
             _ => {
                 let (brown, off) = self.fit_brown_conrady();

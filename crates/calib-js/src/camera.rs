@@ -190,7 +190,7 @@ impl Camera {
     }
 
     /// Camera matrix K, three rows of three: camera coordinates to undistorted pixels of the stream. It is
-    /// OpenCV's matrix if the camera has `origin: "centre"`.
+    /// OpenCV's matrix if the camera has `origin: "centre"` and square pixels.
     ///
     /// # Errors
     /// Throws for a stretched stream.

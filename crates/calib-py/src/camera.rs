@@ -368,7 +368,7 @@ impl Camera {
     }
 
     /// Camera matrix K, shape (3, 3): camera coordinates to undistorted pixels of the stream. It is OpenCV's
-    /// matrix if the camera has ``origin="centre"``.
+    /// matrix if the camera has ``origin="centre"`` and square pixels.
     #[getter]
     fn camera_matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let camera = self.camera_in_stream(py)?;

@@ -168,8 +168,14 @@ impl DistortionEntry {
             k2: None,
             k3: None,
             k4: None,
+            k5: None,
+            k6: None,
             p1: None,
             p2: None,
+            s1: None,
+            s2: None,
+            s3: None,
+            s4: None,
             lambda: None,
             xi: None,
             alpha: None,
@@ -203,7 +209,11 @@ impl DistortionEntry {
             None => (lens.distortion, Some(lens.focal)),
         };
         let mut entry = Self { focal_px, ..Self::new(distortion.model()?) };
-        for (&which, value) in distortion.names().iter().zip(distortion.coefficients()) {
+        let is_prism =
+            |which| matches!(which, Coefficient::S1 | Coefficient::S2 | Coefficient::S3 | Coefficient::S4);
+        let all = distortion.names().iter().zip(distortion.coefficients());
+        // Few lenses have thin-prism terms.
+        for (&which, value) in all.filter(|&(&which, value)| value != 0.0 || !is_prism(which)) {
             *entry.coefficient_mut(which) = Some(value);
         }
         Some(entry)

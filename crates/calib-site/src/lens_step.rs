@@ -37,9 +37,9 @@ fn fitted_coefficients(entry: &DistortionEntry) -> Option<FittedCoefficients> {
         Some(list) => list.contains(named),
         None => index < row.default_count,
     };
-    let mut which = [false; Distortion::MAX_COEFFICIENTS];
-    for (index, named) in row.coefficients.iter().enumerate() {
-        which[index] = wanted(index, named);
+    let mut which = [false; Distortion::MAX_FITTED];
+    for ((index, named), which) in row.coefficients.iter().enumerate().zip(&mut which) {
+        *which = wanted(index, named);
     }
     if row.in_order {
         let last = which.iter().rposition(|&is| is).unwrap_or(0);

@@ -30,24 +30,42 @@ document! {
     struct DistortionEntry {
         /// Distortion model, which defines the meaning of the coefficients.
         model: DistortionModel,
-        /// Coefficient k1 of Brown-Conrady or Kannala-Brandt.
+        /// Coefficient k1 of Brown-Conrady, Kannala-Brandt or the rational model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k1: Option<f64>,
-        /// Coefficient k2 of Brown-Conrady or Kannala-Brandt.
+        /// Coefficient k2 of Brown-Conrady, Kannala-Brandt or the rational model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k2: Option<f64>,
-        /// Coefficient k3 of Brown-Conrady or Kannala-Brandt.
+        /// Coefficient k3 of Brown-Conrady, Kannala-Brandt or the rational model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k3: Option<f64>,
-        /// Coefficient k4 of Kannala-Brandt.
+        /// Coefficient k4 of Kannala-Brandt or the rational model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         k4: Option<f64>,
-        /// Coefficient p1 of Brown-Conrady.
+        /// Coefficient k5 of the rational model.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k5: Option<f64>,
+        /// Coefficient k6 of the rational model.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        k6: Option<f64>,
+        /// Coefficient p1 of Brown-Conrady or the rational model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p1: Option<f64>,
-        /// Coefficient p2 of Brown-Conrady.
+        /// Coefficient p2 of Brown-Conrady or the rational model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         p2: Option<f64>,
+        /// Thin-prism coefficient s1 of the rational model.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        s1: Option<f64>,
+        /// Thin-prism coefficient s2 of the rational model.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        s2: Option<f64>,
+        /// Thin-prism coefficient s3 of the rational model.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        s3: Option<f64>,
+        /// Thin-prism coefficient s4 of the rational model.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        s4: Option<f64>,
         /// Coefficient lambda of the division model.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         lambda: Option<f64>,
@@ -300,6 +318,12 @@ impl DistortionEntry {
             Coefficient::K2 => self.k2,
             Coefficient::K3 => self.k3,
             Coefficient::K4 => self.k4,
+            Coefficient::K5 => self.k5,
+            Coefficient::K6 => self.k6,
+            Coefficient::S1 => self.s1,
+            Coefficient::S2 => self.s2,
+            Coefficient::S3 => self.s3,
+            Coefficient::S4 => self.s4,
             Coefficient::P1 => self.p1,
             Coefficient::P2 => self.p2,
             Coefficient::Lambda => self.lambda,
@@ -315,6 +339,12 @@ impl DistortionEntry {
             Coefficient::K2 => &mut self.k2,
             Coefficient::K3 => &mut self.k3,
             Coefficient::K4 => &mut self.k4,
+            Coefficient::K5 => &mut self.k5,
+            Coefficient::K6 => &mut self.k6,
+            Coefficient::S1 => &mut self.s1,
+            Coefficient::S2 => &mut self.s2,
+            Coefficient::S3 => &mut self.s3,
+            Coefficient::S4 => &mut self.s4,
             Coefficient::P1 => &mut self.p1,
             Coefficient::P2 => &mut self.p2,
             Coefficient::Lambda => &mut self.lambda,

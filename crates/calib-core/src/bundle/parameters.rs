@@ -259,7 +259,7 @@ fn blocks_of(camera: &CameraLayout) -> impl Iterator<Item = usize> + '_ {
 /// Returns the parameters of a camera in the order of [`Covariance`], with the log of the focal length.
 pub(crate) fn parameters_of(camera: &Camera) -> [f64; CAMERA_PARAMS] {
     let [x, y, z] = camera.position.into();
-    let [a, b, c, d, e] = camera.lens.distortion.coefficients();
+    let [a, b, c, d, e] = camera.lens.distortion.fitted_coefficients();
     let Pixel { u, v } = camera.lens.principal_point;
     [x, y, z, camera.yaw, camera.pitch, camera.roll, camera.focal.ln(), a, b, c, d, e, u, v]
 }

@@ -139,7 +139,7 @@ impl<'a> BundleProblem<'a> {
         let lens = Lens {
             principal_point: Pixel { u, v },
             focal: if self.views[view].has_tied_focal { focal } else { camera.lens.focal },
-            distortion: camera.lens.distortion.with_coefficients([a, b, c, d, e]),
+            distortion: camera.lens.distortion.with_fitted_coefficients([a, b, c, d, e]),
             image_circle: None,
             pixel_aspect: camera.lens.pixel_aspect,
         };

@@ -34,11 +34,11 @@ impl Lens {
     /// Number of parameters: the distortion coefficients, then u and v of the principal point. For a wide
     /// lens, the parameter before the principal point is the log of the focal length of the lens. No wide
     /// model uses it as a coefficient.
-    pub const PARAMETERS: usize = Distortion::MAX_COEFFICIENTS + 2;
+    pub const PARAMETERS: usize = Distortion::MAX_FITTED + 2;
     /// Index of the log of the focal length of the lens, for wide lenses only.
-    pub const OWN_FOCAL: usize = Distortion::MAX_COEFFICIENTS - 1;
+    pub const OWN_FOCAL: usize = Distortion::MAX_FITTED - 1;
     /// Index of the u coordinate of the principal point; v follows.
-    pub const CENTRE: usize = Distortion::MAX_COEFFICIENTS;
+    pub const CENTRE: usize = Distortion::MAX_FITTED;
 
     /// Creates a lens without distortion.
     #[must_use]
@@ -276,9 +276,9 @@ impl Lens {
             Self::OWN_FOCAL if self.distortion.is_wide() => lens.focal *= by.exp(),
             Self::CENTRE => lens.principal_point.u += by,
             coefficient if coefficient < Self::CENTRE => {
-                let mut coefficients = self.distortion.coefficients();
+                let mut coefficients = self.distortion.fitted_coefficients();
                 coefficients[coefficient] += by;
-                lens.distortion = self.distortion.with_coefficients(coefficients);
+                lens.distortion = self.distortion.with_fitted_coefficients(coefficients);
             }
             _ => lens.principal_point.v += by,
         }
@@ -347,7 +347,7 @@ impl Lens {
     pub(crate) fn distort_derivatives(
         &self,
         undistorted: UndistortedPixel,
-    ) -> (Matrix2, [[f64; 2]; Distortion::MAX_COEFFICIENTS]) {
+    ) -> (Matrix2, [[f64; 2]; Distortion::MAX_FITTED]) {
         let undistorted = self.normalised(undistorted.into());
         let by = self.distortion.distort_by_coefficients(undistorted);
         let to_raw = |[u, v]: [f64; 2]| [u, self.pixel_aspect * v];

@@ -70,7 +70,7 @@ pub struct FittedCoefficients {
     /// Distortion model.
     pub model: DistortionModel,
     /// Flag for every coefficient: whether it is fitted, in the order of [`Distortion::coefficients`].
-    pub which: [bool; Distortion::MAX_COEFFICIENTS],
+    pub which: [bool; Distortion::MAX_FITTED],
 }
 
 impl FittedCoefficients {
@@ -87,7 +87,7 @@ impl FittedCoefficients {
 
     /// Returns the indices of the fitted coefficients in the model.
     pub(crate) fn indices(&self) -> Vec<usize> {
-        (0..Distortion::MAX_COEFFICIENTS).filter(|&k| self.which[k]).collect()
+        (0..Distortion::MAX_FITTED).filter(|&k| self.which[k]).collect()
     }
 
     /// Whether the coefficients refer to a focal length that must be known beforehand.
@@ -102,11 +102,11 @@ impl FittedCoefficients {
 
     /// Returns the distortion with these values of the fitted coefficients.
     pub(super) fn distortion(&self, values: &[f64]) -> Distortion {
-        let mut full = [0.0; Distortion::MAX_COEFFICIENTS];
+        let mut full = [0.0; Distortion::MAX_FITTED];
         for (&value, k) in values.iter().zip(self.indices()) {
             full[k] = value;
         }
-        self.model.row().zero.with_coefficients(full)
+        self.model.row().zero.with_fitted_coefficients(full)
     }
 }
 

@@ -88,7 +88,7 @@ fn entry(index: usize, random: &mut ChaCha8Rng) -> SiteCamera {
         _ => calib_core::DistortionModel::KannalaBrandt
             .row()
             .zero
-            .with_coefficients([0.02, -0.006, 0.002, -0.0004, 0.0]),
+            .with_fitted_coefficients([0.02, -0.006, 0.002, -0.0004, 0.0]),
     };
     let mut camera = Camera {
         position: WorldPoint::new(about(0.0, 20.0), about(0.0, 20.0), about(4.5, 1.5)),

@@ -37,7 +37,7 @@ pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::BrownConrady,
     name: "brown-conrady",
     coefficients: &[Coefficient::K1, Coefficient::K2, Coefficient::K3, Coefficient::P1, Coefficient::P2],
-    focal_powers: Some([2, 4, 6, 1, 1]),
+    focal_powers: Some(&[2, 4, 6, 1, 1]),
     in_order: false,
     is_wide: false,
     is_fitted: true,
@@ -84,10 +84,7 @@ impl BrownConrady {
     /// undistorted point.
     #[inline(always)]
     #[expect(clippy::unused_self, reason = "the formula is linear in its coefficients")]
-    pub(crate) fn distorted_by_coefficients(
-        &self,
-        [x, y]: [f64; 2],
-    ) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+    pub(crate) fn distorted_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
         let square = x * x + y * y;
         let (fourth, sixth, cross) = (square * square, square * square * square, 2.0 * x * y);
         let radial = [square, fourth, sixth].map(|power| [x * power, y * power]);
@@ -166,7 +163,7 @@ impl BrownConrady {
 
 /// Returns the derivatives `d A / d coefficient` of the Jacobian A of the formula, at a fixed undistorted
 /// point.
-fn jacobian_by_coefficients([x, y]: [f64; 2]) -> [Symmetric; Distortion::MAX_COEFFICIENTS] {
+fn jacobian_by_coefficients([x, y]: [f64; 2]) -> [Symmetric; Distortion::MAX_FITTED] {
     let square = x * x + y * y;
     // The derivative of x r^2m is r^2m + 2 m x^2 r^(2m - 2).
     let radial = |m: i32| {
@@ -233,7 +230,7 @@ impl Model for BrownConrady {
         [[a, b], [b, d]]
     }
 
-    fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+    fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
         self.distorted_by_coefficients(undistorted)
     }
 

@@ -13,7 +13,7 @@ pub(super) const ROW: ModelRow = ModelRow {
     model: DistortionModel::Division,
     name: "division",
     coefficients: &[Coefficient::Lambda],
-    focal_powers: Some([2, 0, 0, 0, 0]),
+    focal_powers: Some(&[2, 0, 0, 0, 0]),
     in_order: true,
     is_wide: false,
     is_fitted: true,
@@ -70,10 +70,10 @@ impl Model for Division {
         [[scale + bend * x * x, bend * x * y], [bend * x * y, scale + bend * y * y]]
     }
 
-    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
         let (_, growth) = self.scale_and_derivative([x, y]);
         let along = growth * (x * x + y * y);
-        let mut by = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
+        let mut by = [[0.0; 2]; Distortion::MAX_FITTED];
         by[0] = [along * x, along * y];
         by
     }

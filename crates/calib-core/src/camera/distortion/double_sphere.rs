@@ -100,7 +100,7 @@ impl Profile for DoubleSphere {
         (1.0 + xi) * (q_turn + 2.0 * q * sin * g / below) / (below * below)
     }
 
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_FITTED] {
         let Self { xi, alpha } = *self;
         let Terms { sin, cos, d2, denominator: below, q, .. } = self.terms(theta);
         let square = below * below;
@@ -112,7 +112,7 @@ impl Profile for DoubleSphere {
             [-sin * d_below / square, (d_q - 2.0 * q * d_below / below) / square].map(|by| (1.0 + xi) * by)
         };
         let [radius, slope] = by(by_xi);
-        let mut all = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
+        let mut all = [[0.0; 2]; Distortion::MAX_FITTED];
         all[0] = [radius + sin / below, slope + q / square];
         all[1] = by(by_alpha);
         all

@@ -53,8 +53,8 @@ impl Profile for KannalaBrandt {
         self.polynomial().curvature(theta)
     }
 
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
-        let mut by = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_FITTED] {
+        let mut by = [[0.0; 2]; Distortion::MAX_FITTED];
         for (by, power) in by.iter_mut().zip(THETA_POWERS) {
             *by = [theta.powi(power), f64::from(power) * theta.powi(power - 1)];
         }

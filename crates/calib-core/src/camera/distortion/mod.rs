@@ -13,6 +13,7 @@ mod profile;
 mod kannala_brandt;
 mod double_sphere;
 mod unified;
+mod rational;
 #[path = "distortion_tests.rs"]
 #[cfg(test)]
 pub(crate) mod tests;
@@ -28,6 +29,7 @@ pub(crate) use brown_conrady::{BrownInverse, LANES};
 pub(crate) use model::{
     ByCoefficient, ByCoefficients, Matrix2, RayByCoefficient, RayCurvature, RayMatrix, multiply,
 };
+pub use rational::Rational;
 
 /// Lens distortion, on coordinates relative to the principal point and divided by the focal length. The
 /// coefficients follow OpenCV. In the formulas, `theta` is the angle between a ray and the optical axis.
@@ -66,6 +68,9 @@ pub enum Distortion {
         /// Weight of the second sphere, between 0 and 1.
         alpha: f64,
     },
+    /// Rational model of OpenCV with the radial coefficients k1 to k6, the tangential coefficients p1, p2 and
+    /// the thin-prism coefficients s1 to s4. It is given, never fitted.
+    Rational(Rational),
 }
 
 /// Names of the distortion models.
@@ -83,6 +88,8 @@ pub enum DistortionModel {
     Unified,
     /// Double-sphere model with the coefficients xi and alpha.
     DoubleSphere,
+    /// Rational model of OpenCV with the coefficients k1 to k6, p1, p2 and s1 to s4.
+    Rational,
 }
 
 /// Names of the distortion coefficients.
@@ -95,8 +102,14 @@ pub enum Coefficient {
     K2,
     K3,
     K4,
+    K5,
+    K6,
     P1,
     P2,
+    S1,
+    S2,
+    S3,
+    S4,
     Lambda,
     Xi,
     Alpha,
@@ -114,7 +127,7 @@ pub struct ModelRow {
     /// Exponents n, one for each coefficient. If the focal length is multiplied by a factor, coefficients
     /// multiplied by the n-th power of the factor result in the same map of pixels. `None` if the map of
     /// pixels determines the focal length.
-    pub focal_powers: Option<[i32; Distortion::MAX_COEFFICIENTS]>,
+    pub focal_powers: Option<&'static [i32]>,
     /// Whether a coefficient can be fitted only together with all coefficients before it in the order.
     pub in_order: bool,
     /// Whether the model shows rays 90° or more from the optical axis.
@@ -128,8 +141,8 @@ pub struct ModelRow {
 }
 
 /// Table of all distortion models, in the order of [`DistortionModel`].
-pub const MODELS: [ModelRow; 5] =
-    [brown_conrady::ROW, division::ROW, kannala_brandt::ROW, unified::ROW, double_sphere::ROW];
+pub const MODELS: [ModelRow; 6] =
+    [brown_conrady::ROW, division::ROW, kannala_brandt::ROW, unified::ROW, double_sphere::ROW, rational::ROW];
 
 impl DistortionModel {
     /// Returns the table entry of this model in [`MODELS`].
@@ -141,8 +154,23 @@ impl DistortionModel {
 
 impl Coefficient {
     /// All distortion coefficients, in the order in which files list them.
-    pub const ALL: [Self; 9] =
-        [Self::K1, Self::K2, Self::K3, Self::K4, Self::P1, Self::P2, Self::Lambda, Self::Xi, Self::Alpha];
+    pub const ALL: [Self; 15] = [
+        Self::K1,
+        Self::K2,
+        Self::K3,
+        Self::K4,
+        Self::K5,
+        Self::K6,
+        Self::P1,
+        Self::P2,
+        Self::S1,
+        Self::S2,
+        Self::S3,
+        Self::S4,
+        Self::Lambda,
+        Self::Xi,
+        Self::Alpha,
+    ];
 
     /// Returns the name of the coefficient in files.
     #[must_use]
@@ -152,8 +180,14 @@ impl Coefficient {
             Self::K2 => "k2",
             Self::K3 => "k3",
             Self::K4 => "k4",
+            Self::K5 => "k5",
+            Self::K6 => "k6",
             Self::P1 => "p1",
             Self::P2 => "p2",
+            Self::S1 => "s1",
+            Self::S2 => "s2",
+            Self::S3 => "s3",
+            Self::S4 => "s4",
             Self::Lambda => "lambda",
             Self::Xi => "xi",
             Self::Alpha => "alpha",
@@ -190,7 +224,10 @@ impl Coefficient {
 
 impl Distortion {
     /// Number of coefficients of the distortion model with the most coefficients.
-    pub const MAX_COEFFICIENTS: usize = 5;
+    pub const MAX_COEFFICIENTS: usize = 12;
+    /// Number of coefficients of the fitted model with the most coefficients. Derivatives with respect to
+    /// coefficients have this length; those of a model that is not fitted are zero beyond it.
+    pub const MAX_FITTED: usize = 5;
 
     /// Returns the model of this distortion, or `None` without distortion.
     #[must_use]
@@ -202,6 +239,7 @@ impl Distortion {
             Self::KannalaBrandt { .. } => Some(DistortionModel::KannalaBrandt),
             Self::Unified { .. } => Some(DistortionModel::Unified),
             Self::DoubleSphere { .. } => Some(DistortionModel::DoubleSphere),
+            Self::Rational(_) => Some(DistortionModel::Rational),
         }
     }
 
@@ -215,25 +253,40 @@ impl Distortion {
             Self::KannalaBrandt { k } => function(&KannalaBrandt { k }),
             Self::Unified { xi } => function(&Unified { xi }),
             Self::DoubleSphere { xi, alpha } => function(&DoubleSphere { xi, alpha }),
+            Self::Rational(rational) => function(&rational),
         })
     }
 
     /// Returns the coefficients in the order of [`ModelRow::coefficients`], padded with zeros.
     #[must_use]
-    pub const fn coefficients(&self) -> [f64; Self::MAX_COEFFICIENTS] {
-        match *self {
-            Self::None => [0.0; Self::MAX_COEFFICIENTS],
-            Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => [k1, k2, k3, p1, p2],
-            Self::Division { lambda } => [lambda, 0.0, 0.0, 0.0, 0.0],
-            Self::KannalaBrandt { k: [k1, k2, k3, k4] } => [k1, k2, k3, k4, 0.0],
-            Self::Unified { xi } => [xi, 0.0, 0.0, 0.0, 0.0],
-            Self::DoubleSphere { xi, alpha } => [xi, alpha, 0.0, 0.0, 0.0],
+    pub fn coefficients(&self) -> [f64; Self::MAX_COEFFICIENTS] {
+        let mut all = [0.0; Self::MAX_COEFFICIENTS];
+        let mut put = |values: &[f64]| all[..values.len()].copy_from_slice(values);
+        match self {
+            Self::None => {}
+            Self::BrownConrady(BrownConrady { k1, k2, k3, p1, p2 }) => put(&[*k1, *k2, *k3, *p1, *p2]),
+            Self::Division { lambda } => put(&[*lambda]),
+            Self::KannalaBrandt { k } => put(k),
+            Self::Unified { xi } => put(&[*xi]),
+            Self::DoubleSphere { xi, alpha } => put(&[*xi, *alpha]),
+            Self::Rational(Rational { radial, tangential, prism }) => {
+                put(&[&radial[..], tangential, prism].concat());
+            }
         }
+        all
+    }
+
+    /// Returns the first coefficients, which are all coefficients of a fitted model.
+    #[must_use]
+    pub fn fitted_coefficients(&self) -> [f64; Self::MAX_FITTED] {
+        let all = self.coefficients();
+        std::array::from_fn(|i| all[i])
     }
 
     /// Returns the same distortion model with other coefficients. Superfluous coefficients are ignored.
     #[must_use]
-    pub const fn with_coefficients(&self, [a, b, c, d, e]: [f64; Self::MAX_COEFFICIENTS]) -> Self {
+    pub fn with_coefficients(&self, all: [f64; Self::MAX_COEFFICIENTS]) -> Self {
+        let [a, b, c, d, e, f, g, h, prism @ ..] = all;
         match self {
             Self::None => Self::None,
             Self::BrownConrady(_) => Self::BrownConrady(BrownConrady { k1: a, k2: b, k3: c, p1: d, p2: e }),
@@ -241,7 +294,19 @@ impl Distortion {
             Self::KannalaBrandt { .. } => Self::KannalaBrandt { k: [a, b, c, d] },
             Self::Unified { .. } => Self::Unified { xi: a },
             Self::DoubleSphere { .. } => Self::DoubleSphere { xi: a, alpha: b },
+            Self::Rational(_) => {
+                Self::Rational(Rational { radial: [a, b, c, d, e, f], tangential: [g, h], prism })
+            }
         }
+    }
+
+    /// Returns the same distortion model with other values of the first coefficients; see
+    /// [`Self::fitted_coefficients`].
+    #[must_use]
+    pub fn with_fitted_coefficients(&self, fitted: [f64; Self::MAX_FITTED]) -> Self {
+        let mut all = self.coefficients();
+        all[..Self::MAX_FITTED].copy_from_slice(&fitted);
+        self.with_coefficients(all)
     }
 
     /// Returns the names of the coefficients of this distortion, in the order of [`Self::coefficients`].
@@ -331,7 +396,7 @@ impl Distortion {
         &self,
         distorted: [f64; 2],
         ray: [f64; 3],
-    ) -> [RayByCoefficient; Self::MAX_COEFFICIENTS] {
+    ) -> [RayByCoefficient; Self::MAX_FITTED] {
         self.with_model(|model| model.ray_by_coefficients(distorted, ray)).unwrap_or_default()
     }
 
@@ -348,10 +413,7 @@ impl Distortion {
 
     /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted
     /// point.
-    pub(crate) fn distort_by_coefficients(
-        &self,
-        undistorted: [f64; 2],
-    ) -> [[f64; 2]; Self::MAX_COEFFICIENTS] {
+    pub(crate) fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Self::MAX_FITTED] {
         self.with_model(|model| model.distort_by_coefficients(undistorted)).unwrap_or_default()
     }
 
@@ -371,9 +433,10 @@ impl Distortion {
         self.with_model(|model| model.undistort_by_coefficients(distorted, undistorted)).unwrap_or_default()
     }
 
-    /// Returns the exponents of [`ModelRow::focal_powers`]; zeros if the model has none.
-    pub fn focal_powers(&self) -> [i32; Self::MAX_COEFFICIENTS] {
-        self.model().and_then(|model| model.row().focal_powers).unwrap_or_default()
+    /// Returns the exponents of [`ModelRow::focal_powers`] of the first coefficients; zeros if the model has none.
+    pub fn focal_powers(&self) -> [i32; Self::MAX_FITTED] {
+        let powers = self.model().and_then(|model| model.row().focal_powers).unwrap_or_default();
+        std::array::from_fn(|i| powers.get(i).copied().unwrap_or(0))
     }
 
     /// Returns the distortion that results in the same map of pixels if the focal length is multiplied by
@@ -385,7 +448,9 @@ impl Distortion {
         let Some(model) = self.model() else { return Some(*self) };
         let Some(powers) = model.row().focal_powers else { return (ratio == 1.0).then_some(*self) };
         let coefficients = self.coefficients();
-        Some(self.with_coefficients(std::array::from_fn(|i| coefficients[i] * ratio.powi(powers[i]))))
+        Some(self.with_coefficients(std::array::from_fn(|i| {
+            coefficients[i] * powers.get(i).map_or(1.0, |&power| ratio.powi(power))
+        })))
     }
 }
 

@@ -25,7 +25,7 @@ impl ByCoefficient {
 
 /// Derivatives of an undistorted point with respect to every coefficient, in the order of
 /// [`Distortion::coefficients`].
-pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MAX_COEFFICIENTS];
+pub(crate) type ByCoefficients = [ByCoefficient; Distortion::MAX_FITTED];
 
 /// Jacobian `d ray / d distorted` of a ray with respect to its distorted point; the rows are x, y and w.
 pub(crate) type RayMatrix = [[f64; 2]; 3];
@@ -74,7 +74,7 @@ pub(crate) trait Model {
 
     /// Returns the derivatives `d distorted / d coefficient` for every coefficient, at a fixed undistorted
     /// point.
-    fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
+    fn distort_by_coefficients(&self, undistorted: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED];
 
     /// Returns the Jacobian `d undistorted / d distorted` at the distorted point `distorted`, whose
     /// undistorted point is `undistorted`.
@@ -110,7 +110,7 @@ pub(crate) trait Model {
         &self,
         distorted: [f64; 2],
         [x, y, _]: [f64; 3],
-    ) -> [RayByCoefficient; Distortion::MAX_COEFFICIENTS] {
+    ) -> [RayByCoefficient; Distortion::MAX_FITTED] {
         self.undistort_by_coefficients(distorted, [x, y]).map(|by| {
             let ([x, y], [u, v]) = (by.at, by.jacobian);
             RayByCoefficient { at: [x, y, 0.0], jacobian: [u, v, [0.0; 2]] }

@@ -39,7 +39,7 @@ pub(super) trait Profile {
     fn curvature(&self, theta: f64) -> f64;
 
     /// Returns the derivatives of P and P' with respect to every coefficient, at the angle `theta`.
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS];
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_FITTED];
 
     /// Returns the angle below [`Self::max_angle`], in radians, at which P is `radius`: the inverse of P.
     /// Returns `None` if there is no such angle.
@@ -149,9 +149,9 @@ impl<P: Profile> Model for P {
         &self,
         distorted: [f64; 2],
         [x, y, w]: [f64; 3],
-    ) -> [RayByCoefficient; Distortion::MAX_COEFFICIENTS] {
+    ) -> [RayByCoefficient; Distortion::MAX_FITTED] {
         let (radius, sin) = (hypot(distorted[0], distorted[1]), hypot(x, y));
-        let mut by = [RayByCoefficient::default(); Distortion::MAX_COEFFICIENTS];
+        let mut by = [RayByCoefficient::default(); Distortion::MAX_FITTED];
         if radius < MIN_RADIUS {
             return by;
         }
@@ -181,9 +181,9 @@ impl<P: Profile> Model for P {
         radial([x, y], across, self.slope(theta) / (1.0 + radius * radius))
     }
 
-    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+    fn distort_by_coefficients(&self, [x, y]: [f64; 2]) -> [[f64; 2]; Distortion::MAX_FITTED] {
         let radius = hypot(x, y);
-        let mut by = [[0.0; 2]; Distortion::MAX_COEFFICIENTS];
+        let mut by = [[0.0; 2]; Distortion::MAX_FITTED];
         if radius >= MIN_RADIUS {
             let terms = self.by_coefficients(atan(radius));
             for (by, [d_radius, _]) in by.iter_mut().zip(terms).take(P::COEFFICIENTS) {

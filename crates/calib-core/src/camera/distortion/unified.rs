@@ -53,7 +53,7 @@ impl Profile for Unified {
         self.as_double_sphere().curvature(theta)
     }
 
-    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_COEFFICIENTS] {
+    fn by_coefficients(&self, theta: f64) -> [[f64; 2]; Distortion::MAX_FITTED] {
         self.as_double_sphere().by_coefficients(theta)
     }
 
