@@ -9,8 +9,6 @@ use calib_core::{
 
 use calib_core::camera::Rational;
 
-use calib_core::camera::Rational;
-
 use calib_core::outcome::Source;
 
 use calib_core::single::Edge;
