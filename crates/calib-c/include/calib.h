@@ -62,6 +62,9 @@
 // No result: the pixel shows the wall of a pit, between its plane and the floor.
 #define CALIB_STATUS_ON_WALL 8
 
+// Number of distortion coefficients of the model with the most.
+#define CALIB_COEFFICIENTS 12
+
 // Number of parameters of a camera: x, y, z, yaw, pitch, roll, focal length, five distortion coefficients
 // and the principal point.
 #define CALIB_UNKNOWNS 14
@@ -275,23 +278,25 @@ enum CalibResult calib_camera_scale_known(const struct CalibCamera *camera, uint
 enum CalibResult calib_camera_focal(const struct CalibCamera *camera, double *focal_px);
 
 // Writes the camera matrix K, nine values row by row: camera coordinates to undistorted pixels of the
-// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE`. Returns `CALIB_RESULT_REFUSED` for
+// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE` and square pixels. Returns `CALIB_RESULT_REFUSED` for
 // a stretched stream.
 //
 // # Safety
 // `camera` is a handle that is not freed during the call. Nine values of `matrix` can be written.
-enum CalibResult calib_camera_matrix(const struct CalibCamera *camera, double *matrix);
+enum CalibResult calib_camera_matrix(const struct CalibCamera *camera,
+                                     double *matrix);
 
-// Writes the distortion: the name of its model, five coefficients, and the focal length of the coefficients,
-// in pixels of the stream.
+// Writes the distortion: the name of its model, `CALIB_COEFFICIENTS` coefficients, and the focal length of the
+// coefficients, in pixels of the stream.
 //
 // `*model` is a static string, or null without distortion. Coefficients are in the order of the model,
 // followed by zeros. "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3),
-// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, and "double-sphere" xi and alpha. Returns
+// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, "double-sphere" xi and alpha, and "rational" k1 to
+// k6, p1, p2, s1 to s4. Returns
 // `CALIB_RESULT_REFUSED` for a stretched stream.
 //
 // # Safety
-// `camera` is a handle that is not freed during the call. `*model`, five values of `coefficients` and
+// `camera` is a handle that is not freed during the call. `*model`, `CALIB_COEFFICIENTS` values of `coefficients` and
 // `*focal_px` can be written.
 enum CalibResult calib_camera_distortion(const struct CalibCamera *camera,
                                          const char **model,

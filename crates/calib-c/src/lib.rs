@@ -18,8 +18,8 @@ mod about;
 mod mapping;
 
 pub use about::{
-    CALIB_UNKNOWNS, calib_camera_angles, calib_camera_covariance, calib_camera_distortion,
-    calib_camera_focal, calib_camera_id, calib_camera_matrix, calib_camera_position,
+    CALIB_COEFFICIENTS, CALIB_UNKNOWNS, calib_camera_angles, calib_camera_covariance,
+    calib_camera_distortion, calib_camera_focal, calib_camera_id, calib_camera_matrix, calib_camera_position,
     calib_camera_scale_known, calib_camera_size, calib_site_floor_to_plan, calib_site_plan_metres_per_px,
     calib_site_plan_to_floor,
 };

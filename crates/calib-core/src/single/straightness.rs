@@ -330,7 +330,7 @@ mod tests {
         ) {
             const STEP: f64 = 1e-6;
             // A rational lens is given, so it has no derivatives with respect to its coefficients.
-            prop_assume!(!matches!(distortion, crate::camera::Distortion::Rational(_)));
+            prop_assume!(!matches!(distortion, Distortion::Rational(_)));
             let lens = Lens { principal_point: Pixel::new(950.0, 530.0), focal: 1200.0, pixel_aspect: 1.0, distortion, image_circle: None };
             let length = way[0].hypot(way[1]);
             prop_assume!(length > 0.3);
