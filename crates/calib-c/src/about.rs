@@ -228,8 +228,8 @@ pub unsafe extern "C" fn calib_camera_focal(camera: *const CalibCamera, focal_px
 }
 
 /// Writes the camera matrix K, nine values row by row: camera coordinates to undistorted pixels of the
-/// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE` and square pixels. Returns `CALIB_RESULT_REFUSED` for
-/// a stretched stream.
+/// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE` and square pixels. Returns
+/// `CALIB_RESULT_REFUSED` for a stretched stream.
 ///
 /// # Safety
 /// `camera` is a handle that is not freed during the call. Nine values of `matrix` can be written.
@@ -253,18 +253,17 @@ const _: () = assert!(
     "CALIB_COEFFICIENTS must equal the number of coefficients of the core"
 );
 
-/// Writes the distortion: the name of its model, `CALIB_COEFFICIENTS` coefficients, and the focal length of the
-/// coefficients, in pixels of the stream.
+/// Writes the distortion: the name of its model, `CALIB_COEFFICIENTS` coefficients, and the focal length of
+/// the coefficients, in pixels of the stream.
 ///
 /// `*model` is a static string, or null without distortion. Coefficients are in the order of the model,
 /// followed by zeros. "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3),
-/// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, "double-sphere" xi and alpha, and "rational" k1 to
-/// k6, p1, p2, s1 to s4. Returns
-/// `CALIB_RESULT_REFUSED` for a stretched stream.
+/// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, "double-sphere" xi and alpha, and "rational"
+/// k1 to k6, p1, p2, s1 to s4. Returns `CALIB_RESULT_REFUSED` for a stretched stream.
 ///
 /// # Safety
-/// `camera` is a handle that is not freed during the call. `*model`, `CALIB_COEFFICIENTS` values of `coefficients` and
-/// `*focal_px` can be written.
+/// `camera` is a handle that is not freed during the call. `*model`, `CALIB_COEFFICIENTS` values of
+/// `coefficients` and `*focal_px` can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn calib_camera_distortion(
     camera: *const CalibCamera,

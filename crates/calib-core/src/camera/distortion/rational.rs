@@ -1,5 +1,5 @@
-//! Rational model of `OpenCV` with decentring and thin-prism terms: D. Claus and A. W. Fitzgibbon, "A rational
-//! function lens distortion model for general cameras", 2005, in the form of `OpenCV`'s `calib3d`.
+//! Rational model of `OpenCV` with decentring and thin-prism terms: D. Claus and A. W. Fitzgibbon, "A
+//! rational function lens distortion model for general cameras", 2005, in the form of `OpenCV`'s `calib3d`.
 //!
 //! An undistorted point (x, y) has the distorted point (x', y'), both divided by the focal length. With
 //! `s = x^2 + y^2` and `R = N / D`, `N = 1 + k1 s + k2 s^2 + k3 s^3`, `D = 1 + k4 s + k5 s^2 + k6 s^3`:
@@ -153,8 +153,8 @@ impl Rational {
         first(positive_roots(&growth)).min(first(positive_roots(&under)))
     }
 
-    /// Returns the undistorted radius whose radial part is `distorted`, by bisection below the fold; `None` if
-    /// the radial part is never so large.
+    /// Returns the undistorted radius whose radial part is `distorted`, by bisection below the fold; `None`
+    /// if the radial part is never so large.
     fn radial_inverse(&self, distorted: f64, fold: f64) -> Option<f64> {
         /// Largest undistorted radius: 89.9999 degrees from the axis.
         const MAX_RADIUS: f64 = 1e6;
