@@ -278,26 +278,24 @@ enum CalibResult calib_camera_scale_known(const struct CalibCamera *camera, uint
 enum CalibResult calib_camera_focal(const struct CalibCamera *camera, double *focal_px);
 
 // Writes the camera matrix K, nine values row by row: camera coordinates to undistorted pixels of the
-// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE` and square pixels. Returns `CALIB_RESULT_REFUSED` for
-// a stretched stream.
-//
-// # Safety
-// `camera` is a handle that is not freed during the call. Nine values of `matrix` can be written.
-enum CalibResult calib_camera_matrix(const struct CalibCamera *camera,
-                                     double *matrix);
-
-// Writes the distortion: the name of its model, `CALIB_COEFFICIENTS` coefficients, and the focal length of the
-// coefficients, in pixels of the stream.
-//
-// `*model` is a static string, or null without distortion. Coefficients are in the order of the model,
-// followed by zeros. "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3),
-// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, "double-sphere" xi and alpha, and "rational" k1 to
-// k6, p1, p2, s1 to s4. Returns
+// stream. It is OpenCV's matrix if the stream has `CALIB_ORIGIN_CENTRE` and square pixels. Returns
 // `CALIB_RESULT_REFUSED` for a stretched stream.
 //
 // # Safety
-// `camera` is a handle that is not freed during the call. `*model`, `CALIB_COEFFICIENTS` values of `coefficients` and
-// `*focal_px` can be written.
+// `camera` is a handle that is not freed during the call. Nine values of `matrix` can be written.
+enum CalibResult calib_camera_matrix(const struct CalibCamera *camera, double *matrix);
+
+// Writes the distortion: the name of its model, `CALIB_COEFFICIENTS` coefficients, and the focal length of
+// the coefficients, in pixels of the stream.
+//
+// `*model` is a static string, or null without distortion. Coefficients are in the order of the model,
+// followed by zeros. "brown-conrady" has k1, k2, k3, p1, p2 (OpenCV's order is k1, k2, p1, p2, k3),
+// "division" lambda, "kannala-brandt" k1 to k4, "unified" xi, "double-sphere" xi and alpha, and "rational"
+// k1 to k6, p1, p2, s1 to s4. Returns `CALIB_RESULT_REFUSED` for a stretched stream.
+//
+// # Safety
+// `camera` is a handle that is not freed during the call. `*model`, `CALIB_COEFFICIENTS` values of
+// `coefficients` and `*focal_px` can be written.
 enum CalibResult calib_camera_distortion(const struct CalibCamera *camera,
                                          const char **model,
                                          double *coefficients,
