@@ -143,7 +143,8 @@ fn an_expected_roll_determines_the_side_of_a_camera_with_lines_only() {
 fn a_camera_that_looks_up_slightly_stays_upright() {
     let mut random = ChaCha8Rng::seed_from_u64(43);
     for _ in 0..20 {
-        // The lines of a camera that looks down, upside down, are those of a camera that looks up.
+        // A camera that hangs upside down and looks down shows the same lines as an upright camera that looks
+        // up.
         let scene = RandomScene::new(&mut random, AnnotationSet::Directions, None, Some(12.0));
         let lines = scene.noisy(&mut random, 1.0);
         let Some(solution) = solve(&turned(Turn::Half, lines, LensEntry::default())) else { continue };

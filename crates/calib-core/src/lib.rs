@@ -42,7 +42,8 @@
 //!   yaw, pitch, roll. Angles are in radians; names that end in `_deg` are in degrees.
 //! - Pixels: x right, y down. The image spans `[0, width] x [0, height]`, so the centre of the first pixel is
 //!   (0.5, 0.5). OpenCV's pixel coordinates are smaller by 0.5.
-//! - Square pixels, one focal length in pixels. The principal point defaults to the image centre.
+//! - The focal length is in pixels along u. Pixels are square, unless the lens has another pixel aspect.
+//!   Undistorted pixels are always square. The principal point defaults to the image centre.
 //! - Distortion coefficients follow OpenCV, on coordinates divided by the focal length.
 //!
 //! # Example

@@ -63,7 +63,7 @@ impl ImportedCamera {
         FormatError::new(self.place.trim_end_matches([' ', ':']), problem)
     }
 
-    /// Returns the focal length in x and the pixel aspect; fails if they are not those of a camera.
+    /// Returns the focal length in x and the pixel aspect. Fails for values that no camera has.
     fn focal_and_aspect(&self, notes: &mut Vec<String>) -> Result<[f64; 2], FormatError> {
         /// Difference of the pixel aspect from 1 below which pixels are square, and above which an error of
         /// the calibration does not explain it.

@@ -242,7 +242,7 @@ impl SiteCamera {
         self.lens.as_ref()?.image_circle_px
     }
 
-    /// Returns the entered pixel aspect, otherwise that of square pixels.
+    /// Returns the entered pixel aspect; 1 if none is entered.
     #[must_use]
     pub fn pixel_aspect(&self) -> f64 {
         self.lens.as_ref().and_then(|lens| lens.pixel_aspect).unwrap_or(1.0)

@@ -535,8 +535,8 @@ fn is_different_camera(found_deg: [Option<f64>; 2], camera: &Orientation) -> boo
     differs(found_deg[0], camera.roll) || differs(found_deg[1], camera.pitch)
 }
 
-/// Returns the reason to doubt that a camera is mounted upright. The edges of a scene fit a camera that is
-/// turned by 90 or 180 degrees equally well, so the pose must be much likelier than that of the turned camera.
+/// Returns the reason to doubt that a camera is mounted upright. The edges of a scene also fit a camera that is
+/// turned by 90 or 180 degrees. So the pose is doubtful if the pose of the turned camera is also usual.
 fn doubtful_mount(mixture: &Mixture) -> Option<Reason> {
     /// Pitch below which a camera hangs upside down as likely as it looks up, in radians.
     const MIN_USUAL_PITCH_RAD: f64 = -0.17;

@@ -226,7 +226,7 @@ impl Distortion {
     /// Number of coefficients of the distortion model with the most coefficients.
     pub const MAX_COEFFICIENTS: usize = 12;
     /// Number of coefficients of the fitted model with the most coefficients. Derivatives with respect to
-    /// coefficients have this length; those of a model that is not fitted are zero beyond it.
+    /// coefficients have this length.
     pub const MAX_FITTED: usize = 5;
 
     /// Returns the model of this distortion, or `None` without distortion.
