@@ -21,8 +21,8 @@
 //!   and covariances.
 //! - Module [`optimize`] contains Levenberg-Marquardt, Nelder-Mead, normal equations, Schur complement,
 //!   sparse Cholesky, and statistics.
-//! - Module [`floor`] contains the floor seen by a calibrated camera: projection, EFOV, resection, and
-//!   undistorted images.
+//! - Module [`floor`] contains the floor seen by a calibrated camera: projection, EFOV, resection,
+//!   undistorted images, coverage, and measurements.
 //! - Module [`outcome`] contains results as values: findings, failures, residuals, and suggestions.
 //! - Module [`single`] is stage 1: plumb-line lens fit, maximum-likelihood fit, the paper's criterion,
 //!   outliers, and accuracy.

@@ -269,7 +269,6 @@ impl Lens {
     }
 
     /// Returns the same lens with the change `by` added to one parameter.
-    #[cfg(test)]
     pub(crate) fn nudged(&self, parameter: usize, by: f64) -> Self {
         let mut lens = *self;
         match parameter {

@@ -203,7 +203,6 @@ impl Camera {
     }
 
     /// Returns the camera with the change `by` added to the parameter of [`Covariance`] with this index.
-    #[cfg(test)]
     pub(crate) fn nudged(&self, index: usize, by: f64) -> Self {
         let mut camera = *self;
         match index {

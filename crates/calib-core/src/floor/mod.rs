@@ -17,6 +17,9 @@
 //! - `detection_box`: the foot points of detection boxes.
 //! - `camera_view`: pixels and boxes of a stream, as the bindings for other languages use them.
 //! - `remap`: undistorted images, also of a stream.
+//! - `pixel_density`: **pixels per metre of a vertical target**, and the levels of IEC 62676-4.
+//! - `coverage`: visible floor, blind spots and walls of a group of cameras.
+//! - `ruler`: **lengths, areas and heights with their standard deviations**.
 //! - `window`: **perspective and cylindrical views in any direction within a lens**.
 
 mod placement;
@@ -33,18 +36,24 @@ mod stream;
 mod detection_box;
 mod camera_view;
 mod remap;
+mod pixel_density;
+mod coverage;
+mod ruler;
 mod window;
 
 pub use camera_view::CameraView;
+pub use coverage::{AreaCoverage, Coverage, CoverageCamera, FloorGrid, Reach, Wall};
 pub use detection_box::BoxForm;
 pub use efov::{Efov, default_efov, efov_on_floor, efov_on_plane};
 pub use extent::{Extent, Status};
 pub use image_curve::{FloorLine, annotated_line_curve, horizon, in_front, line_extension, on_image};
+pub use pixel_density::DensityLevel;
 pub use placement::{Placement, STAGE_1_HEIGHT};
 pub use point_projector::PointProjector;
 pub use projector::FloorProjector;
 pub use remap::{Crop, Remap, StraightView, StraightViewError, Undistortion};
 pub use resection::{ControlPoint, from_control_points, with_placement_covariance};
+pub use ruler::{CameraCovariance, Measured, Ruler, RulerPoint};
 pub use scene::{
     MarkKind, MarkShape, PRISM_HEIGHT, Polyline, ellipse, floor_grid, position_ellipse, prism, vertical,
 };

@@ -1,0 +1,302 @@
+//! Ruler: lengths, areas and heights between annotated pixels, with their standard deviations.
+//!
+//! A measured quantity `q` is a function of the pixels and of the cameras. Its variance to first order is
+//!
+//! `sum_i (dq/du_i)^2 s_i^2 + (dq/dv_i)^2 s_i^2  +  sum_ab g_a' C_ab g_b`,
+//!
+//! where `s_i` is the standard deviation of the coordinates of pixel i, `g_a` contains the derivatives with
+//! respect to the parameters of camera a, and `C_ab` is the covariance between the parameters of the cameras a
+//! and b. Errors of one camera move all its points together, so they mostly cancel in a short length.
+
+use crate::camera::{Camera, Covariance, FloorPoint, Pixel, WorldPoint, dot};
+
+/// Point of a measurement: a pixel of one camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RulerPoint {
+    /// Index of the camera in [`Ruler::cameras`].
+    pub camera: usize,
+    /// Raw pixel.
+    pub pixel: Pixel,
+    /// Height of the point above the floor, in metres.
+    pub height: f64,
+    /// Standard deviation of each coordinate of the pixel, in pixels.
+    pub sigma: f64,
+}
+
+/// Measured quantity with its standard deviation, in metres or square metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measured {
+    /// Value.
+    pub value: f64,
+    /// Standard deviation; `None` if an error of a camera is unknown.
+    pub sigma: Option<f64>,
+}
+
+/// Covariance between the parameters of two cameras; rows belong to the first.
+pub type CameraCovariance = [[f64; Covariance::SIZE]; Covariance::SIZE];
+
+/// Calibrated cameras of one site, for measurements in their images.
+pub struct Ruler<'a> {
+    /// Cameras that [`RulerPoint::camera`] refers to.
+    pub cameras: &'a [Camera],
+    /// Returns the covariance between the parameters of two different cameras; `None` if it is unknown.
+    pub covariance_between: &'a dyn Fn(usize, usize) -> Option<CameraCovariance>,
+}
+
+impl std::fmt::Debug for Ruler<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Ruler").field("cameras", &self.cameras).finish_non_exhaustive()
+    }
+}
+
+impl Ruler<'_> {
+    /// Measures the length of the line through points of known heights. Returns `None` with fewer than two
+    /// points, or if a pixel does not show a point at its height.
+    #[must_use]
+    pub fn length(&self, points: &[RulerPoint]) -> Option<Measured> {
+        if points.len() < 2 {
+            return None;
+        }
+        self.measure(points, |cameras, points| {
+            let world = points.iter().map(|point| world_point(cameras, point)).collect::<Option<Vec<_>>>()?;
+            Some(world.windows(2).map(|pair| pair[0].distance(pair[1])).sum())
+        })
+    }
+
+    /// Measures the area of a polygon, seen from above. Returns `None` with fewer than three points, or if a
+    /// pixel does not show a point at its height.
+    #[must_use]
+    pub fn area(&self, points: &[RulerPoint]) -> Option<Measured> {
+        if points.len() < 3 {
+            return None;
+        }
+        self.measure(points, |cameras, points| {
+            let floor = points
+                .iter()
+                .map(|point| world_point(cameras, point).map(WorldPoint::on_floor))
+                .collect::<Option<Vec<FloorPoint>>>()?;
+            let edges = floor.iter().zip(floor.iter().cycle().skip(1));
+            Some(edges.map(|(a, b)| a.x * b.y - a.y * b.x).sum::<f64>().abs() / 2.0)
+        })
+    }
+
+    /// Measures the height of the head above the foot, which is vertically below it at its own height.
+    /// [`RulerPoint::height`] of the head is not used. Returns `None` if the foot's pixel shows no point at its
+    /// height, or if the ray of the head is vertical.
+    ///
+    /// The head is the point of the vertical that is nearest to the ray of its pixel.
+    #[must_use]
+    pub fn height(&self, foot: &RulerPoint, head: &RulerPoint) -> Option<Measured> {
+        self.measure(&[*foot, *head], |cameras, points| {
+            let foot = world_point(cameras, &points[0])?;
+            let ray = cameras[points[1].camera].pixel_to_ray(points[1].pixel)?;
+            let eye = ray.origin;
+            let from_foot = [eye.x - foot.x, eye.y - foot.y, eye.z - foot.z];
+            let up = ray.direction[2];
+            let level = 1.0 - up * up;
+            /// Smallest squared sine of the angle between the ray and the vertical.
+            const MIN_LEVEL: f64 = 1e-6;
+            (level > MIN_LEVEL).then(|| (from_foot[2] - dot(&from_foot, &ray.direction) * up) / level)
+        })
+    }
+
+    /// Computes a quantity and propagates the errors of the pixels and of the cameras to it.
+    fn measure(
+        &self,
+        points: &[RulerPoint],
+        quantity: impl Fn(&[Camera], &[RulerPoint]) -> Option<f64>,
+    ) -> Option<Measured> {
+        let value = quantity(self.cameras, points)?;
+        let variance = self.pixel_variance(points, &quantity)?;
+        let mut used: Vec<usize> = points.iter().map(|point| point.camera).collect();
+        used.sort_unstable();
+        used.dedup();
+        let sigma = self
+            .camera_variance(points, &used, &quantity)
+            .map(|cameras| (variance + cameras).max(0.0).sqrt());
+        Some(Measured { value, sigma })
+    }
+
+    /// Returns the variance that the errors of the pixels cause.
+    fn pixel_variance(
+        &self,
+        points: &[RulerPoint],
+        quantity: &impl Fn(&[Camera], &[RulerPoint]) -> Option<f64>,
+    ) -> Option<f64> {
+        /// Step of the central differences, in pixels.
+        const STEP: f64 = 1e-3;
+        let mut variance = 0.0;
+        for index in 0..points.len() {
+            for (du, dv) in [(STEP, 0.0), (0.0, STEP)] {
+                let at = |share: f64| {
+                    let mut moved = points.to_vec();
+                    moved[index].pixel.u += share * du;
+                    moved[index].pixel.v += share * dv;
+                    quantity(self.cameras, &moved)
+                };
+                let by = (at(1.0)? - at(-1.0)?) / (2.0 * STEP);
+                variance += (by * points[index].sigma).powi(2);
+            }
+        }
+        Some(variance)
+    }
+
+    /// Returns the variance that the errors of the cameras cause; `None` if an error is unknown.
+    fn camera_variance(
+        &self,
+        points: &[RulerPoint],
+        used: &[usize],
+        quantity: &impl Fn(&[Camera], &[RulerPoint]) -> Option<f64>,
+    ) -> Option<f64> {
+        let gradient = |index: usize| {
+            let of = |changed: &Camera| {
+                let mut cameras = self.cameras.to_vec();
+                cameras[index] = *changed;
+                quantity(&cameras, points)
+            };
+            without_unknown_errors(&self.cameras[index], self.cameras[index].gradient_of(of)?)
+        };
+        let gradients = used.iter().map(|&index| gradient(index)).collect::<Option<Vec<_>>>()?;
+        let mut variance = 0.0;
+        for (i, &a) in used.iter().enumerate() {
+            variance += product(&gradients[i], &self.cameras[a].covariance.0, &gradients[i]);
+            for (j, &b) in used.iter().enumerate().skip(i + 1) {
+                let between = (self.covariance_between)(a, b)?;
+                variance += 2.0 * product(&gradients[i], &between, &gradients[j]);
+            }
+        }
+        Some(variance)
+    }
+}
+
+/// Returns the derivatives of a quantity with exact zeros for the parameters whose errors are unknown. Returns
+/// `None` if the quantity depends on such a parameter.
+fn without_unknown_errors(
+    camera: &Camera,
+    mut gradient: [f64; Covariance::SIZE],
+) -> Option<[f64; Covariance::SIZE]> {
+    /// Derivative that rounding can cause, per metre, radian or pixel.
+    const ROUNDING: f64 = 1e-7;
+    for (index, by) in gradient.iter_mut().enumerate() {
+        if camera.covariance.0[index][index].is_infinite() {
+            if by.abs() > ROUNDING {
+                return None;
+            }
+            *by = 0.0;
+        }
+    }
+    Some(gradient)
+}
+
+/// Returns `a' C b` for two vectors of derivatives.
+fn product(a: &[f64; Covariance::SIZE], covariance: &CameraCovariance, b: &[f64; Covariance::SIZE]) -> f64 {
+    // Entries of unknown errors are infinite, and their derivatives are zero.
+    let times = |c: f64, by: f64| if by == 0.0 { 0.0 } else { c * by };
+    let row = |row: &[f64; Covariance::SIZE]| row.iter().zip(b).map(|(c, b)| times(*c, *b)).sum::<f64>();
+    a.iter().zip(covariance).map(|(a, c)| times(row(c), *a)).sum()
+}
+
+/// Returns the world point of a pixel at its height.
+fn world_point(cameras: &[Camera], point: &RulerPoint) -> Option<WorldPoint> {
+    let floor = cameras[point.camera].pixel_to_floor(point.pixel, point.height)?;
+    Some(floor.at_height(point.height))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::any_camera;
+    use proptest::prelude::*;
+
+    fn alone(_: usize, _: usize) -> Option<CameraCovariance> {
+        Some([[0.0; Covariance::SIZE]; Covariance::SIZE])
+    }
+
+    fn sees(camera: &Camera, index: usize, at: WorldPoint) -> Option<RulerPoint> {
+        let pixel = camera.world_to_pixel(at)?;
+        Some(RulerPoint { camera: index, pixel, height: at.z, sigma: 1.0 })
+    }
+
+    proptest! {
+        #[test]
+        fn measurements_of_exact_pixels_are_exact(
+            first in any_camera(), second in any_camera(), a in [-3.0..3.0_f64, 4.0..9.0_f64],
+            b in [-3.0..3.0_f64, 4.0..9.0_f64], tall in 0.3..1.9_f64,
+        ) {
+            let cameras = [first, second];
+            let ruler = Ruler { cameras: &cameras, covariance_between: &alone };
+            let [a, b] = [a, b].map(|[x, y]| FloorPoint { x, y });
+            // Both orders and both cameras: the length of a line does not depend on who observes its ends.
+            for (one, other) in [(0, 0), (0, 1), (1, 1)] {
+                let ends = (
+                    sees(&cameras[one], one, a.at_height(0.0)),
+                    sees(&cameras[other], other, b.at_height(0.0)),
+                );
+                let (Some(from), Some(to)) = ends else { continue };
+                let Some(found) = ruler.length(&[from, to]) else { continue };
+                prop_assert!((found.value - a.distance(b)).abs() < 1e-5 * (1.0 + found.value));
+                prop_assert!(found.sigma.is_some_and(|sigma| sigma > 0.0));
+                let Some(head) = sees(&cameras[other], other, a.at_height(tall)) else { continue };
+                let Some(height) = ruler.height(&from, &head) else { continue };
+                prop_assert!((height.value - tall).abs() < 1e-4, "{} {}", height.value, tall);
+            }
+        }
+    }
+
+    /// Camera 4 m above the origin, with errors of height, pitch and focal length.
+    fn street() -> Camera {
+        let mut covariance = Covariance::EXACT;
+        for (index, sigma) in [(Covariance::Z, 0.05), (Covariance::PITCH, 0.004), (Covariance::FOCAL, 20.0)] {
+            covariance.0[index][index] = sigma * sigma;
+        }
+        Camera {
+            position: WorldPoint::new(0.0, 0.0, 4.0),
+            yaw: 0.0,
+            pitch: 25_f64.to_radians(),
+            roll: 0.02,
+            focal: 1400.0,
+            lens: crate::camera::Lens::pinhole([960.0, 540.0].into()),
+            covariance,
+        }
+    }
+
+    #[test]
+    fn errors_of_the_position_cancel_in_lengths_of_one_camera() {
+        let camera = street();
+        let by_hand = Camera {
+            covariance: camera.covariance.with_unknown(&[Covariance::X, Covariance::Y, Covariance::YAW]),
+            ..camera
+        };
+        let points = [[-1.0, 6.0], [1.5, 9.0], [0.5, 12.0]]
+            .map(|[x, y]| sees(&camera, 0, WorldPoint::new(x, y, 0.0)).unwrap());
+        let of = |camera: Camera| {
+            let cameras = [camera];
+            let ruler = Ruler { cameras: &cameras, covariance_between: &alone };
+            [ruler.length(&points), ruler.area(&points)].map(|found| found.unwrap().sigma)
+        };
+        for (known, unknown) in of(camera).into_iter().zip(of(by_hand)) {
+            assert!((known.unwrap() - unknown.unwrap()).abs() < 1e-6, "{known:?} {unknown:?}");
+        }
+        let assumed = Camera { covariance: camera.covariance.with_unknown(&[Covariance::Z]), ..camera };
+        assert_eq!(of(assumed), [None, None], "with an unknown scale no length has a standard deviation");
+    }
+
+    #[test]
+    fn area_of_a_square_is_its_side_squared() {
+        let camera = street();
+        let corners = [[0.0, 6.0], [2.0, 6.0], [2.0, 8.0], [0.0, 8.0]]
+            .map(|[x, y]| sees(&camera, 0, WorldPoint::new(x, y, 0.0)).unwrap());
+        let cameras = [camera];
+        let ruler = Ruler { cameras: &cameras, covariance_between: &alone };
+        let found = ruler.area(&corners).unwrap();
+        assert!((found.value - 4.0).abs() < 1e-9);
+        // Only the scale is uncertain: an error of 1 % of the height changes the area by 2 %.
+        let mut covariance = Covariance::EXACT;
+        covariance.0[Covariance::Z][Covariance::Z] = 0.04 * 0.04;
+        let exact = corners.map(|corner| RulerPoint { sigma: 0.0, ..corner });
+        let cameras = [Camera { covariance, ..camera }];
+        let ruler = Ruler { cameras: &cameras, covariance_between: &alone };
+        let sigma = ruler.area(&exact).unwrap().sigma.unwrap();
+        assert!((sigma - 0.08).abs() < 1e-4, "{sigma}");
+    }
+}
