@@ -247,6 +247,9 @@ pub(crate) fn site(lens: KnownLens, tremor: f64) -> Site {
         georeference: None,
         scene: None,
         planes: Vec::new(),
+        walls: Vec::new(),
+        areas: Vec::new(),
+        measurements: Vec::new(),
         solution: None,
     }
 }

@@ -31,6 +31,14 @@ pub fn differences(from: &Site, to: &Site) -> Vec<String> {
             without_shared_solutions(from).planes != without_shared_solutions(to).planes,
         ),
         ("distances", from.distances.len(), to.distances.len(), from.distances != to.distances),
+        ("walls", from.walls.len(), to.walls.len(), from.walls != to.walls),
+        ("areas", from.areas.len(), to.areas.len(), from.areas != to.areas),
+        (
+            "measurements",
+            from.measurements.len(),
+            to.measurements.len(),
+            from.measurements != to.measurements,
+        ),
     ];
     differences.extend(
         counted.into_iter().filter(|(.., differ)| *differ).map(|(what, a, b, _)| count_text(what, a, b)),

@@ -320,7 +320,8 @@ pub(crate) fn scale(annotation: &mut Annotation, ratio: [f64; 2]) {
     }
 }
 
-/// Removes the observations of a camera from links and marks. Links without observations are removed.
+/// Removes the observations of a camera from links and marks, and measurements in its images. Links without
+/// observations are removed.
 pub(crate) fn remove_observations(site: &mut Site, id: &str) {
     for link in &mut site.links {
         link.seen.retain(|seen| seen.camera != id);
@@ -329,6 +330,7 @@ pub(crate) fn remove_observations(site: &mut Site, id: &str) {
     for mark in &mut site.marks {
         mark.seen.retain(|seen| seen.camera != id);
     }
+    site.measurements.retain(|measurement| measurement.points.iter().all(|point| point.camera != id));
 }
 
 /// Scales all pixel coordinates of a camera to an image of another size. `ratio` is the new size divided by
@@ -352,7 +354,9 @@ pub(crate) fn scale_camera(site: &mut Site, index: usize, ratio: [f64; 2]) {
         let ends = seen.px.iter_mut().chain(&mut seen.foot).chain(&mut seen.head);
         ends.chain(seen.segment.iter_mut().flatten())
     });
-    for pixel in points.chain(pins).chain(sightings) {
+    let measured = site.measurements.iter_mut().flat_map(|measurement| &mut measurement.points);
+    let measured = measured.filter(|point| has_shared && point.camera == id).map(|point| &mut point.px);
+    for pixel in points.chain(pins).chain(sightings).chain(measured) {
         (pixel.u, pixel.v) = (pixel.u * ratio[0], pixel.v * ratio[1]);
     }
 }

@@ -56,6 +56,9 @@ fn restore_rest(site: &mut Site, known: &Site) {
         georeference,
         scene,
         planes,
+        walls,
+        areas,
+        measurements,
         solution,
     } = known;
     (site.format, site.version) = (*format, *version);
@@ -67,6 +70,9 @@ fn restore_rest(site: &mut Site, known: &Site) {
     restore_value(&mut site.georeference, georeference);
     restore_value(&mut site.scene, scene);
     restore_value(&mut site.planes, planes);
+    restore_value(&mut site.walls, walls);
+    restore_value(&mut site.areas, areas);
+    restore_value(&mut site.measurements, measurements);
     restore_value(&mut site.solution, solution);
 }
 
@@ -89,6 +95,9 @@ fn is_same_rest(a: &Site, b: &Site) -> bool {
         && a.georeference == b.georeference
         && a.scene == b.scene
         && a.planes == b.planes
+        && a.walls == b.walls
+        && a.areas == b.areas
+        && a.measurements == b.measurements
         && a.solution == b.solution
 }
 
@@ -106,6 +115,9 @@ fn without_cameras(site: &Site) -> Site {
         georeference: site.georeference.clone(),
         scene: site.scene,
         planes: site.planes.clone(),
+        walls: site.walls.clone(),
+        areas: site.areas.clone(),
+        measurements: site.measurements.clone(),
         solution: site.solution.clone(),
     }
 }

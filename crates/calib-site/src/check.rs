@@ -10,7 +10,7 @@ use crate::bounds::{At, Bounds, Checked, count, id, known, name, optional, pixel
 use crate::bounds::{MAX_CAMERAS, MAX_ITEMS};
 use crate::check_entries::check_elements;
 use crate::check_entries::{check_circle, check_distortion, check_solution};
-use crate::check_entries::{check_plane_id, check_planes};
+use crate::check_entries::{check_plane_id, check_planes, check_survey};
 use crate::data_sheet::{Nominal, sensor_diagonal_mm};
 use crate::document::{ControlPointEntry, Georeference, LensEntry, Plan, Site, SiteCamera};
 use crate::period::check_periods;
@@ -89,7 +89,8 @@ impl Site {
         }
         check_site_lines(&cameras, &self.cameras)?;
         check_periods(&cameras, &self.cameras)?;
-        check_elements(&root, self)
+        check_elements(&root, self)?;
+        check_survey(&root, self)
     }
 }
 

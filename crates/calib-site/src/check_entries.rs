@@ -1,4 +1,4 @@
-//! Checks of links, marks, distances, planes, lenses and solutions.
+//! Checks of links, marks, distances, planes, lenses, solutions, walls, areas and measurements.
 
 use std::collections::HashSet;
 
@@ -10,6 +10,7 @@ use crate::document::{Link, LinkKind, Mark};
 use crate::scene::{PlaneEntry, PlaneNumber};
 use crate::site_error::quoted;
 use crate::solution::{CovarianceEntry, DistortionEntry, Solution, Stage};
+use crate::survey_entries::Measurement;
 
 /// Largest number of planes of one site; every mapped pixel is tested against each plane.
 const MAX_PLANES: usize = 1000;
@@ -111,6 +112,76 @@ pub(crate) fn check_elements(root: &At, site: &Site) -> Checked {
             return at.key("between").expected("one id twice", "two different links or marks");
         }
         known(&at.key("length_m"), Some(&distance.length_m), Bounds::POSITIVE)?;
+    }
+    Ok(())
+}
+
+/// Checks walls, areas and measurements.
+pub(crate) fn check_survey(root: &At, site: &Site) -> Checked {
+    /// Largest number of walls. Every line of sight is tested against the walls around its camera.
+    const MAX_WALLS: usize = 10_000;
+    /// Largest number of areas.
+    const MAX_AREAS: usize = 1000;
+    let walls = root.key("walls");
+    count(&walls, site.walls.len(), MAX_WALLS)?;
+    for (i, wall) in site.walls.iter().enumerate() {
+        let at = walls.index(i);
+        Bounds::COORDINATE.check_all(&at.key("from_m"), &<[f64; 2]>::from(wall.from_m))?;
+        Bounds::COORDINATE.check_all(&at.key("to_m"), &<[f64; 2]>::from(wall.to_m))?;
+        optional(&at.key("height_m"), wall.height_m, Bounds::POSITIVE)?;
+    }
+    let areas = root.key("areas");
+    count(&areas, site.areas.len(), MAX_AREAS)?;
+    let mut ids = HashSet::new();
+    for (i, area) in site.areas.iter().enumerate() {
+        let at = areas.index(i);
+        id(&at.key("id"), Some(&area.id))?;
+        name(&at.key("name"), area.name.as_ref())?;
+        if !ids.insert(area.id.as_str()) {
+            return at.key("id").expected(quoted(&area.id), "an id that no other area has");
+        }
+        let polygon = at.key("polygon_m");
+        if area.polygon_m.len() < 3 {
+            return polygon.expected(format!("{} corners", area.polygon_m.len()), "at least 3");
+        }
+        count(&polygon, area.polygon_m.len(), 1000)?;
+        for (k, &corner) in area.polygon_m.iter().enumerate() {
+            Bounds::COORDINATE.check_all(&polygon.index(k), &<[f64; 2]>::from(corner))?;
+        }
+    }
+    let cameras: HashSet<&str> = site.cameras.iter().map(|camera| camera.id.as_str()).collect();
+    let measurements = root.key("measurements");
+    count(&measurements, site.measurements.len(), MAX_ITEMS)?;
+    site.measurements
+        .iter()
+        .enumerate()
+        .try_for_each(|(i, measurement)| check_measurement(&measurements.index(i), measurement, &cameras))
+}
+
+/// Checks one measurement: its number of points, and every point.
+fn check_measurement(at: &At, measurement: &Measurement, cameras: &HashSet<&str>) -> Checked {
+    id(&at.key("id"), measurement.id.as_ref())?;
+    name(&at.key("name"), measurement.name.as_ref())?;
+    let list = at.key("points");
+    let (found, least) = (measurement.points.len(), measurement.kind.min_points());
+    if found < least {
+        let kind = measurement.kind.name();
+        return list.expected(format!("{found} points"), format!("at least {least} for kind \"{kind}\""));
+    }
+    count(&list, found, 1000)?;
+    for (i, point) in measurement.points.iter().enumerate() {
+        let at = list.index(i);
+        if !cameras.contains(point.camera.as_str()) {
+            return at.key("camera").expected(quoted(&point.camera), "the id of a camera of this site");
+        }
+        Bounds::COORDINATE.check_all(&at.key("px"), &<[f64; 2]>::from(point.px))?;
+        optional(&at.key("height_m"), point.height_m, Bounds::COORDINATE)?;
+        optional(&at.key("sigma_px"), point.sigma_px, Bounds::POSITIVE)?;
+        if let Some(time) = &point.at
+            && time.parse::<jiff::Timestamp>().is_err()
+        {
+            return at.key("at").expected(quoted(time), "a time such as 2026-05-01T08:00:00Z");
+        }
     }
     Ok(())
 }

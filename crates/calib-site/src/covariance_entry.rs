@@ -315,7 +315,11 @@ impl Site {
     }
 
     /// Returns the cross-covariance of the parameters of two cameras; zeros if they were not solved jointly.
-    fn covariance_between(&self, [a, b]: [&str; 2], cameras: [&Camera; 2]) -> Option<CrossCovariance> {
+    pub(crate) fn covariance_between(
+        &self,
+        [a, b]: [&str; 2],
+        cameras: [&Camera; 2],
+    ) -> Option<CrossCovariance> {
         if a == b {
             return Some(Box::new(cameras[0].covariance.0));
         }

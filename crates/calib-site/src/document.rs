@@ -17,6 +17,7 @@ use crate::scene::PlaneEntry;
 use crate::scene::SceneEntry;
 use crate::site_solution::{ElementSolution, SiteSolution};
 use crate::solution::{DistortionEntry, FailureEntry, Solution, document};
+use crate::survey_entries::{Area, Measurement, WallEntry};
 
 document! {
     /// Link between cameras: a point, a post or a line on the floor that several cameras observe.
@@ -225,6 +226,15 @@ document! {
         /// Planes in addition to the floor.
         #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
         planes: Vec<PlaneEntry>,
+        /// Walls and obstacles that block the view, for the coverage.
+        #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
+        walls: Vec<WallEntry>,
+        /// Areas of interest, for the coverage.
+        #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
+        areas: Vec<Area>,
+        /// Measurements in the images.
+        #[serde(default, deserialize_with = "bounds::items", skip_serializing_if = "Vec::is_empty")]
+        measurements: Vec<Measurement>,
         /// Results for the site as a whole.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         solution: Option<SiteSolution>,
@@ -450,6 +460,9 @@ impl Site {
             georeference: None,
             scene: None,
             planes: Vec::new(),
+            walls: Vec::new(),
+            areas: Vec::new(),
+            measurements: Vec::new(),
             solution: None,
         }
     }

@@ -5,7 +5,8 @@
 //!
 //! Document:
 //!
-//! - `document`, `scene`, `solution`, `site_solution`: entries of the site file and their results;
+//! - `document`, `scene`, `solution`, `site_solution`, `survey_entries`: entries of the site file and their
+//!   results;
 //! - `conversions`, `covariance_entry`: conversions between entries and geometric types;
 //! - `bounds`, `check`, `check_entries`, `period`, `site_error`: reading and checking a site file;
 //! - `view`: lookup of calibrated cameras and of stored findings, for the language bindings.
@@ -25,7 +26,8 @@
 //! After solving:
 //!
 //! - `out_of_date`: detection of solutions that no longer match the annotations;
-//! - `recovered`: new validity period for a camera that was rotated or zoomed.
+//! - `recovered`: new validity period for a camera that was rotated or zoomed;
+//! - `coverage`, `measurement`: visible floor and pixel densities, and measurements in the images.
 //!
 //! # In a tracker
 //!
@@ -85,6 +87,7 @@ mod site_solution;
 mod scene;
 mod data_sheet;
 mod principal_point;
+mod survey_entries;
 mod document;
 mod nominal_focal;
 mod conversions;
@@ -111,9 +114,12 @@ mod pipeline;
 mod out_of_date;
 mod lens_family;
 mod recovered;
+mod coverage;
+mod measurement;
 
 pub use bounds::{MAX_CAMERAS, MAX_ITEMS};
 pub use check::{MAX_BYTES, MAX_SIDE, MAX_VALUES};
+pub use coverage::{AreaResult, CoverageError, CoverageOptions, LevelRectangle, SiteCoverage};
 pub use data_sheet::Nominal;
 pub use document::{
     ControlPointEntry, Distance, FixedEntry, Format, Georeference, LensEntry, Link, LinkKind,
@@ -121,6 +127,7 @@ pub use document::{
 };
 pub use english::{Names, counted};
 pub use lens_cache::LensCache;
+pub use measurement::MeasurementError;
 pub use options::Options;
 pub use period::CameraLookupError;
 pub use pipeline::Report;
@@ -136,4 +143,5 @@ pub use solution::{
     Alternative, CovarianceEntry, DistortionEntry, FailureEntry, Method, Sigmas, Solution, Stage,
     SuggestionEntry, Warning,
 };
+pub use survey_entries::{Area, Measurement, MeasurementKind, MeasurementPoint, WallEntry};
 pub use view::{CameraViewError, FindingEntry};

@@ -114,10 +114,14 @@ impl Editor {
             session.site.links.iter_mut().flat_map(|link| &mut link.seen).map(|seen| &mut seen.camera);
         let marks =
             session.site.marks.iter_mut().flat_map(|mark| &mut mark.seen).map(|seen| &mut seen.camera);
+        let measured = session.site.measurements.iter_mut().flat_map(|measurement| &mut measurement.points);
+        let measured = measured.map(|point| &mut point.camera);
         let proposed =
             std::sync::Arc::make_mut(&mut session.pending.proposed).iter_mut().map(|own| &mut own.of.camera);
         let like = session.site.cameras.iter_mut().filter_map(|camera| camera.lens.as_mut()?.like.as_mut());
-        for name in links.chain(marks).chain(like).chain(proposed).filter(|name| **name == old) {
+        for name in
+            links.chain(marks).chain(measured).chain(like).chain(proposed).filter(|name| **name == old)
+        {
             id.clone_into(name);
         }
         session.commit(format!("rename {old}"));
