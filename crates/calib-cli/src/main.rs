@@ -40,6 +40,8 @@ mod propose;
 #[cfg(feature = "archives")]
 mod walk;
 mod report;
+mod coverage;
+mod measure;
 mod windows;
 mod undistort;
 #[cfg(feature = "archives")]
@@ -89,6 +91,11 @@ enum Command {
     /// it fails
     #[cfg(feature = "archives")]
     Walk(walk::Args),
+    /// Visible floor, pixel densities and blind spots; exit 4 if an area misses its level (CSV, GeoJSON, PNG,
+    /// HTML)
+    Coverage(coverage::Args),
+    /// Measure lengths, heights, areas and speeds in the images, with standard deviations
+    Measure(measure::Args),
     /// Write a self-contained HTML report with every overlay, number and warning
     Report(report::Args),
     /// Export the calibration for another program; exit 5 if the format cannot hold all of it
@@ -129,6 +136,8 @@ fn main() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         #[cfg(feature = "archives")]
         Command::Walk(args) => walk::run(&args),
+        Command::Coverage(args) => coverage::run(&args),
+        Command::Measure(args) => measure::run(&args),
         Command::Report(args) => report::run(&args),
         Command::Export(args) => export::run(&args),
         Command::Import(args) => import::run(&args),

@@ -77,6 +77,11 @@ fn read_picture(file: &SiteFile, shown: ImageRequest<'_>) -> Result<EmbeddedImag
     }
 }
 
+/// Returns the image of the plan for a page; `None` if the site has none.
+pub(crate) fn plan_picture(file: &SiteFile) -> Result<Option<EmbeddedImage>, CommandError> {
+    file.plan_image()?.as_ref().map(embed).transpose()
+}
+
 /// Encodes an image for the page.
 fn embed(image: &RgbImage) -> Result<EmbeddedImage, CommandError> {
     let data = base64::engine::general_purpose::STANDARD.encode(picture::jpeg(image)?);

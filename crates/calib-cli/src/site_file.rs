@@ -64,6 +64,11 @@ impl SiteFile {
         Ok(file)
     }
 
+    /// Reads a site as [`Self::read_solved`] does, with all periods of its cameras.
+    pub(crate) fn read_for_measuring(path: &str) -> Result<Self, CommandError> {
+        Ok(Self::read(path)?.with_out_of_date_warnings().solve_new_cameras())
+    }
+
     /// Adds a warning to every solution that does not match the current annotations.
     fn with_out_of_date_warnings(mut self) -> Self {
         for (index, finding) in self.site.out_of_date() {

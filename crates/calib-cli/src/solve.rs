@@ -1,6 +1,7 @@
 //! `calib solve`: calibrates a site and reports the result.
 
 use std::fmt::Write as _;
+use std::io::IsTerminal as _;
 
 use calib_core::{Finding, Residual, ResidualOf};
 use calib_draw::{Element, View, elements};
@@ -121,6 +122,13 @@ pub(crate) enum Format {
     Text,
     /// JSON for programs
     Json,
+}
+
+impl Format {
+    /// Returns the given format; if absent, text on a terminal and JSON for programs.
+    pub(crate) fn given_or_usual(given: Option<Self>) -> Self {
+        given.unwrap_or_else(|| if std::io::stdout().is_terminal() { Self::Text } else { Self::Json })
+    }
 }
 
 /// Arguments of `calib solve`.

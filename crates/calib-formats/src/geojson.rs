@@ -6,7 +6,7 @@
 
 use calib_core::{FloorPoint, Plane};
 
-use calib_site::{Georeference, PlaneEntry};
+use calib_site::{Georeference, PlaneEntry, Site, SiteCoverage};
 use serde_json::{Value, json};
 
 use crate::export::{Export, Scene};
@@ -37,6 +37,40 @@ pub(crate) fn write(scene: &Scene, export: &mut Export) {
     export
         .notes
         .push("the site has no georeference: coordinates are metres of the site instead of WGS84".into());
+}
+
+/// Returns the coverage of a site as `GeoJSON`: rectangles of visible floor with their level, and the areas with
+/// their results. Coordinates are as in the export of the site.
+#[must_use]
+pub fn coverage_geojson(site: &Site, coverage: &SiteCoverage<'_>) -> String {
+    let earth = site.georeference();
+    let mut features = Vec::new();
+    for rectangle in coverage.rectangles() {
+        let (low, high) = (rectangle.low, rectangle.high);
+        let corners = [low, FloorPoint { x: high.x, ..low }, high, FloorPoint { x: low.x, ..high }];
+        let level = rectangle.level.map(calib_core::floor::DensityLevel::name);
+        features.push(json!({"type": "Feature", "properties": {"kind": "visible", "level": level},
+            "geometry": polygon(&corners, earth)}));
+    }
+    for result in &coverage.areas {
+        let found = result.coverage;
+        features.push(json!({"type": "Feature", "geometry": polygon(&result.area.polygon_m, earth),
+            "properties": {"kind": "area", "id": result.area.id, "name": result.area.name,
+                "level": result.level, "share": found.map(|area| area.share),
+                "blind_share": found.map(|area| area.blind_share),
+                "worst_px_per_m": found.and_then(|area| area.worst_density)}}));
+    }
+    let mut document = json!({"type": "FeatureCollection", "features": features,
+        "fields": {"kind": "visible: floor that a camera sees; area: area of interest",
+            "level": "visible: highest level that the best camera reaches; area: required level",
+            "share": "share of the area that reaches the level, from 0 to 1",
+            "blind_share": "share of the area that no camera sees, from 0 to 1",
+            "worst_px_per_m": "smallest pixel density of the visible part, in pixels per metre"}});
+    if earth.is_none() {
+        document["units"] = json!("m");
+        document["frame"] = json!("site");
+    }
+    pretty(&document)
 }
 
 /// Returns descriptions of the properties (member `fields`), for people who read the file without this

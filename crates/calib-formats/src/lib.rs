@@ -57,6 +57,7 @@ use crate::export::Scene;
 
 pub use export::{Export, Loss};
 pub use file::{File, FormatError, MAX_BYTES, MAX_FILES, Problem};
+pub use geojson::coverage_geojson;
 pub use given::Imported;
 pub use planes::PlaneTreatment;
 pub use registry::{FORMATS, Format, format};

@@ -7,8 +7,9 @@
 //! - `style`, `words`, `svg`, `labels`, `frame`: sizes, text formats, SVG output, label placement, and the
 //!   HTML frame;
 //! - `overlay`: overlay of a camera's image;
-//! - `plan_quality`, `plan_view`: the site from above, with its uncertainties;
-//! - `site_section`, `planes`, `walk_page`: sections of the report;
+//! - `plan_quality`, `coverage_layer`, `plan_view`: the site from above, with its uncertainties or its
+//!   coverage;
+//! - `site_section`, `planes`, `walk_page`, `coverage_page`: sections of the report;
 //! - `page`: the report of a site; `watch_page`: the report of drift detection.
 
 // A module uses only the modules above it.
@@ -19,16 +20,19 @@ mod labels;
 mod frame;
 mod overlay;
 mod plan_quality;
+mod coverage_layer;
 mod plan_view;
 mod site_section;
 mod planes;
 mod walk_page;
+mod coverage_page;
 mod page;
 mod watch_page;
 
+pub use coverage_page::CoveragePage;
 pub use overlay::overlay;
-pub use page::{EmbeddedImage, ImageRequest, ImageSource, page};
-pub use plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, plan_view};
+pub use page::{EmbeddedImage, ImageRequest, ImageSource, coverage_html, page};
+pub use plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, coverage_view, plan_view};
 pub use planes::planes_text;
 pub use site_section::{WarningGroup, connectivity_text, group_warnings, worst_first};
 pub use svg::{Anchor, Stroke, Svg};

@@ -6,11 +6,12 @@ use calib_core::{Pixel, Residual, ResidualOf};
 
 use calib_core::single::line_name;
 
-use calib_site::{Sigmas, Site, SiteCamera, Solution, Stage};
+use calib_site::{CoverageOptions, Sigmas, Site, SiteCamera, Solution, Stage};
 
+use crate::coverage_page::CoveragePage;
 use crate::frame::{PAGE_END, page_start};
 use crate::overlay::overlay;
-use crate::plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, plan_view};
+use crate::plan_view::{BACKGROUND, PLAN_OPACITY, PlanBackground, coverage_view, plan_view};
 use crate::planes::planes_section;
 use crate::site_section::site_section;
 use crate::svg::{Svg, escape};
@@ -65,17 +66,37 @@ fn write_plan_section(html: &mut String, site: &Site, pictures: ImageSource<'_>)
     if !site.cameras.iter().any(SiteCamera::is_placed) {
         return;
     }
-    let (PlanBackground { size: [w, h], has_image: has_picture }, svg) =
-        plan_view(site, plan.as_ref().map(|plan| plan.size));
-    let [r, g, b] = BACKGROUND;
+    let sides = plan.as_ref().map(|plan| plan.size);
+    let figure = plan_figure(plan.as_ref(), &plan_view(site, sides));
+    let _ = write!(html, "<h2>From above</h2><figure>{figure}</figure>");
+    if site.areas.is_empty() {
+        return;
+    }
+    let options = CoverageOptions::default();
+    if let Ok(coverage) = site.coverage(&options) {
+        let figure = plan_figure(plan.as_ref(), &coverage_view(site, sides, &coverage));
+        CoveragePage { site, coverage: &coverage, height: options.height }.section(html, &figure);
+    }
+}
+
+/// Returns the coverage of a site as a self-contained HTML page. The plan image is left out if it is missing.
+#[must_use]
+pub fn coverage_html(page: &CoveragePage<'_>, plan: Option<&EmbeddedImage>) -> String {
+    let view = coverage_view(page.site, plan.map(|plan| plan.size), page.coverage);
+    page.html(&plan_figure(plan, &view))
+}
+
+/// Returns an SVG element with a view from above on top of the plan image.
+fn plan_figure(plan: Option<&EmbeddedImage>, (ground, svg): &(PlanBackground, Svg)) -> String {
+    let ([w, h], [r, g, b]) = (ground.size, BACKGROUND);
     let mut beneath = format!(r#"<rect width="{w}" height="{h}" fill="rgb({r},{g},{b})"/>"#);
-    if let Some(EmbeddedImage { href, size: [w, h] }) = plan.filter(|_| has_picture) {
+    if let Some(EmbeddedImage { href, size: [w, h] }) = plan.filter(|_| ground.has_image) {
         let _ = write!(
             beneath,
             r#"<rect width="{w}" height="{h}" fill="white"/><image href="{href}" width="{w}" height="{h}" opacity="{PLAN_OPACITY}"/>"#
         );
     }
-    let _ = write!(html, "<h2>From above</h2><figure>{}</figure>", svg.finish(&beneath));
+    svg.finish(&beneath)
 }
 
 /// Returns the image with an escaped URI. If the image is missing, writes the reason as a note on the page.

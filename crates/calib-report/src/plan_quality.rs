@@ -120,6 +120,10 @@ pub(crate) enum Sample {
     Ellipse,
     Arrow,
     Rejected,
+    /// Filled square with this colour and opacity.
+    Fill(Rgb, f64),
+    /// Line with this stroke.
+    Line(Stroke<'static>),
 }
 
 impl Sample {
@@ -149,6 +153,11 @@ impl Sample {
                 draw_error(svg, Meaning::Observed(of(Some(0))), ends);
                 svg.dot(ends[1], 2.5, Look::on_light(Meaning::Solved(of(None))).colour);
             }
+            Self::Fill(colour, opacity) => {
+                let corners = [[-1.0, -0.55], [1.0, -0.55], [1.0, 0.55], [-1.0, 0.55]];
+                svg.fill(&corners.map(|[right, down]| [x + half * right, y + half * down]), colour, opacity);
+            }
+            Self::Line(stroke) => svg.line(&[[x - half, y], [x + half, y]], false, stroke),
         }
     }
 }

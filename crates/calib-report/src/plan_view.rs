@@ -4,8 +4,9 @@ use calib_core::{FloorPoint, PlanPixel, PlanScale};
 use calib_draw::{
     Geometry, Item, Look, Meaning, PlanLayer, PlanView, Rgb, cone_corners, metres, on_plan as items_on_plan,
 };
-use calib_site::{Site, SiteCamera};
+use calib_site::{Site, SiteCamera, SiteCoverage};
 
+use crate::coverage_layer;
 use crate::overlay::grid_step;
 use crate::plan_quality::{PlanQuality, Sample};
 use crate::style;
@@ -31,6 +32,24 @@ pub struct PlanBackground {
 /// Returns the background and the overlay.
 #[must_use]
 pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (PlanBackground, Svg) {
+    draw(site, picture, None)
+}
+
+/// Draws the coverage of a site from above, as [`plan_view`].
+#[must_use]
+pub fn coverage_view(
+    site: &Site,
+    picture: Option<[u32; 2]>,
+    coverage: &SiteCoverage<'_>,
+) -> (PlanBackground, Svg) {
+    draw(site, picture, Some(coverage))
+}
+
+fn draw(
+    site: &Site,
+    picture: Option<[u32; 2]>,
+    coverage: Option<&SiteCoverage<'_>>,
+) -> (PlanBackground, Svg) {
     let (sides, scale) = match (&site.plan, picture) {
         (Some(plan), Some(sides)) => (sides, plan.scale()),
         (plan, _) => {
@@ -41,31 +60,40 @@ pub fn plan_view(site: &Site, picture: Option<[u32; 2]>) -> (PlanBackground, Svg
     let draw_scale = style::scale(size);
     let on_plan = |point: FloorPoint| <[f64; 2]>::from(scale.plan_from_floor(point));
     let quality = PlanQuality::new(site, draw_scale, &on_plan);
-    let legend = Legend::new(quality.legend(), size, draw_scale);
+    let rows = coverage.map_or_else(|| quality.legend(), |_| coverage_layer::legend(site));
+    let legend = Legend::new(rows, size, draw_scale);
     let [width, height] = sides;
     let ground = PlanBackground {
         size: [width, height + legend.height.ceil() as u32],
         has_image: site.plan.is_some() && picture.is_some(),
     };
     let mut svg = Svg::new(ground.size.map(f64::from), draw_scale);
-    let view = PlanView::new(site).placed_only();
+    let view = PlanView::new(site);
+    // The only camera of a site needs no place.
+    let view = if coverage.is_some() && site.cameras.len() == 1 { view } else { view.placed_only() };
     if site.plan.as_ref().is_none_or(|plan| plan.image.is_none()) {
         draw_items(&mut svg, &items_on_plan(&view, &[grid(&scale, size)]), 0.0, &on_plan);
     }
-    // Overlapping fields must not add up to an opaque area.
-    let cover = (2.5 / site.cameras.len().max(1) as f64).clamp(0.05, 0.25);
-    draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Planes]), 0.0, &on_plan);
-    draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), cover, &on_plan);
-    draw_items(&mut svg, &quality.ellipses, 0.35, &on_plan);
-    draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Marks]), 0.0, &on_plan);
     let cameras = items_on_plan(&view, &[PlanLayer::Cameras]);
     let room = camera_spacing(&cameras, &on_plan) / svg.scale;
     let figures: Vec<Figure> =
         cameras.iter().filter_map(|item| Figure::new(&svg, site, item, room, size, &on_plan)).collect();
-    let mut taken: Vec<[f64; 4]> =
-        figures.iter().flat_map(|figure| figure.occupied_rectangles(&svg)).collect();
-    taken.push([0.0, size[1] - 56.0 * svg.scale, 0.25 * size[0], size[1]]);
-    quality.draw_elements(&mut svg, &on_plan, size, &mut taken);
+    if let Some(coverage) = coverage {
+        coverage_layer::draw_floor(&mut svg, coverage, &on_plan);
+        draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), 0.0, &on_plan);
+        coverage_layer::draw_survey(&mut svg, site, &on_plan);
+    } else {
+        // Overlapping fields must not add up to an opaque area.
+        let cover = (2.5 / site.cameras.len().max(1) as f64).clamp(0.05, 0.25);
+        draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Planes]), 0.0, &on_plan);
+        draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Efovs]), cover, &on_plan);
+        draw_items(&mut svg, &quality.ellipses, 0.35, &on_plan);
+        draw_items(&mut svg, &items_on_plan(&view, &[PlanLayer::Marks]), 0.0, &on_plan);
+        let mut taken: Vec<[f64; 4]> =
+            figures.iter().flat_map(|figure| figure.occupied_rectangles(&svg)).collect();
+        taken.push([0.0, size[1] - 56.0 * svg.scale, 0.25 * size[0], size[1]]);
+        quality.draw_elements(&mut svg, &on_plan, size, &mut taken);
+    }
     figures.iter().for_each(|figure| figure.draw(&mut svg));
     draw_north(&mut svg, site, &scale, size);
     draw_scale_bar(&mut svg, &scale, size);
@@ -84,6 +112,7 @@ fn blank_background(site: &Site, x_axis: f64) -> ([u32; 2], PlanScale) {
         .flat_map(|solution| solution.efov_m.iter().copied().chain(solution.position_m.map(|p| p.on_floor())))
         .chain(elements.map(|element| element.at_m.on_floor()))
         .chain(site.planes.iter().flat_map(|plane| plane.region.iter().copied()))
+        .chain(site.areas.iter().flat_map(|area| area.polygon_m.iter().copied()))
         .map(|point| unit.plan_from_floor(point))
         .filter(|point| point.is_finite())
         .collect();

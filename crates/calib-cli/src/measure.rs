@@ -1,0 +1,213 @@
+//! `calib measure`: lengths, heights, areas and speeds in the images, with standard deviations.
+
+use calib_core::Pixel;
+use calib_core::floor::Measured;
+use calib_report::decimals;
+use calib_site::{Measurement, MeasurementError, MeasurementKind, MeasurementPoint, Site};
+use clap::ValueEnum;
+use jiff::Timestamp;
+use serde_json::{Value, json};
+
+use crate::files::{self, print_message};
+use crate::site_file::SiteFile;
+use crate::solve::Format;
+use crate::stop::{CommandError, escape_control_characters};
+
+/// Arguments of `calib measure`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Site file, or - for stdin; without points, its stored measurements are computed
+    site: String,
+    /// Camera of the first point
+    #[arg(long, value_name = "ID", requires = "from")]
+    camera: Option<String>,
+    /// Raw pixel of the first point, as in 812.5,640
+    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "camera")]
+    from: Option<Pixel>,
+    /// Raw pixel of the next point; repeat for a line of several parts, or for the corners of an area
+    #[arg(long, value_name = "U,V", value_parser = pixel, requires = "from")]
+    to: Vec<Pixel>,
+    /// Camera of the points of --to, if it is another one
+    #[arg(long, value_name = "ID", requires = "to")]
+    to_camera: Option<String>,
+    /// Measured quantity; a speed if times are given
+    #[arg(long, value_enum, default_value = "length", requires = "from")]
+    kind: Kind,
+    /// Height of the points above the floor, in metres
+    #[arg(long, value_name = "H", default_value_t = 0.0, allow_negative_numbers = true)]
+    height_m: f64,
+    /// Time of the first point (RFC 3339); also selects the calibration
+    #[arg(long, value_name = "TIME", requires = "from")]
+    from_at: Option<String>,
+    /// Time of the last point (RFC 3339); also selects the calibration
+    #[arg(long, value_name = "TIME", requires = "to")]
+    to_at: Option<String>,
+    /// Standard deviation of each pixel coordinate [default: of the camera's annotations]
+    #[arg(long, value_name = "S", requires = "from")]
+    sigma_px: Option<f64>,
+    /// Output format [default: text on a terminal, otherwise json]
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+}
+
+/// Measured quantity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    /// Length of the line through the points
+    Length,
+    /// Height of the second point above the first, which is vertically below it
+    Height,
+    /// Area of the polygon, seen from above
+    Area,
+    /// Length divided by the time between --from-at and --to-at
+    Speed,
+}
+
+/// Parses a pixel such as 812.5,640.
+fn pixel(text: &str) -> Result<Pixel, String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    text.split_once(',')
+        .and_then(|(u, v)| Some(Pixel { u: number(u)?, v: number(v)? }))
+        .ok_or_else(|| "expected U,V, such as 812.5,640".into())
+}
+
+/// Measures between the given pixels, or computes the stored measurements.
+pub(crate) fn run(args: &Args) -> Result<(), CommandError> {
+    if args.sigma_px.is_some_and(|sigma| !(sigma.is_finite() && sigma > 0.0)) {
+        return Err(CommandError::Usage("--sigma-px: expected a number of pixels above 0".into()));
+    }
+    if !args.height_m.is_finite() {
+        return Err(CommandError::Usage("--height-m: expected a number of metres".into()));
+    }
+    for (name, time) in [("--from-at", &args.from_at), ("--to-at", &args.to_at)] {
+        if time.as_ref().is_some_and(|time| time.parse::<Timestamp>().is_err()) {
+            return Err(CommandError::Usage(format!("{name}: expected a time such as 2026-05-01T08:00:00Z")));
+        }
+    }
+    // All periods are kept, because every point can have its own time.
+    let file = SiteFile::read_for_measuring(&args.site)?;
+    file.warn_out_of_date();
+    let Some(measurement) = typed_measurement(args)? else { return stored(&file, args) };
+    for point in &measurement.points {
+        file.has_camera(&point.camera)?;
+        warn_assumed_scale(&file.site, point);
+    }
+    let found = file.site.measure(&measurement).map_err(|error| match error {
+        MeasurementError::TooFewPoints { least, .. } => CommandError::Usage(format!(
+            "--to: this kind needs at least {least} points, with the point of --from"
+        )),
+        MeasurementError::NoDuration => {
+            CommandError::Usage("a speed needs --from-at and a later --to-at".into())
+        }
+        MeasurementError::Camera { .. } | MeasurementError::NotPlaced { .. } => {
+            CommandError::Unsolved(error.to_string())
+        }
+        _ => CommandError::Invalid(error.to_string()),
+    })?;
+    files::print(&match Format::given_or_usual(args.format) {
+        Format::Json => format!("{}\n", as_json(measurement.kind, found)),
+        Format::Text => format!("{}\n", as_text(measurement.kind, found)),
+    })
+}
+
+/// Returns the measurement of the command line; `None` without points.
+fn typed_measurement(args: &Args) -> Result<Option<Measurement>, CommandError> {
+    let (Some(camera), Some(from)) = (&args.camera, args.from) else { return Ok(None) };
+    let has_times = args.from_at.is_some() && args.to_at.is_some();
+    let kind = match args.kind {
+        Kind::Length if has_times => MeasurementKind::Speed,
+        Kind::Length => MeasurementKind::Length,
+        Kind::Height => MeasurementKind::Height,
+        Kind::Area => MeasurementKind::Area,
+        Kind::Speed => MeasurementKind::Speed,
+    };
+    if kind == MeasurementKind::Height && args.to.len() > 1 {
+        return Err(CommandError::Usage("--to: a height has one point above the first".into()));
+    }
+    let point = |camera: &String, px: Pixel, at: &Option<String>| MeasurementPoint {
+        height_m: Some(args.height_m),
+        at: at.clone(),
+        sigma_px: args.sigma_px,
+        ..MeasurementPoint::new(camera.clone(), px)
+    };
+    let to_camera = args.to_camera.as_ref().unwrap_or(camera);
+    let others = args.to.iter().map(|&px| point(to_camera, px, &args.to_at));
+    let points = std::iter::once(point(camera, from, &args.from_at)).chain(others).collect();
+    Ok(Some(Measurement { id: None, name: None, kind, points }))
+}
+
+/// Prints the stored measurements of the site.
+fn stored(file: &SiteFile, args: &Args) -> Result<(), CommandError> {
+    let mut failed = 0;
+    let mut list = Vec::new();
+    let mut text = String::new();
+    for (index, measurement) in file.site.measurements.iter().enumerate() {
+        let name = measurement.name.clone().or_else(|| measurement.id.clone());
+        let name = name.unwrap_or_else(|| format!("measurement {}", index + 1));
+        match file.site.measure(measurement) {
+            Ok(found) => {
+                let mut value = as_json(measurement.kind, found);
+                value["id"] = json!(measurement.id);
+                list.push(value);
+                text.push_str(&format!("{name}: {}\n", as_text(measurement.kind, found)));
+            }
+            Err(error) => {
+                failed += 1;
+                list.push(json!({"id": measurement.id, "error": error.to_string()}));
+                text.push_str(&format!("{name}: {error}\n"));
+            }
+        }
+    }
+    if file.site.measurements.is_empty() {
+        let message = "has no stored measurements; measure with --camera ID --from U,V --to U,V";
+        return Err(CommandError::Usage(format!("{} {message}", file.path)));
+    }
+    files::print(&match Format::given_or_usual(args.format) {
+        Format::Json => format!("{:#}\n", json!({ "measurements": list })),
+        Format::Text => escape_control_characters(&text).into_owned(),
+    })?;
+    match failed {
+        0 => Ok(()),
+        _ => Err(CommandError::Unsolved(format!("{failed} of {} measurements failed", list.len()))),
+    }
+}
+
+/// Warns that a length in this camera is relative to an assumed height.
+fn warn_assumed_scale(site: &Site, point: &MeasurementPoint) {
+    let Ok(entry) = site.camera_at(&point.camera, point.at.as_deref()) else { return };
+    if entry.camera().is_some() && !site.scale_is_known(entry) {
+        print_message(format_args!(
+            "calib: camera \"{}\": the scale is assumed, so the result may be wrong in proportion; enter a height or a length",
+            entry.id
+        ));
+    }
+}
+
+/// Returns the name of the value, its unit, and the field of files for the value and its standard deviation.
+const fn quantity(kind: MeasurementKind) -> (&'static str, [&'static str; 2]) {
+    match kind {
+        MeasurementKind::Length | MeasurementKind::Height => ("m", ["length_m", "sigma_m"]),
+        MeasurementKind::Area => ("m\u{b2}", ["area_m2", "sigma_m2"]),
+        MeasurementKind::Speed => ("m/s", ["speed_mps", "sigma_mps"]),
+    }
+}
+
+fn as_json(kind: MeasurementKind, Measured { value, sigma }: Measured) -> Value {
+    let (_, [field, sigma_field]) = quantity(kind);
+    json!({ "kind": kind, field: value, sigma_field: sigma })
+}
+
+fn as_text(kind: MeasurementKind, Measured { value, sigma }: Measured) -> String {
+    let (unit, _) = quantity(kind);
+    let speed = match kind {
+        MeasurementKind::Speed => format!(" ({:.1} km/h)", 3.6 * value),
+        _ => String::new(),
+    };
+    match sigma {
+        Some(sigma) => {
+            let digits = decimals(sigma);
+            format!("{value:.digits$} {unit} \u{b1} {sigma:.digits$} {unit}{speed}")
+        }
+        None => format!("{value:.2} {unit}, uncertainty unknown{speed}"),
+    }
+}

@@ -1,0 +1,88 @@
+//! Coverage on the plan: the visible floor coloured by its pixel density, walls, and areas of interest.
+
+use calib_core::FloorPoint;
+use calib_core::floor::DensityLevel;
+use calib_draw::Rgb;
+use calib_site::{Site, SiteCoverage};
+
+use crate::plan_quality::Sample;
+use crate::svg::{Anchor, Stroke, Svg};
+
+/// Colour of visible floor below all levels.
+const BELOW_LEVELS: Rgb = Rgb::hex(0xD9DCDF);
+/// Opacity of the colours over the plan.
+const OPACITY: f64 = 0.72;
+
+/// Returns the colour of a level. The colours are distinguishable with colour blindness and in print without
+/// colour, because they become darker with the density (viridis, reversed).
+pub(crate) const fn level_colour(level: Option<DensityLevel>) -> Rgb {
+    match level {
+        None => BELOW_LEVELS,
+        Some(DensityLevel::Monitor) => Rgb::hex(0xFDE725),
+        Some(DensityLevel::Detect) => Rgb::hex(0x7AD151),
+        Some(DensityLevel::Observe) => Rgb::hex(0x22A884),
+        Some(DensityLevel::Recognise) => Rgb::hex(0x2A788E),
+        Some(DensityLevel::Identify) => Rgb::hex(0x414487),
+    }
+}
+
+/// Describes a level and its smallest pixel density.
+pub(crate) fn level_text(level: Option<DensityLevel>) -> String {
+    match level {
+        None => format!("visible, below {} px/m", DensityLevel::Monitor.pixels_per_metre()),
+        Some(level) => format!("{}, from {} px/m", level.name(), level.pixels_per_metre()),
+    }
+}
+
+/// Levels in the order of the legend.
+pub(crate) fn all_levels() -> impl Iterator<Item = Option<DensityLevel>> {
+    std::iter::once(None).chain(DensityLevel::ALL.into_iter().map(Some))
+}
+
+/// Returns the entries of the legend.
+pub(crate) fn legend(site: &Site) -> Vec<(Sample, String)> {
+    let mut rows: Vec<(Sample, String)> =
+        all_levels().map(|level| (Sample::Fill(level_colour(level), OPACITY), level_text(level))).collect();
+    if !site.walls.is_empty() {
+        rows.push((Sample::Line(wall_stroke()), "wall".into()));
+    }
+    if !site.areas.is_empty() {
+        rows.push((Sample::Line(area_stroke()), "area of interest".into()));
+    }
+    rows
+}
+
+/// Colours the visible floor.
+pub(crate) fn draw_floor(
+    svg: &mut Svg,
+    coverage: &SiteCoverage<'_>,
+    on_plan: &dyn Fn(FloorPoint) -> [f64; 2],
+) {
+    for rectangle in coverage.rectangles() {
+        let (low, high) = (rectangle.low, rectangle.high);
+        let corners = [low, FloorPoint { x: high.x, ..low }, high, FloorPoint { x: low.x, ..high }];
+        svg.fill(&corners.map(on_plan), level_colour(rectangle.level), OPACITY);
+    }
+}
+
+/// Draws the walls, and the outlines and names of the areas.
+pub(crate) fn draw_survey(svg: &mut Svg, site: &Site, on_plan: &dyn Fn(FloorPoint) -> [f64; 2]) {
+    for wall in &site.walls {
+        svg.line(&[on_plan(wall.from_m), on_plan(wall.to_m)], false, wall_stroke());
+    }
+    for area in &site.areas {
+        let corners: Vec<[f64; 2]> = area.polygon_m.iter().map(|&corner| on_plan(corner)).collect();
+        svg.line(&corners, true, area_stroke());
+        let mean =
+            |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / corners.len() as f64;
+        svg.ink([mean(0), mean(1)], area.name.as_deref().unwrap_or(&area.id), Rgb::INK, Anchor::Middle);
+    }
+}
+
+const fn wall_stroke() -> Stroke<'static> {
+    Stroke { outlined: false, ..Stroke::new(Rgb::INK, 4.0) }
+}
+
+const fn area_stroke() -> Stroke<'static> {
+    Stroke { outlined: false, ..Stroke::new(Rgb::BAD_ON_LIGHT, 2.0) }
+}

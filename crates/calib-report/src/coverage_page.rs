@@ -1,0 +1,170 @@
+//! Coverage of a site, as text and as a page for the customer.
+
+use std::fmt::Write as _;
+
+use calib_core::floor::{DensityLevel, Reach};
+use calib_site::{AreaResult, Site, SiteCoverage};
+
+use crate::coverage_layer::{all_levels, level_text};
+use crate::frame::{PAGE_END, page_start};
+use crate::svg::escape;
+use crate::words::decimals;
+
+/// Coverage of a site for a height of the targets.
+#[derive(Clone, Copy, Debug)]
+pub struct CoveragePage<'a> {
+    /// Site.
+    pub site: &'a Site,
+    /// Coverage of the site.
+    pub coverage: &'a SiteCoverage<'a>,
+    /// Height of the targets above the floor, in metres.
+    pub height: f64,
+}
+
+impl CoveragePage<'_> {
+    /// Returns the coverage as text.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let mut out = format!("{}\n", self.summary());
+        for (level, area) in self.levels() {
+            let _ = writeln!(out, "{}: {area:.1} m\u{b2}", level_text(level));
+        }
+        for (index, entry) in self.coverage.cameras.iter().enumerate() {
+            let _ = writeln!(out, "{}: {}", entry.id, self.camera(index));
+        }
+        for result in &self.coverage.areas {
+            let _ = writeln!(out, "area {}: {}", result.area.id, area_text(result));
+        }
+        out
+    }
+
+    /// Returns the coverage as a self-contained HTML page. `figure` is the drawing of the plan.
+    #[must_use]
+    pub fn html(&self, figure: &str) -> String {
+        let mut html = page_start(self.site.name.as_deref().unwrap_or("Coverage"));
+        self.section(&mut html, figure);
+        html.push_str(PAGE_END);
+        html
+    }
+
+    /// Writes the coverage as a section of a report.
+    pub(crate) fn section(&self, html: &mut String, figure: &str) {
+        let _ =
+            writeln!(html, "<h2>Coverage</h2><p>{}</p><figure>{figure}</figure>", escape(&self.summary()));
+        html.push_str(
+            "<p class=dim>The pixel density is the number of pixels that show one metre of a person or object. \
+             The levels are those of EN 62676-4: at \u{201c}recognise\u{201d}, for example, an operator recognises a \
+             known person.</p>\n",
+        );
+        self.write_areas(html);
+        html.push_str("<table><thead><tr><th>Level<th class=n>Visible floor, m\u{b2}</tr></thead><tbody>\n");
+        for (level, area) in self.levels() {
+            let _ = writeln!(html, "<tr><td>{}<td class=n>{area:.1}</tr>", escape(&level_text(level)));
+        }
+        html.push_str(
+            "</tbody></table>\n<h3>Farthest distance of each level, m</h3><table><thead><tr><th>Camera",
+        );
+        for level in DensityLevel::ALL {
+            let _ = write!(html, "<th class=n>{}", level.name());
+        }
+        html.push_str("</tr></thead><tbody>\n");
+        for (entry, reaches) in self.coverage.cameras.iter().zip(&self.coverage.reaches) {
+            let _ = write!(html, "<tr><td>{}", escape(&entry.id));
+            for reach in reaches {
+                let text = reach.map_or_else(|| "\u{2013}".into(), |reach| reach_text(&reach));
+                let _ = write!(html, "<td class=n>{text}");
+            }
+            html.push_str("</tr>\n");
+        }
+        html.push_str(
+            "</tbody></table>\n<p class=dim>\u{201c}\u{2265}\u{201d}: the camera reaches the level as far as it sees the floor.</p>\n",
+        );
+    }
+
+    fn write_areas(&self, html: &mut String) {
+        if self.coverage.areas.is_empty() {
+            return;
+        }
+        html.push_str(
+            "<table><thead><tr><th>Area<th>Required<th class=n>Reached<th class=n>Blind<th class=n>Lowest density, px/m<th>Result</tr></thead><tbody>\n",
+        );
+        for result in &self.coverage.areas {
+            let name = escape(result.area.name.as_deref().unwrap_or(&result.area.id));
+            let level = result.level.map_or("visible", DensityLevel::name);
+            let (share, blind, worst) = match result.coverage {
+                Some(found) => (
+                    percent(found.share),
+                    percent(found.blind_share),
+                    found.worst_density.map_or_else(|| "\u{2013}".into(), |worst| format!("{worst:.0}")),
+                ),
+                None => ("\u{2013}".into(), "\u{2013}".into(), "\u{2013}".into()),
+            };
+            let decision = if result.is_met() { "<td>met" } else { "<td class=bad>missed" };
+            let _ = writeln!(
+                html,
+                "<tr><td>{name}<td>{level}<td class=n>{share}<td class=n>{blind}<td class=n>{worst}{decision}</tr>"
+            );
+        }
+        html.push_str("</tbody></table>\n");
+    }
+
+    /// Describes the visible floor in one sentence.
+    fn summary(&self) -> String {
+        let seen =
+            |least: usize| self.coverage.visible_area(|at| self.coverage.coverage.seen_by[at] >= least);
+        let target = match self.height {
+            0.0 => "on the floor".into(),
+            height => format!("at a height of {height} m"),
+        };
+        format!(
+            "The cameras see {:.1} m\u{b2}, {:.1} m\u{b2} of it with two or more cameras (targets {target}).",
+            seen(1),
+            seen(2)
+        )
+    }
+
+    /// Returns the visible floor of each level, in square metres.
+    fn levels(&self) -> impl Iterator<Item = (Option<DensityLevel>, f64)> {
+        let reached = |at: usize| DensityLevel::reached_by(self.coverage.coverage.density[at]);
+        all_levels().map(move |level| (level, self.coverage.visible_area(|at| reached(at) == level)))
+    }
+
+    /// Describes how far a camera reaches each level.
+    fn camera(&self, index: usize) -> String {
+        let reaches = DensityLevel::ALL.iter().zip(&self.coverage.reaches[index]).rev();
+        let of = |(level, reach): (&DensityLevel, &Option<Reach>)| {
+            Some(format!("{} to {} m", level.name(), reach_text(reach.as_ref()?)))
+        };
+        let parts: Vec<String> = reaches.filter_map(of).collect();
+        if parts.is_empty() { "reaches no level".into() } else { parts.join(", ") }
+    }
+}
+
+/// Formats the farthest distance of a level, in metres without the unit.
+fn reach_text(reach: &Reach) -> String {
+    match (reach.is_limited_by_density, reach.sigma) {
+        (false, _) => format!("\u{2265} {:.1}", reach.distance),
+        (true, Some(sigma)) => {
+            let digits = decimals(sigma).min(2);
+            format!("{:.digits$} \u{b1} {sigma:.digits$}", reach.distance)
+        }
+        (true, None) => format!("{:.1}", reach.distance),
+    }
+}
+
+/// Describes the coverage of an area, as in "98.2 % recognise, 1.8 % blind, lowest 41 px/m: missed".
+fn area_text(result: &AreaResult<'_>) -> String {
+    let Some(found) = result.coverage else { return "the corners enclose no area".into() };
+    let level = result.level.map_or("visible", DensityLevel::name);
+    let worst = found.worst_density.map_or_else(String::new, |worst| format!(", lowest {worst:.0} px/m"));
+    let decision = if result.is_met() { "met" } else { "missed" };
+    format!("{} {level}, {} blind{worst}: {decision}", percent(found.share), percent(found.blind_share))
+}
+
+/// Formats a share as a percentage. A share below one is never rounded to 100 %.
+fn percent(share: f64) -> String {
+    let shown = (1000.0 * share).round() / 10.0;
+    let shown = if share < 1.0 && shown >= 100.0 { 99.9 } else { shown };
+    let shown = if share > 0.0 && shown <= 0.0 { 0.1 } else { shown };
+    format!("{shown:.1} %")
+}

@@ -1,0 +1,184 @@
+//! `calib coverage` on the demonstration, compared with projected sticks and sampled lines of sight.
+
+#![allow(clippy::unwrap_used, reason = "a test that fails may panic")]
+
+use calib_core::camera::{Camera, Covariance, FloorPoint, Lens, WorldPoint};
+use calib_core::floor::{Extent, Wall};
+use calib_site::{Area, Site, WallEntry};
+use calib_tests::{Scratch, entry};
+use serde_json::Value;
+
+/// Height of the targets, in metres.
+const HEIGHT: f64 = 1.6;
+
+/// Returns the solved demonstration with a wall and two areas.
+fn demonstration(scratch: &Scratch) -> Site {
+    scratch.calib(&["demo", "demo"]).expect_code(0);
+    let mut site = Site::from_json(&scratch.read_json("demo/solved.json").to_string()).unwrap();
+    let at = |x: f64, y: f64| FloorPoint { x, y };
+    site.walls = vec![
+        WallEntry { from_m: at(5.0, 5.0), to_m: at(9.0, 5.0), height_m: Some(1.8) },
+        WallEntry { from_m: at(12.0, 2.0), to_m: at(12.5, 7.0), height_m: None },
+    ];
+    let area = |id: &str, [left, bottom, right, top]: [f64; 4]| Area {
+        id: id.into(),
+        name: None,
+        polygon_m: vec![at(left, bottom), at(right, bottom), at(right, top), at(left, top)],
+        level: None,
+    };
+    site.areas = vec![area("wall", [5.0, 4.0, 9.0, 7.0]), area("outside", [100.0, 100.0, 101.0, 101.0])];
+    scratch.write("demo/survey.json", site.to_json());
+    site
+}
+
+/// Camera of the site with the parts that visibility depends on.
+struct Seeing {
+    id: String,
+    camera: Camera,
+    size: [f64; 2],
+    efov: Vec<FloorPoint>,
+}
+
+fn all_seeing(site: &Site) -> Vec<Seeing> {
+    let of = |entry: &calib_site::SiteCamera| Seeing {
+        id: entry.id.clone(),
+        camera: entry.camera().unwrap(),
+        size: entry.size(),
+        efov: site.efov_on_floor(entry),
+    };
+    site.cameras.iter().map(of).collect()
+}
+
+impl Seeing {
+    /// Returns the pixels per metre of a stick of 1 cm around a point, in the direction with the shortest
+    /// image; `None` if the camera does not see the point.
+    fn density(&self, foot: FloorPoint, walls: &[Wall]) -> Option<f64> {
+        const STICK: f64 = 0.01;
+        let extent = Extent { size: self.size, efov: &self.efov };
+        let target = foot.at_height(HEIGHT);
+        let pixel = self.camera.world_to_pixel(target)?;
+        if !extent.contains(foot) || !extent.shows(pixel) || self.is_hidden(target, walls) {
+            return None;
+        }
+        let sight = [foot.x - self.camera.position.x, foot.y - self.camera.position.y];
+        let level = sight[0].hypot(sight[1]);
+        let end = |share: f64, across: f64, up: f64| {
+            let (x, y) = (-sight[1] / level * across * share, sight[0] / level * across * share);
+            self.camera.world_to_pixel(WorldPoint::new(foot.x + x, foot.y + y, HEIGHT + up * share))
+        };
+        let lengths = (0..180).filter_map(|degree| {
+            let (up, across) = f64::from(degree).to_radians().sin_cos();
+            Some(end(0.5 * STICK, across, up)?.distance(end(-0.5 * STICK, across, up)?) / STICK)
+        });
+        lengths.reduce(f64::min)
+    }
+
+    /// Whether a line of sight passes through a wall: sampled every few millimetres, on which side of the wall
+    /// is it?
+    fn is_hidden(&self, target: WorldPoint, walls: &[Wall]) -> bool {
+        const SAMPLES: usize = 4000;
+        let eye = self.camera.position;
+        let at = |index: usize| {
+            let share = index as f64 / SAMPLES as f64;
+            let along = |from: f64, to: f64| from + share * (to - from);
+            [along(eye.x, target.x), along(eye.y, target.y), along(eye.z, target.z)]
+        };
+        walls.iter().any(|wall| {
+            let [ax, ay] = [wall.to.x - wall.from.x, wall.to.y - wall.from.y];
+            let length = ax.hypot(ay);
+            let beside = |[x, y, _]: [f64; 3]| (ax * (y - wall.from.y) - ay * (x - wall.from.x)) / length;
+            let along = |[x, y, _]: [f64; 3]| (ax * (x - wall.from.x) + ay * (y - wall.from.y)) / length;
+            (0..SAMPLES).any(|index| {
+                let (a, b) = (at(index), at(index + 1));
+                beside(a) * beside(b) < 0.0 && (0.0..=length).contains(&along(a)) && a[2] < wall.height
+            })
+        })
+    }
+}
+
+#[test]
+fn coverage_agrees_with_brute_force() {
+    let scratch = Scratch::new();
+    let site = demonstration(&scratch);
+    let height = HEIGHT.to_string();
+    let table = ["coverage", "demo/survey.json", "--height-m", &height, "--step-m", "0.2", "-o", "table.csv"];
+    // One area is outside all fields of view and misses its level.
+    let report = scratch.calib(&table).expect_code(4).json();
+    let walls: Vec<Wall> = site.walls.iter().map(Wall::from).collect();
+    let cameras = all_seeing(&site);
+    let text = std::fs::read_to_string(scratch.path("table.csv")).unwrap();
+    let mut rows = text.lines();
+    assert_eq!(rows.next(), Some("x_m,y_m,height_m,px_per_m,best,seen_by"));
+    let (mut checked, mut differ, mut seen) = (0, 0, 0);
+    for row in rows {
+        let cells: Vec<&str> = row.split(',').collect();
+        let number = |index: usize| cells[index].parse::<f64>().unwrap();
+        let foot = FloorPoint { x: number(0), y: number(1) };
+        let found: Vec<(&str, f64)> = cameras
+            .iter()
+            .filter_map(|camera| Some((camera.id.as_str(), camera.density(foot, &walls)?)))
+            .collect();
+        checked += 1;
+        if found.len() != number(5) as usize {
+            differ += 1;
+            continue;
+        }
+        let best = found.iter().map(|(_, density)| *density).fold(0.0, f64::max);
+        seen += usize::from(best > 0.0);
+        assert!((best - number(3)).abs() <= 0.01 * best, "{row}: {best}");
+        assert!(best == 0.0 || found.iter().any(|(id, density)| *id == cells[4] && *density > 0.99 * best));
+    }
+    println!("{checked} points, {seen} visible, {differ} with another number of cameras");
+    assert!(seen > 2000 && differ * 100 < checked, "{differ} of {checked}");
+    let area =
+        |id: &str| report["areas"].as_array().unwrap().iter().find(|area| area["id"] == id).unwrap().clone();
+    // The centres of 10,000 cells of the area.
+    let cells = (0..100).flat_map(|i| (0..100).map(move |k| (f64::from(i), f64::from(k))));
+    let blind = cells
+        .map(|(i, k)| FloorPoint { x: 5.0 + 0.04 * (i + 0.5), y: 4.0 + 0.03 * (k + 0.5) })
+        .filter(|&foot| cameras.iter().all(|camera| camera.density(foot, &walls).is_none()))
+        .count();
+    let (share, reported) = (blind as f64 / 10_000.0, area("wall")["blind_share"].as_f64().unwrap());
+    assert!(share > 0.02 && (share - reported).abs() < 0.01, "{share} {reported}");
+    assert_eq!(
+        (area("outside")["share"].as_f64(), &area("outside")["worst_px_per_m"]),
+        (Some(0.0), &Value::Null)
+    );
+}
+
+#[test]
+fn files_are_written_and_levels_decide_the_exit_code() {
+    let scratch = Scratch::new();
+    let camera = Camera {
+        position: WorldPoint::new(0.0, 0.0, 4.0),
+        yaw: 0.0,
+        pitch: 0.5,
+        roll: 0.0,
+        focal: 1200.0,
+        lens: Lens::pinhole([960.0, 540.0].into()),
+        covariance: Covariance::EXACT,
+    };
+    let polygon_m = [[-1.0, 6.0], [1.0, 6.0], [1.0, 9.0], [-1.0, 9.0]].map(FloorPoint::from).to_vec();
+    let area = Area { id: "door".into(), name: Some("Door".into()), polygon_m, level: None };
+    let site = Site { cameras: vec![entry("a", &camera)], areas: vec![area], ..Site::new() };
+    scratch.write("survey.json", site.to_json());
+    for (level, code) in [("monitor", 0), ("identify", 4)] {
+        let run = scratch.calib(&["coverage", "survey.json", "--level", level]).expect_code(code);
+        let area = &run.json()["areas"][0];
+        assert_eq!((area["level"].as_str(), area["met"].as_bool()), (Some(level), Some(code == 0)), "{area}");
+        assert_eq!(area["blind_share"], 0.0);
+    }
+    for name in ["plan.png", "page.html", "zones.geojson"] {
+        scratch.calib(&["coverage", "survey.json", "-o", name]).expect_code(0);
+    }
+    let page = std::fs::read_to_string(scratch.path("page.html")).unwrap();
+    assert!(page.contains("<h2>Coverage</h2>") && page.contains("100.0 %"));
+    let zones = scratch.read_json("zones.geojson");
+    let kinds: Vec<_> =
+        zones["features"].as_array().unwrap().iter().map(|f| f["properties"]["kind"].clone()).collect();
+    assert!(kinds.contains(&"visible".into()) && kinds.contains(&"area".into()));
+    scratch.calib(&["coverage", "survey.json", "-o", "plan.bmp"]).expect_code(2);
+    scratch.calib(&["coverage", "survey.json", "-o", "plan.png"]).expect_code(1);
+    scratch.calib(&["coverage", "survey.json", "--step-m", "0.001"]).expect_code(2);
+    scratch.calib(&["coverage", "survey.json", "--level", "read"]).expect_code(2);
+}
