@@ -20,6 +20,7 @@ mod camera;
 mod mapping;
 mod boxes;
 mod site;
+mod survey;
 mod table;
 
 use pyo3::prelude::*;

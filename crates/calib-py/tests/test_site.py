@@ -47,6 +47,30 @@ def test_a_site_created_in_python_is_calibrated() -> None:
     np.testing.assert_allclose(shifted, [[(641.5, 465.0), (594.5, 105.3)]])
 
 
+def test_coverage_and_measurements_agree_with_the_camera() -> None:
+    door = calib.camera_entry("door", (1920, 1080), LINES, placement={"move_m": [4.0, -2.0]}, height_m={"value": 3.0, "sigma": 0.02})
+    site = calib.Site(calib.site_document([door])).calibrate()
+    camera = site.camera("door")
+    coverage = site.coverage(step=0.5)
+    shape = (len(coverage["y"]), len(coverage["x"]))
+    assert all(coverage[key].shape == shape for key in ("px_per_m", "best", "seen_by"))
+    seen = coverage["seen_by"] > 0
+    assert seen.any() and (coverage["px_per_m"][seen] > 0).all() and (coverage["best"][~seen] == -1).all()
+    rows, columns = np.nonzero(seen)
+    u, v, _ = camera.to_pixel(coverage["x"][columns], coverage["y"][rows], np.zeros(len(rows)))
+    assert ((u >= 0) & (u <= 1920) & (v >= 0) & (v <= 1080)).all()
+    x, y, _ = camera.to_floor([800.0, 1100.0], [800.0, 800.0])
+    length, sigma = site.measure([("door", 800.0, 800.0), ("door", 1100.0, 800.0)])
+    assert length == pytest.approx(np.hypot(x[1] - x[0], y[1] - y[0])) and sigma is not None and 0 < sigma < 0.1 * length
+    times = ["2026-05-01T08:00:00Z", "2026-05-01T08:00:02Z"]
+    speed, _ = site.measure([("door", 800.0, 800.0), ("door", 1100.0, 800.0)], "speed", times=times)
+    assert speed == pytest.approx(length / 2)
+    with pytest.raises(calib.CalibError, match="horizon|field of view"):
+        site.measure([("door", 800.0, 800.0), ("door", 1100.0, 1.0)])
+    with pytest.raises(calib.CalibError, match="expected one of"):
+        site.coverage(level="read")  # type: ignore[arg-type]
+
+
 def test_a_camera_that_cannot_be_solved_has_a_reason() -> None:
     entry = calib.camera_entry("door", (1920, 1080), [calib.straight([(10, 20), (300, 24), (600, 21)])])
     solved = calib.Site(calib.site_document([entry])).calibrate()
