@@ -12,7 +12,7 @@ use anyhow::{Context as _, ensure};
 use wasmparser::{KnownCustom, Name, Naming, Parser, Payload, TypeRef};
 
 /// Crates and modules whose functions, and whose instances of generic functions, are in the second part.
-const REST: [&str; 47] = [
+const REST: [&str; 53] = [
     // Import, export and reports, and their file formats.
     "calib_formats",
     "saphyr",
@@ -24,6 +24,12 @@ const REST: [&str; 47] = [
     "serde_json::ser::PrettyFormatter",
     "calib_report::page",
     "calib_report::plan_view",
+    "calib_report::coverage_layer",
+    "calib_report::coverage_page",
+    "calib_site::coverage",
+    "calib_site::measurement",
+    "calib_core::floor::coverage",
+    "calib_core::floor::pixel_density",
     "roxmltree",
     "kurbo::stroke",
     "jiff",
